@@ -159,7 +159,7 @@ def _measure(path: Path, metric: str, quiet: bool, given: dict[str, Any]) -> tup
         name=named, settings=settings, backends=given["backends"] or BACKENDS, peers=given["peers"], metric=metric,
         budget=given["budget"] or BUDGET, seeds=given["seeds"], repeats=given["repeats"], keep=given["keep"],
     )  # fmt: skip
-    with terminal.Progress(quiet) as progress, jobs.interruptible() as cancel:
+    with terminal.Progress(quiet) as progress, jobs.catch_interrupt() as cancel:
         progress.begin("measuring")
         try:
             measured = engine.measure(scene, wanted, progress, cancel)

@@ -121,14 +121,14 @@ def compare(
     threshold, metric = given.pop("threshold"), given.pop("metric")
     _check_usage(ctx, first, second, backends, output, side_by_side, (threshold, metric))
     exposure = given["exposure"]
-    a, b = _sides(_Given(first, second or first, backends or (), given), quiet)
+    a, b = _sides(_Inputs(first, second or first, backends or (), given), quiet)
     if exposure is not None and a.bits and b.bits:
         raise click.UsageError(f"--exposure is for linear light, but both {first} and {second} were exposed when they were written")
     found = measure.compare(a, b, exposure)
     if output:
         difference_image.write(found, output, side_by_side)
     if as_json:
-        click.echo(json.dumps(jobs.plain(found.to_json()), indent=2))
+        click.echo(json.dumps(jobs.json_value(found.to_json()), indent=2))
     else:
         reports.show(found)
     _judge(ctx, found, metric or "relmse", threshold)
@@ -143,13 +143,13 @@ def _check_usage(
         raise click.UsageError("--backends renders one scene in two ways: give one scene, or leave out --backends")
     if backends and not _is_scene(first):
         raise click.UsageError(f"--backends renders a scene, but {first} is a picture")
-    if backends and _was_given(ctx, "backend"):
+    if backends and _is_given(ctx, "backend"):
         raise click.UsageError("--backend and --backends exclude each other")
     if not backends and not second:
         what = "--backends raster,ray renders it in two ways" if _is_scene(first) else "a second picture, or a scene"
         raise click.UsageError(f"{first} needs a second input B: {what}")
     if second and not _is_scene(first) and not _is_scene(second):
-        options = [option for option in ctx.command.params if option.name in OF_SCENES and _was_given(ctx, option.name)]
+        options = [option for option in ctx.command.params if option.name in OF_SCENES and _is_given(ctx, option.name)]
         if options:
             raise click.UsageError(f"{options[0].opts[0]} is for scenes, but both {first} and {second} are pictures")
     if judged[1] and judged[0] is None:
@@ -162,7 +162,7 @@ def _check_usage(
             raise click.UsageError(f"--side-by-side writes a picture for viewing: {output.name} cannot be an .exr; write a .png")
 
 
-def _was_given(ctx: click.Context, name: str | None) -> bool:
+def _is_given(ctx: click.Context, name: str | None) -> bool:
     return name is not None and ctx.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE
 
 
@@ -172,7 +172,7 @@ def _is_scene(path: Path) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class _Given:
+class _Inputs:
     """The inputs: two files (the same file with `backends`) and the options."""
 
     first: Path
@@ -186,7 +186,7 @@ class _Given:
         return " ".join([str((self.first, self.second)[k]), *words])
 
 
-def _sides(given: _Given, quiet: bool) -> tuple[Side, Side]:
+def _sides(given: _Inputs, quiet: bool) -> tuple[Side, Side]:
     """Both sides, read or rendered. Files and sizes are checked before rendering."""
     from ..measure.comparison import sides
     from ..render.image import image_files as pictures
@@ -216,7 +216,7 @@ def _sides(given: _Given, quiet: bool) -> tuple[Side, Side]:
     return a, b
 
 
-def _plan(given: _Given, k: int, scene: ir.Scene, other: Side | None) -> Plan:
+def _plan(given: _Inputs, k: int, scene: ir.Scene, other: Side | None) -> Plan:
     """The plan of side k, with the size of the other side if that is a picture."""
     from ..compiler import ir
     from ..compiler.plan import plan as planner
@@ -263,7 +263,7 @@ def _draw(name: str, scene: ir.Scene, plan: Plan, letter: str, quiet: bool) -> S
     from ..measure.comparison import sides
     from ..render.jit import kernel_cache
 
-    with terminal.Progress(quiet) as progress, jobs.interruptible() as cancel:
+    with terminal.Progress(quiet) as progress, jobs.catch_interrupt() as cancel:
         progress.begin(
             f"rendering {letter} ({plan['backend']})", "compiling kernels (first run only)" if kernel_cache.is_empty() else ""
         )

@@ -28,7 +28,7 @@ def show(found: Comparison) -> None:
     for name, text in (*_figures(found), *_places(found), *_noise(found)):
         click.echo(f"{name:<12}{text}")
     _objects(found)
-    for line in (*_not_drawn(found), *_changes(found)):
+    for line in (*_unsupported(found), *_changes(found)):
         click.echo(line)
 
 
@@ -98,7 +98,7 @@ def _objects(found: Comparison) -> None:
         click.echo(f"… {len(rest)} more with {percent(sum(entry.share for entry in rest))}")
 
 
-def _not_drawn(found: Comparison) -> list[str]:
+def _unsupported(found: Comparison) -> list[str]:
     sides = (("A", found.a), ("B", found.b))
     lines = [f"  {letter}: {note.message}{f' ({note.span})' if note.span else ''}" for letter, side in sides for note in side.notes]
     return ["", "not rendered", *lines] if lines else []

@@ -13,7 +13,7 @@ from typing import Any
 import click
 
 from .. import __version__
-from ..lang.diagnostics import SceneError, in_order
+from ..lang.diagnostics import SceneError, sort_diagnostics
 from . import common_options as shared
 from . import option_types as values
 from . import render_job as jobs
@@ -132,7 +132,7 @@ def check(ctx: click.Context, scenes: tuple[Path, ...], as_json: bool, **given: 
         errors = sum(d.severity == "error" for d in diagnostics)
         failed = failed or errors > 0
         if as_json:
-            data += [d.to_json() for d in in_order(diagnostics)]
+            data += [d.to_json() for d in sort_diagnostics(diagnostics)]
         else:
             terminal.report(diagnostics)
             click.echo(f"{path}: {errors or 'no'} error{'' if errors == 1 else 's'}")
@@ -181,7 +181,7 @@ def explain(scene: Path, as_json: bool, **given: Any) -> None:
     plan = jobs.make_plan(compiled, settings, overrides)
     if as_json:
         rows = [{"name": d.name, "value": d.value, "reason": d.reason, "overridden": d.overridden} for d in plan.decisions.values()]
-        click.echo(json.dumps(jobs.plain(rows), indent=2))
+        click.echo(json.dumps(jobs.json_value(rows), indent=2))
     else:
         terminal.explain(compiled, plan)
     terminal.report(jobs.plan_warnings(compiled, plan))

@@ -170,7 +170,7 @@ def variant(text: str) -> tuple[str, str]:
     return assignment(text)
 
 
-def numbered(path: Path, frame: int) -> Path:
+def frame_path(path: Path, frame: int) -> Path:
     """The file of one frame: `out.####.png` -> `out.0007.png`; a name without # gets four digits before its extension."""
     marks = re.search(r"#+", path.name)
     if not marks:

@@ -47,7 +47,7 @@ class Source:
 
     def load(self, seconds: dict[str, float], time: float | None = None, code: float | None = None) -> tuple[ir.Scene, Diagnostics]:
         """The scene at `time` seconds or at a USD time code (default: --time), and its diagnostics. Raises SceneError."""
-        with timed(seconds, "import"):
+        with measure_time(seconds, "import"):
             from ..compiler import load
 
         found = Diagnostics()
@@ -142,7 +142,7 @@ class Job:
             return [self._summarize(self.output, self._picture(self.output, {}, "rendering"))]
         pictures = []
         for i, (number, moment) in enumerate(zip(frames, self.source.moments(frames), strict=True), 1):
-            path = values.numbered(self.output, number)
+            path = values.frame_path(self.output, number)
             pictures.append(self._summarize(path, self._picture(path, moment, f"frame {number} ({i} of {len(frames)})")))
         return pictures
 
@@ -172,18 +172,18 @@ class Job:
         """Render and write one picture. Returns its statistics. Raises KeyboardInterrupt after a partial one."""
         seconds: dict[str, float] = dict.fromkeys(STAGES, 0.0)
         self.laps = Laps()
-        with timed(seconds, "import"):
+        with measure_time(seconds, "import"):
             from ..render import render_scene
             from ..render.jit import kernel_cache
         scene, found = self.source.load(seconds, **moment)
         self.files = tuple(Path(file) for file in scene.files)
         plan = make_plan(scene, self.settings, self.overrides)
         check_output(path, plan["aov"], self.bits, plan["view"])
-        parts = _strips_of(plan)
+        parts = _strip_plans(plan)
         self._report(found.items)
         self._report(plan_warnings(scene, plan))
         self.laps.end("read")
-        with terminal.Progress(self.quiet) as progress, interruptible() as cancel:
+        with terminal.Progress(self.quiet) as progress, catch_interrupt() as cancel:
             progress.begin(what, "compiling kernels (first run only)" if kernel_cache.is_empty() else "")
             if len(parts) > 1:
                 image = self._render_strips(scene, plan, parts, path, progress, cancel)
@@ -193,14 +193,14 @@ class Job:
             seconds[name] = seconds.get(name, 0.0) + value
         self.laps.end("draw")
         self._report(Diagnostic("note", message, span_of(scene, table, row)) for message, table, row in image.metadata["notes"])
-        self._report(unproved(image.metadata["unproved"]))
-        self._report(left_out(image.metadata["issues"]))
-        self._report(cut_off(image.metadata.get("cut"), scene, plan))
+        self._report(unproved_warnings(image.metadata["unproved"]))
+        self._report(invalid_sample_warnings(image.metadata["issues"]))
+        self._report(bounce_limit_notes(image.metadata.get("cut"), scene, plan))
         partial = bool(image.metadata.get("partial"))
         if partial:
             path = _partial(path, len(parts) > 1)
         if len(parts) == 1:
-            with timed(seconds, "write"):
+            with measure_time(seconds, "write"):
                 self._write(image, path, plan)
         self.laps.end("write")
         if partial:
@@ -219,7 +219,7 @@ class Job:
                     click.echo(f"exposure: metered, {self.exposure:g} ev (--exposure {self.exposure:g} fixes it)", err=True)
             exposure = self.exposure
         look, about = self._encoding(plan, exposure)
-        about["samples"] = plain(image.metadata.get("samples", plan["samples"]))
+        about["samples"] = json_value(image.metadata.get("samples", plan["samples"]))
         error = image.metadata.get("error")
         try:
             image_files.write(image, path, look, about if error is None else {**about, "error": float(error)})
@@ -233,7 +233,7 @@ class Job:
         look = image_files.Look(exposure, plan["view"], self.bits or 8, alpha=plan["background"] == "transparent")
         about = {
             "command": shlex.join(["maquette", *sys.argv[1:]]), "version": __version__, "backend": plan["backend"],
-            "seed": plan["seed"], "samples": plain(plan["samples"]), "exposure": exposure,
+            "seed": plan["seed"], "samples": json_value(plan["samples"]), "exposure": exposure,
         }  # fmt: skip
         return look, about
 
@@ -256,7 +256,7 @@ class Job:
 
     def _figures(self, scene: ir.Scene, plan: Plan, image: Image, seconds: Mapping[str, float]) -> dict[str, Any]:
         warnings = [d.to_json() for d in self.reported if d.severity == "warning"]
-        return plain(
+        return json_value(
             {
                 "scene": str(self.source.path),
                 "backend": plan["backend"],
@@ -278,7 +278,7 @@ class Job:
         terminal.report(new)
 
 
-def _strips_of(plan: Plan) -> list[Plan]:
+def _strip_plans(plan: Plan) -> list[Plan]:
     """The plan, or the plans of its strips for a picture larger than memory. Raises UsageError for options that exclude strips."""
     from ..render import large_images
 
@@ -289,7 +289,7 @@ def _strips_of(plan: Plan) -> list[Plan]:
 
 
 def _partial(path: Path, in_strips: bool) -> Path:
-    """The file of an interrupted picture: an .exr, which keeps all channels, or in strips the format of the output."""
+    """The file of an interrupted picture: an .exr, which holds all channels, or in strips the format of the output."""
     return path.with_name(f"{path.stem}.partial{path.suffix if in_strips else '.exr'}")
 
 
@@ -318,7 +318,7 @@ def span_of(scene: ir.Scene, table: str, row: int) -> Span | None:
 
 
 @contextmanager
-def timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
+def measure_time(seconds: dict[str, float], stage: str) -> Iterator[None]:
     """Add the duration of the `with` block to `seconds[stage]`."""
     began = time.perf_counter()
     try:
@@ -328,7 +328,7 @@ def timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
 
 
 @contextmanager
-def interruptible() -> Iterator[threading.Event]:
+def catch_interrupt() -> Iterator[threading.Event]:
     """An event that the first Ctrl-C sets; the second raises KeyboardInterrupt at once."""
     event = threading.Event()
 
@@ -346,15 +346,15 @@ def interruptible() -> Iterator[threading.Event]:
 
 def write_json(path: Path, data: Any) -> None:
     """Write `data` as JSON, atomically."""
-    replace_file(path, (json.dumps(plain(data), indent=2) + "\n").encode())
+    replace_file(path, (json.dumps(json_value(data), indent=2) + "\n").encode())
 
 
-def plain(value: Any) -> Any:
+def json_value(value: Any) -> Any:
     """`value` for JSON: infinite numbers and nan become null, tuples lists, numpy scalars Python numbers."""
     if isinstance(value, Mapping):
-        return {str(k): plain(v) for k, v in value.items()}
+        return {str(k): json_value(v) for k, v in value.items()}
     if isinstance(value, tuple | list):
-        return [plain(v) for v in value]
+        return [json_value(v) for v in value]
     if hasattr(value, "item"):
         value = value.item()
     if isinstance(value, float) and not math.isfinite(value):
@@ -378,7 +378,7 @@ def summary(path: Path, figures: Mapping[str, Any]) -> str:
     return f"{path}: {width}x{height}, {figures['backend']}, {figures['samples']:g} samples a pixel{error}, {total:.2f} s"
 
 
-def left_out(samples: int) -> list[Diagnostic]:
+def invalid_sample_warnings(samples: int) -> list[Diagnostic]:
     """The warning about samples with infinite or nan radiance."""
     if not samples:
         return []
@@ -387,7 +387,7 @@ def left_out(samples: int) -> list[Diagnostic]:
     return [Diagnostic("warning", message, None, "some intensity or size is too large")]
 
 
-def cut_off(cut: Cut | None, scene: ir.Scene, plan: Plan) -> list[Diagnostic]:
+def bounce_limit_notes(cut: Cut | None, scene: ir.Scene, plan: Plan) -> list[Diagnostic]:
     """The note about light lost by the limit on bounces; a warning if an error target is set."""
     from ..compiler.plan import plan as planner
 
@@ -400,7 +400,7 @@ def cut_off(cut: Cut | None, scene: ir.Scene, plan: Plan) -> list[Diagnostic]:
     return [Diagnostic("warning" if plan["error"] else "note", message, scene.spans.at("settings", 0), hint)]
 
 
-def unproved(rays: int) -> list[Diagnostic]:
+def unproved_warnings(rays: int) -> list[Diagnostic]:
     """The warning about rays whose first hit of an implicit surface could not be proved."""
     if not rays:
         return []

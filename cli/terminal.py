@@ -22,7 +22,7 @@ MAX_QUOTED = 4 << 20  # bytes of the largest file whose lines are quoted
 _STYLES = {"error": "bold red", "warning": "bold yellow", "note": "bold cyan"}
 
 
-def coloured(stream: Any) -> bool:
+def supports_color(stream: Any) -> bool:
     """Whether `stream` is a terminal that shows colour, and NO_COLOR is not set."""
     return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
 
@@ -47,9 +47,9 @@ def report(found: Iterable[diagnostics.Diagnostic], texts: Mapping[str, str | No
             cache[name] = source_text(name)
         return cache[name]
 
-    for d in diagnostics.in_order(found):
+    for d in diagnostics.sort_diagnostics(found):
         text = diagnostics.render_text(d, source)
-        if coloured(sys.stderr):
+        if supports_color(sys.stderr):
             _print_coloured(d, text)
         else:
             click.echo(text, err=True)
@@ -76,7 +76,7 @@ class Progress:
         self._bar: Any = None
         self._task: Any = None
         self._what = ""
-        if not quiet and coloured(sys.stderr):
+        if not quiet and supports_color(sys.stderr):
             from rich import progress as bars
             from rich.console import Console
 
@@ -106,7 +106,7 @@ class Progress:
 def table(headings: Sequence[str], rows: Iterable[Sequence[str]], marked: Iterable[bool] = ()) -> None:
     """Print a table to stdout, with marked rows in bold; in plain columns if stdout is not a terminal."""
     rows = [tuple(row) for row in rows]
-    if coloured(sys.stdout):
+    if supports_color(sys.stdout):
         from rich.console import Console
         from rich.table import Table
 

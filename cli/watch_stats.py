@@ -31,7 +31,7 @@ class Redraws:
     def build(self) -> tuple[Path, ...]:
         """Render once. Returns the files to watch. Raises KeyboardInterrupt."""
         before, self.began = self.began, time.time_ns()
-        waited = (self.began - self._saved(before)) * 1e-9
+        waited = (self.began - self._save_time(before)) * 1e-9
         idle = time.process_time() - self.idle_since
         figures = self.job.build()
         if figures is not None:
@@ -39,7 +39,7 @@ class Redraws:
         self.idle_since = time.process_time()
         return self.job.files or (self.job.source.path,)
 
-    def _saved(self, before: int) -> int:
+    def _save_time(self, before: int) -> int:
         """The time of the save: the newest change of a file since the start of the last redraw, or now without a change."""
         changes = [getattr(file.stat(), CHANGED) for file in self.job.files if file.exists()]
         return max((at for at in changes if before < at <= self.began), default=self.began)

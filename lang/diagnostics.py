@@ -98,7 +98,7 @@ def suggest(word: str, known: Iterable[str]) -> str:
     return f"did you mean `{near[0]}`?" if near else ""
 
 
-def in_order(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
+def sort_diagnostics(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
     """Diagnostics sorted by file (in order of first mention), then by position, without duplicates."""
     unique = list(dict.fromkeys(diagnostics))
     files: dict[str, int] = {}

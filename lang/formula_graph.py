@@ -18,10 +18,12 @@ from .noise import noise
 
 
 def sign(a: float) -> float:
+    """-1, 0 or 1."""
     return 0.0 if a == 0 else math.copysign(1.0, a)
 
 
 def round_half_up(a: float) -> float:
+    """The nearest integer; of two, the larger."""
     return float(math.floor(a + 0.5))
 
 
@@ -32,7 +34,8 @@ def modulo(a: float, b: float) -> float:
 
 
 def angle(y: float, x: float) -> float:
-    return math.atan2(y + 0.0, x + 0.0)  # −0 is 0
+    """atan2 with −0 as 0."""
+    return math.atan2(y + 0.0, x + 0.0)
 
 
 # Every operation of a formula, on plain numbers and truth values. They raise outside their domain.

@@ -68,8 +68,8 @@ def check_text(length: int) -> None:
         raise Exhausted(f"a string of {length} characters is too long", f"at most {MAX_TEXT:,} characters")
 
 
-def deepen_stack() -> None:
-    """Raise Python's recursion limit to what MAX_CALLS nested calls need; never lower it.
+def raise_recursion_limit() -> None:
+    """Raise Python's recursion limit for MAX_CALLS nested calls; never lower it.
 
     The evaluator recurses through Python functions only. Their frames are on the heap, so the C stack does not overflow.
     """

@@ -54,7 +54,7 @@ def _gradient(h: int, x: float, y: float, z: float) -> float:
     return (u if h & 1 == 0 else -u) + (v if h & 2 == 0 else -v)
 
 
-def offset(seed: int) -> tuple[int, int, int]:
+def lattice_offset(seed: int) -> tuple[int, int, int]:
     """The lattice offset of a seed: (0, 0, 0) for 0, else a hash of the seed (splitmix64)."""
     if seed == 0:
         return 0, 0, 0

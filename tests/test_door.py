@@ -7,7 +7,7 @@ from pathlib import Path
 import maquette
 import pytest
 from maquette.compiler.plan.plan import PlanError
-from maquette.lang.diagnostics import Diagnostics, SceneError, in_order
+from maquette.lang.diagnostics import Diagnostics, SceneError, sort_diagnostics
 from maquette.render.image.image import Image
 
 SCENE = """\
@@ -46,7 +46,7 @@ def test_what_is_wrong_is_raised_whole(path: Path) -> None:
     path.write_text("sphere(radius: 1, colour: #ff0000)\nspher(1)\n", encoding="utf-8")
     with pytest.raises(SceneError) as error:
         maquette.load(path)
-    assert [d.span.line for d in in_order(error.value.diagnostics) if d.span] == [1, 2]
+    assert [d.span.line for d in sort_diagnostics(error.value.diagnostics) if d.span] == [1, 2]
 
 
 def test_warnings_are_handed_over(path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Argument binding: assigns arguments to parameters and checks those of elements against the schema."""
+"""Argument binding: assigns arguments to parameters and checks arguments of elements against the schema."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def _problem(
             return f"{callee} takes no arguments", ""
         keywords = [n for n in names if n not in positional and n == names[n]]
         takes = f"{callee} takes {len(positional) or 'no'} argument{'s' * (len(positional) != 1)} by position"
-        return takes, suggestions.too_many(callee, keywords)
+        return takes, suggestions.surplus_hint(callee, keywords)
     if name is None:
         return suggestions.argument(callee, given.name or "", names)
     if name in assigned:
@@ -81,7 +81,7 @@ def _problem(
 _EXAMPLES = {"length": "10cm", "angle": "30deg", "time": "2s", "int": "3", "point": "[0, 1, 5]", "direction": "[0, 1, 0]", "scale3": "2"}
 
 
-def missing(
+def report_missing(
     callee: str,
     required: Iterable[str],
     assigned: Mapping[str, ArgumentValue],
@@ -98,7 +98,7 @@ def missing(
     return bool(absent)
 
 
-def fraction(givens: Sequence[ArgumentValue]) -> tuple[bool, str, tuple[Span, ...]] | None:
+def comma_fraction(givens: Sequence[ArgumentValue]) -> tuple[bool, str, tuple[Span, ...]] | None:
     """A fraction written with a comma, which makes two arguments: whether it ends a formula, the fix, and the places of both."""
     for given, after in pairwise(givens):
         one, other = given.node, after.node
@@ -142,8 +142,8 @@ def element_arguments(
     entry = signature.entry
     assigned, good = assign(entry.name, signature.positional, signature.names, givens, report, entry.children)
     if good:  # an argument with a misspelt name is not also missing
-        good = not missing(entry.name, signature.required, assigned, span, report, signature.args)
-    if entry.exclusive and _exclude(entry, assigned, report):
+        good = not report_missing(entry.name, signature.required, assigned, span, report, signature.args)
+    if entry.exclusive and _report_exclusive(entry, assigned, report):
         good = False
     args = signature.defaults.copy()
     photometric = False
@@ -155,7 +155,7 @@ def element_arguments(
         try:
             args[name] = convert(given.value, arg, Place(given.span, given.node, scope))
         except Mistake as mistake:
-            report(mistake.message, mistake.span or given.span, mistake.hint or _other(entry, given, arg))
+            report(mistake.message, mistake.span or given.span, mistake.hint or _dimension_hint(entry, given, arg))
             good = False
         except Poisoned:
             good = False
@@ -163,7 +163,7 @@ def element_arguments(
     return (args, frozenset(assigned), photometric) if good else None
 
 
-def _other(entry: Entry, given: ArgumentValue, arg: Arg) -> str:
+def _dimension_hint(entry: Entry, given: ArgumentValue, arg: Arg) -> str:
     """The hint for a quantity of a wrong dimension: the argument that takes it, or the unit of this one."""
     if not isinstance(given.value, Quantity):
         return ""
@@ -174,7 +174,7 @@ def _other(entry: Entry, given: ArgumentValue, arg: Arg) -> str:
     return f"its unit is {units.QUANTITIES[arg.type][1]}" if arg.type in LIGHT_TYPES else ""
 
 
-def _exclude(entry: Entry, assigned: Mapping[str, ArgumentValue], report: Report) -> bool:
+def _report_exclusive(entry: Entry, assigned: Mapping[str, ArgumentValue], report: Report) -> bool:
     for group in entry.exclusive:
         both = [name for name in assigned if name in group]
         if len(both) > 1:

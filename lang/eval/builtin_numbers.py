@@ -6,12 +6,12 @@ import math
 
 from .. import units
 from ..formula_graph import OPERATIONS
-from ..noise import offset
+from ..noise import lattice_offset
 from ..units import Quantity
 from . import operators
 from .builtin_table import apply_operation, bare_radians, define, require_list, require_number, require_scalar
 from .context import Scope
-from .operators import checked, has_term, record, split, unify
+from .operators import check_finite, has_term, record, split, unify
 from .values import ForeignNumber, Mistake, Value, describe
 
 
@@ -23,7 +23,7 @@ def _trigonometry(name: str) -> None:
             return record(name, angle)
         if isinstance(angle, Quantity) and angle.dimension != units.ANGLE:
             raise Mistake(f"expected angle, got {describe(angle)}", argument=0)
-        return checked(OPERATIONS[name](angle.value if isinstance(angle, Quantity) else bare_radians(angle, scope)))
+        return check_finite(OPERATIONS[name](angle.value if isinstance(angle, Quantity) else bare_radians(angle, scope)))
 
 
 def _inverse(name: str) -> None:
@@ -71,7 +71,7 @@ def absolute(scope: Scope, value: Value) -> Value:
         return record("abs", value)
     x, dimension = split(value)
     if isinstance(x, ForeignNumber):
-        return operators.foreign(abs(x), abs(x.metres))
+        return operators.foreign_number(abs(x), abs(x.metres))
     return units.quantity(abs(x), dimension)
 
 
@@ -104,7 +104,7 @@ def _mod(scope: Scope, a: Value, b: Value) -> Value:
     x, y, dimension = unify(a, b, scope, "divide")
     if y == 0:
         raise Mistake("division by 0", argument=1)
-    return checked(OPERATIONS["mod"](x, y), dimension)
+    return check_finite(OPERATIONS["mod"](x, y), dimension)
 
 
 def combine(op: str, numbers: list[Value], scope: Scope) -> Value:
@@ -182,5 +182,5 @@ def _noise(scope: Scope, x: Value, *rest: Value, **named: Value) -> Value:
     if not isinstance(seed, float) or seed != int(seed):
         raise Mistake(f"a seed is a whole number, got {describe(seed)}", argument=len(rest) + len(named))
     parts += [0.0] * (3 - len(parts))
-    moved = [operators.add(part, float(by), scope) if by else part for part, by in zip(parts, offset(int(seed)), strict=True)]
+    moved = [operators.add(part, float(by), scope) if by else part for part, by in zip(parts, lattice_offset(int(seed)), strict=True)]
     return apply_operation("noise", *moved)

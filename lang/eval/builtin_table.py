@@ -8,7 +8,7 @@ from .. import units
 from ..formula_graph import OPERATIONS
 from . import operators, suggestions
 from .context import Scope
-from .operators import checked, has_term, record
+from .operators import check_finite, has_term, record
 from .values import Builtin, Mistake, Value, describe, kind
 
 FUNCTIONS: dict[str, Builtin] = {}
@@ -62,7 +62,7 @@ def apply_operation(op: str, *args: Value) -> Value:
     if has_term(*args):
         return record(op, *args)
     try:
-        return checked(OPERATIONS[op](*args))
+        return check_finite(OPERATIONS[op](*args))
     except (ValueError, ZeroDivisionError):
         given = ", ".join(units.show_number(a) for a in args)
         raise Mistake(f"{op}({given}) is not defined") from None

@@ -12,6 +12,7 @@ from .values import Mistake, Value
 
 
 def dot(scope: Scope, a: tuple[Value, ...], b: tuple[Value, ...]) -> Value:
+    """The scalar product of two lists of one length."""
     total: Value = None
     for x, y in zip(a, b, strict=True):
         product = operators.multiply(x, y, scope)
@@ -45,6 +46,7 @@ def _same_dimensions(a: tuple[Value, ...], b: tuple[Value, ...], scope: Scope) -
 
 
 def same_dimension(v: tuple[Value, ...], scope: Scope) -> tuple[Value, ...]:
+    """The numbers of a list, converted to one dimension."""
     if has_term(*v) or all(isinstance(n, float) for n in v):
         return v
     numbers, dimension = unify_all(list(v), scope, "combine")

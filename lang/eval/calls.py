@@ -29,8 +29,8 @@ from .values import (
     describe,
     is_placeable,
     kind,
-    lend,
-    plain,
+    tag_unit,
+    untag_unit,
 )
 
 _NUMBER = re.compile(r"[0-9]{1,15}(\.[0-9]{1,15})?")  # without sign, exponent and unit
@@ -67,7 +67,7 @@ def call(
     function = evaluator.value(callee, scope)
     label = callee_name(callee)
     if type(function) is Entry and function.planned:
-        evaluator.fail(f"`{label}` is not built yet", callee.span, suggestions.instead(label), scope)
+        evaluator.fail(f"`{label}` is not built yet", callee.span, suggestions.planned_hint(label), scope)
     givens = []
     for a in args:
         try:
@@ -150,7 +150,7 @@ def make_element(evaluator: Evaluator, entry: Entry, givens: list[ArgumentValue]
     """An element with checked arguments."""
     scope = site.scope
     signature = arguments.signature_of(entry)
-    fraction = arguments.fraction(givens)
+    fraction = arguments.comma_fraction(givens)
 
     def report(message: str, span: Span, hint: str) -> None:
         evaluator.report(message, span, fraction[1] if fraction and (span in fraction[2] or not hint) else hint, scope.trace)
@@ -181,7 +181,7 @@ def _assign(
         evaluator.report(message, span, hint, site.scope.trace)
 
     assigned, good = arguments.assign(site.label, positional, names, givens, report)
-    if not good or arguments.missing(site.label, required, assigned, site.callee, report):
+    if not good or arguments.report_missing(site.label, required, assigned, site.callee, report):
         raise Poisoned
     for given in givens:
         if given.value is POISON:
@@ -228,15 +228,15 @@ def _user(evaluator: Evaluator, function: UserFunction, givens: list[ArgumentVal
     for extra in arguments.PLACING:
         names.setdefault(extra, extra)
     assigned = _assign(evaluator, positional, names, [p.name.id for p in parameters if p.default is None], givens, site)
-    inner = function.scope.called(site.label, site.callee, site.scope)
+    inner = function.scope.call_scope(site.label, site.callee, site.scope)
     foreign = function.scope.unit != site.scope.unit
-    if foreign and function.lent:
-        assigned = {n: replace(g, value=plain(g.value)) for n, g in assigned.items()}
+    if foreign and function.foreign:
+        assigned = {n: replace(g, value=untag_unit(g.value)) for n, g in assigned.items()}
     for p in parameters:
         given = assigned.get(p.name.id)
         # A default sees the parameters before it and the enclosing scope.
         inner.names[p.name.id] = (
-            Thunk(p.name.id, p, inner.snapshot()) if given is None else _coerce(p, given, site, foreign and not function.lent)
+            Thunk(p.name.id, p, inner.snapshot()) if given is None else _coerce(p, given, site, foreign and not function.foreign)
         )
     if function.takes_children:
         inner.names["children"] = site.children or ()
@@ -245,8 +245,8 @@ def _user(evaluator: Evaluator, function: UserFunction, givens: list[ArgumentVal
         result = evaluator.value(let.value, inner)
     finally:
         evaluator.meter.calls -= 1
-    if foreign and function.lent:
-        result = lend(result, function.scope.unit)
+    if foreign and function.foreign:
+        result = tag_unit(result, function.scope.unit)
     extras = [g for name, g in assigned.items() if name not in positional]
     return _wrap(evaluator, result, extras, site) if extras else result
 
@@ -254,11 +254,11 @@ def _user(evaluator: Evaluator, function: UserFunction, givens: list[ArgumentVal
 def _coerce(parameter: ast.Parameter, given: ArgumentValue, site: Site, foreign: bool) -> Value:
     """The value given for a parameter, coerced to its declared type or to the dimension of its default.
 
-    `foreign`: the call comes from a file with another unit. Bare numbers keep the unit of that file.
+    `foreign`: the call comes from a file with another unit. Bare numbers have the unit of that file.
     """
     type_name = parameter.type.id if parameter.type else eval_parameters.implied_type(parameter.default)
     if type_name not in eval_parameters.TYPES or (parameter.type is None and not isinstance(given.value, float)):
-        return lend(given.value, site.scope.unit) if foreign else given.value
+        return tag_unit(given.value, site.scope.unit) if foreign else given.value
     try:
         return eval_parameters.coerce(given.value, type_name, site.scope)
     except Mistake as mistake:
@@ -287,11 +287,11 @@ def _closure(evaluator: Evaluator, function: Closure, givens: list[ArgumentValue
     inner.trace = site.scope.trace
     foreign = function.scope.unit != site.scope.unit
     for name in names:
-        inner.names[name] = plain(assigned[name].value) if foreign else assigned[name].value
+        inner.names[name] = untag_unit(assigned[name].value) if foreign else assigned[name].value
     _enter(evaluator, site)
     try:
         result = evaluator.value(function.node.body, inner)
-        return lend(result, function.scope.unit) if foreign else result
+        return tag_unit(result, function.scope.unit) if foreign else result
     finally:
         evaluator.meter.calls -= 1
 

@@ -77,7 +77,7 @@ def _show(value: float, arg: Arg) -> str:
     return units.show(units.quantity(float(value), dimension)) if value else "0"
 
 
-def _wrong(value: Value, wanted: str, hint: str = "") -> Mistake:
+def _type_error(value: Value, wanted: str, hint: str = "") -> Mistake:
     return Mistake(f"expected {wanted}, got {describe(value)}", hint)
 
 
@@ -87,19 +87,19 @@ def _wrong(value: Value, wanted: str, hint: str = "") -> Mistake:
 def _number(value: Value, place: Place, arg: Arg) -> float:
     if isinstance(value, float):
         return float(value)
-    raise _wrong(value, "number")
+    raise _type_error(value, "number")
 
 
 def _int(value: Value, place: Place, arg: Arg) -> int:
     if isinstance(value, float) and value == int(value):
         return int(value)
-    raise _wrong(value, "whole number")
+    raise _type_error(value, "whole number")
 
 
 def _bool(value: Value, place: Place, arg: Arg) -> bool:
     if isinstance(value, bool):
         return value
-    raise _wrong(value, "true or false")
+    raise _type_error(value, "true or false")
 
 
 def _length(value: Value, place: Place, arg: Arg) -> float:
@@ -107,7 +107,7 @@ def _length(value: Value, place: Place, arg: Arg) -> float:
         return operators.bare(value, units.LENGTH, place.scope)
     if isinstance(value, Quantity) and value.dimension == units.LENGTH:
         return value.value
-    raise _wrong(value, "length")
+    raise _type_error(value, "length")
 
 
 def _of_dimension(name: str) -> Callable[[Value, Place, Arg], float]:
@@ -119,8 +119,8 @@ def _of_dimension(name: str) -> Callable[[Value, Place, Arg], float]:
         if isinstance(value, float):
             if value == 0 or name in LIGHT_TYPES:
                 return float(value)
-            raise operators.bare_fix(value, dimension)
-        raise _wrong(value, name)
+            raise operators.bare_number_error(value, dimension)
+        raise _type_error(value, name)
 
     return convert_quantity
 
@@ -153,7 +153,7 @@ def _exactly(count: int, item: Item, wanted: str, hint: str = "") -> Item:
     def convert_list(value: Value, place: Place, arg: Arg) -> tuple[Any, ...]:
         if isinstance(value, tuple) and len(value) == count:
             return _each(value, place, arg, item)
-        raise _wrong(value, wanted, hint if isinstance(value, float | Quantity | tuple) else "")
+        raise _type_error(value, wanted, hint if isinstance(value, float | Quantity | tuple) else "")
 
     return convert_list
 
@@ -163,10 +163,10 @@ def _one_or(count: int, item: Item, wanted: str) -> Item:
         if isinstance(value, tuple):
             if len(value) == count:
                 return _each(value, place, arg, item)
-            raise _wrong(value, wanted)
+            raise _type_error(value, wanted)
         if isinstance(value, float | Quantity):
             return (item(value, place, arg),) * count
-        raise _wrong(value, wanted)
+        raise _type_error(value, wanted)
 
     return convert_either
 
@@ -176,7 +176,7 @@ def _list_of(item: Item, wanted: str) -> Item:
         if isinstance(value, tuple):
             place.scope.meter.step(1 + len(value) // 16)
             return _each(value, place, arg, item)
-        raise _wrong(value, wanted)
+        raise _type_error(value, wanted)
 
     return convert_list
 
@@ -200,13 +200,13 @@ def _scale3(value: Value, place: Place, arg: Arg) -> tuple[float, ...]:
 def _index(value: Value, place: Place, arg: Arg) -> int:
     if isinstance(value, float) and value == int(value) and value >= 0:
         return int(value)
-    raise _wrong(value, "whole number from 0")
+    raise _type_error(value, "whole number from 0")
 
 
 def _pixel(value: Value, place: Place, arg: Arg) -> int:
     if isinstance(value, float) and value == int(value) and value >= 1:
         return int(value)
-    raise _wrong(value, "whole number from 1")
+    raise _type_error(value, "whole number from 1")
 
 
 # --- colours, textures, materials -----------------------------------------------------------------------------------
@@ -223,7 +223,7 @@ def _color(value: Value, place: Place, arg: Arg) -> Any:
         hint = f"write rgb({grey}, {grey}, {grey})"
     elif isinstance(value, str):
         hint = "write #rrggbb without quotes" if value.startswith("#") else "write #rrggbb"
-    raise _wrong(value, "colour", hint)
+    raise _type_error(value, "colour", hint)
 
 
 def _color_map(value: Value, place: Place, arg: Arg) -> Any:
@@ -234,7 +234,7 @@ def _color_map(value: Value, place: Place, arg: Arg) -> Any:
     try:
         return _color(value, place, arg)
     except Mistake as mistake:
-        raise _wrong(value, "colour, number or texture", mistake.hint or _texture_hint(value)) from None
+        raise _type_error(value, "colour, number or texture", mistake.hint or _texture_hint(value)) from None
 
 
 def _number_map(value: Value, place: Place, arg: Arg) -> Any:
@@ -242,13 +242,13 @@ def _number_map(value: Value, place: Place, arg: Arg) -> Any:
         return float(value)
     if category(value) == "texture":
         return value
-    raise _wrong(value, "number or texture", _texture_hint(value))
+    raise _type_error(value, "number or texture", _texture_hint(value))
 
 
 def _texture(value: Value, place: Place, arg: Arg) -> Any:
     if category(value) == "texture":
         return value
-    raise _wrong(value, "texture", _texture_hint(value))
+    raise _type_error(value, "texture", _texture_hint(value))
 
 
 def _texture_hint(value: Value) -> str:
@@ -267,7 +267,7 @@ def _material(value: Value, place: Place, arg: Arg) -> Any:
         hint = f"call it: {value.name}(…)"
     elif isinstance(value, str) and isinstance(place.scope.find(value), UserFunction | Entry):
         hint = f"write {value}() without quotes"
-    raise _wrong(value, "material", hint)
+    raise _type_error(value, "material", hint)
 
 
 # --- strings, transforms, fall-off, formulas ------------------------------------------------------------------------
@@ -276,14 +276,14 @@ def _material(value: Value, place: Place, arg: Arg) -> Any:
 def _string(value: Value, place: Place, arg: Arg) -> str:
     if isinstance(value, str):
         return value
-    raise _wrong(value, "string")
+    raise _type_error(value, "string")
 
 
 def _choice(value: Value, place: Place, arg: Arg) -> str:
     listed = ", ".join(f'"{c}"' for c in arg.choices)
     if not isinstance(value, str):
         named = next((c for c in arg.choices if describe(value).endswith(f" `{c}`")), "")
-        raise _wrong(value, f"one of {listed}", f'write it in quotes: "{named}"' if named else "")
+        raise _type_error(value, f"one of {listed}", f'write it in quotes: "{named}"' if named else "")
     if value not in arg.choices:
         near = suggest(value, arg.choices).replace("`", '"')
         raise Mistake(
@@ -301,18 +301,18 @@ def _rotation(value: Value, place: Place, arg: Arg) -> Any:
     hint = ""
     if isinstance(value, Quantity) and value.dimension == units.ANGLE:
         hint = f"about which axis? write [0, {units.show(value)}, 0] to turn about y"
-    raise _wrong(value, "three angles, axis(v, angle) or quaternion(x, y, z, w)", hint)
+    raise _type_error(value, "three angles, axis(v, angle) or quaternion(x, y, z, w)", hint)
 
 
 def _row(value: Value, place: Place, arg: Arg) -> tuple[float, ...]:
     if not isinstance(value, tuple) or len(value) != 4:
-        raise _wrong(value, "row of four numbers")
+        raise _type_error(value, "row of four numbers")
     return _each(value[:3], place, arg, _number) + (_length(value[3], place, arg),)
 
 
 def _matrix(value: Value, place: Place, arg: Arg) -> tuple[tuple[float, ...], ...]:
     if not isinstance(value, tuple) or len(value) not in (3, 4):
-        raise _wrong(value, "four rows of four numbers")
+        raise _type_error(value, "four rows of four numbers")
     last = (0.0, 0.0, 0.0, 1.0)
     if len(value) == 4 and value[3] != last:
         raise Mistake("the last row of a matrix is [0, 0, 0, 1]", span=place.item(3).span)
@@ -332,7 +332,7 @@ def _formula(value: Value, place: Place, arg: Arg) -> Any:
     if isinstance(value, Closure | UserFunction):
         return place.scope.evaluator.formula(value, place.scope, place.span)
     hint = "write it without quotes, after |x, y, z|" if isinstance(value, str) else ""
-    raise _wrong(value, "formula |x, y, z| …", hint)
+    raise _type_error(value, "formula |x, y, z| …", hint)
 
 
 def _within(value: Value, place: Place, arg: Arg) -> Any:

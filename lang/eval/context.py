@@ -35,7 +35,7 @@ class Thunk:
         return self.node.span if self.node is not None else Span(self.label)
 
     @classmethod
-    def failed(cls, label: str, scope: Scope) -> Thunk:
+    def make_failed(cls, label: str, scope: Scope) -> Thunk:
         """A name whose definition has a reported error. Its uses raise Poisoned."""
         thunk = cls(label, None, scope)
         thunk.state = Thunk.FAILED
@@ -47,7 +47,7 @@ class Scope:
 
     unit   metres in a bare length of the file
     trace  the chain of calls, innermost first
-    path   dotted names of those calls, for default names of elements
+    path   dotted names of the calls, for default names of elements
     plain  inside a formula or function literal, where bare angles are radians
     """
 
@@ -78,7 +78,7 @@ class Scope:
         scope.names = self.names.copy()
         return scope
 
-    def called(self, name: str, span: Span, caller: Scope) -> Scope:
+    def call_scope(self, name: str, span: Span, caller: Scope) -> Scope:
         """A nested scope for the body of a function that `caller` calls."""
         scope = Scope(self.evaluator, self.meter, self.unit, self)
         scope.trace = ((name, span), *caller.trace)

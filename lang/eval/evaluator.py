@@ -36,7 +36,7 @@ def evaluate(
     Never raises on input: adds errors to `diagnostics` and returns the elements without errors. Sets `seconds["parse"]` to the
     parsing time.
     """
-    limits.deepen_stack()
+    limits.raise_recursion_limit()
     evaluator = Evaluator(reader, diagnostics, time)
     document = evaluator.document(source, sets or {})
     if seconds is not None:
@@ -86,7 +86,7 @@ class Evaluator:
         if span and _of_library(span) and calls:
             (name, at), inner = trace[calls[0]], trace[calls[0] - 1][1] if calls[0] else span
             message, span, trace = f"{name}cannot be made with these arguments: {message}", at, trace[calls[0] + 1 :]
-            hint = _takes(name, self.loader.sources.get(inner.file))
+            hint = _parameter_hint(name, self.loader.sources.get(inner.file))
         key = (span, "" if span else message)
         if key not in self._reported:
             self._reported.add(key)
@@ -96,7 +96,7 @@ class Evaluator:
         self.report(message, span, hint, scope.trace)
         raise Poisoned
 
-    def _exhausted(self, limit: Exhausted) -> None:
+    def _report_limit(self, limit: Exhausted) -> None:
         if limit.message not in self._limits:
             self._limits.add(limit.message)
             self.report(limit.message, limit.span, limit.hint, limit.trace)
@@ -110,11 +110,11 @@ class Evaluator:
         sink = Sink("scene")
         infos: list[ParamInfo] = []
         try:
-            scope = self.instance(module, self.given_sets(module, sets), "", None, self.outer)
+            scope = self.instance(module, self.read_sets(module, sets), "", None, self.outer)
             self._place_scene(module.file.items, scope, sink)
             infos = self._infos(module, scope)
         except Exhausted as limit:
-            self._exhausted(limit)
+            self._report_limit(limit)
         read, files = self.loader.sources, tuple(self.loader.files)
         return Document(source.name, tuple(sink.elements), tuple(sink.cameras), sink.settings, tuple(infos), read, files)
 
@@ -155,21 +155,21 @@ class Evaluator:
         for item in module.file.items:
             if isinstance(item, ast.Use):
                 name = use_name(item)
-                scope.names.setdefault(name, self._used(item, name, module))
+                scope.names.setdefault(name, self._bind_use(item, name, module))
             elif isinstance(item, ast.Param):
                 node = calls.ParamUse(item, given.get(item.name.id), caller)
                 scope.names.setdefault(item.name.id, Thunk(item.name.id, node, scope))
         _bind_definitions(module.file.items, scope)
         for name in module.broken:
-            scope.names.setdefault(name, Thunk.failed(name, scope))
+            scope.names.setdefault(name, Thunk.make_failed(name, scope))
         return scope
 
-    def _used(self, use: ast.Use, name: str, module: Module) -> Value:
+    def _bind_use(self, use: ast.Use, name: str, module: Module) -> Value:
         path = use.path.value
         if is_asset(path):
             return AssetPart(name, schema_elements.SCHEMA[asset_kind(path)], path)
         used = module.uses.get(id(use))
-        return FilePart(name, used) if used else Thunk.failed(name, self.root)
+        return FilePart(name, used) if used else Thunk.make_failed(name, self.root)
 
     def _infos(self, module: Module, scope: Scope) -> list[ParamInfo]:
         infos = []
@@ -184,7 +184,7 @@ class Evaluator:
                     raise calls.locate(limit, item.name.span, scope) from None
         return infos
 
-    def given_sets(self, module: Module, sets: Mapping[str, str]) -> dict[str, ArgumentValue]:
+    def read_sets(self, module: Module, sets: Mapping[str, str]) -> dict[str, ArgumentValue]:
         """`--set` as arguments of the scene."""
         known = {item.name.id: item for item in module.file.items if isinstance(item, ast.Param)}
         scope = Scope(self, self.meter, module.scale, self.outer)
@@ -206,21 +206,21 @@ class Evaluator:
     def _place_scene(self, items: tuple[ast.Item, ...], scope: Scope, sink: Sink) -> None:
         """Evaluate the items of the scene. An item that reaches a limit does not stop the others."""
         for item in items:
-            self._guarded(item.span, lambda item=item: self.place_items((item,), scope, sink, rest=False))
+            self._run_guarded(item.span, lambda item=item: self.place_items((item,), scope, sink, rest=False))
         for thunk in list(scope.names.values()):
             if isinstance(thunk, Thunk):
-                self._guarded(thunk.label_span(), lambda thunk=thunk: self._force_unused(thunk, scope))
+                self._run_guarded(thunk.label_span(), lambda thunk=thunk: self._force_unused(thunk, scope))
 
-    def _guarded(self, span: Span, run: Callable[[], None]) -> None:
+    def _run_guarded(self, span: Span, run: Callable[[], None]) -> None:
         try:
             run()
         except Exhausted as limit:
-            self._exhausted(limit)
+            self._report_limit(limit)
         except RecursionError:
             self.report("this is nested too deeply", span, "reduce nested expressions in a recursive function")
 
     def place_items(self, items: tuple[ast.Item, ...], scope: Scope, sink: Sink, rest: bool = True) -> None:
-        """Evaluate the items of a block in order, skipping those with errors; with `rest` also the unused definitions."""
+        """Evaluate the items of a block in order, except items with errors; with `rest` also the unused definitions."""
         for item in items:
             place = _ITEMS.get(type(item))
             if place is not None:
@@ -413,7 +413,7 @@ def _of_library(span: Span) -> bool:
     return span.file.startswith("std/") and not span.file.endswith(".scene")
 
 
-def _takes(name: str, text: str | None) -> str:
+def _parameter_hint(name: str, text: str | None) -> str:
     """The hint with the parameters of a library function, as its source text declares them."""
     found = re.search(rf"^let {re.escape(name.rpartition('.')[2])}\(([^)]*)\)", text or "", re.MULTILINE)
     return f"it takes {' '.join(found[1].split())}" if found else ""

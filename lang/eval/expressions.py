@@ -132,13 +132,13 @@ def _logic(evaluator: Evaluator, node: ast.Binary, scope: Scope) -> Value:
     if a is (node.op == "or"):
         return a
     b = truth(evaluator, node.right, scope, f"`{node.op}`")
-    return operators.both(a, b) if node.op == "and" else operators.either(a, b)
+    return operators.logical_and(a, b) if node.op == "and" else operators.logical_or(a, b)
 
 
 def _unary(evaluator: Evaluator, node: ast.Unary, scope: Scope) -> Value:
     value = EXPRESSIONS[type(node.operand)](evaluator, node.operand, scope)
     try:
-        return operators.negate(value, scope) if node.op == "-" else operators.invert(value)
+        return operators.negate(value, scope) if node.op == "-" else operators.logical_not(value)
     except Mistake as mistake:
         evaluator.fail(mistake.message, node.span, mistake.hint, scope)
 

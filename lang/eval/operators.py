@@ -25,14 +25,14 @@ def split(value: float | Quantity) -> tuple[float, Dimension]:
     return (value.value, value.dimension) if isinstance(value, Quantity) else (value, units.NONE)
 
 
-def checked(value: float, dimension: Dimension = units.NONE) -> float | Quantity:
+def check_finite(value: float, dimension: Dimension = units.NONE) -> float | Quantity:
     """A result as a float or Quantity. Raises Mistake if it is infinite or nan."""
     if not math.isfinite(value):
         raise Mistake("the result is too large for a number")
     return units.quantity(float(value), dimension)
 
 
-def bare_fix(value: float, dimension: Dimension) -> Mistake:
+def bare_number_error(value: float, dimension: Dimension) -> Mistake:
     """The error for a bare number in place of a quantity."""
     number = units.show_number(value)
     write = {units.ANGLE: ("deg", "rad"), units.TIME: ("s",), **{d: (u,) for d, u in units.QUANTITIES.values() if d[3]}}.get(dimension, ())
@@ -60,10 +60,10 @@ def bare(value: float, dimension: Dimension, scope: Scope) -> float:
     if value == 0:
         return 0.0
     if dimension == units.LENGTH:
-        return split(checked(units.scale(value, scope.unit)))[0]
+        return split(check_finite(units.scale(value, scope.unit)))[0]
     if dimension == units.ANGLE and scope.plain:
         return value
-    raise bare_fix(value, dimension)
+    raise bare_number_error(value, dimension)
 
 
 def unify_all(numbers: list[float | Quantity], scope: Scope, doing: str) -> tuple[list[float], Dimension]:
@@ -78,13 +78,13 @@ def combine(op: str, numbers: list[float | Quantity], scope: Scope) -> float | Q
     values, dimension = unify_all(numbers, scope, "compare")
     result = OPERATIONS[op](*values)
     if dimension == units.NONE and any(isinstance(n, ForeignNumber) for n in values):
-        return foreign(result, OPERATIONS[op](*[bare(n, units.LENGTH, scope) for n in values]))
-    return checked(result, dimension)
+        return foreign_number(result, OPERATIONS[op](*[bare(n, units.LENGTH, scope) for n in values]))
+    return check_finite(result, dimension)
 
 
-def foreign(value: float, metres: float) -> ForeignNumber:
+def foreign_number(value: float, metres: float) -> ForeignNumber:
     """The result of an operation on numbers from a file with another unit."""
-    return ForeignNumber(split(checked(value))[0], split(checked(metres))[0])
+    return ForeignNumber(split(check_finite(value))[0], split(check_finite(metres))[0])
 
 
 # --- formulas -------------------------------------------------------------------------------------------------------
@@ -102,7 +102,7 @@ def lift(graph: Graph, value: Value) -> Term:
         return graph.constant(value)
     if isinstance(value, Quantity):
         try:
-            return graph.constant(split(checked(value.value / graph.unit ** value.dimension[0]))[0])
+            return graph.constant(split(check_finite(value.value / graph.unit ** value.dimension[0]))[0])
         except ArithmeticError:
             raise Mistake("the result is too large for a number") from None
     raise Mistake(f"expected a number, got {kind(value)}")
@@ -123,10 +123,12 @@ def has_term(*args: Value) -> bool:
 
 
 def add(a: Value, b: Value, scope: Scope) -> Value:
+    """`a + b` of numbers, lists, colours or strings. Raises Mistake, as all operators."""
     return _sum("add", a, b, scope)
 
 
 def subtract(a: Value, b: Value, scope: Scope) -> Value:
+    """`a - b` of numbers, lists or colours."""
     return _sum("subtract", a, b, scope)
 
 
@@ -136,8 +138,8 @@ def _sum(op: str, a: Value, b: Value, scope: Scope) -> Value:
             return record(op, a, b)
         x, y, dimension = unify(a, b, scope, op)
         if dimension == units.NONE and (isinstance(a, ForeignNumber) or isinstance(b, ForeignNumber)):
-            return foreign(OPERATIONS[op](x, y), OPERATIONS[op](bare(x, units.LENGTH, scope), bare(y, units.LENGTH, scope)))
-        return checked(OPERATIONS[op](x, y), dimension)
+            return foreign_number(OPERATIONS[op](x, y), OPERATIONS[op](bare(x, units.LENGTH, scope), bare(y, units.LENGTH, scope)))
+        return check_finite(OPERATIONS[op](x, y), dimension)
     if isinstance(a, tuple) and isinstance(b, tuple):
         return _elementwise(op, a, b, scope)
     if isinstance(a, Color) and isinstance(b, Color):
@@ -161,16 +163,17 @@ def _elementwise(op: str, a: tuple[Value, ...], b: tuple[Value, ...], scope: Sco
 
 
 def multiply(a: Value, b: Value, scope: Scope) -> Value:
+    """`a * b` of numbers, of a number and a list or colour, or of colours."""
     if is_scalar(a) and is_scalar(b):
         if has_term(a, b):
             return record("multiply", a, b)
         x, da = split(a)
         y, db = split(b)
         if da == db == units.NONE and isinstance(a, ForeignNumber):
-            return foreign(x * y, a.metres * y)
+            return foreign_number(x * y, a.metres * y)
         if da == db == units.NONE and isinstance(b, ForeignNumber):
-            return foreign(x * y, x * b.metres)
-        return checked(x * y, units.multiply(da, db))
+            return foreign_number(x * y, x * b.metres)
+        return check_finite(x * y, units.multiply(da, db))
     if is_scalar(b):
         a, b = b, a
     if is_scalar(a) and isinstance(b, tuple):
@@ -185,6 +188,7 @@ def multiply(a: Value, b: Value, scope: Scope) -> Value:
 
 
 def divide(a: Value, b: Value, scope: Scope) -> Value:
+    """`a / b` of a number, list or colour and a number."""
     if not is_scalar(b):
         raise Mistake(f"cannot divide {kind(a)} by {kind(b)}")
     if is_scalar(a):
@@ -197,8 +201,8 @@ def divide(a: Value, b: Value, scope: Scope) -> Value:
         if y == 0:
             raise Mistake("division by 0")
         if db == units.NONE and isinstance(a, ForeignNumber):
-            return foreign(x / y, a.metres / y)
-        return checked(x / y, units.divide(da, db))
+            return foreign_number(x / y, a.metres / y)
+        return check_finite(x / y, units.divide(da, db))
     if isinstance(a, tuple):
         scope.meter.step(len(a))
         return tuple([divide(v, b, scope) for v in a])
@@ -214,6 +218,7 @@ def _channel(value: Value) -> Value:
 
 
 def power(a: Value, b: Value, scope: Scope) -> Value:
+    """`a ^ b` of numbers; the dimension is raised too."""
     if not (is_scalar(a) and is_scalar(b)):
         raise Mistake(f"cannot raise {kind(a)} to {kind(b)}")
     if has_term(a, b):
@@ -223,8 +228,8 @@ def power(a: Value, b: Value, scope: Scope) -> Value:
     x, dimension = split(a)
     try:
         if isinstance(a, ForeignNumber) and x:
-            return foreign(math.pow(x, b), math.pow(x, b) * (a.metres / x))
-        return checked(math.pow(x, b), units.power(dimension, b))
+            return foreign_number(math.pow(x, b), math.pow(x, b) * (a.metres / x))
+        return check_finite(math.pow(x, b), units.power(dimension, b))
     except ValueError:
         raise Mistake("division by 0" if x == 0 else "a negative number has no such power") from None
     except OverflowError:
@@ -232,6 +237,7 @@ def power(a: Value, b: Value, scope: Scope) -> Value:
 
 
 def negate(a: Value, scope: Scope) -> Value:
+    """`-a` of a number or list."""
     if isinstance(a, ForeignNumber):
         return ForeignNumber(-float(a), -a.metres)
     if isinstance(a, float):
@@ -292,12 +298,13 @@ def _all_equal(a: tuple[Value, ...], b: tuple[Value, ...], scope: Scope) -> Valu
         same = equal(x, y, scope)
         if same is False:
             return False
-        result = both(result, same)
+        result = logical_and(result, same)
     return result
 
 
 def unequal(a: Value, b: Value, scope: Scope) -> Value:
-    return invert(equal(a, b, scope))
+    """`a != b`; see `equal`."""
+    return logical_not(equal(a, b, scope))
 
 
 def truth(value: Value, doing: str) -> Value:
@@ -307,12 +314,13 @@ def truth(value: Value, doing: str) -> Value:
     raise Mistake(f"{doing} needs true or false, got {kind(value)}")
 
 
-def invert(a: Value) -> Value:
+def logical_not(a: Value) -> Value:
+    """`not a` of a truth value; recorded if it is a term."""
     truth(a, "`not`")
     return (not a) if isinstance(a, bool) else record("not", a)
 
 
-def both(a: Value, b: Value) -> Value:
+def logical_and(a: Value, b: Value) -> Value:
     """`a and b` of truth values; recorded if one is a term."""
     if isinstance(a, bool):
         return b if a else False
@@ -321,7 +329,7 @@ def both(a: Value, b: Value) -> Value:
     return record("and", a, b)
 
 
-def either(a: Value, b: Value) -> Value:
+def logical_or(a: Value, b: Value) -> Value:
     """`a or b` of truth values; recorded if one is a term."""
     if isinstance(a, bool):
         return True if a else b

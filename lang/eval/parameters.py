@@ -11,7 +11,7 @@ from ..units import Quantity
 from . import operators
 from .coercion import LIGHT_TYPES
 from .context import ArgumentValue, Scope
-from .values import Builtin, Closure, Color, Mistake, UserFunction, Value, category, describe, is_placeable, lend, plain, show
+from .values import Builtin, Closure, Color, Mistake, UserFunction, Value, category, describe, is_placeable, show, tag_unit, untag_unit
 
 # The type names of a `param` and of a parameter.
 TYPES: tuple[str, ...] = ("number", "int", "bool", "string", "color", *units.QUANTITIES, "material", "texture", "shape", "list", "function")
@@ -24,7 +24,7 @@ def coerce(value: Value, type_name: str, scope: Scope) -> Value:
     if type_name in units.QUANTITIES:
         return _coerce_quantity(value, type_name, scope)
     if _is(value, type_name):
-        return plain(value) if type_name in ("number", "int", "list") else value
+        return untag_unit(value) if type_name in ("number", "int", "list") else value
     hint = "write rgb(r, g, b), srgb(r, g, b) or #rrggbb" if type_name == "color" and isinstance(value, tuple) else ""
     raise Mistake(f"expected {_WANTED.get(type_name, type_name)}, got {describe(value)}", hint)
 
@@ -97,7 +97,7 @@ def param_value(param: ast.Param, given: ArgumentValue | None, scope: Scope, cal
         if given is not None and type_name:
             typed = coerce(value, type_name, caller)
             untyped = param.type is None and type_name in ("number", "list")
-            value = lend(value, caller.unit) if untyped and scope.unit != caller.unit else typed
+            value = tag_unit(value, caller.unit) if untyped and scope.unit != caller.unit else typed
         _check_range(param.name.id, value, allowed, scope)
     except Mistake as mistake:
         mistake.span = mistake.span or span

@@ -186,7 +186,7 @@ def unit(word: str, number: str, known: Iterable[str]) -> str:
     return _UNITS[word].format(number) if word in _UNITS else suggest(word, known)
 
 
-def instead(word: str) -> str:
+def planned_hint(word: str) -> str:
     """The hint for an element that is not built yet."""
     return f'the library has it: use "std/surfaces", then {_PLANNED[word]}' if word in _PLANNED else ""
 
@@ -203,7 +203,7 @@ def argument(callee: str, word: str, names: Mapping[str, str]) -> tuple[str, str
     return message, _ARGUMENT_HINTS.get(word) or f"it takes {listed or 'no arguments'}"
 
 
-def too_many(callee: str, keywords: Iterable[str]) -> str:
+def surplus_hint(callee: str, keywords: Iterable[str]) -> str:
     """The hint for a surplus positional argument of a callable with the keyword arguments `keywords`."""
     named = ", ".join(keywords)
     return _BY_POSITION.get(callee) or (f"by name it takes {named}" if named else "")

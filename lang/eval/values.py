@@ -26,7 +26,7 @@ Value = Any
 
 
 class ForeignNumber(float):
-    """A bare number from a file with another unit: the number, and the `metres` it means where a length is wanted."""
+    """A bare number from a file with another unit, with its length in `metres` in the unit of that file."""
 
     __slots__ = ("metres",)
     metres: float
@@ -91,7 +91,7 @@ class UserFunction:
 
     let: ast.Let
     scope: Scope
-    lent: bool = False  # an argument of a part in a file with another unit
+    foreign: bool = False  # passed as an argument to a part in a file with another unit
 
     @cached_property
     def takes_children(self) -> bool:
@@ -241,17 +241,17 @@ def callable_name(function: Function) -> str:
     return function.name
 
 
-def lend(value: Value, unit: float) -> Value:
-    """An argument for a file with another unit: bare numbers keep the meaning that they have in a file with this one."""
+def tag_unit(value: Value, unit: float) -> Value:
+    """An argument for a part in a file with another unit. Its bare numbers record their length in metres per `unit`."""
     if isinstance(value, float):
         return ForeignNumber(value, units.scale(value, unit)) if value else value
     if isinstance(value, tuple):
-        return tuple([lend(v, unit) for v in value])
-    return replace(value, lent=True) if isinstance(value, UserFunction) else value
+        return tuple([tag_unit(v, unit) for v in value])
+    return replace(value, foreign=True) if isinstance(value, UserFunction) else value
 
 
-def plain(value: Value) -> Value:
-    """A value with plain numbers in place of foreign ones."""
+def untag_unit(value: Value) -> Value:
+    """A value with floats in place of ForeignNumbers."""
     if isinstance(value, ForeignNumber):
         return float(value)
-    return tuple([plain(v) for v in value]) if isinstance(value, tuple) else value
+    return tuple([untag_unit(v) for v in value]) if isinstance(value, tuple) else value

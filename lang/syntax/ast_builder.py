@@ -46,7 +46,7 @@ class TreeBuilder(Transformer):
         b = last.span if isinstance(last, ast.Node) else last
         return Span(self.file, a.line, a.column, b.end_line, b.end_column)
 
-    def _made(self, node: Any, *below: Any) -> Any:
+    def _check_depth(self, node: Any, *below: Any) -> Any:
         """`node`, whose parts are `below`. Raises TooDeep."""
         depth = 1 + max([self.depths.get(id(b), 0) for b in below], default=0)
         if depth > MAX_DEPTH:
@@ -80,52 +80,52 @@ class TreeBuilder(Transformer):
     # --- expressions ----------------------------------------------------------------------------------------------
 
     def parens(self, parts: list[Any]) -> ast.Parens:
-        return self._made(ast.Parens(self._span(parts), parts[1]), parts[1])
+        return self._check_depth(ast.Parens(self._span(parts), parts[1]), parts[1])
 
     def list_(self, parts: list[Any]) -> ast.ListLiteral:
         items = tuple(p for p in parts if isinstance(p, ast.Node))
-        return self._made(ast.ListLiteral(self._span(parts), items), *items)
+        return self._check_depth(ast.ListLiteral(self._span(parts), items), *items)
 
     def each(self, parts: list[Any]) -> ast.Each:
         body, source = parts[1], parts[5]
         condition = parts[7] if len(parts) > 7 else None
-        return self._made(ast.Each(self._span(parts), body, self._name(parts[3]), source, condition), body, source, condition)
+        return self._check_depth(ast.Each(self._span(parts), body, self._name(parts[3]), source, condition), body, source, condition)
 
     def choose(self, parts: list[Any]) -> ast.Choose:
-        return self._made(ast.Choose(self._span(parts), parts[1], parts[3], parts[5]), *parts)
+        return self._check_depth(ast.Choose(self._span(parts), parts[1], parts[3], parts[5]), *parts)
 
     def function(self, parts: list[Any]) -> ast.Function:
         names = tuple(self._name(p) for p in parts[:-1] if isinstance(p, Token) and p.type == "NAME")
-        return self._made(ast.Function(self._span(parts), names, parts[-1]), parts[-1])
+        return self._check_depth(ast.Function(self._span(parts), names, parts[-1]), parts[-1])
 
     def binary(self, parts: list[Any]) -> ast.Binary:
         left, op, right = parts
-        return self._made(ast.Binary(self._span(parts), str(op), left, right), left, right)
+        return self._check_depth(ast.Binary(self._span(parts), str(op), left, right), left, right)
 
     def unary(self, parts: list[Any]) -> ast.Unary:
-        return self._made(ast.Unary(self._span(parts), str(parts[0]), parts[1]), parts[1])
+        return self._check_depth(ast.Unary(self._span(parts), str(parts[0]), parts[1]), parts[1])
 
     def member(self, parts: list[Any]) -> ast.Member:
-        return self._made(ast.Member(self._span(parts), parts[0], self._name(parts[2])), parts[0])
+        return self._check_depth(ast.Member(self._span(parts), parts[0], self._name(parts[2])), parts[0])
 
     def index(self, parts: list[Any]) -> ast.Index:
-        return self._made(ast.Index(self._span(parts), parts[0], parts[2]), parts[0], parts[2])
+        return self._check_depth(ast.Index(self._span(parts), parts[0], parts[2]), parts[0], parts[2])
 
     def call(self, parts: list[Any]) -> ast.Call:
         arguments: tuple[ast.Argument, ...] = parts[2] if isinstance(parts[2], tuple) else ()
-        return self._made(ast.Call(self._span(parts), parts[0], arguments), parts[0], *arguments)
+        return self._check_depth(ast.Call(self._span(parts), parts[0], arguments), parts[0], *arguments)
 
     def arguments(self, parts: list[Any]) -> tuple[ast.Argument, ...]:
         return tuple(p for p in parts if isinstance(p, ast.Argument))
 
     def named(self, parts: list[Any]) -> ast.Argument:
-        return self._made(ast.Argument(self._span(parts), self._name(parts[0]), parts[2]), parts[2])
+        return self._check_depth(ast.Argument(self._span(parts), self._name(parts[0]), parts[2]), parts[2])
 
     def positional(self, parts: list[Any]) -> ast.Argument:
-        return self._made(ast.Argument(self._span(parts), None, parts[0]), parts[0])
+        return self._check_depth(ast.Argument(self._span(parts), None, parts[0]), parts[0])
 
     def with_children(self, parts: list[Any]) -> ast.WithChildren:
-        return self._made(ast.WithChildren(self._span(parts), parts[0], parts[1]), *parts)
+        return self._check_depth(ast.WithChildren(self._span(parts), parts[0], parts[1]), *parts)
 
     # --- items ----------------------------------------------------------------------------------------------------
 
@@ -142,14 +142,14 @@ class TreeBuilder(Transformer):
         doc = self._string(parts[-1]) if isinstance(parts[-1], Token) else None
         default, range_ = after["="], after.get("in")
         span = self._span(parts)
-        return self._made(ast.Param(span, (), None, False, self._name(parts[1]), type_, default, range_, doc), default, range_)
+        return self._check_depth(ast.Param(span, (), None, False, self._name(parts[1]), type_, default, range_, doc), default, range_)
 
     def let(self, parts: list[Any]) -> ast.Let:
         parameters = None
         if parts[2] == "(":
             parameters = parts[3] if isinstance(parts[3], tuple) else ()
         let = ast.Let(self._span(parts), (), None, False, self._name(parts[1]), parameters, parts[-1])
-        return self._made(let, let.value, *parameters or ())
+        return self._check_depth(let, let.value, *parameters or ())
 
     def parameters(self, parts: list[Any]) -> tuple[ast.Parameter, ...]:
         return tuple(p for p in parts if isinstance(p, ast.Parameter))
@@ -157,32 +157,32 @@ class TreeBuilder(Transformer):
     def parameter(self, parts: list[Any]) -> ast.Parameter:
         type_ = self._name(parts[2]) if len(parts) > 2 and parts[1] == ":" else None
         default = parts[-1] if isinstance(parts[-1], ast.Node) else None
-        return self._made(ast.Parameter(self._span(parts), self._name(parts[0]), type_, default), default)
+        return self._check_depth(ast.Parameter(self._span(parts), self._name(parts[0]), type_, default), default)
 
     def for_(self, parts: list[Any]) -> ast.For:
         source, block = parts[4], parts[6]
-        return self._made(ast.For(self._span(parts), (), None, False, self._name(parts[2]), source, block), source, block)
+        return self._check_depth(ast.For(self._span(parts), (), None, False, self._name(parts[2]), source, block), source, block)
 
     def if_(self, parts: list[Any]) -> ast.If:
         no = parts[6] if len(parts) > 6 else None
-        return self._made(ast.If(self._span(parts), (), None, False, parts[2], parts[4], no), *parts)
+        return self._check_depth(ast.If(self._span(parts), (), None, False, parts[2], parts[4], no), *parts)
 
     def element(self, parts: list[Any]) -> ast.ElementItem:
-        return self._made(ast.ElementItem(self._span(parts), (), None, False, parts[0]), parts[0])
+        return self._check_depth(ast.ElementItem(self._span(parts), (), None, False, parts[0]), parts[0])
 
     def block(self, parts: list[Any]) -> ast.Block:
         span = self._span(parts)
-        items, dangling = self._attached(parts, (span.line, span.column), (span.end_line, span.end_column))
-        return self._made(ast.Block(span, items, dangling), *(p for p in parts if isinstance(p, ast.Node)))
+        items, dangling = self._attach(parts, (span.line, span.column), (span.end_line, span.end_column))
+        return self._check_depth(ast.Block(span, items, dangling), *(p for p in parts if isinstance(p, ast.Node)))
 
     def start(self, parts: list[Any]) -> tuple[tuple[ast.Item, ...], tuple[ast.Comment, ...]]:
-        return self._attached(parts, (0, 0), (1 << 60, 0))
+        return self._attach(parts, (0, 0), (1 << 60, 0))
 
-    def _attached(self, parts: list[Any], start: Place, end: Place) -> tuple[tuple[ast.Item, ...], tuple[ast.Comment, ...]]:
-        return self.comments.attach([p for p in parts if isinstance(p, ast.Item) and not _broken(p)], start, end)
+    def _attach(self, parts: list[Any], start: Place, end: Place) -> tuple[tuple[ast.Item, ...], tuple[ast.Comment, ...]]:
+        return self.comments.attach([p for p in parts if isinstance(p, ast.Item) and not _is_broken(p)], start, end)
 
 
-def _broken(item: ast.Item) -> bool:
+def _is_broken(item: ast.Item) -> bool:
     head: ast.Node | None = item.expression if isinstance(item, ast.ElementItem) else None
     while head is not None and not isinstance(head, ast.Name):
         head = next(ast.children(head), None)  # the leftmost leaf, as in `{ … }.a { … }(1)`

@@ -1,4 +1,4 @@
-"""Formatter: sets spaces, indentation and blank lines. Keeps every token and comment.
+"""Formatter: sets spaces, indentation and blank lines. Changes no token and no comment.
 
 Line breaks stay, except that a block of several lines begins after its `{` and ends with a `}` on its own line.
 """

@@ -1,7 +1,7 @@
 """LALR driver for Lark's tables that takes a chain of unit rules in one step.
 
 The operator precedences pass each number through a dozen unit rules. The end of such a chain depends on two states and the kind of
-the next token, and is cached (Pager, "Eliminating Unit Productions from LR Parsers", 1977).
+the next token. It is cached: Pager, "Eliminating Unit Productions from LR Parsers", 1977.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ class Unexpected(Exception):
 class Automaton:
     """The state of one parse. The stack `states` holds the start state and one state for each entry of the stack `values`."""
 
-    def __init__(self, lark: Lark, made: Callbacks) -> None:
+    def __init__(self, lark: Lark, callbacks: Callbacks) -> None:
         conf = lark.parse_interactive().parser_state.parse_conf
         self._rows, self._end = conf.states, conf.end_state
         # The tree is built during the parse, without recursion. The builder serves one parse at a time.
-        self._made = made
+        self._callbacks = callbacks
         self._chains = _chains.setdefault(id(conf.states), {})
         self.states: list[Any] = [conf.start_state]
         self.values: list[Any] = []
@@ -61,7 +61,7 @@ class Automaton:
                 values.append(token)
                 return None
             first = len(values) - len(arg.expansion)
-            value = self._made[arg](values[first:])
+            value = self._callbacks[arg](values[first:])
             del values[first:], states[first + 1 :]
             states.append(rows[states[-1]][arg.origin.name][1])
             values.append(value)
@@ -89,16 +89,16 @@ def _is_unit(rule: Any) -> bool:
 def building(lark: Lark, file: str, comments: Comments) -> Iterator[Callbacks]:
     """The callbacks of a tree builder for a file. Idle builders are reused, because Lark creates callbacks slowly."""
     try:
-        builder, made = _idle.pop()
+        builder, callbacks = _idle.pop()
     except IndexError:
         builder = TreeBuilder()
-        made = lark._parse_tree_builder.create_callback(builder)
-        made.update((rule, itemgetter(0)) for rule in made if _is_unit(rule))
+        callbacks = lark._parse_tree_builder.create_callback(builder)
+        callbacks.update((rule, itemgetter(0)) for rule in callbacks if _is_unit(rule))
     builder.begin(file, comments)
     try:
-        yield made
+        yield callbacks
     finally:
-        _idle.append((builder, made))
+        _idle.append((builder, callbacks))
 
 
 _idle: list[tuple[TreeBuilder, Callbacks]] = []

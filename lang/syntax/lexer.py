@@ -45,7 +45,7 @@ _REPLACEMENTS = {  # hints for characters of other languages
 
 
 class _KeepMistakes(PostLex):
-    """Keeps terminals outside the grammar's rules: comments and lexical errors."""
+    """Makes Lark accept terminals outside the grammar's rules: comments and lexical errors."""
 
     always_accept = ("COMMENT", "OPEN_STRING", "BLOCK_COMMENT", "HASH_COMMENT", "BAD_COLOR", "UNKNOWN")
 
@@ -67,16 +67,16 @@ def grammar(cache: str | None = None) -> Lark:
 
     `cache` is a cache file for the tables. Lark checks that they match the grammar and its own version.
     """
-    if not _made:
+    if not _grammar:
         text = Path(__file__).with_name("grammar.lark").read_text(encoding="utf-8")
         options: Any = {"parser": "lalr", "lexer": "basic", "keep_all_tokens": True, "maybe_placeholders": False, "cache": cache or False}
         made = Lark(text, postlex=_KeepMistakes(), **options)
         made.lexer = made._build_lexer()  # pyright: ignore[reportPrivateUsage]  # otherwise each `lex` builds one in 0.5 ms
-        _made.append(made)
-    return _made[0]
+        _grammar.append(made)
+    return _grammar[0]
 
 
-_made: list[Lark] = []
+_grammar: list[Lark] = []
 
 
 def span_of(token: Token, file: str) -> Span:

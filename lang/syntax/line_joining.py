@@ -28,7 +28,7 @@ class _Open:
     line_end: tuple[int, int] | None = None  # (index, output) of the first line end that may be its intended end
 
 
-def lay_out(scan: Scan, file: str, diagnostics: Diagnostics) -> list[Token]:
+def join_lines(scan: Scan, file: str, diagnostics: Diagnostics) -> list[Token]:
     """The tokens with balanced brackets and a `_NL` only between items. Repairs are reported as errors."""
     return _drop_line_ends(_balance(scan, file, diagnostics), scan, file, diagnostics)
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from lark import Token
 
-from ..diagnostics import Diagnostics, Span, in_order
+from ..diagnostics import Diagnostics, Span, sort_diagnostics
 from . import ast, lexer, line_joining, syntax_errors
 from .ast_builder import BROKEN, MAX_DEPTH, TooDeep
 from .error_site import ErrorSite
@@ -50,9 +50,9 @@ def parse(text: str, name: str, diagnostics: Diagnostics) -> ast.File:
         return ast.File(whole, name, text, ())
     found = Diagnostics()
     scan = lexer.scan(text.removeprefix("\ufeff"), name, found)
-    stream = line_joining.lay_out(scan, name, found)
+    stream = line_joining.join_lines(scan, name, found)
     items, dangling, broken = _Parsing(stream, scan, name, found).run()
-    shown = in_order(found.items)
+    shown = sort_diagnostics(found.items)
     diagnostics.items.extend(shown[:MAX_ERRORS])
     if len(shown) > MAX_ERRORS:
         diagnostics.error(f"more than {MAX_ERRORS} syntax errors; the rest is not shown", whole)
@@ -86,8 +86,8 @@ class _Parsing:
 
     def run(self) -> tuple[tuple[ast.Item, ...], tuple[ast.Comment, ...], set[str]]:
         lark = lexer.grammar()
-        with building(lark, self.file, Comments(self.scan.comments)) as made:
-            return self._run(Automaton(lark, made))
+        with building(lark, self.file, Comments(self.scan.comments)) as callbacks:
+            return self._run(Automaton(lark, callbacks))
 
     def _run(self, parser: Automaton) -> tuple[tuple[ast.Item, ...], tuple[ast.Comment, ...], set[str]]:
         self.parser = parser

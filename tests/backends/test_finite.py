@@ -34,6 +34,6 @@ def test_pictures_are_finite(tmp_path, name, backend, bounces):
 def test_what_is_left_out_is_said(tmp_path):
     from maquette.cli import render_job
 
-    assert render_job.left_out(0) == []
-    (said,) = render_job.left_out(1234)
+    assert render_job.invalid_sample_warnings(0) == []
+    (said,) = render_job.invalid_sample_warnings(1234)
     assert said.message == "the light of 1,234 samples was infinite or no number, and left out of the picture"

@@ -455,7 +455,7 @@ def test_interrupted_nothing_is_compared(scene: Path, monkeypatch: pytest.Monkey
         event.set()
         yield event
 
-    monkeypatch.setattr(render_job, "interruptible", pressed)
+    monkeypatch.setattr(render_job, "catch_interrupt", pressed)
     assert run("compare", scene, "--backends", "raster,ray", "-o", "d.png") == (130, "", "")
     assert not Path("d.png").exists()
 

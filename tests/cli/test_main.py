@@ -187,9 +187,9 @@ def test_values() -> None:
 
 
 def test_frames_are_numbered() -> None:
-    assert values.numbered(Path("a/out.####.png"), 7) == Path("a/out.0007.png")
-    assert values.numbered(Path("out##.exr"), 123) == Path("out123.exr")
-    assert values.numbered(Path("out.png"), 7) == Path("out.0007.png")
+    assert values.frame_path(Path("a/out.####.png"), 7) == Path("a/out.0007.png")
+    assert values.frame_path(Path("out##.exr"), 123) == Path("out123.exr")
+    assert values.frame_path(Path("out.png"), 7) == Path("out.0007.png")
 
 
 # --- render ----------------------------------------------------------------------------------------------------------------

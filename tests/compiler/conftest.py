@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from maquette.compiler import ir, load
-from maquette.lang.diagnostics import Diagnostics, SceneError, in_order, render_text
+from maquette.lang.diagnostics import Diagnostics, SceneError, render_text, sort_diagnostics
 
 Compile = Callable[..., ir.Scene]
 
@@ -39,6 +39,6 @@ def said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
             load.load("a.scene", diagnostics=found, **more)  # type: ignore[arg-type]
         except SceneError as error:
             found = Diagnostics(list(error.diagnostics))
-        return "\n".join(render_text(d, lambda name: Path(name).read_text(encoding="utf-8")) for d in in_order(found.items))
+        return "\n".join(render_text(d, lambda name: Path(name).read_text(encoding="utf-8")) for d in sort_diagnostics(found.items))
 
     return run

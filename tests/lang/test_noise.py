@@ -75,11 +75,11 @@ def test_its_statistics():
 
 def test_seeds_are_unlike_each_other():
     points = RANDOM.uniform(-30, 30, (20_000, 3))
-    rows = np.stack([at(points + plain.offset(seed)) for seed in range(12)])
+    rows = np.stack([at(points + plain.lattice_offset(seed)) for seed in range(12)])
     likeness = np.corrcoef(rows)
     assert np.abs(likeness - np.eye(12)).max() < 0.05
-    assert plain.offset(0) == (0, 0, 0)
-    assert len({plain.offset(seed) for seed in range(-500, 500)}) > 990
+    assert plain.lattice_offset(0) == (0, 0, 0)
+    assert len({plain.lattice_offset(seed) for seed in range(-500, 500)}) > 990
 
 
 def value(folder: Path, expression: str, point: tuple[float, float, float]) -> float:
@@ -101,7 +101,7 @@ def value(folder: Path, expression: str, point: tuple[float, float, float]) -> f
     ],
 )
 def test_as_it_is_written(tmp_path, written, place, seed):
-    moved = np.array([place]) + plain.offset(seed)
+    moved = np.array([place]) + plain.lattice_offset(seed)
     assert value(tmp_path, written, (0.3, 0.7, 0.2)) == pytest.approx(float(at(moved)[0]), abs=1e-12)
 
 

@@ -273,4 +273,4 @@ def test_a_saved_ir_takes_no_picture_options(tmp_path: Path) -> None:
     (tmp_path / "ball.scene").write_text("sphere(1)\n")
     done = CliRunner().invoke(cli, ["convert", str(tmp_path / "ball.scene"), str(tmp_path / "ball.npz"), "--size", "10x10"])
     assert done.exit_code == 2
-    assert "options of the picture belong to `maquette render OUT.npz`" in done.stderr
+    assert "give options of the picture to `maquette render OUT.npz`" in done.stderr

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from hypothesis import settings
-from maquette.lang.diagnostics import Diagnostics, Span, in_order, render_text
+from maquette.lang.diagnostics import Diagnostics, Span, render_text, sort_diagnostics
 from maquette.lang.elements import Document, Element
 from maquette.lang.eval import evaluator
 
@@ -30,7 +30,7 @@ def run(text: str, files: dict[str, str] | None = None, **options: Any) -> tuple
     """The document, and every message as it is printed."""
     diagnostics = Diagnostics()
     document = evaluator.evaluate(evaluator.Source("a.scene", text, "a.scene"), Files(files or {}), diagnostics, **options)
-    return document, [render_text(d, document.sources.get) for d in in_order(diagnostics.items)]
+    return document, [render_text(d, document.sources.get) for d in sort_diagnostics(diagnostics.items)]
 
 
 def good(text: str, files: dict[str, str] | None = None, **options: Any) -> Document:

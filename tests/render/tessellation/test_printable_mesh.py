@@ -58,7 +58,7 @@ def converted(tmp_path: Path, text: str, ending: str = "stl") -> tuple[trimesh.T
 def test_solids_are_closed_as_another_program_reads_them(tmp_path, name, ending):
     text, volume, euler = SOLIDS[name]
     read, said = converted(tmp_path, text, ending)
-    assert "triangles, closed, off" in said
+    assert "triangles, closed, distance" in said
     assert read.is_watertight
     assert read.is_winding_consistent
     if euler is not None:
@@ -100,5 +100,5 @@ def test_what_moves_to_the_origin_says_so(tmp_path):
 @pytest.mark.parametrize("name", ["cut", "chess", "glass", "bracket", "gear", "vase"])
 def test_examples_are_closed(tmp_path, name):
     done = CliRunner().invoke(cli, ["convert", str(EXAMPLES / f"{name}.scene"), str(tmp_path / "a.stl")])
-    assert "triangles, closed, off" in done.stderr
+    assert "triangles, closed, distance" in done.stderr
     assert trimesh.load(tmp_path / "a.stl").is_watertight  # pyright: ignore[reportAttributeAccessIssue]

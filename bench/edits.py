@@ -76,7 +76,7 @@ def _random_tape(operations: int, seed: int) -> Tape:
 
 def section(quick: bool, effort: Effort) -> Section:
     """Measure edits of formulas."""
-    common_options.collect_seldom()  # as the command line does
+    common_options.raise_gc_threshold()  # as the command line does
     found = Section("edits", "Edits of a formula", TEXT)
     rows: list[tuple[str, ...]] = []
     for name, relation in SMALL.items():

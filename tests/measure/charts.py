@@ -1,4 +1,4 @@
-"""Charts made by hand: a scene measured on five curves, and small ones that show one thing each."""
+"""Hand-made charts: a scene measured on five curves, and small charts with one feature each."""
 
 from __future__ import annotations
 

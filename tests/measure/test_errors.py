@@ -1,4 +1,4 @@
-"""The errors of a picture, one by one, by pictures of which they are known."""
+"""Errors of pictures with known answers."""
 
 from __future__ import annotations
 

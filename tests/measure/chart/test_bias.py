@@ -1,4 +1,4 @@
-"""Bias told from noise: by made estimators of which both are known, however loud the noise and however uncertain the reference."""
+"""Separation of bias and noise, with synthetic estimators of known bias and noise."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Closed forms against the ray backend, to float32; and that nothing is recognised that is not one."""
+"""Closed forms against the ray backend to float32, and scenes without a closed form."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The engine whole: numbers recomputed from kept images by other code, biases hidden on purpose, budget, peers, interruption."""
+"""The chart engine: figures recomputed from raw images, hidden biases, budget, peers, interruption."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def _short(knob: declared.QualitySetting) -> declared.QualitySetting:
 
 
 def _steps(made: tuple[declared.QualitySetting, ...]) -> list[declared.QualitySetting]:
-    """Those that need no package beyond maquette's own."""
+    """The settings that need no optional package."""
     return [knob for knob in made if knob.name in RUNGS]
 
 
@@ -58,7 +58,7 @@ def load(text: str, folder: Path) -> ir.Scene:
 
 @pytest.fixture(scope="module", autouse=True)
 def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """References of these tests lie in a folder of their own, and work ends before the budget: no figure depends on the machine's pace."""
+    """Use a separate folder of references and few samples, so that no figure depends on the speed of the machine."""
     folder = tmp_path_factory.mktemp("references")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(reference, "default_folder", lambda: folder)
@@ -96,7 +96,7 @@ def read(path: Path) -> np.ndarray:
 
 
 def weigh(squares: np.ndarray, truth: np.ndarray) -> float:
-    """The mean of squares over R² + ε², written out once more."""
+    """The mean of squares over R² + ε², as an independent implementation."""
     epsilon = 0.01 * float((truth @ np.array([0.2126729, 0.7151522, 0.0721750])).mean())
     return float((squares / (truth**2 + epsilon**2)).mean())
 

@@ -1,4 +1,4 @@
-"""The front and its knee: by hand, and as what no point beats."""
+"""The Pareto front and its knee, by hand and by definition."""
 
 from __future__ import annotations
 

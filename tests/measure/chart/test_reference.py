@@ -1,4 +1,4 @@
-"""References: long runs with seeds of their own, kept on disk, extended, and made anew where the file is damaged or the scene another."""
+"""References: independent seeds, disk cache, extension, and replacement of damaged or outdated files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which light a reference holds, and the sweeps that follow: what is missing from the scene's own settings has sweeps of its own."""
+"""The light of a reference and the resulting sweeps."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def test_interreflection_beside_ambient_light_shows_as_what_it_is(tmp_path: Path
     assert found["samples, 3 bounces"].settings[0].arguments() == "--backend ray --samples 1"
 
 
-def test_everybodys_overrides_stand_on_every_rung(tmp_path: Path) -> None:
+def test_shared_overrides_are_on_every_step(tmp_path: Path) -> None:
     scene = load(GLASS + AMBIENT, tmp_path)
     light = reference_light.choose(scene, ir.Settings(), {"filter": "box"})
     assert light.plan(scene)["filter"] == "box"
@@ -115,7 +115,7 @@ def test_everybodys_overrides_stand_on_every_rung(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", [MATT, GLASS, GLASS + AMBIENT, MATT + DEEP])
-def test_every_rung_can_be_planned_and_grows_dearer(text: str, tmp_path: Path) -> None:
+def test_every_step_has_a_plan_and_a_higher_cost(text: str, tmp_path: Path) -> None:
     scene = load(text, tmp_path)
     light = reference_light.choose(scene, ir.Settings(size=(40, 30)))
     for backend, made in declared.QUALITY_SETTINGS.items():

@@ -1,4 +1,4 @@
-"""Why a curve stops is said where it does, and not where the next step would have been another picture."""
+"""The stop reasons of curves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The examples on two backends: in direct light they agree to a thousandth inside outlines; what raster does not draw is found."""
+"""The examples on two backends: agreement to a thousandth inside outlines in direct light; features that raster lacks are found."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Two sides measured: whose difference it is, outlines, noise and bias, one kind of light; by hand-made pictures and small renders."""
+"""Comparisons of hand-made pictures and small renders: objects, outlines, noise, bias, encodings."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_shares_belong_to_the_pixels_of_an_object() -> None:
 
 
 def test_the_nearer_of_two_objects_has_the_pixel() -> None:
-    """Something that appears in front belongs to itself, and what is uncovered behind a thing that goes to the thing."""
+    """An object that appears in front owns its pixels; so does an object that vanishes."""
     flat = np.ones((1, 3, 3))
     a = painted(flat, [[1, 2, 1]], [[5.0, 1.0, 5.0]])
     b = painted(flat, [[1, 1, 3]], [[5.0, 5.0, 2.0]])
@@ -128,7 +128,7 @@ def test_independent_noise_is_seen_to_be_noise(scene: ir.Scene) -> None:
 
 
 def test_a_hidden_bias_shows_beneath_the_noise(scene: ir.Scene) -> None:
-    """Two per cent of light taken away: less than the noise of a pixel, and yet no accident."""
+    """Two per cent less light is below the noise of a pixel and yet significant."""
     a, b = drawn(scene, samples=4, seed=1), drawn(scene, samples=4, seed=2)
     rgba = a.image.channels["rgba"] * np.array([0.98, 0.98, 0.98, 1.0], np.float32)
     dimmed = Side("dimmed", Image(48, 32, {**a.image.channels, "rgba": rgba}, a.image.metadata), a.noise, a.scene, a.plan)

@@ -1,4 +1,4 @@
-"""What changed between two versions of a scene, told as whole lines."""
+"""Changes between two versions of a scene, as whole lines."""
 
 from __future__ import annotations
 

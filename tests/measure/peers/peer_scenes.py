@@ -1,4 +1,4 @@
-"""Scenes drawn by ours and by peers, and how far apart two pictures of them are."""
+"""Scenes rendered by maquette and by peers, and the difference of two pictures."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ quadric([1, -1, 1, 0.2, 0.1, -0.1, 0.05, 0, 0, -0.05], within: 1, translate: [-0
 
 
 def compiled(folder: Path, text: str, **settings: Any) -> tuple[ir.Scene, planner.Plan]:
-    """A scene of `text`, beside pictures it may use, and its plan with the box filter and with textures as peers look at them."""
+    """A scene of `text` and its plan with the box filter and unfiltered textures, as in peers."""
     source = folder / "scene.scene"
     source.write_text(text)
     scene = maquette.load(source)
@@ -56,13 +56,13 @@ def compiled(folder: Path, text: str, **settings: Any) -> tuple[ir.Scene, planne
 
 
 def both(name: str, folder: Path, text: str, ours: int, theirs: int, **settings: Any) -> tuple[np.ndarray, np.ndarray]:
-    """(ours, the peer's) linear pictures of a scene that the peer carries whole."""
+    """(ours, the peer's) linear pictures of a scene that the peer supports."""
     scene, plan = compiled(folder, text, samples=ours, **settings)
     (peer,) = registry.find([name])
     assert peer.unsupported(scene, plan) == []
     run = peer.run(scene, plan, Setting(name, "samples", theirs, {"samples": theirs}), seed=1)
     assert run.seed == 1
-    assert run.seconds["render"] >= 0  # POV-Ray tells of milliseconds, of which a small picture takes less than one on a quick machine
+    assert run.seconds["render"] >= 0  # POV-Ray reports milliseconds, and a small picture may take less than one
     assert sum(run.seconds.values()) > 0
     assert run.cpu >= 0
     picture = render_scene.draw(scene, plan).channels["rgba"][..., :3]

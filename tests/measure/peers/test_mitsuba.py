@@ -1,4 +1,4 @@
-"""Mitsuba draws what we draw: the same light, cameras, textures and depth of paths. Skipped where it is not installed."""
+"""Mitsuba renders the same pictures: lights, cameras, textures, path depth. Skipped if it is not installed."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def test_seeds_differ_and_repeat(tmp_path: Path) -> None:
     assert (first != other).any()
 
 
-def test_its_sweep_climbs(tmp_path: Path) -> None:
+def test_its_sweep_improves(tmp_path: Path) -> None:
     scene, plan = scenes.compiled(tmp_path, scenes.VIEW + scenes.FLOOR + scenes.SKY)
     sweep = MITSUBA.sweep(scene, plan)
     assert [s.options["samples"] for s in sweep] == [1, 4, 16, 64, 256, 1024, 4096]

@@ -1,4 +1,4 @@
-"""POV-Ray draws what we draw, sample for sample, to the half floats it writes. Skipped where it is not installed."""
+"""POV-Ray renders the same pictures, sample for sample, to half floats. Skipped if it is not installed."""
 
 from __future__ import annotations
 
@@ -56,6 +56,6 @@ def test_a_grid_of_samples_is_taken(tmp_path: Path) -> None:
     assert scenes.apart(*one)[0] > 0.2
 
 
-def test_its_sweep_climbs(tmp_path: Path) -> None:
+def test_its_sweep_improves(tmp_path: Path) -> None:
     scene, plan = scenes.compiled(tmp_path, scenes.VIEW + scenes.FLOOR + scenes.LAMP)
     assert [s.options["samples"] for s in POVRAY.sweep(scene, plan)] == [1, 4, 9, 16, 36, 64]

@@ -1,4 +1,4 @@
-"""A published scene against another renderer's long runs, pixel by pixel: only noise is between them (z-tests: Subr and Arvo 2007)."""
+"""A published scene against long runs of another renderer: only noise differs (z-tests: Subr and Arvo 2007)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page of a chart: whole in itself, every point with its figures and its command, light and dark; its script runs."""
+"""The HTML page of a chart: self-contained, all points with figures and commands, light and dark, with a running script."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""chart.json: every number of a chart in it, and an equal chart back."""
+"""chart.json: all numbers of a chart, and an equal chart read back."""
 
 from __future__ import annotations
 

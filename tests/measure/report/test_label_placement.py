@@ -1,4 +1,4 @@
-"""Placing of labels: boxes, lengths inside them, and that a label goes where it covers nothing."""
+"""Label placement: boxes, clipped lengths, and labels without overlap."""
 
 from __future__ import annotations
 

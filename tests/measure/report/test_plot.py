@@ -1,4 +1,4 @@
-"""The drawn chart, read back from its SVG: every point in its place, bars, front, knee, floors and names; labels clear of each other."""
+"""The chart read back from its SVG: points, bars, front, knee, floors, names, and labels without overlap."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A chart in words, as a person reads them in the terminal; whole texts."""
+"""The text report of a chart, as whole texts."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_the_answers_of_a_chart() -> None:
 
 
 def test_only_what_was_measured_is_advised() -> None:
-    """1 % lies between two steps: the dearer one is named, which was measured; no setting between them is made up."""
+    """A target between two steps names the more expensive one, which was measured, and no setting between them."""
     points = (charts.point("ray", "samples", 16, 1.0, 0.02), charts.point("ray", "samples", 64, 4.0, 0.005))
     chart = charts.chart(Curve("ray", "samples", points))
     assert text_report.advice(chart) == [

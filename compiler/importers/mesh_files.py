@@ -14,7 +14,7 @@ from ..io.sandbox import FileError, Files
 from ..mesh import polygon_mesh
 from ..scene.builder import NONE, SceneBuilder
 from ..scene.row_records import WHITE, Input, MaterialData
-from . import glb, mtl, obj, off, ply, stl
+from . import gltf, mtl, obj, off, ply, stl
 from .mesh_parts import Part, add
 
 
@@ -51,8 +51,8 @@ def read(
             return _parts(stl.read(data), Path(name).stem, builder, diagnostics, whole)
         if format_ == ".off":
             return _parts(off.read(data), Path(name).stem, builder, diagnostics, whole)
-        return glb.read(data, name, builder, diagnostics)
-    except (ply.PlyError, stl.StlError, glb.GlbError, off.OffError) as failure:
+        return gltf.read(data, name, builder, diagnostics)
+    except (ply.PlyError, stl.StlError, gltf.GltfError, off.OffError) as failure:
         diagnostics.error(str(failure), whole)
     except MemoryError:
         diagnostics.error(f"`{name}` does not fit into memory", whole)

@@ -32,36 +32,36 @@ MAX_NODES = 200_000
 LEAST_CUTOFF = 1e-9  # a mask that is cut at 0 is there everywhere
 
 
-class GlbError(Exception):
+class GltfError(Exception):
     """A GLB file that cannot be read."""
 
 
 def read(data: bytes, name: str, builder: SceneBuilder, diagnostics: Diagnostics) -> list[Part]:
     """The parts of a .glb file's scene, one for each primitive of each node that shows a mesh; nodes share geometries.
-    GlbError if there is nothing to be had."""
+    GltfError if there is nothing to be had."""
     document, binary = _chunks(data)
     needed = set(document.get("extensionsRequired", ())) - _UNDERSTOOD
     if needed:
-        raise GlbError(f"the GLB file needs what is not built: {', '.join(sorted(map(str, needed)))}")
+        raise GltfError(f"the GLB file needs what is not built: {', '.join(sorted(map(str, needed)))}")
     try:
         return _Reader(document, binary, name, builder, diagnostics).parts()
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as failure:
-        raise GlbError(f"the GLB file contradicts itself ({type(failure).__name__}: {failure})") from None
+        raise GltfError(f"the GLB file contradicts itself ({type(failure).__name__}: {failure})") from None
 
 
 def _chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
     """The JSON document and the binary chunk (§4.4)."""
     if len(data) < 20 or data[:4] != b"glTF":
-        raise GlbError("this is no GLB file: it does not begin with `glTF`")
+        raise GltfError("this is no GLB file: it does not begin with `glTF`")
     version, _, length, kind = struct.unpack_from("<III4s", data, 4)
     if version != 2 or kind != b"JSON" or 20 + length > len(data):
-        raise GlbError(f"the GLB file is of version {version}; version 2 is read" if version != 2 else "the GLB file ends early")
+        raise GltfError(f"the GLB file is of version {version}; version 2 is read" if version != 2 else "the GLB file ends early")
     try:
         document = json.loads(data[20 : 20 + length])
     except (ValueError, RecursionError):
-        raise GlbError("the GLB file's JSON is damaged") from None
+        raise GltfError("the GLB file's JSON is damaged") from None
     if not isinstance(document, dict):
-        raise GlbError("the GLB file's JSON is damaged")
+        raise GltfError("the GLB file's JSON is damaged")
     rest = data[20 + length :]
     return document, rest[8 : 8 + struct.unpack_from("<I", rest)[0]] if len(rest) >= 8 else b""
 
@@ -86,7 +86,7 @@ class _Reader:
             index, above = waiting.pop()
             seen += 1
             if seen > min(MAX_NODES, len(self.document["nodes"])):
-                raise GlbError("the GLB file's nodes contain each other")
+                raise GltfError("the GLB file's nodes contain each other")
             node = self.document["nodes"][index]
             matrix = above @ _local(node)
             if "mesh" in node:
@@ -96,7 +96,7 @@ class _Reader:
                 self.warn("skins are drawn in their rest pose")
             waiting += [(child, matrix) for child in reversed(node.get("children", ()))]
         if not found and not self.diagnostics.failed:
-            raise GlbError("the GLB file shows no mesh")
+            raise GltfError("the GLB file shows no mesh")
         return found
 
     def warn(self, message: str) -> None:
@@ -124,7 +124,7 @@ class _Reader:
         order = self.accessor(primitive["indices"]).reshape(-1) if "indices" in primitive else np.arange(len(points))
         triangles = _triangles(order.astype(np.int64), mode)
         if len(triangles) and triangles.max() >= len(points):
-            raise GlbError(f"the GLB file's mesh `{name}` has indices beyond its {len(points)} vertices")
+            raise GltfError(f"the GLB file's mesh `{name}` has indices beyond its {len(points)} vertices")
         sound = np.isfinite(points[triangles]).all(axis=(1, 2))
         triangles = triangles[sound]
         given = {key: self.accessor(attributes[key])[: len(points)] for key in ("NORMAL", "TEXCOORD_0", "COLOR_0") if key in attributes}
@@ -147,7 +147,7 @@ class _Reader:
             values = self.view(a["bufferView"], a.get("byteOffset", 0), kind, width, count)
         else:
             if count * width > len(self.binary) + (1 << 20):
-                raise GlbError("the GLB file promises more numbers than it can hold")
+                raise GltfError("the GLB file promises more numbers than it can hold")
             values = np.zeros((count, width), kind)
         if "sparse" in a:
             where, new, changed = a["sparse"]["indices"], a["sparse"]["values"], int(a["sparse"]["count"])
@@ -163,7 +163,7 @@ class _Reader:
         stride = view.get("byteStride", kind.itemsize * width)
         start = view.get("byteOffset", 0) + offset
         if view.get("buffer", 0) != 0 or start < 0 or start + stride * (count - 1) + kind.itemsize * width > len(self.binary):
-            raise GlbError("the GLB file's data lies outside of it")
+            raise GltfError("the GLB file's data lies outside of it")
         return np.ndarray((count, width), kind, self.binary, start, (stride, kind.itemsize))
 
     def material(self, index: int) -> int:

@@ -141,19 +141,20 @@ def _stage(
 
 
 def _mesh(path: Path, real: Path, files: Files, found: Diagnostics, watch: Stopwatch) -> ir.Scene:
-    """A bare mesh file: its own materials or grey, the default camera and lights."""
+    """A bare mesh file: its own materials or grey; the lights and cameras of a glTF file, else the default ones."""
     builder = SceneBuilder(found, files)
     with watch.stage("import"), np.errstate(all="ignore"):
         from .importers import mesh_files
 
-        parts = mesh_files.read(real, str(path), builder, found, None, files)
+        parts = mesh_files.read(real, str(path), builder, found, None, files, as_scene=True)
     with watch.stage("lower"):
         for part in parts:
             row = builder.transform(transforms.identity() if part.transform is None else part.transform)
             material = -1 if part.material is None else part.material
             builder.instance(InstanceData(part.geometry, row, material, name=part.name), Span(str(path)))
+        photometric = builder.count("lights") > 0  # glTF has candela and lux
         said = defaults.add(builder, ir.Settings())
-        return builder.finish(str(path), defaults=said, files=files.read)
+        return builder.finish(str(path), defaults=said, files=files.read, photometric=photometric)
 
 
 def _refuse_unused(

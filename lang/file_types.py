@@ -2,5 +2,5 @@
 
 SCENE = (".scene",)
 USD = (".usd", ".usda", ".usdc", ".usdz")
-MESH = (".obj", ".ply", ".stl", ".glb", ".off")
+MESH = (".obj", ".ply", ".stl", ".glb", ".gltf", ".off")
 SAVED = (".npz",)

@@ -19,12 +19,13 @@ from .mesh_parts import Part, add
 
 
 def read(
-    source: Path | bytes, name: str, builder: SceneBuilder, diagnostics: Diagnostics, span: Span | None = None, files: Files | None = None
+    source: Path | bytes, name: str, builder: SceneBuilder, diagnostics: Diagnostics, span: Span | None = None, files: Files | None = None,
+    as_scene: bool = False,
 ) -> list[Part]:
     """The parts of a mesh file, none after an error. `name` is shown in messages, and its ending says the format.
 
     `span` is where the file is asked for. `files` says which libraries and pictures may be read; left out, those in the file's
-    own folder and below.
+    own folder and below. `as_scene`: the file is the scene, so that its lights and cameras count.
     """
     format_ = Path(name).suffix.lower()
     whole = Span(name)
@@ -51,7 +52,7 @@ def read(
             return _parts(stl.read(data), Path(name).stem, builder, diagnostics, whole)
         if format_ == ".off":
             return _parts(off.read(data), Path(name).stem, builder, diagnostics, whole)
-        return gltf.read(data, name, builder, diagnostics)
+        return gltf.read(data, name, folder, files, builder, diagnostics, as_scene)
     except (ply.PlyError, stl.StlError, gltf.GltfError, off.OffError) as failure:
         diagnostics.error(str(failure), whole)
     except MemoryError:

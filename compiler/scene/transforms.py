@@ -119,6 +119,16 @@ def unit(v: np.ndarray) -> np.ndarray | None:
     return v / math.sqrt(float(v @ v))
 
 
+def unscaled(matrix: np.ndarray) -> Matrix:
+    """The frame of a camera without scale: −z as it looks, x as near as can be, right-handed."""
+    made = np.eye(4)
+    z = matrix[:3, 2] / max(float(np.linalg.norm(matrix[:3, 2])), 1e-300)
+    y = matrix[:3, 1] - (matrix[:3, 1] @ z) * z
+    y = y / max(float(np.linalg.norm(y)), 1e-300)
+    made[:3, 0], made[:3, 1], made[:3, 2], made[:3, 3] = np.cross(y, z), y, z, matrix[:3, 3]
+    return made
+
+
 def points(matrix: Matrix, at: np.ndarray) -> np.ndarray:
     """(n, 3) points moved by a matrix."""
     return at @ matrix[:3, :3].T + matrix[:3, 3]

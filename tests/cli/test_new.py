@@ -75,5 +75,5 @@ def test_what_cannot_be_is_said(arguments: tuple[str, ...], message: str) -> Non
 def test_other_kinds_are_named() -> None:
     code, _, said = run("new", "a", "--from", "chair")
     assert code == 2
-    kinds = "still, room, part, formula, or a file that ends in .obj .ply .stl .glb .off .usd .usda .usdc .usdz"
+    kinds = "still, room, part, formula, or a file that ends in .obj .ply .stl .glb .gltf .off .usd .usda .usdc .usdz"
     assert said.endswith(f"Error: --from is one of {kinds}\n")

@@ -97,7 +97,7 @@ def test_a_saved_scene_is_a_scene(hello: Path, tmp_path: Path) -> None:
     assert again.params == scene.params
 
 
-KNOWN = ".scene, .usd, .usda, .usdc, .usdz, .obj, .ply, .stl, .glb, .off, .npz"
+KNOWN = ".scene, .usd, .usda, .usdc, .usdz, .obj, .ply, .stl, .glb, .gltf, .off, .npz"
 
 
 @pytest.mark.parametrize(

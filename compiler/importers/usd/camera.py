@@ -12,6 +12,7 @@ import numpy as np
 from pxr import Gf, UsdGeom
 
 from ... import ir
+from ...scene import transforms
 from ...scene.builder import SceneBuilder
 from ...scene.row_records import CameraData
 from . import stage
@@ -42,7 +43,7 @@ def camera(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: 
     exposure = stage.number(prim.GetAttribute("exposure"), opened.time)
     return builder.camera(
         CameraData(
-            builder.transform(upright(matrix), span),
+            builder.transform(transforms.unscaled(matrix), span),
             height / (2 * lens.focalLength) if perspective else height * _TENTH / 2 * unit,
             ir.Projection.PERSPECTIVE if perspective else ir.Projection.ORTHOGRAPHIC,
             aspect=width / height, near=max(near, 0.0) if perspective else near, far=far,
@@ -65,16 +66,6 @@ def _shutter(prim: Any, opened: Opened) -> tuple[float, float]:
     begin, end = (stage.number(prim.GetAttribute(f"shutter:{name}"), opened.time) for name in ("open", "close"))
     codes = opened.stage.GetTimeCodesPerSecond()
     return (begin / codes, (end - begin) / codes) if codes > 0 and -math.inf < begin < end < math.inf else (0.0, 0.0)
-
-
-def upright(matrix: np.ndarray) -> np.ndarray:
-    """The frame of a camera without scale: −z as it looks, x as near as can be, right-handed."""
-    made = np.eye(4)
-    z = matrix[:3, 2] / max(np.linalg.norm(matrix[:3, 2]), 1e-300)
-    y = matrix[:3, 1] - (matrix[:3, 1] @ z) * z
-    y = y / max(np.linalg.norm(y), 1e-300)
-    made[:3, 0], made[:3, 1], made[:3, 2], made[:3, 3] = np.cross(y, z), y, z, matrix[:3, 3]
-    return made
 
 
 def frame(builder: SceneBuilder) -> np.ndarray | None:

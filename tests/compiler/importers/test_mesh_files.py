@@ -1,5 +1,6 @@
 """PLY, STL and GLB files in, geometry out; broken ones are one message; and the shared sample meshes."""
 
+import base64
 import json
 import struct
 
@@ -313,17 +314,170 @@ def test_glb_strips_and_fans_wind_alike(mode, order, count):
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
-        ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "the GLB file needs what is not built: KHR_draco_mesh_compression"),
-        ({"nodes": [{"children": [1]}, {"children": [0]}]}, "the GLB file's nodes contain each other"),
-        ({"nodes": [{}, {}, {}]}, "the GLB file shows no mesh"),
-        ({"bufferViews": []}, "the GLB file contradicts itself (IndexError: list index out of range)"),
-        ({"bufferViews": [{"buffer": 0, "byteOffset": 9999}] * 3}, "the GLB file's data lies outside of it"),
-        ({"meshes": 7}, "the GLB file contradicts itself (TypeError: 'int' object is not subscriptable)"),
-        ({"scene": 4}, "the GLB file contradicts itself (IndexError: list index out of range)"),
+        ({"asset": {"version": "1.0"}}, "the glTF file is of version 1.0; version 2 is read"),
+        ({"nodes": [{"children": [1]}, {"children": [0]}]}, "the glTF file's nodes contain each other"),
+        ({"nodes": [{}, {}, {}]}, "the glTF file shows no mesh"),
+        ({"bufferViews": []}, "the glTF file contradicts itself (IndexError: list index out of range)"),
+        ({"bufferViews": [{"buffer": 0, "byteOffset": 9999}] * 3}, "the glTF file's data lies outside of it"),
+        ({"meshes": 7}, "the glTF file contradicts itself (TypeError: 'int' object is not subscriptable)"),
+        ({"scene": 4}, "the glTF file contradicts itself (IndexError: list index out of range)"),
     ],
 )
 def test_broken_glb(change, expected):
     assert read(glb(*square(**change)), "a.glb")[2] == [f"a.glb: error: {expected}"]
+
+
+def gltf_lights(kind, **more):
+    """A document with a square, a light of this kind and a camera, both turned to +x at (0, 0, 2)."""
+    document, binary = square()
+    turned = {"translation": [0, 0, 2], "rotation": [0, -(0.5**0.5), 0, 0.5**0.5]}
+    lights = [{"type": kind, "color": [0, 0, 1], "intensity": 5, "name": "lamp", **more}]
+    document["extensions"] = {"KHR_lights_punctual": {"lights": lights}}
+    document["extensionsUsed"] = ["KHR_lights_punctual"]
+    document["cameras"] = [{"type": "perspective", "perspective": {"yfov": 1.0, "aspectRatio": 1.5, "znear": 0.1}}]
+    document["nodes"] += [{**turned, "extensions": {"KHR_lights_punctual": {"light": 0}}}, {**turned, "camera": 0, "name": "view"}]
+    document["scenes"] = [{"nodes": [1, 3, 4]}]
+    return glb(document, binary)
+
+
+@pytest.mark.parametrize(
+    ("kind", "more", "expected"),
+    [
+        ("directional", {}, {"kind": ir.LightKind.DIRECTIONAL, "direction": [-1, 0, 0]}),
+        ("point", {}, {"kind": ir.LightKind.POINT, "position": [0, 0, 2]}),
+        ("spot", {"spot": {"outerConeAngle": 0.5, "innerConeAngle": 0.25}},
+         {"kind": ir.LightKind.SPOT, "position": [0, 0, 2], "direction": [1, 0, 0], "cos_cone": np.cos(0.5), "cos_full": np.cos(0.25)}),
+    ],
+)  # fmt: skip
+def test_the_lights_and_the_camera_of_a_gltf(tmp_path, kind, more, expected):
+    """KHR_lights_punctual and §3.10: both look to −z of their node."""
+    (tmp_path / "a.glb").write_bytes(gltf_lights(kind, **more))
+    scene = load.load(tmp_path / "a.glb")
+    lights, cameras = scene.tables.lights, scene.tables.cameras
+    assert lights.color.tolist() == [[0, 0, 5]]
+    for column, value in expected.items():
+        assert getattr(lights, column)[0].tolist() == pytest.approx(value, abs=1e-6)
+    assert scene.names.cameras == ("view",)
+    assert scene.photometric
+    assert cameras.extent[0] == pytest.approx(np.tan(0.5))
+    assert cameras.aspect[0] == 1.5
+    matrix = scene.tables.transforms.matrix[cameras.transform[0]]
+    assert -matrix[:3, 2] == pytest.approx([1, 0, 0], abs=1e-6)
+
+
+def test_a_mesh_in_a_scene_leaves_lights_and_cameras_out():
+    messages = read(gltf_lights("point"), "a.glb")[2]
+    assert messages == [
+        f"a.glb: warning: the {what} of a mesh file are left out: only a file that is drawn by itself brings its {what}"
+        for what in ("lights", "cameras")
+    ]
+
+
+def test_instances_of_a_gltf():
+    """EXT_mesh_gpu_instancing: a node shows its mesh at each row of its attributes."""
+    document, binary = square()
+    places = np.array([[0, 0, 0], [3, 0, 0], [0, 4, 0]], "<f4").tobytes()
+    document["bufferViews"].append({"buffer": 0, "byteOffset": len(binary), "byteLength": 36})
+    document["accessors"].append({"bufferView": 3, "componentType": 5126, "count": 3, "type": "VEC3"})
+    document["nodes"] = [{"mesh": 0, "scale": [2, 2, 2], "extensions": {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 3}}}}]
+    document["scenes"] = [{"nodes": [0]}]
+    _, parts, messages = read(glb(document, binary + places), "a.glb")
+    assert messages == []
+    assert [np.asarray(p.transform)[:, 3].tolist() for p in parts] == [[0, 0, 0], [6, 0, 0], [0, 8, 0]]
+    assert {p.geometry for p in parts} == {0}
+
+
+def test_an_invisible_node_hides_its_children():
+    document, binary = square()
+    document["nodes"][1]["extensions"] = {"KHR_node_visibility": {"visible": False}}
+    document["scenes"] = [{"nodes": [1, 0]}]
+    assert [p.name for p in read(glb(document, binary), "a.glb")[1]] == ["one"]
+
+
+@pytest.mark.parametrize("override", [False, True])
+def test_pictures_use_the_set_of_coordinates_that_they_name(tmp_path, override):
+    data = write_image(tmp_path / "p.png", np.array([[[255, 0, 0]]], np.uint8)).read_bytes()
+    document, binary = square()
+    second = np.full((4, 2), 0.25, "<f4").tobytes()
+    document["bufferViews"] += [
+        {"buffer": 0, "byteOffset": len(binary), "byteLength": 32}, {"buffer": 0, "byteOffset": len(binary) + 32, "byteLength": len(data)},
+    ]  # fmt: skip
+    document["accessors"].append({"bufferView": 3, "componentType": 5126, "count": 4, "type": "VEC2"})
+    document["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_1"] = 3
+    document["images"], document["textures"] = [{"bufferView": 4}], [{"source": 0}]
+    reference = {"index": 0, "extensions": {"KHR_texture_transform": {"texCoord": 1}}} if override else {"index": 0, "texCoord": 1}
+    document["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = reference
+    scene, _, messages = read(glb(document, binary + second + data), "a.glb")
+    assert messages == []
+    assert tables.attribute(scene.tables, "uvs")[0].tolist() == [[0.25, 0.75]] * 3
+
+
+def test_a_gltf_with_a_file_and_a_data_uri(tmp_path):
+    """Text, buffer and picture apart; the mesh's buffer beside it, the picture inside."""
+    picture = base64.b64encode(write_image(tmp_path / "p.png", np.array([[[0, 255, 0]]], np.uint8)).read_bytes()).decode()
+    document, binary = square(asset={"version": "2.0"})
+    document["buffers"][0]["uri"] = "the%20mesh.bin"
+    document["images"], document["textures"] = [{"uri": f"data:image/png;base64,{picture}"}], [{"source": 0}]
+    document["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = {"index": 0}
+    (tmp_path / "the mesh.bin").write_bytes(binary)
+    (tmp_path / "a.gltf").write_text(json.dumps(document))
+    found = Diagnostics()
+    scene = load.load(tmp_path / "a.gltf", diagnostics=found)
+    assert [d.message for d in found.items if d.severity != "note"] == []
+    assert scene.tables.images.texels[0].tolist() == [0, 1, 0, 1]
+    assert len(scene.tables.pools.triangles) == 2
+    assert str(tmp_path / "the mesh.bin") in scene.files
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        ({"animations": [{}]}, "animations are not drawn: the nodes stand where the file places them"),
+        ({"extensionsUsed": ["EXT_new", "KHR_mesh_quantization"]}, "the glTF file uses what is not built: EXT_new"),
+        ({"materials": [{"extensions": {"KHR_materials_sheen": {}}}]}, "of materials, KHR_materials_sheen are not drawn"),
+        ({"textures": [{"extensions": {"KHR_texture_basisu": {"source": 0}}}],
+          "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]},
+         "a texture is not drawn: its picture is given by KHR_texture_basisu alone"),
+        ({"textures": [{"source": 0}], "images": [{"uri": "p.png"}],
+          "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]},
+         "the picture `p.png` is not read: its mesh has no folder"),
+    ],
+)  # fmt: skip
+def test_what_is_not_drawn_of_a_gltf_is_named(change, expected):
+    _, parts, messages = read(glb(*square(**change)), "a.glb")
+    assert len(parts) == 2
+    assert messages == [f"a.glb: warning: {expected}"]
+
+
+def test_compressed_meshes_are_named_and_left_out():
+    document, binary = square()
+    document["meshes"].append({"primitives": [{"attributes": {"POSITION": 0}, "extensions": {"KHR_draco_mesh_compression": {}}}]})
+    document["nodes"][0]["mesh"] = 1
+    _, parts, messages = read(glb(document, binary), "a.glb")
+    assert len(parts) == 1
+    assert messages == ["a.glb: warning: meshes compressed by KHR_draco_mesh_compression are not read: they are left out"]
+
+
+def test_emission_coats_glass_and_unlit_of_a_gltf():
+    document, binary = square()
+    extensions = {
+        "KHR_materials_emissive_strength": {"emissiveStrength": 4}, "KHR_materials_ior": {"ior": 1.25},
+        "KHR_materials_clearcoat": {"clearcoatFactor": 0.5},
+    }  # fmt: skip
+    document["materials"] = [{"emissiveFactor": [0, 0.5, 0], "extensions": extensions}]
+    scene, (part, _), messages = read(glb(document, binary), "a.glb")
+    values = scene.tables.materials.values[part.material]
+    assert messages == []
+    assert values[ir.Slot.EMISSION].tolist() == [0, 2, 0]
+    assert (values[ir.Slot.IOR][0], values[ir.Slot.COAT][0]) == (1.25, 0.5)
+    document["materials"] = [{"extensions": {"KHR_materials_unlit": {}}, "pbrMetallicRoughness": {"baseColorFactor": [1, 0, 0, 1]}}]
+    scene, (part, _), messages = read(glb(document, binary), "a.glb")
+    assert (messages, scene.tables.materials.values[part.material, ir.Slot.EMISSION].tolist()) == ([], [1, 0, 0])
+    clear = {"KHR_materials_transmission": {"transmissionFactor": 1}, "KHR_materials_ior": {"ior": 1.4}}
+    document["materials"] = [{"extensions": clear, "pbrMetallicRoughness": {"roughnessFactor": 0}}]
+    scene, (part, _), messages = read(glb(document, binary), "a.glb")
+    assert (messages, scene.tables.materials.model[part.material]) == ([], ir.MaterialModel.GLASS)
+    assert scene.tables.materials.values[part.material, ir.Slot.IOR][0] == pytest.approx(1.4)
 
 
 @pytest.mark.parametrize("data", [b"glTF", b"x" * 30, b"glTF" + struct.pack("<III4s", 2, 99, 4000, b"JSON")])

@@ -1,0 +1,136 @@
+"""Opens glTF 2.0 files, binary (.glb) and text (.gltf): the JSON document, its buffers, and numbers out of accessors.
+
+Format: glTF 2.0 (Khronos, ISO/IEC 12113:2022), sections named in the functions.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import json
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, unquote_to_bytes
+
+import numpy as np
+
+from ..io.sandbox import FileError, Files
+
+_TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+
+
+class GltfError(Exception):
+    """A glTF file that cannot be read, or a part of one."""
+
+
+@dataclass(slots=True)
+class Container:
+    """A document with what it refers to. `binary` is the chunk of a .glb; `folder` holds the files that a .gltf names."""
+
+    document: dict[str, Any]
+    binary: bytes
+    folder: Path | None
+    files: Files
+    _buffers: dict[int, bytes] = field(default_factory=dict)
+
+    def bytes_at(self, uri: str, what: str) -> bytes:
+        """The content of a data URI, or of a file beside the document. Raises GltfError, FileError."""
+        if uri.startswith("data:"):
+            head, comma, body = uri.partition(",")
+            if not comma:
+                raise GltfError("a data URI has no data")
+            try:
+                return base64.b64decode(unquote(body), validate=False) if head.endswith(";base64") else unquote_to_bytes(body)
+            except binascii.Error:
+                raise GltfError("a data URI is not base64") from None
+        if self.folder is None:
+            raise GltfError(f"the {what} `{uri}` is not read: its mesh has no folder")
+        return self.files.find(unquote(uri), self.folder, what).read_bytes()
+
+    def buffer(self, index: int) -> bytes:
+        """§3.6.1: a buffer is the binary chunk, a file or a data URI."""
+        if index not in self._buffers:
+            written = self.document["buffers"][index]
+            try:
+                self._buffers[index] = self.bytes_at(written["uri"], "buffer") if "uri" in written else self.binary
+            except FileError as failure:
+                raise GltfError(failure.message) from None
+        return self._buffers[index]
+
+    def view_bytes(self, index: int) -> bytes:
+        """The bytes of a buffer view."""
+        view = self.document["bufferViews"][index]
+        start = view.get("byteOffset", 0)
+        return self.buffer(view.get("buffer", 0))[start : start + view["byteLength"]]
+
+    def accessor(self, index: int) -> np.ndarray:
+        """(count, width) of an accessor (§3.6.2), whole numbers marked `normalized` as floats. Sparse ones have their changes applied."""
+        a = self.document["accessors"][index]
+        kind = np.dtype(_TYPES[a["componentType"]])
+        width, count = _WIDTHS[a["type"]], int(a["count"])
+        if "bufferView" in a:
+            values = self._view(a["bufferView"], a.get("byteOffset", 0), kind, width, count)
+        else:
+            if count * width > len(self.binary) + (1 << 20):
+                raise GltfError("the glTF file promises more numbers than it can hold")
+            values = np.zeros((count, width), kind)
+        if "sparse" in a:
+            where, new, changed = a["sparse"]["indices"], a["sparse"]["values"], int(a["sparse"]["count"])
+            rows = self._view(where["bufferView"], where.get("byteOffset", 0), np.dtype(_TYPES[where["componentType"]]), 1, changed)
+            values = values.copy()
+            values[rows[:, 0]] = self._view(new["bufferView"], new.get("byteOffset", 0), kind, width, changed)
+        if a.get("normalized") and kind.kind in "iu":
+            return np.maximum(values / np.iinfo(kind).max, -1.0)
+        return values
+
+    def _view(self, index: int, offset: int, kind: np.dtype[Any], width: int, count: int) -> np.ndarray:
+        view = self.document["bufferViews"][index]
+        data = self.buffer(view.get("buffer", 0))
+        stride = view.get("byteStride", kind.itemsize * width)
+        start = view.get("byteOffset", 0) + offset
+        if start < 0 or start + stride * (count - 1) + kind.itemsize * width > len(data):
+            raise GltfError("the glTF file's data lies outside of it")
+        return np.ndarray((count, width), kind, data, start, (stride, kind.itemsize))
+
+
+def open_container(data: bytes, folder: Path | None, files: Files) -> Container:
+    """The document in the bytes of a .glb or .gltf file. Raises GltfError."""
+    if data[:4] == b"glTF":
+        return Container(*_chunks(data), folder, files)
+    if data.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] != b"{":
+        raise GltfError("this is no glTF file: it begins neither with `glTF` nor with `{`")
+    return Container(_document(data), b"", folder, files)
+
+
+def _chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
+    """The JSON document and the binary chunk (§4.4)."""
+    if len(data) < 20:
+        raise GltfError("the glTF file ends early")
+    version, _, length, kind = struct.unpack_from("<III4s", data, 4)
+    if version != 2:
+        raise GltfError(f"the glTF file is of version {version}; version 2 is read")
+    if kind != b"JSON" or 20 + length > len(data):
+        raise GltfError("the glTF file ends early")
+    rest = data[20 + length :]
+    return _document(data[20 : 20 + length]), rest[8 : 8 + struct.unpack_from("<I", rest)[0]] if len(rest) >= 8 else b""
+
+
+def _document(text: bytes) -> dict[str, Any]:
+    try:
+        document = json.loads(text.decode("utf-8-sig"))
+    except (ValueError, RecursionError):
+        raise GltfError("the glTF file's JSON is damaged") from None
+    if not isinstance(document, dict):
+        raise GltfError("the glTF file's JSON is damaged")
+    version = str(document.get("asset", {}).get("version", "2.0"))
+    if not version.startswith("2."):
+        raise GltfError(f"the glTF file is of version {version[:10]}; version 2 is read")
+    return document
+
+
+Warn = Callable[[str], None]
+"""Says once what is not drawn."""

@@ -1,0 +1,168 @@
+"""Materials and pictures of glTF 2.0 files as `principled`, glass and emissive materials.
+
+Format: glTF 2.0 §3.9 and the ratified KHR_materials_… extensions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ...lang.diagnostics import Span
+from .. import ir
+from ..io.sandbox import FileError
+from ..scene import metallic_roughness
+from ..scene.builder import NONE, SceneBuilder
+from ..scene.row_records import BLACK, Input, MaterialData, TextureData, scaled
+from . import images
+from .gltf_container import Container, GltfError, Warn
+
+UNDERSTOOD = frozenset(
+    "KHR_materials_unlit KHR_materials_emissive_strength KHR_materials_ior KHR_materials_clearcoat KHR_materials_transmission "
+    "KHR_texture_transform EXT_texture_webp".split()
+)
+_WRAPS = {33071: ir.Wrap.CLAMP, 33648: ir.Wrap.MIRROR, 10497: ir.Wrap.REPEAT}
+_DATA = -2  # all channels of a picture, as numbers
+_LEAST_CUTOFF = 1e-9  # a mask that is cut at 0 is there everywhere
+_WHOLLY_CLEAR = 0.5  # transmission from which a material is glass
+
+
+@dataclass(slots=True)
+class Materials:
+    """The rows of a file's materials, made when they are first asked for."""
+
+    container: Container
+    name: str
+    builder: SceneBuilder
+    warn: Warn
+    _rows: dict[int, int] = field(default_factory=dict)
+
+    def row(self, index: int) -> int:
+        """The builder's row of a material."""
+        if index not in self._rows:
+            written = self.container.document["materials"][index]
+            self._rows[index] = self.builder.material(self._material(written), Span(self.name))
+        return self._rows[index]
+
+    def uv_set(self, index: int) -> int:
+        """The set of texture coordinates that a material's pictures use; the first where they differ, which is said."""
+        used = {_uv_set(reference) for reference in _references(self.container.document["materials"][index])}
+        if len(used) > 1:
+            self.warn("pictures of one material with different sets of texture coordinates all use the first set")
+        return used.pop() if len(used) == 1 else 0
+
+    def _material(self, written: dict[str, Any]) -> MaterialData:
+        extensions = written.get("extensions", {})
+        if others := sorted(set(extensions) - UNDERSTOOD):
+            self.warn(f"of materials, {', '.join(others)} are not drawn")
+        pbr = written.get("pbrMetallicRoughness", {})
+        color, picture = pbr.get("baseColorFactor", (1.0, 1.0, 1.0, 1.0)), self._texture(pbr.get("baseColorTexture"))
+        base = Input((color[0], color[1], color[2]), picture)
+        title = written.get("name", "")
+        if "KHR_materials_unlit" in extensions:
+            return MaterialData(ir.MaterialModel.LAMBERT, {ir.Slot.DIFFUSE: Input(BLACK), ir.Slot.EMISSION: base}, name=title)
+        transmission = extensions.get("KHR_materials_transmission", {})
+        if transmission.get("transmissionFactor", 0.0) >= _WHOLLY_CLEAR:
+            if transmission.get("transmissionTexture") or pbr.get("roughnessFactor", 1.0) > 0.1:
+                self.warn("transmission is drawn as clear glass: without its picture and roughness")
+            ior = float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5))
+            return MaterialData(ir.MaterialModel.GLASS, {ir.Slot.TRANSMISSION: base, ir.Slot.IOR: Input.number(max(ior, 1.0))}, name=title)
+        if transmission.get("transmissionFactor", 0.0) > 0:
+            self.warn("transmission below one half is not drawn")
+        return metallic_roughness.material(self._surface(written, base, float(color[3]), extensions))
+
+    def _surface(self, written: dict[str, Any], base: Input, alpha: float, extensions: dict[str, Any]) -> metallic_roughness.Surface:
+        """§3.9: base colour, metallic, roughness, emission and, for BLEND and MASK, opacity."""
+        pbr = written.get("pbrMetallicRoughness", {})
+        packed, mode = pbr.get("metallicRoughnessTexture"), written.get("alphaMode", "OPAQUE")
+        whole = mode == "OPAQUE" or (mode == "BLEND" and base.texture == NONE)
+        holes = None if whole else Input.number(alpha, self.builder.alpha_of(base.texture))
+        strength = float(extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0))
+        r, g, b = written.get("emissiveFactor", (0.0, 0.0, 0.0))
+        occlusion, coat = written.get("occlusionTexture"), extensions.get("KHR_materials_clearcoat", {})
+        if any("Texture" in key for key in coat):
+            self.warn("pictures of a clearcoat are not drawn")
+        return metallic_roughness.Surface(
+            base,
+            Input.number(float(pbr.get("metallicFactor", 1.0)), self._texture(packed, 2)),
+            Input.number(float(pbr.get("roughnessFactor", 1.0)), self._texture(packed, 1)),
+            Input.number(float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5))),
+            emissive=Input(scaled((r, g, b), strength), self._texture(written.get("emissiveTexture"))),
+            coat=Input.number(float(coat.get("clearcoatFactor", 0.0))),
+            coat_roughness=Input.number(float(coat.get("clearcoatRoughnessFactor", 0.0))),
+            occlusion=Input.number(1.0, self._texture(occlusion, 0)) if occlusion else metallic_roughness.ALL,
+            normal=self._normal(written.get("normalTexture")), opacity=alpha if mode == "BLEND" and holes is None else 1.0, holes=holes,
+            threshold=max(float(written.get("alphaCutoff", 0.5)), _LEAST_CUTOFF) if mode == "MASK" else 0.0, name=written.get("name", ""),
+        )  # fmt: skip
+
+    def _normal(self, reference: dict[str, Any] | None) -> Input | None:
+        """A normal map, with its strength; None where there is none."""
+        row = self._texture(reference, _DATA)
+        if reference is None or row == NONE:
+            return None
+        strength = float(reference.get("scale", 1.0))
+        return Input((strength, strength, 1.0), self.builder.with_levels(row, (2.0, 2.0, 2.0), (-1.0, -1.0, -1.0)))
+
+    def _texture(self, reference: dict[str, Any] | None, channel: int = -1) -> int:
+        """The row of a picture that a material refers to: a colour, one of its channels, or all of them as _DATA."""
+        if reference is None:
+            return NONE
+        texture = self.container.document["textures"][reference["index"]]
+        image = self._image(texture, color=channel == -1)
+        if image == NONE:
+            return NONE
+        sampler = self.container.document["samplers"][texture["sampler"]] if "sampler" in texture else {}
+        wrap_u, wrap_v = (_WRAPS.get(sampler.get(k, 10497), ir.Wrap.REPEAT) for k in ("wrapS", "wrapT"))
+        made = TextureData(
+            ir.TextureKind.IMAGE, image, wrap_u=wrap_u, wrap_v=wrap_v, nearest=sampler.get("magFilter") == 9728,
+            channel=max(channel, -1), frame=_frame(_transform(reference)),
+        )  # fmt: skip
+        return self.builder.texture(made, Span(self.name))
+
+    def _image(self, texture: dict[str, Any], color: bool) -> int:
+        """The row of a texture's image; NONE and a warning where it cannot be read."""
+        source = texture.get("source", texture.get("extensions", {}).get("EXT_texture_webp", {}).get("source"))
+        if source is None:
+            known = sorted(texture.get("extensions", {})) or ["nothing"]
+            self.warn(f"a texture is not drawn: its picture is given by {', '.join(known)} alone")
+            return NONE
+        picture = self.container.document["images"][source]
+        try:
+            data = self.container.view_bytes(picture["bufferView"]) if "bufferView" in picture else None
+            data = self.container.bytes_at(picture["uri"], "picture") if data is None else data
+            return images.row_from_bytes(self.builder, data, f"{self.name}[{source}]", color=color, span=Span(self.name))
+        except (images.ImageError, FileError) as failure:
+            self.builder.diagnostics.warning(failure.message, Span(self.name), failure.hint)
+        except GltfError as failure:
+            self.warn(str(failure))
+        return NONE
+
+
+def _references(material: dict[str, Any]) -> list[dict[str, Any]]:
+    """A material's references to textures, those of its extensions too."""
+    found = []
+    for key, value in material.items():
+        if isinstance(value, dict):
+            found += [value] if key.endswith("Texture") and "index" in value else _references(value)
+    return found
+
+
+def _transform(reference: dict[str, Any]) -> dict[str, Any]:
+    return reference.get("extensions", {}).get("KHR_texture_transform", {})
+
+
+def _uv_set(reference: dict[str, Any]) -> int:
+    """KHR_texture_transform's texCoord stands in place of the reference's own."""
+    return int(_transform(reference).get("texCoord", reference.get("texCoord", 0)))
+
+
+def _frame(moved: dict[str, Any]) -> Any:
+    """KHR_texture_transform, uv' = T · R · S · uv with v down, as a frame for v up."""
+    (ox, oy), angle, (sx, sy) = moved.get("offset", (0.0, 0.0)), moved.get("rotation", 0.0), moved.get("scale", (1.0, 1.0))
+    c, s = float(np.cos(angle)), float(np.sin(angle))
+    down = np.array([[c * sx, s * sy, ox], [-s * sx, c * sy, oy], [0, 0, 1]])
+    turn = np.array([[1.0, 0, 0], [0, -1, 1], [0, 0, 1]])
+    up = turn @ down @ turn
+    return tuple(map(tuple, (up[:2] + 0.0).tolist()))

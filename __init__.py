@@ -8,6 +8,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -62,7 +63,10 @@ def render(scene: ir.Scene | str | Path, *, plan: Mapping[str, str] | None = Non
 
     if not isinstance(scene, ir.Scene):
         scene = load(scene)
-    return render_scene.draw(scene, planner.make(scene, ir.Settings(**settings), plan))
+    made = planner.make_plan(scene, ir.Settings(**settings), plan)
+    for note in made.notes:
+        warnings.warn(note, DeprecationWarning, stacklevel=2)
+    return render_scene.draw(scene, made)
 
 
 def compare(image: Image | str | Path, reference: Image | str | Path) -> Difference:

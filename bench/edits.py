@@ -46,7 +46,7 @@ def redraw(relation: str, shadows: bool, redraws: int = 15, size: int = 512) -> 
         for k in range(redraws + 2):  # the first two load kernels
             begun = time.process_time()
             scene = load.load(path, sets={"k": f"{0.3 + 0.002 * (k % (redraws + 1)):.4f}"})
-            drawn = render_scene.draw(scene, planner.make(scene, ir.Settings(size=(size, size), samples=1, threads=1, backend="ray")))
+            drawn = render_scene.draw(scene, planner.make_plan(scene, ir.Settings(size=(size, size), samples=1, threads=1, backend="ray")))
             spent.append(time.process_time() - begun)
             if k in (0, redraws + 1):
                 pictures.append(drawn.channels["rgba"])

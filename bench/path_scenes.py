@@ -32,7 +32,7 @@ class Setting:
         asked = ir.Settings(
             size=(size, size), samples=samples, error=error, seed=seed, backend="ray", bounces=self.depth - 2, filter="box", threads=1
         )
-        return self.scene, plan.make(self.scene, asked)
+        return self.scene, plan.make_plan(self.scene, asked)
 
     def exported(self, size: int, folder: Path) -> Path:
         """The XML file for Mitsuba, with its Russian roulette from the fifth surface on."""

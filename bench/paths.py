@@ -35,8 +35,8 @@ what their own seeds differ. *Asked for* is what `--error` takes, where pixels t
 Mitsuba takes to the error that the picture has. Mitsuba: the `path` integrator and its independent sampler, in llvm mode, and for the rate
 also in scalar mode.
 
-Where all is matt, 4 × 4 pixels share what their paths find beyond the first surface (`transport.reuse`): what noise is left is the same for
-such a block, so that at equal √relMSE ours is coarser than Mitsuba's.
+In diffuse scenes, blocks of 4 × 4 pixels share their paths beyond the first surface (`transport.path_reuse`). The remaining noise is the
+same in a block: at equal √relMSE ours is coarser than Mitsuba's.
 
 The other scenes are written in our language and for Mitsuba by our exporter: a room with 200 small lights (depth 6), four balls of rough
 metal and four matt ones under a picture of the sky with a small sun (depth 6), glass on a table by a lamp (depth 10), and an interior of
@@ -186,7 +186,7 @@ def _decide(scene: ir.Scene, size: int, samples: int | None, seed: int, error: f
         size=(size, size), samples=samples, error=error, seed=seed, backend="ray", bounces=DEPTH - 2, filter="box", threads=1,
         background=(0.0, 0.0, 0.0),
     )  # fmt: skip
-    return scene, plan.make(scene, settings)
+    return scene, plan.make_plan(scene, settings)
 
 
 def exported_renderer(setting: path_scenes.Setting, folder: Path) -> Renderer:

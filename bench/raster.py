@@ -112,7 +112,7 @@ def our_frame(mesh: Mesh, size: int, samples: int, textured: bool = False, threa
     """The raster backend on a prepared scene: view-dependent setup and film."""
     scene = scene_of(mesh, textured)
     settings = ir.Settings(size=(size, size), backend="raster", samples=samples, filter="box", threads=threads, background="transparent")
-    decided = plan.make(scene, settings, {"raster.shading": "pixel", **({"textures": "sharp"} if textured else {})})
+    decided = plan.make_plan(scene, settings, {"raster.shading": "pixel", **({"texture_filter": "point"} if textured else {})})
     view = View(decided["camera"], size, size)
     prepared, build = timed(lambda: prepare.prepare(scene, decided, view))
 

@@ -108,7 +108,7 @@ def pictures(quick: bool) -> Cases:
     side = 32 if quick else 256
 
     def make(scene: ir.Scene, asked: ir.Settings, threads: int) -> tuple[Callable[[], Any], Callable[[Any], Any]]:
-        decided = plan.make(scene, replace(asked, size=(side, side), backend="ray", threads=threads))
+        decided = plan.make_plan(scene, replace(asked, size=(side, side), backend="ray", threads=threads))
         view = View(decided["camera"], side, side)
         prepared = prepare.prepare(scene, decided, view)
         return lambda: film.run(ray.Renderer(prepared, decided, view), decided, view).channels["rgba"], _identity

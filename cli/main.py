@@ -170,7 +170,7 @@ def inspect(scene: Path, as_ir: bool, as_json: bool, **given: Any) -> None:
 @shared.scene_options
 @shared.picture_options
 @click.option("--json", "as_json", is_flag=True, help="Print the decisions as JSON.")
-@shared.examples("maquette explain room.scene", "maquette explain room.scene --backend raster --plan raster.fill=areas")
+@shared.examples("maquette explain room.scene", "maquette explain room.scene --backend raster --plan raster.coverage=areas")
 def explain(scene: Path, as_json: bool, **given: Any) -> None:
     """Show the render plan of SCENE with reasons.
 

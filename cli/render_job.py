@@ -23,6 +23,7 @@ from .. import __version__
 from ..compiler.io.replace_file import replace_file
 from ..lang import file_types
 from ..lang.diagnostics import Diagnostic, Diagnostics, SceneError, Span
+from ..lang.schema.elements import MAX_BOUNCES
 from . import option_types as values
 from . import terminal
 
@@ -70,7 +71,7 @@ def make_plan(scene: ir.Scene, settings: ir.Settings, overrides: Mapping[str, st
     from ..compiler.plan import plan
 
     try:
-        return plan.make(scene, settings, overrides)
+        return plan.make_plan(scene, settings, overrides)
     except plan.PlanError as error:
         raise click.UsageError(str(error)) from None
 
@@ -363,10 +364,11 @@ def json_value(value: Any) -> Any:
 
 
 def plan_warnings(scene: ir.Scene, plan: Plan) -> list[Diagnostic]:
-    """The warnings of the plan about the scene."""
+    """Notes on former names of decisions, and warnings about the scene."""
     from ..compiler.plan import plan as planner
 
-    return [Diagnostic("warning", text) for text in planner.warnings(scene, plan)]
+    notes = [Diagnostic("note", text) for text in plan.notes]
+    return [*notes, *(Diagnostic("warning", text) for text in planner.warnings(scene, plan))]
 
 
 def summary(path: Path, figures: Mapping[str, Any]) -> str:
@@ -389,13 +391,11 @@ def invalid_sample_warnings(samples: int) -> list[Diagnostic]:
 
 def bounce_limit_notes(cut: Cut | None, scene: ir.Scene, plan: Plan) -> list[Diagnostic]:
     """The note about light lost by the limit on bounces; a warning if an error target is set."""
-    from ..compiler.plan import plan as planner
-
     if cut is None or not cut.matters:
         return []
     than = "is the error asked for" if plan["error"] else "noise hides"
     message = f"the limit of {plan['bounces']} bounces leaves out {cut.share:.1%} of a place's light (± {cut.error:.1%}), more than {than}"
-    enough = cut.enough or planner.MAX_BOUNCES
+    enough = cut.enough or MAX_BOUNCES
     hint = f"render(bounces: {enough}) or --bounces {enough} leaves out less" + ("" if cut.enough else "; here light does not fade")
     return [Diagnostic("warning" if plan["error"] else "note", message, scene.spans.at("settings", 0), hint)]
 

@@ -63,7 +63,7 @@ def can_denoise() -> bool:
 
 
 def _is_noisy(scene: ir.Scene, plan: Plan) -> bool:
-    return can_denoise() and (plan["soft lights"] or plan["interreflection"])
+    return can_denoise() and (plan["area_lights"] or plan["interreflection"])
 
 
 _DENOISED = QualitySetting("denoised samples", _SAMPLES[1:6], float, option="samples", fixed={"denoise": True}, applies=_is_noisy)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ..compiler import ir
-from ..compiler.plan import plan as planner
+from ..compiler.plan import channels
 from ..compiler.plan.plan import Plan
 from . import types
 from .backends import accumulation, light_groups, prepare
@@ -17,6 +17,7 @@ from .image.image import Image
 from .jit import kernel_cache
 
 Progress = Callable[[int, int], None]  # tiles done, total
+MISSING_LIGHT = 0.02  # share of a pixel's light that the limit on bounces may leave out, unless an error was asked for
 
 
 def draw(scene: ir.Scene, plan: Plan, progress: Progress | None = None, cancel: threading.Event | None = None) -> Image:
@@ -40,8 +41,8 @@ def draw(scene: ir.Scene, plan: Plan, progress: Progress | None = None, cancel: 
 
             return accumulation.Renderer(scene, plan, view, still) if by_moments else still(scene)
 
-        lit = planner.light_groups(plan)
-        by_moments = backend == "raster" and (plan["motion"] or plan["lens"] == "thin")
+        lit = channels.light_groups(plan)
+        by_moments = backend == "raster" and (plan["motion_blur"] or plan["lens"] == "thin")
         renderer = light_groups.Renderer(scene, plan, made) if lit else made(scene, plan)
         layers = [name for name in plan["aov"] if name in cryptomatte.LAYERS]
         mattes = cryptomatte.Mattes(scene, layers) if layers else None
@@ -65,7 +66,7 @@ def _measure_bounce_error(renderer: Any, plan: Plan, image: Image) -> bounce_err
     """The light lost to the limit on bounces; None for partial pictures and light groups, which have a renderer each."""
     if image.metadata["partial"] or not bounce_error.measurable(plan) or not hasattr(renderer, "limit"):
         return None
-    allowed = plan["error"] or max(image.metadata["error"] or 0.0, planner.UNSEEN)
+    allowed = plan["error"] or max(image.metadata["error"] or 0.0, MISSING_LIGHT)
     return bounce_error.measured(renderer, plan, image.metadata["rays"], allowed)
 
 

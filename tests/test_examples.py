@@ -49,9 +49,9 @@ def test_an_example_is_drawn(path, backend):
             asked = ir.Settings(size=(64, 48), samples=1, backend=backend, aov=("depth", "normal"))
         if backend == "raster" and scene.tables.cameras.projection[camera] == ir.Projection.PANORAMIC:
             with pytest.raises(planner.PlanError, match="the raster backend draws no panoramic pictures: write --backend ray"):
-                planner.make(scene, asked)
+                planner.make_plan(scene, asked)
             continue
-        image = draw(scene, planner.make(scene, asked))
+        image = draw(scene, planner.make_plan(scene, asked))
         assert image.metadata["issues"] == 0
         rgba = image.channels["rgba"]
         assert np.isfinite(rgba).all()

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...lang.diagnostics import Diagnostic
 from .. import ir
-from ..plan import plan as plans
+from ..plan import scene_facts
 
 BLACK = np.zeros(3)
 F64 = NDArray[np.float64]
@@ -52,7 +52,8 @@ class Export:
 
     def without_opacity(self) -> None:
         """Say which materials' opacity is lost."""
-        for row in np.unique(self.scene.tables.instances.material[plans.partial(self.scene.tables)[self.scene.tables.instances.material]]):
+        used = self.scene.tables.instances.material
+        for row in np.unique(used[scene_facts.partial(self.scene.tables)[used]]):
             self.cannot("opacity is not carried: what has one is wholly there", "materials", int(row))
 
     def tessellated(self, kind: ir.GeometryKind, instance: int, triangles: int, tolerance: float) -> None:
@@ -315,5 +316,5 @@ def pixels(images: ir.Images, image: int) -> NDArray[np.float32]:
 def follows_uv(tables: ir.Tables, row: int, kind: int) -> bool:
     """Whether a texture's place is the surface's own u, v, on a shape of a kind (on spheres and boxes two more mappings are the same)."""
     mapping = tables.textures.mapping[row]
-    same = (ir.Mapping_.LATLONG, ir.GeometryKind.SPHERE), (ir.Mapping_.BOX, ir.GeometryKind.BOX)
-    return bool(mapping == ir.Mapping_.UV) or (mapping, kind) in same
+    same = (ir.TextureMapping.LATLONG, ir.GeometryKind.SPHERE), (ir.TextureMapping.BOX, ir.GeometryKind.BOX)
+    return bool(mapping == ir.TextureMapping.UV) or (mapping, kind) in same

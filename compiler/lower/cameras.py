@@ -8,7 +8,7 @@ from typing import Any
 from ...lang.diagnostics import suggest
 from ...lang.elements import Element
 from .. import ir
-from ..plan import plan
+from ..plan import channels
 from ..scene import transforms, validate
 from ..scene.row_records import CameraData
 from .context import Context
@@ -117,7 +117,7 @@ def _crop(lowering: Context, render: Element) -> tuple[int, int, int, int] | Non
 def _aov(lowering: Context, render: Element) -> tuple[str, ...] | None:
     given = render.args["aov"]
     for name in given or ():
-        if not plan.is_channel(name):
-            hint = suggest(name, plan.CHANNELS) or f"there are {', '.join(plan.CHANNELS)}"
+        if not channels.is_channel(name):
+            hint = suggest(name, channels.CHANNELS) or f"there are {', '.join(channels.CHANNELS)}"
             return lowering.error(render, f"no channel is called `{name}`", hint)
     return tuple(given) if given else None

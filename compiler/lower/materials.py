@@ -24,7 +24,7 @@ Slot = ir.Slot
 DARKEST = 1e-6  # of a colour inside glass: black would absorb without end
 MOST_PATTERN = 509  # operations of a pattern, as kernels have room for (render/texture/procedural.py)
 _SHADING = {"phong": ir.Shading.SMOOTH, "gouraud": ir.Shading.GOURAUD, "flat": ir.Shading.FLAT}
-_MAPPINGS = {m.name.lower(): m for m in ir.Mapping_}
+_MAPPINGS = {m.name.lower(): m for m in ir.TextureMapping}
 _WRAPS = {w.name.lower(): w for w in ir.Wrap}
 
 

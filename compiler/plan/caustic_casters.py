@@ -38,7 +38,7 @@ def sharp_materials(tables: ir.Tables) -> np.ndarray:
 
     flat = (m.values[:, slot.ROUGHNESS, 0] ** 2 < FLAT) | (m.textures[:, slot.ROUGHNESS] >= 0)
     sharp = may_be(slot.REFLECTION) | (may_be(slot.TRANSMISSION) & (m.model != ir.MaterialModel.GLASS))
-    sharp |= ir.among(m.model, (*_LAYERED, ir.MaterialModel.GLASS)) & flat
+    sharp |= ir.is_in(m.model, (*_LAYERED, ir.MaterialModel.GLASS)) & flat
     for row in np.flatnonzero(m.model == ir.MaterialModel.BLEND):  # parts have lower rows than their blends
         sharp[row] = sharp[m.first[row]] | sharp[m.second[row]]
     return sharp
@@ -49,7 +49,7 @@ def polished_materials(tables: ir.Tables) -> np.ndarray:
     m, slot = tables.materials, ir.Slot
     polished = (m.values[:, slot.ROUGHNESS, 0] <= POLISHED) | (m.textures[:, slot.ROUGHNESS] >= 0)
     metallic = (m.values[:, slot.METALLIC, 0] >= 1.0) | (m.textures[:, slot.METALLIC] >= 0) | (m.model == ir.MaterialModel.METAL)
-    found = ir.among(m.model, _LAYERED) & polished & metallic
+    found = ir.is_in(m.model, _LAYERED) & polished & metallic
     frosted = (m.values[:, slot.ROUGHNESS, 0] > 0.0) | (m.textures[:, slot.ROUGHNESS] >= 0)
     found |= (m.model == ir.MaterialModel.GLASS) & polished & frosted
     for row in np.flatnonzero(m.model == ir.MaterialModel.BLEND):
@@ -77,7 +77,7 @@ def gleam(tables: ir.Tables) -> np.ndarray:
     f0 = np.where(m.model == ir.MaterialModel.PRINCIPLED_SPECULAR, most(slot.SPECULAR, 1.0), f0)
     least = np.where(m.textures[:, slot.ROUGHNESS] >= 0, 0.0, m.values[:, slot.ROUGHNESS, 0])
     least_coat = np.where(m.textures[:, slot.COAT_ROUGHNESS] >= 0, 0.0, m.values[:, slot.COAT_ROUGHNESS, 0])
-    layered = ir.among(m.model, (ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR))
+    layered = ir.is_in(m.model, (ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR))
     found = np.where(layered, np.maximum(reflects(f0, least), reflects(COAT * most(slot.COAT, 1.0), least_coat)), 0.0)
     specular = most(slot.SPECULAR, 1.0)
     narrow = m.normalized & (specular * (most(slot.SHININESS, np.inf) + 2.0) >= np.where(specular >= BRIGHT, PEAK, FAINT_PEAK))
@@ -98,8 +98,8 @@ def matt_materials(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: those that spread light."""
     m, slot = tables.materials, ir.Slot
     matt = (m.values[:, [slot.DIFFUSE, slot.SPECULAR]].max(axis=(1, 2), initial=0.0) > 0.0) | (m.textures[:, slot.DIFFUSE] >= 0)
-    matt |= ir.among(m.model, (*_LAYERED, ir.MaterialModel.BLEND))
-    return matt & ~ir.among(m.model, (ir.MaterialModel.MIRROR,))
+    matt |= ir.is_in(m.model, (*_LAYERED, ir.MaterialModel.BLEND))
+    return matt & ~ir.is_in(m.model, (ir.MaterialModel.MIRROR,))
 
 
 def balls(tables: ir.Tables) -> tuple[np.ndarray, np.ndarray]:
@@ -139,7 +139,7 @@ def lamps(tables: ir.Tables, all_sizes: bool = False) -> tuple[np.ndarray, np.nd
     centre, radius = balls(tables)
     mirrors = gathering(tables)
     small = math.inf if all_sizes else SMALL
-    chosen = ir.among(lit.kind, LAMPS) & lit.shadows & (lit.color.max(axis=1, initial=0.0) > 0.0)
+    chosen = ir.is_in(lit.kind, LAMPS) & lit.shadows & (lit.color.max(axis=1, initial=0.0) > 0.0)
     chosen &= lit.falloff == ir.FalloffKind.INVERSE_SQUARE
     for k in np.flatnonzero(chosen):
         kind = lit.kind[k]
@@ -171,7 +171,7 @@ def carrier(tables: ir.Tables, transport: str, backend: str, moves: bool) -> tup
     mirrors = gathering(tables)
     if not mirrors.any() or not (matt_materials(tables) & scene_facts.used_materials(tables)).any():
         return "paths", "nothing mirrors or bends light onto matt things", chance
-    if transport != "paths":
+    if transport != "path":
         return "none", "the tree looks for lamps from matt things straight: write --bounces", ("none",)
     if backend != "ray":
         return "paths", "the ray backend alone has photons", chance
@@ -179,7 +179,7 @@ def carrier(tables: ir.Tables, transport: str, backend: str, moves: bool) -> tup
         return "paths", "things move: photons fly at other times than paths", chance
     small, shining = lamps(tables)
     endless = ~np.isfinite(balls(tables)[1][mirrors])
-    if endless.any() and (ir.among(tables.lights.kind, FAR) & small).any():
+    if endless.any() and (ir.is_in(tables.lights.kind, FAR) & small).any():
         return "paths", "an endless thing mirrors light from endlessly far: photons cannot be aimed at it", chance
     count = int(small.sum() + shining.sum())
     if not count:

@@ -23,7 +23,7 @@ def tell(scene: ir.Scene, diagnostics: Diagnostics) -> None:
     """Warn of each lamp in a closed opaque thing that the first camera is outside of."""
     tables = scene.tables
     lights = tables.lights
-    rows = np.flatnonzero(ir.among(lights.kind, _PLACED) & lights.shadows)[:MOST_LAMPS]
+    rows = np.flatnonzero(ir.is_in(lights.kind, _PLACED) & lights.shadows)[:MOST_LAMPS]
     if not len(rows) or not len(tables.cameras.transform):
         return
     at = [_corners(tables, int(row)) for row in rows]
@@ -73,7 +73,7 @@ def _opaque(tables: ir.Tables) -> np.ndarray:
     """Rows of instances that cast shadows and let no light through, but lamps, which do not block those in them (bodies.py); mixtures of
     materials are not looked into."""
     materials, instances = tables.materials, tables.instances
-    through = scene_facts.partial(tables) | ir.among(materials.model, (ir.MaterialModel.GLASS, ir.MaterialModel.BLEND))
+    through = scene_facts.partial(tables) | ir.is_in(materials.model, (ir.MaterialModel.GLASS, ir.MaterialModel.BLEND))
     through |= (materials.values[:, ir.Slot.TRANSMISSION] > 0.0).any(axis=1) | (materials.textures[:, ir.Slot.TRANSMISSION] >= 0)
     return np.flatnonzero((instances.visible & ir.Visibility.SHADOW != 0) & (instances.light < 0) & ~through[instances.material])
 

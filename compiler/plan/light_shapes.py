@@ -11,7 +11,7 @@ _AREAS = (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)
 _PLACED = (ir.LightKind.POINT, ir.LightKind.SPOT, *_AREAS)
 
 
-def that_block(tables: ir.Tables) -> np.ndarray:
+def blocking(tables: ir.Tables) -> np.ndarray:
     """(instances,) bool: lamps' shapes that block light.
 
     None where there is but one light: no lamp stands in its own. Nor does a ball around another lamp, as is put there to show it, nor a
@@ -31,11 +31,11 @@ def that_block(tables: ir.Tables) -> np.ndarray:
 def _holds_another(tables: ir.Tables, row: int) -> bool:
     """Whether another lamp's place is in the ball of a row of Lights."""
     lights, transforms = tables.lights, tables.transforms
-    area = ir.among(lights.kind, _AREAS)
+    area = ir.is_in(lights.kind, _AREAS)
     places = np.where(area[:, None], transforms.matrix[lights.transform, :, 3], lights.position)
     matrix = transforms.matrix[lights.transform[row]]
     radius = lights.size[row, 0] * np.linalg.norm(matrix[:, 0])
-    inside = ir.among(lights.kind, _PLACED) & (np.linalg.norm(places - matrix[:, 3], axis=1) < radius)
+    inside = ir.is_in(lights.kind, _PLACED) & (np.linalg.norm(places - matrix[:, 3], axis=1) < radius)
     inside[row] = False
     return bool(inside.any())
 
@@ -43,7 +43,7 @@ def _holds_another(tables: ir.Tables, row: int) -> bool:
 def let_through(tables: ir.Tables, blocks: bool) -> ir.Tables:
     """Tables in which lamps' shapes that do not block light, or with `blocks` off none of them, are let through by shadow rays."""
     instances = tables.instances
-    passed = (instances.light >= 0) & ~(that_block(tables) & blocks) & (instances.visible & ir.Visibility.SHADOW != 0)
+    passed = (instances.light >= 0) & ~(blocking(tables) & blocks) & (instances.visible & ir.Visibility.SHADOW != 0)
     if not passed.any():
         return tables
     visible = np.where(passed, instances.visible & ~int(ir.Visibility.SHADOW), instances.visible)

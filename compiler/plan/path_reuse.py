@@ -14,7 +14,7 @@ _SKIES = (ir.LightKind.SKY, ir.LightKind.DOME)
 def by_blocks(tables: ir.Tables, transport: str, backend: str, moves: bool) -> tuple[str, str, tuple[str, ...]]:
     """(value, reason, choices) of the decision."""
     why = ""
-    if transport != "paths":
+    if transport != "path":
         why = "no path is drawn by chance"
     elif backend != "ray":
         why = "the reference draws each path for itself"
@@ -22,7 +22,7 @@ def by_blocks(tables: ir.Tables, transport: str, backend: str, moves: bool) -> t
         why = "each path has a time of its own"
     elif not is_matt(tables):
         why = "something is not matt, even and wholly there: what it sends depends on where it is seen from"
-    elif ir.among(tables.lights.kind, _SKIES).any():
+    elif ir.is_in(tables.lights.kind, _SKIES).any():
         why = "light comes from the sky, which each pixel looks for by itself"
     elif len(tables.lights.kind) > MANY:
         why = "lamps are so many that most noise is of which one the first surface looks for"
@@ -35,7 +35,7 @@ def is_matt(tables: ir.Tables) -> bool:
     """Whether all things send the same light in all directions, by normals of their own, and every ray may meet them."""
     m, instances, slot = tables.materials, tables.instances, ir.Slot
     other = [slot.SPECULAR, slot.REFLECTION, slot.TRANSMISSION]
-    plain = ir.among(m.model, _MATT) & (m.shading != ir.Shading.GOURAUD) & ~scene_facts.partial(tables)
+    plain = ir.is_in(m.model, _MATT) & (m.shading != ir.Shading.GOURAUD) & ~scene_facts.partial(tables)
     plain &= m.values[:, other].max(axis=(1, 2), initial=0.0) <= 0.0
     plain &= (m.textures[:, [*other, slot.NORMAL, slot.BUMP]] < 0).all(axis=1)
     rounded = (tables.geometries.normals[instances.geometry] >= 0) & (m.shading[instances.material] != ir.Shading.FLAT)

@@ -65,7 +65,7 @@ def specular_materials(scene: ir.Scene) -> np.ndarray:
     m = scene.tables.materials
     slots = m.values[:, [ir.Slot.REFLECTION, ir.Slot.TRANSMISSION]].max(axis=(1, 2), initial=0.0) > 0
     slots |= glossy_materials(scene)
-    return slots | ir.among(m.model, (ir.MaterialModel.MIRROR, ir.MaterialModel.GLASS))
+    return slots | ir.is_in(m.model, (ir.MaterialModel.MIRROR, ir.MaterialModel.GLASS))
 
 
 def used_materials(tables: ir.Tables) -> np.ndarray:
@@ -88,7 +88,7 @@ def glossy_materials(scene: ir.Scene) -> np.ndarray:
 
     polished = may_be(lambda x: x < POLISHED, slot.ROUGHNESS) | may_be(lambda x: x > 0.0, slot.METALLIC)
     polished |= may_be(lambda x: x > 0.0, slot.COAT) & may_be(lambda x: x < POLISHED, slot.COAT_ROUGHNESS)
-    principled = ir.among(m.model, (ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR))
+    principled = ir.is_in(m.model, (ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR))
     frosted = (m.model == ir.MaterialModel.GLASS) & may_be(lambda x: x > 0.0, slot.ROUGHNESS)
     return (m.model == ir.MaterialModel.METAL) | (principled & polished) | frosted
 
@@ -98,7 +98,7 @@ def lit_materials(tables: ir.Tables) -> np.ndarray:
     m, slots = tables.materials, [ir.Slot.DIFFUSE, ir.Slot.SPECULAR]
     plain = (m.values[:, slots].max(axis=(1, 2), initial=0.0) > 0.0) | (m.textures[:, slots] >= 0).any(axis=1)
     rough = (m.values[:, ir.Slot.ROUGHNESS, 0] > 0.0) | (m.textures[:, ir.Slot.ROUGHNESS] >= 0)
-    facets = ir.among(m.model, (ir.MaterialModel.METAL, ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR))
+    facets = ir.is_in(m.model, (ir.MaterialModel.METAL, ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR))
     return plain | facets | (m.model == ir.MaterialModel.BLEND) | (rough & (m.model == ir.MaterialModel.GLASS))
 
 

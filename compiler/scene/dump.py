@@ -19,7 +19,7 @@ _KINDS: dict[tuple[str, str], type] = {
     ("materials", "model"): ir.MaterialModel,
     ("materials", "shading"): ir.Shading,
     ("textures", "kind"): ir.TextureKind,
-    ("textures", "mapping"): ir.Mapping_,
+    ("textures", "mapping"): ir.TextureMapping,
     ("textures", "wrap_u"): ir.Wrap,
     ("textures", "wrap_v"): ir.Wrap,
     ("lights", "kind"): ir.LightKind,

@@ -90,7 +90,7 @@ class TextureData:
     kind: ir.TextureKind
     image: int = -1
     tape: int = -1
-    mapping: ir.Mapping_ = ir.Mapping_.UV
+    mapping: ir.TextureMapping = ir.TextureMapping.UV
     wrap_u: ir.Wrap = ir.Wrap.REPEAT
     wrap_v: ir.Wrap = ir.Wrap.REPEAT
     nearest: bool = False

@@ -43,7 +43,7 @@ _CHOICES: tuple[tuple[str, str, type[IntEnum]], ...] = (
     ("materials", "model", ir.MaterialModel),
     ("materials", "shading", ir.Shading),
     ("textures", "kind", ir.TextureKind),
-    ("textures", "mapping", ir.Mapping_),
+    ("textures", "mapping", ir.TextureMapping),
     ("textures", "wrap_u", ir.Wrap),
     ("textures", "wrap_v", ir.Wrap),
     ("lights", "kind", ir.LightKind),
@@ -282,9 +282,9 @@ def _lights(check: Check) -> None:
     kind = t["kind"]
     if not len(kind):
         return
-    area = ir.among(kind, (Light.RECTANGLE, Light.DISK, Light.SPHERE))
+    area = ir.is_in(kind, (Light.RECTANGLE, Light.DISK, Light.SPHERE))
     check.bad("lights", (t["color"] < 0).any(axis=1), "its strength is negative")
-    directed = ir.among(kind, (Light.SPOT, Light.DIRECTIONAL, Light.SUN))
+    directed = ir.is_in(kind, (Light.SPOT, Light.DIRECTIONAL, Light.SUN))
     lengths = np.linalg.norm(t["direction"], axis=1)
     check.bad("lights", directed & ~(np.abs(lengths - 1) < 1e-6), "its direction is not of length 1")
     check.bad("lights", (kind == Light.DOME) & (t["image"] < 0), "a dome has a picture")

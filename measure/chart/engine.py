@@ -90,7 +90,7 @@ class _Measurement:
         # The sweeps set these; the scene's own values must not end a step.
         self.scene = replace(scene, settings=replace(scene.settings, samples=None, error=None, budget=None, seed=None))
         self.settings = _with_size(self.scene, replace(wanted.settings, backend=None, threads=runs.threads(wanted.settings)))
-        common = registry.common_overrides(planner.make(self.scene, self.settings)) if wanted.peers else {}
+        common = registry.common_overrides(planner.make_plan(self.scene, self.settings)) if wanted.peers else {}
         self.light = reference_light.choose(self.scene, self.settings, common)
         self.left_out: dict[str, str] = {}
         self.versions = runs.versions()
@@ -246,6 +246,6 @@ def _with_size(scene: ir.Scene, settings: ir.Settings) -> ir.Settings:
     """The settings with a size: the given one, else the scene's, reduced so that many renders fit into a minute."""
     if settings.size is not None:
         return settings
-    width, height = planner.make(scene, settings)["size"]
+    width, height = planner.make_plan(scene, settings)["size"]
     share = min(DEFAULT_WIDTH / max(width, height), 1.0)
     return replace(settings, size=(max(round(width * share), 1), max(round(height * share), 1)))

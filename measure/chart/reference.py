@@ -35,7 +35,9 @@ FIRST_SEED = 10_000_000  # measured runs have lower seeds, references this and h
 MIN_SEEDS = 4  # fewer do not estimate their variance
 TARGET_SEEDS = 16  # the preferred number
 MIN_SAMPLES, MAX_SAMPLES = 4, 4096  # samples a pixel of a seed
-DEFINING_DECISIONS = ("size", "camera", "crop", "bounces", "interreflection", "shadows", "shadows.lamps", "filter", "background", "horizon")
+DEFINING_DECISIONS = (
+    "size", "camera", "crop", "bounces", "interreflection", "shadows", "shadows.light_shapes", "filter", "background", "ground_plane",
+)  # fmt: skip
 CACHE_BYTES = 1 << 30  # bytes of references on disk; the oldest are deleted
 SAVE_INTERVAL = 30.0  # seconds
 _UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error)

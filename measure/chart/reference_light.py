@@ -15,6 +15,7 @@ import numpy as np
 
 from ...compiler import ir
 from ...compiler.plan import plan as planner
+from ...compiler.plan import scene_facts
 
 REMAINDER = 1e-3  # share of the light that further bounces would add in a closed room of the brightest diffuse surface
 MIN_DEPTH, MAX_DEPTH = 8, 32
@@ -36,11 +37,11 @@ class ReferenceLight:
         asked = replace(self.settings, backend=backend, **options)
         if self.bounces is not None:
             asked = replace(asked, bounces=self.bounces)
-        return planner.make(scene, asked, {**self.common, **self.overrides})
+        return planner.make_plan(scene, asked, {**self.common, **self.overrides})
 
     def scene_plan(self, scene: ir.Scene, backend: str) -> planner.Plan:
         """A plan with the light of the scene's own settings."""
-        return planner.make(scene, replace(self.settings, backend=backend), self.common)
+        return planner.make_plan(scene, replace(self.settings, backend=backend), self.common)
 
 
 def choose(scene: ir.Scene, settings: ir.Settings, common: Mapping[str, str] | None = None) -> ReferenceLight:
@@ -50,12 +51,12 @@ def choose(scene: ir.Scene, settings: ir.Settings, common: Mapping[str, str] | N
 
 
 def _light(scene: ir.Scene, settings: ir.Settings) -> tuple[int | None, dict[str, str], str]:
-    own = planner.make(scene, replace(settings, backend="ray"))
+    own = planner.make_plan(scene, replace(settings, backend="ray"))
     if settings.bounces is not None:
         between = ", matt surfaces too" if own["interreflection"] else ""
         return settings.bounces, {}, f"{settings.bounces} bounces, as asked for{between}"
     materials = scene.tables.materials
-    specular = bool(planner.specular_materials(scene).any())
+    specular = bool(scene_facts.specular_materials(scene).any())
     lit = materials.model != ir.MaterialModel.EMISSIVE
     matt = float(materials.values[lit, ir.Slot.DIFFUSE].max(initial=0.0))
     if (scene.tables.lights.kind == ir.LightKind.AMBIENT).any():

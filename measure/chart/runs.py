@@ -34,7 +34,7 @@ def make_plan(scene: ir.Scene, settings: ir.Settings, setting: Setting, seed: in
     options: Mapping[str, Any] = {**setting.options, "backend": setting.backend, "seed": seed, "aov": ()}
     if "error" in options:
         options = {"samples": None, **options}
-    return planner.make(scene, replace(settings, **options), setting.plan)
+    return planner.make_plan(scene, replace(settings, **options), setting.plan)
 
 
 def run(scene: ir.Scene, plan: planner.Plan, cancel: threading.Event | None = None) -> Run:

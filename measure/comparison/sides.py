@@ -102,7 +102,7 @@ def read(path: Path) -> Side:
 
 def make_plan(scene: ir.Scene, settings: ir.Settings, overrides: Mapping[str, str] | None = None) -> planner.Plan:
     """A plan with the channels that identify objects. Raises planner.PlanError."""
-    return planner.make(scene, replace(settings, aov=OBJECT_CHANNELS), overrides)
+    return planner.make_plan(scene, replace(settings, aov=OBJECT_CHANNELS), overrides)
 
 
 def render(
@@ -119,7 +119,7 @@ def render(
 
 
 def _noise(plan: planner.Plan, image: Image) -> float | None:
-    if image.metadata["samples"] == 1 and not plan["soft lights"] and not plan["interreflection"]:
+    if image.metadata["samples"] == 1 and not plan["area_lights"] and not plan["interreflection"]:
         return 0.0  # one sample at the pixel centre, without randomness
     return image.metadata["error"]
 

@@ -51,7 +51,7 @@ def common_overrides(plan: Plan) -> dict[str, str]:
     These are the box filter and unfiltered textures: peers do not average textures over the pixel footprint.
     """
     box = {} if plan["filter"] == "box" else {"filter": "box"}
-    return box if plan.decisions["textures"].fixed else {**box, "textures": "sharp"}
+    return box if plan.decisions["texture_filter"].fixed else {**box, "texture_filter": "point"}
 
 
 def find(names: Iterable[str]) -> list[Peer]:

@@ -15,7 +15,7 @@ from numba import types
 from numba.extending import overload
 
 from ...compiler import ir
-from ...compiler.plan import plan as planner
+from ...compiler.plan import scene_facts
 from ..geometry import analytic_shapes, instance_transform
 from ..jit.kernel import HELPER
 from ..lanes import affine, crosslane, ops
@@ -36,7 +36,7 @@ def closest_hit(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, visible_b
     """The first thing along each active ray that has one of `visible_bit` in Instances.visible; instance -1 where none."""
     rays, active = _flat(ray, active)
     n = len(active)
-    partial = planner.partial(tables)[tables.instances.material]
+    partial = scene_facts.partial(tables)[tables.instances.material]
     t, instance, primitive = np.full(n, np.inf), np.full(n, -1), np.full(n, -1)
     u, v = np.zeros(n), np.zeros(n)
     with np.errstate(all="ignore"):
@@ -61,7 +61,7 @@ def transmittance(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, visible
     """The share of light, 0 to 1, that passes what has `visible_bit`, what casts shadows, between t_min and t_max; 1 where not active."""
     rays, active = _flat(ray, active)
     share = np.ones(len(active))
-    partial = planner.partial(tables)[tables.instances.material]
+    partial = scene_facts.partial(tables)[tables.instances.material]
     with np.errstate(all="ignore"):
         for i in np.flatnonzero(tables.instances.visible & visible_bit):
             lane = np.flatnonzero(active & (share > 0.0))

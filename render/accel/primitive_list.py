@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ...compiler.plan import plan as planner
+from ...compiler.plan import scene_facts
 from ..geometry.bounds import world_bounds
 from ..surface import triangle_records
 
@@ -81,7 +81,7 @@ def build(tables: ir.Tables, hull: bool, moves: bool = False) -> tuple[Tried, ND
     """
     instances, plain = tables.instances, _is_plain(tables)
     made: dict[int, list[_Found]] = {}
-    stays = ~planner.partial(tables)[instances.material]
+    stays = ~scene_facts.partial(tables)[instances.material]
     if moves:
         stays &= tables.transforms.first_key[instances.transform] < 0
     boxes = world_bounds(tables)
@@ -130,7 +130,7 @@ def _eligible(tables: ir.Tables, boxes: Rows) -> tuple[NDArray[np.bool_], bool]:
     """(instances,) whose pieces are to be looked at, and whether things are so many that these are the large ones alone."""
     geometry = tables.instances.geometry
     small = (tables.geometries.kind == ir.GeometryKind.MESH) & (tables.geometries.triangle_count <= MESH_TRIANGLES)
-    eligible = (ir.among(tables.geometries.kind, _TRIED) | small)[geometry]
+    eligible = (ir.is_in(tables.geometries.kind, _TRIED) | small)[geometry]
     finite = np.isfinite(boxes).all(axis=1)
     if np.count_nonzero(eligible) <= MOST or not finite.any():
         return eligible, False
@@ -178,7 +178,7 @@ def _points(tables: ir.Tables, inside: NDArray[np.bool_], listed: list[tuple[int
         if piece.corners is None:
             return None
         found.append(piece.corners)
-    found.append(tables.lights.position[ir.among(tables.lights.kind, (ir.LightKind.POINT, ir.LightKind.SPOT))])
+    found.append(tables.lights.position[ir.is_in(tables.lights.kind, (ir.LightKind.POINT, ir.LightKind.SPOT))])
     found.append(_lamp_corners(tables))
     return np.concatenate(found)
 
@@ -186,7 +186,7 @@ def _points(tables: ir.Tables, inside: NDArray[np.bool_], listed: list[tuple[int
 def _lamp_corners(tables: ir.Tables) -> Rows:
     """(n, 3) corners around lamps with an extent."""
     lit = tables.lights
-    wide = ir.among(lit.kind, (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE))
+    wide = ir.is_in(lit.kind, (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE))
     kind, matrix, size = lit.kind[wide], tables.transforms.matrix[lit.transform[wide]], lit.size[wide]
     sides = np.array([[x, z] for x in (-1.0, 1.0) for z in (-1.0, 1.0)])
     half = np.where((kind == ir.LightKind.DISK)[:, None], size[:, :1], size)

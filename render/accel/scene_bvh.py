@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ...compiler.plan import plan as planner
+from ...compiler.plan import scene_facts
 from .. import simd
 from ..formula import scene_tables
 from ..formula import tables as formula_tables
@@ -45,7 +45,7 @@ def build(
     root = roots[instances.geometry]
     drawable = included & ((kind != MESH) | (root >= 0))
     bounded = np.logical_and(np.isfinite(boxes).all(axis=1), not brute)
-    partial = planner.partial(tables)[instances.material]
+    partial = scene_facts.partial(tables)[instances.material]
     moving = tables.transforms.first_key[instances.transform] >= 0
     plain = drawable & ~partial & ~(moving & moves)
     still = np.flatnonzero(plain & (root >= 0))

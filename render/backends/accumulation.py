@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ...compiler.plan import plan as planner
-from ...compiler.plan.plan import RASTER_MOMENTS, Plan
+from ...compiler.plan import scene_facts
+from ...compiler.plan.picture_rules import RASTER_MOMENTS
+from ...compiler.plan.plan import Plan
 from .. import camera
 from ..film.film import TILE, Unshared
 from ..geometry import instance_transform
@@ -32,14 +33,14 @@ class Renderer(Unshared):
 
     def __init__(self, scene: ir.Scene, plan: Plan, view: View, still: Callable[[ir.Scene], Any]) -> None:
         count = min(RASTER_MOMENTS, plan["samples"])
-        start, share = planner.open_during(scene.tables, view.camera) if plan["motion"] else (0.0, 0.0)
+        start, share = scene_facts.open_during(scene.tables, view.camera) if plan["motion_blur"] else (0.0, 0.0)
         numbers = np.arange(count)
         across, down = sobol.sample_lens(np.zeros(count, int), numbers, 0)
         self.moments = []
         for k in numbers.tolist():
-            then = freeze(scene, start + share * (k + 0.5) / count) if plan["motion"] else scene
+            then = freeze(scene, start + share * (k + 0.5) / count) if plan["motion_blur"] else scene
             self.moments.append(still(shift_lens(then, view, float(across[k]), float(down[k])) if plan["lens"] == "thin" else then))
-        self.opening = still(freeze(scene, start) if plan["motion"] else scene) if plan["aov"] else None
+        self.opening = still(freeze(scene, start) if plan["motion_blur"] else scene) if plan["aov"] else None
 
     def first(self, tile: Tile, sample: int, total: int) -> FirstHits:
         """The first hits of one sample of each pixel, at that sample's moment and lens point."""
@@ -99,7 +100,7 @@ def shift_lens(scene: ir.Scene, view: View, x: float, y: float) -> ir.Scene:
 def notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
     """Approximations, as (message, table, row)."""
     count, found = min(RASTER_MOMENTS, plan["samples"]), []
-    if plan["motion"]:
+    if plan["motion_blur"]:
         found.append((f"raster draws what moves at {count} moments", "cameras", plan["camera"]))
     if plan["lens"] == "thin":
         found.append((f"raster draws what is out of focus from {count} points of the lens", "cameras", plan["camera"]))

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ...compiler.plan import plan as planner
+from ...compiler.plan import channels
 from ...compiler.plan.plan import Plan
 from ..image.image import Image
 from ..types import Film, FirstHits, Tile
@@ -29,7 +29,7 @@ class Renderer:
     def __init__(self, scene: ir.Scene, plan: Plan, make: Make) -> None:
         self.x0, self.y0, x1, y1 = plan["crop"]
         of = groups_of(scene, plan)
-        chosen = planner.light_groups(plan)
+        chosen = channels.light_groups(plan)
         named = [name for name in of if name in chosen]
         others = {name for name in of if name not in chosen}
         parts = [(name, {name}) for name in named] + ([("", others)] if others else [])
@@ -87,31 +87,31 @@ class Renderer:
 
 
 def groups_of(scene: ir.Scene, plan: Plan) -> tuple[str, ...]:
-    """The names of a scene's light groups, sorted; planner.REST holds lights, emissive shapes and a background without a name."""
+    """The names of a scene's light groups, sorted; channels.REST holds lights, emissive shapes and a background without a name."""
     tables = scene.tables
     groups = scene.names.groups or ("",) * len(tables.lights.kind)
     shining = tables.lights.color.max(axis=1, initial=0.0) > 0.0
-    named = {group or planner.REST for group, lit in zip(groups, shining.tolist(), strict=True) if lit}
+    named = {group or channels.REST for group, lit in zip(groups, shining.tolist(), strict=True) if lit}
     alone = tables.instances.material[tables.instances.light < 0]
     if tables.materials.values[alone, ir.Slot.EMISSION].max(initial=0.0) > 0.0 or not isinstance(plan["background"], str):
-        named.add(planner.REST)
+        named.add(channels.REST)
     return tuple(sorted(named))
 
 
 def isolate_groups(scene: ir.Scene, plan: Plan, lamps: set[str]) -> tuple[ir.Scene, Plan]:
-    """The scene in which only these groups emit, and its plan; a background of one colour belongs to planner.REST."""
+    """The scene in which only these groups emit, and its plan; a background of one colour belongs to channels.REST."""
     tables = scene.tables
     groups = scene.names.groups or ("",) * len(tables.lights.kind)
-    off = np.array([(group or planner.REST) not in lamps for group in groups], bool).reshape(-1)
+    off = np.array([(group or channels.REST) not in lamps for group in groups], bool).reshape(-1)
     color = np.where(off[:, None], 0.0, tables.lights.color)
     light = tables.instances.light
-    dark = np.where(light >= 0, np.append(off, False)[light], planner.REST not in lamps)
+    dark = np.where(light >= 0, np.append(off, False)[light], channels.REST not in lamps)
     materials, material = _without_emission(tables, np.flatnonzero(dark))
     lit = tables._replace(
         lights=ir.table_of("lights", {**tables.lights._asdict(), "color": color}), materials=materials,
         instances=ir.table_of("instances", {**tables.instances._asdict(), "material": material}),
     )  # fmt: skip
-    if planner.REST not in lamps and not isinstance(plan["background"], str):
+    if channels.REST not in lamps and not isinstance(plan["background"], str):
         black = replace(plan.decisions["background"], value="transparent")
         plan = Plan({**plan.decisions, "background": black})
     return replace(scene, tables=lit), plan

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...compiler import ir
-from ...compiler.plan import caustic_casters, light_shapes
-from ...compiler.plan import plan as planner
+from ...compiler.plan import caustic_casters, light_shapes, scene_facts
 from ...compiler.plan.plan import Plan
 from .. import camera
 from ..accel import intersect, scene_bvh
@@ -63,9 +62,9 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
     tables = _renderable_tables(scene, plan, view, tessellator)
     tessellations = tessellator.tessellations(tables) if backend == "raster" else {}
     options = options_of(plan, tables)
-    if backend == "raster" and plan["raster.secondary"] == "none":
+    if backend == "raster" and plan["raster.secondary_rays"] == "none":
         options = options._replace(environment=no_ray_environment.ambient_environment(scene, tables, options))
-    weights = sobol.filter_table(plan["filter"], on_grid=plan["transport"] != "paths")  # the rasterizer draws no paths
+    weights = sobol.filter_table(plan["filter"], on_grid=plan["transport"] != "path")  # the rasterizer draws no paths
     lens = camera.lens_of(tables, view) if backend != "raster" else Pinhole()
     accel = None
     if backend == "raster" and plan["raster.shadows"] == "map":
@@ -76,11 +75,11 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
     frame = Frame(view, options, weights, shutter_of(tables, plan, view), order_of(plan), lens)
     if backend == "reference":
         accel = intersect.Brute()
-        if plan["transport"] == "paths":
+        if plan["transport"] == "path":
             return Prepared(tables, tables, accel, None, options, frame, paths=_path_light(tables, plan, tables, accel, frame))
         light = vertex_lighting.vertex_light(tables, tables, accel, frame)
         return Prepared(tables, tables, accel, light, options, frame, tessellations=tessellations)
-    if plan["transport"] == "paths" and backend == "ray":
+    if plan["transport"] == "path" and backend == "ray":
         return _prepare_paths(tables, plan, options, frame)
     packed, frames = Handle(tables), Handle(frame)
     raster = None
@@ -96,10 +95,10 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
 
 def _renderable_tables(scene: ir.Scene, plan: Plan, view: View, tessellator: ViewTessellator) -> ir.Tables:
     """The scene's tables as all backends shade them: layered materials, meshes shaded at vertices, texture pyramids."""
-    transparent = light_shapes.let_through(scene.tables, bool(plan["shadows.lamps"]))
+    transparent = light_shapes.let_through(scene.tables, bool(plan["shadows.light_shapes"]))
     tables = principled.tables_for(vertex_meshes.replace_vertex_shaded(transparent, tessellator))
-    if plan["textures"] == "filtered":
-        further = bool(plan["bounces"] > 0) and plan["transport"] == "tree"
+    if plan["texture_filter"] == "footprint":
+        further = bool(plan["bounces"] > 0) and plan["transport"] == "whitted"
         tables = texture_footprint.with_pyramids(tables, view, _texture_samples(plan), further)
     return tables
 
@@ -108,7 +107,7 @@ def _link_whitted(tables: ir.Tables, plan: Plan, options: Options, packed: Handl
     """(BVH, light at vertices, lights of shadow packets), with the Whitted integrator linked into `frames`; `accel` is a linked BVH."""
     linked = accel is not None
     accel = accel or _build_unlinked(tables, plan)
-    still = plan["backend"] == "ray" and not plan["motion"]
+    still = plan["backend"] == "ray" and not plan["motion_blur"]
     lights = shadow_rays.lamps(accel.tables, tables, options) if still else []
     if not linked:
         if _compiles_slowly(accel):
@@ -136,13 +135,13 @@ def _prepare_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame
     threads = int(plan["threads"])
     kind = np.float32 if plan["precision"] == "float32" else np.float64
     lit = tables.lights.kind
-    near = not ir.among(lit, (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN, ir.LightKind.DOME)).any() and not plan["motion"]
-    tried, inside = primitive_list.build(tables, near, plan["motion"])
+    near = not ir.is_in(lit, (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN, ir.LightKind.DOME)).any() and not plan["motion_blur"]
+    tried, inside = primitive_list.build(tables, near, plan["motion_blur"])
     accel = Handle(wavefront.NoTrees())
     if not inside.all():
-        brute, closed = plan["accelerator"] == "brute", plan["formulas"] == "closed"
-        accel = Handle(scene_bvh.build(tables, brute, threads, moves=plan["motion"], left_out=inside, closed=closed))
-    boxes = (swept_bounds if plan["motion"] else world_bounds)(tables)[~inside]
+        brute, closed = plan["accelerator"] == "brute_force", plan["implicit_surfaces"] == "closed_form"
+        accel = Handle(scene_bvh.build(tables, brute, threads, moves=plan["motion_blur"], left_out=inside, closed=closed))
+    boxes = (swept_bounds if plan["motion_blur"] else world_bounds)(tables)[~inside]
     low, high = boxes[:, :3].min(axis=0, initial=np.inf), boxes[:, 3:].max(axis=0, initial=-np.inf)
     if not np.isfinite(boxes).all():
         low, high = np.full(3, -np.inf), np.full(3, np.inf)
@@ -151,7 +150,7 @@ def _prepare_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame
     scene = wavefront.Scene(_cast(tables, kind), _cast(tried, kind), _cast(light, kind), not inside.all(), low, high)
     packed, frames, tracer = Handle(scene), Handle(_cast(frame, kind)), None
     if not inside.all() or aims is not None:
-        _compile_tiles(threads, accel, packed, frames, kind, plan["transport.reuse"] == "blocks")
+        _compile_tiles(threads, accel, packed, frames, kind, plan["transport.path_reuse"] == "blocks")
     if not inside.all():
         motion_alpha.link(accel)
     if aims is not None:
@@ -199,13 +198,13 @@ def _path_light(tables: ir.Tables, plan: Plan, packed: Any, accel: Any, frame: A
     from ..light import emitters
 
     horizon = None
-    if plan["horizon"]:
-        horizon = np.array(no_ray_environment.normal(tables, planner.ground(tables)))
+    if plan["ground_plane"]:
+        horizon = np.array(no_ray_environment.normal(tables, scene_facts.ground(tables)))
     vertices: Any = path.NoVertices()
     if (tables.materials.shading[tables.instances.material] == ir.Shading.GOURAUD).any():
         vertices = vertex_lighting.vertex_light(tables, packed, build_bvh(tables, plan) if accel is None else accel, frame)
-    weighing = path.WEIGHINGS.index(plan["weighing"])
-    return path.Light(emitters.build(tables, plan["motion"], horizon), path.uses_of(tables), vertices, weighing)
+    weighing = path.WEIGHINGS.index(plan["mis"])
+    return path.Light(emitters.build(tables, plan["motion_blur"], horizon), path.uses_of(tables), vertices, weighing)
 
 
 def _cast(nest: Any, kind: type) -> Any:
@@ -224,20 +223,20 @@ def build_bvh(tables: ir.Tables, plan: Plan) -> Handle:
 
 def _build_unlinked(tables: ir.Tables, plan: Plan) -> Handle:
     """The scene's BVH before motion_alpha.link."""
-    moves = plan["motion"] and plan["backend"] != "raster"
-    brute, closed = plan["accelerator"] == "brute", plan["formulas"] == "closed"
+    moves = plan["motion_blur"] and plan["backend"] != "raster"
+    brute, closed = plan["accelerator"] == "brute_force", plan["implicit_surfaces"] == "closed_form"
     return Handle(scene_bvh.build(tables, brute, int(plan["threads"]), moves=moves, closed=closed))
 
 
 def _compiles_slowly(accel: Handle) -> bool:
     """Whether BVH traversal compiles slowly and no other kernel needs it earlier."""
     kinds = accel.tables.instance_rows[:, 3]
-    return not motion_alpha.is_used(accel.numba_type) and bool(ir.among(kinds, (ir.GeometryKind.MESH, ir.GeometryKind.FORMULA)).any())
+    return not motion_alpha.is_used(accel.numba_type) and bool(ir.is_in(kinds, (ir.GeometryKind.MESH, ir.GeometryKind.FORMULA)).any())
 
 
 def shutter_of(tables: ir.Tables, plan: Plan, view: View) -> StillScene | Shutter:
     """The interval in which the shutter is open."""
-    return Shutter(*planner.open_during(tables, view.camera)) if plan["motion"] and plan["backend"] != "raster" else StillScene()
+    return Shutter(*scene_facts.open_during(tables, view.camera)) if plan["motion_blur"] and plan["backend"] != "raster" else StillScene()
 
 
 def order_of(plan: Plan) -> int:
@@ -249,7 +248,7 @@ def options_of(plan: Plan, tables: ir.Tables) -> Options:
     """The plan's decisions that kernels read."""
     background = plan["background"]
     colored = not isinstance(background, str)
-    ground = planner.ground(tables) if plan["horizon"] else -1
+    ground = scene_facts.ground(tables) if plan["ground_plane"] else -1
     return Options(
         seed=int(plan["seed"]),
         bounces=int(plan["bounces"]),
@@ -260,5 +259,5 @@ def options_of(plan: Plan, tables: ir.Tables) -> Options:
         ground=ground,
         layers=ALPHA_LAYERS if plan["opacity"] else 0,
         color=Float3(*(float(c) for c in background)) if colored else Float3(0.0, 0.0, 0.0),
-        lamps=NoGlossyLights() if plan["transport"] == "paths" else glossy_lights.of(tables),
+        lamps=NoGlossyLights() if plan["transport"] == "path" else glossy_lights.of(tables),
     )

@@ -4,7 +4,7 @@ The z-buffer holds triangles of meshes and tessellated shapes. A sample of a tes
 true surface; on the outline, where the ray misses that, to the tessellation. Implicit surfaces, quadrics and round shapes too near to the
 eye for the tolerance have no triangles: a ray for each sample enters them into the z-buffer.
 
-No ray follows the first hit except shadow rays, unless `raster.secondary` is `trace`. Mirrors show the sky in the mirrored direction,
+No ray follows the first hit except shadow rays, unless `raster.secondary_rays` is `trace`. Mirrors show the sky in the mirrored direction,
 glass the sky straight behind; both show the ground's mean light below the horizon.
 """
 
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ...compiler.plan import plan as planner
+from ...compiler.plan import scene_facts
 from ...compiler.plan.plan import Plan
 from .. import camera
 from ..accel import ray_queries
@@ -45,7 +45,7 @@ class Renderer(Unshared):
 
     def __init__(self, prepared: Prepared, plan: Plan, view: View) -> None:
         self.prepared, self.plan, self.view = prepared, plan, view
-        self.how = coverage.NAMES[plan["raster.fill"]]
+        self.how = coverage.NAMES[plan["raster.coverage"]]
         self.reach = math.ceil(sobol.FILTER_RADIUS[plan["filter"]] * coverage.ONE)
         self.whole = band_renderer.BandRenderer(prepared, plan, view) if band_renderer.can_draw(plan) else None
         nothing = Tile(0, 0, 0, 0)
@@ -99,7 +99,7 @@ class Renderer(Unshared):
     def _trace_transparent(self, ray: Ray, hit: Hit) -> None:
         """Trace rays that hit partly transparent surfaces, and replace their hits."""
         tables = self.prepared.tables
-        partial = planner.partial(tables)[tables.instances.material]
+        partial = scene_facts.partial(tables)[tables.instances.material]
         rows = np.flatnonzero((hit.instance >= 0) & partial[hit.instance])
         origin, direction = (np.stack(aov.some(v, rows, len(hit.t)), axis=1) for v in (ray.origin, ray.direction))
         t_min, t_max = (np.broadcast_to(t, len(hit.t))[rows] for t in (ray.t_min, ray.t_max))
@@ -151,12 +151,12 @@ def notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
     """Effects of a scene that the raster backend does not draw: (message, table, row), once for each material and light."""
     tables, found = scene.tables, []
     used = np.unique(tables.instances.material[tables.instances.visible & ir.Visibility.CAMERA != 0])
-    values, glossy = tables.materials.values, planner.glossy_materials(scene)
+    values, glossy = tables.materials.values, scene_facts.glossy_materials(scene)
     for row in used.tolist():
         model = tables.materials.model[row]
         refracts = model == ir.MaterialModel.GLASS or values[row, ir.Slot.TRANSMISSION].max() > 0
         reflects = model == ir.MaterialModel.MIRROR or values[row, ir.Slot.REFLECTION].max() > 0
-        if plan["raster.secondary"] == "trace":
+        if plan["raster.secondary_rays"] == "trace":
             continue
         if refracts:
             name = "glass" if model == ir.MaterialModel.GLASS else "k_t"

@@ -41,10 +41,10 @@ class Renderer:
     def __init__(self, prepared: prepare.Prepared, plan: Plan, view: View) -> None:
         self.prepared, self.view = prepared, view
         self.frame = prepared.frame
-        self.closed = plan["formulas"] == "closed"
+        self.closed = plan["implicit_surfaces"] == "closed_form"
         self.packed = prepared.packed  # with this round's photon maps
         self._workspaces = threading.local()  # of wavefronts and of ray packets
-        self.reuses = prepared.paths is not None and plan["transport.reuse"] == "blocks"
+        self.reuses = prepared.paths is not None and plan["transport.path_reuse"] == "blocks"
         if self.reuses:
             from ..integrator import path_reuse
 

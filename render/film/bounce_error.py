@@ -14,7 +14,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ...compiler.plan.plan import MAX_BOUNCES, Plan
+from ...compiler.plan.plan import Plan
+from ...lang.schema.elements import MAX_BOUNCES
 from ..image import metrics
 from ..types import Film, Tile
 
@@ -54,7 +55,7 @@ class Cut:
 
 def measurable(plan: Plan) -> bool:
     """Whether a limit cuts off what can be measured: in a tree where matt surfaces light each other too many rays would go on."""
-    branching = plan["transport"] == "tree" and plan["interreflection"]
+    branching = plan["transport"] == "whitted" and plan["interreflection"]
     return plan["backend"] == "ray" and 0 < plan["bounces"] < MAX_BOUNCES and not branching
 
 

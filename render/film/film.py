@@ -16,7 +16,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ...compiler.plan import plan as planner
+from ...compiler.plan import decision
 from ...compiler.plan.plan import Plan
 from ..image import cryptomatte, image, metrics
 from ..image.cryptomatte import Mattes
@@ -129,7 +129,7 @@ def run(
         return _in_pieces(renderer, renderer.whole, plan, view, progress, cancel or threading.Event(), mattes)
     started = time.perf_counter()
     canvas = _Canvas(renderer, plan, cancel or threading.Event(), progress, mattes)
-    if planner.adaptive(plan):
+    if decision.adaptive(plan):
         canvas.adaptive(plan["error"], started + plan["budget"])
     else:
         canvas.fixed()

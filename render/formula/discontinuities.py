@@ -15,7 +15,7 @@ import numpy as np
 from ...compiler.formula.numpy_interpreter import boxes
 from ...compiler.formula.opcodes import Op
 from ...compiler.formula.tape import Tape
-from ...compiler.ir import among
+from ...compiler.ir import is_in
 from ..jit.kernel import helper, noinline_helper
 from ..lanes import ops
 from ..types import Lane, Vec
@@ -45,9 +45,9 @@ class Face(NamedTuple):
 
 def kind_of(tape: Tape, bounds: np.ndarray) -> int:
     """JUMPS for a tape with a jumping operation, ENDS for one that may be undefined somewhere in a box (2, 3), else CONTINUOUS."""
-    if among(tape.code[:, 0], JUMPING).any():
+    if is_in(tape.code[:, 0], JUMPING).any():
         return JUMPS
-    ending = among(tape.code[:, 0], ENDING).any() and boxes(tape, bounds[0][:, None], bounds[1][:, None])[2].any()
+    ending = is_in(tape.code[:, 0], ENDING).any() and boxes(tape, bounds[0][:, None], bounds[1][:, None])[2].any()
     return ENDS if ending else CONTINUOUS
 
 

@@ -32,7 +32,7 @@ def of(tables: ir.Tables) -> Lamps | NoGlossyLights:
     if not isinstance(tables.materials, principled.Layered):
         return NoGlossyLights()
     kinds = tables.lights.kind
-    wide = ir.among(kinds, (lights.RECTANGLE, lights.DISK, lights.SPHERE)) | ((kinds == lights.SUN) & (tables.lights.angle > 0.0))
+    wide = ir.is_in(kinds, (lights.RECTANGLE, lights.DISK, lights.SPHERE)) | ((kinds == lights.SUN) & (tables.lights.angle > 0.0))
     rows = np.flatnonzero(wide)
     return Lamps(rows.astype(np.int64)) if len(rows) else NoGlossyLights()
 

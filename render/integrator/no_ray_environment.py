@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ...compiler.plan import plan as planner
+from ...compiler.plan import scene_facts
 from ..accel import intersect
 from ..geometry.bounds import world_bounds
 from ..lanes import ops
@@ -22,9 +22,9 @@ PLACES = 256  # of the ground, over which its light is averaged
 
 def ambient_environment(scene: ir.Scene, tables: ir.Tables, options: Options) -> SecondaryRays | AmbientEnvironment:
     """What stands for rays that are not followed; `tables` are the scene's, ready for shading, `options` a plan's without bounces."""
-    if not (planner.specular_materials(scene) & planner.used_materials(scene.tables)).any():
+    if not (scene_facts.specular_materials(scene) & scene_facts.used_materials(scene.tables)).any():
         return SecondaryRays()  # nobody asks
-    row = planner.ground(scene.tables)
+    row = scene_facts.ground(scene.tables)
     if row < 0:
         return AmbientEnvironment(Float3(0.0, 0.0, 0.0), Float3(0.0, 0.0, 0.0))
     up = normal(scene.tables, row)

@@ -15,7 +15,7 @@ from numba import types
 from numba.extending import overload
 
 from ...compiler import ir
-from ...compiler.plan import plan as planner
+from ...compiler.plan import scene_facts
 from ..accel import intersect
 from ..jit.kernel import HELPER, helper, noinline_helper
 from ..lanes import ops
@@ -39,7 +39,7 @@ SPREAD = 3  # surfaces of a path whose numbers are Sobol points; beyond them goo
 END_FROM = 3  # surfaces before a path may end by chance
 MOST_GOING = 0.95  # of the paths that go on, however bright
 SPARED = 2.0  # times its weight is what a path goes on with: far ends are few rays, and as noisy as near ones
-WEIGHINGS = ("power", "balance", "lights", "surfaces")  # of the two ways to light: by one of Veach's heuristics, or one way alone
+WEIGHINGS = ("power", "balance", "light", "bsdf")  # of the two ways to light: by one of Veach's heuristics, or one way alone
 BALANCE, LIGHTS_ALONE, SURFACES_ALONE = 1, 2, 3
 GATHERED = 4.0 * ONLY  # density of a mirror's or glass's direction on the way from something matt: photons bring what lamps send there
 SLANTED = 1e-3  # cosine at an emitter below which rays to it end no earlier
@@ -90,13 +90,13 @@ def uses_of(tables: ir.Tables) -> Uses:
     values, slot = tables.materials.values, ir.Slot
     model = tables.materials.model
 
-    sky = ir.among(tables.lights.kind, (ir.LightKind.SKY, ir.LightKind.DOME))
+    sky = ir.is_in(tables.lights.kind, (ir.LightKind.SKY, ir.LightKind.DOME))
 
     def any_of(*slots: int) -> bool:
         return bool(values[:, list(slots)].max(initial=0.0) > 0.0)
 
     return Uses(
-        glossy=any_of(slot.SPECULAR) or bool(ir.among(model, principled.MODELS).any()) or rough_dielectric.is_rough(tables),
+        glossy=any_of(slot.SPECULAR) or bool(ir.is_in(model, principled.MODELS).any()) or rough_dielectric.is_rough(tables),
         sharp=any_of(slot.REFLECTION, slot.TRANSMISSION) or bool((model == ir.MaterialModel.GLASS).any()) or principled.has_sharp(tables),
         shines=any_of(slot.EMISSION),
         ambient=bool((tables.lights.kind == ir.LightKind.AMBIENT).any()),
@@ -493,7 +493,7 @@ def _beyond(
     accel: Any, tables: ir.Tables, options: Options, ray: Ray, hit: Hit, active: Any, visible: int, pixel: Any, sample: Any, depth: int
 ) -> Hit:  # fmt: skip
     """What rays meet beyond that which chance lets them pass."""
-    partial = planner.partial(tables)[tables.instances.material]
+    partial = scene_facts.partial(tables)[tables.instances.material]
     passed, layer = active, 0
     while True:
         asked = passed & (hit.instance >= 0) & partial[np.maximum(hit.instance, 0)]

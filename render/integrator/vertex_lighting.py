@@ -36,7 +36,7 @@ def vertex_light(tables: Tables, packed: Any, accel: Any, frame: Any) -> VertexL
     first = np.where(shaded, np.cumsum(counts) - counts, -1).astype(np.int64)
     half = max(int(counts.sum()), 1)
     light = VertexLight(first, np.zeros((2 * half, 3)))
-    samples = SOFT_SAMPLES if ir.among(tables.lights.kind, SOFT).any() else 1
+    samples = SOFT_SAMPLES if ir.is_in(tables.lights.kind, SOFT).any() else 1
     run: Any = _in_kernel if isinstance(packed, Handle) else _in_numpy
     for i in np.flatnonzero(shaded):
         corners = _a_corner_of_each_vertex(tables, int(g[i]))

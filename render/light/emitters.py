@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ...compiler.plan import plan as planner
+from ...compiler.plan import scene_facts
 from ..jit.kernel import helper
 from ..lanes import ops
 from ..types import Lane, Tables, Vec
@@ -142,7 +142,7 @@ def _plate(kind: int, matrix: Any, flips: bool, size: Any, color: Any, both: boo
 def _shining(tables: ir.Tables) -> NDArray[np.bool_]:
     """(instances,) whose material shines evenly, with no picture on it, and is wholly there."""
     m, slot = tables.materials, ir.Slot.EMISSION
-    even = (m.values[:, slot].max(axis=1, initial=0.0) > 0.0) & (m.textures[:, slot] < 0) & ~planner.partial(tables)
+    even = (m.values[:, slot].max(axis=1, initial=0.0) > 0.0) & (m.textures[:, slot] < 0) & ~scene_facts.partial(tables)
     return even[tables.instances.material] & (tables.instances.visible & ir.Visibility.REFLECTION != 0)
 
 
@@ -213,7 +213,7 @@ def _tree(tables: ir.Tables, of: dict[str, Any]) -> light_tree.Tree:
     kind, place, u, v = of["kind"], of["place"], of["side_u"], of["side_v"]
     shown = np.select([kind == SPHERE, kind == TUBE], [0.25, 1.0 / math.pi], 1.0)  # of its area, from one side
     power = of["color"].mean(axis=1) * np.where(of["area"] > 0, of["area"] * shown, 1.0)
-    far = ir.among(kind, _FAR)
+    far = ir.is_in(kind, _FAR)
     span = np.abs(u) + np.abs(v)
     span = np.where((kind == DISK)[:, None], np.sqrt(u * u + v * v), span)
     span = np.where((kind == SPHERE)[:, None], u[:, :1], span)

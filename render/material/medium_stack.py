@@ -16,7 +16,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ...compiler.plan import plan as planner
+from ...compiler.plan import scene_facts
 from ..jit.kernel import HELPER, helper, specialize_if_present
 from ..jit.packed_struct import HandleType
 from ..lanes import ops, row_gather
@@ -47,7 +47,7 @@ def media(tables: ir.Tables) -> Media | Air:
     """What kernels read of a scene's media. Beyond MASK of them, those of the lowest priority are air."""
     values = tables.materials.values
     glass = tables.materials.model == GLASS
-    used = planner.used_materials(tables)
+    used = scene_facts.used_materials(tables)
     special = (values[:, ABSORPTION].max(axis=1, initial=0.0) > 0.0) | (values[:, PRIORITY, 0] > 0.0)
     if not (glass & used & special).any():
         return Air()

@@ -17,14 +17,14 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ...compiler.plan import plan as planner
+from ...compiler.plan import scene_facts
 from ..jit.kernel import helper, specialize_if_present
 from ..lanes import ops
 from ..types import Lane, Vec
 from . import energy_compensation
 
 SHARP = 1e-3  # α below which a highlight is a mirror's: nothing in a picture is so narrow
-POLISHED = planner.POLISHED**2  # α below which things can be told in a highlight
+POLISHED = scene_facts.POLISHED**2  # α below which things can be told in a highlight
 METALLIC = 0.1  # reflectance along the normal beyond that of what is no metal: of an index of 1.92
 COAT = 0.04  # reflectance of a coat along its normal: index 1.5
 GRAZING = 50.0  # times f0 is the most that a highlight reflects at grazing angles: what has no boundary has no highlight

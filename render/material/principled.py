@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from numba.extending import overload
 
 from ...compiler import ir
-from ...compiler.plan import plan as planner
+from ...compiler.plan import scene_facts
 from ..jit.kernel import HELPER, helper
 from ..jit.packed_struct import HandleType
 from ..lanes import ops
@@ -60,7 +60,7 @@ class Smooth(NamedTuple):
 
 def tables_for(tables: ir.Tables) -> ir.Tables:
     """The same tables, or with `Layered` materials where a thing has microfacets, a map of normals or heights, a medium or a blend."""
-    facets = bool((ir.among(tables.materials.model, MODELS) & planner.used_materials(tables)).any())
+    facets = bool((ir.is_in(tables.materials.model, MODELS) & scene_facts.used_materials(tables)).any())
     parts = (
         energy_compensation.table() if facets else Smooth(), normal_map.tangents(tables), rough_dielectric.tables_of(tables),
         medium_stack.media(tables),
@@ -75,7 +75,7 @@ def has_sharp(tables: ir.Tables) -> bool:
     """Whether some highlight may be a mirror's."""
     m = tables.materials
     flat = (m.values[:, ROUGHNESS, 0] ** 2 < microfacet.SHARP) | (m.textures[:, ROUGHNESS] >= 0)
-    return bool((ir.among(m.model, MODELS) & flat).any())
+    return bool((ir.is_in(m.model, MODELS) & flat).any())
 
 
 def at(tables: Tables, surface: Surface) -> Lobes | None:

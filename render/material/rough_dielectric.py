@@ -16,7 +16,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ...compiler.plan import plan as planner
+from ...compiler.plan import scene_facts
 from ..jit.kernel import HELPER, helper, specialize_if_present
 from ..jit.packed_struct import HandleType
 from ..lanes import ops, row_gather
@@ -64,7 +64,7 @@ def tables_of(tables: ir.Tables) -> Tabled | Clear:
     """What kernels read of a scene's rough glass."""
     m = tables.materials
     rough = (m.model == GLASS) & ((m.values[:, ROUGHNESS, 0] > 0.0) | (m.textures[:, ROUGHNESS] >= 0))
-    if not (rough & planner.used_materials(tables)).any():
+    if not (rough & scene_facts.used_materials(tables)).any():
         return Clear()
     indices, of = np.unique(np.where(rough, m.values[:, IOR, 0], 1.5), return_inverse=True)
     made = [_table(float(index)) for index in indices]

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ...compiler.plan import plan as planner
+from ...compiler.plan import channels, decision
 from ...compiler.plan.plan import Plan
 from ..image.metrics import EPSILON, luminance
 from ..types import View
@@ -40,9 +40,9 @@ def needs_no_rays(plan: Plan) -> bool:
 
 def can_draw(plan: Plan) -> bool:
     """Whether a picture is drawn in bands: equal sample positions in all pixels, no motion, a pinhole camera."""
-    shared = not any(name.startswith((planner.LIGHT, "crypto_", "variance")) for name in plan["aov"])  # these need single samples
-    once = shared and not plan["denoise"] and not plan["motion"] and plan["lens"] == "pinhole"
-    return bool(once and not planner.adaptive(plan) and plan["raster.places"] == "shared")
+    shared = not any(name.startswith((channels.LIGHT, "crypto_", "variance")) for name in plan["aov"])  # these need single samples
+    once = shared and not plan["denoise"] and not plan["motion_blur"] and plan["lens"] == "pinhole"
+    return bool(once and not decision.adaptive(plan) and plan["raster.sample_positions"] == "shared")
 
 
 class BandRenderer:
@@ -55,8 +55,8 @@ class BandRenderer:
         x0, y0, x1, y1 = (int(c) for c in plan["crop"])
         self.corners = x0, y0, x1, y1
         self.crop = np.array(self.corners, np.int64)
-        self.per_sample = samples > 1 and (plan["raster.shading"] == "sample" or plan["random numbers"])
-        self.passes = passes(samples, plan["random numbers"], plan["filter"])
+        self.per_sample = samples > 1 and (plan["raster.shading"] == "sample" or plan["monte_carlo"])
+        self.passes = passes(samples, plan["monte_carlo"], plan["filter"])
         self.reach = self.passes[0].weights.tables.reach
         self.margin = 4 * -(-self.reach // 4)
         self.rows = ROWS.get(len(self.passes[0].pattern.x), 16)
@@ -66,10 +66,10 @@ class BandRenderer:
             scene.projection, scene.meshlets, scene.meshlet_ranges, self.corners, self.reach, self.rows, reused
         )
         self.fill = None
-        if plan["raster.fill"] != "edges":
+        if plan["raster.coverage"] != "edges":
             meshlets = scene.meshlets.tables
             self.fill = alternative_fills.AlternativeFill(
-                plan["raster.fill"], prepared.tables, prepared.packed, view, scene.model, scene.ranges, meshlets
+                plan["raster.coverage"], prepared.tables, prepared.packed, view, scene.model, scene.ranges, meshlets
             )
         self.float32 = plan["raster.precision"] == "float32"
         self.background = plan["background"]

@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...compiler.plan import plan as planner
+from ...compiler.plan import raster_rules
 from ..jit.packed_struct import Handle
 from ..sampling import sobol
 from . import band_buffer, coverage, fragments
 
-SAMPLES = planner.RASTER_PLACES  # of a pass, at most
+SAMPLES = raster_rules.BAND_SAMPLES  # of a pass, at most
 
 WEIGHT_STEPS = 2.0**22  # weights are multiples of its inverse: float32 sums are exact, and full coverage is 1
 

@@ -19,7 +19,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ...compiler.plan import plan as planner
+from ...compiler.plan import scene_facts
 from ..geometry import analytic_shapes, instance_transform
 from ..jit.kernel import HELPER, helper, make_replace, noinline_helper
 from ..jit.packed_struct import HandleType
@@ -32,7 +32,7 @@ from .material_inputs import color_of
 NORMAL, BUMP = int(ir.Slot.NORMAL), int(ir.Slot.BUMP)
 MESH = int(ir.GeometryKind.MESH)
 FLAT = int(ir.Shading.FLAT)
-UV = int(ir.Mapping_.UV)
+UV = int(ir.TextureMapping.UV)
 STEP = 2.0**-10  # of a thing's size: over which u, v and heights that are no picture's are differenced
 CLEAR = 0.01  # sine of the angle at which the mirrored direction leaves the surface at least
 _turned_to, _put_to = make_replace(Surface, "normal"), make_replace(Surface, "local", "uv")
@@ -52,7 +52,7 @@ class Tangents(NamedTuple):
 def tangents(tables: ir.Tables) -> Tangents | Untilted:
     """What kernels read of a scene's normal and bump maps."""
     maps = tables.materials.textures[:, [NORMAL, BUMP]]
-    if not (maps[planner.used_materials(tables)] >= 0).any():
+    if not (maps[scene_facts.used_materials(tables)] >= 0).any():
         return Untilted()
     used = tables.instances.material
     blended = tables.materials.model == blend.BLEND

@@ -21,7 +21,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ...compiler.plan import plan as planner
+from ...compiler.plan import scene_rules
 from .. import camera
 from ..jit.kernel import HELPER, helper, make_replace, noinline_helper, specialize_if_present
 from ..jit.packed_struct import HandleType
@@ -97,10 +97,10 @@ def with_pyramids(tables: ir.Tables, view: View, samples: int, further: bool) ->
 def _kept_of(rows: ir.Textures, samples: int, further: bool) -> Any:
     """What is known of what a pixel spans, and which textures ask for it."""
     formula = rows.kind == ir.TextureKind.FORMULA
-    formulas = formula.any() and samples < planner.MANY_PLACES
+    formulas = formula.any() and samples < scene_rules.MANY_SAMPLES
     pictures = (rows.kind == ir.TextureKind.IMAGE) & ~rows.nearest
-    cells = ir.among(rows.kind, (ir.TextureKind.CHECKER, ir.TextureKind.STRIPES))
-    places = formulas or (~formula & (rows.mapping != ir.Mapping_.UV)).any()
+    cells = ir.is_in(rows.kind, (ir.TextureKind.CHECKER, ir.TextureKind.STRIPES))
+    places = formulas or (~formula & (rows.mapping != ir.TextureMapping.UV)).any()
     asked = (pictures.any(), cells.any(), formulas, (pictures | cells).any(), places)
     asked += (further and bool(pictures.any() or cells.any() or formulas),)
     return _kept_as(tuple(name for name, yes in zip(KEPT, asked, strict=True) if yes))

@@ -26,11 +26,11 @@ from ..lanes import ops
 from ..types import Lane, Surface, Tables, Vec
 from . import checker_filter, procedural
 
-UV = int(ir.Mapping_.UV)
-LATLONG = int(ir.Mapping_.LATLONG)
-PROJECTED = int(ir.Mapping_.PROJECTED)
-BOX = int(ir.Mapping_.BOX)
-NET = int(ir.Mapping_.NET)
+UV = int(ir.TextureMapping.UV)
+LATLONG = int(ir.TextureMapping.LATLONG)
+PROJECTED = int(ir.TextureMapping.PROJECTED)
+BOX = int(ir.TextureMapping.BOX)
+NET = int(ir.TextureMapping.NET)
 IMAGE = int(ir.TextureKind.IMAGE)
 REPEAT = int(ir.Wrap.REPEAT)
 CLAMP = int(ir.Wrap.CLAMP)

@@ -27,10 +27,10 @@ every = pytest.mark.parametrize("backend", rm.EVERY)
 # --- 32: patterns finer than pixels --------------------------------------------------------------------------------------------------
 
 
-def fine_checker(folder: Path, backend: str, samples: int, textures: str = "filtered") -> Array:
+def fine_checker(folder: Path, backend: str, samples: int, textures: str = "footprint") -> Array:
     """(48, 48) pixels of 1.37 m on a black and white checker of 1 cm."""
     text = ABOVE.format(48 * 1.37) + "plane(y: 0, material: emissive(checker(#fff, #000, size: 1cm)))\n"
-    return rm.grey(rm.picture(folder, text, backend, samples=samples, plan={"textures": textures}))
+    return rm.grey(rm.picture(folder, text, backend, samples=samples, plan={"texture_filter": textures}))
 
 
 @every
@@ -43,7 +43,7 @@ def test_a_pixel_that_sees_thousands_of_cells(tmp_path, measured, backend, sampl
 @every
 def test_the_mean_of_a_fine_checker(tmp_path, measured, backend):
     """Samples that look at points: only noise, no bias."""
-    values = fine_checker(tmp_path, backend, 128, "sharp")
+    values = fine_checker(tmp_path, backend, 128, "point")
     rm.within_error(measured, 32, "checker finer than a pixel: ½ in the mean", backend, values, 0.5, note="relative")
 
 
@@ -61,7 +61,8 @@ def test_the_mean_of_stripes_over_a_pixel(tmp_path, measured, backend, width):
     stripes = f"emissive(stripes(#fff, #000, size: {width / 256 * 2 / 48!r}))"
     text = f"{BEFORE}polygon({SQUARE}, uv: {uv}, material: {stripes})\n"
     found, once = (
-        rm.grey(rm.picture(tmp_path, text, backend, samples=n, plan={"textures": how})) for n, how in ((64, "sharp"), (1, "filtered"))
+        rm.grey(rm.picture(tmp_path, text, backend, samples=n, plan={"texture_filter": how}))
+        for n, how in ((64, "point"), (1, "footprint"))
     )
 
     def integral(x: Array) -> Array:

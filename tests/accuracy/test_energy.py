@@ -436,7 +436,7 @@ LAMPS = {
     ", a triangle": "polygon([[-0.5, 0.2, 0], [0.6, 0.3, 0.1], [0, 0.5, -0.5]], material: emissive(luminance: 5))",
     ", a cylinder": "cylinder(0.1, 1, rotate: [20deg, 0, 70deg], translate: [0, 0.4, 0], material: emissive(luminance: 5))",
 }
-PAIRS = (("lights", "surfaces"), ("lights", "balance"), ("surfaces", "power"), ("balance", "power"))
+PAIRS = (("light", "bsdf"), ("light", "balance"), ("bsdf", "power"), ("balance", "power"))
 
 
 @pytest.mark.parametrize(("lamp", "ways"), [*((", a rectangle", ways) for ways in PAIRS), *((lamp, PAIRS[0]) for lamp in list(LAMPS)[1:])])
@@ -446,7 +446,7 @@ def test_multiple_importance_sampling(tmp_path, measured, lamp, ways):
     text += "camera(position: [0, 0.6, 3], look_at: [0, 0, 0], fov: 30deg)\nrender(bounces: 1)\n"
     means, errors = [], []
     for way in ways:
-        runs = [rm.grey(rm.picture(tmp_path, text, "ray", samples=256, seed=seed, plan={"weighing": way})).mean() for seed in range(8)]
+        runs = [rm.grey(rm.picture(tmp_path, text, "ray", samples=256, seed=seed, plan={"mis": way})).mean() for seed in range(8)]
         means.append(np.mean(runs))
         errors.append(np.std(runs, ddof=1) / math.sqrt(len(runs)))
     error = math.hypot(*errors)

@@ -143,7 +143,7 @@ def where_followed(cases: list[Any]) -> list[Any]:
     return [(backend, *case) for backend in rm.EVERY for case in cases if backend != "raster" or case[-1] == 0]
 
 
-TREE = {"transport": "tree"}  # every branch followed: exact where the answer does not depend on directions; paths end by chance
+TREE = {"transport": "whitted"}  # every branch followed: exact where the answer does not depend on directions; paths end by chance
 
 
 @pytest.mark.parametrize(("backend", "emitted", "albedo", "bounces"), where_followed(GLOWING))

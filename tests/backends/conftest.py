@@ -49,7 +49,7 @@ def draw_on(tmp_path: Path) -> Draw:
         scene = load.load(path, diagnostics=found)
         assert [d.message for d in found.items if d.message not in EXPECTED] == []
         asked = ir.Settings(**{"size": (48, 48), "samples": 1, "threads": 1, **settings, "backend": backend})
-        image = draw_scene(scene, planner.make(scene, asked, plan))
+        image = draw_scene(scene, planner.make_plan(scene, asked, plan))
         assert image.metadata["issues"] == 0
         assert np.isfinite(image.channels["rgba"]).all()
         return image

@@ -42,7 +42,7 @@ def _show(different: np.ndarray, limit: int) -> str:
 def test_ray_agrees_with_the_reference(draw_on, name):
     """Same rays, same formulas, same random numbers: only where rounding decides between lit and dark may a pixel differ."""
     samples = 1 if name in scenes.DIRECT else 4
-    alone = {"precision": "float64", "transport.reuse": "none"}  # paths in float32, and those that pixels share, have tests of their own
+    alone = {"precision": "float64", "transport.path_reuse": "none"}  # float32 and path reuse have their own tests
     plan = alone if "interreflection" in name else {}
     a = draw_on("ray", EVERYTHING[name], plan, samples=samples, aov=CHANNELS)
     b = draw_on("reference", EVERYTHING[name], samples=samples, aov=CHANNELS)

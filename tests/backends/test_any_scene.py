@@ -36,7 +36,7 @@ def materials(builder: SceneBuilder, random: np.random.Generator, holes: bool) -
         r, g, b = random.uniform(0.1, 0.9, 3).tolist()
         return (r, g, b)
 
-    checker = builder.texture(TextureData(ir.TextureKind.CHECKER, size=0.0, mapping=ir.Mapping_(random.integers(0, 3))))
+    checker = builder.texture(TextureData(ir.TextureKind.CHECKER, size=0.0, mapping=ir.TextureMapping(random.integers(0, 3))))
     shiny = {Slot.DIFFUSE: Input(color()), Slot.SPECULAR: Input(color()), Slot.SHININESS: Input.number(random.uniform(1, 100))}
     made = [
         lambert(color()), lambert(color(), checker), MaterialData(Model.PHONG, shiny),
@@ -89,7 +89,7 @@ def any_scene(seed: int, holes: bool) -> ir.Scene:
 def drawn(scene: ir.Scene, backend: str, camera: str = "0") -> np.ndarray:
     """(h, w, 4)."""
     asked = ir.Settings(size=SIZE, samples=1, bounces=4, backend=backend, camera=camera, background=(0.2, 0.3, 0.4))
-    decided = plan.make(scene, asked, {"interreflection": "off"})
+    decided = plan.make_plan(scene, asked, {"interreflection": "off"})
     image = render_scene.draw(scene, decided)
     assert np.isfinite(image.channels["rgba"]).all()
     assert image.metadata["issues"] == 0  # no sample was left out

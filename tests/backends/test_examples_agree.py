@@ -23,7 +23,7 @@ SAMPLES = [p for p in FOUND if p.name not in LENSES]
 
 def shown(path: Path, backend: str) -> Image:
     """Direct light through pixels' centres; mirrors show nothing, of which the rasterizer would else look the sky up."""
-    plan = {"raster.secondary": "trace"}
+    plan = {"raster.secondary_rays": "trace"}
     return maquette.render(maquette.load(path), backend=backend, size=(120, 80), samples=1, bounces=0, aov=("id", "depth"), plan=plan)
 
 

@@ -40,7 +40,7 @@ def test_a_checker_towards_the_horizon_becomes_its_mean(draw_on, tmp_path: Path,
     far = picture[top, :, 0]
     assert np.abs(far - 0.5).max() <= 1.0 / 255.0
     assert np.ptp(picture[-4:, :, 0]) > 0.9
-    sharp = draw_on(backend, FLOOR, {**plan, "textures": "sharp"}, size=(64, 64)).channels["rgba"][top, :, 0]
+    sharp = draw_on(backend, FLOOR, {**plan, "texture_filter": "point"}, size=(64, 64)).channels["rgba"][top, :, 0]
     assert np.ptp(sharp) > 0.5
 
 
@@ -112,7 +112,7 @@ def test_a_pattern_towards_the_horizon_becomes_its_mean(draw_on, backend: str):
     assert np.abs(far - 0.5).max() < 0.3
     assert abs(far.mean() - 0.5) < 0.03
     assert np.ptp(picture[-4:, :, 0]) > 0.9
-    sharp = draw_on(backend, text, {"textures": "sharp"}, size=(48, 64)).channels["rgba"][top : top + 2, :, 0]
+    sharp = draw_on(backend, text, {"texture_filter": "point"}, size=(48, 64)).channels["rgba"][top : top + 2, :, 0]
     assert np.abs(sharp - 0.5).max() == pytest.approx(0.5)
 
 
@@ -131,7 +131,7 @@ def test_an_edge_in_a_pattern_covers_a_share_of_its_pixels(draw_on, backend: str
 def test_where_a_pattern_hardly_changes_it_is_what_it_is_at_points(draw_on, backend: str):
     """Slow waves: their means over pixels and their middles differ by less than the curvature allows."""
     text = WALL.format("0.5 + 0.4 * sin(2 * x) * cos(3 * y)")
-    over, at = (draw_on(backend, text, plan, size=(32, 32)).channels["rgba"][..., 0] for plan in ({}, {"textures": "sharp"}))
+    over, at = (draw_on(backend, text, plan, size=(32, 32)).channels["rgba"][..., 0] for plan in ({}, {"texture_filter": "point"}))
     assert 0 < np.abs(over - at).max() < 0.4 * 13 / 24 * (4 / 32) ** 2 * 1.5
 
 
@@ -146,7 +146,7 @@ def test_every_slot_takes_a_filtered_pattern(draw_on):
         f"sphere(0.5, center: [0.6, 1, 0], material: lambert(#48c, opacity: {fine}))\n"
         "directional(from: [1, 2, 3], irradiance: 3, shadows: false)\ncamera(position: [0, 0.5, 6], look_at: [0, 0.5, 0], fov: 32deg)\n"
     )
-    plan = {"interreflection": "off", "textures": "filtered"}  # paths look at points, and find what shiny things mirror by chance
+    plan = {"interreflection": "off", "texture_filter": "footprint"}  # paths look at points, and find what shiny things mirror by chance
     ray, other = (draw_on(backend, text, plan, size=(40, 30)).channels["rgba"] for backend in ("ray", "reference"))
     close = np.abs(ray - other).max(axis=2) < 1e-6
     assert close.mean() > 0.995
@@ -186,7 +186,8 @@ def test_a_mirror_shows_what_an_eye_behind_it_would_see(draw_on, texture: str):
 def test_one_sample_of_what_is_mirrored_is_near_the_mean_of_many(draw_on, texture: str, what: str):
     text, size = MIRRORED.format(texture=TILES[texture], what=what, z=4, at=0), {"size": (64, 48)}
     many = draw_on("reference", text, {}, samples=64, **size).channels["rgba"][..., 0]
-    one, sharp = (draw_on("reference", text, plan, samples=1, **size).channels["rgba"][..., 0] for plan in ({}, {"textures": "sharp"}))
+    plans = ({}, {"texture_filter": "point"})
+    one, sharp = (draw_on("reference", text, plan, samples=1, **size).channels["rgba"][..., 0] for plan in plans)
     part = (slice(17, 26), slice(24, 40))
     error, before = (float(np.sqrt(((seen - many)[part] ** 2).mean())) for seen in (one, sharp))
     assert error < 0.4 * before

@@ -68,5 +68,5 @@ def test_variance_and_samples(draw_on, backend):
 def test_groups_that_are_not_there(draw_on):
     with pytest.raises(planner.PlanError, match="no light has the group `kye`; there are fill, key, rest"):
         draw_on("ray", lit(KEY, FILL), aov=("light:kye",))
-    with pytest.raises(planner.PlanError, match="one sample says nothing of its variance: write --samples 2 or more"):
+    with pytest.raises(planner.PlanError, match="one sample has no variance: write --samples 2 or more"):
         draw_on("ray", lit(KEY, FILL), samples=1, aov=("variance",))

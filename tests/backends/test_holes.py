@@ -33,7 +33,7 @@ def test_what_is_there_in_half_of_its_points_covers_half_of_far_pixels(tmp_path:
     """Stripes of all and nothing without a threshold: their mean over a pixel is not taken twice, by the samples and within each."""
     stripes = "pattern(|x, y, z| 0.5 + 0.5 * sign(sin(4000 * x)))"
     (tmp_path / "a.scene").write_text(f"plane(y: 0, material: lambert(opacity: {stripes}))\n{VIEW}")
-    plan = {"textures": "filtered"}
+    plan = {"texture_filter": "footprint"}
     picture = maquette.render(tmp_path / "a.scene", size=(96, 72), samples=1, backend=backend, background="transparent", plan=plan)
     rows = picture.channels["rgba"][36:, :, 3]  # each pixel has many stripes
     assert abs(rows.mean() - 0.5) < 0.05

@@ -23,7 +23,7 @@ def test_a_tree_or_every_primitive(draw_on, name):
     """The tree only leaves out what a ray cannot meet."""
     for backend in ("ray", "raster"):
         text, channels = scenes.DIRECT[name], ("depth", "normal", "id")
-        tree, brute = (draw_on(backend, text, {"accelerator": how}, samples=2, aov=channels) for how in ("bvh", "brute"))
+        tree, brute = (draw_on(backend, text, {"accelerator": how}, samples=2, aov=channels) for how in ("bvh", "brute_force"))
         _same(tree, brute)
 
 
@@ -35,7 +35,7 @@ def test_rays_along_the_faces_of_boxes(draw_on):
     text = "ambient(#ffffff)\ncamera(position: [0, 0, 9], look_at: [0, 0, 0], width: 13)\n" + boxes
     # 26 pixels over 13 metres: centres at multiples of a half, ± a quarter; 13 pixels: centres on the faces at odd metres.
     for size in ((26, 26), (13, 13)):
-        tree, brute = (draw_on("ray", text, {"accelerator": how}, size=size, aov=("depth", "id")) for how in ("bvh", "brute"))
+        tree, brute = (draw_on("ray", text, {"accelerator": how}, size=size, aov=("depth", "id")) for how in ("bvh", "brute_force"))
         exact = draw_on("reference", text, size=size, aov=("depth", "id"))
         _same(tree, brute)
         assert np.array_equal(channel(tree, "depth"), channel(exact, "depth"))
@@ -46,7 +46,7 @@ def test_rays_along_the_faces_of_boxes(draw_on):
 def test_the_three_ways_to_fill(draw_on, name):
     """Edge functions, sub-areas and scanlines cover the same samples."""
     text = {**scenes.DIRECT, **scenes.SOFT}[name]
-    pictures = [draw_on("raster", text, {"raster.fill": how}, samples=2, aov=("depth", "id")) for how in ("edges", "areas", "scanline")]
+    pictures = [draw_on("raster", text, {"raster.coverage": how}, samples=2, aov=("depth", "id")) for how in ("edges", "areas", "scanline")]
     if name == "gouraud":  # at outlines front and back are equally near but for rounding, and each side has its own light
         assert np.array_equal(alpha(pictures[0]), alpha(pictures[1]))
         assert np.mean(np.any(rgb(pictures[0]) != rgb(pictures[1]), axis=-1)) < 0.005
@@ -116,7 +116,7 @@ def test_sampling_only_the_sky_above_a_plane_is_right_in_the_mean(draw_on):
     rest = "sky(color: #ffe0c0, luminance: 1)\ncamera(position: [0, {}, 5], look_at: [0, 0.6, 0], fov: 40deg)"
     for height, eye, taken in ((0.5, 2.0, True), (0.5, -2.0, True), (0.4, 2.0, False)):
         text = scene.format(height) + rest.format(eye)
-        pictures = [draw_on("ray", text, plan, size=(32, 32), samples=512) for plan in ({}, {"horizon": "off"} if taken else {})]
+        pictures = [draw_on("ray", text, plan, size=(32, 32), samples=512) for plan in ({}, {"ground_plane": "off"} if taken else {})]
         assert np.abs(np.mean(rgb(pictures[0]) - rgb(pictures[1]))) < 1e-3
         assert np.abs(rgb(pictures[0]) - rgb(pictures[1])).max() < 0.1
         assert np.array_equal(rgb(pictures[0]), rgb(pictures[1])) == (not taken or eye < 0)

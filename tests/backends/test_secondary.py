@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from maquette.compiler import load
+from maquette.compiler import ir, load
 from maquette.compiler.plan import plan as planner
+from maquette.compiler.plan import transport_rules
 from maquette.compiler.plan.plan import PlanError
 
 from . import scenes
@@ -13,7 +14,7 @@ from .test_agreement import _interior, _relative, _show
 from .views import rgb
 
 pytestmark = pytest.mark.usefixtures("files")
-TRACE = {"raster.secondary": "trace"}
+TRACE = {"raster.secondary_rays": "trace"}
 EVEN = "plane(y: 0, material: lambert(#808080))\nsky(color: #ffffff, luminance: 1, shadows: false)\n"
 GREY = ((0x80 / 255 + 0.055) / 1.055) ** 2.4
 VIEW = "camera(position: [0, 1, 4], look_at: [0, 1, 0], fov: 20deg)\n"
@@ -32,7 +33,7 @@ def test_traced_rays_find_what_the_ray_backend_finds(draw_on, name):
 def test_light_between_surfaces_is_traced_too(draw_on):
     text = scenes.RAYS["interreflection"]
     a = draw_on("raster", text, TRACE, samples=16, size=(24, 24))
-    b = draw_on("ray", text, {"transport": "tree"}, samples=64, size=(24, 24))
+    b = draw_on("ray", text, {"transport": "whitted"}, samples=64, size=(24, 24))
     assert rgb(a).mean() == pytest.approx(rgb(b).mean(), rel=0.01)
     assert rgb(a).mean() > 1.03 * rgb(draw_on("raster", text, samples=16, size=(24, 24))).mean()
 
@@ -68,10 +69,11 @@ def test_the_plan_says_what_is_traced(tmp_path):
     path = tmp_path / "a.scene"
     path.write_text(VIEW + EVEN + "sphere(0.5, center: [0, 1, 0], material: mirror(#ffffff))\n", encoding="utf-8")
     scene = load.load(path)
-    settings = planner.ir.Settings(backend="raster")
-    made = planner.make(scene, settings)
-    assert (made["raster.secondary"], made["bounces"]) == ("none", 0)
-    traced = planner.make(scene, settings, TRACE)
-    assert (traced["raster.secondary"], traced["bounces"], traced["transport"]) == ("trace", planner.SPECULAR_BOUNCES, "tree")
+    settings = ir.Settings(backend="raster")
+    made = planner.make_plan(scene, settings)
+    assert (made["raster.secondary_rays"], made["bounces"]) == ("none", 0)
+    traced = planner.make_plan(scene, settings, TRACE)
+    decided = (traced["raster.secondary_rays"], traced["bounces"], traced["transport"])
+    assert decided == ("trace", transport_rules.SPECULAR_BOUNCES, "whitted")
     with pytest.raises(PlanError, match=r"`raster\.secondary` cannot be half; it can be: none, trace"):
-        planner.make(scene, settings, {"raster.secondary": "half"})
+        planner.make_plan(scene, settings, {"raster.secondary_rays": "half"})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from maquette.compiler import load
+from maquette.compiler import ir, load
 from maquette.compiler.plan import plan as planner
 from maquette.compiler.plan.plan import PlanError
 
@@ -93,4 +93,4 @@ def test_maps_are_not_for_what_lets_light_through(tmp_path):
     path.write_text(ABOVE + FLOOR + "sphere(1, material: lambert(#fff, opacity: 0.5))\npoint([0, 3, 0], intensity: 9)\n", encoding="utf-8")
     scene = load.load(path)
     with pytest.raises(PlanError, match=r"`raster\.shadows` cannot be map; it can be: rays, none"):
-        planner.make(scene, planner.ir.Settings(backend="raster"), MAP)
+        planner.make_plan(scene, ir.Settings(backend="raster"), MAP)

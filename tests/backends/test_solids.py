@@ -10,7 +10,7 @@ from .views import rgb
 ROOM = "sky(color: #9fc4ff, luminance: 1)\nplane(y: -0.8, material: lambert(checker(#d04030, #f0f0e0, scale: 0.4)))\n"
 OUTSIDE = "camera(position: [0, 0.6, 3], look_at: [0, 0, 0], fov: 40deg)\n"
 WITHIN = "camera(position: [0, 0.1, 0.6], look_at: [0, -0.1, -0.3], fov: 60deg)\n"
-SHARP = {"textures": "sharp"}  # the floor is filtered in what a ball mirrors, and not in a formula, whose bend is not known
+SHARP = {"texture_filter": "point"}  # the floor is filtered in what a ball mirrors, and not in a formula, whose bend is not known
 
 
 def ball(radius: float, x: float = 0.0, y: float = 0.0, arguments: str = "") -> str:

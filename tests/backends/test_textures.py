@@ -180,7 +180,7 @@ def test_checkers_have_the_size_they_are_given(draw):
     """Cells of 50 cm on an endless floor, with a corner at its origin; at points, so that there are two colours."""
     text = "camera(position: [0.13, 3, 0.21], look_at: [0.13, 0, 0.21], up: [0, 0, -1], width: 6)\n"
     text += "plane(y: 0, material: emissive(checker(rgb(1, 1, 1), rgb(0.25, 0.25, 0.25), size: 50cm)))\n"
-    image = draw(text, {"textures": "sharp"}, aov=("position",))
+    image = draw(text, {"texture_filter": "point"}, aov=("position",))
     p = channel(image, "position")
     odd = (np.floor(p[..., 0] / 0.5) + np.floor(p[..., 2] / 0.5)) % 2 == 1
     seen = rgb(image)[..., 0] == 1
@@ -191,6 +191,6 @@ def test_checkers_have_the_size_they_are_given(draw):
 def test_stripes_have_the_size_they_are_given(draw):
     text = "camera(position: [0.13, 0.1, 5], look_at: [0.13, 0.1, 0], width: 2)\n"
     text += "polygon([[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]], uv: [[0, 0], [1, 0], [1, 1], [0, 1]], "
-    image = draw(text + "material: emissive(stripes(#fff, #000, size: 20cm)))\n", {"textures": "sharp"}, aov=("position",))
+    image = draw(text + "material: emissive(stripes(#fff, #000, size: 20cm)))\n", {"texture_filter": "point"}, aov=("position",))
     column = np.floor((channel(image, "position")[..., 0] + 2) / 0.2)
     assert np.array_equal(rgb(image)[..., 0] == 1, column % 2 == 0)

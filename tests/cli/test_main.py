@@ -140,8 +140,8 @@ def test_planned_commands_say_so(name: str) -> None:
         (("--aov", "depth"), "a.png has no room for the channels depth: write an .exr"),
         (("-o", "a.exr", "--aov", "dept"), "no channel is called `dept`; there are "
             "depth, normal, position, albedo, uv, id, variance, samples, cryptomatte, lights, issues."),
-        (("--plan", "raster.fil=areas"), "no decision is called `raster.fil`; did you mean `raster.fill`?"),
-        (("--plan", "raster.fill=lines"), "`raster.fill` cannot be lines; it can be: edges, areas, scanline"),
+        (("--plan", "raster.coverag=areas"), "no decision is called `raster.coverag`; did you mean `raster.coverage`?"),
+        (("--plan", "raster.coverage=lines"), "`raster.coverage` cannot be lines; it can be: edges, areas, scanline"),
         (("--camera", "left"), "no camera is called `left`; the scene has: "),
         (("--crop", "0,0,33,24"), "the crop 0,0,33,24 does not lie inside the picture of 32x24 pixels"),
         (("--colour", "red"), "No such option '--colour'."),
@@ -303,7 +303,7 @@ def test_stats(scene: Path) -> None:
     assert list(stats["seconds"]) == ["import", "parse", "evaluate", "lower", "validate", "compile_kernels", "build", "render", "write"]
     assert (stats["scene"], stats["backend"], stats["size"], stats["samples"]) == ("a.scene", "ray", [32, 24], 2)
     assert [stage for stage, took in stats["seconds"].items() if took <= 0 and stage != "compile_kernels"] == []  # may be in memory
-    assert stats["plan"]["raster.fill"] == "edges"
+    assert stats["plan"]["raster.coverage"] == "edges"
     assert stats["plan"]["budget"] is None
     assert stats["warnings"] == []
 
@@ -367,14 +367,28 @@ def test_errors_of_render_come_before_anything_is_written(scene: Path) -> None:
 
 
 def test_explain_prints_every_decision_and_reason(scene: Path) -> None:
-    code, out, _ = run("explain", scene, "--plan", "raster.fill=areas", "--samples", "3")
+    code, out, _ = run("explain", scene, "--plan", "raster.coverage=areas", "--samples", "3")
     assert code == 0
     rows = {line.split("  ")[0]: line for line in out.splitlines()}
     assert "asked for" in rows["samples"]
-    assert "set with --plan" in rows["raster.fill"]
+    assert "set with --plan" in rows["raster.coverage"]
     data = json.loads(run("explain", scene, "--json")[1])
     assert {row["name"] for row in data} <= set(rows)
     assert all(row["reason"] for row in data)
+
+
+@pytest.mark.parametrize(
+    ("former", "name", "value", "note"),
+    [
+        ("raster.fill=areas", "raster.coverage", "areas", "--plan raster.fill is now raster.coverage"),
+        ("accelerator=brute", "accelerator", "brute_force", "--plan accelerator=brute is now accelerator=brute_force"),
+    ],
+)
+def test_former_names_of_decisions_work_with_a_note(scene: Path, former: str, name: str, value: str, note: str) -> None:
+    code, out, err = run("explain", scene, "--json", "--plan", former)
+    assert code == 0
+    assert {row["name"]: row["value"] for row in json.loads(out)}[name] == value
+    assert err.splitlines() == [f"note: {note}"]
 
 
 def test_explain_prints_what_was_added(scene: Path) -> None:

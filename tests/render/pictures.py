@@ -19,7 +19,7 @@ def planned(tables: ir.Tables, backend: str, overrides: dict[str, str] | None = 
     """A scene of these tables, its plan and the view of its first camera; one sample at the centre on black unless said."""
     asked = {"size": (96, 96), "samples": 1, "background": (0.0, 0.0, 0.0), "threads": 1, **settings}
     scene = ir.Scene("test", tables, names=ir.Names(cameras=("",)))
-    made = plan.make(scene, ir.Settings(backend=backend, **asked), overrides)
+    made = plan.make_plan(scene, ir.Settings(backend=backend, **asked), overrides)
     return scene, made, View(0, *asked["size"])
 
 

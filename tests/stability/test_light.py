@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from maquette.compiler import ir
 from maquette.compiler.plan import plan as planner
 from maquette.compiler.scene.row_records import CameraData, LightData, MeshAttribute, MeshData
+from maquette.lang.schema.elements import MAX_BOUNCES
 from maquette.render.image.image import Image
 from maquette.render.material import bsdf
 from maquette.render.types import Tile
@@ -289,7 +290,7 @@ def test_a_caustic_of_a_point_light(measured, load, draw):
     below = "camera(position: [0, 0.2, 0], look_at: [0, 0, 0], up: [0, 0, -1], width: 0.1, near: 0.01)\n"
     found = float(grey(draw(below + "\n".join(CAUSTIC.splitlines()[2:]), "ray", size=(8, 8), samples=16)).max())
     loaded, said = load(CAUSTIC)
-    said += planner.warnings(loaded, planner.make(loaded, ir.Settings(backend="ray")))
+    said += planner.warnings(loaded, planner.make_plan(loaded, ir.Settings(backend="ray")))
     measured.place(
         41, "the light a ball of glass gathers from a point light", naive="0: no path finds a point",
         ours=f"{found:g} where it is brightest; message: {'; '.join(said) or 'nothing'}", bound="the light, or a warning",
@@ -323,7 +324,7 @@ def test_facing_mirrors_end(measured, draw, bounces):
 def test_what_the_cap_cuts_off_is_reported(measured, draw):
     """The share of the light that the longest limit finds and 8 bounces do not, in blocks of 4 by 4 pixels, is told."""
     text = MIRRORS.format(8)
-    image, longest = draw(text, "ray", size=(24, 24)), draw(text, "ray", size=(24, 24), bounces=planner.MAX_BOUNCES)
+    image, longest = draw(text, "ray", size=(24, 24)), draw(text, "ray", size=(24, 24), bounces=MAX_BOUNCES)
     ours, far = (grey(picture).reshape(6, 4, 6, 4).mean(axis=(1, 3)) for picture in (image, longest))
     true = float(np.mean((far - ours) / np.hypot(far, 0.01 * far.mean())))
     cut = image.metadata["cut"]

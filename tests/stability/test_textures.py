@@ -72,18 +72,18 @@ def test_seams_and_poles_are_finite(draw, tmp_path, view, mapping):
 # --- 24: long footprints -----------------------------------------------------------------------------------------------------------
 
 
-def grazing(draw, backend: str, samples: int, textures: str = "filtered", rows: int = 3, turned: float = 0.0) -> np.ndarray:
+def grazing(draw, backend: str, samples: int, textures: str = "footprint", rows: int = 3, turned: float = 0.0) -> np.ndarray:
     """The first rows below the horizon of a checker floor of 1 cm cells: there a pixel sees some 1 m by 1 km of it."""
     down = math.tan(math.radians(1)) + 0.0005
     text = f"camera(position: [0.3, 1, 0.2], look_at: [0.3, {1 - down!r}, -0.8], fov: 2deg)\n"
     text += f"plane(y: 0, rotate: [0, {turned}deg, 0], material: emissive(checker(#fff, #000, size: 1cm)))\n"
-    drawn = draw(text, backend, {"textures": textures}, size=(64, 64), crop=(0, 1, 64, 1 + rows), samples=samples)
+    drawn = draw(text, backend, {"texture_filter": textures}, size=(64, 64), crop=(0, 1, 64, 1 + rows), samples=samples)
     return drawn.channels["rgba"][..., 0].astype(float)
 
 
 @pytest.mark.parametrize("backend", ["raster", "ray"])
 def test_a_footprint_of_a_thousand_to_one(measured, draw, backend):
-    plain = float(np.abs(grazing(draw, backend, 64, "sharp") - 0.5).max() * 255)
+    plain = float(np.abs(grazing(draw, backend, 64, "point") - 0.5).max() * 255)
     ours = max(float(np.abs(grazing(draw, backend, n, turned=turned) - 0.5).max() * 255) for n, turned in [(1, 0), (1, 31), (64, 0)])
     if backend == "ray":
         measured.place(
@@ -97,5 +97,5 @@ def test_a_footprint_of_a_thousand_to_one(measured, draw, backend):
 @pytest.mark.parametrize("backend", ["raster", "ray"])
 def test_the_mean_at_the_horizon_is_half(draw, backend):
     """By samples at points: only noise, no bias."""
-    seen = grazing(draw, backend, 256, "sharp", rows=8)
+    seen = grazing(draw, backend, 256, "point", rows=8)
     assert abs(seen.mean() - 0.5) < 4 * seen.std(ddof=1) / math.sqrt(seen.size)

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from ... import ir
 from ...plan import light_shapes
-from ...plan.plan import Plan, specular_materials
+from ...plan.plan import Plan
+from ...plan.scene_facts import specular_materials
 from .. import common
 from ..common import F64, Export
 from .materials import pfm
@@ -24,7 +25,7 @@ def lights(out: Export, plan: Plan, shapes: Shapes) -> list[Node]:
     """Emitters, and the shapes of area lights."""
     tables = out.scene.tables
     shining = [row for row in range(len(tables.lights.kind)) if tables.lights.color[row].max() > 0]
-    blocks = light_shapes.that_block(tables) | (len(shining) < 2)
+    blocks = light_shapes.blocking(tables) | (len(shining) < 2)
     made: list[Node] = []
     for row in shining:
         kind = ir.LightKind(int(tables.lights.kind[row]))
@@ -43,7 +44,7 @@ def lights(out: Export, plan: Plan, shapes: Shapes) -> list[Node]:
 
 
 def _area(out: Export, shapes: Shapes, row: int, blocks: NDArray[np.bool_]) -> list[Node]:
-    """An area light; `blocks` as bodies.that_block, or true where there is nothing to block."""
+    """An area light; `blocks` as light_shapes.blocking, or true where there is nothing to block."""
     tables = out.scene.tables
     instance = int(tables.lights.instance[row])
     if instance < 0:

@@ -152,7 +152,7 @@ class Shapes:
             return shell._replace(uvs=None)
         tables = self.tables
         if not common.follows_uv(tables, texture, int(tables.geometries.kind[g])):
-            name = ir.Mapping_(int(tables.textures.mapping[texture])).name.lower()
+            name = ir.TextureMapping(int(tables.textures.mapping[texture])).name.lower()
             self.out.cannot(f"the mapping {name} is not carried: Mitsuba takes a surface's own coordinates", "textures", texture)
         if tables.textures.kind[texture] != ir.TextureKind.IMAGE:
             cells = common.with_cells(tables, texture, shell, common.mean_scale(matrix))

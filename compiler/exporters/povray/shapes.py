@@ -44,7 +44,7 @@ class _Object:
         texture = self.finishes.texture_of(self.material)
         look = self.finishes.look(self.material, self.i)
         if texture >= 0 and not common.follows_uv(self.tables, texture, self.kind):
-            name = ir.Mapping_(int(self.tables.textures.mapping[texture])).name.lower()
+            name = ir.TextureMapping(int(self.tables.textures.mapping[texture])).name.lower()
             self.out.cannot(f"the mapping {name} is not carried: only a surface's own coordinates are", "textures", texture)
         shape = self._shape(texture)
         if shape is None:

@@ -134,7 +134,7 @@ def test_which_lamps_shapes_stand_in_the_light_of_others(compiled) -> None:
         (lamp.format(", shadows: false") + glow + "point([5, 0, 0])\n", [False, True]),
     ):
         tables = compiled(text + BALL).tables
-        assert light_shapes.that_block(tables).tolist()[: len(blocking)] == blocking
+        assert light_shapes.blocking(tables).tolist()[: len(blocking)] == blocking
         shadow = light_shapes.let_through(tables, True).instances.visible & ir.Visibility.SHADOW != 0
         assert shadow[tables.instances.light >= 0].tolist() == [b for b, k in zip(blocking, tables.instances.light, strict=False) if k >= 0]
     assert compiled(lamp.format(", shadows: false") + BALL).tables.instances.visible[0] == NO_SHADOW

@@ -106,10 +106,10 @@ def test_an_angle_turns_stripes(compiled) -> None:
     assert frame @ along == pytest.approx([0, 1])  # along the turned stripes u' stays
 
 
-@pytest.mark.parametrize("mapping", [m.name.lower() for m in ir.Mapping_])
+@pytest.mark.parametrize("mapping", [m.name.lower() for m in ir.TextureMapping])
 def test_mappings(compiled, mapping: str) -> None:
     scene = compiled(f'sphere(1, material: lambert(checker(mapping: "{mapping}")))' + REST)
-    assert scene.tables.textures.mapping.tolist() == [ir.Mapping_[mapping.upper()]]
+    assert scene.tables.textures.mapping.tolist() == [ir.TextureMapping[mapping.upper()]]
 
 
 @pytest.fixture

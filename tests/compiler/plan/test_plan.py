@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from maquette.compiler import ir
-from maquette.compiler.plan import plan
+from maquette.compiler.plan import picture_rules, plan, transport_rules
+from maquette.compiler.plan.decision import RENAMED, RENAMED_VALUES, current_names
 
 
 def scene(
@@ -43,86 +44,109 @@ def scene(
 
 
 def test_point_lights_need_no_random_numbers_and_few_samples() -> None:
-    made = plan.make(scene(ir.LightKind.POINT, models=(ir.MaterialModel.LAMBERT,)), ir.Settings())
-    assert made["soft lights"] is False
-    assert made["samples"] == plan.SAMPLES_SHARP
+    made = plan.make_plan(scene(ir.LightKind.POINT, models=(ir.MaterialModel.LAMBERT,)), ir.Settings())
+    assert made["area_lights"] is False
+    assert made["samples"] == picture_rules.SAMPLES_SHARP
     assert made["bounces"] == 0
     assert made["background"] == "transparent"
 
 
 def test_a_sky_is_soft_and_seen() -> None:
-    made = plan.make(scene(ir.LightKind.SKY, models=(ir.MaterialModel.LAMBERT,)), ir.Settings())
-    assert made["soft lights"] is True
-    assert made["samples"] == plan.SAMPLES_SOFT
+    made = plan.make_plan(scene(ir.LightKind.SKY, models=(ir.MaterialModel.LAMBERT,)), ir.Settings())
+    assert made["area_lights"] is True
+    assert made["samples"] == picture_rules.SAMPLES_SOFT
     assert made["background"] == "sky"
-    assert "sky" in made.decisions["soft lights"].reason
+    assert "sky" in made.decisions["area_lights"].reason
 
 
 def test_a_sky_that_lights_nothing_takes_no_random_numbers() -> None:
-    made = plan.make(scene(ir.LightKind.SKY), ir.Settings())
-    assert made["soft lights"] is False
-    assert made["random numbers"] is False
-    assert made["samples"] == plan.SAMPLES_SHARP
-    assert "no surface is lit" in made.decisions["soft lights"].reason
+    made = plan.make_plan(scene(ir.LightKind.SKY), ir.Settings())
+    assert made["area_lights"] is False
+    assert made["monte_carlo"] is False
+    assert made["samples"] == picture_rules.SAMPLES_SHARP
+    assert "no surface is lit" in made.decisions["area_lights"].reason
 
 
 def test_glass_takes_bounces_and_matt_things_interreflect_only_when_asked() -> None:
     built = scene(ir.LightKind.POINT, models=(ir.MaterialModel.GLASS, ir.MaterialModel.LAMBERT))
-    made = plan.make(built, ir.Settings())
-    assert made["bounces"] == plan.SPECULAR_BOUNCES
+    made = plan.make_plan(built, ir.Settings())
+    assert made["bounces"] == transport_rules.SPECULAR_BOUNCES
     assert made["interreflection"] is False
-    asked = plan.make(built, ir.Settings(bounces=3))
+    asked = plan.make_plan(built, ir.Settings(bounces=3))
     assert (asked["bounces"], asked["interreflection"]) == (3, True)
-    assert plan.make(built, ir.Settings(bounces=0))["interreflection"] is False
+    assert plan.make_plan(built, ir.Settings(bounces=0))["interreflection"] is False
 
 
 def test_the_command_line_goes_before_the_scene() -> None:
     built = replace(scene(ir.LightKind.POINT), settings=ir.Settings(samples=4, seed=7))
-    made = plan.make(built, ir.Settings(samples=9))
+    made = plan.make_plan(built, ir.Settings(samples=9))
     assert (made["samples"], made["seed"]) == (9, 7)
 
 
 def test_an_error_or_a_budget_lets_samples_grow() -> None:
-    assert plan.make(scene(), ir.Settings(error=0.01))["samples"] == plan.MAX_SAMPLES
-    assert plan.make(scene(), ir.Settings(budget=2.0))["samples"] == plan.ENDLESS_SAMPLES
-    both = plan.make(scene(), ir.Settings(error=0.01, samples=8))
+    assert plan.make_plan(scene(), ir.Settings(error=0.01))["samples"] == picture_rules.MAX_SAMPLES
+    assert plan.make_plan(scene(), ir.Settings(budget=2.0))["samples"] == picture_rules.ENDLESS_SAMPLES
+    both = plan.make_plan(scene(), ir.Settings(error=0.01, samples=8))
     assert (both["samples"], both["error"]) == (8, 0.0)
     said = replace(scene(), settings=ir.Settings(samples=8))
-    over = plan.make(said, ir.Settings(error=0.01))
-    assert (over["samples"], over["error"]) == (plan.MAX_SAMPLES, 0.01)
+    over = plan.make_plan(said, ir.Settings(error=0.01))
+    assert (over["samples"], over["error"]) == (picture_rules.MAX_SAMPLES, 0.01)
 
 
 def test_the_film_sets_the_shape_of_the_picture() -> None:
-    assert plan.make(scene(), ir.Settings())["size"] == plan.DEFAULT_SIZE
-    assert plan.make(scene(aspect=1.5), ir.Settings())["size"] == (960, 640)
+    assert plan.make_plan(scene(), ir.Settings())["size"] == picture_rules.DEFAULT_SIZE
+    assert plan.make_plan(scene(aspect=1.5), ir.Settings())["size"] == (960, 640)
 
 
 def test_exposure_is_metered_only_where_light_has_units() -> None:
-    assert plan.make(scene(), ir.Settings())["exposure"] == 0.0
-    assert plan.make(replace(scene(), photometric=True), ir.Settings())["exposure"] == "metered"
-    assert plan.make(replace(scene(), photometric=True), ir.Settings(exposure=2.0))["exposure"] == 2.0
+    assert plan.make_plan(scene(), ir.Settings())["exposure"] == 0.0
+    assert plan.make_plan(replace(scene(), photometric=True), ir.Settings())["exposure"] == "metered"
+    assert plan.make_plan(replace(scene(), photometric=True), ir.Settings(exposure=2.0))["exposure"] == 2.0
 
 
 def test_every_decision_has_a_reason_and_a_switch() -> None:
-    made = plan.make(scene(ir.LightKind.SUN), ir.Settings())
+    made = plan.make_plan(scene(ir.LightKind.SUN), ir.Settings())
     for decision in made.decisions.values():
         assert decision.reason
         if decision.fixed:
             with pytest.raises(plan.PlanError, match="is set by"):
-                plan.make(scene(), ir.Settings(), {decision.name: "1"})
+                plan.make_plan(scene(), ir.Settings(), {decision.name: "1"})
+
+
+@pytest.mark.parametrize("former", RENAMED)
+def test_former_names_of_decisions(former: str) -> None:
+    current, notes = current_names({former: "x"})
+    assert next(iter(current)) in plan.make_plan(scene(), ir.Settings()).decisions
+    assert notes == (f"--plan {former} is now {next(iter(current))}",)
+
+
+@pytest.mark.parametrize(("name", "former"), RENAMED_VALUES)
+def test_former_values_of_decisions(name: str, former: str) -> None:
+    current, notes = current_names({name: former})
+    assert notes == (f"--plan {name}={former} is now {name}={current[name]}",)
+
+
+def test_a_former_name_with_a_former_value() -> None:
+    built = scene(ir.LightKind.POINT)
+    assert plan.make_plan(built, ir.Settings()).notes == ()
+    current, notes = current_names({"weighing": "lights", "shadows": "on"})
+    assert current == {"mis": "light", "shadows": "on"}
+    assert notes == ("--plan weighing=lights is now mis=light",)
+    made = plan.make_plan(built, ir.Settings(), {"raster.fill": "areas"})
+    assert (made["raster.coverage"], made.notes) == ("areas", ("--plan raster.fill is now raster.coverage",))
 
 
 def test_overrides() -> None:
-    made = plan.make(scene(), ir.Settings(), {"raster.fill": "scanline", "tolerance": "0.5", "shadows": "on"})
-    assert (made["raster.fill"], made["tolerance"], made["shadows"]) == ("scanline", 0.5, True)
-    assert made.decisions["raster.fill"].overridden
+    made = plan.make_plan(scene(), ir.Settings(), {"raster.coverage": "scanline", "tolerance": "0.5", "shadows": "on"})
+    assert (made["raster.coverage"], made["tolerance"], made["shadows"]) == ("scanline", 0.5, True)
+    assert made.decisions["raster.coverage"].overridden
 
 
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        ({"raster.fil": "edges"}, "no decision is called `raster.fil`; did you mean `raster.fill`?"),
-        ({"raster.fill": "magic"}, "`raster.fill` cannot be magic; it can be: edges, areas, scanline"),
+        ({"raster.coverag": "edges"}, "no decision is called `raster.coverag`; did you mean `raster.coverage`?"),
+        ({"raster.coverage": "magic"}, "`raster.coverage` cannot be magic; it can be: edges, areas, scanline"),
         ({"tolerance": "-1"}, "`tolerance` cannot be -1; it can be: a positive number like 0.05"),
         ({"shadows": "maybe"}, "`shadows` cannot be maybe; it can be: on, off"),
         ({"samples": "3"}, "`samples` is set by --samples"),
@@ -130,7 +154,7 @@ def test_overrides() -> None:
 )
 def test_overrides_that_cannot_be(overrides: dict[str, str], message: str) -> None:
     with pytest.raises(plan.PlanError) as caught:
-        plan.make(scene(), ir.Settings(), overrides)
+        plan.make_plan(scene(), ir.Settings(), overrides)
     assert str(caught.value) == message
 
 
@@ -148,17 +172,17 @@ def test_overrides_that_cannot_be(overrides: dict[str, str], message: str) -> No
 )
 def test_settings_that_cannot_be(settings: ir.Settings, message: str) -> None:
     with pytest.raises(plan.PlanError) as caught:
-        plan.make(scene(), settings)
+        plan.make_plan(scene(), settings)
     assert str(caught.value) == message
 
 
 def test_ambient_light_and_interreflection_are_warned_about() -> None:
     built = scene(ir.LightKind.AMBIENT, models=(ir.MaterialModel.LAMBERT,))
-    assert plan.warnings(built, plan.make(built, ir.Settings(bounces=2)))
-    assert not plan.warnings(built, plan.make(built, ir.Settings()))
+    assert plan.warnings(built, plan.make_plan(built, ir.Settings(bounces=2)))
+    assert not plan.warnings(built, plan.make_plan(built, ir.Settings()))
 
 
 def test_cameras_are_found_by_the_last_part_of_their_path() -> None:
     names = ("/World/main_cam", "/World/side")
-    assert plan.find_camera(names, "side") == 1
-    assert plan.find_camera(names, "/World/main_cam") == 0
+    assert picture_rules.find_camera(names, "side") == 1
+    assert picture_rules.find_camera(names, "/World/main_cam") == 0

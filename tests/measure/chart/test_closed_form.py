@@ -44,7 +44,7 @@ def found(text: str, folder: Path) -> tuple[ir.Scene, reference_light.ReferenceL
 def test_the_closed_form_is_what_is_drawn(name: str, tmp_path: Path) -> None:
     scene, light, known = found(KNOWN[name], tmp_path)
     assert known is not None
-    exact = {"transport": "tree"}  # paths look at one of several suns at a time
+    exact = {"transport": "whitted"}  # paths look at one of several suns at a time
     image = maquette.render(scene, size=(24, 18), samples=4, bounces=light.bounces or 0, plan=exact)
     np.testing.assert_allclose(image.channels["rgba"], np.broadcast_to((*known.rgb, known.alpha), (18, 24, 4)), rtol=1e-6, atol=1e-12)
     assert max(known.rgb) > 0 or name == "a plane from below"

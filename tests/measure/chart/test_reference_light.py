@@ -125,4 +125,4 @@ def test_every_step_has_a_plan_and_a_higher_cost(text: str, tmp_path: Path) -> N
         for sweep in setting_sweeps.sweeps(scene, light, backend):
             assert len(sweep.costs) == len(sweep.settings) > 1
             for setting in sweep.settings:
-                planner.make(scene, ir.Settings(**setting.options), setting.plan)
+                planner.make_plan(scene, ir.Settings(**setting.options), setting.plan)

@@ -39,7 +39,7 @@ REFLECTS = "raster draws highlights of lights and the sky alone: other things ar
 def test_inside_outlines_raster_and_ray_agree(name: str) -> None:
     # Both at the pixel's centre: of more, the rasterizer has its own places. What mirrors is traced: else the ground's mean light stands
     # for all that lies below the horizon.
-    found = both(name, 1, {"raster.secondary": "trace"} if name in MIRRORED else None)
+    found = both(name, 1, {"raster.secondary_rays": "trace"} if name in MIRRORED else None)
     assert found.a.notes == ()
     assert found.b.notes == ()
     one, other = (object_errors.outline_mask(side) for side in (found.a, found.b))

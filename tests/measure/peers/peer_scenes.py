@@ -51,8 +51,8 @@ def compiled(folder: Path, text: str, **settings: Any) -> tuple[ir.Scene, planne
     source.write_text(text)
     scene = maquette.load(source)
     asked = ir.Settings(**{"filter": "box", **settings})
-    common = registry.common_overrides(planner.make(scene, asked))
-    return scene, planner.make(scene, asked, {name: value for name, value in common.items() if name != "filter"})
+    common = registry.common_overrides(planner.make_plan(scene, asked))
+    return scene, planner.make_plan(scene, asked, {name: value for name, value in common.items() if name != "filter"})
 
 
 def both(name: str, folder: Path, text: str, ours: int, theirs: int, **settings: Any) -> tuple[np.ndarray, np.ndarray]:

@@ -63,7 +63,7 @@ def test_the_cornell_box_is_mitsubas(tmp_path: Path) -> None:
     scene = maquette.load(paths.SCENES / "cornell.scene")
 
     def plan(seed: int) -> planner.Plan:
-        return planner.make(scene, ir.Settings(size=SIZE, bounces=6, filter="box", samples=1024, seed=seed, backend="ray"))
+        return planner.make_plan(scene, ir.Settings(size=SIZE, bounces=6, filter="box", samples=1024, seed=seed, backend="ray"))
 
     ours, theirs = runs_of(scene, plan), runs_of_theirs(scene, plan, 1024)
     t, error = t_of(ours, theirs, 1e-4)
@@ -108,7 +108,7 @@ def test_veachs_plates_are_mitsubas(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     scene = maquette.load(path)
 
     def plan(seed: int) -> planner.Plan:
-        return planner.make(scene, ir.Settings(size=(60, 40), bounces=2, filter="box", samples=512, seed=seed, backend="ray"))
+        return planner.make_plan(scene, ir.Settings(size=(60, 40), bounces=2, filter="box", samples=512, seed=seed, backend="ray"))
 
     whole, real = runs_of(scene, plan), energy_compensation.table()
     once = energy_compensation.Albedo(real.each.copy(), real.mean.copy())

@@ -128,8 +128,8 @@ def test_settings(setting: Setting, text: str) -> None:
 
 
 def test_arguments_are_what_the_command_line_reads() -> None:
-    setting = Setting("raster", "tolerance", 0.5, {"samples": 4, "size": (80, 60), "error": 0.01}, {"raster.fill": "areas"})
-    assert setting.arguments() == "--backend raster --samples 4 --size 80x60 --error 0.01 --plan raster.fill=areas"
+    setting = Setting("raster", "tolerance", 0.5, {"samples": 4, "size": (80, 60), "error": 0.01}, {"raster.coverage": "areas"})
+    assert setting.arguments() == "--backend raster --samples 4 --size 80x60 --error 0.01 --plan raster.coverage=areas"
     assert formatting.command(charts.room(), setting).startswith("maquette render room.scene --size 400x300 --backend raster --samples 4")
 
 

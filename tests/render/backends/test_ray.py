@@ -65,7 +65,7 @@ def test_threads_and_trees_change_no_bit() -> None:
     one = ray(tables, threads=1)
     assert one.metadata["issues"] == 0
     assert len(np.unique(one.channels["id"][..., 0])) >= 9
-    for other in (ray(tables, threads=2), ray(tables, threads=5), ray(tables, {"accelerator": "brute"})):
+    for other in (ray(tables, threads=2), ray(tables, threads=5), ray(tables, {"accelerator": "brute_force"})):
         same(one, other)
 
 

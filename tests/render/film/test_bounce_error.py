@@ -12,6 +12,7 @@ from click.testing import CliRunner
 from maquette.cli.main import cli
 from maquette.compiler import ir
 from maquette.compiler.plan import plan as planner
+from maquette.lang.schema.elements import MAX_BOUNCES
 from maquette.render.film import bounce_error
 from maquette.render.image.image import Image
 
@@ -42,7 +43,7 @@ def test_how_many_bounces_leave_out_less_is_said(tmp_path):
     assert cut.enough == 16
 
 
-@pytest.mark.parametrize("bounces", [0, planner.MAX_BOUNCES])
+@pytest.mark.parametrize("bounces", [0, MAX_BOUNCES])
 def test_without_a_limit_to_lift_nothing_is_measured(tmp_path, bounces):
     assert drawn(tmp_path, INSIDE + WALLS.format(0.5), bounces=bounces, samples=1).metadata["cut"] is None
 
@@ -56,7 +57,7 @@ def test_glass_and_mirrors_are_followed_further(tmp_path):
     """Of a tree more rays wait than the picture's own limit has room for. What is told is what the picture lacks in the same blocks."""
     text = INSIDE + "sphere(0.3, center: [-0.2, 0, -0.5], material: glass())\nbox([2, 4, 3], material: mirror(0.9))\n"
     text += "sphere(0.1, center: [0.4, 0.5, -0.3], material: emissive(1))\n"
-    short, far = (drawn(tmp_path, text, bounces=k, samples=16) for k in (3, planner.MAX_BOUNCES))
+    short, far = (drawn(tmp_path, text, bounces=k, samples=16) for k in (3, MAX_BOUNCES))
     ours, all_of_it = (image.channels["rgba"][..., :3].astype(float) for image in (short, far))
     blocks = [np.s_[tile.y0 : tile.y1, tile.x0 : tile.x1] for tile in bounce_error.blocks((0, 0, 40, 30))]
     whole, kept = (np.array([picture[block].mean() for block in blocks]) for picture in (all_of_it, ours))
@@ -85,7 +86,7 @@ class Recorded:
 
 def test_the_limit_is_put_back(tmp_path):
     (tmp_path / "a.scene").write_text(INSIDE + WALLS.format(0.5), encoding="utf-8")
-    plan = planner.make(maquette.load(tmp_path / "a.scene"), ir.Settings(bounces=3, size=(9, 7)))
+    plan = planner.make_plan(maquette.load(tmp_path / "a.scene"), ir.Settings(bounces=3, size=(9, 7)))
     renderer = Recorded()
     cut = bounce_error.measured(renderer, plan, 1, 0.02)
     assert cut == bounce_error.Cut(pytest.approx(0.5, rel=1e-3), 0.0, 0.02, 12)  # pyright: ignore[reportArgumentType]

@@ -49,7 +49,7 @@ def test_it_halves_the_error_of_few_samples_and_is_off_unless_asked(scene) -> No
 
 def test_guides_are_what_is_seen_first(scene) -> None:
     """The sky has none; a matt ball its color and the mirror its tint, with unit normals inside of outlines."""
-    plan = planner.make(scene, maquette.compiler.ir.Settings(size=(48, 36), samples=4, threads=1))
+    plan = planner.make_plan(scene, maquette.compiler.ir.Settings(size=(48, 36), samples=4, threads=1))
     view = View(plan["camera"], 48, 36)
     albedo, normal = denoise.guides(ray.Renderer(prepare.prepare(scene, plan, view), plan, view), plan)
     assert albedo.shape == normal.shape == (36, 48, 3)
@@ -72,8 +72,8 @@ def test_without_its_package_it_says_what_to_install(scene, monkeypatch) -> None
 def test_the_chart_has_a_line_for_it(scene) -> None:
     """Where there is noise; `256 denoised samples` are what is written beside a point."""
     knob = next(knob for knob in quality_settings.QUALITY_SETTINGS["ray"] if knob.name == "denoised samples")
-    plan = planner.make(scene, maquette.compiler.ir.Settings())
+    plan = planner.make_plan(scene, maquette.compiler.ir.Settings())
     assert knob.applies(scene, plan)
     assert knob.fixed == {"denoise": True}
-    sharp = replace(plan.decisions["soft lights"], value=False)
-    assert not knob.applies(scene, planner.Plan({**plan.decisions, "soft lights": sharp}))
+    sharp = replace(plan.decisions["area_lights"], value=False)
+    assert not knob.applies(scene, planner.Plan({**plan.decisions, "area_lights": sharp}))

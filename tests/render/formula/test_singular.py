@@ -126,7 +126,7 @@ def test_a_heart_does_not_shadow_itself_along_the_crease(tmp_path):
     path.write_text(look + SURFACES["heart"].text[:-1] + ", material: phong(#fff, specular: #000))\n", encoding="utf-8")
     scene = load.load(path)
     settings = ir.Settings(size=(256, 256), samples=4, threads=1, backend="ray", aov=("position",))
-    drawn = render_scene.draw(scene, planner.make(scene, settings)).channels
+    drawn = render_scene.draw(scene, planner.make_plan(scene, settings)).channels
     gradient = heart(np.moveaxis(drawn["position"].astype(float), 2, 0).reshape(3, -1))[1]
     light = np.array([1, 2, 1.5]) / np.linalg.norm([1, 2, 1.5])
     lit = (light @ (gradient / np.linalg.norm(gradient, axis=0))).reshape(256, 256)

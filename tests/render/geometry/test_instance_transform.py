@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from maquette.compiler import ir, load
-from maquette.compiler.plan import plan
+from maquette.compiler.plan import plan, scene_facts
 from maquette.compiler.scene import motion_keys, transforms
 from maquette.lang.elements import AxisAngle
 from maquette.render import camera, render_scene
@@ -186,7 +186,7 @@ def picture(folder, text: str, **settings_: object) -> np.ndarray:
     path = folder / "a.scene"
     path.write_text(text, encoding="utf-8")
     made = load.load(path)
-    return render_scene.draw(made, plan.make(made, ir.Settings(**settings_))).channels["rgba"].astype(float)  # type: ignore[arg-type]
+    return render_scene.draw(made, plan.make_plan(made, ir.Settings(**settings_))).channels["rgba"].astype(float)  # type: ignore[arg-type]
 
 
 BAR = """
@@ -276,10 +276,10 @@ def test_what_does_not_move_costs_nothing(tmp_path):
     ):
         path.write_text(text)
         made = load.load(path)
-        decision = plan.make(made, ir.Settings()).decisions["motion"]
+        decision = plan.make_plan(made, ir.Settings()).decisions["motion_blur"]
         assert (decision.value, decision.reason) == (moves, why)
         assert motion_alpha.has_motion(Handle(scene_bvh.build(made.tables)).numba_type) == moves
-    off = plan.make(made, ir.Settings(size=(8, 8), samples=1), {"motion": "off"})
+    off = plan.make_plan(made, ir.Settings(size=(8, 8), samples=1), {"motion_blur": "off"})
     assert render_scene.draw(made, off).channels["rgba"].shape == (8, 8, 4)
 
 
@@ -365,8 +365,8 @@ def test_usd_shutters_open_when_they_say(tmp_path):
     assert tables.transforms.matrix[row, 0, 3] == pytest.approx(10.0)
     for moment, x in ((0.0, 9.5), (1.0, 11.5)):
         assert instance_transform.transform_at(tables, row, np.array([moment])).matrix[3] == pytest.approx(x)
-    assert plan.open_during(tables, 0) == pytest.approx((0.0, 0.5))
-    assert plan.open_during(tables, 1) == pytest.approx((0.75, 0.25))
+    assert scene_facts.open_during(tables, 0) == pytest.approx((0.0, 0.5))
+    assert scene_facts.open_during(tables, 1) == pytest.approx((0.75, 0.25))
 
 
 def test_a_lens_goes_with_the_camera_that_moves(tmp_path):

@@ -43,7 +43,7 @@ def tables_of(folder: Path, text: str) -> Any:
 
 def prepared(folder: Path, text: str) -> tuple[Any, View]:
     scene = loaded(folder, text)
-    decided = plan.make(scene, ir.Settings(backend="raster"))
+    decided = plan.make_plan(scene, ir.Settings(backend="raster"))
     view = View(decided["camera"], 24, 24)
     return prepare.prepare(scene, decided, view), view
 

@@ -117,7 +117,7 @@ FEATURES = {
 
 
 @pytest.mark.parametrize("feature", FEATURES)
-@pytest.mark.parametrize("other", [{"transport": "tree"}, {"backend": "reference"}], ids=["tree", "reference"])
+@pytest.mark.parametrize("other", [{"transport": "whitted"}, {"backend": "reference"}], ids=["whitted", "reference"])
 def test_paths_agree_with_the_tree_of_all_branches(draw, feature, other):
     """Where only matt surfaces light each other, both hold the same light: means of blocks, by z."""
     text = FLOOR + FEATURES[feature]
@@ -133,16 +133,16 @@ def test_the_plan_chooses_transport_and_precision(tmp_path):
     def decided(text, **settings):
         path = tmp_path / "a.scene"
         path.write_text(text, encoding="utf-8")
-        plan = planner.make(load.load(path), ir.Settings(**settings))
+        plan = planner.make_plan(load.load(path), ir.Settings(**settings))
         return plan["transport"], plan["precision"]
 
     ball = "sphere(1, material: lambert(0.5))\n"
-    assert decided(ball) == ("tree", "float64")
-    assert decided(ball, bounces=2) == ("paths", "float32")
-    assert decided(ball, bounces=2, backend="reference") == ("paths", "float64")
-    assert decided(ball + "sphere(1mm, center: [0, 50, 0])\n", bounces=2) == ("paths", "float64")
-    assert decided('sphere(1, material: lambert(0.5, shading: "gouraud"))\n', bounces=2)[0] == "paths"
-    assert decided('sphere(1, material: lambert(0.5, opacity: 0.5))\n', bounces=2)[0] == "paths"
+    assert decided(ball) == ("whitted", "float64")
+    assert decided(ball, bounces=2) == ("path", "float32")
+    assert decided(ball, bounces=2, backend="reference") == ("path", "float64")
+    assert decided(ball + "sphere(1mm, center: [0, 50, 0])\n", bounces=2) == ("path", "float64")
+    assert decided('sphere(1, material: lambert(0.5, shading: "gouraud"))\n', bounces=2)[0] == "path"
+    assert decided('sphere(1, material: lambert(0.5, opacity: 0.5))\n', bounces=2)[0] == "path"
 
 
 def test_any_number_of_threads_gives_the_same_picture(tmp_path):
@@ -160,7 +160,7 @@ def spectrum(error):
     return power[away < 1 / 16].mean(), power[away > 1 / 4].mean()
 
 
-@pytest.mark.parametrize("transport", ["paths", "tree"])
+@pytest.mark.parametrize("transport", ["path", "whitted"])
 @pytest.mark.parametrize("backend", ["ray", "reference"])
 def test_the_error_of_a_soft_shadow_is_blue_noise(draw, backend, transport):
     """A slab's shadow from a wide lamp: in the error at 4 samples slow waves have a quarter at most of the power of quick ones."""
@@ -169,7 +169,7 @@ def test_the_error_of_a_soft_shadow_is_blue_noise(draw, backend, transport):
         "box([4, 0.1, 8], center: [2, 2, 0], material: lambert(0))\narea([0, 4, 0], size: [2, 2], luminance: 5)\nrender(bounces: 1)\n"
     )
     size = (64, 64)
-    true = draw(text, 1024, seed=99, size=size, transport="paths")[..., 1]
+    true = draw(text, 1024, seed=99, size=size, transport="path")[..., 1]
     found = [draw(text, 4, seed=seed, size=size, backend=backend, transport=transport)[..., 1] - true for seed in range(3)]
     slow, quick = np.mean([spectrum(error) for error in found], axis=0)
     assert slow < 0.25 * quick

@@ -101,17 +101,17 @@ def test_the_plan_says_where(tmp_path):
         path = tmp_path / "b.scene"
         path.write_text(text, encoding="utf-8")
         scene = load.load(path)
-        return planner.make(scene, scene.settings)
+        return planner.make_plan(scene, scene.settings)
 
 
     text = ROOM + LAMPS["point"] + "render(bounces: 3)\n"
-    assert decided(text)["transport.reuse"] == "blocks"
+    assert decided(text)["transport.path_reuse"] == "blocks"
     for more in ("mirror(0.9)", "phong(0.3, specular: 0.4)", "glass()", "lambert(0.5, opacity: 0.5)", 'lambert(0.5, shading: "gouraud")'):
         plan = decided(text + f"sphere(0.1, center: [0, 0.2, 0], material: {more})\n")
-        assert plan["transport.reuse"] == "none", more
-        assert "not matt" in plan.decisions["transport.reuse"].reason
-    assert decided(text + "sky()\n")["transport.reuse"] == "none"
-    assert decided(text.replace("bounces: 3", "bounces: 0"))["transport.reuse"] == "none"
+        assert plan["transport.path_reuse"] == "none", more
+        assert "not matt" in plan.decisions["transport.path_reuse"].reason
+    assert decided(text + "sky()\n")["transport.path_reuse"] == "none"
+    assert decided(text.replace("bounces: 3", "bounces: 0"))["transport.path_reuse"] == "none"
 
 
 def test_blocks_are_the_pictures():

@@ -140,7 +140,7 @@ def test_the_plan_has_photons_only_where_a_small_lamp_shines_on_what_gathers(tmp
     def decided(text, **settings):
         path = tmp_path / "a.scene"
         path.write_text(text, encoding="utf-8")
-        return planner.make(load.load(path), ir.Settings(**settings))["transport.caustics"]
+        return planner.make_plan(load.load(path), ir.Settings(**settings))["transport.caustics"]
 
     lamp, ball = "point([0, 3, 0])\n", "sphere(0.5, center: [0, 1, 0], material: glass())\n"
     floor = FLOOR.format(0.8)

@@ -69,7 +69,7 @@ def test_plain_glass_needs_none():
     assert medium_stack.outside(tables, np.zeros(3)) is None
 
 
-@pytest.mark.parametrize("transport", ["tree", "paths"])
+@pytest.mark.parametrize("transport", ["whitted", "path"])
 @pytest.mark.parametrize("backend", ["ray", "reference"])
 def test_an_absorbing_slab_behind_another_that_it_overlaps(tmp_path, backend, transport):
     """Two slabs of index 1 that share half, in which the one of the higher priority absorbs: e^-(σ₁ d₁ + σ₂ d₂) comes through. Paths that
@@ -84,14 +84,14 @@ def test_an_absorbing_slab_behind_another_that_it_overlaps(tmp_path, backend, tr
     )
     how = {"transport": transport}
     found = rm.grey(rm.picture(tmp_path, text, backend, size=(8, 8), samples=16, bounces=6, plan=how)) / (0.5 * 0.25**2)
-    if transport == "tree":
+    if transport == "whitted":
         assert np.abs(found - 1).max() < 1e-5
     else:
         assert abs(found.mean() - 1) < 5 * found.std() / 8
 
 
 @pytest.mark.parametrize("lamp", ["point([0.5, 2, 0], intensity: 10)", "spot([0.5, 2, 0], look_at: [0, 0, 0], cone: 60deg, intensity: 10)"])
-@pytest.mark.parametrize("transport", ["tree", "paths"])
+@pytest.mark.parametrize("transport", ["whitted", "path"])
 @pytest.mark.parametrize("backend", ["ray", "reference"])
 def test_a_lamp_in_a_medium_fades_on_the_way(tmp_path, backend, transport, lamp):
     """A white floor and a lamp in a medium of index 1 that ends 4 m above the floor: e^(-σ d) reaches it, e^(-σ 4 m) of that leaves."""

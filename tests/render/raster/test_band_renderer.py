@@ -151,7 +151,7 @@ def test_soft_light_is_drawn_in_bands_and_tells_its_error():
     shapes = [(ir.GeometryKind.PLANE, [], tables.matrix((0, -1, 0)), 0), (ir.GeometryKind.SPHERE, [0.5], tables.matrix((0, -0.5, -2)), 0)]
     scene = tables.scene(shapes, camera=CameraData(0, 0.5), lights=[area], frame=tables.facing((0, 2, -2), (0, -1, -2)))
     long = pictures.picture(scene, samples=1024, size=(32, 24)).channels["rgba"][..., :3]
-    drawn = pictures.picture(scene, overrides={"raster.places": "shared"}, samples=32, size=(32, 24))
+    drawn = pictures.picture(scene, overrides={"raster.sample_positions": "shared"}, samples=32, size=(32, 24))
     told = drawn.metadata["error"]
     error = metrics.root_relmse(drawn.channels["rgba"][..., :3], long)
     assert 0.5 * error < told < 2.0 * error
@@ -175,9 +175,10 @@ def test_many_sharp_samples_in_bands_cover_what_they_should():
     x = 12 + 24 * (0.1 + 0.4 / 18 * (np.arange(24 * 64) + 0.5 - 12 * 64) / 24 / 64)
     exact = np.clip(x[:, None] - np.arange(24), 0, 1).reshape(24, 64, 24).mean(axis=1)
     own, shared = (
-        pictures.picture(scene, overrides={"raster.places": how}, samples=256, size=(24, 24), filter="box").channels["rgba"][..., 3]
-        for how in ("own", "shared")
+        pictures.picture(scene, overrides={"raster.sample_positions": how}, samples=256, size=(24, 24), filter="box")
+        for how in ("per_pixel", "shared")
     )
+    own, shared = (image.channels["rgba"][..., 3] for image in (own, shared))
     assert np.abs(shared - exact).max() < 2 / 256
     assert np.abs(own - shared).max() < 6 / 256
 
@@ -185,7 +186,7 @@ def test_many_sharp_samples_in_bands_cover_what_they_should():
 def test_places_are_not_asked_for_where_samples_are_not_counted():
     scene = tables.scene([(ir.GeometryKind.SPHERE, [0.5], tables.matrix((0, 0, -2)), 0)], camera=CameraData(0, 0.5))
     with pytest.raises(plan.PlanError, match=r"`raster\.places` cannot be shared; it can be: own"):
-        pictures.picture(scene, overrides={"raster.places": "shared"}, error=0.1, samples=None)
+        pictures.picture(scene, overrides={"raster.sample_positions": "shared"}, error=0.1, samples=None)
 
 
 def a_mesh_in_bands(threads: int = 1) -> tuple:

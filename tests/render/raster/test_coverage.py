@@ -211,7 +211,8 @@ def still_life(**material) -> ir.Tables:
 
 
 def test_the_three_fills_make_the_same_picture():
-    drawn = {fill: pictures.picture(still_life(), overrides={"raster.fill": fill}, samples=4) for fill in ("edges", "areas", "scanline")}
+    fills = ("edges", "areas", "scanline")
+    drawn = {fill: pictures.picture(still_life(), overrides={"raster.coverage": fill}, samples=4) for fill in fills}
     assert drawn["edges"].channels["rgba"][..., :3].max() > 0.3
     for fill in ("areas", "scanline"):
         assert np.array_equal(drawn[fill].channels["rgba"], drawn["edges"].channels["rgba"])
@@ -223,7 +224,7 @@ def test_scanline_fills_whole_polygons():
     flat = np.zeros(2, np.bool_)
     scalar_raster.flat_polygons(Handle(scene), flat)
     assert flat.tolist() == [True, True]
-    by = {fill: hits(scene, (300, 300), overrides={"raster.fill": fill}) for fill in ("edges", "scanline")}
+    by = {fill: hits(scene, (300, 300), overrides={"raster.coverage": fill}) for fill in ("edges", "scanline")}
     assert (by["edges"].instance == 4).sum() > 1000
     for column in ("instance", "primitive", "t"):
         assert np.array_equal(getattr(by["edges"], column), getattr(by["scanline"], column))
@@ -308,7 +309,7 @@ def test_materials_the_rasterizer_simplifies_are_noted():
 @pytest.mark.parametrize("fill", ["edges", "scanline"])
 def test_nothing_to_draw_is_the_background(fill):
     drawn = pictures.picture(
-        tables.scene(camera=EYE), overrides={"raster.fill": fill}, size=(1, 1), background=(0.25, 0.5, 0.75), aov=("depth", "id")
+        tables.scene(camera=EYE), overrides={"raster.coverage": fill}, size=(1, 1), background=(0.25, 0.5, 0.75), aov=("depth", "id")
     )
     assert drawn.channels["rgba"].tolist() == [[[0.25, 0.5, 0.75, 0.0]]]
     assert drawn.channels["depth"].tolist() == [[[math.inf]]]

@@ -63,7 +63,7 @@ MANY = "\n".join(
 @pytest.mark.parametrize("text", [MESH.format("flat", "flat"), MANY], ids=["one mesh", "many things"])
 def test_what_trees_meet_is_what_trying_everything_meets(tmp_path: Path, text: str) -> None:
     scene = scene_of(tmp_path, text)
-    assert np.array_equal(drawn(scene), drawn(scene, accelerator="brute"))
+    assert np.array_equal(drawn(scene), drawn(scene, accelerator="brute_force"))
 
 
 def test_rounded_triangles_look_as_their_meshes_say(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

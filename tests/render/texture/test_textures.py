@@ -17,7 +17,7 @@ from maquette.render.types import Surface
 from .. import tables as make
 
 K = ir.GeometryKind
-M = ir.Mapping_
+M = ir.TextureMapping
 W = ir.Wrap
 IMAGE = ir.TextureKind.IMAGE
 CHECKER = ir.TextureKind.CHECKER

@@ -36,7 +36,7 @@ def drawn(tmp_path, text: str, samples: int = 1) -> image.Image:
     path = tmp_path / "hidden.scene"
     path.write_text(text, encoding="utf-8")
     scene = load.load(path)
-    return render_scene.draw(scene, planner.make(scene, ir.Settings(size=(72, 64), samples=samples, threads=1, backend="ray")))
+    return render_scene.draw(scene, planner.make_plan(scene, ir.Settings(size=(72, 64), samples=samples, threads=1, backend="ray")))
 
 
 @pytest.mark.parametrize("lamps", LAMPS)
@@ -62,7 +62,7 @@ def test_lamps_asked_for_beforehand(tmp_path):
         path = tmp_path / "lamps.scene"
         path.write_text(VIEW + text, encoding="utf-8")
         scene = load.load(path)
-        plan = planner.make(scene, ir.Settings(size=(8, 8), samples=1, backend="ray"))
+        plan = planner.make_plan(scene, ir.Settings(size=(8, 8), samples=1, backend="ray"))
         options = prepare.options_of(plan, scene.tables)._replace(shadows=shadows)
         assert shadow_rays.lamps(prepare.build_bvh(scene.tables, plan).tables, scene.tables, options) == expected
 

@@ -1,0 +1,152 @@
+"""Enumerations of the IR: kinds of geometries, materials, textures, lights and cameras."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+import numpy as np
+
+
+class Kind(IntEnum):
+    """Integers with names. `__array_ufunc__` makes comparison with a column three times as fast."""
+
+    __array_ufunc__ = np.ndarray.__array_ufunc__
+
+
+class GeometryKind(Kind):
+    """Kind of a geometry, in its own frame. The comments name its `parameters`, in this order."""
+
+    MESH = 0  # a range of triangles
+    SPHERE = 1  # radius; about the origin. Ellipsoids are spheres under a transform
+    BOX = 2  # half x, half y, half z; about the origin
+    PLANE = 3  # y = 0, infinite, normal +y
+    RECTANGLE = 4  # half x, half z; in y = 0, normal +y
+    DISK = 5  # radius; in y = 0, normal +y
+    CYLINDER = 6  # radius, half height, capped (0/1); axis y, about the origin
+    CONE = 7  # radius at -h, radius at +h, half height h, capped (0/1); axis y, about the origin
+    TORUS = 8  # radius R, tube r; axis y, about the origin
+    CAPSULE = 9  # radius, half height of the cylinder; axis y, about the origin
+    QUADRIC = 10  # A … J, then half x, y, z of the box that clips it (inf: unbounded)
+    FORMULA = 11  # sheet (0: solid where the tape is ≤ 0, 1: sheet), x, y, z, radius of the clipping sphere (0: none), largest coordinate
+
+
+PARAMETERS = 13  # columns of Geometries.parameters
+
+
+class Interpolation(Kind):
+    """Which elements of a mesh an attribute has values for; `first + index` is the row of a value."""
+
+    CONSTANT = 0  # one value
+    FACE = 1  # one a triangle (copied from polygons at import)
+    VERTEX = 2  # one a vertex
+    CORNER = 3  # one a triangle corner: 3 · triangle + corner
+
+
+class MaterialModel(Kind):
+    LAMBERT = 0
+    PHONG = 1
+    BLINN_PHONG = 2
+    MIRROR = 3
+    GLASS = 4
+    EMISSIVE = 5
+    PRINCIPLED = 6  # UsdPreviewSurface, metallic workflow
+    PRINCIPLED_SPECULAR = 7  # the same, specular workflow
+    METAL = 8  # microfacets of a metal; SPECULAR and EDGE are its reflectance
+    BLEND = 9  # two materials, the second weighted by WEIGHT
+
+
+class Shading(Kind):
+    SMOOTH = 0  # interpolated normals, shaded at the point ("phong")
+    GOURAUD = 1  # shaded at vertices, interpolated colours
+    FLAT = 2  # the face's normal
+
+
+class Slot(Kind):
+    """Material inputs that take a constant or a texture; the value is the column of Materials.textures."""
+
+    AMBIENT = 0  # k_a, colour; of principled ones occlusion, a number
+    DIFFUSE = 1  # k_d, colour
+    SPECULAR = 2  # k_s, colour; of metals and the specular workflow the reflectance at normal incidence
+    SHININESS = 3  # n, number
+    REFLECTION = 4  # k_r, colour (mirror's colour)
+    TRANSMISSION = 5  # k_t, colour (glass's colour)
+    IOR = 6  # number
+    EMISSION = 7  # radiance, colour
+    OPACITY = 8  # number; 0 is fully transparent
+    ROUGHNESS = 9  # number; its square is the microfacets' α
+    METALLIC = 10  # number
+    EDGE = 11  # colour: share of Schlick's reflectance at 81.8°
+    COAT = 12  # number: weight of a clear coat
+    COAT_ROUGHNESS = 13  # number
+    NORMAL = 14  # tangent-space normal (u, v, outward); a texture alone
+    BUMP = 15  # height in metres; a texture alone
+    ABSORPTION = 16  # colour, absorption coefficient of glass per metre; no texture
+    PRIORITY = 17  # number: where glass overlaps, the higher priority counts; no texture
+    WEIGHT = 18  # number: weight of a blend's second material
+
+
+SLOTS = len(Slot)
+
+
+class TextureKind(Kind):
+    IMAGE = 0
+    CHECKER = 1
+    STRIPES = 2
+    FORMULA = 3  # a tape of the point in the instance's own frame: one result is grey, three are red, green, blue
+
+
+class TextureMapping(Kind):
+    """How a surface point gets texture coordinates. p is the point in the geometry's own frame."""
+
+    UV = 0  # the surface's own coordinates (mesh attribute, or the shape's parametrisation)
+    LATLONG = 1  # longitude and latitude of p
+    PROJECTED = 2  # u = x/|p|, v = y/|p|
+    BOX = 3  # the image on each face of the bounding box, chosen by the normal
+    NET = 4  # cube map: one image of an unfolded box, a cross of 4 by 3 cells
+
+
+class Wrap(Kind):
+    REPEAT = 0
+    CLAMP = 1
+    MIRROR = 2
+    BLACK = 3
+
+
+class LightKind(Kind):
+    POINT = 0
+    SPOT = 1
+    DIRECTIONAL = 2
+    SUN = 3
+    SKY = 4
+    DOME = 5
+    AMBIENT = 6
+    RECTANGLE = 7
+    DISK = 8
+    SPHERE = 9
+
+
+class FalloffKind(Kind):
+    INVERSE_SQUARE = 0
+    POLYNOMIAL = 1  # 1 / (a + b d + c d²)
+    RAMP = 2  # 1 up to a, then linear to 0 at b
+
+
+class Projection(Kind):
+    PERSPECTIVE = 0
+    ORTHOGRAPHIC = 1
+    PANORAMIC = 2  # equirectangular: longitude across the image, latitude down it
+
+
+class Fit(Kind):
+    """The film extent that stays when the aspect ratios of image and film differ."""
+
+    VERTICAL = 0
+    HORIZONTAL = 1
+
+
+class Visibility(Kind):
+    """Bits of Instances.visible."""
+
+    CAMERA = 1  # primary rays
+    SHADOW = 2  # blocks light
+    REFLECTION = 4  # reflected, refracted and diffuse rays

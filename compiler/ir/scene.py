@@ -1,0 +1,89 @@
+"""Scene: the tables with names, source positions and settings beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from ...lang.diagnostics import Span
+from .tables import I32, Tables
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """Render settings of a scene or of the command line; None: not set."""
+
+    size: tuple[int, int] | None = None
+    backend: str | None = None
+    samples: int | None = None
+    error: float | None = None
+    budget: float | None = None
+    bounces: int | None = None
+    seed: int | None = None
+    filter: str | None = None
+    background: str | tuple[float, float, float] | None = None  # "sky", "transparent" or a linear colour
+    crop: tuple[int, int, int, int] | None = None
+    aov: tuple[str, ...] | None = None
+    exposure: float | None = None
+    view: str | None = None
+    camera: str | None = None
+    threads: int | None = None
+    denoise: bool | None = None
+    tolerance: float | None = None  # largest error of a tessellated outline, in pixels
+
+    def over(self, other: Settings) -> Settings:
+        """These settings; those of `other` where they are None."""
+        merged = {f.name: getattr(self, f.name) if getattr(self, f.name) is not None else getattr(other, f.name) for f in fields(self)}
+        return Settings(**merged)
+
+
+@dataclass(frozen=True, slots=True)
+class Names:
+    """Names of rows, one each; the groups of lights."""
+
+    geometries: tuple[str, ...] = ()
+    instances: tuple[str, ...] = ()
+    materials: tuple[str, ...] = ()
+    lights: tuple[str, ...] = ()
+    cameras: tuple[str, ...] = ()
+    images: tuple[str, ...] = ()
+    attributes: tuple[str, ...] = ()
+    groups: tuple[str, ...] = ()  # of lights, "" without one; () if no light has one
+
+
+@dataclass(frozen=True, slots=True)
+class Spans:
+    """For each row of a table, (source, line, column, end line, end column); `sources` are names of files.
+
+    Tables: geometries, instances, materials, textures, lights, cameras; settings has at most one row. Line 0: the whole file or prim;
+    source -1: unknown.
+    """
+
+    sources: tuple[str, ...] = ()
+    rows: Mapping[str, I32] = field(default_factory=dict)  # table -> (n, 5)
+
+    def at(self, table: str, row: int) -> Span | None:
+        """The source position of a row; None if unknown."""
+        rows = self.rows.get(table)
+        if rows is None or not 0 <= row < len(rows):
+            return None
+        source, *place = rows[row].tolist()
+        return Span(self.sources[source], *place) if 0 <= source < len(self.sources) else None
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A scene for validation, planning and rendering. Immutable: arrays are not writable."""
+
+    name: str
+    tables: Tables
+    names: Names = Names()
+    spans: Spans = Spans()
+    settings: Settings = Settings()
+    photometric: bool = False  # some light has a photometric unit: exposure is metered
+    duration: float | None = None  # seconds, from animate(…)
+    fps: float = 24.0
+    defaults: tuple[str, ...] = ()  # elements added by default ("camera", "sun", "sky"), for explain
+    files: tuple[str, ...] = ()  # every file read, for watch
+    params: tuple[Any, ...] = ()  # lang.elements.ParamInfo, for inspect and sliders

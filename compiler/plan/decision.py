@@ -1,0 +1,118 @@
+"""Plan: the decisions of a render by name, and how a user overrides one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from .. import ir
+
+
+class PlanError(ValueError):
+    """An unknown decision, an impossible value, or a setting that the scene cannot have; the message lists the possible ones."""
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """One decision: its name, value and reason.
+
+    `choices` are the values that an override may have; empty: any value of the same type. `fixed` names what determines the value
+    instead of `--plan`: an option or a part of the scene.
+    """
+
+    name: str
+    value: Any
+    reason: str
+    choices: tuple[Any, ...] = ()
+    overridden: bool = False
+    fixed: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Decisions by name: `plan["raster.coverage"]` is a value. `notes`: overrides with a former name."""
+
+    decisions: Mapping[str, Decision]
+    notes: tuple[str, ...] = ()
+
+    def __getitem__(self, name: str) -> Any:
+        return self.decisions[name].value
+
+    def values(self) -> dict[str, Any]:
+        """The values as plain data, for `--stats` and the metadata of pictures."""
+        return {d.name: list(d.value) if isinstance(d.value, tuple) else d.value for d in self.decisions.values()}
+
+
+Rule = Callable[[ir.Scene, ir.Settings, Plan], Decision]  # makes one decision; the plan holds the earlier ones
+
+RENAMED = {
+    "soft lights": "area_lights",
+    "random numbers": "monte_carlo",
+    "weighing": "mis",
+    "formulas": "implicit_surfaces",
+    "textures": "texture_filter",
+    "horizon": "ground_plane",
+    "motion": "motion_blur",
+    "shadows.lamps": "shadows.light_shapes",
+    "transport.reuse": "transport.path_reuse",
+    "raster.secondary": "raster.secondary_rays",
+    "raster.fill": "raster.coverage",
+    "raster.places": "raster.sample_positions",
+}  # former names of decisions, accepted for one version
+RENAMED_VALUES = {
+    ("transport", "paths"): "path",
+    ("transport", "tree"): "whitted",
+    ("accelerator", "brute"): "brute_force",
+    ("mis", "lights"): "light",
+    ("mis", "surfaces"): "bsdf",
+    ("implicit_surfaces", "closed"): "closed_form",
+    ("implicit_surfaces", "bounds"): "interval",
+    ("texture_filter", "filtered"): "footprint",
+    ("texture_filter", "sharp"): "point",
+    ("raster.sample_positions", "own"): "per_pixel",
+}
+
+
+def current_names(overrides: Mapping[str, str]) -> tuple[dict[str, str], tuple[str, ...]]:
+    """(overrides with current names, a note for each former one)."""
+    current, notes = {}, []
+    for name, value in overrides.items():
+        new_name = RENAMED.get(name, name)
+        new_value = RENAMED_VALUES.get((new_name, value), value)
+        current[new_name] = new_value
+        if new_value != value:
+            notes.append(f"--plan {name}={value} is now {new_name}={new_value}")
+        elif new_name != name:
+            notes.append(f"--plan {name} is now {new_name}")
+    return current, tuple(notes)
+
+
+def overridden(decision: Decision, text: str) -> Decision:
+    """A decision with the value that a user wrote. Raises PlanError."""
+    if decision.fixed:
+        raise PlanError(f"`{decision.name}` is set by {decision.fixed}")
+    value: Any = text
+    if isinstance(decision.value, bool):
+        value = {"true": True, "on": True, "yes": True, "false": False, "off": False, "no": False}.get(text.lower())
+        choices: tuple[Any, ...] = ("on", "off")
+    else:
+        choices = decision.choices
+        if isinstance(decision.value, int | float):
+            try:
+                value = type(decision.value)(text)
+            except ValueError:
+                value = None
+    valid = value is not None and (isinstance(decision.value, bool) or not choices or value in choices)
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        valid = valid and math.isfinite(value) and (value > 0 or value == decision.value)
+    if not valid:
+        wanted = ", ".join(map(str, choices)) if choices else f"a positive number like {decision.value}"
+        raise PlanError(f"`{decision.name}` cannot be {text}; it can be: {wanted}")
+    return Decision(decision.name, value, "set with --plan", decision.choices, overridden=True)
+
+
+def adaptive(plan: Plan) -> bool:
+    """Whether each pixel takes as many samples as it needs, until an error or a budget is reached."""
+    return plan["error"] > 0.0 or math.isfinite(plan["budget"])

@@ -1,0 +1,177 @@
+"""Decisions about the picture: camera, size, samples, filter, exposure and channels."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+
+from ...lang.diagnostics import suggest
+from .. import ir
+from .channels import CHANNELS, CRYPTOMATTES, LIGHT, REST, is_channel
+from .decision import Decision, Plan, PlanError, Rule
+
+DEFAULT_SIZE = (800, 600)
+DEFAULT_WIDTH = 960  # of cameras whose film has an aspect ratio, as in usdrecord
+SAMPLES_SHARP = 16  # antialiasing alone
+SAMPLES_SOFT = 64  # antialiasing and Monte Carlo integration of light
+MAX_SAMPLES = 4096  # of a render with an error threshold
+ENDLESS_SAMPLES = 1 << 20  # of a render with a time budget
+RASTER_MOMENTS = 16  # times, or lens points, at which the raster backend draws motion blur and depth of field
+FILTERS = ("box", "tent", "gaussian", "blackman-harris")
+NOISES = ("blue", "white")
+
+
+def _camera(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+    names = scene.names.cameras
+    if asked.camera is not None:
+        row = find_camera(names, asked.camera)
+        return Decision("camera", row, f"asked for `{names[row]}`", fixed="--camera")
+    reason = f"`{names[0]}`, the first of {len(names)}" if len(names) > 1 else "the only one"
+    if any(d.startswith("camera") for d in scene.defaults):
+        reason = next(d for d in scene.defaults if d.startswith("camera"))
+    return Decision("camera", 0, reason, fixed="--camera")
+
+
+def find_camera(names: tuple[str, ...], wanted: str) -> int:
+    """The row of the camera called `wanted`, by its whole name or the last part of its path. Raises PlanError."""
+    for row, name in enumerate(names):
+        if wanted in (name, name.rsplit("/", 1)[-1]):
+            return row
+    there = ", ".join(f"`{n}`" for n in names if n) or "none with a name"
+    raise PlanError(f"no camera is called `{wanted}`; the scene has: {there}. {suggest(wanted, names)}".strip())
+
+
+def _lens(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+    cameras, row = scene.tables.cameras, plan["camera"]
+    fixed = "the camera"
+    if cameras.projection[row] == ir.Projection.PANORAMIC:
+        if plan["backend"] == "raster":
+            raise PlanError("the raster backend draws no panoramic pictures: write --backend ray")
+        return Decision("lens", "panorama", "the camera is panoramic: all directions, longitude by latitude", fixed=fixed)
+    radius, focus = float(cameras.lens[row]), float(cameras.focus[row])
+    if radius > 0.0:
+        how = f"; drawn from {RASTER_MOMENTS} points of it" if plan["backend"] == "raster" else ""
+        reason = f"an aperture {2e3 * radius:.3g} mm wide, in focus at {focus:.3g} m: rays start all over it{how}"
+        return Decision("lens", "thin", reason, fixed=fixed)
+    if cameras.projection[row] == ir.Projection.ORTHOGRAPHIC:
+        return Decision("lens", "pinhole", "the camera is orthographic: parallel rays, no aperture", fixed=fixed)
+    return Decision("lens", "pinhole", "the camera has no aperture: one ray for each point of the picture", fixed=fixed)
+
+
+def _size(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+    if asked.size is not None:
+        return Decision("size", asked.size, "asked for", fixed="--size")
+    aspect = float(scene.tables.cameras.aspect[plan["camera"]])
+    if aspect > 0:
+        size = (DEFAULT_WIDTH, max(1, int(DEFAULT_WIDTH / aspect)))
+        return Decision("size", size, f"the camera's film is {aspect:.4g} : 1", fixed="--size")
+    return Decision("size", DEFAULT_SIZE, "the default", fixed="--size")
+
+
+def _crop(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+    width, height = plan["size"]
+    if asked.crop is None:
+        return Decision("crop", (0, 0, width, height), "the whole picture", fixed="--crop")
+    x0, y0, x1, y1 = asked.crop
+    if not (0 <= x0 < x1 <= width and 0 <= y0 < y1 <= height):
+        raise PlanError(f"the crop {x0},{y0},{x1},{y1} does not lie inside the picture of {width}x{height} pixels")
+    return Decision("crop", asked.crop, "asked for", fixed="--crop")
+
+
+def _error(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+    if asked.error is not None and asked.samples is None:
+        return Decision("error", float(asked.error), "asked for: tiles get more samples until √relMSE is below it", fixed="--error")
+    reason = "a number of samples was asked for" if asked.error is not None else "none was asked for"
+    return Decision("error", 0.0, reason, fixed="--error")
+
+
+def _budget(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+    if asked.budget is not None:
+        return Decision("budget", float(asked.budget), "asked for: most seconds of rendering", fixed="--budget")
+    return Decision("budget", math.inf, "none was asked for", fixed="--budget")
+
+
+def _samples(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+    if asked.samples is not None:
+        return Decision("samples", asked.samples, "asked for", fixed="--samples")
+    if plan["error"] > 0:
+        return Decision("samples", MAX_SAMPLES, "at most; the error or the budget ends the render", fixed="--samples")
+    if math.isfinite(plan["budget"]):
+        return Decision("samples", ENDLESS_SAMPLES, "at most; the budget ends the render", fixed="--samples")
+    if plan["monte_carlo"]:
+        return Decision("samples", SAMPLES_SOFT, "light integrated by samples needs more than antialiasing does", fixed="--samples")
+    return Decision("samples", SAMPLES_SHARP, "antialiasing; light is exact at each sample", fixed="--samples")
+
+
+def _filter(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+    if asked.filter is not None:
+        return Decision("filter", asked.filter, "asked for", FILTERS)
+    return Decision("filter", "gaussian", "the default: smooth edges", FILTERS)
+
+
+def _noise(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+    if plan["error"] > 0 or math.isfinite(plan["budget"]):
+        return Decision("noise", "white", "adaptive sampling: each pixel has a sequence of its own", NOISES[1:])
+    return Decision("noise", "blue", "pixels share sequences: errors of neighbours cancel", NOISES)
+
+
+def _seed(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+    return Decision("seed", asked.seed or 0, "asked for" if asked.seed else "the default", fixed="--seed")
+
+
+def _background(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+    if asked.background is not None:
+        return Decision("background", asked.background, "asked for", fixed="--background")
+    if ir.is_in(scene.tables.lights.kind, (ir.LightKind.SKY, ir.LightKind.DOME)).any():
+        return Decision("background", "sky", "the scene has a sky", fixed="--background")
+    return Decision("background", "transparent", "the scene has no sky", fixed="--background")
+
+
+def _exposure(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+    of_camera = float(scene.tables.cameras.exposure[plan["camera"]])
+    if asked.exposure is not None:
+        return Decision("exposure", asked.exposure, "asked for", fixed="--exposure")
+    if not math.isnan(of_camera):
+        return Decision("exposure", of_camera, "the camera's", fixed="--exposure")
+    if scene.photometric:
+        return Decision("exposure", "metered", "some light has a unit: the log-average becomes middle grey", fixed="--exposure")
+    return Decision("exposure", 0.0, "no light has a unit", fixed="--exposure")
+
+
+def _view(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+    return Decision("view", asked.view or "sRGB", "asked for" if asked.view else "the default", fixed="--view")
+
+
+def _aov(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+    found: list[str] = []
+    groups = {*scene.names.groups, REST} - {""}
+    for name in asked.aov or ():
+        if not is_channel(name):
+            raise PlanError(f"no channel is called `{name}`; there are {', '.join(CHANNELS)}. {suggest(name, CHANNELS)}".strip())
+        if name.startswith(LIGHT) and name.removeprefix(LIGHT) not in groups:
+            raise PlanError(f"no light has the group `{name.removeprefix(LIGHT)}`; there are {', '.join(sorted(groups))}")
+        if name == "variance" and plan["samples"] < 2:
+            raise PlanError("one sample has no variance: write --samples 2 or more")
+        expanded = {"cryptomatte": CRYPTOMATTES, "lights": tuple(LIGHT + group for group in sorted(groups))}
+        found += expanded.get(name, (name,))
+    if found:
+        return Decision("aov", tuple(dict.fromkeys(found)), "asked for", fixed="--aov")
+    return Decision("aov", (), "none was asked for", fixed="--aov")
+
+
+def _denoise(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+    if not asked.denoise:
+        return Decision("denoise", False, "not asked for: noise shows the error of a picture", fixed="--denoise")
+    if importlib.util.find_spec("pyoidn") is None:
+        raise PlanError("denoising takes the package pyoidn, which is not installed: pip install maquette[denoise]")
+    return Decision("denoise", True, "asked for: Open Image Denoise, guided by albedo and normals", fixed="--denoise")
+
+
+def _threads(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+    reason = "asked for" if asked.threads else "0: one a core; the picture is the same with any number"
+    return Decision("threads", asked.threads or 0, reason, fixed="--threads")
+
+
+FRAMING: tuple[Rule, ...] = (_camera, _lens, _size, _crop)
+SAMPLING: tuple[Rule, ...] = (_error, _budget, _samples, _filter, _noise, _seed)
+OUTPUT: tuple[Rule, ...] = (_background, _exposure, _view, _aov, _denoise, _threads)

@@ -11,7 +11,7 @@ from ...lang.noise import PERMUTATION
 from ..lanes import crosslane
 from ..simd import elementary
 from ..simd.llvm_expr import F32, F64, I32, I64, Value, select
-from ..simd.polynomials import shared, whole
+from ..simd.polynomials import call_shared, to_integer
 
 LANES = crosslane.WIDTH
 BYTES = 8 * LANES  # of a vector
@@ -137,16 +137,16 @@ class VectorMath:
     def index(self, x: Value) -> Value:
         inside = abs(x) < (2.0**50 if x.bits == 64 else 2.0**30)
         bounded = select(inside, x, x.constant(0.0))
-        return whole(bounded) & 255
+        return to_integer(bounded) & 255
 
     def permuted(self, index: Value) -> Value:
-        return shared("permuted", _permuted, index & 255)
+        return call_shared("permuted", _look_up_permutation, index & 255)
 
     def bit(self, index: Value, bits: int) -> Value:
         return (index & bits) != 0
 
 
-def _permuted(index: Value) -> Value:
+def _look_up_permutation(index: Value) -> Value:
     """Look up Perlin's permutation table, lane by lane."""
     b = index.builder
     element = index.raw.type.element

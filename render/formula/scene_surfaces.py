@@ -106,15 +106,15 @@ def _build(surfaces: Sequence[Surface]) -> Forms:
         tapes=tapes,
         names=names,
         code=code,
-        constants=_aligned(constants, np.float64),
-        constants32=_aligned([single_rows(tape) for tape, _, _ in surfaces], np.float32),
+        constants=_concatenate_aligned(constants, np.float64),
+        constants32=_concatenate_aligned([single_rows(tape) for tape, _, _ in surfaces], np.float32),
         programs=np.array([interpreter.address(name) for name in PROGRAMS] if n else [], np.int64),
         unproved=np.zeros(1, np.int64),
         parts=NO_CLOSED_FORMS,
     )
 
 
-def _aligned(rows: list[NDArray[Any]], dtype: Any) -> NDArray[Any]:
+def _concatenate_aligned(rows: list[NDArray[Any]], dtype: Any) -> NDArray[Any]:
     """Concatenate rows in memory aligned to a cache line."""
     array = simd.aligned_empty(sum(map(len, rows)), dtype)
     array[...] = np.concatenate([np.zeros(0, dtype), *rows])

@@ -18,14 +18,14 @@ from . import target
 from .llvm_expr import I32, I64, Value
 
 
-def one(builder: Any, made: Any, place: Any, count: int) -> None:
+def check_range(builder: Any, made: Any, place: Any, count: int) -> None:
     """Check that elements place … place + count − 1 lie in an array."""
     if target.CHECKED and count:
         last = builder.sub(made.nitems, ir.Constant(I64, count))
         _end_if(builder, _outside(builder, place, last), place, made.nitems)
 
 
-def each(builder: Any, size: Any, index: Value, mask: Any = None, count: int = 1) -> None:
+def check_lanes(builder: Any, size: Any, index: Value, mask: Any = None, count: int = 1) -> None:
     """Check elements index … index + count − 1 against `size` in each lane, or in the lanes of a mask."""
     if not target.CHECKED:
         return

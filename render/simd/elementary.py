@@ -14,29 +14,29 @@ from numba.core.typing.templates import Signature, signature
 from . import exponential, trigonometry
 from .llvm_expr import Value
 from .operators import define
-from .polynomials import by_library, shared
+from .polynomials import call_shared, with_library_fallback
 from .vector_type import Vector, common_type, intrinsic, lower_uniform, shape_of, value
 
 
-def _once(name: str, body: Callable[..., Value]) -> Callable[..., Value]:
-    return lambda *arguments: shared(name, body, *arguments)
+def _shared_function(name: str, body: Callable[..., Value]) -> Callable[..., Value]:
+    return lambda *arguments: call_shared(name, body, *arguments)
 
 
 def _with_library(name: str, body: Callable[[Value], Value]) -> Callable[[Value], Value]:
-    return lambda x: by_library(name, x, shared(name, body, x), trigonometry.is_far(x))
+    return lambda x: with_library_fallback(name, x, call_shared(name, body, x), trigonometry.is_far(x))
 
 
 _sin = _with_library("sin", lambda x: trigonometry.sincos(x)[0])
 _cos = _with_library("cos", lambda x: trigonometry.sincos(x)[1])
 _tan = _with_library("tan", trigonometry.tan)
-_asin = _once("asin", trigonometry.asin)
-_acos = _once("acos", trigonometry.acos)
-_atan = _once("atan", trigonometry.atan)
-_atan2 = _once("atan2", trigonometry.atan2)
-_exp = _once("exp", exponential.exp)
-_log = _once("log", exponential.log)
-_pow = _once("pow", exponential.power)
-_hypot = _once("hypot", exponential.hypot)
+_asin = _shared_function("asin", trigonometry.asin)
+_acos = _shared_function("acos", trigonometry.acos)
+_atan = _shared_function("atan", trigonometry.atan)
+_atan2 = _shared_function("atan2", trigonometry.atan2)
+_exp = _shared_function("exp", exponential.exp)
+_log = _shared_function("log", exponential.log)
+_pow = _shared_function("pow", exponential.power)
+_hypot = _shared_function("hypot", exponential.hypot)
 
 EMITTED: dict[str, Callable[..., Value]] = {
     "sin": _sin, "cos": _cos, "tan": _tan, "asin": _asin, "acos": _acos, "atan": _atan, "atan2": _atan2, "exp": _exp, "log": _log,
@@ -68,7 +68,7 @@ def sincos(typingctx, x):
         angle = value(builder, args[0], x)
         sine, cosine = trigonometry.sincos(angle)
         far = trigonometry.is_far(angle)
-        both = [by_library("sin", angle, sine, far).raw, by_library("cos", angle, cosine, far).raw]
+        both = [with_library_fallback("sin", angle, sine, far).raw, with_library_fallback("cos", angle, cosine, far).raw]
         return context.make_tuple(builder, pair, both)
 
     return signature(pair, x), generate

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from .llvm_expr import Value, fma, maximum, minimum, select
-from .polynomials import fast_two_sum, number, polynomial, power_of_two, two_product, two_sum, whole
+from .polynomials import fast_two_sum, from_integer, polynomial, power_of_two, to_integer, two_product, two_sum
 
 _EXP_32 = (1.9875691500e-4, 1.3981999507e-3, 8.3334519073e-3, 4.1665795894e-2, 1.6666665459e-1, 5.0000001201e-1)
 _EXP_64_P = (1.26177193074810590878e-4, 3.02994407707441961300e-2, 9.99999999999999999910e-1)
@@ -40,7 +40,7 @@ def _exp_of_sum(x: Value, rest: Value | None) -> Value:
         p = r * polynomial(z, _EXP_64_P)
         grown = 1.0 + 2.0 * (p / (polynomial(z, _EXP_64_Q) - p))
     # Scale by half of the exponent twice: the power of two of a denormal result is not a normal number.
-    k = whole(k)
+    k = to_integer(k)
     half = k >> 1
     found = grown * power_of_two(half) * power_of_two(k - half)
     return select(x == x, found, x)
@@ -58,7 +58,7 @@ _LN2_HIGH, _LN2_LOW = 6.93147180369123816490e-1, 1.90821492927058770002e-10  # f
 _LN2_LAST = 1.1612227229362532e-26  # the remainder after both
 
 
-def split(x: Value) -> tuple[Value, Value]:
+def split_exponent(x: Value) -> tuple[Value, Value]:
     """(m, k): x = m · 2ᵏ with √½ ≤ m < √2, for positive finite x, denormal or not."""
     mantissa, scale, tiny = (23, 25, 2.0**-126) if x.bits == 32 else (52, 54, 2.0**-1022)
     small = x < tiny
@@ -66,11 +66,11 @@ def split(x: Value) -> tuple[Value, Value]:
     root = 0x3F3504F3 if x.bits == 32 else 0x3FE6A09E667F3BCD  # √½
     k = (bits - root) >> mantissa
     m = (bits - (k << mantissa)).bitcast("f")
-    return m, number(k) - select(small, x.constant(scale), x.constant(0.0))
+    return m, from_integer(k) - select(small, x.constant(scale), x.constant(0.0))
 
 
 def log(x: Value) -> Value:
-    m, k = split(x)
+    m, k = split_exponent(x)
     f = m - 1.0
     if x.bits == 32:
         z = f * f
@@ -92,7 +92,7 @@ def _log_in_two(x: Value) -> tuple[Value, Value]:
 
     log m = 2 artanh s = 2 s (1 + s²/3 + s⁴/5 + …) with s = (m − 1) / (m + 1); s and the first terms are double-double.
     """
-    m, k = split(x)
+    m, k = split_exponent(x)
     f = m - 1.0
     below, below_rest = fast_two_sum(m.constant(2.0), f)
     s = f / below

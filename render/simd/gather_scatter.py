@@ -94,7 +94,7 @@ def gather(typingctx, array, index, mask=None):
 
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
         made, places = make_array(array)(context, builder, value=args[0]), value(builder, args[1], index)
-        bounds_check.each(builder, made.nitems, places, args[2] if mask else None)
+        bounds_check.check_lanes(builder, made.nitems, places, args[2] if mask else None)
         return emit_gather(context, builder, array, made.data, places, args[2] if mask else None).raw
 
     return signature(Vector(*shape, index.lanes), array, index, mask or types.none), generate
@@ -109,7 +109,7 @@ def scatter(typingctx, array, index, x, mask=None):
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
         raw = to_memory(value(builder, args[2], x), array)
         made = make_array(array)(context, builder, value=args[0])
-        bounds_check.each(builder, made.nitems, value(builder, args[1], index), args[3] if mask else None)
+        bounds_check.check_lanes(builder, made.nitems, value(builder, args[1], index), args[3] if mask else None)
         where = addresses(builder, raw.type.element, made.data, args[1])
         every = args[3] if mask else ir.Constant(ir.VectorType(I1, x.lanes), [1] * x.lanes)
         name = f"llvm.masked.scatter.{suffix_of(raw.type.element, x.lanes)}.v{x.lanes}p0"
@@ -127,15 +127,15 @@ def _has_compress(raw: Any) -> bool:
     return width in ((128, 256, 512) if simd_target.AVX512 else (256,) if simd_target.AVX2 else ()) and raw.type.element != I8
 
 
-def _packed(builder: Any, raw: Any, mask: Any) -> Any:
+def _pack(builder: Any, raw: Any, mask: Any) -> Any:
     """Move the set lanes to the front, in a register."""
     if not simd_target.AVX512:
-        return _permuted(builder, raw, mask)
+        return _pack_avx2(builder, raw, mask)
     name = f"llvm.x86.avx512.mask.compress.{suffix_of(raw.type.element, raw.type.count)}"
     return v.call(builder, name, raw.type, [raw, raw, mask])
 
 
-def _permuted(builder: Any, raw: Any, mask: Any) -> Any:
+def _pack_avx2(builder: Any, raw: Any, mask: Any) -> Any:
     """`_packed` for AVX2: a table holds each mask's permutation of eight 32-bit parts, one byte a part."""
     count, eight = raw.type.count, ir.VectorType(I32, 8)
     each = 8 // count
@@ -171,7 +171,7 @@ def compress(typingctx, x, mask):
 
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
         if x.kind != "m" and _has_compress(args[0]):
-            return _packed(builder, args[0], args[1])
+            return _pack(builder, args[0], args[1])
         lanes = value(builder, args[0], x)
         raw = lanes.to("u", 8).raw if x.kind == "m" else lanes.raw
         buffer = entry_alloca(builder, raw.type.element, x.lanes)
@@ -198,7 +198,7 @@ def compress_store(typingctx, array, i, x, mask):
             wide = ir.IntType(x.lanes)
             front = builder.not_(builder.shl(ir.Constant(I64, -1), total))
             front = builder.bitcast(builder.trunc(front, wide), args[3].type)
-            store_masked(builder, pointer, _packed(builder, raw, args[3]), front, item_bytes(array))
+            store_masked(builder, pointer, _pack(builder, raw, args[3]), front, item_bytes(array))
         else:
             _store_packed(builder, pointer, raw, args[3])
         return total
@@ -228,7 +228,7 @@ def gather_rows(typingctx, array, index, k, first=None):
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
         made = make_array(array)(context, builder, value=args[0])
         further = context.cast(builder, args[3], first, types.int64) if isinstance(first, types.Integer) else ir.Constant(I64, 0)
-        bounds_check.each(builder, builder.sub(made.nitems, further), value(builder, args[1], index), count=columns)
+        bounds_check.check_lanes(builder, builder.sub(made.nitems, further), value(builder, args[1], index), count=columns)
         rows = []
         for n in range(lanes):
             at = value(builder, builder.extract_element(args[1], ir.Constant(I32, n)), index.scalar).to("i", 64).raw
@@ -275,7 +275,7 @@ def scatter_rows(typingctx, array, index, columns):
 
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
         made = make_array(array)(context, builder, value=args[0])
-        bounds_check.each(builder, made.nitems, value(builder, args[1], index), count=k)
+        bounds_check.check_lanes(builder, made.nitems, value(builder, args[1], index), count=k)
         parts = [to_memory(value(builder, builder.extract_value(args[2], j), kind), array) for j in range(k)]
         beside = transpose_blocks(builder, parts, kind.lanes) if k in (2, 4, 8) and kind.lanes >= k else None
         for n in range(kind.lanes):

@@ -72,7 +72,7 @@ def to_memory(lanes: Value, array: Any) -> Any:
 def place(context: Any, builder: Any, array: Any, raw: Any, index: Any, index_type: types.Type, count: int = 1) -> Any:
     """Emit the address of a flat place, from which `count` elements are accessed (0: unknown, not checked)."""
     made, at = make_array(array)(context, builder, value=raw), context.cast(builder, index, index_type, types.int64)
-    bounds_check.one(builder, made, at, count)
+    bounds_check.check_range(builder, made, at, count)
     return builder.gep(made.data, [at])
 
 
@@ -81,7 +81,7 @@ def as_vector(builder: Any, pointer: Any, element: Any, lanes: int) -> Any:
     return builder.bitcast(pointer, ir.VectorType(element, lanes).as_pointer())
 
 
-def vector_asked(array: Any, what: types.Type | None) -> Vector | None:
+def load_type(array: Any, what: types.Type | None) -> Vector | None:
     """Result type of a load: the requested lanes or type, else one native vector; None for unsupported arrays.
 
     Raises TypingError where the number of lanes is not constant.
@@ -102,7 +102,7 @@ def vector_asked(array: Any, what: types.Type | None) -> Vector | None:
 
 
 def _load(array: Any, index: types.Type, what: types.Type | None, aligned: bool) -> Any:
-    result = vector_asked(array, what)
+    result = load_type(array, what)
     if result is None or not isinstance(index, types.Integer):
         return None
 
@@ -131,7 +131,7 @@ def load_aligned(typingctx, array, i, what=None):
 @intrinsic(prefer_literal=True)
 def load3(typingctx, array, i, what=None):
     """Load three vectors from elements i, i+1 …: the columns of rows of three numbers."""
-    result = vector_asked(array, what)
+    result = load_type(array, what)
     if result is None or not isinstance(i, types.Integer):
         return None
 

@@ -67,21 +67,21 @@ _SHIFT = 6755399441055744.0  # 1.5 · 2⁵²: adding it moves a float64 integer 
 _SHIFT_BITS = 0x4338000000000000
 
 
-def whole(x: Value) -> Value:
+def to_integer(x: Value) -> Value:
     """Convert integral floats below 2³¹ (float32) or 2⁵¹ to ints; only AVX-512 has an instruction for int64."""
     if x.bits == 32 or target.AVX512:
         return x.to("i", x.bits)
     return (x + _SHIFT).bitcast("i") - _SHIFT_BITS
 
 
-def number(x: Value) -> Value:
+def from_integer(x: Value) -> Value:
     """Convert ints below 2³¹ or 2⁵¹ to floats: the inverse of `whole`."""
     if x.bits == 32 or target.AVX512:
         return x.to("f", x.bits)
     return (x + _SHIFT_BITS).bitcast("f") - _SHIFT
 
 
-def shared(name: str, body: Callable[..., Value], *arguments: Value) -> Value:
+def call_shared(name: str, body: Callable[..., Value], *arguments: Value) -> Value:
     """Call `body` as a function emitted once in a module; LLVM inlines small ones."""
     first = arguments[0]
     whole = f"maquette.{name}.{first.kind}{first.bits}x{first.lanes}"
@@ -95,13 +95,13 @@ def shared(name: str, body: Callable[..., Value], *arguments: Value) -> Value:
     return first.like(first.builder.call(module.globals[whole], [a.raw for a in arguments]))
 
 
-def by_library(name: str, x: Value, result: Value, rare: Value) -> Value:
+def with_library_fallback(name: str, x: Value, result: Value, rare: Value) -> Value:
     """Replace `result` in the lanes of `rare` by the C library's function, evaluated in float64."""
     b = x.builder
     is_rare = mask_bits(rare) != 0
     before = b.block
     with b.if_then(is_rare.raw, likely=False):
-        slow = shared(f"slow_{name}", lambda a: _lane_by_lane(name, a), x)
+        slow = call_shared(f"slow_{name}", lambda a: _lane_by_lane(name, a), x)
         mixed = b.select(rare.raw, slow.raw, result.raw)
         inside = b.block
     whole = b.phi(result.raw.type)

@@ -11,7 +11,7 @@ import math
 
 from . import target
 from .llvm_expr import Value, fma, maximum, minimum, select
-from .polynomials import fast_two_sum, monic, polynomial, two_product, two_sum, whole
+from .polynomials import fast_two_sum, monic, polynomial, to_integer, two_product, two_sum
 
 PI_LOW = 1.2246467991473532e-16  # π − math.pi
 FARTHEST = {32: 1.0e5, 64: 1.6e6}
@@ -36,10 +36,10 @@ _COS_64 = (
 )  # fmt: skip
 
 
-def reduced(x: Value) -> tuple[Value, Value, Value]:
+def reduce_angle(x: Value) -> tuple[Value, Value, Value]:
     """(r, rest, quadrant): x = quadrant · π/2 + r + rest with |r| ≤ π/4."""
     if x.bits == 32:
-        return _reduced_32(x)
+        return _reduce_angle_32(x)
     k = (x * (2.0 / math.pi)).call("nearbyint")
     first, second, third, last = _PARTS_64
     r = x - k * first
@@ -47,10 +47,10 @@ def reduced(x: Value) -> tuple[Value, Value, Value]:
     r, lost_too = two_sum(r, -(k * third))
     rest = (lost + lost_too) - k * last
     head = r + rest
-    return head, (r - head) + rest, whole(k)
+    return head, (r - head) + rest, to_integer(k)
 
 
-def _reduced_32(x: Value) -> tuple[Value, Value, Value]:
+def _reduce_angle_32(x: Value) -> tuple[Value, Value, Value]:
     first, second, third = (x.constant(-part) for part in _PARTS_32)
     if target.FMA:
         k = (x * (2.0 / math.pi)).call("nearbyint")
@@ -58,12 +58,12 @@ def _reduced_32(x: Value) -> tuple[Value, Value, Value]:
         product, product_rest = two_product(k, second)
         r, lost = two_sum(t, product)
         head, rest = fast_two_sum(r, fma(k, third, lost + product_rest))
-        return head, rest, whole(k)
+        return head, rest, to_integer(k)
     wide = x.to("f", 64)
     k = (wide * (2.0 / math.pi)).call("nearbyint")
     precise = (wide - k * _PARTS_64[0]) - k * _PARTS_64[1]
     r = precise.to("f", 32)
-    return r, (precise - r.to("f", 64)).to("f", 32), whole(k).to("i", 32)
+    return r, (precise - r.to("f", 64)).to("f", 32), to_integer(k).to("i", 32)
 
 
 def sin_of_small(r: Value, rest: Value) -> Value:
@@ -85,7 +85,7 @@ def cos_of_small(r: Value, rest: Value) -> Value:
     return w + (((1.0 - w) - half) + (z * (z * polynomial(z, _COS_64)) - r * rest))
 
 
-def _signed(x: Value, flip: Value) -> Value:
+def _flip_sign(x: Value, flip: Value) -> Value:
     """x, negated where the integer `flip` is not 0."""
     return select(flip != 0, -x, x)
 
@@ -97,14 +97,14 @@ def is_far(x: Value) -> Value:
 
 def sincos(x: Value) -> tuple[Value, Value]:
     """Sine and cosine from one reduction."""
-    r, rest, q = reduced(x)
+    r, rest, q = reduce_angle(x)
     s, c, odd = sin_of_small(r, rest), cos_of_small(r, rest), (q & 1) != 0
-    sine = select(x == 0.0, x, _signed(select(odd, c, s), q & 2))  # −0 too
-    return sine, _signed(select(odd, s, c), (q + 1) & 2)
+    sine = select(x == 0.0, x, _flip_sign(select(odd, c, s), q & 2))  # −0 too
+    return sine, _flip_sign(select(odd, s, c), (q + 1) & 2)
 
 
 def tan(x: Value) -> Value:
-    r, rest, q = reduced(x)
+    r, rest, q = reduce_angle(x)
     odd = (q & 1) != 0
     if x.bits == 32:
         z = r * r

@@ -69,7 +69,7 @@ def _gather(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
     for kind, one, size in reversed(list(zip(kinds, raw, sizes, strict=True))):
         if isinstance(kind, Vector):
             part = value(builder, one, kind)
-            bounds_check.each(builder, size, part)
+            bounds_check.check_lanes(builder, size, part)
             part = part * Value(builder, step, "i", 64).to(part.kind, part.bits).splat(part.lanes)
             lanes = part if lanes is None else lanes + part
         else:

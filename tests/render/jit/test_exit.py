@@ -8,17 +8,17 @@ from pathlib import Path
 
 SCRIPT = """
 import sys, threading
+from llvmlite.binding import ExecutionEngine
 from maquette.compiler import load
 from maquette.render.accel import ray_queries
-trees = ray_queries.build(load.load(sys.argv[1]).tables, closed=False)
-while True:
-    thread = next(t for t in threading.enumerate() if t.name == "formula")
-    frame, names = sys._current_frames().get(thread.ident), []
-    while frame is not None:
-        names.append(frame.f_code.co_name)
-        frame = frame.f_back
-    if "finalize_object" in names:
-        break
+compiling, finalize = threading.Event(), ExecutionEngine.finalize_object
+def finalize_object(engine):
+    if threading.current_thread().name == "formula":
+        compiling.set()
+    finalize(engine)
+ExecutionEngine.finalize_object = finalize_object
+bvh = ray_queries.build(load.load(sys.argv[1]).tables, closed=False)
+assert compiling.wait(60)
 print("compiling")
 """
 

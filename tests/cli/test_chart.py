@@ -1,4 +1,4 @@
-"""The `chart` command from outside: its files, what it prints, exit codes and messages; drawing again; what it loads."""
+"""The `chart` command: files, output, exit codes, messages, redrawing, imported modules."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def asked(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """What the engine was asked for; it answers with the chart of the room at once."""
+    """The requests to the engine, which is replaced by one that returns the chart of the room."""
     found: list[Any] = []
 
     def measure(scene: ir.Scene, wanted: Wanted, progress: Callable[..., None], cancel: threading.Event) -> Chart:
@@ -83,7 +83,7 @@ not charted: povray: not installed: apt install povray
     )
 
 
-def test_what_is_asked_for_reaches_the_engine(folder: Path, asked: list[Any]) -> None:
+def test_options_reach_the_engine(folder: Path, asked: list[Any]) -> None:
     options = "--set radius=0.5 --size 24x16 --backends raster,ray --peers povray --metric flip --budget 5min --seeds 4 --repeats 2"
     more = "--threads 1 --bounces 2 --keep raw --json n.json --camera default -q"
     code, _, err = run("chart", "a.scene", "-o", "c.png", *options.split(), *more.split())
@@ -144,7 +144,7 @@ def test_wrong_usage(folder: Path, options: tuple[str, ...], message: str) -> No
     assert err.endswith(f"\nError: {message}\n")
 
 
-def test_a_json_that_is_no_chart_is_not_written_over(folder: Path, asked: list[Any]) -> None:
+def test_a_json_that_is_no_chart_is_not_overwritten(folder: Path, asked: list[Any]) -> None:
     (folder / "a.json").write_text('{"mine": 1}', encoding="utf-8")
     code, _, err = run("chart", "a.scene", "-o", "a.svg")
     assert code == 2
@@ -161,7 +161,7 @@ def test_a_json_that_is_no_chart_is_not_written_over(folder: Path, asked: list[A
         ("{", "Error: x.json: this is no JSON: Expecting property name enclosed in double quotes: line 1 column 2 (char 1)\n"),
     ],
 )
-def test_a_json_that_is_no_chart_is_said(folder: Path, text: str, message: str) -> None:
+def test_a_json_that_is_no_chart_is_an_error(folder: Path, text: str, message: str) -> None:
     (folder / "x.json").write_text(text, encoding="utf-8")
     assert run("chart", "x.json", "-o", "x.svg") == (1, "", message)
 
@@ -184,9 +184,9 @@ def test_nothing_measured_is_an_error_with_the_fix(folder: Path, monkeypatch: py
     assert not (folder / "a.svg").exists()
 
 
-def test_ctrl_c_draws_what_was_measured(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_draws_the_measurements_so_far(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def measure(scene: ir.Scene, wanted: Wanted, progress: Any, cancel: threading.Event) -> Chart:
-        cancel.set()  # what the first Ctrl-C does
+        cancel.set()  # as the first Ctrl-C
         return charts.room()
 
     monkeypatch.setattr(engine, "measure", measure)
@@ -195,7 +195,7 @@ def test_ctrl_c_draws_what_was_measured(folder: Path, monkeypatch: pytest.Monkey
     assert (folder / "a.svg").is_file()
 
 
-def test_ctrl_c_before_anything_writes_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_before_the_first_measurement_writes_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def measure(scene: ir.Scene, wanted: Wanted, progress: Any, cancel: threading.Event) -> Chart:
         cancel.set()
         raise NothingMeasured("interrupted")
@@ -215,7 +215,7 @@ def test_matplotlib_is_loaded_by_no_other_command(folder: Path, arguments: tuple
     assert done.stderr.splitlines()[-1] == "[]"
 
 
-# --- the whole way, with the engine -----------------------------------------------------------------------------------------
+# --- with the engine, end to end ------------------------------------------------------------------------------------------
 
 
 def test_a_small_scene_is_measured(folder: Path) -> None:
@@ -246,7 +246,7 @@ def test_too_little_time_is_an_error_with_the_fix(folder: Path) -> None:
     assert list(folder.iterdir()) == [folder / "a.scene"]
 
 
-def test_a_camera_that_is_not_there_is_wrong_usage(folder: Path) -> None:
+def test_an_unknown_camera_is_wrong_usage(folder: Path) -> None:
     code, out, err = run("chart", "a.scene", "-o", "a.svg", "--camera", "nobody")
     assert (code, out) == (2, "")
     assert "Error: " in err

@@ -1,4 +1,4 @@
-"""√relMSE and differences by hand-made answers, and the `compare` command on real files."""
+"""√relMSE and differences with known answers, and the `compare` command on files."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ def test_sizes_that_differ(tmp_path: Path) -> None:
     assert run("compare", a, b) == (1, "", f"Error: {said}\n")
 
 
-def test_what_is_not_a_picture_is_said(tmp_path: Path) -> None:
+def test_a_file_that_is_no_picture(tmp_path: Path) -> None:
     a, text = saved(tmp_path / "a.exr", flat(1.0)), tmp_path / "notes.txt"
     text.write_text("not a picture\n", encoding="utf-8")
     code, out, err = run("compare", a, text)
@@ -249,7 +249,7 @@ def test_params_and_moments_are_of_both(scene: Path) -> None:
     assert figures(scene, "small.scene", "--set", "size=0.8")["relmse"] == 0.0
 
 
-def test_what_a_backend_does_not_draw(scene: Path) -> None:
+def test_features_that_a_backend_lacks(scene: Path) -> None:
     scene.write_text(SCENE.replace("MATERIAL", "glass(ior: 1.4)"), encoding="utf-8")
     code, out, _ = run("compare", scene, "--backends", "raster,ray")
     assert code == 0
@@ -291,7 +291,7 @@ def test_any_metric_may_decide(tmp_path: Path, metric: str, said: str) -> None:
 
 
 def test_noise_may_decide(scene: Path) -> None:
-    """A difference that is noise alone passes, one that is more does not; where the noise is not known, that is said."""
+    """A difference within the noise passes, a larger one fails; unknown noise is reported."""
     soft = SCENE.replace("MATERIAL", "lambert(#3060c0)") + "sky(luminance: 0.5)\n"
     scene.write_text(soft, encoding="utf-8")
     Path("dim.scene").write_text(soft.replace("illuminance: 3", "illuminance: 2.8"), encoding="utf-8")
@@ -311,7 +311,7 @@ def test_noise_may_decide(scene: Path) -> None:
         assert run("compare", "a.exr", "a.exr", "--metric", metric, "--threshold", "1")[2] == f"Error: {said}; choose another --metric\n"
 
 
-def test_what_is_no_number_is_above_every_threshold(tmp_path: Path) -> None:
+def test_nan_is_above_every_threshold(tmp_path: Path) -> None:
     image = flat(1.0)
     image[0, 0] = np.nan
     a, b = saved(tmp_path / "a.exr", image), saved(tmp_path / "b.exr", flat(1.0))
@@ -327,7 +327,7 @@ def test_a_picture_without_alpha_has_no_silhouette(tmp_path: Path) -> None:
 
 
 def test_side_by_side(scene: Path) -> None:
-    """Three panels, enlarged to be legible, under labels; where A is brighter the third is red."""
+    """Three enlarged panels with labels; the third is red where A is brighter."""
     image = image_files.read(drawn_to(scene, "a.exr")).channels["rgba"][..., :3].copy()
     image[20:, 28:] += 0.5
     saved(Path("b.exr"), image)
@@ -411,7 +411,7 @@ def test_wrong_usage(scene: Path, arguments: str, said: str) -> None:
         ("two.scene broken.exr", "broken.exr is not a picture: "),
     ],
 )
-def test_what_cannot_be_compared(scene: Path, arguments: str, said: str) -> None:
+def test_sides_that_cannot_be_compared(scene: Path, arguments: str, said: str) -> None:
     saved(Path("a.exr"), flat(1.0))
     Path("broken.exr").write_bytes(b"nothing of the kind")
     Path("wide.scene").write_text(scene.read_text().replace("[32, 24]", "[40, 24]"), encoding="utf-8")
@@ -420,7 +420,7 @@ def test_what_cannot_be_compared(scene: Path, arguments: str, said: str) -> None
     assert err.startswith(f"Error: {said}")
 
 
-def test_errors_of_a_scene_are_told_as_ever(scene: Path) -> None:
+def test_errors_of_a_scene_are_reported(scene: Path) -> None:
     Path("wrong.scene").write_text("spher(1)\n", encoding="utf-8")
     code, out, err = run("compare", scene, "wrong.scene")
     assert (code, out) == (1, "")
@@ -446,7 +446,7 @@ def test_the_page_tells_every_figure_of_the_json(scene: Path) -> None:
     assert missing == []
 
 
-def test_interrupted_nothing_is_compared(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupt_ends_the_comparison(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Ctrl-C while a side is drawn ends the command with 130 and leaves no picture."""
 
     @contextmanager
@@ -460,7 +460,7 @@ def test_interrupted_nothing_is_compared(scene: Path, monkeypatch: pytest.Monkey
     assert not Path("d.png").exists()
 
 
-def test_whether_it_is_noise_is_told(scene: Path) -> None:
+def test_the_verdict_on_noise(scene: Path) -> None:
     soft = SCENE.replace("MATERIAL", "lambert(#3060c0)") + "sky(luminance: 0.5)\n"
     scene.write_text(soft, encoding="utf-8")
     Path("dim.scene").write_text(soft.replace("illuminance: 3", "illuminance: 2.8"), encoding="utf-8")
@@ -478,7 +478,7 @@ def test_whether_it_is_noise_is_told(scene: Path) -> None:
     assert told("dim.scene", scene, "--samples", "16") == [same, f"{means}: a bias"]
 
 
-def test_a_warning_of_both_sides_is_told_once(scene: Path) -> None:
+def test_a_warning_of_both_sides_is_printed_once(scene: Path) -> None:
     scene.write_text(SCENE.replace("MATERIAL", "lambert(#3060c0)") + "ambient(luminance: 0.1)\n", encoding="utf-8")
     _, _, err = run("compare", scene, "--backends", "ray,ray:seed=1", "--bounces", "1")
     said = "ambient light stands for interreflection, and bounces compute it: it is counted twice; leave out one"

@@ -1,4 +1,4 @@
-"""The `maquette` command from outside: options, exit codes, messages, what goes to stdout and what to stderr, and what it loads."""
+"""The `maquette` command: options, exit codes, messages, stdout and stderr, imported modules."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def shell(*arguments: object, **more: object) -> subprocess.CompletedProcess[str
 # --- help, usage, exit codes -----------------------------------------------------------------------------------------------
 
 
-def test_help_lists_what_there_is_and_what_is_planned() -> None:
+def test_help_lists_commands_and_planned_ones() -> None:
     code, out, err = run("--help")
     assert (code, err) == (0, "")
     for name in (*cli.commands, *PLANNED):
@@ -82,7 +82,7 @@ def test_format_lays_scenes_out_in_place(scene: Path) -> None:
     assert run("format", scene) == run("format", "--check", scene) == (0, "", "")
 
 
-def test_format_leaves_what_has_errors_and_lays_out_the_rest(scene: Path) -> None:
+def test_format_skips_scenes_with_errors(scene: Path) -> None:
     scene.write_text("sphere((1)\n", encoding="utf-8")
     Path("b.scene").write_text("box( 1 )\n", encoding="utf-8")
     code, out, err = run("format", scene, "b.scene")
@@ -154,18 +154,18 @@ def test_wrong_options_are_usage_errors(scene: Path, option: tuple[str, ...], me
     assert not list(Path().glob("*.png"))
 
 
-def test_a_scene_that_is_not_there() -> None:
+def test_a_missing_scene() -> None:
     code, _, err = run("render", "none.scene")
     assert code == 2
     assert "File 'none.scene' does not exist." in err
 
 
-def test_a_folder_that_is_not_there(scene: Path) -> None:
+def test_a_missing_folder(scene: Path) -> None:
     assert run("render", scene, "-o", "no/where/a.png") == (1, "", "error: there is no folder no/where to write a.png into\n")
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_a_folder_that_is_not_writable(scene: Path) -> None:
+def test_a_read_only_folder(scene: Path) -> None:
     Path("locked").mkdir(mode=0o500)
     assert run("render", scene, "-o", "locked/a.png") == (1, "", "error: the folder locked is not writable\n")
 
@@ -218,7 +218,7 @@ def test_the_same_picture_by_each_backend(scene: Path, backend: str) -> None:
     assert code == 0, out
 
 
-def test_command_line_goes_before_the_scene(scene: Path) -> None:
+def test_the_command_line_overrides_the_scene(scene: Path) -> None:
     assert run("render", scene, "--size", "10x8", "-o", "small.png")[0] == 0
     assert (image_files.read(Path("small.png")).width, image_files.read(Path("small.png")).height) == (10, 8)
 
@@ -258,7 +258,7 @@ def test_frames_are_moments(scene: Path) -> None:
 
 
 def test_frames_of_a_stage_are_its_time_codes(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A cube that is at x = code - 100, in a stage that starts at 101 with 24 codes a second."""
+    """A cube at x = code - 100, in a stage that starts at 101 with 24 codes a second."""
     Path("a.usda").write_text(
         """#usda 1.0
 (
@@ -318,7 +318,7 @@ def test_stats_replace_neither_scene_nor_picture(scene: Path, command: str, file
     assert scene.read_bytes() == before
 
 
-def test_ctrl_c_leaves_what_is_done(scene: Path) -> None:
+def test_ctrl_c_writes_the_partial_picture(scene: Path) -> None:
     tell = "t.Progress.__call__ = lambda self, done, total: print('begun', flush=True)"
     code = f"from maquette.cli import main, terminal as t; {tell}; main.main()"
     command = [sys.executable, "-c", code, "render", "a.scene", "--backend", "reference", "--size", "600", "--samples", "1024"]
@@ -358,7 +358,7 @@ def test_check_json_is_the_same_as_data(scene: Path) -> None:
     assert run("check", scene, "--json") == (0, "[]\n", "")
 
 
-def test_errors_of_render_come_before_anything_is_written(scene: Path) -> None:
+def test_errors_of_render_precede_output(scene: Path) -> None:
     Path("wrong.scene").write_text(WRONG, encoding="utf-8")
     code, out, err = run("render", "wrong.scene")
     assert (code, out) == (1, "")
@@ -391,7 +391,7 @@ def test_former_names_of_decisions_work_with_a_note(scene: Path, former: str, na
     assert err.splitlines() == [f"note: {note}"]
 
 
-def test_explain_prints_what_was_added(scene: Path) -> None:
+def test_explain_prints_added_defaults(scene: Path) -> None:
     scene.write_text("sphere(1)\n", encoding="utf-8")
     _, out, _ = run("explain", scene)
     assert [line for line in out.splitlines() if line.startswith("added: camera")]
@@ -409,7 +409,7 @@ def test_inspect(scene: Path) -> None:
 
 
 def test_a_picture_whose_file_cannot_be_written_is_rescued(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing that fails after the last sample loses the picture."""
+    """A failure after the last sample does not lose the picture."""
 
     def write(picture: object, path: Path, *rest: object) -> None:
         if path.suffix == ".png":
@@ -439,7 +439,7 @@ def test_a_saved_ir_draws_the_same(scene: Path) -> None:
     assert "Error: writing .usda is not built yet: OUT ends in .npz (a saved IR), .xml (Mitsuba 3), .pov (POV-Ray 3.7), .stl (" in err
 
 
-# --- what it loads, what it shows ------------------------------------------------------------------------------------------
+# --- imported modules, terminal output ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -466,7 +466,7 @@ def test_import_maquette_is_light() -> None:
     assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
 
 
-def test_no_colours_where_there_is_no_terminal(scene: Path) -> None:
+def test_no_colours_without_a_terminal(scene: Path) -> None:
     Path("wrong.scene").write_text(WRONG, encoding="utf-8")
     done = shell("check", "wrong.scene", env={**os.environ, "FORCE_COLOR": ""})
     assert done.returncode == 1

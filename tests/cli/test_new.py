@@ -1,4 +1,4 @@
-"""`maquette new`: scenes that are right, in order, draw something, and are never written over what is there."""
+"""`maquette new`: its scenes have no errors, are formatted, render, and overwrite nothing."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_scenes_draw_something(source: str, backend: str) -> None:
     assert image.std() > 0.1 * image.mean() > 0.0
 
 
-def test_nothing_is_written_over() -> None:
+def test_existing_files_are_not_overwritten() -> None:
     Path("mine.scene").write_text("sphere(1)\n", encoding="utf-8")
     assert run("new", "mine.scene") == (1, "", "error: mine.scene exists already: choose another name\n")
     assert Path("mine.scene").read_text(encoding="utf-8") == "sphere(1)\n"
@@ -67,7 +67,7 @@ def test_nothing_is_written_over() -> None:
         ),
     ],
 )
-def test_what_cannot_be_is_said(arguments: tuple[str, ...], message: str) -> None:
+def test_errors_of_new(arguments: tuple[str, ...], message: str) -> None:
     assert run("new", *arguments) == (1, "", message)
     assert not list(Path().rglob("*.scene"))
 

@@ -1,4 +1,4 @@
-"""Watching: a save builds again, whatever the editor's way of saving; files that come and go; errors that are mended."""
+"""File watching: every way of saving builds again; created and removed files; corrected errors."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ render(size: [16, 12], samples: 1, background: #000000)
 
 
 def _interruptible() -> None:
-    """Shells start what runs in their background with interrupts ignored, tests too."""
+    """Enable interrupts, which shells ignore in background processes, tests included."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
@@ -150,8 +150,8 @@ def test_a_save_during_a_later_build_builds_once_more(tmp_path: Path) -> None:
     assert seen == ["1", "2", "3"]
 
 
-def test_what_is_saved_as_it_was_and_what_goes(tmp_path: Path) -> None:
-    """A file renamed over another may be as old and as long; one that is gone, and one that comes again, count."""
+def test_an_unchanged_save_and_a_removed_file(tmp_path: Path) -> None:
+    """A file renamed over another can have its time and size. Removal and creation are changes."""
     file, new = tmp_path / "a.scene", tmp_path / "b"
     for path, text in ((file, "1"), (new, "2")):
         path.write_text(text, encoding="utf-8")
@@ -168,8 +168,8 @@ def test_what_is_saved_as_it_was_and_what_goes(tmp_path: Path) -> None:
         assert follower.count == 4
 
 
-def test_files_are_looked_at_where_nothing_is_told(tmp_path: Path) -> None:
-    """A folder that comes later is not watched, and network disks tell nothing."""
+def test_files_are_polled_without_events(tmp_path: Path) -> None:
+    """A folder created later is not watched, and network disks send no events."""
     file, part = tmp_path / "a.scene", tmp_path / "later" / "b.scene"
     file.write_text("1", encoding="utf-8")
     with Follower(lambda: [file, part]) as follower:
@@ -213,7 +213,7 @@ EDITS = [f"x^2 + y^2 + z^2 < {0.3 + 0.05 * k:.2f}" for k in range(10)] + [
 ]  # fmt: skip
 
 
-def test_stats_tell_what_each_redraw_cost(tmp_path: Path) -> None:
+def test_stats_hold_the_cost_of_each_redraw(tmp_path: Path) -> None:
     scene, stats, picture = tmp_path / "a.scene", tmp_path / "cost.json", tmp_path / "a.png"
 
     def save(formula: str) -> None:
@@ -256,7 +256,7 @@ def test_stats_tell_what_each_redraw_cost(tmp_path: Path) -> None:
 
 @contextlib.contextmanager
 def command(folder: Path, *more: str) -> Iterator[subprocess.Popen[bytes]]:
-    """`maquette watch a.scene -o a.png` in a folder, which says what it says into `log`."""
+    """`maquette watch a.scene -o a.png` in a folder, with its output in `log`."""
     line = [sys.executable, "-c", "from maquette.cli.main import main; main()", "watch", "a.scene", "-o", "a.png", *more]
     with (folder / "log").open("w") as log:
         environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
@@ -268,8 +268,8 @@ def command(folder: Path, *more: str) -> Iterator[subprocess.Popen[bytes]]:
             process.wait()
 
 
-def test_an_interrupt_that_is_dropped_ends_it_all_the_same(tmp_path: Path) -> None:
-    """As one is that comes while a finalizer runs."""
+def test_a_dropped_interrupt_ends_the_watch(tmp_path: Path) -> None:
+    """An interrupt during a finalizer is dropped."""
     file = tmp_path / "a.scene"
     file.write_text("sphere(1)", encoding="utf-8")
     builds = []

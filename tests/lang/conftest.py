@@ -1,4 +1,4 @@
-"""What the tests of the language share: reading text without errors, and showing a tree."""
+"""Fixtures of the language tests: parse text without errors, print a tree."""
 
 from dataclasses import fields
 

@@ -34,7 +34,7 @@ def test_0_at_every_point_of_the_lattice():
 
 
 def test_within_its_bounds():
-    """|noise| ≤ 1.0363537 (found by search over all corners' gradients); over a random million it stays below 1, as is written in -1..1."""
+    """|noise| ≤ 1.0363537 (by search over the gradients of all corners); a random million stays within -1..1."""
     values = at(RANDOM.uniform(-128, 128, (1_000_000, 3)))
     assert 0.9 < np.abs(values).max() <= 1.0
 
@@ -113,7 +113,7 @@ def test_as_it_is_written(tmp_path, written, place, seed):
         ("noise([x, y, z, x])", "noise takes one to three numbers, or a list of them, and a seed; got a list of 4"),
     ],
 )
-def test_what_is_no_noise(tmp_path, written, message):
+def test_wrong_arguments_of_noise(tmp_path, written, message):
     with pytest.raises(SceneError) as caught:
         value(tmp_path, written, (0, 0, 0))
     assert [d.message for d in caught.value.diagnostics] == [message]

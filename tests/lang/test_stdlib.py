@@ -1,4 +1,4 @@
-"""The library: every part evaluates with its defaults, and gives what its description promises."""
+"""The library: every part evaluates with its defaults and fits its description."""
 
 import itertools
 import math
@@ -19,13 +19,13 @@ FILES = sorted(LIBRARY.glob("*.scene"))
 
 
 @pytest.mark.parametrize("file", suggestions.LIBRARY)
-def test_what_hints_say_is_in_the_library_is_there(file):
+def test_parts_that_hints_name_exist_in_the_library(file):
     text = (LIBRARY / f"{file}.scene").read_text(encoding="utf-8")
     assert set(suggestions.LIBRARY[file].split()) <= set(re.findall(r"^let (\w+)\(", text, re.MULTILINE))
 
 
 class Reader:
-    """Gives the files of the library, and no others."""
+    """A Reader of library files only."""
 
     def scene(self, path, importer, span):
         file = LIBRARY / f"{path.removeprefix('std/')}.scene"
@@ -51,7 +51,7 @@ GIVEN = {  # arguments of the library's functions that have no default
 
 
 def parts(file):
-    """Each function and part of a file of the library, with a call of it that gives only what must be given."""
+    """Each function and part of a library file, with a call that has only the required arguments."""
     items = parser.parse(file.read_text(encoding="utf-8"), file.name, Diagnostics()).items
     prefix = "" if file.stem == "prelude" else f"{file.stem}."
     for item in items:
@@ -66,7 +66,7 @@ VALUES = ("shininess_of", "lights.metres", "lights.direction", "patterns.octave"
 
 
 def scene(name, call):
-    """A scene that makes use of a part of the library."""
+    """A scene that uses a part of the library."""
     use = "" if name == "prelude" else f'use "std/{name}"\n'
     if call.startswith(VALUES):
         return f"{use}let it = {call}"
@@ -154,7 +154,7 @@ def test_walls_face_into_the_room():
     assert red.args["color"] == (1.0, 0.0, 0.0)
 
 
-def test_walls_that_are_not_named_are_made_of_wall():
+def test_unnamed_walls_have_the_material_wall():
     (box,) = evaluated('use "std/room"\nroom.box(wall: lambert(#000), floor: lambert(#fff))').elements
     assert [wall.args["material"].args["color"] for wall in box.children] == [(1.0,) * 3] + [(0.0,) * 3] * 4
 
@@ -178,7 +178,7 @@ def test_regular_solids(name, vertices, faces, edge):
 
 
 def extent(element):
-    """Lowest and highest y of boxes and cylinders that are not turned."""
+    """Lowest and highest y of boxes and cylinders without rotation."""
     spans = []
     for e in element.children or (element,):
         height = e.args["size"][1] if e.kind == "box" else e.args["height"]
@@ -231,7 +231,7 @@ def test_bare_numbers_are_in_the_unit_of_the_scene():
     assert camera.args["position"] == pytest.approx((0, 0, 1))
 
 
-def test_a_turntable_goes_round_once():
+def test_a_turntable_makes_one_turn():
     places = [evaluated('use "std/cameras"\ncameras.turntable(period: 8s)', time=t).cameras[0].args["position"] for t in (0, 2, 8)]
     assert places[0] == pytest.approx(places[2])
     assert places[1] == pytest.approx((4, 2, 0))
@@ -241,7 +241,7 @@ def test_a_turntable_goes_round_once():
     "call", ["marble()", "wood(ring: 2cm)", "bricks(size: [20cm, 6cm])", "dots(size: 5cm, radius: 1cm)", "granite(grain: 5mm, seed: 4)"]
 )
 def test_patterns_give_colours_of_their_own(call):
-    """At random places each is between its two colours, and both are there."""
+    """At random points each value is between the two colours, and both occur."""
     (element,) = evaluated(f'use "std/patterns"\nunit cm\nsphere(1, material: lambert(patterns.{call}))').elements
     made = element.args["material"].args["color"].args["formula"]
     random = np.random.default_rng(7)
@@ -256,7 +256,7 @@ def test_patterns_give_colours_of_their_own(call):
 
 
 def mesh(call):
-    """The points of a mesh that a call makes, row after row of equal v."""
+    """The points of the mesh of a call, in rows of equal v."""
     waiting = list(evaluated(f'use "std/surfaces"\n{call}').elements)
     while waiting[0].kind != "mesh":
         waiting = [*waiting[0].children, *waiting[1:]]
@@ -264,7 +264,7 @@ def mesh(call):
     return waiting[0].args["points"]
 
 
-def test_quadrilaterals_of_a_surface_are_counter_clockwise_from_where_u_turns_to_v():
+def test_quadrilaterals_of_a_surface_are_counter_clockwise_from_u_to_v():
     points = mesh("surfaces.parametric(|u, v| [u, v, 0], steps: 2)")
     (made,) = evaluated('use "std/surfaces"\nsurfaces.parametric(|u, v| [u, v, 0], steps: 2)').elements
     assert list(points) == [(u / 2, v / 2, 0.0) for v in range(3) for u in range(3)]
@@ -295,7 +295,7 @@ def test_an_even_cubic_spline_at_its_knots_is_a_sixth_of_one_four_and_one():
         assert points[k] == pytest.approx((k + 1, 0, wanted), abs=1e-12)
 
 
-def test_what_turns_about_an_axis_is_exactly_round():
+def test_a_surface_of_revolution_is_exactly_round():
     points = mesh("surfaces.revolved([[2, 0], [2, 1], [2, 5]], steps: 12)")
     assert [math.hypot(x, z) for x, _, z in points] == pytest.approx([2] * len(points), abs=1e-12)
     assert sorted({round(y, 9) for _, y, _ in points})[0] == 0
@@ -304,7 +304,7 @@ def test_what_turns_about_an_axis_is_exactly_round():
     assert dot(outward, (points[0][0], 0, points[0][2])) > 0
 
 
-def test_voxels_are_cubes_where_the_condition_holds():
+def test_voxels_are_the_cubes_that_satisfy_the_condition():
     (made,) = evaluated('use "std/surfaces"\nsurfaces.voxels(|x, y, z| x > 0 and y > 0, count: 4, size: 2)').elements
     centres = sorted(box.args["center"] for box in made.children)
     assert centres == sorted(itertools.product((0.25, 0.75), (0.25, 0.75), (-0.75, -0.25, 0.25, 0.75)))
@@ -338,7 +338,7 @@ t.scene:2:21: error: materials.claycannot be made with these arguments: expected
         ),
     ],
 )
-def test_what_goes_wrong_within_the_library_is_told_once_and_where_it_was_called(text, told):
+def test_errors_inside_the_library_are_reported_once_at_the_call(text, told):
     diagnostics = Diagnostics()
     document = evaluate(Source("t.scene", text, "t.scene"), Reader(), diagnostics)
     assert [render_text(d, document.sources.get) for d in diagnostics.items] == [told]

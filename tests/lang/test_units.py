@@ -123,7 +123,7 @@ def test_a_bare_number_beside_a_length_is_in_the_unit_of_the_file() -> None:
         ("acos(2)", "acos(2) is not defined"),
     ],
 )
-def test_what_does_not_fit(expression: str, message: str) -> None:
+def test_dimensions_that_do_not_fit(expression: str, message: str) -> None:
     assert mistake(expression) == message
 
 
@@ -196,6 +196,6 @@ def test_how_quantities_are_shown(quantity: float | Quantity, text: str) -> None
 
 @unhurried
 @given(st.floats(0.001, 1e5), st.sampled_from(["mm", "cm", "in", "deg", "ms", "klx"]))
-def test_in_unit_gives_back_what_was_written(number: float, unit: str) -> None:
+def test_in_unit_inverts_literal(number: float, unit: str) -> None:
     number = float(f"{number:.6g}")
     assert units.in_unit(number * units.UNITS[unit][0], unit) == number

@@ -45,7 +45,7 @@ def elements(text: str, files: dict[str, str] | None = None, **options: Any) -> 
 
 
 def value(expression: str, before: str = "") -> Any:
-    """The value of an expression in the language: `before` are items that stand above it."""
+    """The value of an expression in the language: `before` are items above it."""
     diagnostics = Diagnostics()
     machine = evaluator.Evaluator(Files({}), diagnostics, 0.0)
     text = f"{before}\nlet wanted = {expression}\n"
@@ -59,7 +59,7 @@ def value(expression: str, before: str = "") -> Any:
 
 
 def mistake(expression: str, before: str = "") -> str:
-    """The first line of the message about an expression, without its place; behind it the hint, if there is one."""
+    """The message of an expression's only error, without its place, followed by the hint."""
     diagnostics = Diagnostics()
     text = f"{before}\nlet wanted = {expression}\n"
     evaluator.evaluate(evaluator.Source("a.scene", text, "a.scene"), Files({}), diagnostics)

@@ -43,7 +43,7 @@ def test_every_argument_is_there_whether_given_or_not() -> None:
         assert element.kind == entry.name
 
 
-def test_an_alias_is_the_argument_it_stands_for() -> None:
+def test_an_alias_names_its_argument() -> None:
     sun = one("sun(irradiance: 3)")
     assert sun.args["illuminance"] == 3.0
     assert sun.given == {"illuminance"}
@@ -57,7 +57,7 @@ def test_every_type_of_the_schema_can_be_converted() -> None:
 
 @pytest.fixture
 def probe(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """What an argument of a type holds for a text, in a file in centimetres."""
+    """A function that returns the value of an argument of a type for a text, in a file in centimetres."""
 
     def convert_text(type_name: str, text: str, **limits: Any) -> Any:
         entry = argument_types.Entry(
@@ -155,7 +155,7 @@ def test_bare_points_are_points_with_the_unit_of_the_file_written_out(numbers: l
     assert bare.args["center"] == written.args["center"]
 
 
-def test_all_wrong_arguments_of_a_call_are_told_at_once() -> None:
+def test_all_wrong_arguments_of_a_call_are_reported() -> None:
     _, messages = run('sphere("a", center: 3, colour: 4, material: 5)')
     assert [m.split(": ", 2)[2].split("\n")[0] for m in messages] == [
         'expected length, got the string "a"',
@@ -171,7 +171,7 @@ def test_a_misspelt_argument_is_not_missing_as_well() -> None:
     assert "point has no `positoin`; did you mean `position`?" in messages[0]
 
 
-def test_a_wrong_value_says_nothing_more_further_on() -> None:
+def test_a_wrong_value_is_reported_once() -> None:
     _, messages = run("let r = 1m + 1s\nlet ball(k) = sphere(k)\nsphere(r)\nball(r)\nbox([r, r, 2 * r])\nfor (k in [r]) { sphere(k) }")
     assert len(messages) == 1
 

@@ -76,7 +76,7 @@ def test_known_values(expression: str, expected: Any) -> None:
     assert value(expression) == pytest.approx(expected) if not isinstance(expected, str) else value(expression) == expected
 
 
-def test_every_function_that_is_promised_is_there() -> None:
+def test_every_documented_function_exists() -> None:
     promised = """abs sqrt exp log sin cos tan asin acos atan atan2 hypot min max clamp lerp step smoothstep floor ceil round mod sign
     pow noise dot cross length normalize len map filter scan fold string rgb srgb hsv kelvin axis quaternion matrix ramp""".split()
     assert [name for name in promised if name not in builtins.FUNCTIONS] == []
@@ -98,7 +98,7 @@ def test_rotations_matrices_and_fall_off() -> None:
     assert value("matrix([1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 5])")[2] == (0, 0, 1, 5)
 
 
-def test_a_function_literal_takes_what_stands_around_it() -> None:
+def test_a_function_literal_is_a_closure() -> None:
     assert value("map(add, [1, 2])", "let k = 10\nlet add = |x| x + k") == (11, 12)
     assert value("make(3)(4)", "let make(a) = |b| a * b") == 12
 
@@ -237,7 +237,7 @@ def recorded(text: str, before: str = "") -> Formula:
          lambda x, y, z: x + 0.25 * (y - x) + (z >= 0) + (lambda t: t * t * (3 - 2 * t))(min(max(x / 2, 0), 1))),
     ],
 )  # fmt: skip
-def test_a_formula_computes_what_it_says(text: str, python: Any) -> None:
+def test_a_formula_computes_the_same_as_python(text: str, python: Any) -> None:
     f = recorded(text)
     assert f.parameters == ("x", "y", "z")
     for point in ((0.3, -1.2, 2.5), (-2.0, 0.7, 0.1), (4.0, 4.5, -3.25)):
@@ -288,7 +288,7 @@ def test_formulas_never_raise(text: str, result: float) -> None:
 
 
 @pytest.mark.usefixtures("with_implicit")
-def test_formulas_are_not_a_number_where_they_are_not_defined() -> None:
+def test_formulas_are_nan_outside_their_domain() -> None:
     for text in ("|x| sqrt(x)", "|x| log(x)", "|x| x ^ 0.5", "|x| acos(x - 1)"):
         assert math.isnan(formula_graph.evaluate(recorded(text), [-1.0]))
     assert math.isnan(formula_graph.evaluate(recorded("|x| mod(1, x)"), [0.0]))
@@ -309,7 +309,7 @@ def test_formulas_are_not_a_number_where_they_are_not_defined() -> None:
         ("|x| hsv(x, 1, 1)", "hsv(…) cannot depend on a formula's parameters"),
     ],
 )
-def test_what_a_formula_cannot_do(text: str, message: str) -> None:
+def test_limits_of_formulas(text: str, message: str) -> None:
     _, messages = run(f"let f(n) = if n > 0 then f(n - 1) else 0\nimplicit({text})\n" + "let _f = f")
     assert len(messages) == 1
     assert message in messages[0]

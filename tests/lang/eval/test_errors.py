@@ -1,4 +1,4 @@
-"""Mistakes of meaning as people see them: each source with its whole messages, in meaning_errors/*.txt.
+"""Evaluation errors as printed: each source with its whole messages, in meaning_errors/*.txt.
 
 A case is a source, a line `-----` and what is printed; a line `=====` stands between cases.
 """

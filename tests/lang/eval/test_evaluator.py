@@ -13,7 +13,7 @@ from .evaluating import elements, good, run, unhurried, value
 
 
 def radii(text: str, **options: object) -> list[float]:
-    """The radius of every sphere of a scene, those in blocks too."""
+    """The radius of every sphere of a scene, including spheres in blocks."""
     found: list[float] = []
 
     def walk(things: tuple[Element, ...]) -> None:
@@ -29,7 +29,7 @@ def radii(text: str, **options: object) -> list[float]:
 # --- definitions ----------------------------------------------------------------------------------------------------
 
 
-def test_definitions_stand_in_any_order() -> None:
+def test_definitions_are_in_any_order() -> None:
     assert radii("sphere(a)\nlet a = b * 2\nlet b = 3") == [6]
 
 
@@ -46,7 +46,7 @@ def test_any_name_hides_one_of_the_language() -> None:
     assert radii("let pi = 3\nlet box(r) = sphere(r)\nbox(pi)") == [3]
 
 
-def test_a_function_sees_where_it_stands_and_not_where_it_is_called() -> None:
+def test_scoping_is_lexical() -> None:
     assert radii("let r = 1\nlet ball() = sphere(r)\ngroup {\n  let r = 2\n  sphere(r)\n  ball()\n}") == [2, 1]
 
 
@@ -89,7 +89,7 @@ def test_for(source: str, expected: list[float]) -> None:
     assert radii(f"for (r in {source}) {{ sphere(r) }}") == expected
 
 
-def test_each_round_of_a_loop_has_its_own_definitions() -> None:
+def test_each_iteration_of_a_loop_has_its_own_definitions() -> None:
     assert radii("for (k in 1..3) {\n  let r = 2 * k\n  sphere(r)\n}") == [2, 4, 6]
 
 
@@ -111,7 +111,7 @@ def test_a_part_places_its_children_as_often_as_it_says() -> None:
     assert radii("let twice() = group {\n  children\n  children\n}\ntwice() { sphere(3) }\ntwice { sphere(4) }\ntwice()") == [3, 3, 4, 4]
 
 
-def test_children_are_evaluated_where_they_are_written() -> None:
+def test_children_are_evaluated_in_the_scope_of_the_caller() -> None:
     assert radii("let r = 1\nlet part(r) = group { children }\npart(7) { sphere(r) }") == [1]
 
 
@@ -137,7 +137,7 @@ def test_lists_of_elements_are_placed_one_by_one() -> None:
     assert radii("[sphere(k) for k in 1..3]\nmap(sphere, [4, 5])") == [1, 2, 3, 4, 5]
 
 
-def test_scope_and_trace_say_which_calls_made_an_element() -> None:
+def test_scope_and_trace_are_the_calls_of_an_element() -> None:
     (group,) = elements("let rim() = group { sphere() }\nlet wheel() = group { rim() }\nwheel()")
     sphere = group.children[0].children[0]
     assert sphere.scope == "wheel.rim"
@@ -163,7 +163,7 @@ def test_bare_lengths_take_the_unit_of_the_file_and_lists_may_mix() -> None:
 # --- placing --------------------------------------------------------------------------------------------------------
 
 
-def test_cameras_and_settings_are_kept_apart() -> None:
+def test_cameras_and_settings_are_separate_from_elements() -> None:
     document = good("camera([0, 0, 5], name: \"a\")\nif (true) { camera([0, 0, 9]) }\nrender(samples: 4)\nanimate(duration: 2s)\nsphere()")
     assert [c.args["position"][2] for c in document.cameras] == [5.0, 9.0]
     assert sorted(document.settings) == ["animate", "render"]
@@ -201,7 +201,7 @@ def test_lights_know_whether_their_strength_has_a_unit(light: str, photometric: 
 # --- params ---------------------------------------------------------------------------------------------------------
 
 
-def test_params_are_told_to_sliders() -> None:
+def test_params_have_values_for_sliders() -> None:
     document = good(
         'unit mm\nparam teeth: int = 18 in 6..60 "per gear"\nparam bore = 4cm in 1..100\nparam turn = 30deg in 0..360deg\n'
         'param size: length = 5\nparam finish = "matte" in ["matte", "gloss", "raw"]\nparam tint = #ff0000\nparam on = true\nparam k = 0.5'

@@ -1,4 +1,4 @@
-"""Limits: what a stranger's scene may cost, and that every answer is a message and in time."""
+"""Evaluation limits: untrusted scenes end in time with a message."""
 
 from __future__ import annotations
 

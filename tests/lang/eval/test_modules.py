@@ -29,7 +29,7 @@ def test_a_file_is_a_part_with_its_params_as_arguments() -> None:
     assert second.args["material"].kind == "mirror"
 
 
-def test_cameras_and_settings_of_a_used_file_stay_behind() -> None:
+def test_cameras_and_settings_of_a_used_file_are_ignored() -> None:
     document = good('use "gear.scene"\ngear()', {"gear.scene": GEAR})
     assert document.cameras == ()
     assert document.settings == {}

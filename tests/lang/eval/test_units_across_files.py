@@ -1,4 +1,4 @@
-"""A bare number keeps the unit of the file that it is written in, wherever a part uses it as a length."""
+"""A bare number has the unit of the file that contains it, also as an argument of a part in another file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The standard layout: what it does to each thing that people write, and that nothing but the layout changes."""
+"""The formatter: spaces, indentation and blank lines of each construct; tokens and comments do not change."""
 
 import random
 import re
@@ -51,7 +51,7 @@ def laid_out(text: str) -> str:
         ("move(translate: 1,\nrotate: 2) {\nbox(1)\n}", "move(translate: 1,\n  rotate: 2) {\n  box(1)\n}\n"),
     ],
 )
-def test_each_thing_has_its_place(written, wanted):
+def test_spaces_and_indentation(written, wanted):
     assert laid_out(written) == wanted
 
 
@@ -67,7 +67,7 @@ def test_each_thing_has_its_place(written, wanted):
         ("box(1)\n// last", "box(1)\n// last\n"),
     ],
 )
-def test_comments_stay_where_they_are(written, wanted):
+def test_comments_stay_in_place(written, wanted):
     assert laid_out(written) == wanted
 
 
@@ -77,7 +77,7 @@ def test_comments_begin_in_one_column_only_on_lines_that_follow_each_other():
     assert laid_out(written) == wanted
 
 
-def test_what_has_errors_is_not_laid_out():
+def test_a_text_with_errors_is_not_formatted():
     diagnostics = Diagnostics()
     assert format_text("sphere(1\nbox(", "t", diagnostics) is None
     assert [d.message for d in diagnostics.items] == ["this `(` is not closed", "this `(` is not closed"]
@@ -91,7 +91,7 @@ def test_our_own_scenes_are_laid_out(path):
 
 @pytest.mark.parametrize("path", SCENES, ids=lambda p: p.stem)
 def test_a_scene_comes_back_however_it_was_spaced(path):
-    """Spaces and blank lines strewn over a scene, none where it would change what is written."""
+    """Random spaces and blank lines, only at places where they do not change the meaning."""
     text = path.read_text(encoding="utf-8")
     chance = random.Random(path.stem)
     lines = []

@@ -1,4 +1,4 @@
-"""Input made to overflow a parser is answered at once, with a message that says which limit it met."""
+"""Input made to overflow a parser ends at once with a message that names the limit."""
 
 import time
 
@@ -42,24 +42,24 @@ def test_depth(text, message):
     start = time.perf_counter()
     _, messages = answer(text)
     assert messages == [message]
-    assert time.perf_counter() - start < 10  # two seconds where nothing else runs
+    assert time.perf_counter() - start < 10  # two seconds on an idle machine
 
 
-def test_the_message_says_what_to_do():
+def test_the_message_has_a_hint():
     text = "let x = 1" + "+1" * 1500
     diagnostics = Diagnostics()
     parser.parse(text, "t", diagnostics)
     assert [(d.message, d.hint) for d in diagnostics.items] == [(DEEP, NAME_PARTS)]
 
 
-def test_what_follows_is_read():
+def test_parsing_continues_after_the_limit():
     file, messages = answer("box()\nlet x = 1" + "+1" * 1500 + "\nsphere(1)\nlet y = 2 2")
     assert [type(i).__name__ for i in file.items] == ["ElementItem", "ElementItem"]
     assert messages == [f"t:2:1: {DEEP}", "t:4:11: an operator or the end of the line is missing before `2`"]
     assert file.broken == {"x", "y"}
 
 
-def test_what_stands_before_too_many_brackets_is_read():
+def test_items_before_too_many_brackets_are_parsed():
     file, messages = answer("box()\nlet x = 1\nlet y = " + "[" * 300 + "\nsphere(1)")
     assert len(file.items) == 2
     assert messages == [f"t:3:209: {BRACKETS}"]

@@ -187,7 +187,7 @@ def test_trees_come_back_from_their_text(read, shown, text):
 @settings(max_examples=100, deadline=20_000)
 @given(scenes, st.randoms(use_true_random=False))
 def test_layout_changes_no_tree_and_loses_no_comment(read, shown, text, chance):
-    """Where there is a space in the text there may be a comment and a line end, if it is inside ( ) or [ ]."""
+    """A comment and a line end can replace a space inside ( ) or [ ]."""
     strewn, depth = "", 0
     for part in re.split(r'("(?:\\.|[^"\\])*"|[()\[\]{} ])', text):
         depth += (part in ("(", "[")) - (part in (")", "]"))
@@ -206,7 +206,7 @@ def test_layout_changes_no_tree_and_loses_no_comment(read, shown, text, chance):
 @example(["/", "/", "# "], "")
 @given(st.lists(st.sampled_from(WORDS), max_size=40), st.sampled_from(["", " "]))
 def test_layout_of_token_soup_never_raises(shown, words, between):
-    """What happens to have no error keeps its tree and its comments, and is laid out once and for all."""
+    """Text without errors has the same tree and comments after formatting, and formatting is idempotent."""
     text = between.join(words)
     diagnostics = Diagnostics()
     done = format_text(text, "t", diagnostics)

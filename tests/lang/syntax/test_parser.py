@@ -95,7 +95,7 @@ def test_item(read, shown, text, tree):
         "let a = 1\u00a0+ 2",
     ],
 )
-def test_line_ends_and_blanks_mean_nothing_inside(read, shown, text):
+def test_line_ends_and_blanks_inside_brackets_are_ignored(read, shown, text):
     (item,) = read(text).items
     assert shown(item) == "(Let a None (Binary + 1 2))"
 
@@ -122,7 +122,7 @@ def test_empty_files(read):
         assert (file.items, file.dangling) == ((), ())
 
 
-def test_spans_count_from_one_and_end_behind(read):
+def test_spans_count_from_one_and_end_exclusively(read):
     (item,) = read("// a\n  let a = f(1,\n    2) // b").items
     assert isinstance(item, ast.Let)
     assert str(item.span) == "t:2:3"

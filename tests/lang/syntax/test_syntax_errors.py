@@ -1,4 +1,4 @@
-"""Syntax errors as people see them: each source with its whole messages, in parse_errors/*.txt.
+"""Syntax errors as printed: each source with its whole messages, in parse_errors/*.txt.
 
 A case is a source, a line `-----` and what is printed; a line `=====` stands between cases.
 """

@@ -86,8 +86,6 @@ LONG_FILES = {
     "render/material/bsdf.py",
 }
 LONG_FUNCTIONS = {
-    "compiler/formula/derivative_bounds.py _partials",
-    "compiler/formula/interval_semantics.py interval",
     "render/film/accumulate.py take_in",
     "render/integrator/path.py sample_direct",
     "render/integrator/path.py shade_vertex",

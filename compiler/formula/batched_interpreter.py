@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from .interval_semantics import Interval, interval
+from .interval_arithmetic import Interval
+from .interval_semantics import interval
 from .opcodes import arity
 from .point_semantics import NumpyMath, point
 from .tape import INPUTS, Tape

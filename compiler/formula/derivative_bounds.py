@@ -1,4 +1,4 @@
-"""Bounds of how fast the operations of tapes change over boxes of points, and how far errors spread: as enclosures.py, by the chain rule.
+"""Interval bounds of derivatives over boxes, and of the growth of rounding errors, by the chain rule.
 
 Mitchell, "Robust Ray Intersection with Interval Arithmetic", Graphics Interface 1990.
 """
@@ -7,35 +7,31 @@ from __future__ import annotations
 
 from typing import Any
 
-from .interval_semantics import (  # fmt: skip
-    NOISE_CURVE,
+from .interval_arithmetic import (
     OVERFLOW,
     Interval,
     add,
-    choices,
-    chosen,
     down,
     either,
     endless,
-    given,
     high_of,
-    interval,
-    log,
-    middles,
     multiply,
     negate,
     outward,
-    periods,
     reciprocal,
     subtract,
     up,
 )
+from .interval_semantics import NOISE_CURVE, choices, chosen, given, interval, log, middles, periods
 from .opcodes import Op
 from .point_semantics import Number, noise
 
 
 def slope_intervals(m: Any, op: int, boxes: list[Interval], value: Interval, turns: list[list[Interval]]) -> list[Interval]:
-    """Bounds of derivatives along several ways over boxes of operands; everything (±`m.most`) where the operation may jump."""
+    """Bounds of derivatives of an operation along several directions; ±`m.most` where the operation may jump.
+
+    `turns` holds, for each operand, bounds of its derivatives along them.
+    """
     ways = range(len(turns[0]))
     a = boxes[0]
     match op:
@@ -65,8 +61,10 @@ def slope_intervals(m: Any, op: int, boxes: list[Interval], value: Interval, tur
 
 
 def spread(m: Any, op: int, boxes: list[Interval], value: Interval, off: list[Number]) -> Number:
-    """How far an operation's result moves where its operands do by `off` at the most: bit for bit what slope_intervals says of slopes
-    −off … off, where none is infinite."""
+    """The largest change of a result when the operands change by `off` at most.
+
+    Equal, bit for bit, to slope_intervals of the derivatives −off … off, where none is infinite.
+    """
     match op:
         case Op.COPY | Op.NEGATE:
             return off[0]
@@ -104,7 +102,7 @@ def _sum(m: Any, parts: list[Interval]) -> Interval:
 
 
 def _unless(m: Any, smooth: Number, slope: Interval) -> Interval:
-    """A slope, or everything where the operation may jump."""
+    """A derivative; ±`m.most` where the operation may jump."""
     m.unbounded(~smooth)
     return m.where(smooth, slope[0], -m.most + 0.0 * slope[0]), m.where(smooth, slope[1], m.most + 0.0 * slope[1])
 
@@ -120,8 +118,8 @@ def _partials(m: Any, op: int, boxes: list[Interval], value: Interval) -> list[I
             inverse = reciprocal(m, boxes[1])
             return [inverse, multiply(m, negate(value), inverse)]
         case Op.ABS:
-            up_, down_ = a[0] > 0.0, a[1] < 0.0
-            return [(m.where(up_, one, -one), m.where(down_, -one, one))]
+            positive, negative = a[0] > 0.0, a[1] < 0.0
+            return [(m.where(positive, one, -one), m.where(negative, -one, one))]
         case Op.SQUARE:
             return [(a[0] + a[0], a[1] + a[1])]
         case Op.CUBE:
@@ -131,58 +129,74 @@ def _partials(m: Any, op: int, boxes: list[Interval], value: Interval) -> list[I
             found = reciprocal(m, value)
             return [(0.5 * found[0], 0.5 * found[1])]
         case Op.HYPOT:
-            inverse = reciprocal(m, value, told=False)
+            inverse = reciprocal(m, value, report=False)
             return [_within_one(m, multiply(m, p, inverse), one) for p in boxes]
         case Op.EXP:
             return [value]
         case Op.LOG:
             return [reciprocal(m, a)]
-        case Op.SIN:
-            return [interval(m, Op.COS, a)]
-        case Op.COS:
-            return [negate(interval(m, Op.SIN, a))]
-        case Op.TAN:
-            smooth = (value[0] > -m.big) & (value[1] < m.big)  # over a pole it falls from ∞ to −∞, though it rises everywhere else
-            return [_unless(m, smooth, add(m, (one, one), interval(m, Op.SQUARE, value)))]
-        case Op.ATAN:
-            return [reciprocal(m, add(m, (one, one), interval(m, Op.SQUARE, a)))]
-        case Op.ASIN | Op.ACOS:
-            x, y = (m.where(p < -1.0, -one, m.where(p > 1.0, one, p)) for p in a)
-            rest = subtract(m, (one, one), interval(m, Op.SQUARE, (x, y)))
-            zero = 0.0 * one
-            root = m.sqrt(high_of(m, rest[0], zero)), m.sqrt(high_of(m, rest[1], zero))
-            found = reciprocal(m, (high_of(m, down(m, root[0]), zero), up(m, root[1])))
-            return [found if op == Op.ASIN else negate(found)]
         case Op.POWER:
-            smooth = (a[0] > 0.0) | ((a[1] < 0.0) & (boxes[1][0] == boxes[1][1]))
-            by_base = multiply(m, boxes[1], multiply(m, value, reciprocal(m, (m.where(smooth, a[0], one), m.where(smooth, a[1], one)))))
-            safe = (m.where(a[0] > 0.0, a[0], one), m.where(a[0] > 0.0, a[1], one))
-            by_exponent = multiply(m, value, log(m, Op.LOG, safe))
-            return [_unless(m, smooth, by_base), _unless(m, a[0] > 0.0, by_exponent)]
+            return _power_partials(m, boxes, value)
         case Op.ATAN2 | Op.ANGLE:
-            y, x = boxes
-            inverse = reciprocal(m, add(m, interval(m, Op.SQUARE, y), interval(m, Op.SQUARE, x)))
-            found = [multiply(m, x, inverse), multiply(m, negate(y), inverse)]
-            jumps = (y[0] <= 0.0) & (y[1] >= 0.0) & (x[0] <= 0.0) & (x[1] >= 0.0)  # at the origin, even where y is 0 alone
-            if op == Op.ATAN2:
-                jumps = jumps | ((y[0] < 0.0) & (y[1] >= 0.0) & (x[0] < 0.0))
-            return [_unless(m, ~jumps, p) for p in found]
+            return _angle_partials(m, op, boxes)
         case Op.FILLET:
             return _fillet_partials(m, boxes)
         case Op.NOISE:
             middle, half = middles(m, boxes)
             reach = NOISE_CURVE * (half[0] + half[1] + half[2]) + 64.0 * m.unit
             return [(way - reach, way + reach) for way in noise(m, *middle)[1:]]
+    return [_trigonometric_derivative(m, op, a, value)]
+
+
+def _trigonometric_derivative(m: Any, op: int, a: Interval, value: Interval) -> Interval:
+    one = 1.0 + 0.0 * a[0]
+    match op:
+        case Op.SIN:
+            return interval(m, Op.COS, a)
+        case Op.COS:
+            return negate(interval(m, Op.SIN, a))
+        case Op.TAN:
+            smooth = (value[0] > -m.big) & (value[1] < m.big)  # it falls from ∞ to −∞ over a pole, and increases elsewhere
+            return _unless(m, smooth, add(m, (one, one), interval(m, Op.SQUARE, value)))
+        case Op.ATAN:
+            return reciprocal(m, add(m, (one, one), interval(m, Op.SQUARE, a)))
+        case Op.ASIN | Op.ACOS:
+            x, y = (m.where(p < -1.0, -one, m.where(p > 1.0, one, p)) for p in a)
+            rest = subtract(m, (one, one), interval(m, Op.SQUARE, (x, y)))
+            zero = 0.0 * one
+            root = m.sqrt(high_of(m, rest[0], zero)), m.sqrt(high_of(m, rest[1], zero))
+            found = reciprocal(m, (high_of(m, down(m, root[0]), zero), up(m, root[1])))
+            return found if op == Op.ASIN else negate(found)
     raise ValueError(op)
 
 
+def _power_partials(m: Any, boxes: list[Interval], value: Interval) -> list[Interval]:
+    a = boxes[0]
+    one = 1.0 + 0.0 * a[0]
+    smooth = (a[0] > 0.0) | ((a[1] < 0.0) & (boxes[1][0] == boxes[1][1]))
+    by_base = multiply(m, boxes[1], multiply(m, value, reciprocal(m, (m.where(smooth, a[0], one), m.where(smooth, a[1], one)))))
+    safe = (m.where(a[0] > 0.0, a[0], one), m.where(a[0] > 0.0, a[1], one))
+    by_exponent = multiply(m, value, log(m, Op.LOG, safe))
+    return [_unless(m, smooth, by_base), _unless(m, a[0] > 0.0, by_exponent)]
+
+
+def _angle_partials(m: Any, op: int, boxes: list[Interval]) -> list[Interval]:
+    y, x = boxes
+    inverse = reciprocal(m, add(m, interval(m, Op.SQUARE, y), interval(m, Op.SQUARE, x)))
+    found = [multiply(m, x, inverse), multiply(m, negate(y), inverse)]
+    jumps = (y[0] <= 0.0) & (y[1] >= 0.0) & (x[0] <= 0.0) & (x[1] >= 0.0)  # at the origin, also in a flat box
+    if op == Op.ATAN2:
+        jumps = jumps | ((y[0] < 0.0) & (y[1] >= 0.0) & (x[0] < 0.0))
+    return [_unless(m, ~jumps, p) for p in found]
+
+
 def _fillet_partials(m: Any, boxes: list[Interval]) -> list[Interval]:
-    """Sine and cosine on the arc, 0 and 1 away from it; by the radius 1 less both."""
+    """By a and b: sine and cosine on the arc, 0 and 1 away from it. By the radius: 1 less both."""
     a, b, radius = boxes
     first, second = choices(m, Op.FILLET, a, b, radius)
     zero = 0.0 * a[0]
     one = zero + 1.0
-    p, q = ((radius[0] - f[1], radius[1] - f[0]) for f in (a, b))  # how far below the radius
+    p, q = ((radius[0] - f[1], radius[1] - f[0]) for f in (a, b))  # distances below the radius
 
     def share(mine: Interval, other: Interval, only: Number, never: Number) -> Interval:
         most, least = high_of(m, other[1], zero), high_of(m, mine[1], zero)

@@ -1,14 +1,6 @@
-"""Bounds of what the operations of tapes give over boxes of points: one source for numpy and for LLVM vectors. Of slopes: slopes.py.
+"""Interval semantics of opcodes: bounds of operations over boxes; one source for numpy and LLVM vectors.
 
-Intervals are pairs (low, high), rounded outward: each bound moves by more than its operation's error. Not-a-number twice is an interval
-in which nothing is defined. Where a part of it may be undefined, `m.undefined(mask)` is told. Numbers beyond `m.big` are not told
-apart: a lower bound stops there, and an upper one at `m.most`, so that none is infinite and no product of bounds is undefined. That these
-two are far from each other keeps the difference of two such numbers open on both sides.
-
-A mathematics that forks (`m.forks`) goes, where an operation jumps once over a box, one of two ways: as if it had only the values on one
-side of the jump. All lanes together go all ways. What is left out is what an operation may be at the jump alone.
-
-Moore, Kearfott, Cloud, "Introduction to Interval Analysis", 2009.
+interval_arithmetic.py says how bounds are rounded, and what they are where an operation is undefined, overflows or jumps.
 """
 
 from __future__ import annotations
@@ -16,147 +8,46 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from .interval_arithmetic import (
+    Interval,
+    add,
+    down,
+    either,
+    everything,
+    high_of,
+    is_saturated,
+    low_of,
+    magnitude,
+    multiply,
+    negate,
+    one_side,
+    outward,
+    reciprocal,
+    saturate,
+    subtract,
+    up,
+    where_defined,
+)
 from .opcodes import Op
 from .point_semantics import Number, hypotenuse, noise, point
 
-Interval = tuple[Number, Number]
-
-ULPS = 4  # by which the elementary functions may be off, with room (docs/simd.md)
-LEAST = 2.3e-308  # no number is closer to 0 and keeps its digits
-LEAST_LOG = -746.0  # of numbers above 0
-OVERFLOW = 1e-5  # times the most that bounds tell: what is beyond may stand for ∞, or for what is left of it
-NOISE_BOUND = 1.5  # of |noise|
-NOISE_CURVE = 24.0  # of its second derivatives: fade″ ≤ 5.8, fade′ ≤ 1.9, differences of corners ≤ 4
-
-
-def down(m: Any, x: Number, ulps: int = 0) -> Number:
-    """A little less, by more than an operation's error."""
-    return x - (abs(x) * ((ulps + 1.25) * m.unit) + m.tiny)
-
-
-def up(m: Any, x: Number, ulps: int = 0) -> Number:
-    return x + (abs(x) * ((ulps + 1.25) * m.unit) + m.tiny)
-
-
-def low_of(m: Any, a: Number, b: Number) -> Number:
-    return m.where(a < b, a, b)
-
-
-def high_of(m: Any, a: Number, b: Number) -> Number:
-    return m.where(a > b, a, b)
-
-
-def _bounded(m: Any, low: Number, high: Number) -> Interval:
-    """Within ±`m.most`, and of what lies beyond `m.big` altogether that alone; not-a-number stays."""
-    if m.tells:
-        m.unbounded(_large(m, (low, high)))
-    return m.clipped(low, -m.most, m.big), m.clipped(high, -m.big, m.most)
-
-
-def _large(m: Any, a: Interval) -> Number:
-    """Whether a number may be larger than floating point can tell."""
-    return (a[0] < -m.big) | (a[1] > m.big)
-
-
-def add(m: Any, a: Interval, b: Interval) -> Interval:
-    return outward(m, a[0] + b[0], a[1] + b[1])
-
-
-def subtract(m: Any, a: Interval, b: Interval) -> Interval:
-    return outward(m, a[0] - b[1], a[1] - b[0])
-
-
-def outward(m: Any, low: Number, high: Number) -> Interval:
-    """Sums rounded outward: 0 stays 0, since small sums are exact. So what holds no negative numbers does not begin to; nor does a product
-    with 0, if what products lose when they are too small for floating point is lost at points, too (`m.lost`: where it is not)."""
-    return low - abs(low) * (1.25 * m.unit), high + abs(high) * (1.25 * m.unit)
-
-
-def multiply(m: Any, a: Interval, b: Interval) -> Interval:
-    p, q, r, s = a[0] * b[0], a[0] * b[1], a[1] * b[0], a[1] * b[1]
-    low, high = m.least(m.least(p, q), m.least(r, s)), m.largest(m.largest(p, q), m.largest(r, s))
-    low, high = _bounded(m, low, high)  # first: there is nothing below ∞
-    return (down(m, low), up(m, high)) if m.lost else endless(m, _overflown(m, a) | _overflown(m, b), outward(m, low, high))
-
-
-def _overflown(m: Any, a: Interval) -> Number:
-    """Whether a number may be ∞."""
-    return (a[0] < -OVERFLOW * m.most) | (a[1] > OVERFLOW * m.most)
-
-
-def endless(m: Any, mask: Number, a: Interval) -> Interval:
-    """Where something may be ∞, so may what small numbers make of it."""
-    return m.where(mask & (a[0] < 0.0), -m.most, a[0]), m.where(mask & (a[1] > 0.0), m.most, a[1])
-
-
-def negate(a: Interval) -> Interval:
-    return -a[1], -a[0]
-
-
-def hull(m: Any, a: Interval, b: Interval) -> Interval:
-    return low_of(m, a[0], b[0]), high_of(m, a[1], b[1])
-
-
-def reciprocal(m: Any, a: Interval, told: bool = True) -> Interval:
-    """1 / a; everything where a holds 0. Unless what it is used for is bounded by itself, `m` is told."""
-    apart = (a[0] > 0.0) | (a[1] < 0.0)
-    if told:
-        m.unbounded(~apart)
-    low, high = down(m, 1.0 / a[1]), up(m, 1.0 / a[0])
-    least, most = -m.most + 0.0 * a[0], m.most + 0.0 * a[1]
-    above, below = (apart | (a[0] >= 0.0), apart | (a[1] <= 0.0)) if m.forks else (apart, apart)
-    whole = m.where(above, low, least), m.where(below, high, most)
-    if m.forks:  # over the pole, and at it: a place alone has both infinities for its sides
-        on = (a[0] == 0.0) & (a[1] == 0.0)
-        before, behind = (least, m.where(on, least, high)), (m.where(on, most, low), most)
-        whole = one_side(m, on | ((a[0] < 0.0) & (a[1] > 0.0)), before, behind, whole)
-    low, high = whole
-    return _defined(m, a, _bounded(m, m.where(low == low, low, -m.most), m.where(high == high, high, m.most)))
+ULPS = 4  # largest error of the elementary functions, with a margin (docs/simd.md)
+LEAST = 2.3e-308  # the least normal number, rounded up
+LEAST_LOG = -746.0  # below the logarithm of every positive number
+NOISE_BOUND = 1.5  # bound of |noise|
+NOISE_CURVE = 24.0  # bound of its second derivatives: fade″ ≤ 5.8, fade′ ≤ 1.9, differences of corners ≤ 4
 
 
 def _quotient(m: Any, a: Interval, b: Interval) -> Interval:
-    """a / b; next to a pole without end, however small a is."""
-    if not m.forks:  # ∞ itself has no sine, and none is left of ∞ − ∞
+    """a / b; unbounded next to a pole, however small a is."""
+    if not m.forks:  # the sine of ∞ and ∞ − ∞ are undefined
         m.undefined((b[0] <= 0.0) & (b[1] >= 0.0))
-    m.undefined(_large(m, a) & _large(m, b))  # nor of ∞ / ∞
+    m.undefined(is_saturated(m, a) & is_saturated(m, b))  # ∞ / ∞
     return multiply(m, a, reciprocal(m, b))
 
 
-def magnitude(m: Any, a: Interval) -> Interval:
-    """|a|."""
-    return m.largest(m.largest(a[0], -a[1]), 0.0 * a[0]), m.largest(-a[0], a[1])
-
-
-def _defined(m: Any, a: Interval, result: Interval) -> Interval:
-    """A result, undefined where its operand is."""
-    bad = a[0] != a[0]
-    return m.where(bad, a[0], result[0]), m.where(bad, a[0], result[1])
-
-
-def either(m: Any, first: Number, a: Interval, second: Number, b: Interval) -> Interval:
-    """`a` where `first`, `b` where `second`, else what holds both."""
-    whole = hull(m, a, b)
-    low = m.where(first, a[0], m.where(second, b[0], whole[0]))
-    return low, m.where(first, a[1], m.where(second, b[1], whole[1]))
-
-
-def one_side(m: Any, jumps: Number, one: Interval, other: Interval, whole: Interval) -> Interval:
-    """What an operation gives: where it jumps, one of its two sides in a mathematics that forks, else `whole`."""
-    if not m.forks:
-        return whole
-    second = m.fork(jumps)
-    sides = [m.where(second, other[k], one[k]) for k in range(2)]
-    return m.where(jumps, sides[0], whole[0]), m.where(jumps, sides[1], whole[1])
-
-
-def everything(m: Any, like: Interval) -> Interval:
-    nothing = m.where(like[0] == like[0], 0.0 * like[0], like[0])
-    return nothing - m.most, nothing + m.most
-
-
 def choices(m: Any, op: int, a: Interval, b: Interval, c: Any = None) -> tuple[Number, Number]:
-    """Where a choice is known: (only the first operand matters, only the second); for CHOOSE, whose operands `a` and `b` choose between,
-    see `chosen`."""
+    """Where MIN, MAX or FILLET equal one operand over the whole box: (the first, the second). CHOOSE: see `chosen`."""
     if op == Op.FILLET:
         return ((a[1] < b[0]) & (b[0] >= c[1])) | (b[0] != b[0]), ((b[1] < a[0]) & (a[0] >= c[1])) | (a[0] != a[0])
     if op == Op.MIN:
@@ -165,7 +56,7 @@ def choices(m: Any, op: int, a: Interval, b: Interval, c: Any = None) -> tuple[N
 
 
 def chosen(m: Any, a: Interval) -> tuple[Number, Number]:
-    """Where CHOOSE is known to take its first way, or its second, by what it asks."""
+    """Where CHOOSE takes its first branch, or its second, over the whole box of its condition."""
     return a[1] <= 0.0, (a[0] > 0.0) | (a[0] != a[0])
 
 
@@ -186,63 +77,87 @@ def interval(m: Any, op: int, a: Interval, b: Any = None, c: Any = None) -> Inte
             return negate(a)
         case Op.ABS:
             return magnitude(m, a)
-        case Op.SQUARE:
-            low, high = magnitude(m, a)
-            low, high = low * low, high * high
-            m.unbounded(high > m.big)
-            low, high = m.least(m.big, low), m.least(m.most, high)
-            return (high_of(m, down(m, low), 0.0 * low), up(m, high)) if m.lost else outward(m, low, high)
-        case Op.CUBE:
-            low, high = _bounded(m, a[0] * a[0] * a[0], a[1] * a[1] * a[1])
-            return (down(m, low, 1), up(m, high, 1)) if m.lost else (low - abs(low) * (2.25 * m.unit), high + abs(high) * (2.25 * m.unit))
-        case Op.HYPOT:
-            (la, ha), (lb, hb) = magnitude(m, a), magnitude(m, b)
-            if m.lost:  # squares too small for it take no more than 2⁻⁶² from the root
-                low, high = m.sqrt(la * la + lb * lb), m.sqrt(ha * ha + hb * hb)
-                low, high = _bounded(m, low - 2.0**-62, high + 2.0**-62)
-            else:
-                low, high = _bounded(m, hypotenuse(m, la, lb), hypotenuse(m, ha, hb))
-            return high_of(m, down(m, low, 2), 0.0 * low), up(m, high, 2)
-        case Op.MIN:
-            low = m.where(b[0] != b[0], a[0], low_of(m, a[0], b[0]))
-            high = m.where(b[1] != b[1], a[1], low_of(m, a[1], b[1]))
-            unsure = m.was_undefined(low)  # where one is undefined, the other counts
-            return low, m.where(unsure, high_of(m, a[1], m.where(b[1] != b[1], a[1], b[1])), high)
-        case Op.MAX:
-            bad = m.where(a[0] != a[0], a[0], b[0])
-            bad_too = bad != bad
-            return m.where(bad_too, bad, high_of(m, a[0], b[0])), m.where(bad_too, bad, high_of(m, a[1], b[1]))
-        case Op.EXP:
-            low, high = _bounded(m, m.exp(a[0]), m.exp(a[1]))
-            return high_of(m, down(m, low, ULPS), 0.0 * a[0]), up(m, high, ULPS)
-        case Op.FLOOR | Op.CEIL | Op.SIGN:
-            low, high = (point(m, op, bound) for bound in a)
-            once = high == low + 1.0 if op != Op.SIGN else low < high
-            if op == Op.SIGN and m.forks:  # which is 0 at a place alone
-                low, high = m.where(once, -1.0 + 0.0 * low, low), m.where(once, 1.0 + 0.0 * high, high)
-            return one_side(m, once, (low, low), (high, high), (low, high))
-        case Op.ATAN:
-            return down(m, m.atan(a[0]), ULPS), up(m, m.atan(a[1]), ULPS)
-        case Op.CHOOSE:
-            first, second = chosen(m, a)
-            no_b, no_c = b[0] != b[0], c[0] != c[0]
-            if not m.forks:  # where the other way is gone, nothing is defined
-                m.undefined(~(first | second) & (no_b | no_c))
-            whole = either(m, first | (no_c & ~second), b, second | (no_b & ~first), c)
-            return one_side(m, ~(first | second), b, c, whole)
-        case Op.FILLET:
-            slack = fillet_slack(m, a, b, c)  # it rises with a and b, and falls with the radius
-            no_a, no_b = a[0] != a[0], b[0] != b[0]
-            low, high = point(m, op, a[0], b[0], c[1]) - slack, point(m, op, a[1], b[1], c[0]) + slack
-            low, high = (low, high) if m.lost else _bounded(m, low, high)
-            low, high = m.where(no_b, a[0], m.where(no_a, b[0], low)), m.where(no_b, a[1], m.where(no_a, b[1], high))
-            unsure = m.was_undefined(low)
-            return low, m.where(unsure, high_of(m, a[1], m.where(b[1] != b[1], a[1], b[1])), high)
-    return _PARTIAL[Op(op)](m, op, a, b, c)
+    return _BOUNDS[Op(op)](m, op, a, b, c)
+
+
+def _square(m: Any, op: int, a: Interval, *_: Any) -> Interval:
+    low, high = magnitude(m, a)
+    low, high = low * low, high * high
+    m.unbounded(high > m.big)
+    low, high = m.least(m.big, low), m.least(m.most, high)
+    return (high_of(m, down(m, low), 0.0 * low), up(m, high)) if m.lost else outward(m, low, high)
+
+
+def _cube(m: Any, op: int, a: Interval, *_: Any) -> Interval:
+    low, high = saturate(m, a[0] * a[0] * a[0], a[1] * a[1] * a[1])
+    return (down(m, low, 1), up(m, high, 1)) if m.lost else (low - abs(low) * (2.25 * m.unit), high + abs(high) * (2.25 * m.unit))
+
+
+def _hypot(m: Any, op: int, a: Interval, b: Any, *_: Any) -> Interval:
+    (la, ha), (lb, hb) = magnitude(m, a), magnitude(m, b)
+    if m.lost:  # an underflow of the squares changes the root by 2⁻⁶² at most
+        low, high = m.sqrt(la * la + lb * lb), m.sqrt(ha * ha + hb * hb)
+        low, high = saturate(m, low - 2.0**-62, high + 2.0**-62)
+    else:
+        low, high = saturate(m, hypotenuse(m, la, lb), hypotenuse(m, ha, hb))
+    return high_of(m, down(m, low, 2), 0.0 * low), up(m, high, 2)
+
+
+def _minimum(m: Any, op: int, a: Interval, b: Any, *_: Any) -> Interval:
+    low = m.where(b[0] != b[0], a[0], low_of(m, a[0], b[0]))
+    high = m.where(b[1] != b[1], a[1], low_of(m, a[1], b[1]))
+    return low, _high_of_choice(m, low, a, b, high)
+
+
+def _high_of_choice(m: Any, low: Number, a: Interval, b: Interval, high: Number) -> Number:
+    """The upper bound of MIN or FILLET: that of the other operand where one may be undefined."""
+    unsure = m.was_undefined(low)
+    return m.where(unsure, high_of(m, a[1], m.where(b[1] != b[1], a[1], b[1])), high)
+
+
+def _maximum(m: Any, op: int, a: Interval, b: Any, *_: Any) -> Interval:
+    bad = m.where(a[0] != a[0], a[0], b[0])
+    undefined = bad != bad
+    return m.where(undefined, bad, high_of(m, a[0], b[0])), m.where(undefined, bad, high_of(m, a[1], b[1]))
+
+
+def _exp(m: Any, op: int, a: Interval, *_: Any) -> Interval:
+    low, high = saturate(m, m.exp(a[0]), m.exp(a[1]))
+    return high_of(m, down(m, low, ULPS), 0.0 * a[0]), up(m, high, ULPS)
+
+
+def _step(m: Any, op: int, a: Interval, *_: Any) -> Interval:
+    low, high = (point(m, op, bound) for bound in a)
+    once = high == low + 1.0 if op != Op.SIGN else low < high
+    if op == Op.SIGN and m.forks:  # 0 at an isolated point
+        low, high = m.where(once, -1.0 + 0.0 * low, low), m.where(once, 1.0 + 0.0 * high, high)
+    return one_side(m, once, (low, low), (high, high), (low, high))
+
+
+def _atan(m: Any, op: int, a: Interval, *_: Any) -> Interval:
+    return down(m, m.atan(a[0]), ULPS), up(m, m.atan(a[1]), ULPS)
+
+
+def _choose(m: Any, op: int, a: Interval, b: Any, c: Any) -> Interval:
+    first, second = chosen(m, a)
+    no_b, no_c = b[0] != b[0], c[0] != c[0]
+    if not m.forks:  # the branch that is undefined may be taken
+        m.undefined(~(first | second) & (no_b | no_c))
+    whole = either(m, first | (no_c & ~second), b, second | (no_b & ~first), c)
+    return one_side(m, ~(first | second), b, c, whole)
+
+
+def _fillet(m: Any, op: int, a: Interval, b: Any, c: Any) -> Interval:
+    slack = fillet_slack(m, a, b, c)  # increases with a and b, decreases with the radius
+    no_a, no_b = a[0] != a[0], b[0] != b[0]
+    low, high = point(m, op, a[0], b[0], c[1]) - slack, point(m, op, a[1], b[1], c[0]) + slack
+    low, high = (low, high) if m.lost else saturate(m, low, high)
+    low, high = m.where(no_b, a[0], m.where(no_a, b[0], low)), m.where(no_b, a[1], m.where(no_a, b[1], high))
+    return low, _high_of_choice(m, low, a, b, high)
 
 
 def fillet_slack(m: Any, a: Interval, b: Interval, radius: Interval) -> Number:
-    """By how much FILLET may be off: not at all away from its arc, where it is a choice."""
+    """Error of FILLET: 0 away from its arc, where it is a choice."""
     p, q = radius[1] - a[0], radius[1] - b[0]
     slack = (p + q + high_of(m, abs(radius[0]), abs(radius[1]))) * (4.0 * m.unit) + m.tiny
     return m.where((p > 0.0) & (q > 0.0), slack, 0.0 * slack)
@@ -261,12 +176,12 @@ def log(m: Any, op: int, a: Interval, *_: Any) -> Interval:
     m.unbounded(a[0] <= m.tiny)
     least = m.tiny + 0.0 * a[0]
     positive_low, positive_high = m.where(a[0] > m.tiny, a[0], least), m.where(a[1] > m.tiny, a[1], least)
-    low = m.where(a[0] > m.tiny, down(m, m.log(positive_low), ULPS), LEAST_LOG if m.forks else -m.most)  # 0 is met at a place alone
+    low = m.where(a[0] > m.tiny, down(m, m.log(positive_low), ULPS), LEAST_LOG if m.forks else -m.most)  # 0 occurs at isolated points
     return _outside(m, a, a[0] < 0.0, a[1] < 0.0, (low, m.where(a[1] > m.big, m.most, up(m, m.log(positive_high), ULPS))))
 
 
 def _outside(m: Any, a: Interval, partly: Number, never: Number, found: Interval) -> Interval:
-    """Undefined where `never`, and where the operand is; in a part of the box where `partly`. Only of that is there any doubt."""
+    """A result that is undefined where `never` or where its operand is, and in a part of the box where `partly`."""
     nan = math.nan + 0.0 * a[0]
     if not m.forks:
         m.undefined(partly & ~never)
@@ -276,7 +191,7 @@ def _outside(m: Any, a: Interval, partly: Number, never: Number, found: Interval
 
 
 def _wave(m: Any, op: int, a: Interval, *_: Any) -> Interval:
-    """Sine and cosine: the larger of the ends, or 1 where a crest lies between."""
+    """Sine and cosine: bounds of the ends, and ±1 where a crest or trough lies between."""
     f = m.sin if op == Op.SIN else m.cos
     crest, trough = (0.25, 0.75) if op == Op.SIN else (0.0, 0.5)
     turn = 0.5 / math.pi
@@ -289,7 +204,7 @@ def _wave(m: Any, op: int, a: Interval, *_: Any) -> Interval:
     has_trough = (m.floor(v - trough) > m.floor(u - trough)) | far
     one = 1.0 + 0.0 * a[0]
     low, high = m.where(has_trough | (low < -1.0), -one, low), m.where(has_crest | (high > 1.0), one, high)
-    return _defined(m, a, (low, high))
+    return where_defined(m, a, (low, high))
 
 
 def _tan(m: Any, op: int, a: Interval, *_: Any) -> Interval:
@@ -302,7 +217,7 @@ def _tan(m: Any, op: int, a: Interval, *_: Any) -> Interval:
     low, high = down(m, m.tan(a[0]), ULPS), up(m, m.tan(a[1]), ULPS)
     once = m.floor(v) == m.floor(u) + 1.0
     found = one_side(m, once, (low, whole[1]), (whole[0], high), (m.where(pole, whole[0], low), m.where(pole, whole[1], high)))
-    return _defined(m, a, _bounded(m, *found))
+    return where_defined(m, a, saturate(m, *found))
 
 
 def _arc(m: Any, op: int, a: Interval, *_: Any) -> Interval:
@@ -315,9 +230,12 @@ def _arc(m: Any, op: int, a: Interval, *_: Any) -> Interval:
 
 
 def _angle(m: Any, op: int, y: Interval, x: Any, *_: Any) -> Interval:
-    """The angle of a box: of its corners, unless it holds the origin, or crosses the cut of atan2; then all angles, or, where the cut does
-    not matter, those from its upper edge on to its lower one. Of what is flat, y = 0 alone, it jumps from π to 0 where x does not."""
-    across = (y[0] <= 0.0) & (y[1] >= 0.0)  # + 0.0 below: −0 counts as 0
+    """The angle of a box: bounds of its corners, unless the box contains the origin or crosses the branch cut of atan2.
+
+    Then all angles; for ANGLE, whose branch cut does not matter, those from the upper edge on to the lower one. A flat box, y = 0 alone,
+    has the angles π and 0.
+    """
+    across = (y[0] <= 0.0) & (y[1] >= 0.0)  # + 0.0 below: −0 becomes 0
     corners = [m.atan2(p + 0.0, q + 0.0) for p in y for q in x]
     low = low_of(m, low_of(m, corners[0], corners[1]), low_of(m, corners[2], corners[3]))
     high = high_of(m, high_of(m, corners[0], corners[1]), high_of(m, corners[2], corners[3]))
@@ -328,7 +246,7 @@ def _angle(m: Any, op: int, y: Interval, x: Any, *_: Any) -> Interval:
     zero = 0.0 * low
     half = math.pi + zero
     flat = (y[0] == 0.0) & (y[1] == 0.0) & (x[0] < 0.0) & (x[1] >= 0.0)
-    if op == Op.ANGLE:  # the box lies left of the origin: its upper corners, and its lower ones one turn on
+    if op == Op.ANGLE:  # left of the origin: the upper corners, and the lower ones a turn later
         top = high_of(m, y[1], 0.0 * y[1]) + 0.0
         upper = low_of(m, m.atan2(top, x[0]), m.atan2(top, x[1]))
         lower = high_of(m, -m.atan2(-y[0], x[0]), -m.atan2(-y[0], x[1])) + turn
@@ -341,7 +259,7 @@ def _angle(m: Any, op: int, y: Interval, x: Any, *_: Any) -> Interval:
         one, other = (m.where(flat, half, above), half), (m.where(flat, zero, -half), m.where(flat, zero, -below))
         low, high = one_side(m, flat | (cut & (x[1] < 0.0)), one, other, whole)
     bad = m.where(x[0] == x[0], y[0], x[0])
-    return _defined(m, (bad, bad), (down(m, low, ULPS), up(m, high, ULPS)))
+    return where_defined(m, (bad, bad), (down(m, low, ULPS), up(m, high, ULPS)))
 
 
 def _mod(m: Any, op: int, a: Interval, b: Any, *_: Any) -> Interval:
@@ -354,17 +272,17 @@ def _mod(m: Any, op: int, a: Interval, b: Any, *_: Any) -> Interval:
     one, other = ((high_of(m, part[0], low), low_of(m, part[1], high)) for part in (first, last))
     whole = m.where(within, first[0], low), m.where(within, first[1], high)
     low, high = one_side(m, end == begin + 1.0, one, other, whole)
-    if not m.forks:  # what b is 0 at is a place alone: tapes.Builder chooses where it stays so
+    if not m.forks:  # b is 0 at isolated points: Builder handles zeros over regions
         m.undefined((b[0] <= 0.0) & (b[1] >= 0.0))
     bad = m.where(b[0] == b[0], a[0], b[0])
-    return _defined(m, (bad, bad), (low, high))
+    return where_defined(m, (bad, bad), (low, high))
 
 
 def periods(m: Any, a: Interval, b: Interval) -> Interval:
-    """The numbers of the first and last period of b that a reaches; far apart where b may be 0."""
+    """The numbers of the first and last period of b that a reaches; two apart where b may be 0."""
     corners = [p / q for p in a for q in b]
     u, v = low_of(m, low_of(m, *corners[:2]), low_of(m, *corners[2:])), high_of(m, high_of(m, *corners[:2]), high_of(m, *corners[2:]))
-    # One number but for rounding, as a sum of floors is, has one period.
+    # A single number up to rounding, such as a sum of floors, has one period.
     alone = (b[0] == b[1]) & (a[1] - a[0] <= abs(a[0] + a[1]) * (4.0 * m.unit))
     middle = 0.5 * (u + v)
     begin, end = m.floor(m.where(alone, middle, down(m, u))), m.floor(m.where(alone, middle, up(m, v)))
@@ -373,21 +291,21 @@ def periods(m: Any, a: Interval, b: Interval) -> Interval:
 
 
 def _power(m: Any, op: int, a: Interval, b: Any, *_: Any) -> Interval:
-    """For bases of at least 0 the extremes are at the corners; others have powers for whole exponents only."""
+    """Non-negative bases have their extremes at the corners; negative ones have powers for whole exponents alone."""
     single = b[0] == b[1]
     whole = single & (m.floor(b[0]) == b[0])
     broken = (m.floor(b[0]) == m.floor(b[1])) & (m.floor(b[0]) != b[0])
-    broken = broken | ~single if m.forks else broken  # a whole number on the way is met at that place alone
+    broken = broken | ~single if m.forks else broken  # whole exponents in between occur at isolated points
     if not m.forks:
         m.undefined((a[0] < 0.0) & ~(broken | single))
-    least = m.where(a[1] > 0.0, LEAST, 0.0 * a[0]) if m.forks else 0.0 * a[0]  # 0 is met at a place alone
+    least = m.where(a[1] > 0.0, LEAST, 0.0 * a[0]) if m.forks else 0.0 * a[0]  # 0 occurs at isolated points
     x, y = m.where(whole, abs(a[0]), m.where(a[0] > 0.0, a[0], least)), m.where(whole, abs(a[1]), m.where(a[1] > 0.0, a[1], 0.0 * a[1]))
-    corners = [m.power(m.where(p > m.big, math.inf, p), q) for p in (x, y) for q in b]  # powers below 1 make less of what stands for ∞
+    corners = [m.power(m.where(p > m.big, math.inf, p), q) for p in (x, y) for q in b]  # exponents below 1 shrink a bound that stands for ∞
     low = low_of(m, low_of(m, corners[0], corners[1]), low_of(m, corners[2], corners[3]))
     high = high_of(m, high_of(m, corners[0], corners[1]), high_of(m, corners[2], corners[3]))
-    low, high = _bounded(m, low, high)
+    low, high = saturate(m, low, high)
     found = high_of(m, down(m, low, ULPS), 0.0 * low), up(m, high, ULPS)
-    ends = (up(m, _bounded(m, corners[k], corners[k])[1], ULPS) for k in (0, 2))
+    ends = (up(m, saturate(m, corners[k], corners[k])[1], ULPS) for k in (0, 2))
     found = either(m, ~whole | (a[0] >= 0.0), found, whole & (a[0] < 0.0), _whole_power(m, a, b[0], found, *ends))
     whole_line = everything(m, a)
     known = (a[0] >= 0.0) | broken | whole
@@ -397,7 +315,7 @@ def _power(m: Any, op: int, a: Interval, b: Any, *_: Any) -> Interval:
 
 
 def _whole_power(m: Any, a: Interval, n: Number, size: Interval, first: Number, last: Number) -> Interval:
-    """Powers by one whole number n of bases some of which are below 0, by bounds of the ends' magnitudes and by each end's own."""
+    """Powers of partly negative bases by a whole exponent n, from bounds of the magnitudes (`size`) and of each end's."""
     over, odd, falls = a[1] > 0.0, m.floor(0.5 * n) != 0.5 * n, n < 0.0
     m.unbounded(over & falls)
     low, high = everything(m, a)
@@ -408,7 +326,7 @@ def _whole_power(m: Any, a: Interval, n: Number, size: Interval, first: Number, 
 
 
 def _noise(m: Any, op: int, *boxes: Any) -> Interval:
-    """By the mean value: the slope within the box is that at its middle, give or take its bends."""
+    """Mean value form: the value in the middle, and the derivative there with the bound of the second derivatives."""
     middle, half = middles(m, boxes)
     value, *ways = noise(m, *middle)
     reach = NOISE_CURVE * (half[0] + half[1] + half[2])
@@ -420,7 +338,7 @@ def _noise(m: Any, op: int, *boxes: Any) -> Interval:
 
 def _all_defined(m: Any, boxes: Any, found: Interval) -> Interval:
     for box in boxes:
-        found = _defined(m, box, found)
+        found = where_defined(m, box, found)
     return found
 
 
@@ -429,7 +347,8 @@ def middles(m: Any, boxes: Any) -> tuple[list[Number], list[Number]]:
     return middle, [up(m, 0.5 * (high - low), 2) for low, high in boxes]
 
 
-_PARTIAL = {
-    Op.SQRT: _sqrt, Op.LOG: log, Op.SIN: _wave, Op.COS: _wave, Op.TAN: _tan, Op.ASIN: _arc, Op.ACOS: _arc, Op.ATAN2: _angle,
-    Op.ANGLE: _angle, Op.MOD: _mod, Op.POWER: _power, Op.NOISE: _noise,
+_BOUNDS = {
+    Op.SQUARE: _square, Op.CUBE: _cube, Op.HYPOT: _hypot, Op.MIN: _minimum, Op.MAX: _maximum, Op.EXP: _exp, Op.FLOOR: _step, Op.CEIL: _step,
+    Op.SIGN: _step, Op.ATAN: _atan, Op.CHOOSE: _choose, Op.FILLET: _fillet, Op.SQRT: _sqrt, Op.LOG: log, Op.SIN: _wave, Op.COS: _wave,
+    Op.TAN: _tan, Op.ASIN: _arc, Op.ACOS: _arc, Op.ATAN2: _angle, Op.ANGLE: _angle, Op.MOD: _mod, Op.POWER: _power, Op.NOISE: _noise,
 }  # fmt: skip

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from .derivative_bounds import slope_intervals
-from .interval_semantics import Interval, interval
+from .interval_arithmetic import Interval
+from .interval_semantics import interval
 from .opcodes import arity
 from .point_semantics import NumpyMath, point, slopes
 from .tape import Tape

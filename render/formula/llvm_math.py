@@ -48,7 +48,7 @@ class VectorMath:
     """Arithmetic on vectors, with the interface of NumpyMath.
 
     Intervals record undefined lanes of the `number`th vector in `state`; see interpreter.py. With `forks`, the state holds a vector of
-    branch numbers from word BRANCH_WORD on: their binary digits select the branches of jumps (interval_semantics.one_side).
+    branch numbers from word BRANCH_WORD on: their binary digits select the branches of jumps (interval_arithmetic.one_side).
     """
 
     def __init__(self, builder: Any, state: Any = None, form: Form = DOUBLE, number: Any = None, forks: bool = False) -> None:

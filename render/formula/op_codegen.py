@@ -5,7 +5,7 @@
     boxes     lowest and highest value; records which operand of a choice is irrelevant
     rays      lowest and highest value, lowest and highest slope along a ray
     cells     lowest and highest value, and of each of the three derivatives
-    forks     lowest and highest value on one branch of each jump; see interval_semantics.one_side
+    forks     lowest and highest value on one branch of each jump; see interval_arithmetic.one_side
     points32  the value, in float32
     boxes32   as boxes, in float32
     spans32   as rays, in float32, with the error of values; records choices too
@@ -21,7 +21,7 @@ from typing import Any
 
 from llvmlite import ir
 
-from ...compiler.formula import derivative_bounds, interval_semantics, point_semantics
+from ...compiler.formula import derivative_bounds, interval_arithmetic, interval_semantics, point_semantics
 from ...compiler.formula.opcodes import CHOICES, Op
 from ..simd.llvm_expr import I64, Value
 from .llvm_math import DOUBLE, SINGLE, Form, VectorMath
@@ -96,13 +96,13 @@ def _spans(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
     operands = [(p[0], p[1]) for p in given]
     _record_choice(m, op, operands, choice)
     u = 0.5 * m.unit
-    off = [p[4] + interval_semantics.high_of(m, abs(p[0]), abs(p[1])) * u for p in given]
+    off = [p[4] + interval_arithmetic.high_of(m, abs(p[0]), abs(p[1])) * u for p in given]
     value = interval_semantics.interval(m, op, *operands)
     (slope,) = derivative_bounds.slope_intervals(m, op, operands, value, [[(p[2], p[3])] for p in given])
     error = derivative_bounds.spread(m, op, operands, value, off)
     if op == Op.SQRT:
-        error = interval_semantics.low_of(m, error, m.sqrt(off[0]))
-    size = interval_semantics.high_of(m, abs(value[0]), abs(value[1]))
+        error = interval_arithmetic.low_of(m, error, m.sqrt(off[0]))
+    size = interval_arithmetic.high_of(m, abs(value[0]), abs(value[1]))
     if op == Op.FILLET:
         error = error + interval_semantics.fillet_slack(m, *operands)
     elif op == Op.CUBE:
@@ -115,8 +115,8 @@ def _spans(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
 def emit_scaled(m: VectorMath, given: Parts, nearest: Value, largest: Value) -> Parts:
     """`_spans` of a product with a constant, given by its nearest number and its largest magnitude."""
     ends = [part * nearest for part in given[:4]]
-    size, steepness = (interval_semantics.high_of(m, abs(ends[k]), abs(ends[k + 1])) for k in (0, 2))
-    off = largest * (given[4] + interval_semantics.high_of(m, abs(given[0]), abs(given[1])) * m.unit)
+    size, steepness = (interval_arithmetic.high_of(m, abs(ends[k]), abs(ends[k + 1])) for k in (0, 2))
+    off = largest * (given[4] + interval_arithmetic.high_of(m, abs(given[0]), abs(given[1])) * m.unit)
     m.unbounded((size > m.big) | (steepness > m.big) | (off > m.big))
     ends = [m.clipped(end, -m.big, m.big) for end in ends]
     bounds = [*_outer_bounds(m, *ends[:2]), *_outer_bounds(m, *ends[2:])]
@@ -126,7 +126,7 @@ def emit_scaled(m: VectorMath, given: Parts, nearest: Value, largest: Value) -> 
 
 def _outer_bounds(m: VectorMath, one: Value, other: Value) -> Parts:
     """Bounds of the interval between two products with rounded factors."""
-    return [interval_semantics.down(m, m.least(one, other), 1), interval_semantics.up(m, m.largest(one, other), 1)]
+    return [interval_arithmetic.down(m, m.least(one, other), 1), interval_arithmetic.up(m, m.largest(one, other), 1)]
 
 
 def _cells(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:

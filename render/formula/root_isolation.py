@@ -3,7 +3,7 @@
 The lanes of a vector bound as many pieces of the segment at once, by intervals of the value and of the slope along the ray. From the near
 end on, each piece is proved to hold no root or one, or is subdivided next (Mitchell, "Robust Ray Intersection with Interval Arithmetic",
 Graphics Interface 1990; Knoll et al., "Fast Ray Tracing of Arbitrary Implicit Surfaces with Interval and Affine Arithmetic", Computer
-Graphics Forum 2009). Where the formula jumps, the lanes bound all branches of its jumps; see interval_semantics.one_side.
+Graphics Forum 2009). Where the formula jumps, the lanes bound all branches of its jumps; see interval_arithmetic.one_side.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""What a ray meets: `closest` and `occluded`, by brute force in numpy and by the trees of bvh.py in kernels.
+"""Ray queries of the renderer: closest hit, occlusion and transmittance, by BVH traversal in kernels and by brute force in numpy.
 
-Both give the same answer. Rays go to a shape's own frame without being normalised, so that t stays what it was; of hits at
-the same t the lowest instance wins, then the lowest primitive. Where a surface's opacity is 0 it is not met; where it is less than 1
-it is, and to a shadow ray it is a share of light that passes.
+Both give the same result. Rays are transformed to a shape's frame without normalization, so t stays the same. Of hits at the same t the
+lowest instance wins, then the lowest primitive. A surface of opacity 0 is not hit. A surface of an opacity below 1 is hit, and shadow rays
+multiply its transmittance.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from ..surface import alpha, interaction
 from ..types import Hit, Lane, Ray, Vec
 from .traverse import motion_alpha, shape_hit, two_level
 
-CHUNK = 1 << 17  # ray–triangle pairs tested at a time: bounds memory to a few dozen MB
+CHUNK = 1 << 17  # ray–triangle pairs tested at a time: limits memory to a few dozen MB
 MESH = int(ir.GeometryKind.MESH)
 SHADOW = int(ir.Visibility.SHADOW)
 
 
 class Brute(NamedTuple):
-    """The accelerator that is none: every instance and every triangle is tried."""
+    """The brute-force accelerator: tests every instance and every triangle."""
 
 
 def closest_hit(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, visible_bit: Lane) -> Hit:
-    """The first thing along each active ray that has one of `visible_bit` in Instances.visible; instance -1 where none."""
+    """First hit of each active ray with instances that have a bit of `visible_bit` in Instances.visible; instance -1: none."""
     rays, active = _flat(ray, active)
     n = len(active)
     partial = scene_facts.partial(tables)[tables.instances.material]
@@ -44,7 +44,7 @@ def closest_hit(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, visible_b
             lane = np.flatnonzero(active & ((tables.instances.visible[i] & visible_bit) != 0))
             if len(lane) == 0:
                 continue
-            found = _meet(tables, i, _rows(rays, lane), partial[i])[0]
+            found = _intersect_instance(tables, i, _rows(rays, lane), partial[i])[0]
             nearer = found.t < t[lane]
             lane = lane[nearer]
             t[lane], instance[lane], primitive[lane] = found.t[nearer], i, found.primitive[nearer]
@@ -53,12 +53,12 @@ def closest_hit(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, visible_b
 
 
 def occluded(accel: Any, tables: ir.Tables, ray: Ray, active: Lane) -> Lane:
-    """Whether something that casts shadows keeps all light from passing between t_min and t_max; False where not active."""
+    """Whether shadow casters block all light between t_min and t_max; False for inactive rays."""
     return np.ravel(active) & (transmittance(accel, tables, ray, active) <= 0.0)
 
 
 def transmittance(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, visible_bit: int = SHADOW) -> Lane:
-    """The share of light, 0 to 1, that passes what has `visible_bit`, what casts shadows, between t_min and t_max; 1 where not active."""
+    """Share of light, 0 to 1, that passes instances with `visible_bit` between t_min and t_max; 1 for inactive rays."""
     rays, active = _flat(ray, active)
     share = np.ones(len(active))
     partial = scene_facts.partial(tables)[tables.instances.material]
@@ -66,12 +66,12 @@ def transmittance(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, visible
         for i in np.flatnonzero(tables.instances.visible & visible_bit):
             lane = np.flatnonzero(active & (share > 0.0))
             if len(lane):
-                share[lane] *= _meet(tables, int(i), _rows(rays, lane), partial[i], through=True)[1]
+                share[lane] *= _intersect_instance(tables, int(i), _rows(rays, lane), partial[i], through=True)[1]
     return share
 
 
 def attenuate(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, given: Vec, visible_bit: int = SHADOW) -> Vec:
-    """What of `given` passes what has `visible_bit` between t_min and t_max; nothing where not active."""
+    """The light `given` times the transmittance of instances with `visible_bit` between t_min and t_max; 0 for inactive rays."""
     return ops.scale(given, np.where(active, transmittance(accel, tables, ray, active, visible_bit), 0.0))
 
 
@@ -86,24 +86,26 @@ def _rows(rays: np.ndarray, lane: np.ndarray) -> Ray:
     return Ray((x, y, z), (dx, dy, dz), t_min, t_max, None if np.isnan(time).any() else time)
 
 
-def _meet(tables: ir.Tables, i: int, ray: Ray, partial: bool, through: bool = False) -> tuple[Hit, np.ndarray]:
-    """The first meeting of each ray with instance i, and the share of light that passes it; of things that are `partial` the
-    share is that of all meetings if `through`."""
+def _intersect_instance(tables: ir.Tables, i: int, ray: Ray, partial: bool, through: bool = False) -> tuple[Hit, np.ndarray]:
+    """(first hits of rays with instance i, share of light that passes it); with `through`, the share is that of all hits.
+
+    Only `partial` instances have an opacity to evaluate.
+    """
     geometry, row = tables.instances.geometry[i], tables.instances.transform[i]
     inverse = instance_transform.transform_at(tables, row, ray.time).inverse
     o, d = affine.transform_point12(inverse, ray.origin), affine.transform_vector12(inverse, ray.direction)
     kind = tables.geometries.kind[geometry]
 
     def cover(rows: np.ndarray, t: np.ndarray, primitive: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """How much of the surface is there where rays `rows` meet it."""
+        """Opacity of the surface at the hits of rays `rows`."""
         one = Ray(_some(ray.origin, rows), _some(ray.direction, rows), 0.0, np.inf, None if ray.time is None else ray.time[rows])
         return alpha.at(tables, interaction.make_interaction(tables, one, Hit(t, np.full(len(rows), i), primitive, u, v)))
 
     if kind == MESH:
-        return _meet_mesh(tables, geometry, Ray(o, d, ray.t_min, ray.t_max), cover if partial else None)
+        return _intersect_mesh(tables, geometry, Ray(o, d, ray.t_min, ray.t_max), cover if partial else None)
     t_min, share = ray.t_min, np.ones(len(ray.t_min))
     while True:
-        t, part, u, v, onward = _meet_shape(tables, int(kind), int(geometry), Ray(o, d, t_min, ray.t_max))
+        t, part, u, v, onward = _intersect_shape(tables, int(kind), int(geometry), Ray(o, d, t_min, ray.t_max))
         zero = np.zeros(len(t))
         if not partial:
             return Hit(t, zero, part, u, v), np.where(t < np.inf, 0.0, share)
@@ -117,8 +119,8 @@ def _meet(tables: ir.Tables, i: int, ray: Ray, partial: bool, through: bool = Fa
         t_min = np.where(on, onward, np.where(t < np.inf, t_min, np.inf))
 
 
-def _meet_shape(tables: ir.Tables, kind: int, g: int, ray: Ray) -> tuple[np.ndarray, ...]:
-    """(t, primitive, u, v, where the next meeting may be) of rays in the frame of a shape that is no mesh."""
+def _intersect_shape(tables: ir.Tables, kind: int, g: int, ray: Ray) -> tuple[np.ndarray, ...]:
+    """(t, primitive, u, v, smallest t of the next hit) of rays in the frame of a shape other than a mesh."""
     geometries, zero = tables.geometries, np.zeros(len(ray.t_min))
     if kind != shape_hit.FORMULA:
         t, part = analytic_shapes.intersect(kind, geometries.parameters, g, ray.origin, ray.direction, ray.t_min, ray.t_max)
@@ -132,7 +134,7 @@ def _meet_shape(tables: ir.Tables, kind: int, g: int, ray: Ray) -> tuple[np.ndar
 
 
 def next_t_min(tables: ir.Tables, ray: Ray, hit: Hit) -> np.ndarray:
-    """Where rays that pass what they met may meet the next thing, in the reference; see aside.shown."""
+    """Smallest t of the next hit of rays that pass their hits, in numpy; see motion_alpha.alpha_at_hit."""
     onward = np.array(hit.t, float)
     geometry = tables.instances.geometry[np.maximum(hit.instance, 0)]
     formulas = (hit.instance >= 0) & (tables.geometries.kind[geometry] == shape_hit.FORMULA)
@@ -150,8 +152,8 @@ def _some(v: Vec, rows: np.ndarray) -> Vec:
     return v[0][rows], v[1][rows], v[2][rows]
 
 
-def _meet_mesh(tables: ir.Tables, g: int, ray: Ray, cover: Callable[..., np.ndarray] | None) -> tuple[Hit, np.ndarray]:
-    """The first meeting of each ray with a mesh, and the share of light that passes it: all pairs, a chunk at a time."""
+def _intersect_mesh(tables: ir.Tables, g: int, ray: Ray, cover: Callable[..., np.ndarray] | None) -> tuple[Hit, np.ndarray]:
+    """(first hits of rays with a mesh, share of light that passes it), by tests of all pairs, CHUNK at a time."""
     geometries, pools = tables.geometries, tables.pools
     first, count = int(geometries.first_triangle[g]), int(geometries.triangle_count[g])
     corners = pools.positions[pools.triangles[first : first + count]].astype(np.float64)
@@ -180,7 +182,7 @@ def _column(v: Vec, part: slice) -> Vec:
 
 
 def find(accel: Any, ray: Ray, active: Lane, visible_bit: int, any_hit: bool) -> Hit:
-    """What a search through the trees finds, in kernels."""
+    """The hit that a BVH traversal finds, in kernels."""
     raise NotImplementedError
 
 
@@ -188,20 +190,20 @@ def find(accel: Any, ray: Ray, active: Lane, visible_bit: int, any_hit: bool) ->
 def _find_in_kernels(accel, ray, active, visible_bit, any_hit):
     if motion_alpha.has_motion(accel) and not isinstance(ray.types[ray.fields.index("time")], types.NoneType):
 
-        def at_its_time(accel, ray, active, visible_bit, any_hit):
+        def find_at_time(accel, ray, active, visible_bit, any_hit):
             return motion_alpha.find_moving(  # pyright: ignore[reportCallIssue]
                 accel.motion_alpha.moving.address,
                 (accel, ray.origin, ray.direction, ray.t_min, ray.t_max, active, np.int64(visible_bit), any_hit, ray.time),
             )
 
-        return at_its_time
+        return find_at_time
 
-    def through_trees(accel, ray, active, visible_bit, any_hit):
+    def find_still(accel, ray, active, visible_bit, any_hit):
         return two_level.find(  # pyright: ignore[reportCallIssue]
             accel.search, (accel, ray.origin, ray.direction, ray.t_min, ray.t_max, active, np.int64(visible_bit), any_hit)
         )
 
-    return through_trees
+    return find_still
 
 
 @overload(closest_hit, jit_options=HELPER)
@@ -219,31 +221,31 @@ def _occluded_kernel(accel, tables, ray, active):
 
 
 @overload(transmittance, jit_options=HELPER)
-def _let_through_kernel(accel, tables, ray, active, visible_bit=SHADOW):
+def _transmittance_kernel(accel, tables, ray, active, visible_bit=SHADOW):
     if not crosslane.is_mask(active):
         return None
 
-    def by_opacity(accel, tables, ray, active, visible_bit=SHADOW):
+    def with_opacity(accel, tables, ray, active, visible_bit=SHADOW):
         found = find(accel, ray, active, visible_bit, True)
         return ops.where(found.instance >= 0, 0.0, found.u)
 
-    def in_full(accel, tables, ray, active, visible_bit=SHADOW):
+    def opaque(accel, tables, ray, active, visible_bit=SHADOW):
         return ops.where(find(accel, ray, active, visible_bit, True).instance >= 0, 0.0, 1.0)
 
-    return by_opacity if motion_alpha.has_opacity(accel) else in_full
+    return with_opacity if motion_alpha.has_opacity(accel) else opaque
 
 
 @overload(attenuate, jit_options=HELPER)
-def _dimmed_kernel(accel, tables, ray, active, given, visible_bit=SHADOW):
+def _attenuate_kernel(accel, tables, ray, active, given, visible_bit=SHADOW):
     if not crosslane.is_mask(active):
         return None
 
-    def by_opacity(accel, tables, ray, active, given, visible_bit=SHADOW):
+    def with_opacity(accel, tables, ray, active, given, visible_bit=SHADOW):
         return ops.scale(given, ops.where(active, transmittance(accel, tables, ray, active, visible_bit), 0.0))
 
-    def in_full(accel, tables, ray, active, given, visible_bit=SHADOW):
+    def opaque(accel, tables, ray, active, given, visible_bit=SHADOW):
         zero = ops.full_like(given[0], 0.0)
         met = find(accel, ray, active, visible_bit, True).instance >= 0
         return ops.where3(active & ops.not_(met), given, (zero, zero, zero))
 
-    return by_opacity if motion_alpha.has_opacity(accel) else in_full
+    return with_opacity if motion_alpha.has_opacity(accel) else opaque

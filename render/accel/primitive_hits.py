@@ -2,7 +2,7 @@
 
 A flat primitive is three affine forms of a world point, (height, a, b). A ray hits the plane where the height is 0, and the primitive where
 a and b lie in the unit square (parallelogram), its lower corner (triangle) or the unit disk. That is a third of the work of a test in the
-shape's own frame. A box is three forms, each between -1 and 1 inside of it; a ball is its center and radius.
+shape's own frame. A box is three forms, each between -1 and 1 inside of it; a intersect_ball is its center and radius.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ EDGE = 1e-6  # extension of a primitive beyond its edges, so that no ray passes 
 
 @helper
 def _height(forms: Any, k: int, origin: Vec, direction: Vec) -> Lane:
-    """The distance along rays at which the height over piece k is 0."""
+    """t at which the height over primitive k is 0."""
     x, y, z = forms[k, 0], forms[k, 1], forms[k, 2]
     above = ops.fma(origin[0], x, ops.fma(origin[1], y, ops.fma(origin[2], z, ops.full_like(origin[2], forms[k, 3]))))
     return -above / ops.fma(direction[0], x, ops.fma(direction[1], y, direction[2] * z))
@@ -31,10 +31,10 @@ def _form(forms: Any, k: int, row: int, point: Vec) -> Lane:
 
 
 @helper
-def ball(balls: Any, k: int, origin: Vec, direction: Vec) -> tuple[Lane, Lane]:
-    """(near, far) at which rays of unit direction meet ball k, far < near where they don't.
+def intersect_ball(balls: Any, k: int, origin: Vec, direction: Vec) -> tuple[Lane, Lane]:
+    """(near, far) t at which rays of unit direction enter and leave intersect_ball k; far < near where they miss it.
 
-    The discriminant comes from the vector between the centre and the nearest point of the ray, which keeps its digits far away.
+    The discriminant uses the vector from the center to the nearest point of the ray, which stays precise far away.
     """
     way = (balls[k, 0] - origin[0], balls[k, 1] - origin[1], balls[k, 2] - origin[2])
     middle = ops.dot(way, direction)
@@ -46,8 +46,8 @@ def ball(balls: Any, k: int, origin: Vec, direction: Vec) -> tuple[Lane, Lane]:
 
 
 @helper
-def _quad_at(forms: Any, k: int, origin: Vec, direction: Vec, corner: bool) -> tuple[Lane, Lane, Lane, Lane]:
-    """(t, a, b, whether they lie on it) of a parallelogram or, a `corner` of one, a triangle."""
+def _intersect_quad(forms: Any, k: int, origin: Vec, direction: Vec, corner: bool) -> tuple[Lane, Lane, Lane, Lane]:
+    """(t, a, b, whether it is hit) of a parallelogram or, with `corner`, a triangle."""
     t = _height(forms, k, origin, direction)
     point = ops.along(origin, direction, t)
     a, b = _form(forms, k, 4, point), _form(forms, k, 8, point)
@@ -56,10 +56,10 @@ def _quad_at(forms: Any, k: int, origin: Vec, direction: Vec, corner: bool) -> t
 
 
 @helper
-def _round_at(forms: Any, k: int, origin: Vec, direction: Vec, endless: bool) -> tuple[Lane, Lane]:
-    """(t, whether it lies on it) of a disk or an `endless` plane."""
+def _intersect_round(forms: Any, k: int, origin: Vec, direction: Vec, unbounded: bool) -> tuple[Lane, Lane]:
+    """(t, whether it is hit) of a disk or, with `unbounded`, a plane."""
     t = _height(forms, k, origin, direction)
-    if endless:
+    if unbounded:
         return t, t == t
     point = ops.along(origin, direction, t)
     a, b = _form(forms, k, 4, point), _form(forms, k, 8, point)
@@ -67,8 +67,8 @@ def _round_at(forms: Any, k: int, origin: Vec, direction: Vec, endless: bool) ->
 
 
 @helper
-def _box(boxes: Any, k: int, origin: Vec, direction: Vec) -> tuple[Lane, Lane, Lane, Lane]:
-    """(near, far, face entered by, face left by) of box k, far < near where rays miss it."""
+def _intersect_box(boxes: Any, k: int, origin: Vec, direction: Vec) -> tuple[Lane, Lane, Lane, Lane]:
+    """(near t, far t, entry face, exit face) of box k; far < near where rays miss it."""
     x, dx = _form(boxes, k, 0, origin), _slope(boxes, k, 0, direction)
     y, dy = _form(boxes, k, 4, origin), _slope(boxes, k, 4, direction)
     z, dz = _form(boxes, k, 8, origin), _slope(boxes, k, 8, direction)
@@ -92,28 +92,28 @@ def _slope(forms: Any, k: int, row: int, direction: Vec) -> Lane:
 
 @helper
 def closest(pieces: Any, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) -> tuple[Lane, Lane, Lane, Lane]:
-    """(t, row of Records or -1, a, b) of the first piece that rays meet between t_min and t_max."""
+    """(t, row of PrimitiveRecords or -1, a, b) of the first hits between t_min and t_max."""
     forms, numbers = pieces.forms, pieces.numbers
     best, found, a, b = t_max, ops.int_like(t_max, -1), ops.full_like(t_max, 0.0), ops.full_like(t_max, 0.0)
     for k in range(pieces.triangles):
-        t, _, _, there = _quad_at(forms, k, origin, direction, False)
+        t, _, _, there = _intersect_quad(forms, k, origin, direction, False)
         there = there & (t > t_min) & (t < best)
         best, found = ops.where(there, t, best), ops.where(there, numbers[k], found)
     for k in range(pieces.triangles, pieces.disks):
-        t, u, v, there = _quad_at(forms, k, origin, direction, True)
+        t, u, v, there = _intersect_quad(forms, k, origin, direction, True)
         there = there & (t > t_min) & (t < best)
         best, found = ops.where(there, t, best), ops.where(there, numbers[k], found)
         a, b = ops.where(there, u, a), ops.where(there, v, b)
     for k in range(pieces.disks, pieces.planes):
-        t, there = _round_at(forms, k, origin, direction, False)
+        t, there = _intersect_round(forms, k, origin, direction, False)
         there = there & (t > t_min) & (t < best)
         best, found = ops.where(there, t, best), ops.where(there, numbers[k], found)
     for k in range(pieces.planes, len(forms)):
-        t, there = _round_at(forms, k, origin, direction, True)
+        t, there = _intersect_round(forms, k, origin, direction, True)
         there = there & (t > t_min) & (t < best)
         best, found = ops.where(there, t, best), ops.where(there, numbers[k], found)
     for k in range(len(pieces.boxes)):
-        near, far, entered, left = _box(pieces.boxes, k, origin, direction)
+        near, far, entered, left = _intersect_box(pieces.boxes, k, origin, direction)
         outside = near > t_min
         t = ops.where(outside, near, far)
         there = (near <= far) & (t > t_min) & (t < best)
@@ -121,7 +121,7 @@ def closest(pieces: Any, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) 
         found = ops.where(there, ops.where(outside, entered, left) + numbers[len(forms) + k], found)
     first = len(forms) + len(pieces.boxes)
     for k in range(len(pieces.balls)):
-        near, far = ball(pieces.balls, k, origin, direction)
+        near, far = intersect_ball(pieces.balls, k, origin, direction)
         t = ops.where(near > t_min, near, far)
         there = (near <= far) & (t > t_min) & (t < best)
         best, found = ops.where(there, t, best), ops.where(there, numbers[first + k], found)
@@ -130,25 +130,25 @@ def closest(pieces: Any, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) 
 
 @helper
 def blocked(pieces: Any, origin: Vec, direction: Vec, t_max: Lane) -> Lane:
-    """Whether any piece stands between 0 and t_max."""
+    """Whether any primitive is hit between 0 and t_max."""
     forms = pieces.forms
     hit = ops.bool_like(t_max, False)
     for k in range(pieces.triangles):
-        t, _, _, there = _quad_at(forms, k, origin, direction, False)
+        t, _, _, there = _intersect_quad(forms, k, origin, direction, False)
         hit = hit | (there & (t > 0.0) & (t < t_max))
     for k in range(pieces.triangles, pieces.disks):
-        t, _, _, there = _quad_at(forms, k, origin, direction, True)
+        t, _, _, there = _intersect_quad(forms, k, origin, direction, True)
         hit = hit | (there & (t > 0.0) & (t < t_max))
     for k in range(pieces.disks, pieces.planes):
-        t, there = _round_at(forms, k, origin, direction, False)
+        t, there = _intersect_round(forms, k, origin, direction, False)
         hit = hit | (there & (t > 0.0) & (t < t_max))
     for k in range(pieces.planes, len(forms)):
-        t, there = _round_at(forms, k, origin, direction, True)
+        t, there = _intersect_round(forms, k, origin, direction, True)
         hit = hit | (there & (t > 0.0) & (t < t_max))
     for k in range(len(pieces.boxes)):
-        near, far, _, _ = _box(pieces.boxes, k, origin, direction)
+        near, far, _, _ = _intersect_box(pieces.boxes, k, origin, direction)
         hit = hit | ((near <= far) & (far > 0.0) & (near < t_max) & ((near > 0.0) | (far < t_max)))
     for k in range(len(pieces.balls)):
-        near, far = ball(pieces.balls, k, origin, direction)
+        near, far = intersect_ball(pieces.balls, k, origin, direction)
         hit = hit | ((near <= far) & (far > 0.0) & (near < t_max) & ((near > 0.0) | (far < t_max)))
     return hit

@@ -1,8 +1,6 @@
-"""A few primitives need no tree: flat pieces, boxes and balls that all rays are tried against, as many at once as there are lanes.
+"""Builds the brute-force list of the large primitives of a scene: flat pieces, boxes and balls that all rays are tested against.
 
-A piece is three affine forms of a point of the world, (height, a, b): a ray meets the plane where the height is 0, and the piece where
-a and b lie in the unit square (parallelograms), the corner of it (triangles) or the unit disk. That is a third of the work of a ray
-in a shape's own frame. A box is three forms, each between -1 and 1 inside of it; a ball is its centre and radius.
+The BVH does not hold the instances of the list. Rays are tested by primitive_hits.py, which describes the affine forms of primitives.
 """
 
 from __future__ import annotations
@@ -19,78 +17,78 @@ from ..geometry.bounds import world_bounds
 from ..surface import triangle_records
 
 Rows = NDArray[np.float64]
-MOST = 64  # pieces that are tried one after the other before a tree is quicker
-LARGE = 12  # pieces of a larger scene that are tried before its tree: those that most rays meet
-SHARE = 0.25  # of the scene's diagonal, from which on a thing is large
-MESH_TRIANGLES = 24  # of a mesh that may be tried piece by piece
-EXACT = 1 << 24  # whole numbers up to this are exact in float32
-EDGE = 1e-6  # by which pieces reach beyond their edges, so that no ray passes between two
-_TRIED = ir.GeometryKind.BOX, ir.GeometryKind.RECTANGLE, ir.GeometryKind.PLANE, ir.GeometryKind.DISK, ir.GeometryKind.SPHERE
+MOST = 64  # primitives up to which the list is faster than a BVH
+LARGE = 12  # primitives of the list in a larger scene, which most rays hit
+SHARE = 0.25  # extent of a large instance, relative to the scene's diagonal
+MESH_TRIANGLES = 24  # of a mesh whose triangles may be in the list
+EXACT = 1 << 24  # integers up to this are exact in float32
+_LISTED = ir.GeometryKind.BOX, ir.GeometryKind.RECTANGLE, ir.GeometryKind.PLANE, ir.GeometryKind.DISK, ir.GeometryKind.SPHERE
 _CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
 
 
-class Pieces(NamedTuple):
-    """What is tried. Rows of `forms`: 4 numbers each of height, a and b. Quads stand first, then triangles, disks, endless planes."""
+class Primitives(NamedTuple):
+    """A list of primitives. Rows of `forms` hold 4 numbers each of height, a and b, in the order quads, triangles, disks, planes."""
 
     forms: Rows  # (n, 12)
     boxes: Rows  # (b, 12)
-    balls: Rows  # (m, 4) centre and radius
-    numbers: NDArray[np.int32]  # (n + b + m,) rows of Records, of a box the first of six
-    triangles: int  # where they begin
+    balls: Rows  # (m, 4) center and radius
+    numbers: NDArray[np.int32]  # (n + b + m,) rows of PrimitiveRecords; of a box the first of six
+    triangles: int  # first row
     disks: int
     planes: int
 
 
-class Records(NamedTuple):
-    """What a piece is a piece of. For those that are `plain`, nothing but their place and their normal is needed to shade them: not 0.
+class PrimitiveRecords(NamedTuple):
+    """The surfaces of primitives. Plain ones are shaded by position and normal alone.
 
-    Triangles in trees have rows behind those of pieces, where they are plain (facets.py).
+    Plain triangles of the BVH have rows behind those of the list, see surface/triangle_records.py.
     """
 
-    # (k, 8) outer unit normal, or a ball's centre; 1 / a ball's radius, or less what is `wide` to surface.spacing; instance, primitive,
-    # material, how plain
+    # (k, 8) outer unit normal, or a ball's center; 1 / a ball's radius, or minus the `error` of interaction.spacing; instance, primitive,
+    # material, plainness (0: not plain)
     rows: Rows
-    first: NDArray[np.int32]  # (instances,) which rows meshes in trees have: that of a triangle is so many beyond its number
-    rounded: Any  # facets.Flat or facets.Rounded
+    first: NDArray[np.int32]  # (instances,) row of a mesh's triangle minus its number, for meshes in the BVH
+    rounded: Any  # triangle_records.Flat or triangle_records.Rounded
 
 
-class Tried(NamedTuple):
-    """The pieces of a scene: those that rays meet, those that may stand before a light or between two surfaces, and what they are."""
+class PrimitiveList(NamedTuple):
+    """The primitives of a scene: all, those that may block a light, those that may lie between two surfaces, and their records."""
 
-    seen: Pieces
-    blocking: Pieces
-    between: Pieces
-    records: Records
+    seen: Primitives
+    blocking: Primitives
+    between: Primitives
+    records: PrimitiveRecords
 
 
-class _Found(NamedTuple):
-    """One piece while the lists are made."""
+class _Primitive(NamedTuple):
+    """One primitive during the build."""
 
     kind: int  # 0 quad, 1 triangle, 2 disk, 3 plane, 4 box, 5 ball
-    form: Any  # (3, 4) of the world, or centre and radius
+    form: Any  # (3, 4) in the world, or center and radius
     normals: Any  # (parts, 4)
-    corners: Any  # (k, 3), None: endless
+    corners: Any  # (k, 3), None: unbounded
     primitive: int  # of its first part
     cost: int = 1  # in quads
 
 
-def build(tables: ir.Tables, hull: bool, moves: bool = False) -> tuple[Tried, NDArray[np.bool_]]:
-    """The pieces to try, and which instances they are all of: those need no tree. What `moves` or is not wholly there is none.
+def build(tables: ir.Tables, hull: bool, moves: bool = False) -> tuple[PrimitiveList, NDArray[np.bool_]]:
+    """(primitive list, (instances,) whether an instance is in it and needs no BVH).
 
-    With `hull` (every light lies at a finite place), pieces that have the whole scene and its lights on one side block none of them.
+    Partly transparent instances are not listed, nor moving ones with `moves`. With `hull` (all lights at finite positions), a primitive
+    that has the whole scene and its lights on one side blocks no light.
     """
     instances, plain = tables.instances, _is_plain(tables)
-    made: dict[int, list[_Found]] = {}
+    made: dict[int, list[_Primitive]] = {}
     stays = ~scene_facts.partial(tables)[instances.material]
     if moves:
         stays &= tables.transforms.first_key[instances.transform] < 0
     boxes = world_bounds(tables)
     eligible, many = _eligible(tables, boxes)
     for i in np.flatnonzero(stays & eligible).tolist():
-        found = _pieces_of(tables, i)
+        found = _primitives_of(tables, i)
         if found:
             made[i] = found
-    chosen = _chosen(boxes, made, many)
+    chosen = _choose(boxes, made, many)
     inside = np.zeros(len(instances.geometry), bool)
     inside[chosen] = True
     listed = [(i, piece) for i in chosen for piece in made[i]]
@@ -103,21 +101,22 @@ def build(tables: ir.Tables, hull: bool, moves: bool = False) -> tuple[Tried, ND
     meshes = stays & ~inside & _is_bare(tables) & (tables.geometries.kind[instances.geometry] == ir.GeometryKind.MESH)
     how = [(i, triangle_records.PLAIN if plain[i] else triangle_records.ROUNDED) for i in np.flatnonzero(meshes).tolist()]
     more, first, rounded = triangle_records.build(tables, how, len(own))
-    records = Records(np.concatenate([own, more]), first, rounded)
+    records = PrimitiveRecords(np.concatenate([own, more]), first, rounded)
     every = list(range(len(listed)))
-    points = _points(tables, inside, listed)
-    between = every if points is None else [k for k in every if not _bounds(listed[k][1], points)]
+    points = _hull_points(tables, inside, listed)
+    between = every if points is None else [k for k in every if not _bounds_scene(listed[k][1], points)]
     blocking = [k for k in (between if hull else every) if instances.visible[listed[k][0]] & ir.Visibility.SHADOW]
-    return Tried(_tables(listed, every), _tables(listed, blocking), _tables(listed, between), records), inside
+    seen, blocking, between = (_make_primitives(listed, rows) for rows in (every, blocking, between))
+    return PrimitiveList(seen, blocking, between, records), inside
 
 
-def _tables(listed: list[tuple[int, _Found]], rows: list[int]) -> Pieces:
+def _make_primitives(listed: list[tuple[int, _Primitive]], rows: list[int]) -> Primitives:
     order = sorted(rows, key=lambda k: listed[k][1].kind)
     kinds = np.array([listed[k][1].kind for k in order], int)
     flat, boxes, balls = ([k for k in order if listed[k][1].kind in of] for of in (range(4), (4,), (5,)))
     first = np.cumsum([0, *(len(piece.normals) for _, piece in listed)])
     starts = [int(np.sum(kinds < kind)) for kind in (1, 2, 3)]
-    return Pieces(
+    return Primitives(
         np.array([np.ravel(listed[k][1].form) for k in flat]).reshape(-1, 12),
         np.array([np.ravel(listed[k][1].form) for k in boxes]).reshape(-1, 12),
         np.array([listed[k][1].form for k in balls]).reshape(-1, 4),
@@ -127,20 +126,20 @@ def _tables(listed: list[tuple[int, _Found]], rows: list[int]) -> Pieces:
 
 
 def _eligible(tables: ir.Tables, boxes: Rows) -> tuple[NDArray[np.bool_], bool]:
-    """(instances,) whose pieces are to be looked at, and whether things are so many that these are the large ones alone."""
+    """((instances,) candidates of the list, whether the instances are so many that only large ones are candidates)."""
     geometry = tables.instances.geometry
     small = (tables.geometries.kind == ir.GeometryKind.MESH) & (tables.geometries.triangle_count <= MESH_TRIANGLES)
-    eligible = (ir.is_in(tables.geometries.kind, _TRIED) | small)[geometry]
+    eligible = (ir.is_in(tables.geometries.kind, _LISTED) | small)[geometry]
     finite = np.isfinite(boxes).all(axis=1)
     if np.count_nonzero(eligible) <= MOST or not finite.any():
         return eligible, False
     whole = np.linalg.norm(boxes[finite, 3:].max(axis=0) - boxes[finite, :3].min(axis=0))
-    large = np.linalg.norm(boxes[:, 3:] - boxes[:, :3], axis=1) >= 0.99 * SHARE * whole  # `_chosen` measures what is in the boxes
+    large = np.linalg.norm(boxes[:, 3:] - boxes[:, :3], axis=1) >= 0.99 * SHARE * whole  # `_choose` measures the primitives in the boxes
     return eligible & (large | ~finite), True
 
 
-def _chosen(boxes: Rows, made: dict[int, list[_Found]], many: bool) -> list[int]:
-    """The instances whose pieces are tried: all where they are few, else the large ones."""
+def _choose(boxes: Rows, made: dict[int, list[_Primitive]], many: bool) -> list[int]:
+    """The instances of the list: all where they are few, otherwise the large ones."""
     cost = {i: sum(piece.cost for piece in found) for i, found in made.items()}
     many = many or sum(cost.values()) > MOST
     if not many and len(made) == len(boxes):
@@ -161,30 +160,30 @@ def _chosen(boxes: Rows, made: dict[int, list[_Found]], many: bool) -> list[int]
     return chosen
 
 
-def _box_corners(tables: ir.Tables, which: NDArray[np.bool_]) -> Rows:
-    """(8 n, 3) the corners of instances' boxes."""
+def _instance_corners(tables: ir.Tables, which: NDArray[np.bool_]) -> Rows:
+    """Corners of instances' boxes, (8 n, 3)."""
     bounds = tables.geometries.bounds[tables.instances.geometry[which]]
     matrix = tables.transforms.matrix[tables.instances.transform[which]]
     corners = bounds[:, :1] + _CORNERS * (bounds[:, 1:] - bounds[:, :1])
     return (corners @ matrix[:, :, :3].transpose(0, 2, 1) + matrix[:, None, :, 3]).reshape(-1, 3)
 
 
-def _points(tables: ir.Tables, inside: NDArray[np.bool_], listed: list[tuple[int, _Found]]) -> Rows | None:
-    """Points whose hull holds the scene and its lights; None where it has no end."""
+def _hull_points(tables: ir.Tables, inside: NDArray[np.bool_], listed: list[tuple[int, _Primitive]]) -> Rows | None:
+    """Points whose convex hull holds the scene and its lights; None without bounds."""
     if not np.isfinite(tables.geometries.bounds[tables.instances.geometry[~inside]]).all():
         return None
-    found = [_box_corners(tables, ~inside)]
+    found = [_instance_corners(tables, ~inside)]
     for _, piece in listed:
         if piece.corners is None:
             return None
         found.append(piece.corners)
     found.append(tables.lights.position[ir.is_in(tables.lights.kind, (ir.LightKind.POINT, ir.LightKind.SPOT))])
-    found.append(_lamp_corners(tables))
+    found.append(_light_corners(tables))
     return np.concatenate(found)
 
 
-def _lamp_corners(tables: ir.Tables) -> Rows:
-    """(n, 3) corners around lamps with an extent."""
+def _light_corners(tables: ir.Tables) -> Rows:
+    """Corners of the bounds of area lights, (n, 3)."""
     lit = tables.lights
     wide = ir.is_in(lit.kind, (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE))
     kind, matrix, size = lit.kind[wide], tables.transforms.matrix[lit.transform[wide]], lit.size[wide]
@@ -197,20 +196,20 @@ def _lamp_corners(tables: ir.Tables) -> Rows:
     return np.concatenate([flat[~ball].reshape(-1, 3), around.reshape(-1, 3)])
 
 
-def _bounds(piece: _Found, points: Rows) -> bool:
-    """Whether all points lie on one side of a piece, or in its plane."""
-    if piece.kind > 2:  # endless, or with an inside
+def _bounds_scene(piece: _Primitive, points: Rows) -> bool:
+    """Whether all points lie on one side of a primitive, or in its plane."""
+    if piece.kind > 2:  # unbounded, or with an interior
         return False
     height = (points - piece.corners[0]) @ piece.normals[0, :3]
     slack = 1e-6 * float(np.abs(points).max())
     return bool(np.all(height <= slack) or np.all(height >= -slack))
 
 
-# --- pieces of one thing -------------------------------------------------------------------------------------------------
+# --- primitives of one instance ---
 
 
-def _pieces_of(tables: ir.Tables, i: int) -> list[_Found]:
-    """The pieces of an instance; none where it is made of other things, or not every ray may meet it."""
+def _primitives_of(tables: ir.Tables, i: int) -> list[_Primitive]:
+    """The primitives of an instance; none for other kinds of shapes or where not every ray may hit it."""
     instances, geometries = tables.instances, tables.geometries
     every = ir.Visibility.CAMERA | ir.Visibility.REFLECTION
     g = int(instances.geometry[i])
@@ -220,32 +219,32 @@ def _pieces_of(tables: ir.Tables, i: int) -> list[_Found]:
     if instances.visible[i] & every != every:
         return []
     if kind == ir.GeometryKind.MESH:
-        return _mesh_pieces(tables, i, g, matrix)
+        return _mesh_primitives(tables, i, g, matrix)
     if kind == ir.GeometryKind.BOX:
         outward = np.repeat(inverse[:, :3] / np.linalg.norm(inverse[:, :3], axis=1, keepdims=True), 2, axis=0)
         normals = np.column_stack([outward * np.tile([[-1.0], [1.0]], (3, 1)), np.zeros(6)])
         corners = ((2.0 * _CORNERS - 1.0) * p[:3]) @ matrix[:, :3].T + matrix[:, 3]
-        return [_Found(4, inverse / p[:3, None], normals, corners, 0, 2)]
+        return [_Primitive(4, inverse / p[:3, None], normals, corners, 0, 2)]
     if kind == ir.GeometryKind.RECTANGLE:
         x, z = p[:2]
         return [_quad(matrix, (-x, 0, z), (x, 0, z), (-x, 0, -z), 0)]
     normal = np.append(inverse[1, :3] / np.linalg.norm(inverse[1, :3]), 0.0)[None]
     if kind == ir.GeometryKind.PLANE:
-        return [_Found(3, inverse[[1, 0, 2]], normal, None, 0)]
+        return [_Primitive(3, inverse[[1, 0, 2]], normal, None, 0)]
     if kind == ir.GeometryKind.DISK:
         form = inverse[[1, 0, 2]] / np.array([[1.0], [p[0]], [p[0]]])
         corners = np.array([[x, 0, z] for x in (-p[0], p[0]) for z in (-p[0], p[0])]) @ matrix[:, :3].T + matrix[:, 3]
-        return [_Found(2, form, normal, corners, 0)]
+        return [_Primitive(2, form, normal, corners, 0)]
     even = matrix[:, :3].T @ matrix[:, :3]
     if kind == ir.GeometryKind.SPHERE and np.allclose(even, even[0, 0] * np.eye(3), rtol=0, atol=1e-12 * even[0, 0]):
         radius, centre = float(p[0]) * math.sqrt(even[0, 0]), matrix[:, 3]
         corners = centre + radius * (2.0 * _CORNERS - 1.0)
-        return [_Found(5, np.append(centre, radius), np.append(centre, 1.0 / radius)[None], corners, 0)]
+        return [_Primitive(5, np.append(centre, radius), np.append(centre, 1.0 / radius)[None], corners, 0)]
     return []
 
 
-def _quad(matrix: Any, origin: Any, first: Any, second: Any, primitive: int, kind: int = 0) -> _Found:
-    """A parallelogram (kind 0) or triangle (1) from three corners in a thing's own frame, counter-clockwise from outside."""
+def _quad(matrix: Any, origin: Any, first: Any, second: Any, primitive: int, kind: int = 0) -> _Primitive:
+    """A parallelogram (kind 0) or triangle (1) from three corners in the instance's frame, counter-clockwise from outside."""
     origin, first, second = (matrix[:, :3] @ np.asarray(c, float) + matrix[:, 3] for c in (origin, first, second))
     u, v = first - origin, second - origin
     normal = np.cross(u, v)
@@ -253,13 +252,13 @@ def _quad(matrix: Any, origin: Any, first: Any, second: Any, primitive: int, kin
     linear = np.linalg.inv(np.stack([normal, u, v], axis=1))
     form = np.column_stack([linear, -linear @ origin])
     corners = np.array([origin, first, second] if kind else [origin, first, second, first + v])
-    return _Found(kind, form, np.append(flipped * normal / np.linalg.norm(normal), 0.0)[None], corners, primitive)
+    return _Primitive(kind, form, np.append(flipped * normal / np.linalg.norm(normal), 0.0)[None], corners, primitive)
 
 
-def _mesh_pieces(tables: ir.Tables, i: int, g: int, matrix: Any) -> list[_Found]:
-    """A small mesh's triangles, two that make a parallelogram as one where nothing is interpolated over them.
+def _mesh_primitives(tables: ir.Tables, i: int, g: int, matrix: Any) -> list[_Primitive]:
+    """The triangles of a small mesh; two that form a parallelogram are one quad where nothing is interpolated over them.
 
-    Of what shines each is an emitter of its own, and what is met must tell which.
+    Triangles of an emissive material stay apart: each is an emitter, and a hit must name it.
     """
     geometries, pools = tables.geometries, tables.pools
     first, count = int(geometries.first_triangle[g]), int(geometries.triangle_count[g])
@@ -286,7 +285,7 @@ def _mesh_pieces(tables: ir.Tables, i: int, g: int, matrix: Any) -> list[_Found]
 
 
 def _opposite(one: Any, other: Any, corner: dict[int, Any]) -> int | None:
-    """Which corner of a triangle lies across the edge it shares with another, if both make a parallelogram."""
+    """The corner of a triangle opposite the edge shared with another, if both form a parallelogram."""
     shared = [k for k in range(3) if one[k] in other]
     if len(shared) != 2:
         return None
@@ -297,13 +296,13 @@ def _opposite(one: Any, other: Any, corner: dict[int, Any]) -> int | None:
 
 
 def _is_bare(tables: ir.Tables) -> NDArray[np.bool_]:
-    """(instances,) which have no texture, no colours of their mesh, and no light at vertices."""
+    """(instances,) whether there are no textures, no colors of the mesh, and no light at vertices."""
     materials = tables.materials
     bare = (materials.textures < 0).all(axis=1) & (materials.shading != ir.Shading.GOURAUD)
     return bare[tables.instances.material] & (tables.geometries.colors[tables.instances.geometry] < 0)
 
 
 def _is_plain(tables: ir.Tables) -> NDArray[np.bool_]:
-    """(instances,) of which, beside that, a point is shaded by its normal alone: their meshes have no normals, or they don't count."""
+    """(instances,) whether a point is also shaded by its face normal alone: the mesh has no normals, or they are unused."""
     flat = tables.materials.shading[tables.instances.material] == ir.Shading.FLAT
     return _is_bare(tables) & (flat | (tables.geometries.normals[tables.instances.geometry] < 0))

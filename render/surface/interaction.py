@@ -1,10 +1,10 @@
-"""From a hit to a surface ready to be shaded: place, normals, coordinates, colour, and how far a new ray must start from it.
+"""Computes the surface at a hit: position, normals, texture coordinates, color, and the offset of new rays.
 
-Normals face the side the ray came from. Mesh attributes are interpolated with the hit's barycentrics; an interpolated normal is first
-turned to the outside that the triangle's own corners say, so that what is lit does not depend on a file's careless normals.
+Normals face the side the ray came from. Mesh attributes are interpolated with the barycentrics of the hit. An interpolated normal first
+flips to the side that the triangle's winding calls outside, so shading does not depend on careless normals of a file.
 
-Light is looked for from off such triangles, where the round surface that they stand for would be (Hanika 2021, Hacking the Shadow
-Terminator, Ray Tracing Gems II, ch. 4): else facets that face away from a lamp are dark where their neighbours are lit.
+Shadow rays from triangles with interpolated normals start off the triangle, where the round surface would be (Hanika 2021, Hacking the
+Shadow Terminator, Ray Tracing Gems II, ch. 4). Otherwise facets that face away from a light are dark beside lit ones.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ CONSTANT = int(ir.Interpolation.CONSTANT)
 FACE = int(ir.Interpolation.FACE)
 VERTEX = int(ir.Interpolation.VERTEX)
 FLAT = int(ir.Shading.FLAT)
-COARSEST = 0.7  # cosine between a triangle and a normal of its corners, below which they stand for an edge, not for something round
-UNIT = 2.0  # units of roundoff of a formula's largest coordinate: twice what a unit of its spacing means (formulas/meet.py)
-ROUNDING = 32.0  # units of roundoff, of the sums of absolute terms in `spacing`: a few operations each for the hit and for the next ray
+COARSEST = 0.7  # smallest cosine between a triangle and a normal of its corners on a round surface; below it is an edge
+UNIT = 2.0  # units of roundoff of a formula's largest coordinate per unit of its spacing, twice its meaning (formula/intersect.py)
+ROUNDING = 32.0  # units of roundoff of the sums of absolute terms in `spacing`: a few operations for the hit and for the next ray
 
 
 class HitPoint(NamedTuple):
@@ -78,7 +78,7 @@ def make_interaction(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -
     side = ops.where(front, zero + 1.0, zero - 1.0)
     lift = (zero, zero, zero)
     if ops.any_lane(rounded):
-        lift = _by_matrix(matrix, _mesh_lift(tables, g, point.hit, rounded, point.local, point.corners, point.outward, side))
+        lift = _transform_linear(matrix, _mesh_lift(tables, g, point.hit, rounded, point.local, point.corners, point.outward, side))
     return Surface(
         point.world, point.local, ops.scale(geometric, side), ops.scale(shaded, side), point.outward, uv, metric,
         front, instance, material, point.color, spacing(here, ray, t, geometric, point.error), ray.time, None, lift, None,
@@ -95,8 +95,8 @@ def _shape_point(
     outward = analytic_shapes.normal(kind, tables.geometries.parameters, g, part, local)
     error, formed = ops.full_like(t, 0.0), kind == FORMULA
     if ops.any_lane(formed):
-        outward = ops.where3(formed, unpacked(hit.u, hit.v), outward)
-        error = ops.where(formed, _off(tables, g, hit, here.matrix), error)
+        outward = ops.where3(formed, unpack_normal(hit.u, hit.v), outward)
+        error = ops.where(formed, _formula_error(tables, g, hit, here.matrix), error)
     return HitPoint(hit, world, local, (local, local, local), outward, outward, ops.like3(t, 1.0, 1.0, 1.0), error)
 
 
@@ -109,7 +109,7 @@ def _mesh_point(tables: Tables, g: Lane, on_mesh: Lane, matrix: instance_transfo
     triangle = ops.where(on_mesh, ops.clip(hit.primitive, first, last), 0)  # other lanes: any triangle
     hit = Hit(hit.t, hit.instance, triangle, hit.u, hit.v)
     a, b, c = corners(tables, g, triangle)
-    error = ops.where(on_mesh, mean_scale(matrix) * _farthest(a, b, c), point.error)
+    error = ops.where(on_mesh, mean_scale(matrix) * _corner_distance(a, b, c), point.error)
     local = ops.where3(on_mesh, _blend(a, b, c, 1.0 - hit.u - hit.v, hit.u, hit.v), point.local)
     world = ops.where3(on_mesh, affine.transform_point12(matrix, local), point.world)
     face = ops.normalize(ops.cross(ops.sub(b, a), ops.sub(c, a)))
@@ -135,12 +135,12 @@ def _coordinates(
 
 
 @helper
-def spacing(here: instance_transform.Place, ray: Ray, t: Lane, normal: Vec, wide: Lane) -> Lane:
-    """How far along its normal a new ray's origin must be moved so as not to meet the surface it leaves again.
+def spacing(here: instance_transform.Place, ray: Ray, t: Lane, normal: Vec, error: Lane) -> Lane:
+    """Offset along the normal at which a new ray starts, so that it does not hit its own surface again.
 
-    A bound of rounding errors, never a fixed length: the sums of absolute terms by which the point was found (world to the shape's
-    frame and back), taken along the normal; and for triangles those by which the next ray's distance to them is found, which come from
-    corners that may lie much farther away: `wide` is how far, in metres, 0 for other shapes.
+    It is a bound on rounding errors, not a fixed length: the sums of absolute terms that gave the point (world to the shape's frame and
+    back), projected on the normal. For triangles, the error of the next ray's distance is added. It comes from corners that may lie much
+    farther away: `error` is their distance in metres, 0 for other shapes.
     Pharr, Jakob, Humphreys, "Physically Based Rendering", 4th ed., section 6.8.
     """
     m, inv = here.matrix, here.inverse
@@ -153,35 +153,35 @@ def spacing(here: instance_transform.Place, ray: Ray, t: Lane, normal: Vec, wide
     wx = abs(m[0]) * lx + abs(m[1]) * ly + abs(m[2]) * lz + abs(m[3])
     wy = abs(m[4]) * lx + abs(m[5]) * ly + abs(m[6]) * lz + abs(m[7])
     wz = abs(m[8]) * lx + abs(m[9]) * ly + abs(m[10]) * lz + abs(m[11])
-    return ROUNDING * ops.roundoff(t) * (abs(normal[0]) * wx + abs(normal[1]) * wy + abs(normal[2]) * wz + wide)
+    return ROUNDING * ops.roundoff(t) * (abs(normal[0]) * wx + abs(normal[1]) * wy + abs(normal[2]) * wz + error)
 
 
 @helper
 def off_formula(tables: Tables, instance: int, ray: Ray, hit: Hit) -> tuple[Vec, Vec, Lane]:
-    """(position, geometric, offset) as in `at`, where rays met an instance of a formula surface that does not move."""
+    """(position, geometric normal, offset) of hits with an instance of a formula surface without motion, as in `make_interaction`."""
     g, here = tables.instances.geometry[instance], instance_transform.transform_at(tables, tables.instances.transform[instance], None)
     t = ops.where(hit.instance >= 0, hit.t, 0.0)
-    geometric = ops.normalize(affine.transform_normal12(here.inverse, _unfolded(hit.u, hit.v)))
-    offset = spacing(here, ray, t, geometric, _off(tables, g, hit, here.matrix))
+    geometric = ops.normalize(affine.transform_normal12(here.inverse, _decode_octahedral(hit.u, hit.v)))
+    offset = spacing(here, ray, t, geometric, _formula_error(tables, g, hit, here.matrix))
     side = ops.where(ops.dot(ray.direction, geometric) < 0.0, 1.0, -1.0)
     return ops.along(ray.origin, ray.direction, t), ops.scale(geometric, side), offset
 
 
 @helper
-def _off(tables: Tables, g: Any, hit: Hit, matrix: instance_transform.Affine) -> Lane:
-    """How far, in metres, a hit may be off a formula's surface, as `spacing` takes it."""
+def _formula_error(tables: Tables, g: Any, hit: Hit, matrix: instance_transform.Affine) -> Lane:
+    """Distance in metres between a hit and a formula surface, at most, as `spacing` takes it."""
     return ops.to_float(hit.primitive) * tables.geometries.parameters[g, 5] * (UNIT / ROUNDING) * mean_scale(matrix)
 
 
 @helper
-def unpacked(u: Lane, v: Lane) -> Vec:
-    """The unit vector that formulas.meet packed into two numbers."""
-    return ops.normalize(_unfolded(u, v))
+def unpack_normal(u: Lane, v: Lane) -> Vec:
+    """The unit vector that formula.intersect packs into two numbers (octahedral encoding)."""
+    return ops.normalize(_decode_octahedral(u, v))
 
 
 @helper
-def _unfolded(u: Lane, v: Lane) -> Vec:
-    """A vector in its direction."""
+def _decode_octahedral(u: Lane, v: Lane) -> Vec:
+    """A vector in the direction of an octahedral encoding, not normalized."""
     z = 1.0 - abs(u) - abs(v)
     below = z < 0.0
     x = ops.where(below, (1.0 - abs(v)) * ops.sign_of(u), u)
@@ -191,58 +191,58 @@ def _unfolded(u: Lane, v: Lane) -> Vec:
 
 @helper
 def leave(surface: Surface, direction: Vec) -> Vec:
-    """Where a new ray in this direction starts: moved off the surface to the side that the direction goes to."""
+    """Origin of a new ray in a direction: offset from the surface to the side of the direction."""
     return leave_at(surface, surface.position, direction)
 
 
 @helper
 def leave_at(surface: Surface, place: Vec, direction: Vec) -> Vec:
-    """The same for a place beside the surface's own."""
+    """`leave` for a place other than the surface's position."""
     side = ops.where(ops.dot(direction, surface.geometric) >= 0.0, surface.offset, -surface.offset)
     return ops.along(place, surface.geometric, side)
 
 
 @helper
-def _risen(lift: Vec, position: Vec) -> Vec:
+def _lift_position(lift: Vec, position: Vec) -> Vec:
     return ops.add(position, lift)
 
 
 @helper
-def _from_above(lift: Vec, above: Lane, normal: Vec, direction: Vec) -> Lane:
+def _is_above(lift: Vec, above: Lane, normal: Vec, direction: Vec) -> Lane:
     return above | ((ops.dot(lift, lift) > 0.0) & (ops.dot(direction, normal) > 0.0))
 
 
-_raised, _rising = specialize_if_present(_risen), specialize_if_present(_from_above)
+_lifted_position, _starts_above = specialize_if_present(_lift_position), specialize_if_present(_is_above)
 
 
-spanning = make_replace(Surface, "spread")  # the same surface with another `spread`
+spanning = make_replace(Surface, "spread")  # the surface with another `spread`
 _with_known = make_replace(Surface, "known")
 
 
 @helper
-def _told(known: Any, surface: Surface) -> Surface:
+def _replace_known(known: Any, surface: Surface) -> Surface:
     return _with_known(surface, known)
 
 
-override_interaction = specialize_if_present(_told)  # the same surface with what is `known` of shadows on it
+override_interaction = specialize_if_present(_replace_known)  # the surface with other `known` shadows
 
 
 @helper
 def lit_from(surface: Surface) -> Vec:
-    """The place from where light is looked for: the surface's own, or above a triangle with interpolated normals."""
-    return _raised(surface.lift, surface.position)
+    """Start of shadow rays: the position, or a point above a triangle with interpolated normals."""
+    return _lifted_position(surface.lift, surface.position)
 
 
 @helper
 def leave_from(surface: Surface, place: Vec, direction: Vec) -> Vec:
-    """The same as `leave` for a ray that starts at `lit_from`: there it is above its facet also where it goes down past its edge."""
-    above = _rising(surface.lift, ops.dot(direction, surface.geometric) >= 0.0, surface.normal, direction)
+    """`leave` for a ray from `lit_from`, which is above its facet even where it goes down past the facet's edge."""
+    above = _starts_above(surface.lift, ops.dot(direction, surface.geometric) >= 0.0, surface.normal, direction)
     return ops.along(place, surface.geometric, ops.where(above, surface.offset, -surface.offset))
 
 
 @helper
 def mean_scale(m: instance_transform.Affine) -> Lane:
-    """The mean length of a transform's three axes: how much it enlarges (exact where it does so evenly)."""
+    """Mean length of a transform's three axes: its scale, exact for a uniform one."""
     x, y, z = ops.length((m[0], m[4], m[8])), ops.length((m[1], m[5], m[9])), ops.length((m[2], m[6], m[10]))
     return (x + y + z) / 3.0
 
@@ -273,8 +273,8 @@ def vertex(tables: Tables, g: Lane, i: Lane) -> Vec:
 
 
 @helper
-def _farthest(a: Vec, b: Vec, c: Vec) -> Lane:
-    """How far, at the most, three corners lie from the middle of their frame: the sum over the axes of the largest magnitude."""
+def _corner_distance(a: Vec, b: Vec, c: Vec) -> Lane:
+    """Upper bound of the distance of three corners from the origin: the sum over the axes of the largest magnitude."""
     x = ops.maximum(abs(a[0]), ops.maximum(abs(b[0]), abs(c[0])))
     y = ops.maximum(abs(a[1]), ops.maximum(abs(b[1]), abs(c[1])))
     z = ops.maximum(abs(a[2]), ops.maximum(abs(b[2]), abs(c[2])))
@@ -292,9 +292,9 @@ def _blend(a: Vec, b: Vec, c: Vec, wa: Lane, wb: Lane, wc: Lane) -> Vec:
 
 @helper
 def attribute_row(tables: Tables, g: Lane, row: Lane, triangle: Lane, corner: int, has: Lane) -> Lane:
-    """Where in Pools.values an attribute's value at a triangle's corner starts; 0 in lanes that have none.
+    """Start in Pools.values of an attribute's value at a triangle's corner; 0 in lanes without the attribute.
 
-    Those may ask for one mesh's triangle and another one's attribute, whose values may be fewer.
+    Those lanes may pair a triangle of one mesh with the attribute of another, which may have fewer values.
     """
     attributes, geometries = tables.attributes, tables.geometries
     how = attributes.interpolation[row]
@@ -312,7 +312,7 @@ def _value3(tables: Tables, start: Lane) -> Vec:
 
 @helper
 def attribute3(tables: Tables, g: Lane, row: Lane, hit: Hit, triangle: Lane, has: Lane) -> Vec:
-    """An attribute of width 3, interpolated over the triangle; in lanes that have none whatever comes first."""
+    """An attribute of width 3, interpolated over the triangle; arbitrary in lanes without the attribute."""
     return attribute_at(tables, g, row, hit.u, hit.v, triangle, has)
 
 
@@ -327,7 +327,7 @@ def attribute_at(tables: Tables, g: Lane, row: Lane, u: Lane, v: Lane, triangle:
 
 @helper
 def _mesh_normal(tables: Tables, g: Lane, hit: Hit, on_mesh: Lane, face: Vec) -> Vec:
-    """The interpolated normal, on the face's side; the face's own where the mesh has none or they cancel out."""
+    """The interpolated normal, on the face's side; the face normal where the mesh has none or they cancel."""
     row = ops.to_int(tables.geometries.normals[g])
     has = on_mesh & (row >= 0)
     normal = face
@@ -344,9 +344,9 @@ def _mesh_normal(tables: Tables, g: Lane, hit: Hit, on_mesh: Lane, face: Vec) ->
 def _mesh_lift(
     tables: Tables, g: Lane, hit: Hit, on_mesh: Lane, place: Vec, at: tuple[Vec, Vec, Vec], face: Vec, side: Lane
 ) -> Vec:  # fmt: skip
-    """From a place on a triangle to the mean of its projections on the planes through its corners, where those lie above it.
+    """Vector from a point of a triangle to the mean of its projections on the tangent planes of the corners that lie above it.
 
-    `side` is 1 where it is seen from outside, -1 from inside; all in the mesh's frame.
+    `side` is 1 for the outside, -1 for the inside; all in the mesh's frame.
     """
     row = ops.to_int(tables.geometries.normals[g])
     has = on_mesh & (row >= 0)
@@ -359,15 +359,16 @@ def _mesh_lift(
         c = _value3(tables, attribute_row(tables, g, row, triangle, 2, has))
         w = 1.0 - hit.u - hit.v
         side = side * ops.where(ops.dot(_blend(a, b, c, w, hit.u, hit.v), face) < 0.0, -1.0, 1.0)
-        a, b, c = _over(place, at[0], a, face, side), _over(place, at[1], b, face, side), _over(place, at[2], c, face, side)
+        a, b = _lift_to_tangent(place, at[0], a, face, side), _lift_to_tangent(place, at[1], b, face, side)
+        c = _lift_to_tangent(place, at[2], c, face, side)
         raised = _blend(a, b, c, w, hit.u, hit.v)
         lift = ops.where3(has & ops.is_finite(ops.dot(raised, raised)), raised, lift)
     return lift
 
 
 @helper
-def _over(place: Vec, corner: Vec, normal: Vec, face: Vec, side: Lane) -> Vec:
-    """From a place up to the plane through a corner across its normal, of any length; 0 where it is above or that is an edge."""
+def _lift_to_tangent(place: Vec, corner: Vec, normal: Vec, face: Vec, side: Lane) -> Vec:
+    """Vector from a point up to the tangent plane of a corner with a normal of any length; 0 where it is above or at an edge."""
     size, along = ops.dot(normal, normal), ops.dot(normal, face)
     height = ops.maximum(side * ops.dot(ops.sub(corner, place), normal), 0.0)
     round_ = along * along > COARSEST * COARSEST * size
@@ -375,7 +376,7 @@ def _over(place: Vec, corner: Vec, normal: Vec, face: Vec, side: Lane) -> Vec:
 
 
 @helper
-def _by_matrix(m: instance_transform.Affine, v: Vec) -> Vec:
+def _transform_linear(m: instance_transform.Affine, v: Vec) -> Vec:
     return (
         m[0] * v[0] + m[1] * v[1] + m[2] * v[2], m[4] * v[0] + m[5] * v[1] + m[6] * v[2], m[8] * v[0] + m[9] * v[1] + m[10] * v[2],
     )  # fmt: skip
@@ -402,7 +403,7 @@ def corner_uv(tables: Tables, g: Lane, row: Lane, triangle: Lane, corner: int, h
 
 @helper
 def _mesh_uv(tables: Tables, g: Lane, hit: Hit, on_mesh: Lane, a: Vec, b: Vec, c: Vec) -> tuple[Lane, Lane, Lane, Lane]:
-    """u, v and the metres (of the mesh's frame) that one unit of each spans on this triangle; 0, 0, 1, 1 without coordinates."""
+    """u, v and the metres (in the mesh's frame) that one unit of each spans on the triangle; 0, 0, 1, 1 without coordinates."""
     row = ops.to_int(tables.geometries.uvs[g])
     has = on_mesh & (row >= 0)
     zero = ops.full_like(hit.u, 0.0)
@@ -421,7 +422,7 @@ def _mesh_uv(tables: Tables, g: Lane, hit: Hit, on_mesh: Lane, a: Vec, b: Vec, c
 
 @helper
 def spans(e1: Vec, e2: Vec, u1: Lane, v1: Lane, u2: Lane, v2: Lane) -> tuple[Lane, Lane]:
-    """The metres that one unit of u and of v spans on triangles with these two edges, along which they change so; 1, 1 if unknown.
+    """Metres that one unit of u and of v spans on triangles with two edges, along which they change by the arguments; 1, 1 if unknown.
 
     Two edges and their coordinates give the derivatives of the point: dp/du = (Δv₂ e₁ − Δv₁ e₂) / det.
     """

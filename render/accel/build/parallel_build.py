@@ -1,7 +1,7 @@
-"""Binary trees over boxes grown by threads: each takes what is to be divided, or a part to grow whole, until nothing is left.
+"""Builds a binary BVH on threads, which take nodes to split, or small subtrees to build whole, from a shared task list.
 
-What is divided brings two more to take. All that happens in one call a thread: those that go back to Python in between wait there for
-each other's locks. The tree is the same whoever does what.
+A split node adds two tasks. Each thread stays in one kernel call: returning to Python in between would wait for locks. The BVH does not
+depend on the assignment of tasks to threads.
 """
 
 from __future__ import annotations
@@ -19,63 +19,63 @@ from ...jit.kernel import allocating_helper, helper, kernel, noinline_helper
 from ...jit.packed_struct import Handle
 from ...simd.atomics import fetch_add, load_acquire, store_release
 from . import binned_sah, wide_collapse
-from .binned_sah import Halves
+from .binned_sah import BinaryBvh
 
-STEP = 0.3  # what going down a level of the binary tree costs, against the test of a leaf
-PART = 4096  # items that are grown in one go: what is chosen of them stays in the cache
-_PIECE = 8192  # items whose boxes are found in one go
-_PATIENCE = 300_000  # looks after which a thread that waits lets others have its core
-_PAUSE = 2e-5  # seconds for which it does
+STEP = 0.3  # cost of a step down the binary BVH, relative to the test of a leaf
+PART = 4096  # items of a subtree that one task builds, which then stays in the cache
+_PIECE = 8192  # items whose boxes one step computes
+_PATIENCE = 300_000  # polls after which a waiting thread yields its core
+_PAUSE = 2e-5  # seconds of that
 NODE, FREE, LEVEL, BELOW, NODES, LEAVES = range(6)  # columns of `tasks`
-BEGUN, ENDED, MADE, TAKEN, LEFT, COLLAPSED = (8 * k for k in range(6))  # in `counters`, a cache line each
+BEGUN, ENDED, MADE, TAKEN, LEFT, COLLAPSED = (8 * k for k in range(6))  # positions in `counters`, a cache line each
 
 
 class Mesh(NamedTuple):
-    """Triangles as they are given, or none."""
+    """The input triangles, or none."""
 
     positions: NDArray[np.float32]
     triangles: NDArray[np.int32]
 
 
-class Growth(NamedTuple):
-    """A binary tree, how its nodes share out children, and what threads need that grow it."""
+class BuildState(NamedTuple):
+    """A binary BVH during the build, its collapse to a wide BVH, and the state shared by threads."""
 
     mesh: Mesh
-    tree: Halves
-    share: NDArray[np.uint8]  # see choice.empty
+    tree: BinaryBvh
+    share: NDArray[np.uint8]  # see wide_collapse.empty
     width: int  # items of a leaf
-    around: NDArray[np.float32]  # (pieces, 2, 8) box and span of each piece of the items; none where those of all are known
+    around: NDArray[np.float32]  # (pieces, 2, 8) box and span of each piece of the items; empty where those of all are known
     tasks: NDArray[np.int64]
-    """(m, 8): a node, the place from which on its halves stand, how many levels down it is, the task of its first half (before that of the
-    second; 0: it is a part), and how many nodes and leaves the part's wide tree has."""
-    cost: NDArray[np.float32]  # (m,) of parts
-    ready: NDArray[np.int64]  # (m,) whether a task may be taken
-    counters: NDArray[np.int64]  # pieces begun and ended, tasks made and taken, items of which no part has been grown yet; wide.collapse's
-    parts: NDArray[np.int64]  # (m, 3) binary roots, rising, with their first nodes and leaves in the whole; what is above parts is one, too
-    sizes: NDArray[np.int64]  # (3,) how many parts, nodes and leaves there are
+    """(m, 8): node, first row of its children, level, task of its first child (that of the second follows; 0: a part), and the numbers of
+    nodes and leaves of the part's wide BVH."""
+    cost: NDArray[np.float32]  # (m,) SAH cost of parts
+    ready: NDArray[np.int64]  # (m,) whether a task may start
+    counters: NDArray[np.int64]  # pieces begun and ended, tasks made and taken, items left to build, parts collapsed
+    parts: NDArray[np.int64]  # (m, 3) binary roots, ascending, first wide nodes and leaves; the nodes above all parts are row 0
+    sizes: NDArray[np.int64]  # (3,) numbers of parts, nodes and leaves
 
 
 def bytes_of(n: int) -> int:
-    """The memory that a tree over n items is grown in, at most."""
+    """Upper bound of the memory that the build of a BVH over n items uses, in bytes."""
     return n * (3 * 8 * 4 + 3 * 2 * 4 + 2 * wide_collapse.WIDTH) + 8 * simd.CACHE_LINE
 
 
-def of_mesh(mesh: Mesh, threads: int, memory: Scratch) -> Handle:
-    """The Growth of a tree over a mesh's triangles."""
-    return _grown(_empty(mesh, len(mesh.triangles), memory), threads)
+def build_over_triangles(mesh: Mesh, threads: int, memory: Scratch) -> Handle:
+    """Build the BVH over the triangles of a mesh."""
+    return _run_workers(_allocate(mesh, len(mesh.triangles), memory), threads)
 
 
-def of_items(items: NDArray[np.float32], around: NDArray[np.float32], threads: int, memory: Scratch) -> Handle:
-    """The Growth of a tree over items (n, 8), each a leaf, with what is `around` them (2, 8)."""
-    growth = _empty(Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)), len(items), memory)
+def build_over_items(items: NDArray[np.float32], around: NDArray[np.float32], threads: int, memory: Scratch) -> Handle:
+    """Build the BVH over items (n, 8), each a leaf, whose box and span are `around` (2, 8)."""
+    growth = _allocate(Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)), len(items), memory)
     growth.tree.items[:], growth.tree.boxes[:2], growth.ready[0] = items, around, 1
-    return _grown(growth, threads)
+    return _run_workers(growth, threads)
 
 
-def _empty(mesh: Mesh, n: int, memory: Scratch) -> Growth:
+def _allocate(mesh: Mesh, n: int, memory: Scratch) -> BuildState:
     found = len(mesh.triangles)
-    most = 2 * (n // PART) * (binned_sah.DEEPEST + n.bit_length()) + 1  # no level has more than n // PART nodes to divide
-    growth = Growth(
+    most = 2 * (n // PART) * (binned_sah.DEEPEST + n.bit_length()) + 1  # each level splits at most n // PART nodes
+    growth = BuildState(
         mesh, binned_sah.empty(n, memory), wide_collapse.empty(n, memory), wide_collapse.WIDTH if found else 1,
         np.empty((-(-found // _PIECE), 2, 8), np.float32), np.zeros((most, 8), np.int64), np.empty(most, np.float32),
         np.zeros(most, np.int64), np.zeros(6 * 8, np.int64), np.empty((most + 1, 3), np.int64), np.empty(3, np.int64),
@@ -85,7 +85,7 @@ def _empty(mesh: Mesh, n: int, memory: Scratch) -> Growth:
     return growth
 
 
-def _grown(growth: Growth, threads: int) -> Handle:
+def _run_workers(growth: BuildState, threads: int) -> Handle:
     shared = Handle(growth)
 
     def work(_: int) -> None:
@@ -94,7 +94,7 @@ def _grown(growth: Growth, threads: int) -> Handle:
             while not build_worker(shared, mine):
                 time.sleep(_PAUSE)
         except BaseException:
-            growth.counters[LEFT] = 0  # or others would wait for what never comes
+            growth.counters[LEFT] = 0  # ends the wait of other threads
             raise
 
     threads = min(threads, -(-len(growth.tree.items) // PART))
@@ -104,45 +104,45 @@ def _grown(growth: Growth, threads: int) -> Handle:
 
 @kernel
 def build_worker(growth, mine):
-    """Do what there is to do until nothing is left: True; or while others do all there is: False.
+    """Work on tasks until none is left and return True, or return False after a long wait for tasks of other threads.
 
-    `mine` is the task that this thread waits for, -1 if none.
+    `mine` holds the task that this thread waits for, -1: none.
     """
-    _find_boxes(growth)
-    counters, ready, looks = growth.counters, growth.ready, 0
-    room, cost = binned_sah.room(), np.empty(2 * PART * wide_collapse.ROW, np.float32)
+    _compute_boxes(growth)
+    counters, ready, polls = growth.counters, growth.ready, 0
+    buffers, cost = binned_sah.allocate_buffers(), np.empty(2 * PART * wide_collapse.ROW, np.float32)
     stack, children = np.empty(wide_collapse.DEPTH, np.int64), np.empty((wide_collapse.WIDTH, 2), np.int64)
     while load_acquire(counters, LEFT) > 0:
         if mine[0] < 0:
             mine[0] = fetch_add(counters, TAKEN, 1)
         k = mine[0]
         if k >= len(ready) or load_acquire(ready, k) == 0:
-            looks += 1
-            if looks > _PATIENCE:
+            polls += 1
+            if polls > _PATIENCE:
                 return False
             continue
-        mine[0], looks = -1, 0
+        mine[0], polls = -1, 0
         node, n = growth.tasks[k, NODE], np.int64(growth.tree.count[growth.tasks[k, NODE]])
         end = binned_sah.split_nodes(
-            growth.tree, node, growth.tasks[k, FREE], growth.tasks[k, LEVEL], growth.width, np.float32(STEP), n > PART, room
+            growth.tree, node, growth.tasks[k, FREE], growth.tasks[k, LEVEL], growth.width, np.float32(STEP), n > PART, buffers
         )
         if n > PART:
-            _hand_on(growth, k)
-        elif _choose(growth, k, end, cost, stack, children) == n:
-            _arrange(growth, stack, children)
+            _add_child_tasks(growth, k)
+        elif _collapse_part(growth, k, end, cost, stack, children) == n:
+            _place_parts(growth, stack, children)
     return True
 
 
 @helper
-def _find_boxes(growth: Any) -> None:
-    """Set the boxes of triangles as halves.py wants them, piece by piece; the last one to do so makes the root a task."""
+def _compute_boxes(growth: Any) -> None:
+    """Compute the boxes of triangles, piece by piece; the thread that finishes the last piece makes the root a task."""
     around, counters = growth.around, growth.counters
     pieces = len(around)
     while pieces > 0:
         k = fetch_add(counters, BEGUN, 1)
         if k >= pieces:
             break
-        _find_boxes_of(growth.mesh, growth.tree.items, k, around)
+        _compute_piece(growth.mesh, growth.tree.items, k, around)
         if fetch_add(counters, ENDED, 1) == pieces - 1:
             for j in range(2):
                 box = simd.f32x8(np.inf)
@@ -153,8 +153,8 @@ def _find_boxes(growth: Any) -> None:
 
 
 @helper
-def _find_boxes_of(mesh: Any, items: Any, piece: int, around: Any) -> None:
-    """Those of one piece, and the box and the span of all of them."""
+def _compute_piece(mesh: Any, items: Any, piece: int, around: Any) -> None:
+    """Compute the boxes of one piece, and their box and span."""
     whole, span = simd.f32x8(np.inf), simd.f32x8(np.inf)
     xyz = simd.iota(simd.i32x4(0)) < 3
     for i in range(piece * _PIECE, min((piece + 1) * _PIECE, len(mesh.triangles))):
@@ -166,14 +166,14 @@ def _find_boxes_of(mesh: Any, items: Any, piece: int, around: Any) -> None:
         high = simd.with_lane(simd.f32x4(0.0) - high, binned_sah.COUNT - 4, np.float32(1.0))
         box = simd.joined(low, high)
         simd.store(items, i * 8, box)
-        whole, span = simd.minimum(whole, box), simd.minimum(span, binned_sah.middle_of(box))
+        whole, span = simd.minimum(whole, box), simd.minimum(span, binned_sah.center_of(box))
     simd.store(around, piece * 16, whole)
     simd.store(around, piece * 16 + 8, span)
 
 
 @helper
-def _hand_on(growth: Any, k: int) -> None:
-    """Make tasks of the halves of a task's node."""
+def _add_child_tasks(growth: Any, k: int) -> None:
+    """Make tasks of the children of a task's node."""
     tasks, slot = growth.tasks, fetch_add(growth.counters, MADE, 2)
     second = np.int64(growth.tree.second[tasks[k, NODE]])
     tasks[k, BELOW] = slot
@@ -184,12 +184,12 @@ def _hand_on(growth: Any, k: int) -> None:
 
 
 @helper
-def _choose(growth: Any, k: int, end: int, cost: Any, stack: Any, children: Any) -> int:
-    """Choose what is kept of a part that has been grown; how many items were left before that."""
+def _collapse_part(growth: Any, k: int, end: int, cost: Any, stack: Any, children: Any) -> int:
+    """Choose the wide nodes of a finished part; return how many items were left before."""
     tree, share, tasks = growth.tree, growth.share, growth.tasks
     node = tasks[k, NODE]
     wide_collapse.choose_wide_nodes(tree, share, node, tasks[k, FREE], end, growth.width, cost)
-    tasks[k, NODES], tasks[k, LEAVES] = wide_collapse.counted(tree, share, node, stack, children)
+    tasks[k, NODES], tasks[k, LEAVES] = wide_collapse.count_nodes(tree, share, node, stack, children)
     growth.cost[k] = wide_collapse.cost_of(cost, 0)
     if k > 0:
         wide_collapse.set_apart(share, node)
@@ -197,14 +197,14 @@ def _choose(growth: Any, k: int, end: int, cost: Any, stack: Any, children: Any)
 
 
 @noinline_helper
-def _arrange(growth: Any, stack: Any, children: Any) -> None:
-    """Choose what is kept above the parts, and say where those stand: behind that, one behind the other."""
+def _place_parts(growth: Any, stack: Any, children: Any) -> None:
+    """Choose the wide nodes above all parts, and assign the parts their rows: after those, one after another."""
     tree, share, tasks, parts = growth.tree, growth.share, growth.tasks, growth.parts
     made = node = leaf = 0
     if tasks[0, BELOW] > 0:
-        _choose_above(growth)
+        _collapse_above(growth)
         parts[0, 0], parts[0, 1], parts[0, 2] = 0, 0, 0
-        made, node = 1, wide_collapse.counted(tree, share, 0, stack, children)[0]
+        made, node = 1, wide_collapse.count_nodes(tree, share, 0, stack, children)[0]
     stack[0], top = 0, 1
     while top > 0:
         top -= 1
@@ -219,10 +219,10 @@ def _arrange(growth: Any, stack: Any, children: Any) -> None:
 
 
 @allocating_helper
-def _choose_above(growth: Any) -> None:
+def _collapse_above(growth: Any) -> None:
     tasks, made = growth.tasks, growth.counters[MADE]
     cost = np.empty(made * wide_collapse.ROW, np.float32)
-    for k in range(made - 1, -1, -1):  # halves were made tasks after what they are of
+    for k in range(made - 1, -1, -1):  # children became tasks after their parents
         below = tasks[k, BELOW]
         if below == 0:
             wide_collapse.set_cost(cost, k, growth.cost[k])

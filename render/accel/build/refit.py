@@ -1,4 +1,4 @@
-"""Trees of meshes whose corners moved: the same nodes and leaves round new places, where that is nearly as good as building anew."""
+"""Refits the BVH of a mesh whose vertices moved: same nodes and leaves, new boxes, where the SAH cost stays close to that of a build."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from . import wide_bvh
 from .wide_bvh import EMPTY, SLACK, WIDTH, Wide, triangle_of
 from .wide_collapse import TEST
 
-WORSE = 1.25  # times what a tree cost when it was built: beyond that a refitted one is built anew
+MAX_COST_RATIO = 1.25  # largest cost of a refit BVH, relative to its cost when built
 
 
 def cost(tree: Wide) -> float:
-    """What a ray through the root's box is expected to cost, in tests of nodes (the surface area heuristic)."""
+    """Expected cost of a ray through the root's box, in node tests (surface area heuristic)."""
     planes = tree.nodes.reshape(-1, 3, 2, WIDTH).astype(np.float64)
     with np.errstate(invalid="ignore"):
         x, y, z = (np.maximum(planes[:, k, 1] - planes[:, k, 0], 0.0) for k in range(3))
@@ -25,21 +25,21 @@ def cost(tree: Wide) -> float:
     return 1.0 + float((area * np.where(tree.links < 0, TEST, 1.0)).sum()) / whole if whole > 0 else 1.0
 
 
-def refitted(tree: Wide, positions: NDArray[np.float32], triangles: NDArray[np.int32]) -> Wide:
-    """A tree of the same shape as `tree`, of triangles (t, 3) of the same corners at other positions (v, 3).
+def refit(tree: Wide, positions: NDArray[np.float32], triangles: NDArray[np.int32]) -> Wide:
+    """A BVH with the topology of `tree` for the same triangles (t, 3) at other positions (v, 3).
 
-    Rays meet in it what they meet in one that is built. `tree` stays as it is.
+    Rays have the same hits as in a new BVH. `tree` is not changed.
     """
     made = wide_bvh.allocate(len(tree.nodes), len(tree.leaves))
-    made.links[...], made.rows[...] = tree.links, tree.rows  # the latter in its leaves
+    made.links[...], made.rows[...] = tree.links, tree.rows  # the rows are part of the leaves
     fit(made, positions, triangles)
     return made
 
 
 @kernel
 def fit(tree, positions, triangles):
-    """Fill leaves and nodes of a tree whose links and rows are there; nodes come before their children."""
-    around = np.empty((len(tree.nodes) + len(tree.leaves), 6), np.float32)  # of nodes, then of leaves: lowest and highest corner
+    """Fill the leaves and node boxes of a BVH with given links and rows; nodes come before their children."""
+    around = np.empty((len(tree.nodes) + len(tree.leaves), 6), np.float32)  # bounds of nodes, then of leaves
     first = len(tree.nodes)
     most = np.float32(0.0)
     for leaf in range(len(tree.leaves)):

@@ -1,8 +1,8 @@
-"""The tree over instances: nodes as those of a mesh's tree, in a frame in which all things lie between -1 and 1.
+"""Builds the BVH over instances, in a frame where all instances lie between -1 and 1.
 
-Its shape comes from growing.py and choice.py; which boxes lie around what is computed afterwards from the instances' own. Planes are
-single precision and moved out by what that does to them and to a ray, a two-millionth of the scene. Where that would be much for most
-things, the few that make the scene so wide stay outside of the tree (`too_large`).
+Nodes have the layout of mesh BVHs. parallel_build and wide_collapse give the topology; node boxes are then computed from the boxes of the
+instances. Planes are float32 and move out by the rounding error of planes and rays, a two-millionth of the scene. Where that is large
+beside most instances, the few very large ones stay outside (`too_large`).
 """
 
 from __future__ import annotations
@@ -19,27 +19,27 @@ from ...types import Vec
 from . import binned_sah, wide_bvh
 from .wide_bvh import EMPTY, NODE, WIDTH
 
-SLACK = 2.0**-21  # by which boxes grow in the tree's frame: three roundings of planes and origins to float32, and four more
-_FEW = 8  # things that may stay outside of the tree
-_SMALL, _LARGE = 32.0 * SLACK, 0.25  # shares of the whole: of what is small beside the slack, and of what is large beside all others
+SLACK = 2.0**-21  # growth of boxes in the BVH's frame: seven float32 roundings of planes and origins
+_MAX_OUTSIDE = 8  # instances that may stay outside of the BVH
+_SMALL, _LARGE = 32.0 * SLACK, 0.25  # extents, relative to the scene, of instances that are small beside the slack, and of large ones
 
 
 class Top(NamedTuple):
-    """A link is a node's number, ~ an instance's, or `EMPTY`; the root is node 0. Without nodes there is nothing."""
+    """BVH over instances. A link is a node, ~ an instance or EMPTY; the root is node 0. Without nodes it is empty."""
 
-    nodes: NDArray[np.float32]  # (n, NODE) as those of wide.Wide, in the tree's frame
+    nodes: NDArray[np.float32]  # (n, NODE) as in Wide, in the BVH's frame
     links: NDArray[np.int32]  # (n, WIDTH); nodes come before their children
-    frame: NDArray[np.float64]  # (4,) the world's point at its origin, and its unit of length in the world, inverse: a power of two
+    frame: NDArray[np.float64]  # (4,) origin of the frame in the world, and its scale, a power of two
 
 
 def too_large(boxes: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(n,) which of things with boxes (n, 6) make the tree's slack much for most of the others; none where there are many such."""
+    """(n,) whether an instance with box (n, 6) makes the slack large beside most others; none where there are many such."""
     if len(boxes) <= WIDTH:
         return np.zeros(len(boxes), np.bool_)
     size = (boxes[:, 3:] - boxes[:, :3]).max(axis=1)
     whole = (boxes[:, 3:].max(axis=0) - boxes[:, :3].min(axis=0)).max()
     large = size > _LARGE * whole
-    return large if np.median(size) < _SMALL * whole and np.count_nonzero(large) <= _FEW else np.zeros(len(boxes), np.bool_)
+    return large if np.median(size) < _SMALL * whole and np.count_nonzero(large) <= _MAX_OUTSIDE else np.zeros(len(boxes), np.bool_)
 
 
 @helper
@@ -50,7 +50,7 @@ def to_frame(top: Any, o: Vec, d: Vec) -> tuple[Vec, Vec]:
 
 
 def build(boxes: NDArray[np.float64], instances: NDArray[np.int32], threads: int = 0) -> Top:
-    """The tree over instances with finite boxes, rows (instances, 6) of the whole scene's; the same on any number of threads (0: all)."""
+    """Build the BVH over `instances`, whose rows of `boxes` are finite; independent of the number of threads (0: all cores)."""
     n = len(instances)
     links = np.full((1 if n else 0, WIDTH), EMPTY, np.int32)
     if n <= WIDTH:
@@ -75,7 +75,7 @@ def _links(boxes: NDArray[np.float64], threads: int) -> NDArray[np.int32]:
 
 
 def refit(top: Top, boxes: NDArray[np.float64]) -> None:
-    """Fit the nodes around the boxes (instances, 6) that things have now; the tree's shape stays."""
+    """Refit the nodes to new boxes (instances, 6) of instances; the topology stays."""
     inside = boxes[~top.links[(top.links < 0) & (top.links > EMPTY)]]
     low, high = inside[:, :3].min(axis=0), inside[:, 3:].max(axis=0)
     middle = 0.5 * low + 0.5 * high
@@ -95,7 +95,7 @@ def refit(top: Top, boxes: NDArray[np.float64]) -> None:
 
 @kernel
 def enclose(nodes, links, boxes):
-    """Set all nodes' planes, from the last node to the first."""
+    """Compute the planes of all nodes, from the last node to the first."""
     around = np.empty((len(links), 6))
     for node in range(len(links) - 1, -1, -1):
         for k in range(3):

@@ -1,8 +1,7 @@
-"""Trees of meshes that were built before: in memory, and of large meshes on disk, by what they are made from.
+"""Cache of mesh BVHs by content: in memory, and on disk for large meshes.
 
-A scene that is drawn again after something moved, or was typed, builds only the tree over its instances anew; a large mesh that was
-drawn yesterday is read faster than its tree is built; one whose corners moved keeps the shape of its tree where that is good.
-Files lie beside the kernels that read them, so that none outlives its form.
+A redraw after an edit builds only the BVH over instances. The BVH of a large mesh is read faster than built. A mesh whose vertices moved is
+refitted where that is good enough. Files stand in the folder of the kernels that read them, so none outlives its format.
 """
 
 from __future__ import annotations
@@ -21,16 +20,16 @@ from ...jit import cache_key, kernel_cache
 from . import refit, wide_bvh
 from .wide_bvh import LEAF, NODE, WIDTH, Wide
 
-LARGE = 50_000  # triangles from which on a tree is kept on disk
-IN_MEMORY = 256 << 20  # bytes of trees at most
+LARGE = 50_000  # triangles from which on a BVH is stored on disk
+IN_MEMORY = 256 << 20  # bytes of BVHs in memory, at most
 ON_DISK = 2 << 30
 _known: OrderedDict[str, Wide] = OrderedDict()
-_shapes: OrderedDict[str, tuple[Wide, float]] = OrderedDict()  # by triangles alone: the tree last built for them, and what it cost
+_shapes: OrderedDict[str, tuple[Wide, float]] = OrderedDict()  # by hash of the triangles: the last BVH built and its cost
 _lock = threading.Lock()
 
 
 def cached_mesh_bvh(positions: NDArray[np.float32], triangles: NDArray[np.int32], threads: int = 0) -> Wide:
-    """The tree of a mesh as wide.build makes it, or one refitted to it that is nearly as good; it is not to be changed."""
+    """The BVH of a mesh as by wide_bvh.build, or a refitted one of similar cost. Callers must not change it."""
     key = hashlib.sha256(_numbers(len(positions), len(triangles)))
     key.update(np.ascontiguousarray(triangles).data)
     shape = key.hexdigest()
@@ -44,7 +43,7 @@ def cached_mesh_bvh(positions: NDArray[np.float32], triangles: NDArray[np.int32]
     file = kernel_cache.CACHE / "trees" / f"{cache_key.key(__name__)}-{name}"
     made = read(file) if len(triangles) >= LARGE else None
     if made is None:
-        made = _refitted(shape, positions, triangles)
+        made = _refit_last(shape, positions, triangles)
     if made is None:
         made = wide_bvh.build(positions, triangles, threads)
         with _lock:
@@ -61,18 +60,18 @@ def cached_mesh_bvh(positions: NDArray[np.float32], triangles: NDArray[np.int32]
     return made
 
 
-def _refitted(shape: str, positions: NDArray[np.float32], triangles: NDArray[np.int32]) -> Wide | None:
-    """The tree last built for these triangles round their new places, if there is one and it costs little more than it did."""
+def _refit_last(shape: str, positions: NDArray[np.float32], triangles: NDArray[np.int32]) -> Wide | None:
+    """The last BVH of these triangles, refitted, if there is one and its cost stays close to that of the build."""
     with _lock:
         built = _shapes.get(shape)
     if built is None:
         return None
-    made = refit.refitted(built[0], positions, triangles)
-    return made if refit.cost(made) <= refit.WORSE * built[1] else None
+    made = refit.refit(built[0], positions, triangles)
+    return made if refit.cost(made) <= refit.MAX_COST_RATIO * built[1] else None
 
 
 def clear() -> None:
-    """Drop what is in memory."""
+    """Empty the cache in memory."""
     with _lock:
         _known.clear()
         _shapes.clear()
@@ -83,7 +82,7 @@ def _numbers(*values: int) -> bytes:
 
 
 def read(file: Path) -> Wide | None:
-    """The tree in a file; None where there is none, or not a whole one."""
+    """Read a BVH from a file; None without a complete one."""
     try:
         with file.open("rb", buffering=0) as stream:
             nodes, leaves = (int(n) for n in np.frombuffer(stream.read(16), np.int64))
@@ -100,7 +99,7 @@ def read(file: Path) -> Wide | None:
 
 
 def write(file: Path, made: Wide) -> None:
-    """Put a tree into a file, whole or not at all; where that cannot be, nothing happens. The longest unread ones make room for it."""
+    """Write a BVH to a file atomically; errors are ignored. The files unread for longest are evicted."""
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         others = sorted(((each.stat().st_mtime, each) for each in file.parent.iterdir()), reverse=True)

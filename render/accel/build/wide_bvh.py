@@ -1,7 +1,7 @@
-"""Trees with sixteen children a node (eight without AVX-512), for one ray against as many boxes or triangles at a time.
+"""Wide BVHs of sixteen children a node (eight without AVX-512): a ray tests as many boxes or triangles at a time.
 
-Made from binary trees (growing.py), of whose nodes some are kept (choice.py). A node is six rows of planes and a row of links; a leaf, as
-many triangles side by side.
+A wide BVH is collapsed (wide_collapse.py) from a binary one (parallel_build.py). A node is six rows of planes and a row of links; a leaf
+is WIDTH triangles side by side.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from . import binned_sah, parallel_build, wide_collapse
 from .parallel_build import Mesh
 from .wide_collapse import DEPTH, WIDTH
 
-NODE = 6 * WIDTH  # planes of a node: rows of low x, high x, low y, high y, low z, high z; of empty places low inf, high -inf
-LEAF = 10 * WIDTH  # of a leaf: rows of x, y, z of the first corners, then of the second, of the third; which triangles, as bits of int32
+NODE = 6 * WIDTH  # floats of a node: rows of low x, high x, low y, high y, low z, high z; low inf, high -inf without a child
+LEAF = 10 * WIDTH  # floats of a leaf: rows of x, y, z of the first, second and third corners, then triangle numbers as bits of int32
 WHICH = 9 * WIDTH
-SLACK = 2.0**-22  # of the largest coordinate, by which boxes grow: what rounding to float32 does to a ray's origin, four times
+SLACK = 2.0**-22  # growth of boxes, relative to the largest coordinate: four float32 roundings of a ray's origin
 EMPTY = -1 - (1 << 29)
-spread32, spread64 = getattr(simd, f"f32x{WIDTH}"), getattr(simd, f"f64x{WIDTH}")  # a number in as many lanes
+spread32, spread64 = getattr(simd, f"f32x{WIDTH}"), getattr(simd, f"f64x{WIDTH}")  # a number in all lanes
 
 
 class Wide(NamedTuple):
-    """A mesh's tree. A link is a node's number, ~ a leaf's, or below both where there is none; the root is node 0."""
+    """The BVH of a mesh. A link is a node, ~ a leaf or EMPTY, which is below both; the root is node 0."""
 
     nodes: NDArray[np.float32]  # (n, NODE)
     links: NDArray[np.int32]  # (n, WIDTH)
@@ -38,39 +38,36 @@ class Wide(NamedTuple):
 
     @property
     def rows(self) -> NDArray[np.int32]:
-        """(l, WIDTH) which triangle, -1 where there is none."""
+        """Triangle numbers, -1: none, (l, WIDTH)."""
         return self.leaves.view(np.int32)[:, WHICH:]
 
     @property
     def corners(self) -> NDArray[np.float32]:
-        """(l, 3, 3, WIDTH) x, y, z of the triangles' first, second and third corners, nan where there is none."""
+        """x, y, z of the triangles' first, second and third corners, NaN without a triangle, (l, 3, 3, WIDTH)."""
         return self.leaves[:, :WHICH].reshape(-1, 3, 3, WIDTH)
 
     @property
     def nbytes(self) -> int:
-        """Bytes in memory."""
+        """Size in memory, in bytes."""
         return sum(part.nbytes for part in self)
 
 
 def build(positions: NDArray[np.float32], triangles: NDArray[np.int32], threads: int = 0) -> Wide:
-    """The tree of triangles (t, 3), rows of positions (v, 3); t > 0.
-
-    It is the same on any number of threads (0: all there are).
-    """
+    """Build the BVH of triangles (t, 3), rows of positions (v, 3); t > 0. Independent of the number of threads (0: all cores)."""
     mesh, threads = Mesh(np.ascontiguousarray(positions), np.ascontiguousarray(triangles)), threads or target.cores()
     with arena.arena(parallel_build.bytes_of(len(triangles))) as memory:
-        return _collapsed(parallel_build.of_mesh(mesh, threads, memory), threads)
+        return _collapse_parts(parallel_build.build_over_triangles(mesh, threads, memory), threads)
 
 
 def links(items: NDArray[np.float32], around: NDArray[np.float32], threads: int = 0) -> NDArray[np.int32]:
-    """The links alone of a tree over items without triangles: ~ an item's number where a leaf's would stand; as growing.of_items."""
+    """The links of a BVH over items, with ~ an item for a leaf; arguments as of parallel_build.build_over_items."""
     threads = threads or target.cores()
     with arena.arena(parallel_build.bytes_of(len(items))) as memory:
-        return _collapsed(parallel_build.of_items(items, around, threads, memory), threads).links
+        return _collapse_parts(parallel_build.build_over_items(items, around, threads, memory), threads).links
 
 
-def _collapsed(growth: Handle, threads: int) -> Wide:
-    """The tree with eight or more children a node; its parts, on threads, stand one behind the other, after what is above them."""
+def _collapse_parts(growth: Handle, threads: int) -> Wide:
+    """Collapse to a wide BVH on threads; the parts stand one after another, after the nodes above them."""
     parts, nodes, leaves = (int(n) for n in growth.tables.sizes)
     whole, threads = allocate(nodes, leaves if growth.tables.width > 1 else 0), min(threads, parts)
     thread_pool.parallel_for(lambda _: collapse(growth, whole), range(threads), threads)
@@ -78,7 +75,7 @@ def _collapsed(growth: Handle, threads: int) -> Wide:
 
 
 def allocate(nodes: int, leaves: int) -> Wide:
-    """A tree's arrays, not filled."""
+    """Allocate a BVH, uninitialized."""
     return Wide(
         simd.aligned_empty((nodes, NODE), np.float32), simd.aligned_empty((nodes, WIDTH), np.int32),
         simd.aligned_empty((leaves, LEAF), np.float32),
@@ -86,7 +83,7 @@ def allocate(nodes: int, leaves: int) -> Wide:
 
 
 def concatenate(trees: list[Wide], rows: list[int]) -> Wide:
-    """Trees one behind the other, with links that fit; the triangles of each are numbered from its entry in `rows` on."""
+    """Concatenate BVHs into one pool, with adjusted links; triangles of each are numbered from its entry in `rows` on."""
     if len(trees) == 1 and rows == [0]:
         return trees[0]
     whole = allocate(sum(len(tree.nodes) for tree in trees), sum(len(tree.leaves) for tree in trees))
@@ -98,9 +95,9 @@ def concatenate(trees: list[Wide], rows: list[int]) -> Wide:
 
 
 def median_leaf_extent(tree: Wide, some: int = 64) -> float:
-    """How wide leaves are: the median of the largest sides of the boxes of some nodes' leaves."""
+    """Median of the largest sides of leaf boxes, over a sample of nodes."""
     step = max(1, len(tree.nodes) // some)
-    planes, links = tree.nodes[::-step], tree.links[::-step]  # the last node has leaves alone
+    planes, links = tree.nodes[::-step], tree.links[::-step]  # the last node has only leaves
     size = planes[:, WIDTH : 2 * WIDTH] - planes[:, :WIDTH]
     for row in (2 * WIDTH, 4 * WIDTH):
         np.maximum(size, planes[:, row + WIDTH : row + 2 * WIDTH] - planes[:, row : row + WIDTH], out=size)
@@ -110,7 +107,7 @@ def median_leaf_extent(tree: Wide, some: int = 64) -> float:
 
 @kernel
 def collapse(growth, out):
-    """Put the nodes and leaves of a binary tree's parts into `out`; threads take turns."""
+    """Write the nodes and leaves of the parts of a binary BVH to `out`; threads share the parts."""
     stack, children = np.empty((DEPTH, 2), np.int64), np.empty((WIDTH, 2), np.int64)
     most = np.float32(0.0)
     for k in range(3):
@@ -119,12 +116,12 @@ def collapse(growth, out):
         k = fetch_add(growth.counters, parallel_build.COLLAPSED, 1)
         if k >= growth.sizes[0]:
             break
-        _collapse(growth, growth.parts[k, 0], growth.parts[k, 1], growth.parts[k, 2], np.float32(SLACK) * most, out, stack, children)
+        _write_part(growth, growth.parts[k, 0], growth.parts[k, 1], growth.parts[k, 2], np.float32(SLACK) * most, out, stack, children)
 
 
 @helper
-def _collapse(growth: Any, root: int, first: int, leaf: int, slack: Any, out: Any, stack: Any, children: Any) -> None:
-    """One part, from its first node and leaf on."""
+def _write_part(growth: Any, root: int, first: int, leaf: int, slack: Any, out: Any, stack: Any, children: Any) -> None:
+    """Write one part, from its first node and leaf on."""
     tree, used = growth.tree, first + 1
     stack[0, 0], stack[0, 1] = root, first
     top = 1
@@ -143,7 +140,7 @@ def _collapse(growth: Any, root: int, first: int, leaf: int, slack: Any, out: An
                 out.nodes[node, 2 * k * WIDTH + i] = tree.boxes[child, k] - slack
                 out.nodes[node, (2 * k + 1) * WIDTH + i] = slack - tree.boxes[child, 4 + k]
             if child != root and wide_collapse.is_apart(growth.share, child):
-                out.links[node, i] = _part(growth, child)
+                out.links[node, i] = _first_node(growth, child)
             elif tree.second[child] != 0:
                 out.links[node, i] = used
                 stack[top, 0], stack[top, 1] = child, used
@@ -152,14 +149,14 @@ def _collapse(growth: Any, root: int, first: int, leaf: int, slack: Any, out: An
             elif len(growth.mesh.triangles) == 0:
                 out.links[node, i] = -1 - (simd.float_bits(tree.items[tree.first[child], binned_sah.NUMBER]) & ~binned_sah.TAG)
             else:
-                _fill(tree, child, growth.mesh, out.leaves, leaf)
+                _write_leaf(tree, child, growth.mesh, out.leaves, leaf)
                 out.links[node, i] = -1 - leaf
                 leaf += 1
 
 
 @helper
-def _part(growth: Any, root: int) -> int:
-    """The first node of the part with this root, which is not the first one."""
+def _first_node(growth: Any, root: int) -> int:
+    """The first wide node of the part with a root, other than the first part."""
     low, high = 1, growth.sizes[0] - 1
     while low < high:
         middle = (low + high) >> 1
@@ -172,19 +169,19 @@ def _part(growth: Any, root: int) -> int:
 
 @helper
 def triangle_of(leaves: Any, leaf: int, j: int) -> Any:
-    """Which triangle is the j-th of a leaf, -1 where there is none."""
+    """The number of triangle j of a leaf, -1: none."""
     return simd.float_bits(simd.read(leaves, leaf * LEAF + WHICH + j))
 
 
 @helper
 def set_triangle(leaves: Any, leaf: int, j: int, row: Any) -> None:
-    """Say which it is."""
+    """Set the number of triangle j of a leaf."""
     leaves.view(np.int32)[leaf, WHICH + j] = row
 
 
 @helper
-def _fill(tree: Any, node: int, mesh: Any, leaves: Any, leaf: int) -> None:
-    """Put a binary leaf's triangles side by side."""
+def _write_leaf(tree: Any, node: int, mesh: Any, leaves: Any, leaf: int) -> None:
+    """Write the triangles of a binary leaf side by side."""
     first, n = tree.first[node], tree.count[node]
     for j in range(WIDTH):
         if j < n:
@@ -196,13 +193,13 @@ def _fill(tree: Any, node: int, mesh: Any, leaves: Any, leaf: int) -> None:
             set_triangle(leaves, leaf, j, row)
         else:
             for k in range(9):
-                leaves[leaf, k * WIDTH + j] = np.nan  # which nothing passes through
+                leaves[leaf, k * WIDTH + j] = np.nan  # never hit
             set_triangle(leaves, leaf, j, -1)
 
 
 @kernel
 def copy_into_pool(whole, part, node, leaf, row):
-    """Copy a part to its place, from `node` and `leaf` on; its triangles are numbered from `row` on."""
+    """Copy a BVH into a pool, from `node` and `leaf` on; its triangles are numbered from `row` on."""
     for i in range(len(part.nodes)):
         for k in range(NODE):
             whole.nodes[node + i, k] = part.nodes[i, k]

@@ -1,7 +1,7 @@
-"""Which nodes of a binary tree one with more children a node keeps, so that the whole costs least.
+"""Collapses a binary BVH into the wide BVH of least SAH cost, by dynamic programming.
 
-Ylitie, Karras & Laine, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", 2017. Where a node shall have up to j
-children, those are shared out between its halves in the best of all ways; a half that gets one is a child itself.
+Ylitie, Karras & Laine, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", 2017. The slots of a wide node are
+distributed optimally between the two children of the binary node; a child that gets one slot becomes a child of the wide node.
 """
 
 from __future__ import annotations
@@ -15,40 +15,40 @@ from ... import simd
 from ...jit.arena import Scratch
 from ...jit.kernel import helper, noinline_helper
 from ...simd import target
-from .binned_sah import Halves, half_area
+from .binned_sah import BinaryBvh, half_area
 
-WIDTH = 16 if target.AVX512 else 8  # children of a node, and triangles of a leaf
-TEST = 3.0  # what the test of a leaf costs, against that of a node
-DEPTH = 2048  # of a walk's stack: up to fifteen for each of at most 48 levels, and for the halvings of what lies below
-ROW = 2 * WIDTH  # numbers that the costs of a node take: what cannot be, then the costs as up to 1, 2, … children of another
+WIDTH = 16 if target.AVX512 else 8  # children of a node and triangles of a leaf
+TEST = 3.0  # cost of a leaf test, relative to a node test
+DEPTH = 2048  # entries of a traversal stack: up to fifteen for each of at most 48 levels, and for the median splits below
+ROW = 2 * WIDTH  # floats of a node's costs: WIDTH times inf, then the costs with up to 1, 2, … slots
 _spread, _spread_whole = getattr(simd, f"f32x{WIDTH}"), getattr(simd, f"i32x{WIDTH}")
 
 
 def empty(n: int, memory: Scratch) -> NDArray[np.uint8]:
-    """Room for the shares (2 n, WIDTH) of nodes of a tree over n items.
+    """Allocate the slot distribution (2 n, WIDTH) of a BVH over n items.
 
-    [i, j - 1] is how many of node i's j children its first half has, 0 where one less is as good; [i, -1] is that of a node of its own, and
-    [i, 0] is 1 where another part of the tree begins, which was chosen apart.
+    [i, j - 1] is the number of node i's j slots that its first child gets, 0 where one slot less is as good. [i, -1] is that of a wide
+    node. [i, 0] is 1 where a separately collapsed part begins.
     """
     return memory.empty((2 * n, WIDTH), np.uint8)
 
 
 @helper
 def set_cost(cost: Any, row: int, known: Any) -> None:
-    """A node that is one child, whatever it might have been, costs so much."""
+    """Set the costs of a node that takes one slot in any case."""
     simd.store(cost, row * ROW, _spread(np.inf))
     simd.store(cost, row * ROW + WIDTH, _spread(known))
 
 
 @helper
 def cost_of(cost: Any, row: int) -> Any:
-    """What a node costs as one child of another."""
+    """Cost of a node with one slot."""
     return simd.read(cost, row * ROW + WIDTH)
 
 
 @helper
-def distribute_slots(tree: Halves, share: Any, node: int, cost: Any, row: int, a: int, b: int) -> None:
-    """Find what a node costs, whose halves' costs stand in rows a and b, and how it shares its children out between them."""
+def distribute_slots(tree: BinaryBvh, share: Any, node: int, cost: Any, row: int, a: int, b: int) -> None:
+    """Compute the costs of a node from those of its children in rows a and b, and its slot distribution."""
     best, shares = _spread(np.inf), _spread_whole(0)
     for p in range(1, WIDTH):
         both = simd.load(cost, b * ROW + WIDTH - p, WIDTH) + simd.read(cost, a * ROW + WIDTH + p - 1)
@@ -71,10 +71,10 @@ def distribute_slots(tree: Halves, share: Any, node: int, cost: Any, row: int, a
 
 
 @noinline_helper
-def choose_wide_nodes(tree: Halves, share: Any, root: int, begin: int, end: int, width: int, cost: Any) -> None:
-    """Find how a wide tree takes all below `root`, which stands from `begin` to `end`; its cost is then in row 0.
+def choose_wide_nodes(tree: BinaryBvh, share: Any, root: int, begin: int, end: int, width: int, cost: Any) -> None:
+    """Choose the wide nodes of the subtree of `root`, whose nodes are rows `begin` to `end`; row 0 of `cost` is then its cost.
 
-    Where a leaf costs less, of up to `width` items, a node becomes one. `cost` has a row more than there are nodes below.
+    A node of up to `width` items becomes a leaf where that costs less. `cost` has one row more than the subtree has nodes.
     """
     for k in range(end - begin, -1, -1):
         node = root if k == 0 else begin + k - 1
@@ -92,19 +92,19 @@ def choose_wide_nodes(tree: Halves, share: Any, root: int, begin: int, end: int,
 
 @helper
 def set_apart(share: Any, node: int) -> None:
-    """Another part of the tree begins there, which was chosen apart."""
+    """Mark a node as the root of a separately collapsed part."""
     simd.write(share, node * WIDTH, np.uint8(1))
 
 
 @helper
 def is_apart(share: Any, node: int) -> bool:
-    """Whether another part of the tree begins there."""
+    """Whether a node is the root of a separately collapsed part."""
     return simd.read(share, node * WIDTH) != 0
 
 
 @helper
-def children(tree: Halves, share: Any, root: int, chosen: Any) -> int:
-    """Put the children of a node of the wide tree into chosen[:, 0]; how many there are."""
+def children(tree: BinaryBvh, share: Any, root: int, chosen: Any) -> int:
+    """Write the children of a wide node to chosen[:, 0]; return their number."""
     chosen[0, 0], chosen[0, 1] = root, WIDTH
     n, i = 1, 0
     while i < n:
@@ -125,8 +125,8 @@ def children(tree: Halves, share: Any, root: int, chosen: Any) -> int:
 
 
 @noinline_helper
-def counted(tree: Halves, share: Any, root: int, stack: Any, chosen: Any) -> tuple[int, int]:
-    """How many nodes and leaves the wide tree has from a node down, without other parts."""
+def count_nodes(tree: BinaryBvh, share: Any, root: int, stack: Any, chosen: Any) -> tuple[int, int]:
+    """(nodes, leaves) of the wide BVH below a node, without other parts."""
     stack[0] = root
     top, nodes, leaves = 1, 1, 0
     while top > 0:

@@ -148,7 +148,7 @@ sphere(0.4, center: [1, 2, 1], material: emissive(luminance: 3))
 
 def test_lamps_lie_between_their_corners(tmp_path: Path) -> None:
     tables = scene_of(tmp_path, LAMPS).tables
-    corners = primitive_list._lamp_corners(tables)
+    corners = primitive_list._light_corners(tables)
     u, v = np.random.default_rng(2).uniform(0, 1, (2, 4000))
     origin = tuple(np.full(4000, x) for x in (0.1, 0.4, 2.5))
     met = []

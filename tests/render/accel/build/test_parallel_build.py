@@ -19,8 +19,8 @@ def mesh_of(corners: np.ndarray) -> Mesh:
 
 def grown(mesh: Mesh, threads: int = 1):
     with arena.arena(parallel_build.bytes_of(len(mesh.triangles))) as memory:
-        growth = parallel_build.of_mesh(mesh, threads, memory).tables
-        tree = binned_sah.Halves(*(part.copy() for part in growth.tree))
+        growth = parallel_build.build_over_triangles(mesh, threads, memory).tables
+        tree = binned_sah.BinaryBvh(*(part.copy() for part in growth.tree))
         return growth._replace(tree=tree, share=growth.share.copy())
 
 
@@ -111,7 +111,7 @@ def test_who_waits_gives_its_core_away_and_comes_back_for_the_same_task() -> Non
     items[:, binned_sah.COUNT], items[:, 0], items[:, 4] = 1.0, np.arange(9), -np.arange(9)
     items.view(np.int32)[:, binned_sah.NUMBER] = np.arange(9) | binned_sah.TAG
     with arena.arena(parallel_build.bytes_of(9)) as memory:
-        growth = parallel_build._empty(Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)), 9, memory)
+        growth = parallel_build._allocate(Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)), 9, memory)
         growth.tree.items[:], growth.tree.boxes[:2] = items, binned_sah.bounds_of(items)
         shared, mine = parallel_build.Handle(growth), np.full(1, -1)
         assert not parallel_build.build_worker(shared, mine)

@@ -28,7 +28,7 @@ def corners(cells: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
 def test_a_tree_refitted_to_its_own_corners_is_itself():
     positions, triangles = corners(20, 1)
     tree = wide_bvh.build(positions, triangles)
-    again = refit.refitted(tree, positions, triangles)
+    again = refit.refit(tree, positions, triangles)
     for a, b in zip(tree, again, strict=True):
         np.testing.assert_array_equal(a, b)
     assert refit.cost(again) == refit.cost(tree) > 1
@@ -40,7 +40,7 @@ def test_boxes_hold_what_is_below_them(seed):
     random = np.random.default_rng(seed)
     positions, triangles = corners(8, 2)
     moved = (positions * random.uniform(0.1, 10, 3) + random.normal(size=positions.shape) * random.uniform(0, 0.3)).astype(np.float32)
-    tree = refit.refitted(wide_bvh.build(positions, triangles), moved, triangles)
+    tree = refit.refit(wide_bvh.build(positions, triangles), moved, triangles)
     assert sorted(tree.rows[tree.rows >= 0].tolist()) == list(range(len(triangles)))
     planes = tree.nodes.reshape(-1, 3, 2, WIDTH)
     for node, i in np.argwhere(tree.links > EMPTY):
@@ -76,8 +76,8 @@ def test_a_tree_that_became_bad_is_built_anew():
     bent = (positions + 0.001).astype(np.float32)
     assert (tree_cache.cached_mesh_bvh(bent, triangles).links == first.links).all()
     shuffled = np.random.default_rng(6).permutation(positions).astype(np.float32)  # every triangle now goes across everything
-    refitted, built = refit.refitted(first, shuffled, triangles), wide_bvh.build(shuffled, triangles)
-    assert refit.cost(refitted) > refit.WORSE * refit.cost(first)
+    refitted, built = refit.refit(first, shuffled, triangles), wide_bvh.build(shuffled, triangles)
+    assert refit.cost(refitted) > refit.MAX_COST_RATIO * refit.cost(first)
     found = tree_cache.cached_mesh_bvh(shuffled, triangles)
     for a, b in zip(found, built, strict=True):
         np.testing.assert_array_equal(a, b)

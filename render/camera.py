@@ -1,9 +1,8 @@
-"""Cameras: from a place in the picture to a ray, and the matrices that take the world to the picture.
+"""Camera models: rays of pinhole, orthographic, thin-lens and panorama cameras, and their view and projection matrices.
 
-Through a pinhole a place of the picture has one ray (`ray`); a lens has many, and a panorama looks all around (`through`): what a picture
-has is known when kernels are compiled, and those of pinholes hold nothing of the others.
+The kind of camera is part of the lens's type, so kernels for pinholes compile no other camera.
 
-Picture coordinates are in pixels from the top left; (0.5, 0.5) is the first pixel's centre. Cameras look down -z of their own frame.
+Image coordinates are in pixels from the top left; (0.5, 0.5) is the center of the first pixel. Cameras look down -z of their frame.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ HORIZONTAL = int(ir.Fit.HORIZONTAL)
 
 @helper
 def half_extent(tables: Tables, view: View) -> tuple[float, float]:
-    """Half the width and height of what is seen, at distance 1 (perspective) or everywhere (orthographic), in metres."""
+    """Half the width and height of the view in metres, at distance 1 (perspective) or everywhere (orthographic)."""
     cameras = tables.cameras
     extent = cameras.extent[view.camera]
     aspect = view.width / view.height
@@ -40,7 +39,7 @@ def half_extent(tables: Tables, view: View) -> tuple[float, float]:
 
 @helper
 def image_plane(tables: Tables, view: View, x: Lane, y: Lane) -> tuple[Lane, Lane]:
-    """Where pixel coordinates lie on the image plane at distance 1, right and up, shift included."""
+    """Coordinates of pixels on the image plane at distance 1, right and up, shift included."""
     half_x, half_y = half_extent(tables, view)
     shift = tables.cameras.shift
     px = (2.0 * x / view.width - 1.0 + 2.0 * shift[view.camera, 0]) * half_x
@@ -49,10 +48,10 @@ def image_plane(tables: Tables, view: View, x: Lane, y: Lane) -> tuple[Lane, Lan
 
 
 @helper
-def ray(tables: Tables, view: View, x: Lane, y: Lane, time: Any = None) -> Ray:
-    """The ray of a pinhole or an orthographic camera through pixel coordinates x, y; its ends are the near and far planes.
+def generate_pinhole_ray(tables: Tables, view: View, x: Lane, y: Lane, time: Any = None) -> Ray:
+    """The ray of a pinhole or orthographic camera through pixel coordinates x, y, between the near and far planes.
 
-    `time` as in Ray: where the camera is then.
+    `time` is that of Ray and selects the camera's position.
     """
     cameras = tables.cameras
     c = view.camera
@@ -61,7 +60,7 @@ def ray(tables: Tables, view: View, x: Lane, y: Lane, time: Any = None) -> Ray:
     matrix = instance_transform.transform_at(tables, cameras.transform[c], time).matrix
     if cameras.projection[c] == PERSPECTIVE:
         local = (px, py, zero - 1.0)
-        stretch = ops.length(local)  # of the axis' metres to the ray's
+        stretch = ops.length(local)  # distance along the ray per distance along the axis
         origin = affine.transform_point12(matrix, (zero, zero, zero))
         direction = ops.normalize(affine.transform_vector12(matrix, local))
         return Ray(origin, direction, cameras.near[c] * stretch, cameras.far[c] * stretch, time)
@@ -71,7 +70,7 @@ def ray(tables: Tables, view: View, x: Lane, y: Lane, time: Any = None) -> Ray:
 
 
 def lens_of(tables: Tables, view: View) -> Pinhole | ThinLens | Panorama:
-    """What a camera looks through, as `through` takes it."""
+    """The lens of a camera, as `generate_ray` takes it."""
     cameras, c = tables.cameras, view.camera
     if cameras.projection[c] == PANORAMIC:
         return Panorama(float(cameras.shift[c, 0]))
@@ -79,33 +78,33 @@ def lens_of(tables: Tables, view: View) -> Pinhole | ThinLens | Panorama:
 
 
 def generate_ray(tables: Tables, view: View, lens: Any, x: Lane, y: Lane, pixel: Lane, sample: Lane, seed: int, time: Any) -> Ray:
-    """The ray of a sample (a pixel and number as sampler.place gives them) at pixel coordinates x, y."""
+    """The ray of a sample at pixel coordinates x, y; `pixel` and `sample` are those of sobol.zorder_index."""
     if isinstance(lens, ThinLens):
-        return _from_lens(tables, view, lens, x, y, sobol.sample_lens(pixel, sample, seed), time)
-    return panorama_ray(tables, view, lens, x, y, time) if isinstance(lens, Panorama) else ray(tables, view, x, y, time)
+        return _generate_lens_ray(tables, view, lens, x, y, sobol.sample_lens(pixel, sample, seed), time)
+    return panorama_ray(tables, view, lens, x, y, time) if isinstance(lens, Panorama) else generate_pinhole_ray(tables, view, x, y, time)
 
 
 @overload(generate_ray, jit_options=HELPER)
-def _through_in_kernels(tables, view, lens, x, y, pixel, sample, seed, time):
+def _generate_ray_in_kernels(tables, view, lens, x, y, pixel, sample, seed, time):
     fields = tuple(name for name, _, _ in lens.layout)
     if fields == ThinLens._fields:
-        return lambda tables, view, lens, x, y, pixel, sample, seed, time: _from_lens(
+        return lambda tables, view, lens, x, y, pixel, sample, seed, time: _generate_lens_ray(
             tables, view, lens, x, y, sobol.sample_lens(pixel, sample, seed), time
         )
     if fields == Panorama._fields:
         return lambda tables, view, lens, x, y, pixel, sample, seed, time: panorama_ray(tables, view, lens, x, y, time)
-    return lambda tables, view, lens, x, y, pixel, sample, seed, time: ray(tables, view, x, y, time)
+    return lambda tables, view, lens, x, y, pixel, sample, seed, time: generate_pinhole_ray(tables, view, x, y, time)
 
 
 def pinhole_ray(tables: Tables, view: View, x: NDArray[np.float64], y: NDArray[np.float64]) -> Ray:
-    """The ray through pixel coordinates and, where there is a lens, its middle; numpy lanes."""
+    """The ray through pixel coordinates and the center of the lens; numpy lanes."""
     lens = lens_of(tables, view)
-    return panorama_ray(tables, view, lens, x, y) if isinstance(lens, Panorama) else ray(tables, view, x, y)
+    return panorama_ray(tables, view, lens, x, y) if isinstance(lens, Panorama) else generate_pinhole_ray(tables, view, x, y)
 
 
 @helper
-def _from_lens(tables: Tables, view: View, lens: Any, x: Lane, y: Lane, place: tuple[Lane, Lane], time: Any) -> Ray:
-    """A ray from a place on a lens of radius 1 to where the pinhole's ray meets the plane in focus (Cook, Porter, Carpenter 1984)."""
+def _generate_lens_ray(tables: Tables, view: View, lens: Any, x: Lane, y: Lane, place: tuple[Lane, Lane], time: Any) -> Ray:
+    """The ray from a point on the unit lens to where the pinhole's ray crosses the plane of focus (Cook, Porter, Carpenter 1984)."""
     cameras, c = tables.cameras, view.camera
     px, py = image_plane(tables, view, x, y)
     from_x, from_y = place[0] * lens.radius, place[1] * lens.radius
@@ -120,7 +119,7 @@ def _from_lens(tables: Tables, view: View, lens: Any, x: Lane, y: Lane, place: t
 
 @helper
 def panorama_ray(tables: Tables, view: View, lens: Any, x: Lane, y: Lane, time: Any = None) -> Ray:
-    """The ray of a panorama: its middle is straight ahead, its left and right edges meet behind; near and far are distances."""
+    """The ray of a panorama: its center is straight ahead, left and right edges join behind; near and far are distances."""
     cameras, c = tables.cameras, view.camera
     turn = (x / view.width - 0.5 + lens.middle) * (2.0 * math.pi)
     rise = (0.5 - y / view.height) * math.pi
@@ -133,14 +132,14 @@ def panorama_ray(tables: Tables, view: View, lens: Any, x: Lane, y: Lane, time: 
 
 
 def depth(tables: Tables, view: View, point: Vec) -> Lane:
-    """Distance of a world point along the camera's axis, or from the middle of a panorama, in metres; numpy lanes."""
+    """Distance of a world point along the camera's axis, or from a panorama's position, in metres; numpy lanes."""
     row = tables.cameras.transform[view.camera]
     local = affine.transform_point(tables.transforms.inverse, row, point)
     return ops.length(local) if tables.cameras.projection[view.camera] == PANORAMIC else -local[2]
 
 
-def matrices(tables: Tables, view: View) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The course's C⁻¹ (world to camera) and P (camera to clip space), (4, 4) each.
+def projection_matrices(tables: Tables, view: View) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """View matrix C⁻¹ (world to camera) and projection matrix P (camera to clip space) of the course, (4, 4) each.
 
     With X a world point, (x, y, z, w) = P · C⁻¹ · X: x / w and y / w run from -1 to 1 over the picture, right and up, and
     z / w is 1/distance reversed: 1 at the near plane, towards 0 far away (perspective); linear, 1 to 0, between near and far

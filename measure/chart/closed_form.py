@@ -82,7 +82,7 @@ def _visible_side(tables: ir.Tables, plan: Plan) -> int:
     x0, y0, x1, y1 = plan["crop"]
     x = np.array([x0 - MARGIN, x1 + MARGIN, x0 - MARGIN, x1 + MARGIN])
     y = np.array([y0 - MARGIN, y0 - MARGIN, y1 + MARGIN, y1 + MARGIN])
-    ray = camera.ray(tables, View(plan["camera"], *plan["size"]), x, y)
+    ray = camera.generate_pinhole_ray(tables, View(plan["camera"], *plan["size"]), x, y)
     inverse = tables.transforms.inverse[tables.instances.transform[0]]
     origin = inverse[:, :3] @ np.array([np.broadcast_to(c, x.shape) for c in ray.origin]) + inverse[:, 3:]
     direction = inverse[:, :3] @ np.array([np.broadcast_to(c, x.shape) for c in ray.direction])

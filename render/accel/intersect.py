@@ -99,7 +99,7 @@ def _intersect_instance(tables: ir.Tables, i: int, ray: Ray, partial: bool, thro
     def cover(rows: np.ndarray, t: np.ndarray, primitive: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Opacity of the surface at the hits of rays `rows`."""
         one = Ray(_some(ray.origin, rows), _some(ray.direction, rows), 0.0, np.inf, None if ray.time is None else ray.time[rows])
-        return alpha.at(tables, interaction.make_interaction(tables, one, Hit(t, np.full(len(rows), i), primitive, u, v)))
+        return alpha.opacity_at(tables, interaction.make_interaction(tables, one, Hit(t, np.full(len(rows), i), primitive, u, v)))
 
     if kind == MESH:
         return _intersect_mesh(tables, geometry, Ray(o, d, ray.t_min, ray.t_max), cover if partial else None)

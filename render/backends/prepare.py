@@ -57,7 +57,7 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
     shapes, to plan["tolerance"] pixels of this view. Unbounded shapes have no vertices and stay smooth.
     """
     backend = plan["backend"]
-    procedural.make_ready(scene.tables)
+    procedural.link(scene.tables)
     tessellator = ViewTessellator(scene.tables, view, plan["tolerance"])
     tables = _renderable_tables(scene, plan, view, tessellator)
     tessellations = tessellator.tessellations(tables) if backend == "raster" else {}
@@ -107,8 +107,8 @@ def _link_whitted(tables: ir.Tables, plan: Plan, options: Options, packed: Handl
     """(BVH, light at vertices, lights of shadow packets), with the Whitted integrator linked into `frames`; `accel` is a linked BVH."""
     linked = accel is not None
     accel = accel or _build_unlinked(tables, plan)
-    still = plan["backend"] == "ray" and not plan["motion_blur"]
-    lights = shadow_rays.lamps(accel.tables, tables, options) if still else []
+    still = plan["backend"] == "ray" and not plan["motion"]
+    lights = shadow_rays.select_lights(accel.tables, tables, options) if still else []
     if not linked:
         if _compiles_slowly(accel):
             kinds = whitted.kinds(frames, packed, accel, vertex_lighting.none(), bool(lights))

@@ -91,7 +91,7 @@ class Renderer(Unshared):
         count = len(samples.x)
         hit = Hit(np.empty(count), np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count), np.empty(count))
         resolve(self._buffer.model, self.prepared.packed, self._accel, self.prepared.frame, scratch, hit)
-        ray = camera.ray(self.prepared.tables, self.view, samples.x / coverage.ONE, samples.y / coverage.ONE)
+        ray = camera.generate_pinhole_ray(self.prepared.tables, self.view, samples.x / coverage.ONE, samples.y / coverage.ONE)
         if self.plan["opacity"]:
             self._trace_transparent(ray, hit)
         return ray, hit
@@ -193,7 +193,8 @@ def draw_untessellated(model, untessellated, tables, accel, view, scratch):
     count = len(buffer.key)
     for start in range(0, count, crosslane.WIDTH):
         k = ops.minimum(crosslane.lane_indices(start), count - 1)
-        ray = camera.ray(tables, view, ops.to_float(samples.x[k]) / coverage.ONE, ops.to_float(samples.y[k]) / coverage.ONE)
+        x, y = ops.to_float(samples.x[k]) / coverage.ONE, ops.to_float(samples.y[k]) / coverage.ONE
+        ray = camera.generate_pinhole_ray(tables, view, x, y)
         for instance in untessellated:
             met = sample_hits.intersect(accel, instance, ray, ops.bool_like(ray.t_max, True))
             depth = met.t * sample_hits.axis_cosine(tables, view, ray)
@@ -210,7 +211,7 @@ def _find_hits(model: Any, tables: Any, accel: Any, view: View, scratch: Any, k:
     """The rays of samples k, and their hits."""
     samples, buffer = scratch.samples, scratch.depth
     x, y = ops.to_float(samples.x[k]), ops.to_float(samples.y[k])
-    ray = camera.ray(tables, view, x / coverage.ONE, y / coverage.ONE)
+    ray = camera.generate_pinhole_ray(tables, view, x / coverage.ONE, y / coverage.ONE)
     instance, triangle = ops.to_int(buffer.instance[k]), ops.to_int(buffer.triangle[k])
     return ray, sample_hits.find_hits(model, tables, accel, view, ray, x, y, instance, triangle)
 

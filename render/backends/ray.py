@@ -16,7 +16,7 @@ from ...compiler.plan.plan import Plan
 from .. import camera
 from ..accel import intersect, ray_queries
 from ..accel.formula_packets import hits
-from ..accel.formula_packets.hits import REST, first_samples, is_used, nearer_in, pixels, slot_of, taken
+from ..accel.formula_packets.hits import REST, closer_hit, first_samples, is_used, load_pixels, load_slots, slot_of
 from ..film import aov
 from ..film.accumulate import LARGEST, held
 from ..film.film import TILE
@@ -50,7 +50,7 @@ class Renderer:
 
             self.block = path_reuse.SIDE
         self.primes = prepared.paths is None and hits.is_needed(prepared.accel.tables)
-        self.side = hits.side(view.width, view.height, plan["samples"]) if self.primes else TILE
+        self.side = hits.tile_side(view.width, view.height, plan["samples"]) if self.primes else TILE
         self.black = self.primes and not prepared.accel.tables.rest & REST and whitted.is_black(prepared.tables, prepared.options)
         self.channel_accel = None  # BVH of all instances, for channels
         self.has_single = self.primes and plan["samples"] == 1
@@ -105,7 +105,7 @@ class Renderer:
         if not hasattr(self._workspaces, "packets"):
             from ..accel.formula_packets import camera_rays  # only scenes with implicit surfaces load it
 
-            self._workspaces.packets = camera_rays.Bundles(p.accel, p.packed, Workspace.of(p.options), p.packet_lights, self.black)
+            self._workspaces.packets = camera_rays.CameraPackets(p.accel, p.packed, Workspace.of(p.options), p.packet_lights, self.black)
         return self._workspaces.packets.prime(p.packed, self.frame, tile, first, count, total)
 
     def _draw_single(self, tile: Tile, rgba: NDArray[np.float32]) -> int:
@@ -225,7 +225,7 @@ def _draw_primed(primed, tables, accel, vertex_light, frame, film, workspace):
             return False
         n = len(primed.t)
         for start in range(0, n, crosslane.WIDTH):
-            if primed.black and not ops.any_lane(taken(primed.t, start) < np.inf):
+            if primed.black and not ops.any_lane(load_slots(primed.t, start) < np.inf):
                 continue
             if shade_primed(tables, accel, vertex_light, frame, start, workspace):
                 for k in range(min(crosslane.WIDTH, n - start)):
@@ -244,7 +244,7 @@ def draw_single(tables, accel, vertex_light, frame, rgba, workspace):
     found, light, issues = workspace.primed, workspace.light, 0
     n = len(found.t)
     for start in range(0, n, crosslane.WIDTH):
-        if found.black and not ops.any_lane(taken(found.t, start) < np.inf):
+        if found.black and not ops.any_lane(load_slots(found.t, start) < np.inf):
             continue
         if shade_primed(tables, accel, vertex_light, frame, start, workspace):
             for k in range(min(crosslane.WIDTH, n - start)):
@@ -265,7 +265,7 @@ def shade_primed(tables, accel, vertex_light, frame, start, workspace):
     Returns whether any of it is not black.
     """
     view, options, found = frame.picture, frame.options, workspace.primed
-    x, y, _ = pixels(found.items, start)
+    x, y, _ = load_pixels(found.items, start)
     s = first_samples(found.corner, found.first, found.columns, x, y)
     pixel, s = sobol.zorder_index(x + found.corner[0], y + found.corner[1], s, view.width, frame.order)
     origin, direction, t_min, t_max = ray_soa.get_of(found.rays, len(found.rays) // 8, start)
@@ -339,7 +339,7 @@ def merge_first_hits(accel, tables, ray, found, slot):
     hit = Hit(zero + np.inf, none, none, zero, zero)
     if accel.rest & REST != 0:
         hit = intersect.closest_hit(accel, tables, ray, ops.bool_like(ray.t_min, True), REST)
-    return nearer_in(found, slot, hit)
+    return closer_hit(found, slot, hit)
 
 
 @noinline_helper

@@ -1,9 +1,9 @@
-"""Shapes by kind, in lanes and in their own frames: where a ray meets them, their normals and their surface coordinates.
+"""Ray intersection, normals and surface coordinates of analytic shapes in their own frames, in lanes.
 
-A shape's parts, as `Hit.primitive` names them: the six faces of a box (-x, +x, -y, +y, -z, +z); 0 the side, 1 the bottom and
-2 the top cap of a cylinder or cone; 0 for all else. Rays need no unit direction: t counts in lengths of it.
+`Hit.primitive` numbers the parts of a shape: the six faces of a box (-x, +x, -y, +y, -z, +z); 0 the side, 1 the bottom cap and 2 the top
+cap of a cylinder or cone; 0 otherwise. Directions need no unit length: t is in lengths of the direction.
 
-Surface coordinates (u right, v up, seen from outside with y up; 0 to 1 unless said):
+Surface coordinates (u right, v up, seen from outside with y up; 0 to 1 unless noted):
 
 | kind | u | v |
 |---|---|---|
@@ -47,9 +47,9 @@ QUADRIC = int(ir.GeometryKind.QUADRIC)
 
 @helper
 def intersect(kind: Lane, parameters, g: Lane, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) -> tuple[Lane, Lane]:
-    """(t, part) of the nearest point of shape `g` with t_min < t < t_max; t is inf where there is none.
+    """(t, part) of the first hit with shape `g` with t_min < t < t_max; t is inf without a hit.
 
-    `parameters` is Geometries.parameters. Meshes are not asked here: see `triangle`.
+    `parameters` is Geometries.parameters. It does not handle meshes: see `triangle`.
     """
     t, part = usual(kind, parameters, g, origin, direction, t_min, t_max)
     if ops.any_lane(kind > PLANE):
@@ -60,7 +60,7 @@ def intersect(kind: Lane, parameters, g: Lane, origin: Vec, direction: Vec, t_mi
 
 @helper
 def usual(kind: Lane, parameters, g: Lane, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) -> tuple[Lane, Lane]:
-    """`intersect` for spheres, boxes and planes, which most scenes hold."""
+    """`intersect` for spheres, boxes and planes, the usual shapes."""
     t = INF + 0.0 * (kind + t_max)
     part = kind * 0
     if ops.any_lane(kind == SPHERE):
@@ -76,7 +76,7 @@ def usual(kind: Lane, parameters, g: Lane, origin: Vec, direction: Vec, t_min: L
 
 @helper
 def rare(kind: Lane, parameters, g: Lane, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) -> tuple[Lane, Lane]:
-    """`intersect` for all others."""
+    """`intersect` for all other shapes."""
     t = INF + 0.0 * (kind + t_max)
     part = kind * 0
     p0, p1, p2 = parameters[g, 0], parameters[g, 1], parameters[g, 2]
@@ -104,7 +104,7 @@ def rare(kind: Lane, parameters, g: Lane, origin: Vec, direction: Vec, t_min: La
 
 @helper
 def normal(kind: Lane, parameters, g: Lane, part: Lane, p: Vec) -> Vec:
-    """Unit normal of shape `g` at its point p, to the outside; +y for flat shapes, the way F grows for quadrics."""
+    """Unit normal of shape `g` at its point p, outward; +y for flat shapes, the gradient's direction for quadrics."""
     x, y, z = p
     zero = 0.0 * x
     p0, p1, p2 = parameters[g, 0], parameters[g, 1], parameters[g, 2]
@@ -133,9 +133,9 @@ def normal(kind: Lane, parameters, g: Lane, part: Lane, p: Vec) -> Vec:
 
 @helper
 def uv(kind: Lane, parameters, g: Lane, part: Lane, p: Vec) -> tuple[tuple[Lane, Lane], tuple[Lane, Lane]]:
-    """((u, v), (metres per u, metres per v)) at the point p of shape `g`, as the table above says.
+    """((u, v), (metres per u, metres per v)) at the point p of shape `g`, by the table above.
 
-    Where the length of u varies over the shape, it is the longest (a sphere's equator).
+    Where the length of u varies over the shape, it is the largest one (a sphere's equator).
     """
     x, y, z = p
     p0, p1, p2 = parameters[g, 0], parameters[g, 1], parameters[g, 2]
@@ -187,14 +187,14 @@ def uv(kind: Lane, parameters, g: Lane, part: Lane, p: Vec) -> tuple[tuple[Lane,
 
 @helper
 def _flat_size(kind: Lane, part: Lane, p0: Lane, p1: Lane) -> tuple[Lane, Lane]:
-    """Half the width and depth of what is flat: a rectangle, a disk, the cap of a cylinder or cone."""
+    """Half the width and depth of a rectangle, a disk or the cap of a cylinder or cone."""
     radius = ops.where((kind == CONE) & (part == 2), p1, p0)
     return radius, ops.where(kind == RECTANGLE, p1, radius)
 
 
 @helper
 def _box_uv(half: Vec, part: Lane, p: Vec) -> tuple[Lane, Lane, Lane, Lane]:
-    """u, v and their lengths on a face of a box, upright on its sides."""
+    """(u, v, metres per u, metres per v) on a face of a box, upright on its sides."""
     axis = part // 2
     side = ops.where(part % 2 == 1, 1.0, -1.0)
     across = ops.where(axis == 0, -side * p[2], ops.where(axis == 1, p[0], side * p[0]))

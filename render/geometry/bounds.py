@@ -13,7 +13,7 @@ SLACK = 1e-12  # relative growth of an instance's box: covers the rounding of tr
 
 
 def world_bounds(tables: ir.Tables) -> NDArray[np.float64]:
-    """(instances, 6) boxes in the world, grown by what rounding may move a thing; not finite where a thing is endless."""
+    """World boxes of instances, (instances, 6), with the rounding error of transforms; not finite for unbounded shapes."""
     instances = tables.instances
     boxes = tables.geometries.bounds[instances.geometry]
     matrix = tables.transforms.matrix[instances.transform]
@@ -27,10 +27,10 @@ def world_bounds(tables: ir.Tables) -> NDArray[np.float64]:
 
 
 def swept_bounds(tables: ir.Tables) -> NDArray[np.float64]:
-    """As `world_bounds`, of all places that things pass between the shutter's opening and its closing.
+    """`world_bounds` over all positions between the shutter's opening and closing.
 
-    Between moments at which a corner's place is computed, it strays from the line between them by at most h²/8 of its acceleration:
-    ω² r + 2 ω r' for a turn of ω radians and a corner at r that stretches by r' a key.
+    Between two evaluated times, a corner deviates from the line between its positions by at most h²/8 of its acceleration, which is
+    ω² r + 2 ω r' for a rotation of ω radians a key and a corner at radius r that scales by r' a key.
     """
     boxes, instances, keys = world_bounds(tables), tables.instances, tables.keys
     first, count = tables.transforms.first_key[instances.transform], tables.transforms.keys[instances.transform]
@@ -44,13 +44,13 @@ def swept_bounds(tables: ir.Tables) -> NDArray[np.float64]:
                 ends = [corners @ keys.stretch[k].T for k in (key, key + 1)]
                 reach = max(np.linalg.norm(end, axis=1).max() for end in ends)
                 stray = (turn * turn * reach + 2.0 * turn * np.linalg.norm(ends[1] - ends[0], axis=1).max()) / (8.0 * parts * parts)
-                at = _between(keys, key, np.arange(parts + 1) / parts) @ np.vstack([corners.T, np.ones(8)])
+                at = _matrices_between(keys, key, np.arange(parts + 1) / parts) @ np.vstack([corners.T, np.ones(8)])
                 stray += SLACK * (np.abs(at).max() + reach)
                 boxes[i, :3] = np.minimum(boxes[i, :3], at.min(axis=(0, 2)) - stray)
                 boxes[i, 3:] = np.maximum(boxes[i, 3:], at.max(axis=(0, 2)) + stray)
     return boxes
 
 
-def _between(keys: ir.Keys, key: int, shares: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(n, 3, 4) places at shares (n,) of the way from a key to the next."""
-    return np.stack(instance_transform.between(keys, key, np.full(len(shares), 2), shares), axis=1).reshape(-1, 3, 4)
+def _matrices_between(keys: ir.Keys, key: int, shares: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Matrices (n, 3, 4) at fractions (n,) of the time from a key to the next."""
+    return np.stack(instance_transform.interpolate_keys(keys, key, np.full(len(shares), 2), shares), axis=1).reshape(-1, 3, 4)

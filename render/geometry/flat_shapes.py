@@ -1,4 +1,4 @@
-"""Closed forms of flat shapes, in lanes: slabs and boxes, what lies in y = 0, and the watertight triangle."""
+"""Ray intersection in closed form, in lanes: boxes, planes, rectangles, disks and watertight triangles."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ INF = math.inf
 
 @helper
 def nearest(lo: Lane, hi: Lane, t_min: Lane, t_max: Lane) -> Lane:
-    """The first of two ordered roots strictly between t_min and t_max, inf if neither is (a NaN never is)."""
+    """The first of two ordered roots strictly between t_min and t_max, inf if neither is; NaN never is."""
     second = ops.where((hi > t_min) & (hi < t_max), hi, INF)
     return ops.where((lo > t_min) & (lo < t_max), lo, second)
 
 
 @helper
 def slab(o: Lane, d: Lane, half: Lane) -> tuple[Lane, Lane]:
-    """Where |o + t d| <= half: (lo, hi), or (inf, -inf) where it never is.
+    """(lo, hi) of t with |o + t d| <= half, or (inf, -inf) without any.
 
-    A ray that runs along the slab (d = ±0) is inside for ever or never: 0 · inf is not asked what it is.
+    A ray parallel to the slab (d = ±0) is inside everywhere or nowhere; 0 · inf is not evaluated.
     """
     a = (-half - o) / d
     b = (half - o) / d
@@ -35,7 +35,7 @@ def slab(o: Lane, d: Lane, half: Lane) -> tuple[Lane, Lane]:
 
 @helper
 def box(half: Vec, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) -> tuple[Lane, Lane]:
-    """(t, part) of a box about the origin; parts are the faces -x, +x, -y, +y, -z, +z."""
+    """(t, part) of a box centered at the origin; parts are the faces -x, +x, -y, +y, -z, +z."""
     x0, x1 = slab(origin[0], direction[0], half[0])
     y0, y1 = slab(origin[1], direction[1], half[1])
     z0, z1 = slab(origin[2], direction[2], half[2])
@@ -53,13 +53,13 @@ def box(half: Vec, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) -> tup
 
 @helper
 def component(v: Vec, axis: Lane) -> Lane:
-    """v[axis], where each lane may ask for another axis."""
+    """v[axis], with an axis for each lane."""
     return ops.where(axis == 0, v[0], ops.where(axis == 1, v[1], v[2]))
 
 
 @helper
 def plane(origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) -> Lane:
-    """t of the plane y = 0. Only a ray exactly along it (or in it) misses: any other slope has its t, however large."""
+    """t of the plane y = 0. Only exactly parallel rays miss it; any other slope has a t, however large."""
     t = -origin[1] / direction[1]
     return ops.where((direction[1] != 0.0) & (t > t_min) & (t < t_max), t, INF)
 
@@ -84,23 +84,23 @@ def disk(radius: Lane, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) ->
 
 @helper
 def shear(direction: Vec) -> tuple[Lane, Lane, Lane, Lane, Lane, Lane]:
-    """(kx, ky, kz, sx, sy, sz): the axes and factors of the shear that turns a direction into +z.
+    """(kx, ky, kz, sx, sy, sz): axes and factors of the shear that takes a direction to +z.
 
-    kz is the direction's largest axis; kx and ky are swapped where it is negative, which keeps the winding.
+    kz is the direction's largest axis; kx and ky are swapped where that component is negative, which keeps the winding.
     """
     kx, ky, kz = _axes(direction)
-    return _scaled(direction, kx, ky, kz, 1.0 / component(direction, kz))
+    return _shear_factors(direction, kx, ky, kz, 1.0 / component(direction, kz))
 
 
 @helper
-def shear_of(direction: Vec, inverse: Vec) -> tuple[Lane, Lane, Lane, Lane, Lane, Lane]:
-    """`shear`, where 1 / direction is known."""
+def shear_with_inverse(direction: Vec, inverse: Vec) -> tuple[Lane, Lane, Lane, Lane, Lane, Lane]:
+    """`shear` with a given 1 / direction."""
     kx, ky, kz = _axes(direction)
-    return _scaled(direction, kx, ky, kz, component(inverse, kz))
+    return _shear_factors(direction, kx, ky, kz, component(inverse, kz))
 
 
 @helper
-def _scaled(direction: Vec, kx: Lane, ky: Lane, kz: Lane, scale: Lane) -> tuple[Lane, Lane, Lane, Lane, Lane, Lane]:
+def _shear_factors(direction: Vec, kx: Lane, ky: Lane, kz: Lane, scale: Lane) -> tuple[Lane, Lane, Lane, Lane, Lane, Lane]:
     return kx, ky, kz, component(direction, kx) * scale, component(direction, ky) * scale, scale
 
 
@@ -115,7 +115,7 @@ def _axes(direction: Vec) -> tuple[Lane, Lane, Lane]:
 
 
 class Crossing(NamedTuple):
-    """Where sheared rays pass triangles."""
+    """Crossings of sheared rays with triangles."""
 
     v: Lane  # weights of the second and the third corner, times `total`
     w: Lane
@@ -126,7 +126,7 @@ class Crossing(NamedTuple):
 
 @helper
 def crossing(a: Vec, b: Vec, c: Vec, sx: Lane, sy: Lane) -> Crossing:
-    """For corners relative to the ray's origin with their axes in the order kx, ky, kz of `shear`."""
+    """The crossing with a triangle whose corners are relative to the ray's origin, with axes in the order kx, ky, kz."""
     ax, ay = a[0] - sx * a[2], a[1] - sy * a[2]
     bx, by = b[0] - sx * b[2], b[1] - sy * b[2]
     cx, cy = c[0] - sx * c[2], c[1] - sy * c[2]
@@ -139,14 +139,14 @@ def crossing(a: Vec, b: Vec, c: Vec, sx: Lane, sy: Lane) -> Crossing:
 
 
 @helper
-def ahead(met: Crossing, sz: Lane) -> Lane:
-    """What is inside its triangle and not behind the ray's origin: quick to say."""
+def is_ahead(met: Crossing, sz: Lane) -> Lane:
+    """Whether a crossing is inside its triangle and not behind the ray's origin, without a division."""
     return met.inside & ops.not_((sz * met.depth < 0.0) ^ (met.total < 0.0))
 
 
 @helper
-def reached(met: Crossing, sz: Lane, t_min: Lane, t_max: Lane) -> Lane:
-    """t of what is inside its triangle, inf elsewhere and where t is not between t_min and t_max."""
+def hit_t(met: Crossing, sz: Lane, t_min: Lane, t_max: Lane) -> Lane:
+    """t of a crossing, inf outside of its triangle and where t is not between t_min and t_max."""
     t = sz * met.depth / met.total
     return ops.where(met.inside & (t > t_min) & (t < t_max), t, INF)
 
@@ -155,15 +155,15 @@ def reached(met: Crossing, sz: Lane, t_min: Lane, t_max: Lane) -> Lane:
 def sheared_triangle(a: Vec, b: Vec, c: Vec, sx: Lane, sy: Lane, sz: Lane, t_min: Lane, t_max: Lane) -> tuple[Lane, Lane, Lane]:
     """`triangle` for corners relative to the ray's origin with their axes in the order kx, ky, kz of `shear`."""
     met = crossing(a, b, c, sx, sy)
-    return reached(met, sz, t_min, t_max), met.v / met.total, met.w / met.total
+    return hit_t(met, sz, t_min, t_max), met.v / met.total, met.w / met.total
 
 
 @helper
 def triangle(a: Vec, b: Vec, c: Vec, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) -> tuple[Lane, Lane, Lane]:
-    """(t, u, v) of a triangle seen from either side; u and v are the weights of b and c, t inf where it is missed.
+    """(t, u, v) of a two-sided triangle; u and v are the weights of b and c, t is inf where it is missed.
 
-    Woop, Benthin, Wald, "Watertight Ray/Triangle Intersection", JCGT 2013. Two triangles that share an edge see the same
-    two products with opposite signs, and rounding keeps their order, so that no ray passes between them.
+    Woop, Benthin, Wald, "Watertight Ray/Triangle Intersection", JCGT 2013. Two triangles that share an edge compute
+    the same two products with opposite signs. Rounding keeps their order, so no ray passes between the triangles.
     """
     kx, ky, kz, sx, sy, sz = shear(direction)
     o = (component(origin, kx), component(origin, ky), component(origin, kz))

@@ -1,7 +1,7 @@
-"""Where a thing stands at a moment: its transform as a table has it or, where it moves, between two of its keys.
+"""Evaluates the transform of an instance at a time: static, or interpolated between two motion keys.
 
-A place is (3, 4) numbers row by row, in lanes. `time` is 0 at the shutter's opening and 1 at its closing; None, in scenes where nothing
-moves, is known when kernels are compiled, so that those read the tables and nothing else.
+A transform is (3, 4) numbers, row by row, in lanes. `time` is 0 at the shutter's opening and 1 at its closing. Without motion it is None,
+which kernels know at compile time, so they only read the tables.
 """
 
 from __future__ import annotations
@@ -16,49 +16,49 @@ from ..lanes import affine, ops
 from ..types import Lane, Tables, Vec
 
 Affine = tuple[Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane]
-STRAIGHT = 0.9995  # cosine between quaternions above which they are joined by a line: sines lose their digits
+STRAIGHT = 0.9995  # cosine between quaternions above which interpolation is linear: sines would lose precision
 
 
-class Place(NamedTuple):
-    """A thing's frame."""
+class Frame(NamedTuple):
+    """The frame of an instance."""
 
-    matrix: Affine  # its own frame to the world
+    matrix: Affine  # instance to world
     inverse: Affine
 
 
-def transform_at(tables: Tables, row: Lane, time: Lane | None) -> Place:
-    """The place of a row of Transforms."""
-    return _still(tables, row) if time is None else _moved(tables, row, time)
+def transform_at(tables: Tables, row: Lane, time: Lane | None) -> Frame:
+    """The frame of a row of Transforms at a time."""
+    return _static_frame(tables, row) if time is None else _moving_frame(tables, row, time)
 
 
 @overload(transform_at, jit_options=HELPER)
 def _at_in_kernels(tables, row, time):
     if isinstance(time, types.NoneType):
-        return lambda tables, row, time: _still(tables, row)
-    return lambda tables, row, time: _moved(tables, row, time)
+        return lambda tables, row, time: _static_frame(tables, row)
+    return lambda tables, row, time: _moving_frame(tables, row, time)
 
 
 @helper
-def _still(tables: Tables, row: Lane) -> Place:
-    return Place(affine.load12(tables.transforms.matrix, row), affine.load12(tables.transforms.inverse, row))
+def _static_frame(tables: Tables, row: Lane) -> Frame:
+    return Frame(affine.load12(tables.transforms.matrix, row), affine.load12(tables.transforms.inverse, row))
 
 
 @helper
-def _moved(tables: Tables, row: Lane, time: Lane) -> Place:
-    still = _still(tables, row)
+def _moving_frame(tables: Tables, row: Lane, time: Lane) -> Frame:
+    still = _static_frame(tables, row)
     first = ops.to_int(tables.transforms.first_key[row])
     moves = first >= 0
     matrix, inverse = _like(time, still.matrix), _like(time, still.inverse)
     if ops.any_lane(moves):
-        moved = between(tables.keys, ops.where(moves, first, 0), ops.where(moves, tables.transforms.keys[row], 2), time)
-        inverse = _chosen(moves, inverted(moved), inverse)
-        matrix = _chosen(moves, moved, matrix)
-    return Place(matrix, inverse)
+        moved = interpolate_keys(tables.keys, ops.where(moves, first, 0), ops.where(moves, tables.transforms.keys[row], 2), time)
+        inverse = _select(moves, invert(moved), inverse)
+        matrix = _select(moves, moved, matrix)
+    return Frame(matrix, inverse)
 
 
 @helper
 def _like(time: Lane, m: Affine) -> Affine:
-    """The same numbers in the lanes of `time`."""
+    """The transform spread over the lanes of `time`."""
     z = ops.full_like(time, 0.0)
     return (
         m[0] + z, m[1] + z, m[2] + z, m[3] + z, m[4] + z, m[5] + z, m[6] + z, m[7] + z, m[8] + z, m[9] + z, m[10] + z, m[11] + z,
@@ -66,7 +66,7 @@ def _like(time: Lane, m: Affine) -> Affine:
 
 
 @helper
-def _chosen(moves: Lane, a: Affine, b: Affine) -> Affine:
+def _select(moves: Lane, a: Affine, b: Affine) -> Affine:
     return (
         ops.where(moves, a[0], b[0]), ops.where(moves, a[1], b[1]), ops.where(moves, a[2], b[2]), ops.where(moves, a[3], b[3]),
         ops.where(moves, a[4], b[4]), ops.where(moves, a[5], b[5]), ops.where(moves, a[6], b[6]), ops.where(moves, a[7], b[7]),
@@ -75,8 +75,8 @@ def _chosen(moves: Lane, a: Affine, b: Affine) -> Affine:
 
 
 @helper
-def between(keys: Any, first: Lane, count: Lane, time: Lane) -> Affine:
-    """The matrix at a time between the keys `first` …: straight moves and stretches, turns along the shortest way (Shoemake 1985)."""
+def interpolate_keys(keys: Any, first: Lane, count: Lane, time: Lane) -> Affine:
+    """The matrix at a time between the keys from `first` on: linear translation and scale, slerp rotation (Shoemake 1985)."""
     move, turn, stretch = keys.move, keys.turn, keys.stretch
     steps = ops.to_float(count - 1) + 0.0 * time
     place = ops.clip(time, 0.0, 1.0) * steps
@@ -117,8 +117,8 @@ def _column(stretch: Any, a: Lane, b: Lane, f: Lane, j: int) -> Vec:
 
 
 @helper
-def inverted(m: Affine) -> Affine:
-    """The inverse of a place, by cofactors."""
+def invert(m: Affine) -> Affine:
+    """The inverse of a transform, by cofactors."""
     a, b, c, x, d, e, f, y, g, h, i, z = m
     ei, fg, dh = e * i - f * h, f * g - d * i, d * h - e * g
     k = 1.0 / (a * ei + b * fg + c * dh)
@@ -131,9 +131,9 @@ def inverted(m: Affine) -> Affine:
     )  # fmt: skip
 
 
-# --- what rays keep of the time -------------------------------------------------------------------------------------------
+# --- the time of rays -------------------------------------------------------------------------------------------
 
 
 def is_open(shutter: Any) -> bool:
-    """Whether kernels' shutter of this Numba type is a real one."""
+    """Whether a shutter of this Numba type opens for more than a moment."""
     return bool(shutter.layout)

@@ -1,8 +1,8 @@
-"""Closed forms of round shapes, in lanes: sphere, cylinder, cone, capsule, torus, quadric.
+"""Ray intersection in closed form, in lanes: spheres, cylinders, cones, capsules and quadrics.
 
-Convex solids are intervals (lo, hi) of t, empty as (inf, -inf): a ray that enters one leaves it, whatever the rounding.
-Roots of a t² - 2 b t + c = 0 come from q = b ± √D with the sign of b, as c/q and q/a, so that nothing cancels
-(Numerical Recipes §5.6; Haines et al., Ray Tracing Gems, chapter 7).
+A convex solid is an interval (lo, hi) of t, empty as (inf, -inf): a ray that enters it leaves it, in spite of rounding. The roots of
+a t² - 2 b t + c = 0 are c/q and q/a with q = b ± √D of the sign of b, which avoids cancellation (Numerical Recipes §5.6; Haines et al.,
+Ray Tracing Gems, chapter 7).
 """
 
 from __future__ import annotations
@@ -29,10 +29,9 @@ def _ordered_roots(a: Lane, b: Lane, c: Lane, discriminant: Lane) -> tuple[Lane,
 
 @helper
 def sphere_interval(radius: Lane, origin: Vec, direction: Vec) -> tuple[Lane, Lane]:
-    """Where a ray is inside a sphere about the origin.
+    """The interval of t inside a sphere centered at the origin.
 
-    The discriminant is r² less the squared distance of the line, not b² - a c: for a sphere far away those two are
-    nearly equal and huge.
+    The discriminant is r² minus the squared distance of the line, not b² - a c, which cancels for a distant sphere.
     """
     a = ops.dot(direction, direction)
     b = -ops.dot(origin, direction)
@@ -50,17 +49,17 @@ def sphere_interval(radius: Lane, origin: Vec, direction: Vec) -> tuple[Lane, La
 
 @helper
 def sphere(radius: Lane, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) -> Lane:
-    """t of a sphere about the origin."""
+    """t of a sphere centered at the origin."""
     lo, hi = sphere_interval(radius, origin, direction)
     return nearest(lo, hi, t_min, t_max)
 
 
 @helper
 def _side_roots(middle: Lane, slope: Lane, origin: Vec, direction: Vec) -> tuple[Lane, Lane, Lane, Lane]:
-    """(lo, hi, a, c) of x² + z² = w², w = middle + slope y: an endless (double) cone, a cylinder for slope 0.
+    """(lo, hi, a, c) of x² + z² = w², w = middle + slope y: an infinite double cone, a cylinder for slope 0.
 
-    Solved about the ray's nearest place to the origin of the frame, so that no more digits are lost than the eye's distance takes.
-    With d and o the parts of direction and place in the xz plane, D = |w d - slope d_y o|² - (o × d)². `c` is there, not at the eye.
+    It is solved at the ray's point nearest to the frame's origin, which limits the loss of precision to that of the eye's distance. With
+    d and o the direction and that point in the xz plane, D = |w d - slope d_y o|² - (o × d)². `c` is the constant term there.
     """
     shift = -ops.dot(origin, direction) / ops.dot(direction, direction)
     ox, oy, oz = ops.along(origin, direction, shift)
@@ -75,7 +74,7 @@ def _side_roots(middle: Lane, slope: Lane, origin: Vec, direction: Vec) -> tuple
     reach = ops.sqrt(vx * vx + vz * vz)
     side = abs(ox * dz - oz * dx)
     discriminant = (reach - side) * (reach + side)
-    # steeper than the cone: a line through the tip touches both halves, and only rounding says that it misses them
+    # steeper than the cone: a line through the apex touches both halves, and only rounding makes D negative
     discriminant = ops.where((a < 0.0) & (discriminant < 0.0), 0.0, discriminant)
     lo, hi = _ordered_roots(a, b, c, discriminant)
     return lo + shift, hi + shift, a, c
@@ -83,11 +82,11 @@ def _side_roots(middle: Lane, slope: Lane, origin: Vec, direction: Vec) -> tuple
 
 @helper
 def cone_interval(bottom: Lane, top: Lane, half: Lane, origin: Vec, direction: Vec) -> tuple[Lane, Lane, Lane, Lane]:
-    """Where a ray is inside a capped cone: (lo, hi, part at lo, part at hi); parts 0 side, 1 bottom, 2 top."""
+    """(lo, hi, part at lo, part at hi) of t inside a capped cone; parts 0 side, 1 bottom, 2 top."""
     middle = 0.5 * (bottom + top)
     slope = 0.5 * (top - bottom) / half
     lo, hi, a, c = _side_roots(middle, slope, origin, direction)
-    # a < 0: inside are the two half-lines beyond the roots; the slab leaves the one on which the radius is positive
+    # a < 0: the two half-lines beyond the roots are inside; the slab keeps the one where the radius is positive
     upward = slope * direction[1] > 0.0
     inside_lo = ops.where(a < 0.0, ops.where(upward, hi, -INF), lo)
     inside_hi = ops.where(a < 0.0, ops.where(upward, INF, lo), hi)
@@ -121,7 +120,7 @@ def cone(bottom: Lane, top: Lane, half: Lane, capped: Lane, origin: Vec, directi
 
 @helper
 def capsule(radius: Lane, half: Lane, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) -> Lane:
-    """t of a capsule: the hull of a cylinder's interval and those of the two spheres is the whole's, as it is convex."""
+    """t of a capsule: its interval is the hull of those of the cylinder and the two spheres, since it is convex."""
     lo, hi, _, _ = cone_interval(radius, radius, half, origin, direction)
     lo_top, hi_top = sphere_interval(radius, (origin[0], origin[1] - half, origin[2]), direction)
     lo_bottom, hi_bottom = sphere_interval(radius, (origin[0], origin[1] + half, origin[2]), direction)
@@ -134,11 +133,11 @@ def capsule(radius: Lane, half: Lane, origin: Vec, direction: Vec, t_min: Lane, 
 def quadric_value(parameters, g: Lane, p: Vec) -> Lane:
     """A x² + B y² + C z² + D x y + E y z + F x z + G x + H y + I z + J."""
     x, y, z = p
-    return _second_degree(parameters, g, p) + parameters[g, 6] * x + parameters[g, 7] * y + parameters[g, 8] * z + parameters[g, 9]
+    return _quadratic_part(parameters, g, p) + parameters[g, 6] * x + parameters[g, 7] * y + parameters[g, 8] * z + parameters[g, 9]
 
 
 @helper
-def _second_degree(parameters, g: Lane, p: Vec) -> Lane:
+def _quadratic_part(parameters, g: Lane, p: Vec) -> Lane:
     x, y, z = p
     second = parameters[g, 0] * x * x + parameters[g, 1] * y * y + parameters[g, 2] * z * z
     return second + (parameters[g, 3] * x * y + parameters[g, 4] * y * z + parameters[g, 5] * x * z)
@@ -158,12 +157,12 @@ def quadric_gradient(parameters, g: Lane, p: Vec) -> Vec:
 
 @helper
 def quadric(parameters, g: Lane, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) -> Lane:
-    """t of a quadric where it lies inside its box: the nearest root in range that the box keeps."""
+    """t of a quadric inside its box: the nearest root in range that lies in the box."""
     shift = -ops.dot(origin, direction) / ops.dot(direction, direction)
     o = (origin[0] + shift * direction[0], origin[1] + shift * direction[1], origin[2] + shift * direction[2])
     c = quadric_value(parameters, g, o)
     b = -0.5 * ops.dot(quadric_gradient(parameters, g, o), direction)
-    a = _second_degree(parameters, g, direction)  # not from values: their constant term would drown it
+    a = _quadratic_part(parameters, g, direction)  # not from values, whose constant term would cancel it
     lo, hi = _ordered_roots(a, b, c, b * b - a * c)
     lo = ops.where(_in_box(parameters, g, o, direction, lo), lo + shift, INF)
     hi = ops.where(_in_box(parameters, g, o, direction, hi), hi + shift, INF)

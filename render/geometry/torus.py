@@ -1,8 +1,8 @@
-"""The torus, in lanes: its quartic's turning points part the ray, and each part holds at most one root, found by bracketing.
+"""Ray/torus intersection, in lanes: extrema of the quartic divide the ray into parts of at most one root, found by bracketing.
 
-Ferrari's formula loses everything for thin rings and far eyes. Here the ray first goes to its point nearest the centre,
-where the quartic has no cubic term; the quartic (ρ² + y² + R² - r²)² = 4 R² ρ² only says where to look, and roots are
-polished on (ρ - R)² + y² - r², which does not cancel however thin the tube is.
+Ferrari's formula loses all precision for thin rings and distant eyes. Here the ray starts at its point nearest the center, where the
+quartic has no cubic term. The quartic (ρ² + y² + R² - r²)² = 4 R² ρ² only gives the parts. Roots are refined on (ρ - R)² + y² - r², which
+does not cancel for a thin tube.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from ..lanes import ops
 from ..types import Lane, Vec
 
 INF = math.inf
-STEPS = 100  # bisection alone ends by then; Newton takes five or six
-CLOSE = 4.5e-16  # of the torus' size: two units in the last place
+STEPS = 100  # enough for bisection alone; Newton takes five or six
+CLOSE = 4.5e-16  # tolerance relative to the torus' size: two units in the last place
 
 
 @helper
@@ -25,7 +25,7 @@ def torus(ring: Lane, tube: Lane, origin: Vec, direction: Vec, t_min: Lane, t_ma
     d = ops.scale(direction, 1.0 / speed)
     shift = -ops.dot(origin, d)
     o = (origin[0] + shift * d[0], origin[1] + shift * d[1], origin[2] + shift * d[2])
-    outer = (1.0 + 1e-9) * (ring + tube)  # so that the ends are outside
+    outer = (1.0 + 1e-9) * (ring + tube)  # so the ends are outside
     m = ops.dot(o, o)
     found = INF + 0.0 * m
     if ops.any_lane(m < outer * outer):
@@ -41,7 +41,7 @@ def torus(ring: Lane, tube: Lane, origin: Vec, direction: Vec, t_min: Lane, t_ma
 
 @helper
 def _turning_points(ring: Lane, tube: Lane, o: Vec, d: Vec, reach: Lane, size: Lane) -> Vec:
-    """Points, in order within ±reach, between which t⁴ + a t² + b t + c is monotonic: the roots of 4 t³ + 2 a t + b."""
+    """Ordered points within ±reach between which t⁴ + a t² + b t + c is monotonic: the roots of 4 t³ + 2 a t + b."""
     level = 1.0 - d[1] * d[1]
     a = 2.0 * (ops.dot(o, o) + (ring - tube) * (ring + tube)) - 4.0 * ring * ring * level
     b = 8.0 * ring * ring * o[1] * d[1]
@@ -54,7 +54,7 @@ def _turning_points(ring: Lane, tube: Lane, o: Vec, d: Vec, reach: Lane, size: L
 
 @helper
 def _cubic_root(a: Lane, b: Lane, lo: Lane, hi: Lane, size: Lane) -> Lane:
-    """The root of 4 t³ + 2 a t + b in an interval where it is monotonic; hi where it has none there."""
+    """The root of 4 t³ + 2 a t + b in an interval where it is monotonic; hi without a root."""
     below = (4.0 * lo * lo + 2.0 * a) * lo + b < 0.0
     above = (4.0 * hi * hi + 2.0 * a) * hi + b < 0.0
     crosses = below != above
@@ -73,7 +73,7 @@ def _cubic_root(a: Lane, b: Lane, lo: Lane, hi: Lane, size: Lane) -> Lane:
 
 @helper
 def _step(x: Lane, value: Lane, slope: Lane, lo: Lane, hi: Lane, open_: Lane, size: Lane) -> tuple[Lane, Lane]:
-    """Newton's step where it stays between lo and hi, else half way; and which lanes go on."""
+    """(a Newton step where it stays between lo and hi, otherwise bisection; the lanes that go on)."""
     newton = x - value / slope
     ends = abs(newton - x) <= CLOSE * size
     inside = (newton > lo) & (newton < hi)
@@ -84,7 +84,7 @@ def _step(x: Lane, value: Lane, slope: Lane, lo: Lane, hi: Lane, open_: Lane, si
 
 @helper
 def _tube_value(ring: Lane, tube: Lane, o: Vec, d: Vec, t: Lane) -> tuple[Lane, Lane]:
-    """(ρ - R)² + y² - r² at o + t d, and how fast it changes."""
+    """(ρ - R)² + y² - r² at o + t d, and its derivative."""
     x, y, z = o[0] + t * d[0], o[1] + t * d[1], o[2] + t * d[2]
     rho = ops.sqrt(x * x + z * z)
     off = rho - ring
@@ -94,9 +94,9 @@ def _tube_value(ring: Lane, tube: Lane, o: Vec, d: Vec, t: Lane) -> tuple[Lane, 
 
 @helper
 def _first_root(ring: Lane, tube: Lane, o: Vec, d: Vec, p0: Lane, p1: Lane, span: tuple[Lane, Lane, Lane, Lane], found: Lane) -> Lane:
-    """`found`, or where it is inf the t of the surface's crossing between p0 and p1 if there is one in range.
+    """`found`, or where that is inf, t of the crossing between p0 and p1, if it is in range.
 
-    `span` is (shift, speed, t_min, t_max), t being (x + shift) / speed for a place x on the ray.
+    `span` is (shift, speed, t_min, t_max); t is (x + shift) / speed for a position x on the ray.
     """
     shift, speed, t_min, t_max = span
     outside0 = _tube_value(ring, tube, o, d, p0)[0] > 0.0
@@ -120,7 +120,7 @@ def _first_root(ring: Lane, tube: Lane, o: Vec, d: Vec, p0: Lane, p1: Lane, span
 
 @helper
 def crossings(ring: Lane, tube: Lane, origin: Vec, direction: Vec) -> tuple[Lane, Lane, Lane, Lane]:
-    """Two stretches t0 … t1, t2 … t3 of a ray, of any length of direction, that lie in a torus; inf where there is none."""
+    """Intervals t0 … t1 and t2 … t3 of a ray inside a torus; inf without; directions may have any length."""
     speed = ops.sqrt(ops.dot(direction, direction))
     d = ops.scale(direction, 1.0 / speed)
     shift = -ops.dot(origin, d)
@@ -138,7 +138,7 @@ def crossings(ring: Lane, tube: Lane, origin: Vec, direction: Vec) -> tuple[Lane
     t1 = _first_root(ring, tube, o, d, c1, c2, span, none)
     t2 = _first_root(ring, tube, o, d, c2, c3, span, none)
     t3 = _first_root(ring, tube, o, d, c3, reach, span, none)
-    t0, t1 = ops.minimum(t0, t1), ops.maximum(t0, t1)  # parts without a crossing to the end
+    t0, t1 = ops.minimum(t0, t1), ops.maximum(t0, t1)  # moves parts without a crossing to the end
     t2, t3 = ops.minimum(t2, t3), ops.maximum(t2, t3)
     t0, t2 = ops.minimum(t0, t2), ops.maximum(t0, t2)
     t1, t3 = ops.minimum(t1, t3), ops.maximum(t1, t3)

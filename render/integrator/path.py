@@ -304,7 +304,7 @@ def sample_direct(
     table = light.emitters
     zero = ops.full_like(point.offset, 0.0)
     frosted_ = bsdf.is_rough_glass(shader, ops.bool_like(zero, False))
-    place = ops.where3(frosted_, point.position, interaction.lit_from(point))
+    place = ops.where3(frosted_, point.position, interaction.shadow_origin(point))
     if len(table.kind) == 1:
         row = 0
         arriving = emitters.sample(tables, table, 0, place, u, v)
@@ -330,9 +330,9 @@ def sample_direct(
     factor = factor * ops.where(met_too, mis_weight(arriving.density * chance, density, light.weighing, LIGHTS_ALONE), 1.0)
     given = ops.scale(ops.mul(ops.mul(path.weight, share), arriving.light), factor)
     given = medium_stack.faded(medium_stack.crossed(path.inside, None, tables, point, arriving.direction), given, tables, arriving.distance)
-    origin = interaction.leave_from(point, place, arriving.direction)
+    origin = interaction.offset_shadow_origin(point, place, arriving.direction)
     wanted = here & (ops.largest(given) > 0.0)
-    wanted = wanted & bsdf.is_rough_glass(shader, normal_map.open_to(tables, point, arriving.direction, wanted))
+    wanted = wanted & bsdf.is_rough_glass(shader, normal_map.mask_behind(tables, point, arriving.direction, wanted))
     # Things that shine block no light of their own: rays end before them by all roundings, and the shift at their beginning.
     short = 64.0 * ops.roundoff(zero) * ops.where(arriving.distance < math.inf, arriving.distance, 0.0) + 2.0 * point.offset
     reach = ops.maximum(arriving.distance - short / ops.maximum(arriving.cosine, SLANTED), 0.0)
@@ -342,7 +342,7 @@ def sample_direct(
 
 @helper
 def _drawn_part(tables: Tables, point: Surface, pixel: Lane, sample: Lane, depth: int, seed: int) -> Surface:
-    return blend.part(tables, point, numbers(pixel, sample, depth, 3, seed)[1])
+    return blend.choose_part(tables, point, numbers(pixel, sample, depth, 3, seed)[1])
 
 
 _part = blend.if_blended(_drawn_part)
@@ -362,7 +362,7 @@ def shade_vertex(
     uses = light.uses
     faded = medium_stack.faded(path.inside, path.weight, tables, hit.t)
     path = Path(path.origin, path.direction, faded, path.density, path.straight, path.inside, path.phase, path.facing)
-    point = normal_map.tilted(tables, _part(tables, point, pixel, sample, depth, options.seed), hit, path.direction)
+    point = normal_map.apply_maps(tables, _part(tables, point, pixel, sample, depth, options.seed), hit, path.direction)
     shader = bsdf.evaluate_shader_filtered(tables, point, uses, path.inside)
     viewer = ops.negate(path.direction)
     sent = (zero, zero, zero)
@@ -410,8 +410,8 @@ def shade_vertex(
     thrown = photon_covers_lobe(light.gleaming, point, shader)
     phase = photon_map.phase_after(light.photons, path.phase, shader, taken.density >= ONLY, thrown)
     sunk = bsdf.is_rough_glass(shader, taken.density >= ONLY)
-    place = ops.where3(sunk, point.position, interaction.lit_from(point))  # from where light was looked for: both ways see the same
-    origin = interaction.leave_at(point, place, taken.direction)
+    place = ops.where3(sunk, point.position, interaction.shadow_origin(point))  # from where light was looked for: both ways see the same
+    origin = interaction.offset_origin_at(point, place, taken.direction)
     onward = Path(origin, taken.direction, weight, density, straight, inside, phase, _facing(light, point, shader))
     return sent, connection, onward, going
 
@@ -497,7 +497,7 @@ def _beyond(
     passed, layer = active, 0
     while True:
         asked = passed & (hit.instance >= 0) & partial[np.maximum(hit.instance, 0)]
-        there = surface_alpha.at(tables, interaction.make_interaction(tables, ray, hit))
+        there = surface_alpha.opacity_at(tables, interaction.make_interaction(tables, ray, hit))
         passed = asked & (passing(pixel, sample, depth, layer, options.seed) >= there)
         if not passed.any():
             return hit

@@ -261,7 +261,7 @@ def _land(scene, frame, room, source, n, depth, origin, landed, kept):
         power = medium_stack.faded(inside, power, tables, ops.where(here, hit.t, 0.0))
         time = sobol.sample_time(number, index, seed, frame.shutter)
         point, hit = wavefront.point_of(tables, scene.tried.records, start, direction, hit, piece, here, time)
-        point = normal_map.tilted(tables, _part(tables, point, number, index, depth, seed), hit, direction)
+        point = normal_map.apply_maps(tables, _part(tables, point, number, index, depth, seed), hit, direction)
         shader = bsdf.evaluate_shader_filtered(tables, point, light.uses, inside)
         matt = bsdf.has_matt(shader)
         lands = here & bsdf.is_lit(shader) & (bent | (thrown & matt))
@@ -289,7 +289,7 @@ def _land(scene, frame, room, source, n, depth, origin, landed, kept):
         bent = bent | ops.not_(thrown)
         weight = ops.mul(power, ops.scale(weight, 1.0 / ops.maximum(chance, lights.TINY)))
         flags = ops.where(bent, BENT, 0) | ops.where(spread, SPREAD, 0) | ops.where(thrown, THROWN, 0)
-        keep3(room.state, target + going_on, interaction.leave(point, to), going)
+        keep3(room.state, target + going_on, interaction.offset_origin(point, to), going)
         keep3(room.state, target + 3 * ROW + going_on, to, going)
         keep3(room.state, target + 6 * ROW + going_on, weight, going)
         keep3(room.whose, (1 - source) * 3 * ROW + going_on, (ops.to_int(flags) + 0 * number, number, index), going)
@@ -340,7 +340,7 @@ def _numbers(number: Lane, index: Lane, pair: int, seed: int) -> tuple[Lane, Lan
 
 @helper
 def _drawn_part(tables: Tables, point: Surface, number: Lane, index: Lane, depth: int, seed: int) -> Surface:
-    return blend.part(tables, point, sobol.hashed_pair(number, index, ops.int_like(number, PART + depth), seed)[0])
+    return blend.choose_part(tables, point, sobol.hashed_pair(number, index, ops.int_like(number, PART + depth), seed)[0])
 
 
 _part = blend.if_blended(_drawn_part)

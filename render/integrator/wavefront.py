@@ -318,7 +318,7 @@ def point_of(
     side = ops.where(front, zero + 1.0, zero - 1.0)
     facing = ops.scale(outward, side)
     rounded = plain & (is_plain > triangle_records.PLAIN)
-    shaded, lift = triangle_records.interpolated(records.rounded, outward, row, rounded, hit.u, hit.v, side)
+    shaded, lift = triangle_records.interpolate_normal(records.rounded, outward, row, rounded, hit.u, hit.v, side)
     shaded = ops.scale(shaded, side)
     size = abs(outward[0]) * (abs(origin[0]) + abs(position[0])) + abs(outward[1]) * (abs(origin[1]) + abs(position[1]))
     size = size + abs(outward[2]) * (abs(origin[2]) + abs(position[2])) + ops.maximum(-inverse, 0.0)

@@ -61,7 +61,7 @@ def _room(bounces: Lane) -> Lane:
 
 @helper
 def _drawn_part(tables: Tables, point: Surface, pixel: Lane, sample: Lane, key: Lane, seed: int) -> Surface:
-    return blend.part(tables, point, sobol.pair(pixel, sample, key * _LIGHTS * 2 + _BLEND, seed)[0])
+    return blend.choose_part(tables, point, sobol.pair(pixel, sample, key * _LIGHTS * 2 + _BLEND, seed)[0])
 
 
 _part = blend.if_blended(_drawn_part)
@@ -103,7 +103,7 @@ def radiance(
             meeting = Hit(hit.t, instance, hit.primitive, hit.u, hit.v)
             point = texture_footprint.on_surface(tables, ray, meeting, interaction.make_interaction(tables, ray, meeting), cone)
             point = _part(tables, point, pixel, sample, key, options.seed)
-            point = interaction.override_interaction(known, normal_map.tilted(tables, point, meeting, ray.direction))
+            point = interaction.override_interaction(known, normal_map.apply_maps(tables, point, meeting, ray.direction))
             shader = bsdf.evaluate_shader_inside(tables, point, inside)
             viewer = ops.negate(ray.direction)
             specular = kind >= SPECULAR_RAY
@@ -125,7 +125,7 @@ def radiance(
         waiting = ops.where(active, waiting - 1, waiting)
         inside, cone = inside_of(inside, None, stack, waiting), texture_footprint.take_cone(cone, None, stack, waiting, CONE)
         ray, weight, left, kind, key = _pop(stack, waiting, ray.time)
-        hit, known = intersect.closest_hit(accel, tables, ray, active, OTHER_RAY), shadow_rays.forgotten(known)
+        hit, known = intersect.closest_hit(accel, tables, ray, active, OTHER_RAY), shadow_rays.forget_hidden(known)
         seen = active & (hit.instance >= 0)
         missed = active & ops.not_(hit.instance >= 0) & (kind >= SPECULAR_RAY)
         if ops.any_lane(missed):
@@ -356,13 +356,13 @@ def _lit_place(tables: Tables, options: Options, point: Surface, shader: Shader,
     """Where a lamp is looked for from: what nothing blocks is not looked for from elsewhere, nor through rough glass."""
     blocked = options.shadows and tables.lights.shadows[light]
     here = bsdf.is_rough_glass(shader, ops.bool_like(point.offset, not blocked))
-    return ops.where3(here, point.position, interaction.lit_from(point))
+    return ops.where3(here, point.position, interaction.shadow_origin(point))
 
 
 @helper
 def _sees(tables: Tables, point: Surface, shader: Shader, direction: Vec, active: Lane) -> Lane:
     """Where light may come from a direction: not from behind, but through rough glass."""
-    return active & bsdf.is_rough_glass(shader, normal_map.open_to(tables, point, direction, active))
+    return active & bsdf.is_rough_glass(shader, normal_map.mask_behind(tables, point, direction, active))
 
 
 @helper
@@ -376,7 +376,7 @@ def lobe_sample(shader: Shader, pixel: Lane, sample: Lane, key: Lane, seed: int)
 @helper
 def _beside(point: Surface, direction: Vec) -> Vec:
     """From where light of a direction is looked for, on either side of a surface."""
-    return ops.where3(ops.dot(direction, point.normal) > 0.0, interaction.lit_from(point), point.position)
+    return ops.where3(ops.dot(direction, point.normal) > 0.0, interaction.shadow_origin(point), point.position)
 
 
 @helper
@@ -397,8 +397,8 @@ def _past_rays(
     tables: Tables, accel: Any, point: Surface, place: Vec, light: int, direction: Vec, distance: Lane, given: Vec, open_: Lane
 ) -> Vec:  # fmt: skip
     reach = ops.maximum(distance - BESIDE * point.offset, 0.0)  # a lamp's own shape does not block its light
-    ray = Ray(interaction.leave_from(point, place, direction), direction, 0.0 * point.offset, reach, point.time)
-    return shadow_rays.dimmed(point, accel, tables, light, ray, open_, given)
+    ray = Ray(interaction.offset_shadow_origin(point, place, direction), direction, 0.0 * point.offset, reach, point.time)
+    return shadow_rays.attenuate_light(point, accel, tables, light, ray, open_, given)
 
 
 @helper
@@ -476,7 +476,7 @@ def _shown(
     waiting: Lane,
 ) -> Lane:  # fmt: skip
     """How much of a surface a ray meets, 0 to 1: its opacity, or, where rays that pass have no room to wait, 0 or 1 by that chance."""
-    there = surface_alpha.at(tables, point)
+    there = surface_alpha.opacity_at(tables, point)
     room = waiting + ops.where(left > 0, BRANCHES, 0) + _room(left - 1) <= stack.shape[0]
     by_chance = sobol.pair(pixel, sample, key * _LIGHTS * 2, options.seed)[0] < there
     return ops.where(room, there, ops.where(by_chance, 1.0, 0.0))

@@ -43,7 +43,7 @@ class Maps(NamedTuple):
 @helper
 def lit(maps: Any, tables: Tables, light: int, point: Surface) -> Lane:
     """The share of a lamp's light, 0 to 1, that reaches a point."""
-    p, zero = interaction.lit_from(point), 0.0 * point.offset
+    p, zero = interaction.shadow_origin(point), 0.0 * point.offset
     row = ops.int_like(zero, maps.first[light])
     cube = maps.count[light] == 6
     parallel = tables.lights.kind[light] in (DIRECTIONAL, SUN)

@@ -62,11 +62,11 @@ def tables_for(tables: ir.Tables) -> ir.Tables:
     """The same tables, or with `Layered` materials where a thing has microfacets, a map of normals or heights, a medium or a blend."""
     facets = bool((ir.is_in(tables.materials.model, MODELS) & scene_facts.used_materials(tables)).any())
     parts = (
-        energy_compensation.table() if facets else Smooth(), normal_map.tangents(tables), rough_dielectric.tables_of(tables),
+        energy_compensation.table() if facets else Smooth(), normal_map.build_tangents(tables), rough_dielectric.tables_of(tables),
         medium_stack.media(tables),
-        blend.blended(tables),
+        blend.find_blends(tables),
     )  # fmt: skip
-    if all(isinstance(part, Smooth | normal_map.Untilted | rough_dielectric.Clear | medium_stack.Air | blend.Plain) for part in parts):
+    if all(isinstance(part, Smooth | normal_map.NoMaps | rough_dielectric.Clear | medium_stack.Air | blend.Unblended) for part in parts):
         return tables
     return tables._replace(materials=Layered(*tables.materials, *parts))  # pyright: ignore[reportArgumentType]
 

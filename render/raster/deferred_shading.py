@@ -20,7 +20,7 @@ from ..lanes import affine, crosslane, ops
 from ..light import lights
 from ..material import bsdf, principled
 from ..surface import texture_footprint
-from ..surface.interaction import spanning
+from ..surface.interaction import replace_spread
 from ..texture import textures
 from ..types import Surface
 from . import fragments, plane_setup, precise_planes, spans, triangle_planes
@@ -209,7 +209,7 @@ def shade_points(shading: Any, textured: Any, colored: Any, i: int, shader: bsdf
     """Shade the points first <= k < last of instance i; `shader` is its shader without textures."""
     if textured is not None:
         tables = shading.tables
-        if textures.on(tables, tables.instances.material[i]) or tables.geometries.colors[tables.instances.geometry[i]] >= 0:
+        if textures.has_texture(tables, tables.instances.material[i]) or tables.geometries.colors[tables.instances.geometry[i]] >= 0:
             for k in range(first, last):
                 direct_light(shading, bsdf.evaluate_shader(tables, textured_surface(shading, colored, i, k)), i, k, k + 1)
             return
@@ -230,7 +230,7 @@ def textured_surface(shading: Any, colored: Any, i: int, k: int) -> Surface:
     spread = (get1(points, k, SPREAD), get1(points, k, SPREAD + 1), get1(points, k, SPREAD + 2), get1(points, k, SPREAD + 3))
     uv, front, material = get2(points, k, UV), get1(points, k, FACING) > 0.0, tables.instances.material[i]
     point = Surface(position, local, normal, normal, outward, uv, metric, front, i, material, color, zero, None, None, None, None)
-    return spanning(point, texture_footprint.of_pixel(tables, spread, point))
+    return replace_spread(point, texture_footprint.of_pixel(tables, spread, point))
 
 
 @helper

@@ -74,7 +74,7 @@ def shade_fragments(shading, sample, start, count):
         slot = ops.to_int(visible.first[row]) + (ids & ((1 << SHIFT) - 1))
         instance = ops.where(untessellated, ids & UNTESSELLATED, ops.to_int(visible.instance[row]))
         triangle = ops.where(untessellated, -1, ops.to_int(meshlets.corner[ops.where(untessellated, 0, slot), 3]))
-        ray = camera.ray(tables, view, x / coverage.ONE, y / coverage.ONE)
+        ray = camera.generate_pinhole_ray(tables, view, x / coverage.ONE, y / coverage.ONE)
         hit = find_hits(shading.model, tables, accel, view, ray, x, y, instance, triangle)
         number = sample + lowest_bit(ops.to_int(buffer.samples[k]))
         pixel, index = sobol.zorder_index(ops.to_int(buffer.x[k]), ops.to_int(buffer.y[k]), number, view.width, frame.order)
@@ -129,7 +129,7 @@ def draw_block(model, instance, tables, accel, view, band, place, x, y):
     for start in range(0, 16, crosslane.WIDTH):
         column, line = in_block(crosslane.lane_indices(start))
         px, py = ops.to_float(x + column * coverage.ONE), ops.to_float(y + line * coverage.ONE)
-        ray = camera.ray(tables, view, px / coverage.ONE, py / coverage.ONE)
+        ray = camera.generate_pinhole_ray(tables, view, px / coverage.ONE, py / coverage.ONE)
         met = intersect(accel, instance, ray, ops.bool_like(ray.t_max, True))
         depth = met.t * axis_cosine(tables, view, ray)
         for j in range(crosslane.WIDTH):
@@ -149,7 +149,7 @@ def composite_sky(tables, frame, x0, y0, width, rgba):
             clear = 1.0 - ops.to_float(rgba[4 * (y * width + k) + 3])
             if not ops.any_lane(clear > 0.0):
                 continue
-            ray = camera.ray(tables, frame.picture, ops.to_float(k + x0) + 0.5, ops.to_float(k * 0 + y0 + y) + 0.5)
+            ray = camera.generate_pinhole_ray(tables, frame.picture, ops.to_float(k + x0) + 0.5, ops.to_float(k * 0 + y0 + y) + 0.5)
             color = whitted.camera_background(tables, frame.options, ray.direction)
             for j in range(min(width - start, crosslane.WIDTH)):
                 for c in range(3):

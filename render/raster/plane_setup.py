@@ -172,7 +172,7 @@ def write_uvs(tables: Any, record: Any, at: int, here: Lane, transform: int, col
     zero = simd.f32x16(0.0)
     du, dv = zero, zero
     if colored is not None:
-        du, dv = interaction.spans(corners.e1, corners.e2, u1, v1, u2, v2)
+        du, dv = interaction.uv_metric(corners.e1, corners.e2, u1, v1, u2, v2)
         stretch = interaction.mean_scale(affine.load12(tables.transforms.matrix, transform))
         du, dv = du * stretch, dv * stretch
     write_floats(record, at + 16, here, (u[0], u[1], u[2], v[0], v[1], v[2], du, dv))

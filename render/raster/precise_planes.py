@@ -256,7 +256,7 @@ def setup_corners(projection, meshlets, tables, planes, s, textured, colored, i,
         stretch = interaction.mean_scale(affine.load12(tables.transforms.matrix, transform))
         u1, v1 = s[_PLACES + 2] - s[_PLACES], s[_PLACES + 3] - s[_PLACES + 1]
         u2, v2 = s[_PLACES + 4] - s[_PLACES], s[_PLACES + 5] - s[_PLACES + 1]
-        du, dv = interaction.spans(e1, e2, u1, v1, u2, v2)
+        du, dv = interaction.uv_metric(e1, e2, u1, v1, u2, v2)
         s[_METRIC], s[_METRIC + 1] = du * stretch, dv * stretch
     if colored is not None:
         for corner in range(3):

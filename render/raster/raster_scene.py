@@ -65,7 +65,7 @@ def used_attributes(tables: ir.Tables) -> tuple[Any, Any]:
 
 def pixel_rays(tables: ir.Tables, view: View, eye: NDArray[np.float64]) -> triangle_planes.PixelRays:
     """The rays through pixels, in the world relative to the eye."""
-    ray = camera.ray(tables, view, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]))
+    ray = camera.generate_pinhole_ray(tables, view, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]))
     start, direction = (np.stack([np.broadcast_to(c, 3) for c in vector], axis=1) for vector in (ray.origin, ray.direction))
     axis = -tables.transforms.inverse[tables.cameras.transform[view.camera], 2, :3]
     direction = direction / (direction @ axis)[:, None]

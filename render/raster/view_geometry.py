@@ -97,7 +97,7 @@ def morton_order(points: NDArray[np.float64]) -> NDArray[np.intp]:
 
 def world_to_clip(tables: ir.Tables, view: View) -> NDArray[np.float64]:
     """(5, 4) from the world to clip space: P · C⁻¹, scaled to the picture's size in pixels."""
-    to_camera, projection = camera.matrices(tables, view)
+    to_camera, projection = camera.projection_matrices(tables, view)
     screen = np.zeros((COLUMNS, 4))
     screen[0] = 0.5 * view.width * (projection[0] + projection[3])
     screen[1] = 0.5 * view.height * (projection[3] - projection[1])

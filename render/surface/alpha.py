@@ -1,4 +1,4 @@
-"""Opacity: how much of a surface is there, 0 to 1, at each of its points."""
+"""Evaluates the opacity of a surface at a point, 0 to 1."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ OPACITY = int(ir.Slot.OPACITY)
 
 
 @helper
-def at(tables: Tables, point: Surface) -> Lane:
-    """How much of a surface is there at a point: 0 or 1 where its material has a threshold, else as much as that says.
+def opacity_at(tables: Tables, point: Surface) -> Lane:
+    """Opacity of a surface at a point: 0 or 1 where its material has a threshold, otherwise the input's value.
 
-    It is looked at in points, never in the mean over a pixel: rays go on where it is 0, which they find without a pixel about them, and a
-    mean would be all above a threshold, or all below. A picture's samples find the mean.
+    It is evaluated at points, not filtered over a pixel: rays that pass a surface of opacity 0 have no footprint, and a mean would be
+    entirely above or below a threshold. The samples of a pixel give the mean.
     """
     threshold = tables.materials.threshold[point.material]
-    value = ops.clip(material_inputs.number_of(tables, interaction.spanning(point, None), OPACITY), 0.0, 1.0)
+    value = ops.clip(material_inputs.number_of(tables, interaction.replace_spread(point, None), OPACITY), 0.0, 1.0)
     return ops.where(threshold > 0.0, ops.where(value >= threshold, 1.0, 0.0), value)

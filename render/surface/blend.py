@@ -1,7 +1,7 @@
-"""Blends of two materials: each sample of a surface is one of them, by chance, as often as the weight says.
+"""Blends of two materials: each sample chooses one of them at random, with the probability of the weight.
 
-So the other costs nothing, whatever the two are, and blends of blends are no harder (as in pbrt's mixes: Pharr, Jakob, Humphreys,
-Physically Based Rendering, 4th ed., §10.5.1). The chance is that of the sample: the picture is the same on any number of threads.
+Only the chosen material is evaluated, and blends of blends need no extra code (as pbrt's MixMaterial: Pharr, Jakob, Humphreys, Physically
+Based Rendering, 4th ed., §10.5.1). The random number is that of the sample, so the picture does not depend on the number of threads.
 """
 
 from __future__ import annotations
@@ -23,24 +23,24 @@ BLEND, WEIGHT = int(ir.MaterialModel.BLEND), int(ir.Slot.WEIGHT)
 _of_material = make_replace(Surface, "material")
 
 
-class Plain(NamedTuple):
-    """No material is a blend."""
+class Unblended(NamedTuple):
+    """The absence of blends."""
 
 
-class Blended(NamedTuple):
-    """What kernels read of blends beside their rows."""
+class Blends(NamedTuple):
+    """The blends of a scene as kernels read them, besides the rows of materials."""
 
-    deep: int  # blends that a material may have to go through
+    deep: int  # largest nesting depth of blends
 
 
-def blended(tables: ir.Tables) -> Blended | Plain:
-    """What kernels read of a scene's blends."""
+def find_blends(tables: ir.Tables) -> Blends | Unblended:
+    """The blends of a scene for kernels."""
     m = tables.materials
     deep = np.zeros(len(m.model), np.int64)
-    for row in np.flatnonzero(m.model == BLEND):  # parts have lower rows than their blends
+    for row in np.flatnonzero(m.model == BLEND):  # parts stand before their blends
         deep[row] = 1 + max(deep[m.first[row]], deep[m.second[row]])
     most = int(deep[tables.instances.material].max(initial=0))
-    return Blended(most) if most else Plain()
+    return Blends(most) if most else Unblended()
 
 
 def is_used(tables: Any) -> bool:
@@ -50,10 +50,10 @@ def is_used(tables: Any) -> bool:
 
 
 def if_blended(function: Callable[..., Any]) -> Callable[..., Any]:
-    """`chosen(tables, point, …)`: `point` where a scene has no blends, else function(tables, point, …); kernels compile what they need."""
+    """Wrap function(tables, point, …): in scenes without blends it returns `point` and is not compiled."""
 
     def chosen(tables: Any, point: Any, *of: Any) -> Any:
-        return function(tables, point, *of) if isinstance(getattr(tables.materials, "blended", None), Blended) else point
+        return function(tables, point, *of) if isinstance(getattr(tables.materials, "blended", None), Blends) else point
 
     @overload(chosen, jit_options=HELPER)
     def _in_kernels(tables, point, *of):
@@ -65,8 +65,8 @@ def if_blended(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 @helper
-def part(tables: Tables, point: Surface, u: Lane) -> Surface:
-    """The surface with one of the materials that its own is a blend of; u from 0 to 1 chooses."""
+def choose_part(tables: Tables, point: Surface, u: Lane) -> Surface:
+    """The surface with one of the materials of its blend, chosen by u from 0 to 1."""
     materials: Any = tables.materials
     point = _of_material(point, ops.int_like(point.offset, 0) + point.material)
     for _ in range(materials.blended.deep):

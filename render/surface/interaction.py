@@ -66,7 +66,7 @@ def make_interaction(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -
     if ops.any_lane(on_mesh):
         point = _mesh_point(tables, g, on_mesh, matrix, point)
     uv, metric = (zero, zero), (zero + 1.0, zero + 1.0)
-    if mapped or ops.any_lane(textures.on(tables, material)):
+    if mapped or ops.any_lane(textures.has_texture(tables, material)):
         uv, metric = _coordinates(tables, kind, g, part, on_mesh, matrix, point)
 
     geometric = ops.normalize(affine.transform_normal12(inverse, point.outward))
@@ -81,13 +81,13 @@ def make_interaction(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -
         lift = _transform_linear(matrix, _mesh_lift(tables, g, point.hit, rounded, point.local, point.corners, point.outward, side))
     return Surface(
         point.world, point.local, ops.scale(geometric, side), ops.scale(shaded, side), point.outward, uv, metric,
-        front, instance, material, point.color, spacing(here, ray, t, geometric, point.error), ray.time, None, lift, None,
+        front, instance, material, point.color, origin_offset(here, ray, t, geometric, point.error), ray.time, None, lift, None,
     )  # fmt: skip
 
 
 @helper
 def _shape_point(
-    tables: Tables, ray: Ray, hit: Hit, t: Lane, kind: Lane, g: Lane, part: Lane, here: instance_transform.Place
+    tables: Tables, ray: Ray, hit: Hit, t: Lane, kind: Lane, g: Lane, part: Lane, here: instance_transform.Frame
 ) -> HitPoint:
     """The point of a hit with an analytic shape or a formula surface."""
     world = ops.along(ray.origin, ray.direction, t)
@@ -135,7 +135,7 @@ def _coordinates(
 
 
 @helper
-def spacing(here: instance_transform.Place, ray: Ray, t: Lane, normal: Vec, error: Lane) -> Lane:
+def origin_offset(here: instance_transform.Frame, ray: Ray, t: Lane, normal: Vec, error: Lane) -> Lane:
     """Offset along the normal at which a new ray starts, so that it does not hit its own surface again.
 
     It is a bound on rounding errors, not a fixed length: the sums of absolute terms that gave the point (world to the shape's frame and
@@ -157,12 +157,12 @@ def spacing(here: instance_transform.Place, ray: Ray, t: Lane, normal: Vec, erro
 
 
 @helper
-def off_formula(tables: Tables, instance: int, ray: Ray, hit: Hit) -> tuple[Vec, Vec, Lane]:
+def formula_point(tables: Tables, instance: int, ray: Ray, hit: Hit) -> tuple[Vec, Vec, Lane]:
     """(position, geometric normal, offset) of hits with an instance of a formula surface without motion, as in `make_interaction`."""
     g, here = tables.instances.geometry[instance], instance_transform.transform_at(tables, tables.instances.transform[instance], None)
     t = ops.where(hit.instance >= 0, hit.t, 0.0)
     geometric = ops.normalize(affine.transform_normal12(here.inverse, _decode_octahedral(hit.u, hit.v)))
-    offset = spacing(here, ray, t, geometric, _formula_error(tables, g, hit, here.matrix))
+    offset = origin_offset(here, ray, t, geometric, _formula_error(tables, g, hit, here.matrix))
     side = ops.where(ops.dot(ray.direction, geometric) < 0.0, 1.0, -1.0)
     return ops.along(ray.origin, ray.direction, t), ops.scale(geometric, side), offset
 
@@ -190,13 +190,13 @@ def _decode_octahedral(u: Lane, v: Lane) -> Vec:
 
 
 @helper
-def leave(surface: Surface, direction: Vec) -> Vec:
+def offset_origin(surface: Surface, direction: Vec) -> Vec:
     """Origin of a new ray in a direction: offset from the surface to the side of the direction."""
-    return leave_at(surface, surface.position, direction)
+    return offset_origin_at(surface, surface.position, direction)
 
 
 @helper
-def leave_at(surface: Surface, place: Vec, direction: Vec) -> Vec:
+def offset_origin_at(surface: Surface, place: Vec, direction: Vec) -> Vec:
     """`leave` for a place other than the surface's position."""
     side = ops.where(ops.dot(direction, surface.geometric) >= 0.0, surface.offset, -surface.offset)
     return ops.along(place, surface.geometric, side)
@@ -215,7 +215,7 @@ def _is_above(lift: Vec, above: Lane, normal: Vec, direction: Vec) -> Lane:
 _lifted_position, _starts_above = specialize_if_present(_lift_position), specialize_if_present(_is_above)
 
 
-spanning = make_replace(Surface, "spread")  # the surface with another `spread`
+replace_spread = make_replace(Surface, "spread")  # the surface with another `spread`
 _with_known = make_replace(Surface, "known")
 
 
@@ -228,13 +228,13 @@ override_interaction = specialize_if_present(_replace_known)  # the surface with
 
 
 @helper
-def lit_from(surface: Surface) -> Vec:
+def shadow_origin(surface: Surface) -> Vec:
     """Start of shadow rays: the position, or a point above a triangle with interpolated normals."""
     return _lifted_position(surface.lift, surface.position)
 
 
 @helper
-def leave_from(surface: Surface, place: Vec, direction: Vec) -> Vec:
+def offset_shadow_origin(surface: Surface, place: Vec, direction: Vec) -> Vec:
     """`leave` for a ray from `lit_from`, which is above its facet even where it goes down past the facet's edge."""
     above = _starts_above(surface.lift, ops.dot(direction, surface.geometric) >= 0.0, surface.normal, direction)
     return ops.along(place, surface.geometric, ops.where(above, surface.offset, -surface.offset))
@@ -415,13 +415,13 @@ def _mesh_uv(tables: Tables, g: Lane, hit: Hit, on_mesh: Lane, a: Vec, b: Vec, c
         uc, vc = corner_uv(tables, safe_g, safe_row, triangle, 2, has)
         u = ops.where(has, ua + (ub - ua) * hit.u + (uc - ua) * hit.v, u)
         v = ops.where(has, va + (vb - va) * hit.u + (vc - va) * hit.v, v)
-        span_u, span_v = spans(ops.sub(b, a), ops.sub(c, a), ub - ua, vb - va, uc - ua, vc - va)
+        span_u, span_v = uv_metric(ops.sub(b, a), ops.sub(c, a), ub - ua, vb - va, uc - ua, vc - va)
         du, dv = ops.where(has, span_u, du), ops.where(has, span_v, dv)
     return u, v, du, dv
 
 
 @helper
-def spans(e1: Vec, e2: Vec, u1: Lane, v1: Lane, u2: Lane, v2: Lane) -> tuple[Lane, Lane]:
+def uv_metric(e1: Vec, e2: Vec, u1: Lane, v1: Lane, u2: Lane, v2: Lane) -> tuple[Lane, Lane]:
     """Metres that one unit of u and of v spans on triangles with two edges, along which they change by the arguments; 1, 1 if unknown.
 
     Two edges and their coordinates give the derivatives of the point: dp/du = (Δv₂ e₁ − Δv₁ e₂) / det.

@@ -1,4 +1,4 @@
-"""A material's inputs at a point: constants times textures."""
+"""Evaluates material inputs at a point: a constant times a texture."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from ..types import Lane, Surface, Tables, Vec
 
 @helper
 def color_of(tables: Tables, surface: Surface, slot: int) -> Vec:
-    """A material input: its constant times its texture, if it has one."""
+    """A color input: its constant times its texture, if it has one."""
     color = ops.like3(surface.offset, *row_gather.three_at(tables.materials.values, surface.material, 3 * slot))
-    return _patterned(tables, surface, surface.uv, slot, color)
+    return _textured(tables, surface, surface.uv, slot, color)
 
 
 @helper
-def _patterned(tables: Tables, surface: Surface, uv: Any, slot: int, color: Vec) -> Vec:
-    """A colour times a slot's texture; surfaces without coordinates (None) have none, and nothing of this is compiled for them."""
+def _textured(tables: Tables, surface: Surface, uv: Any, slot: int, color: Vec) -> Vec:
+    """A color times a slot's texture; not compiled for surfaces without coordinates (None)."""
     if uv is None:
         return color
     if len(tables.textures.kind) > 0:
@@ -32,5 +32,5 @@ def _patterned(tables: Tables, surface: Surface, uv: Any, slot: int, color: Vec)
 
 @helper
 def number_of(tables: Tables, surface: Surface, slot: int) -> Lane:
-    """An input that is a number."""
+    """A scalar input."""
     return color_of(tables, surface, slot)[0]

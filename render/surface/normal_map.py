@@ -1,13 +1,13 @@
-"""Normal and bump maps: the normal that light is computed with, turned by a material's pictures.
+"""Normal and bump maps: perturb the shading normal by textures of the material.
 
-A normal map's x goes along u and its y along v, as the mesh's tangents say: those of a corner are the mean, weighed by angle, of its
-triangles', of all corners that agree in place, normal, coordinates and handedness; between corners they are interpolated and not made
-orthogonal again (Mikkelsen 2008, Simulation of Wrinkled Surfaces Revisited, as in MikkTSpace): what maps are baked against. Shapes and
-other mappings take u and v from differences. A bump map is a height in metres, of which differences give the slope (Blinn 1978).
+The x of a normal map follows u and its y follows v, by the mesh's tangents. The tangent of a corner is the angle-weighted mean over all
+corners of equal position, normal, coordinates and handedness. Tangents are interpolated between corners and not orthogonalized again
+(Mikkelsen 2008, Simulation of Wrinkled Surfaces Revisited, as in MikkTSpace), as maps are baked. Shapes and other mappings take u and v
+from differences. A bump map is a height in metres, whose differences give the slope (Blinn 1978).
 
-A turned normal may face away from the viewer, or mirror him into the surface. It is bent back until the mirrored direction just
-clears the surface (Keller et al. 2017, The Iray Light Transport Simulation and Rendering System, appendix A.3); no light comes
-from behind. So nothing is black that should not be, and nothing shines through.
+A perturbed normal may face away from the viewer, or mirror the view direction into the surface. It is bent back until the mirrored
+direction just clears the surface (Keller et al. 2017, The Iray Light Transport Simulation and Rendering System, appendix A.3). Light from
+behind is masked. This avoids black spots and light leaks.
 """
 
 from __future__ import annotations
@@ -32,28 +32,28 @@ from .material_inputs import color_of
 NORMAL, BUMP = int(ir.Slot.NORMAL), int(ir.Slot.BUMP)
 MESH = int(ir.GeometryKind.MESH)
 FLAT = int(ir.Shading.FLAT)
-UV = int(ir.TextureMapping.UV)
-STEP = 2.0**-10  # of a thing's size: over which u, v and heights that are no picture's are differenced
-CLEAR = 0.01  # sine of the angle at which the mirrored direction leaves the surface at least
+UV = int(ir.Mapping_.UV)
+STEP = 2.0**-10  # step of differences of u, v and procedural heights, relative to the instance's size
+CLEAR = 0.01  # smallest sine of the angle between the mirrored direction and the surface
 _turned_to, _put_to = make_replace(Surface, "normal"), make_replace(Surface, "local", "uv")
 
 
-class Untilted(NamedTuple):
-    """No material has a normal or bump map."""
+class NoMaps(NamedTuple):
+    """The absence of normal and bump maps."""
 
 
 class Tangents(NamedTuple):
-    """Directions of u at the corners of meshes that need them."""
+    """Tangents at the corners of meshes that need them."""
 
-    first: NDArray[np.int64]  # (geometries,) row of a mesh's first corner; -1: it has none
-    values: NDArray[np.float32]  # (3 · triangles, 4) in the mesh's frame, unit; and 1, or -1 where v goes the other way round
+    first: NDArray[np.int64]  # (geometries,) row of a mesh's first corner; -1: none
+    values: NDArray[np.float32]  # (3 · triangles, 4) unit vectors in the mesh's frame, and the handedness of v, 1 or -1
 
 
-def tangents(tables: ir.Tables) -> Tangents | Untilted:
-    """What kernels read of a scene's normal and bump maps."""
+def build_tangents(tables: ir.Tables) -> Tangents | NoMaps:
+    """The tangents of a scene for kernels, NoMaps without normal and bump maps."""
     maps = tables.materials.textures[:, [NORMAL, BUMP]]
-    if not (maps[scene_facts.used_materials(tables)] >= 0).any():
-        return Untilted()
+    if not (maps[planner.used_materials(tables)] >= 0).any():
+        return NoMaps()
     used = tables.instances.material
     blended = tables.materials.model == blend.BLEND
     kinds, uvs = tables.geometries.kind, tables.geometries.uvs
@@ -61,15 +61,15 @@ def tangents(tables: ir.Tables) -> Tangents | Untilted:
     first, found, count = np.full(len(kinds), -1, np.int64), [np.zeros((0, 4), np.float32)], 0
     for g in turned[(kinds[turned] == MESH) & (uvs[turned] >= 0)].tolist():
         flat = (tables.materials.shading[used[tables.instances.geometry == g]] == FLAT).all()
-        made = of_mesh(tables, g, bool(flat))
+        made = mesh_tangents(tables, g, bool(flat))
         first[g] = count
         found.append(made)
         count += len(made)
     return Tangents(first, np.concatenate(found))
 
 
-def of_mesh(tables: ir.Tables, g: int, flat: bool = False) -> NDArray[np.float32]:
-    """(3 · triangles, 4) tangents of a mesh with texture coordinates."""
+def mesh_tangents(tables: ir.Tables, g: int, flat: bool = False) -> NDArray[np.float32]:
+    """Tangents of a mesh with texture coordinates, (3 · triangles, 4)."""
     geometry, pools = tables.geometries, tables.pools
     start, count = int(geometry.first_triangle[g]), int(geometry.triangle_count[g])
     corners = pools.triangles[start : start + count]
@@ -96,13 +96,13 @@ def of_mesh(tables: ir.Tables, g: int, flat: bool = False) -> NDArray[np.float32
     sums = np.zeros((int(group.max(initial=-1)) + 1, 3))
     np.add.at(sums, group, (each * angle[..., None]).reshape(-1, 3))
     mean = _unit(sums[group])
-    lost = np.linalg.norm(mean, axis=1) < 0.5  # coordinates without an area: any direction along the surface
-    mean[lost] = _across(normals.reshape(-1, 3)[lost])
+    lost = np.linalg.norm(mean, axis=1) < 0.5  # coordinates without area: any direction along the surface
+    mean[lost] = _perpendicular(normals.reshape(-1, 3)[lost])
     return np.concatenate([mean, np.repeat(sign, 3)[:, None]], axis=1).astype(np.float32)
 
 
 def _corners(tables: ir.Tables, row: int, g: int, corners: NDArray[Any], width: int) -> NDArray[np.float64]:
-    """(t, 3, width) an attribute at triangles' corners."""
+    """An attribute at triangles' corners, (t, 3, width)."""
     a, t = tables.attributes, np.arange(len(corners))[:, None]
     how, first = a.interpolation[row], int(a.first[row])
     index = {
@@ -118,8 +118,8 @@ def _unit(v: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.divide(v, length, out=np.zeros_like(v), where=length > 0)
 
 
-def _across(n: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A unit vector across each."""
+def _perpendicular(n: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A unit vector perpendicular to each."""
     axis = np.eye(3)[np.argmin(np.abs(n), axis=1)] if len(n) else n
     return _unit(np.cross(n, axis))
 
@@ -128,42 +128,42 @@ def _across(n: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def is_used(tables: Any) -> bool:
-    """Whether kernels' tables of this Numba type have normal or bump maps."""
+    """Whether tables of this Numba type have normal or bump maps."""
     found = tables.field("materials.tangents") if isinstance(tables, HandleType) else None
     return found is not None and found[1] != ()
 
 
-def tilted(tables: Tables, point: Surface, hit: Hit, direction: Vec) -> Surface:
-    """The surface with the normal that its material's maps give it, for a ray that arrives in `direction`."""
-    return _tilted(tables, point, hit, direction) if isinstance(getattr(tables.materials, "tangents", None), Tangents) else point
+def apply_maps(tables: Tables, point: Surface, hit: Hit, direction: Vec) -> Surface:
+    """The surface with its normal perturbed by the material's maps, for a ray of `direction`."""
+    return _apply_maps(tables, point, hit, direction) if isinstance(getattr(tables.materials, "tangents", None), Tangents) else point
 
 
-@overload(tilted, jit_options=HELPER)
+@overload(apply_maps, jit_options=HELPER)
 def _tilted_in_kernels(tables, point, hit, direction):
     if is_used(tables):
-        return lambda tables, point, hit, direction: _tilted(tables, point, hit, direction)
+        return lambda tables, point, hit, direction: _apply_maps(tables, point, hit, direction)
     return lambda tables, point, hit, direction: point
 
 
-def open_to(tables: Tables, point: Surface, direction: Vec, lit: Lane) -> Lane:
-    """`lit` without light from behind a surface, where maps turn normals."""
-    return _open_to(point, direction, lit) if isinstance(getattr(tables.materials, "tangents", None), Tangents) else lit
+def mask_behind(tables: Tables, point: Surface, direction: Vec, lit: Lane) -> Lane:
+    """`lit` without light from behind the surface, where maps perturb normals."""
+    return _mask_behind(point, direction, lit) if isinstance(getattr(tables.materials, "tangents", None), Tangents) else lit
 
 
-@overload(open_to, jit_options=HELPER)
+@overload(mask_behind, jit_options=HELPER)
 def _open_to_in_kernels(tables, point, direction, lit):
     if is_used(tables):
-        return lambda tables, point, direction, lit: _open_to(point, direction, lit)
+        return lambda tables, point, direction, lit: _mask_behind(point, direction, lit)
     return lambda tables, point, direction, lit: lit
 
 
 @helper
-def _open_to(point: Surface, direction: Vec, lit: Lane) -> Lane:
+def _mask_behind(point: Surface, direction: Vec, lit: Lane) -> Lane:
     return lit & (ops.dot(direction, point.geometric) > 0.0)
 
 
 @noinline_helper
-def _tilted(tables: Tables, point: Surface, hit: Hit, direction: Vec) -> Surface:
+def _apply_maps(tables: Tables, point: Surface, hit: Hit, direction: Vec) -> Surface:
     turned = tables.materials.textures[point.material, NORMAL] >= 0
     bumped = tables.materials.textures[point.material, BUMP] >= 0
     if ops.not_(ops.any_lane(turned | bumped)):
@@ -174,7 +174,7 @@ def _tilted(tables: Tables, point: Surface, hit: Hit, direction: Vec) -> Surface
     outward = ops.scale(point.normal, side)
     s, t = ops.basis(point.local_normal)
     step = STEP * _size(tables, point)
-    over_s, over_t = moved(tables, point, hit, s, step), moved(tables, point, hit, t, step)
+    over_s, over_t = shift_point(tables, point, hit, s, step), shift_point(tables, point, hit, t, step)
     normal = outward
     if ops.any_lane(turned):
         x, y, z = color_of(tables, point, NORMAL)
@@ -182,14 +182,14 @@ def _tilted(tables: Tables, point: Surface, hit: Hit, direction: Vec) -> Surface
         across = ops.scale(ops.cross(outward, along), round_)
         normal = ops.where3(turned, ops.normalize(ops.in_basis(along, across, outward, x, y, z)), normal)
     if ops.any_lane(bumped):
-        normal = ops.where3(bumped, _bumped(tables, point, hit, s, t, place, normal), normal)
-    normal = _cleared(ops.scale(normal, side), point.geometric, ops.negate(direction))
+        normal = ops.where3(bumped, _apply_bump(tables, point, hit, s, t, place, normal), normal)
+    normal = _bend_to_viewer(ops.scale(normal, side), point.geometric, ops.negate(direction))
     return _turned_to(point, ops.where3(turned | bumped, normal, point.normal))
 
 
 @helper
-def _cleared(normal: Vec, geometric: Vec, viewer: Vec) -> Vec:
-    """The normal bent so far that it mirrors the viewer to this side of the surface."""
+def _bend_to_viewer(normal: Vec, geometric: Vec, viewer: Vec) -> Vec:
+    """The normal, bent so that it mirrors the view direction to this side of the surface."""
     mirrored = ops.reflect(ops.negate(viewer), normal)
     height = ops.dot(mirrored, geometric)
     least = ops.minimum(ops.dot(viewer, geometric), CLEAR)
@@ -200,7 +200,7 @@ def _cleared(normal: Vec, geometric: Vec, viewer: Vec) -> Vec:
 
 @helper
 def _size(tables: Tables, point: Surface) -> Lane:
-    """About how large the thing is, in its own frame; 1 where it is endless."""
+    """Approximate size of the instance in its own frame; 1 where it is unbounded."""
     g = tables.instances.geometry[point.instance]
     bounds = tables.geometries.bounds
     x, y, z = bounds[g, 1, 0] - bounds[g, 0, 0], bounds[g, 1, 1] - bounds[g, 0, 1], bounds[g, 1, 2] - bounds[g, 0, 2]
@@ -209,8 +209,8 @@ def _size(tables: Tables, point: Surface) -> Lane:
 
 
 @helper
-def moved(tables: Tables, point: Surface, hit: Hit, direction: Vec, step: Lane) -> Surface:
-    """The surface a step away along its plane, as far as textures look at it."""
+def shift_point(tables: Tables, point: Surface, hit: Hit, direction: Vec, step: Lane) -> Surface:
+    """The surface at a step along its tangent plane, for texture lookup."""
     local = ops.along(point.local, direction, step)
     g = ops.to_int(tables.instances.geometry[point.instance])
     kind = ops.to_int(tables.geometries.kind[g])
@@ -218,27 +218,27 @@ def moved(tables: Tables, point: Surface, hit: Hit, direction: Vec, step: Lane) 
     part = ops.where(on_mesh, 0, hit.primitive)
     (u, v), _ = analytic_shapes.uv(kind, tables.geometries.parameters, g, part, local)
     if ops.any_lane(on_mesh):
-        slope_u, slope_v = _slopes(tables, g, on_mesh, hit)
+        slope_u, slope_v = _uv_gradients(tables, g, on_mesh, hit)
         u = ops.where(on_mesh, point.uv[0] + step * ops.dot(slope_u, direction), u)
         v = ops.where(on_mesh, point.uv[1] + step * ops.dot(slope_v, direction), v)
     return _put_to(point, local, (u, v))
 
 
 @helper
-def _slopes(tables: Tables, g: Lane, on_mesh: Lane, hit: Hit) -> tuple[Vec, Vec]:
-    """The gradients of u and v on a triangle, in the mesh's frame; 0 where the mesh has none or the triangle no area."""
+def _uv_gradients(tables: Tables, g: Lane, on_mesh: Lane, hit: Hit) -> tuple[Vec, Vec]:
+    """Gradients of u and v on a triangle in the mesh's frame; 0 without coordinates or area."""
     row = ops.to_int(tables.geometries.uvs[g])
     has = on_mesh & (row >= 0)
     nowhere = ops.like3(hit.u, 0.0, 0.0, 0.0)
     u, v = nowhere, nowhere
-    if ops.any_lane(has):  # else there need not be an attribute to look at
+    if ops.any_lane(has):  # otherwise there may be no attribute at all
         u, v = _gradients(tables, ops.where(has, g, 0), ops.where(has, row, 0), has, hit)
     return u, v
 
 
 @helper
 def _gradients(tables: Tables, g: Lane, row: Lane, has: Lane, hit: Hit) -> tuple[Vec, Vec]:
-    """The same of meshes that have coordinates (`row` of Attributes); 0 in other lanes, which look at row 0."""
+    """Gradients for meshes with coordinates (`row` of Attributes); 0 in other lanes, which read row 0."""
     first = ops.to_int(tables.geometries.first_triangle[g])
     triangle = ops.where(has, ops.clip(hit.primitive, first, first + tables.geometries.triangle_count[g] - 1), 0)
     a, b, c = interaction.corners(tables, g, triangle)
@@ -266,10 +266,10 @@ def _frame(
     t: Vec,
     over_s: Surface,
     over_t: Surface,
-    place: instance_transform.Place,
+    place: instance_transform.Frame,
     outward: Vec,
 ) -> tuple[Vec, Lane]:
-    """(direction of u in the world, 1 or -1 where v goes the other way round) for the normal map."""
+    """(tangent in the world, handedness 1 or -1) for the normal map."""
     texture = ops.maximum(tables.materials.textures[point.material, NORMAL], 0)
     us, vs = _difference(tables, texture, point, over_s)
     ut, vt = _difference(tables, texture, point, over_t)
@@ -302,17 +302,17 @@ def _tangent(table: Any, row: Lane) -> Vec:
 
 @helper
 def _difference(tables: Tables, texture: Lane, point: Surface, moved: Surface) -> tuple[Lane, Lane]:
-    """How u and v change from a point to another, across seams too."""
-    u, v, _, _ = textures.place(tables, texture, point)
-    mu, mv, _, _ = textures.place(tables, texture, moved)
+    """Change of u and v between two points, across seams too."""
+    u, v, _, _ = textures.texture_coordinates(tables, texture, point)
+    mu, mv, _, _ = textures.texture_coordinates(tables, texture, moved)
     du, dv = mu - u, mv - v
     du = ops.where(ops.absolute(du) > 0.5, du - ops.sign_of(du), du)
     return du, ops.where(ops.absolute(dv) > 0.5, dv - ops.sign_of(dv), dv)
 
 
 @helper
-def _bumped(tables: Tables, point: Surface, hit: Hit, s: Vec, t: Vec, place: instance_transform.Place, normal: Vec) -> Vec:
-    """A normal turned by the slope of the height over a surface: differences over a texel, or a small step where it is no picture."""
+def _apply_bump(tables: Tables, point: Surface, hit: Hit, s: Vec, t: Vec, place: instance_transform.Frame, normal: Vec) -> Vec:
+    """A normal perturbed by the slope of the height: differences over a texel, or over a small step for procedural heights."""
     texture = ops.maximum(tables.materials.textures[point.material, BUMP], 0)
     image = ops.to_int(tables.textures.image[texture])
     pictured = image >= 0
@@ -333,4 +333,4 @@ def _bumped(tables: Tables, point: Surface, hit: Hit, s: Vec, t: Vec, place: ins
 
 @helper
 def _height(tables: Tables, point: Surface, hit: Hit, direction: Vec, step: Lane) -> Lane:
-    return color_of(tables, moved(tables, point, hit, direction, step), BUMP)[0]
+    return color_of(tables, shift_point(tables, point, hit, direction, step), BUMP)[0]

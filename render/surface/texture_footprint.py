@@ -1,11 +1,10 @@
-"""What a pixel sees of a texture on a surface: how far texture coordinates go over it, and pictures in ever smaller sizes for that.
+"""Texture footprints of pixels: derivatives of texture coordinates at a surface, and mip pyramids of images.
 
-A pixel's derivatives of texture coordinates are those of the plane that touches the surface there (Igehy 1999, Tracing Ray Differentials),
-known in closed form for rays from the eye. Rays that go on have a cone as wide as the pixel, which planes leave as it is and balls that
-mirror widen (Amanatides, "Ray Tracing with Cones", 1984; Akenine-Möller and others 2019, Texture Level of Detail Strategies for Real-Time
-Ray Tracing); from all else that is curved on they take pictures as they are. The pixel's square becomes an ellipse on the picture: its
-short axis chooses among sizes (Williams 1983, Pyramidal Parametrics), and along its long one lie up to sixteen places (McCormack and
-others 1999, Feline). Of checkers and stripes it becomes a parallelogram, whose mean cells.py knows.
+The derivatives are those of the tangent plane (Igehy 1999, Tracing Ray Differentials), in closed form for camera rays. Secondary rays carry
+a cone of the pixel's width. Planes keep it and mirroring spheres widen it (Amanatides, "Ray Tracing with Cones", 1984; Akenine-Möller and
+others 2019, Texture Level of Detail Strategies for Real-Time Ray Tracing). After other curved surfaces, images are not filtered. A pixel is
+an ellipse on the image: its short axis selects the level (Williams 1983, Pyramidal Parametrics), and up to sixteen samples lie along its
+long axis (McCormack and others 1999, Feline). On checkers and stripes it is a parallelogram, see checker_filter.py.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ from ..types import Hit, Lane, Ray, Surface, Tables, Vec, View
 from . import interaction, normal_map
 
 MESH = int(ir.GeometryKind.MESH)
-LEVELS = 20  # sizes of a picture at the most
+LEVELS = 20  # levels of an image, at most
 KEPT = {
     "pictures": "pictures are filtered",
     "cells": "so are checkers and stripes",
@@ -40,50 +39,49 @@ KEPT = {
     "places": "it is known how far places go, in the thing's own frame",
     "cones": "so it is where rays go on to; the last numbers of a spread are how wide the ray is, and wider a metre on, and if mirrored",
 }
-WITH_CONE = (7, 13)  # lanes of a Surface's spread where its last three are of the ray's cone
+WITH_CONE = (7, 13)  # lengths of Surface.spread whose last three lanes describe the ray's cone
 SPHERE = int(ir.GeometryKind.SPHERE)
 BOX, PLANE, RECTANGLE, DISK = (int(getattr(ir.GeometryKind, name)) for name in ("BOX", "PLANE", "RECTANGLE", "DISK"))
 _lying = make_replace(Surface, "geometric", "spread")
 
 
 class Eye(NamedTuple):
-    """Where rays of the camera come from, and how they change from pixel to pixel."""
+    """Origin of camera rays, and their change from pixel to pixel."""
 
     place: NDArray[np.float64]  # (3,)
     axis: NDArray[np.float64]  # (3,) unit
-    right: NDArray[np.float64]  # (3,) what a pixel adds to a ray's direction at depth 1; of an orthographic camera, to its start
+    right: NDArray[np.float64]  # (3,) change of a ray's direction at depth 1 per pixel; for an orthographic camera, of its origin
     down: NDArray[np.float64]
     perspective: bool
-    step: float  # pixels: the part of one that is looked at by itself
+    step: float  # width of a sample, in pixels
 
 
 class Pyramids(NamedTuple):
-    """Images with their smaller sizes; the first four columns are those of ir.Images."""
+    """Images with their mip levels; the first four columns are those of ir.Images."""
 
     first: NDArray[np.int64]
     width: NDArray[np.int32]
     height: NDArray[np.int32]
     texels: NDArray[np.float32]
-    levels: NDArray[np.int32]  # (n,) how many sizes
+    levels: NDArray[np.int32]  # (n,) number of levels
     level_first: NDArray[np.int64]  # (n, LEVELS)
     level_width: NDArray[np.int32]
     level_height: NDArray[np.int32]
     eye: Eye
-    kept: Any  # a NamedTuple of what KEPT says: kernels know by its type what there is
+    kept: Any  # a NamedTuple whose fields tell kernels, by its type, what to compute
 
 
-_made: dict[int, tuple[Any, Pyramids]] = {}  # by the id of what they were made from, while it lives
+_made: dict[int, tuple[Any, Pyramids]] = {}  # by id of the source images, while these live
 
 
 def with_pyramids(tables: ir.Tables, view: View, samples: int, further: bool) -> ir.Tables:
-    """Tables whose images have smaller sizes, for pixels of this view of which `samples` parts are looked at by themselves; `further`
-    if rays go on."""
+    """Tables whose images have mip levels, for pixels of a view with `samples` samples; `further` if there are secondary rays."""
     images = tables.images
     key = id(images.texels)
     if key not in _made or _made[key][0]() is not images.texels:
         _made[key] = weakref.ref(images.texels, lambda _: _made.pop(key, None)), _pyramids(images)
     made = _made[key][1]
-    ray = camera.ray(tables, view, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]))
+    ray = camera.generate_pinhole_ray(tables, view, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]))
     start, direction = (np.stack([np.broadcast_to(c, 3) for c in vector], axis=1) for vector in (ray.origin, ray.direction))
     matrix = tables.transforms.matrix[tables.cameras.transform[view.camera]]
     axis = -matrix[:, 2] / np.linalg.norm(matrix[:, 2])
@@ -95,7 +93,7 @@ def with_pyramids(tables: ir.Tables, view: View, samples: int, further: bool) ->
 
 
 def _kept_of(rows: ir.Textures, samples: int, further: bool) -> Any:
-    """What is known of what a pixel spans, and which textures ask for it."""
+    """The parts of a footprint that a scene's textures need, and which textures need them."""
     formula = rows.kind == ir.TextureKind.FORMULA
     formulas = formula.any() and samples < scene_rules.MANY_SAMPLES
     pictures = (rows.kind == ir.TextureKind.IMAGE) & ~rows.nearest
@@ -133,7 +131,7 @@ def _pyramids(images: ir.Images) -> Pyramids:
 
 
 def _halved(level: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
-    """Half as many texels along an axis, each the mean of what it covers, so that the mean of all stays."""
+    """Half as many texels along an axis, each the mean of its area, which keeps the image's mean."""
     n = level.shape[axis]
     m = max(n // 2, 1)
     if n == 2 * m:
@@ -144,13 +142,13 @@ def _halved(level: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
     return np.moveaxis(np.tensordot(share.astype(np.float32), level, axes=(1, axis)), 0, axis)
 
 
-# --- how far coordinates go ----------------------------------------------------------------------------------------------------
+# --- derivatives of coordinates ----------------------------------------------------------------------------------------------------
 
 
 def on_surface(tables: Tables, ray: Ray, hit: Hit, point: Surface, cone: Any) -> Surface:
-    """The surface that a ray met, with what a pixel spans on it (Surface.spread), by the ray's cone where it does not come from the eye.
+    """The surface at a hit with its footprint (Surface.spread), from the ray's cone for secondary rays.
 
-    In scenes without pictures in several sizes, the surface as it is.
+    In scenes without filtered textures, the surface is unchanged.
     """
     return _on_surface(tables, ray, hit, point, cone) if isinstance(tables.images, Pyramids) else point
 
@@ -163,7 +161,7 @@ def _on_surface_in_kernels(tables, ray, hit, point, cone):
 
 
 def is_known(tables: Tables) -> Any:
-    """True, or None in scenes in which nothing asks what a pixel spans."""
+    """True, or None in scenes without filtered textures."""
     return True if isinstance(tables.images, Pyramids) else None
 
 
@@ -175,7 +173,7 @@ def _is_known_in_kernels(tables):
 
 
 def of_pixel(tables: Tables, spread: Any, point: Surface) -> Any:
-    """The same, from how far coordinates go over a whole pixel; the point's place counts from the eye."""
+    """The footprint from derivatives over a whole pixel; the point's position is relative to the eye."""
     raise NotImplementedError("in kernels only")
 
 
@@ -196,7 +194,7 @@ def _of_pixel(tables: Any, spread: Any) -> Any:
 
 @helper
 def _places_of_pixel(tables: Any, point: Surface) -> Any:
-    """How far places go to the right and below, in the thing's own frame."""
+    """Change of the position per pixel, right and down, in the instance's frame."""
     eye = tables.images.eye
     along, depth = (eye.axis[0], eye.axis[1], eye.axis[2]), 1.0 + 0.0 * point.offset
     outward = affine.transform_normal(tables.transforms.inverse, tables.instances.transform[point.instance], point.local_normal)
@@ -226,7 +224,7 @@ def _on_surface(tables: Any, ray: Ray, hit: Hit, point: Surface, cone: Any) -> S
     if not eye.perspective:
         from_eye, depth = along >= 1.0 - 1e-12, zero + 1.0
     wide = width_at(cone, zero, distance)
-    known = (from_eye | (wide > 0.0)) & textures.on(tables, point.material)
+    known = (from_eye | (wide > 0.0)) & textures.has_texture(tables, point.material)
     if ops.any_lane(known):
         facing = ops.minimum(ops.dot(d, point.geometric), -1e-9)
         to_right = ops.like3(zero, eye.right[0], eye.right[1], eye.right[2])
@@ -241,14 +239,14 @@ def _on_surface(tables: Any, ray: Ray, hit: Hit, point: Surface, cone: Any) -> S
         )  # fmt: skip
         nowhere = (zero, zero, zero)
         right, down = ops.where3(known, right, nowhere), ops.where3(known, down, nowhere)
-    return interaction.spanning(point, _with_cone(cone, _kept(tables, spread, right, down), tables, point, wide))
+    return interaction.replace_spread(point, _with_cone(cone, _kept(tables, spread, right, down), tables, point, wide))
 
 
-# --- rays that go on ----------------------------------------------------------------------------------------------------
+# --- secondary rays ----------------------------------------------------------------------------------------------------
 
 
 def cone_of_eye(tables: Tables, ray: Ray) -> Any:
-    """(how wide camera rays are where they begin, how much wider a metre on), by the area of their pixels; None if nothing asks for it."""
+    """(width of camera rays at their origin, growth per metre), by the area of a pixel; None without filtered textures."""
     return _cone_of_eye(tables, ray) if hasattr(getattr(tables.images, "kept", None), "cones") else None
 
 
@@ -268,7 +266,7 @@ def _cone_of_eye(tables: Any, ray: Ray) -> tuple[Lane, Lane]:
     if not eye.perspective:
         return side, zero
     along = ray.direction[0] * eye.axis[0] + ray.direction[1] * eye.axis[1] + ray.direction[2] * eye.axis[2]
-    return zero, side * along * ops.sqrt(ops.maximum(along, 0.0))  # askew, the pixel is farther away, and seen at an angle
+    return zero, side * along * ops.sqrt(ops.maximum(along, 0.0))  # an oblique pixel is farther away and foreshortened
 
 
 @helper
@@ -305,14 +303,14 @@ def _spread_with_cone(cone: Any, plain: Any, tables: Any, point: Surface, wide: 
 def _put_cone(point: Surface, direction: Vec, stack: Any, place: Lane, field: int, active: Lane) -> None:
     wide, on, mirrored = point.spread[-3], point.spread[-2], point.spread[-1]
     back = ops.dot(direction, point.geometric) > 0.0
-    known = ops.dot(point.normal, point.geometric) > 1.0 - 1e-9  # no interpolated and no turned normal
+    known = ops.dot(point.normal, point.geometric) > 1.0 - 1e-9  # neither an interpolated nor a perturbed normal
     known = known & (back | (mirrored == on))
     crosslane.stack_store(stack, place, field, ops.where(known, wide, 0.0), active)
     crosslane.stack_store(stack, place, field + 1, ops.where(known, ops.where(back, mirrored, on), 0.0), active)
 
 
 def put_cone(point: Surface, direction: Vec, stack: Any, place: Lane, field: int, active: Lane) -> None:
-    """Write the cone of rays that leave a surface in a direction to two fields, where it is known."""
+    """Write the cone of rays that leave a surface to two fields, where it is known."""
     if point.spread is not None and len(point.spread) in WITH_CONE:
         _put_cone(point, direction, stack, place, field, active)
 
@@ -333,7 +331,7 @@ def _take_cone(cone: Any, plain: Any, stack: Any, place: Lane, field: int) -> tu
 width_at = specialize_if_present(_width_at)
 _of_cone = specialize_if_present(_steps_of_cone)
 _with_cone = specialize_if_present(_spread_with_cone)
-take_cone = specialize_if_present(_take_cone)  # of rays that waited: None, stack, place, its first field
+take_cone = specialize_if_present(_take_cone)  # of queued rays: None, stack, position, first field
 
 
 # --- along a surface ----------------------------------------------------------------------------------------------------
@@ -353,13 +351,13 @@ def _kept_in_kernels(tables, spread, right, down):
 
 @helper
 def _over_pixel(tables: Any, step: Vec, depth: Lane, d: Vec, facing: Lane, point: Surface) -> Vec:
-    """How far places go from a pixel to the next, along the plane that touches the surface, in the thing's own frame."""
+    """Change of the position from pixel to pixel along the tangent plane, in the instance's frame."""
     moved = ops.sub(ops.scale(step, depth), ops.scale(d, ops.dot(step, point.geometric) * depth / facing))
     return affine.transform_vector(tables.transforms.inverse, ops.to_int(tables.instances.transform[point.instance]), moved)
 
 
 def _coordinates(tables: Any, way: Vec, hit: Hit, point: Surface) -> tuple[Lane, Lane]:
-    """How far texture coordinates go along a way."""
+    """Change of texture coordinates along a displacement."""
     return _moved(tables, way, hit, point)
 
 
@@ -372,7 +370,7 @@ def _coordinates_in_kernels(tables, way, hit, point):
 
 @noinline_helper
 def _moved(tables: Any, way: Vec, hit: Hit, point: Surface) -> tuple[Lane, Lane]:
-    there = normal_map.moved(tables, point, hit, way, 1.0)
+    there = normal_map.shift_point(tables, point, hit, way, 1.0)
     du, dv = there.uv[0] - point.uv[0], there.uv[1] - point.uv[1]
     kind = tables.geometries.kind[tables.instances.geometry[point.instance]]
-    return ops.where(kind == MESH, du, du - ops.floor(du + 0.5)), dv  # others may have a seam
+    return ops.where(kind == MESH, du, du - ops.floor(du + 0.5)), dv  # other shapes may have a seam

@@ -1,7 +1,7 @@
-"""Triangles of meshes as rows of pieces.Records: what trees find is then shaded by one row of memory, as pieces are, not by sixty gathers.
+"""Builds shading records of mesh triangles, so that a hit reads one row of memory, as listed primitives do, instead of sixty gathers.
 
-A triangle whose mesh has no textures and no colours needs its outer normal and, where normals are interpolated, those of its corners.
-Both are kept in the world, for each instance; where that would take too much room meshes are asked themselves (surface.at).
+A triangle of a mesh without textures and colors needs its outer normal and, where normals are interpolated, those of its corners. Both are
+stored in world space, for each instance. Where that would take too much memory, hits read the mesh (interaction.make_interaction).
 """
 
 from __future__ import annotations
@@ -19,35 +19,35 @@ from ..lanes import ops
 from ..types import Lane, Vec
 from . import interaction
 
-MOST = 1 << 22  # triangles of all instances that have rows
-EXACT = 1 << 24  # whole numbers up to this are exact in float32
-NONE = -(1 << 30)  # of `first`, where an instance has no rows
-PLAIN, ROUNDED = 1.0, 2.0  # how a row is shaded: by its own normal, by those of its corners
-CORNERS = 16  # columns: three normals; of each its product with both edges over its square, for surface.Surface.lift; and nothing
+MOST = 1 << 22  # triangles with rows, over all instances
+EXACT = 1 << 24  # integers up to this are exact in float32
+NONE = -(1 << 30)  # in `first`, for an instance without rows
+PLAIN, ROUNDED = 1.0, 2.0  # shading of a row: by its own normal, by those of its corners
+CORNERS = 16  # columns: three normals; their products with both edges over their squares, for Surface.lift; padding
 
 
 class Flat(NamedTuple):
-    """No triangle's normals are interpolated."""
+    """The absence of interpolated normals."""
 
 
 class Rounded(NamedTuple):
-    """Normals of corners, of the first triangles that have rows."""
+    """Normals of the corners of triangles, from row `start` on."""
 
     corners: NDArray[np.float64]  # (m · CORNERS,)
-    start: int  # the first one's row
+    start: int  # the first triangle's row
 
 
 def build(tables: ir.Tables, chosen: list[tuple[int, float]], start: int) -> tuple[NDArray[Any], NDArray[np.int32], Flat | Rounded]:
-    """(rows (n, 8) as in pieces.Records, (instances,) first row less the first triangle, normals of corners).
+    """(rows (n, 8) as in PrimitiveRecords, first row minus first triangle of each instance, normals of corners).
 
-    `chosen`: (instance, PLAIN or ROUNDED) of meshes that are shaded so, `start` how many rows there are already.
+    `chosen` lists (instance, PLAIN or ROUNDED); `start` is the number of rows before these.
     """
     first = np.full(len(tables.instances.geometry), NONE, np.int32)
     rows, corners, left = [np.zeros((0, 8), np.float32)], [], MOST
     for i, how in sorted(chosen, key=lambda one: -one[1]):
         g = int(tables.instances.geometry[i])
         begin, count = int(tables.geometries.first_triangle[g]), int(tables.geometries.triangle_count[g])
-        if count > left or begin + count > EXACT or (how == ROUNDED and not _is_even(tables, i)):
+        if count > left or begin + count > EXACT or (how == ROUNDED and not _has_uniform_scale(tables, i)):
             continue
         first[i] = start + sum(map(len, rows)) - begin
         rows.append(_rows(tables, i, g, how))
@@ -58,15 +58,15 @@ def build(tables: ir.Tables, chosen: list[tuple[int, float]], start: int) -> tup
     return np.concatenate(rows), first, rounded
 
 
-def _is_even(tables: ir.Tables, i: int) -> bool:
-    """Whether an instance is as large along all axes as its mesh: angles are then the same in the world."""
+def _has_uniform_scale(tables: ir.Tables, i: int) -> bool:
+    """Whether an instance's scale is 1 on all axes, which keeps angles."""
     linear = tables.transforms.matrix[tables.instances.transform[i]][:, :3]
     even = linear.T @ linear
     return bool(np.allclose(even, even[0, 0] * np.eye(3), rtol=0, atol=1e-6 * even[0, 0]))
 
 
 def _to_world(tables: ir.Tables, i: int) -> NDArray[np.float32]:
-    """(3, 3) by which an instance's normals are multiplied from the right."""
+    """Matrix (3, 3) that takes an instance's normals, as row vectors, to the world."""
     return tables.transforms.inverse[tables.instances.transform[i]][:, :3].astype(np.float32)
 
 
@@ -80,15 +80,15 @@ def _rows(tables: ir.Tables, i: int, g: int, how: float) -> NDArray[np.float32]:
     a, b, c = (positions[tables.pools.triangles[part, k]] for k in range(3))
     outward = np.cross(b - a, c - a) @ _to_world(tables, i)
     rows = np.zeros((len(outward), 8), np.float32)
-    rows[:, 3] = -_wide(tables, i, g, (a, b, c))
+    rows[:, 3] = -_corner_errors(tables, i, g, (a, b, c))
     rows[:, :3] = outward / np.maximum(np.linalg.norm(outward.astype(np.float64), axis=1, keepdims=True), 1e-300)
     rows[:, 4], rows[:, 5] = i, np.arange(part.start, part.stop)
     rows[:, 6], rows[:, 7] = tables.instances.material[i], how
     return rows
 
 
-def _wide(tables: ir.Tables, i: int, g: int, corners: tuple[NDArray[np.float32], ...]) -> NDArray[np.float32]:
-    """(triangles,) by how much their corners make rays' distances to them less sure, in metres: see surface.spacing."""
+def _corner_errors(tables: ir.Tables, i: int, g: int, corners: tuple[NDArray[np.float32], ...]) -> NDArray[np.float32]:
+    """Error of ray distances from the triangles' corners, in metres, (triangles,): see interaction.origin_offset."""
     matrix = tables.transforms.matrix[tables.instances.transform[i]][:, :3]
     origin = tables.geometries.origin[g].astype(np.float32)
     most = np.maximum(np.maximum(abs(corners[0] + origin), abs(corners[1] + origin)), abs(corners[2] + origin))
@@ -119,8 +119,8 @@ def _corners(tables: ir.Tables, i: int, g: int) -> NDArray[np.float64]:
 # --- in lanes ------------------------------------------------------------------------------------------------------------
 
 
-def interpolated(rounded: Any, normal: Vec, row: Lane, here: Lane, u: Lane, v: Lane, side: Lane) -> tuple[Vec, Vec]:
-    """(`normal`, or the interpolated one on its side in the lanes `here`; surface.Surface.lift, seen from outside where `side` is 1)."""
+def interpolate_normal(rounded: Any, normal: Vec, row: Lane, here: Lane, u: Lane, v: Lane, side: Lane) -> tuple[Vec, Vec]:
+    """(`normal`, or the interpolated one on its side in the lanes `here`; Surface.lift, for the outside where `side` is 1)."""
     raise NotImplementedError
 
 
@@ -144,7 +144,7 @@ def _interpolated(rounded: Any, normal: Vec, row: Lane, here: Lane, u: Lane, v: 
     return ops.where3(good, ops.scale(found, scale), normal), ops.where3(good, lift, (zero, zero, zero))
 
 
-@overload(interpolated, jit_options=HELPER)
+@overload(interpolate_normal, jit_options=HELPER)
 def _interpolated_in_kernels(rounded, normal, row, here, u, v, side):
     if rounded.layout:
         return lambda rounded, normal, row, here, u, v, side: _interpolated(rounded, normal, row, here, u, v, side)

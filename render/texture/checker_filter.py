@@ -1,9 +1,9 @@
-"""Checkers and stripes: at a point, or, where it is known what a pixel spans on them, their mean over that parallelogram in closed form.
+"""Checkers and stripes, at a point or as their mean over the parallelogram of a pixel, in closed form.
 
-With S(x) = 1 in even cells and -1 in odd ones, stripes are S(x) and a checker is S(x) S(y). Along one axis a parallelogram's shadow is a
-trapezoid, over which the mean of S comes from its second integral; where a checker is seen along its axes its mean is the product of two
-such, exactly. Seen askew, the two axes depend on each other: there S becomes its Fourier series, whose waves over a parallelogram are
-products of two sin(t)/t, and what a pixel spans leaves few of them.
+With S(x) = 1 in even cells and -1 in odd ones, stripes are S(x) and a checker is S(x) S(y). The projection of a parallelogram on an axis is
+a trapezoid, over which the mean of S comes from its second integral. The mean of an axis-aligned checker is exactly the product of two such
+means. For an oblique one the axes are coupled. There S is replaced by its Fourier series, whose terms over a parallelogram are products of
+two sin(t)/t; a pixel leaves few of them.
 """
 
 from __future__ import annotations
@@ -17,29 +17,29 @@ from ..lanes import ops
 from ..types import Lane, Vec
 
 CHECKER = int(ir.TextureKind.CHECKER)
-CELLS = 8.0  # of a checker without a size, over u and over v
-ASKEW = 0.2  # cells: so far both axes must change along one side of a parallelogram to be looked at together
-THIN, LONG = 0.14, 4.5  # cells: unless its other side is so short, |x| + |y|, and this no longer: of a line waves would be cut short
-BOTH = 0.11  # the same where the other side changes half as much, too
-SLANTED = 0.002  # cells: so far, to be looked at in PARTS
-PARTS = 8  # and twice as many where both axes change much
-ORDER = 5  # of the highest wave: what is left out is below 3 % of the contrast where a pixel spans half a cell, 1 % where it spans one
-_LONGEST = 4096.0  # cells that a side counts as at most
+CELLS = 8.0  # cells of a checker without a size, over u and over v
+ASKEW = 0.2  # cells: change of both axes along one side from which on the series is used
+THIN, LONG = 0.14, 4.5  # cells: not for a shorter other side, |x| + |y|, unless this side is longer: the series of a line converges slowly
+BOTH = 0.11  # the same where the other side changes half as much
+SLANTED = 0.002  # cells: change from which on a side is divided into PARTS
+PARTS = 8  # twice as many where both axes change much
+ORDER = 5  # of the highest wave; the error is below 3 % of the contrast for a pixel of half a cell, 1 % for one cell
+_LONGEST = 4096.0  # length to which a side is clipped, in cells
 _LEAST = 1e-30
 
 
 @helper
 def color(tables: Any, row: Lane, s: Lane, t: Lane, du: Lane, dv: Lane, spans: Any) -> Vec:
-    """The colour of row `row` at s, t of which one unit is du, dv metres; cells are half open.
+    """The color of row `row` at s, t, whose units are du, dv metres; cells are half open.
 
-    spans: how far s and t go along the two sides of what is looked at, (s, t, s, t); or None, at a point.
+    `spans` is the change of s and t along the two sides of the footprint, (s, t, s, t), or None at a point.
     """
     textures = tables.textures
     size = textures.size[row]
     sized = size > 0.0
     safe = ops.where(sized, size, 1.0)
     wide, high = ops.where(sized, du / safe, CELLS), ops.where(sized, dv / safe, CELLS)
-    share = _share(textures.kind[row] == CHECKER, s * wide, t * high, _scaled(spans, wide, high))
+    share = _first_color_share(textures.kind[row] == CHECKER, s * wide, t * high, _scaled(spans, wide, high))
     a, b, rest = textures.color_a, textures.color_b, 1.0 - share
     return (
         share * a[row, 0] + rest * b[row, 0], share * a[row, 1] + rest * b[row, 1], share * a[row, 2] + rest * b[row, 2],
@@ -54,18 +54,18 @@ def _scaled(spans: Any, wide: Lane, high: Lane) -> Any:
 
 
 @helper
-def _share(checker: Lane, x: Lane, y: Lane, spans: Any) -> Lane:
-    """How much of the first colour there is at x, y in cells."""
+def _first_color_share(checker: Lane, x: Lane, y: Lane, spans: Any) -> Lane:
+    """Share of the first color at x, y in cells."""
     if spans is None:
         across, up = ops.floor_int(x), ops.floor_int(y)
         cell = ops.where(checker, across + up, across)
         return ops.where((cell & 1) == 0, 1.0 + 0.0 * x, 0.0)
-    return _mean(checker, x, y, spans)
+    return _mean_share(checker, x, y, spans)
 
 
 @noinline_helper
-def _mean(checker: Lane, x: Lane, y: Lane, spans: Any) -> Lane:
-    """The same over a parallelogram about x, y."""
+def _mean_share(checker: Lane, x: Lane, y: Lane, spans: Any) -> Lane:
+    """Mean share over a parallelogram around x, y."""
     px, py, qx, qy = spans
     p_long, q_long = ops.absolute(px) + ops.absolute(py), ops.absolute(qx) + ops.absolute(qy)
     longest = ops.maximum(p_long, q_long)
@@ -78,15 +78,15 @@ def _mean(checker: Lane, x: Lane, y: Lane, spans: Any) -> Lane:
     slant = ops.maximum(p_slant, q_slant)
     alone = slant > 2.0 * ops.minimum(p_slant, q_slant)
     askew = (slant > ops.where(alone, ASKEW, BOTH)) & ops.not_(thin & (slant < LONG))
-    mean = _by_axes(checker, x, y, px, py, qx, qy, ops.where(askew, 0.0, p_slant), ops.where(askew, 0.0, q_slant))
+    mean = _mean_by_axes(checker, x, y, px, py, qx, qy, ops.where(askew, 0.0, p_slant), ops.where(askew, 0.0, q_slant))
     if ops.any_lane(askew):
-        mean = ops.where(askew, ops.clip(_waves(x, y, px, py, qx, qy), -1.0, 1.0), mean)
+        mean = ops.where(askew, ops.clip(_mean_by_series(x, y, px, py, qx, qy), -1.0, 1.0), mean)
     return 0.5 + 0.5 * mean
 
 
 @helper
-def _by_axes(checker: Lane, x: Lane, y: Lane, px: Lane, py: Lane, qx: Lane, qy: Lane, p_slant: Lane, q_slant: Lane) -> Lane:
-    """The same from both axes by themselves; the side that goes along both of them, if one does, in parts."""
+def _mean_by_axes(checker: Lane, x: Lane, y: Lane, px: Lane, py: Lane, qx: Lane, qy: Lane, p_slant: Lane, q_slant: Lane) -> Lane:
+    """The mean from both axes separately; a side along both axes is divided into parts."""
     by_p, by_q = p_slant > ops.maximum(2.0 * q_slant, SLANTED), q_slant > ops.maximum(2.0 * p_slant, SLANTED)
     count = ops.where(by_p | by_q, ops.where(ops.maximum(p_slant, q_slant) > ASKEW, 2.0 * PARTS, 1.0 * PARTS), 1.0)
     share = 1.0 / count
@@ -110,23 +110,23 @@ def _by_axes(checker: Lane, x: Lane, y: Lane, px: Lane, py: Lane, qx: Lane, qy: 
 
 @helper
 def along_axis(x: Lane, one: Lane, other: Lane) -> Lane:
-    """The mean of S over the trapezoid about x that intervals of two lengths make together.
+    """The mean of S over the trapezoid around x, the convolution of two intervals.
 
-    Where it is at most a cell wide it meets one edge, and what of it lies beyond that is known without cancellation. Else the mean is the
-    second difference of the second integral of S, which is S(x) r (r - 1)/2, r the place in the cell; of an interval it is the first
-    difference of the first.
+    A trapezoid of at most a cell crosses one edge, and its part beyond that is computed without cancellation. Otherwise the mean is the
+    second difference of the second integral of S, S(x) r (r - 1)/2 with r the position in the cell. For a single interval it is the first
+    difference of the first integral.
     """
     long, short = ops.maximum(one, other), ops.minimum(one, other)
     reach, level = 0.5 * (long + short), 0.5 * (long - short)
     cell = ops.floor(x)
-    off = ops.minimum(x - cell, 1.0 - (x - cell))  # from the nearest edge
+    off = ops.minimum(x - cell, 1.0 - (x - cell))  # distance from the nearest edge
     beyond = ops.maximum(reach - off, 0.0)
     slanted = 1.0 - beyond * beyond / ops.maximum(long * short, _LEAST)
     within = ops.where(off < level, 2.0 * off / ops.maximum(long, _LEAST), slanted)
     mean = _sign(cell) * within
     many = reach > 0.5
     if ops.any_lane(many):
-        narrow = short < long * (4.0 * math.sqrt(ops.roundoff(x)))  # the second difference would be rounding
+        narrow = short < long * (4.0 * math.sqrt(ops.roundoff(x)))  # the second difference would be rounding error
         outer, inner = _second(x + reach) + _second(x - reach), _second(x + level) + _second(x - level)
         once = (_first(x + 0.5 * long) - _first(x - 0.5 * long)) / ops.maximum(long, _LEAST)
         twice = (outer - inner) / ops.where(narrow, 1.0, ops.maximum(long * short, _LEAST))
@@ -142,14 +142,14 @@ def _sign(cell: Lane) -> Lane:
 
 @helper
 def _first(x: Lane) -> Lane:
-    """The integral of S, less a half."""
+    """The integral of S minus a half."""
     cell = ops.floor(x)
     return _sign(cell) * (x - cell - 0.5)
 
 
 @helper
 def _second(x: Lane) -> Lane:
-    """The second integral of S, less what is linear."""
+    """The second integral of S without its linear part."""
     cell = ops.floor(x)
     rest = x - cell
     return 0.5 * _sign(cell) * rest * (rest - 1.0)
@@ -159,39 +159,39 @@ def _second(x: Lane) -> Lane:
 
 
 @noinline_helper
-def _waves(x: Lane, y: Lane, px: Lane, py: Lane, qx: Lane, qy: Lane) -> Lane:
-    """The mean of S(x) S(y) over a parallelogram by the waves of S, (4/π) sin(π m x)/m of odd m, up to ORDER.
+def _mean_by_series(x: Lane, y: Lane, px: Lane, py: Lane, qx: Lane, qy: Lane) -> Lane:
+    """The mean of S(x) S(y) over a parallelogram by the Fourier series of S, (4/π) sin(π m x)/m for odd m up to ORDER.
 
-    sin(a) sin(b) = (cos(a - b) - cos(a + b))/2, and the mean of a wave over a side is sin(t)/t, t half of its phase along that.
+    sin(a) sin(b) = (cos(a - b) - cos(a + b))/2; the mean of a wave over a side is sin(t)/t with t half of its phase change.
     """
     zero = 0.0 * x
     total = zero
-    at_x, step_x, along_px, step_px, along_qx, step_qx = _turns(x, px, qx)
-    first_y, step_y, first_py, step_py, first_qy, step_qy = _turns(y, py, qy)
+    at_x, step_x, along_px, step_px, along_qx, step_qx = _phases(x, px, qx)
+    first_y, step_y, first_py, step_py, first_qy, step_qy = _phases(y, py, qy)
     m = 1
     while m <= ORDER:
         at_y, along_py, along_qy = first_y, first_py, first_qy
         n = 1
         while n <= ORDER:
-            together = _over(along_px, along_py, m * px, n * py, 1.0) * _over(along_qx, along_qy, m * qx, n * qy, 1.0)
-            apart_ = _over(along_px, along_py, m * px, n * py, -1.0) * _over(along_qx, along_qy, m * qx, n * qy, -1.0)
+            together = _sinc(along_px, along_py, m * px, n * py, 1.0) * _sinc(along_qx, along_qy, m * qx, n * qy, 1.0)
+            apart_ = _sinc(along_px, along_py, m * px, n * py, -1.0) * _sinc(along_qx, along_qy, m * qx, n * qy, -1.0)
             cosines, sines = at_x[0] * at_y[0], at_x[1] * at_y[1]
             wave = (cosines + sines) * apart_ - (cosines - sines) * together
             total = total + wave * (8.0 / (math.pi * math.pi) / (m * n))
-            at_y, along_py, along_qy = _turned(at_y, step_y), _turned(along_py, step_py), _turned(along_qy, step_qy)
+            at_y, along_py, along_qy = _add_angles(at_y, step_y), _add_angles(along_py, step_py), _add_angles(along_qy, step_qy)
             n += 2
-        at_x, along_px, along_qx = _turned(at_x, step_x), _turned(along_px, step_px), _turned(along_qx, step_qx)
+        at_x, along_px, along_qx = _add_angles(at_x, step_x), _add_angles(along_px, step_px), _add_angles(along_qx, step_qx)
         m += 2
     return total
 
 
 @helper
-def _turns(x: Lane, p: Lane, q: Lane) -> Any:
-    """Cosine and sine of π x, π p/2 and π q/2, each followed by those of what odd multiples of them grow by."""
+def _phases(x: Lane, p: Lane, q: Lane) -> Any:
+    """Cosines and sines of π x, π p/2 and π q/2, each followed by those of the step between odd multiples."""
     a = _cosine_and_sine(math.pi * x)
     b = _cosine_and_sine((0.5 * math.pi) * (p - 4.0 * ops.floor(0.25 * p)))
     c = _cosine_and_sine((0.5 * math.pi) * (q - 4.0 * ops.floor(0.25 * q)))
-    return a, _turned(a, a), b, _turned(b, b), c, _turned(c, c)
+    return a, _add_angles(a, a), b, _add_angles(b, b), c, _add_angles(c, c)
 
 
 @helper
@@ -200,14 +200,14 @@ def _cosine_and_sine(angle: Lane) -> tuple[Lane, Lane]:
 
 
 @helper
-def _turned(a: tuple[Lane, Lane], b: tuple[Lane, Lane]) -> tuple[Lane, Lane]:
+def _add_angles(a: tuple[Lane, Lane], b: tuple[Lane, Lane]) -> tuple[Lane, Lane]:
     """Cosine and sine of the sum of two angles."""
     return a[0] * b[0] - a[1] * b[1], a[1] * b[0] + a[0] * b[1]
 
 
 @helper
-def _over(a: tuple[Lane, Lane], b: tuple[Lane, Lane], x: Lane, y: Lane, side: float) -> Lane:
-    """sin(t)/t of t = π/2 (x + side y), of which the cosines and sines of both parts are known."""
+def _sinc(a: tuple[Lane, Lane], b: tuple[Lane, Lane], x: Lane, y: Lane, side: float) -> Lane:
+    """sin(t)/t for t = π/2 (x + side y), from the cosines and sines of both parts."""
     t = (0.5 * math.pi) * (x + side * y)
     small = ops.absolute(t) < 0.05
     sine = a[1] * b[0] + side * a[0] * b[1]

@@ -1,10 +1,9 @@
-"""Patterns: textures that are formulas of the point, in the frame of the thing they are on; the same tape in every backend.
+"""Procedural textures from formulas of the point, in the frame of the instance; the same tape in every backend.
 
-Where it is known what a pixel spans, a pattern is averaged over that, at the places of Roberts' R2 sequence ("The unreasonable
-effectiveness of quasirandom sequences", 2018), which are spread evenly whatever number of them is taken.
+With a footprint, a pattern is averaged over it at the points of Roberts' R2 sequence ("The unreasonable effectiveness of quasirandom
+sequences", 2018), which is evenly distributed for any number of points.
 
-Kernels reach the function that evaluates tapes by a slot that is filled when a scene has patterns: others neither compile nor
-load it.
+Kernels call the tape evaluator through a pointer that is set for scenes with patterns; other scenes neither compile nor load it.
 """
 
 from __future__ import annotations
@@ -30,31 +29,31 @@ from ..simd.vector_type import intrinsic
 from ..types import Lane, Vec
 
 FORMULA = int(ir.TextureKind.FORMULA)
-MOST_ROWS = 509  # of a pattern's tape: with x, y and z as many values are kept
-WITH_PLACES = 10  # lanes of a Surface's spread where it holds how far places go
-SOME, MOST = 16, 64  # places that are looked at: these, and if they differ much these
-ROUGH = 1 / 64  # of the mean: an error of it that asks for more places
-STEP_A, STEP_B = 0.7548776662466927, 0.5698402909980532  # the powers of the plastic number's inverse: places spread evenly, however many
+MOST_ROWS = 509  # of a pattern's tape; x, y and z take further registers
+WITH_PLACES = 10  # length of Surface.spread with changes of the position
+SOME, MOST = 16, 64  # points of a footprint, and points where the first ones differ much
+ROUGH = 1 / 64  # error of the mean above which more points are evaluated
+STEP_A, STEP_B = 0.7548776662466927, 0.5698402909980532  # powers of the inverse plastic number, for the R2 sequence
 _ROOM = (MOST_ROWS + 3) * LANES
 _SYMBOL = "maquette_direct_slot"
 _slot = (ctypes.c_int64 * 1)(0)
 llvm.add_symbol(_SYMBOL, ctypes.addressof(_slot))
 
 
-def make_ready(tables: ir.Tables) -> None:
-    """Make what kernels evaluate patterns with, where there are any."""
+def link(tables: ir.Tables) -> None:
+    """Link the evaluator of patterns, if the scene has any."""
     if (tables.textures.kind == FORMULA).any():
-        from ..formula import interpreter, point_interpreter  # what other scenes do not load
+        from ..formula import interpreter, point_interpreter  # other scenes do not load these
 
         _slot[0] = interpreter.address(point_interpreter.NAME)
 
 
-# --- over what a pixel spans --------------------------------------------------------------------------------------------
+# --- over a footprint --------------------------------------------------------------------------------------------
 
 
 @noinline_helper
-def _over(tables: Any, row: Lane, p: Vec, spread: Any) -> Vec:
-    """The mean over a parallelogram about p: of SOME places, or of MOST where these differ much."""
+def _mean_over_pixel(tables: Any, row: Lane, p: Vec, spread: Any) -> Vec:
+    """The mean over a parallelogram around p: of SOME points, or of MOST where these differ much."""
     right, down = (spread[4], spread[5], spread[6]), (spread[7], spread[8], spread[9])
     wide = abs(right[0]) + abs(right[1]) + abs(right[2]) + abs(down[0]) + abs(down[1]) + abs(down[2]) > 0.0
     zero = 0.0 * p[0]
@@ -62,39 +61,39 @@ def _over(tables: Any, row: Lane, p: Vec, spread: Any) -> Vec:
     open_ = ops.bool_like(zero, True)
     k = 0
     while ops.any_lane(open_):
-        number, side = (k >> 1) + 1, 1.0 - 2.0 * (k & 1)  # each place and the one opposite: what is linear over a pixel has its mean
+        number, side = (k >> 1) + 1, 1.0 - 2.0 * (k & 1)  # each point and its opposite: exact for linear patterns
         a, b = side * ((0.5 + STEP_A * number) % 1.0 - 0.5), side * ((0.5 + STEP_B * number) % 1.0 - 0.5)
         q = ops.along(ops.along(p, right, zero + a), down, zero + b)
-        r, g, b_ = texel(tables, row, q)
+        r, g, b_ = evaluate(tables, row, q)
         grey = r + g + b_
         total = ops.where3(open_, ops.add(total, (r, g, b_)), total)
         square = ops.where(open_, square + grey * grey, square)
         count = ops.where(open_, count + 1.0, count)
         k += 1
         open_ = open_ & wide & (k < MOST)
-        if k == SOME:  # their mean's error, were they random; they are not, and so it is less
+        if k == SOME:  # the mean's error for random points, an upper bound for these
             middle = (total[0] + total[1] + total[2]) / count
             open_ = open_ & (square / count - middle * middle > SOME * ROUGH * ROUGH * middle * middle)
     return ops.scale(total, 1.0 / count)
 
 
-def seen(tables: Any, row: Lane, p: Vec, spread: Any) -> Vec:
-    """The colour of patterns at points, over what a pixel spans there (Surface.spread) where that is known."""
-    return texel(tables, row, p) if spread is None or len(spread) < WITH_PLACES else _over(tables, row, p, spread)
+def evaluate_filtered(tables: Any, row: Lane, p: Vec, spread: Any) -> Vec:
+    """The color of patterns at points, averaged over the footprint (Surface.spread) if there is one."""
+    return evaluate(tables, row, p) if spread is None or len(spread) < WITH_PLACES else _mean_over_pixel(tables, row, p, spread)
 
 
-@overload(seen, jit_options=HELPER)
+@overload(evaluate_filtered, jit_options=HELPER)
 def _seen_in_kernels(tables, row, p, spread):
     if isinstance(spread, types.BaseTuple) and len(spread) >= WITH_PLACES:
-        return lambda tables, row, p, spread: _over(tables, row, p, spread)
-    return lambda tables, row, p, spread: texel(tables, row, p)
+        return lambda tables, row, p, spread: _mean_over_pixel(tables, row, p, spread)
+    return lambda tables, row, p, spread: evaluate(tables, row, p)
 
 
 # --- at points ----------------------------------------------------------------------------------------------------------
 
 
-def texel(tables: Any, row: Lane, p: Vec) -> Vec:
-    """The colour of patterns (rows of Textures) at points in the things' own frames; a number is grey. 0 where it is not defined."""
+def evaluate(tables: Any, row: Lane, p: Vec) -> Vec:
+    """The color of patterns (rows of Textures) at points in instance frames; numbers are gray, undefined values 0."""
     from ...compiler.formula import numpy_interpreter
     from ...compiler.formula.tape import load_tape
 
@@ -113,20 +112,20 @@ def texel(tables: Any, row: Lane, p: Vec) -> Vec:
     return found[0], found[1], found[2]
 
 
-@overload(texel, jit_options=HELPER)
+@overload(evaluate, jit_options=HELPER)
 def _texel(tables, row, p):
     if isinstance(p[0], simd.Vector) and p[0].bits == 32:
         return _of_none
-    return _of_many if isinstance(row, simd.Vector) else _of_one
+    return _evaluate_lanes if isinstance(row, simd.Vector) else _evaluate_scalar
 
 
 def _of_none(tables, row, p):
-    """In lanes of float32, which the plan's `precision` and `raster.precision` give to no scene with patterns."""
+    """For float32 lanes, which no scene with patterns gets from the plan."""
     zero = 0.0 * p[0]
     return zero, zero, zero
 
 
-def _of_one(tables, row, p):
+def _evaluate_scalar(tables, row, p):
     tape = np.int64(tables.textures.tape[row])
     zero = 0.0 * p[0]
     if tape < 0:
@@ -145,13 +144,13 @@ def _of_one(tables, row, p):
     return r, _result(tables, tape, 1, begin, registers, p[0]), _result(tables, tape, 2, begin, registers, p[0])
 
 
-def _of_many(tables, row, p):
+def _evaluate_lanes(tables, row, p):
     zero = 0.0 * p[0]
     found = (zero, zero, zero)
     rest = ops.bool_like(zero, True)
     while ops.any_lane(rest):
         one, here = crosslane.uniform_group(row, rest)
-        found = ops.where3(here, texel(tables, one, p), found)
+        found = ops.where3(here, evaluate(tables, one, p), found)
         rest = rest & ops.not_(here)
     return found
 
@@ -188,7 +187,7 @@ def _of_register_kernel(registers, name, like):
 
 @intrinsic
 def _run(typingctx, code, first, rows, constants, begin, registers):
-    """Evaluate the rows of a tape; see formulas/direct.py."""
+    """Evaluate the rows of a tape; see formula/point_interpreter.py."""
 
     def place(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> Any:
         data = make_array(kind)(context, builder, array).data

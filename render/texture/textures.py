@@ -1,6 +1,6 @@
-"""Textures: where a surface point lies in one (mappings, wraps), and what it is there (images, checkers, stripes).
+"""Texture mapping, wrap modes and lookup of images, checkers and stripes.
 
-The net, seen from outside with y up; each face stands as a folded cube shows it:
+The net of the box mapping, seen from outside with y up, as on a folded cube:
 
               +------+
               |  +y  |
@@ -36,14 +36,14 @@ REPEAT = int(ir.Wrap.REPEAT)
 CLAMP = int(ir.Wrap.CLAMP)
 MIRROR = int(ir.Wrap.MIRROR)
 BLACK = int(ir.Wrap.BLACK)
-MOST = 16.0  # places along the long axis of what a pixel spans
-_FARTHEST = 1e12  # coordinates beyond this are taken as 0: they hold no fraction any more
+MAX_SAMPLES = 16.0  # samples along the long axis of a footprint, at most
+_FARTHEST = 1e12  # coordinates beyond this count as 0: they have no fraction left
 
 Rgba = tuple[Lane, Lane, Lane, Lane]
 
 
 class Spot(NamedTuple):
-    """What of a Surface textures look at."""
+    """The parts of a Surface that textures read."""
 
     local: Vec
     local_normal: Vec
@@ -55,7 +55,7 @@ class Spot(NamedTuple):
 
 @helper
 def value(tables: Tables, texture: Lane, surface: Surface) -> Vec:
-    """The colour of each lane's texture (row of Textures) at a surface point; rows < 0 give row 0's."""
+    """The color of each lane's texture (row of Textures) at a surface point; rows < 0 read row 0."""
     spot = Spot(surface.local, surface.local_normal, surface.uv, surface.metric, surface.instance, surface.spread)
     return _value(tables, texture, spot)
 
@@ -64,7 +64,7 @@ def value(tables: Tables, texture: Lane, surface: Surface) -> Vec:
 def _value(tables: Tables, texture: Lane, surface: Spot) -> Vec:
     textures = tables.textures
     row = ops.maximum(texture, 0)
-    u, v, du, dv = place(tables, row, surface)
+    u, v, du, dv = texture_coordinates(tables, row, surface)
     frame = textures.frame
     s = frame[row, 0, 0] * u + frame[row, 0, 1] * v + frame[row, 0, 2]
     t = frame[row, 1, 0] * u + frame[row, 1, 1] * v + frame[row, 1, 2]
@@ -83,7 +83,7 @@ def _value(tables: Tables, texture: Lane, surface: Spot) -> Vec:
             ops.where(kind == IMAGE, picture[2], texel[2]), ops.where(kind == IMAGE, picture[3], texel[3]),
         )  # fmt: skip
     if ops.any_lane(kind == procedural.FORMULA):
-        r, g, b = procedural.seen(tables, row, surface.local, _if_formulas(tables, surface.spread))
+        r, g, b = procedural.evaluate_filtered(tables, row, surface.local, _if_formulas(tables, surface.spread))
         made = kind == procedural.FORMULA
         texel = (ops.where(made, r, texel[0]), ops.where(made, g, texel[1]), ops.where(made, b, texel[2]), texel[3])
     channel = textures.channel[row]
@@ -98,7 +98,7 @@ def _value(tables: Tables, texture: Lane, surface: Spot) -> Vec:
 
 
 @helper
-def on(tables: Tables, material: Lane) -> Lane:
+def has_texture(tables: Tables, material: Lane) -> Lane:
     """Whether a material has a texture in any slot."""
     return tables.materials.textured[material]
 
@@ -107,8 +107,8 @@ def on(tables: Tables, material: Lane) -> Lane:
 
 
 @helper
-def place(tables: Tables, row: Lane, surface: Spot | Surface) -> tuple[Lane, Lane, Lane, Lane]:
-    """u, v by the texture's mapping, and the metres they span."""
+def texture_coordinates(tables: Tables, row: Lane, surface: Spot | Surface) -> tuple[Lane, Lane, Lane, Lane]:
+    """(u, v, metres per u, metres per v) by the texture's mapping."""
     mapping = tables.textures.mapping[row]
     u, v = surface.uv
     du, dv = surface.metric
@@ -134,7 +134,7 @@ def place(tables: Tables, row: Lane, surface: Spot | Surface) -> tuple[Lane, Lan
 
 @helper
 def _box_face(tables: Tables, surface: Spot | Surface) -> tuple[Lane, Lane, Lane, Lane, Lane, Lane]:
-    """u, v on the side of the bounding box the normal faces, the side's lengths, and its column and line (from below) in the net."""
+    """(u, v, lengths, column, row from below in the net) on the side of the bounding box that the normal faces."""
     g = tables.instances.geometry[surface.instance]
     bounds = tables.geometries.bounds
     x, dx = _along_side(surface.local[0], bounds[g, 0, 0], bounds[g, 1, 0])
@@ -154,17 +154,17 @@ def _box_face(tables: Tables, surface: Spot | Surface) -> tuple[Lane, Lane, Lane
 
 @helper
 def _along_side(p: Lane, low: Lane, high: Lane) -> tuple[Lane, Lane]:
-    """Where p lies from 0 to 1 between two bounds, and their distance; p itself and 1 where there are none or no distance."""
+    """(position of p between two bounds, 0 to 1; their distance); (p, 1) without bounds or distance."""
     size = high - low
     bounded = (size > 0.0) & ops.is_finite(size)
     return ops.where(bounded, (p - low) / ops.where(bounded, size, 1.0), p), ops.where(bounded, size, 1.0)
 
 
-# --- what a pixel spans -------------------------------------------------------------------------------------------------
+# --- footprints -------------------------------------------------------------------------------------------------
 
 
 def _gate(what: str) -> Any:
-    """A function of (tables, spans): spans, or None where this kind of texture is looked at in points."""
+    """A function of (tables, spans) that returns spans, or None where this kind of texture is not filtered."""
 
     def gate(tables: Any, spans: Any) -> Any:
         return spans if hasattr(getattr(tables.images, "kept", None), what) else None
@@ -182,10 +182,11 @@ _if_cells, _if_pictures, _if_formulas = _gate("cells"), _gate("pictures"), _gate
 
 
 def _spans(tables: Any, row: Lane, uv: tuple[Lane, Lane], surface: Spot) -> Any:
-    """How far a texture's s and t go over what is looked at, (s, t) along each of its two sides; None at a point."""
+    """Change of a texture's s and t along the two sides of the footprint, (s, t, s, t); None without one."""
     if surface.spread is None:
         return None
-    return _framed(tables, row, _mapped(tables, row, uv, surface) if len(surface.spread) >= procedural.WITH_PLACES else surface.spread)
+    with_places = len(surface.spread) >= procedural.WITH_PLACES
+    return _framed(tables, row, _coordinate_spans(tables, row, uv, surface) if with_places else surface.spread)
 
 
 @overload(_spans, jit_options=HELPER)
@@ -194,7 +195,7 @@ def _spans_in_kernels(tables, row, uv, surface):
     if not isinstance(spread, types.BaseTuple):
         return lambda tables, row, uv, surface: None
     if len(spread) >= procedural.WITH_PLACES:
-        return lambda tables, row, uv, surface: _framed(tables, row, _mapped(tables, row, uv, surface))
+        return lambda tables, row, uv, surface: _framed(tables, row, _coordinate_spans(tables, row, uv, surface))
     return lambda tables, row, uv, surface: _framed(tables, row, surface.spread)
 
 
@@ -208,26 +209,26 @@ def _framed(tables: Any, row: Lane, spread: Any) -> tuple[Lane, Lane, Lane, Lane
 
 
 @helper
-def _mapped(tables: Any, row: Lane, uv: tuple[Lane, Lane], surface: Spot) -> tuple[Lane, Lane, Lane, Lane]:
-    """How far u and v go, by the texture's mapping: those that look at places are asked again a pixel away."""
+def _coordinate_spans(tables: Any, row: Lane, uv: tuple[Lane, Lane], surface: Spot) -> tuple[Lane, Lane, Lane, Lane]:
+    """Change of u and v by the texture's mapping; mappings by position are evaluated again a pixel away."""
     spread = surface.spread
     u0, v0, u1, v1 = spread[0], spread[1], spread[2], spread[3]
     other = tables.textures.mapping[row] != UV
     if ops.any_lane(other):
-        a0, b0 = _moved(tables, row, uv, surface, (spread[4], spread[5], spread[6]))
-        a1, b1 = _moved(tables, row, uv, surface, (spread[7], spread[8], spread[9]))
+        a0, b0 = _coordinate_change(tables, row, uv, surface, (spread[4], spread[5], spread[6]))
+        a1, b1 = _coordinate_change(tables, row, uv, surface, (spread[7], spread[8], spread[9]))
         u0, v0 = ops.where(other, a0, u0), ops.where(other, b0, v0)
         u1, v1 = ops.where(other, a1, u1), ops.where(other, b1, v1)
     return u0, v0, u1, v1
 
 
 @noinline_helper
-def _moved(tables: Any, row: Lane, uv: tuple[Lane, Lane], surface: Spot, way: Vec) -> tuple[Lane, Lane]:
-    """How far u and v go along a way from a point in the thing's own frame."""
+def _coordinate_change(tables: Any, row: Lane, uv: tuple[Lane, Lane], surface: Spot, way: Vec) -> tuple[Lane, Lane]:
+    """Change of u and v along a displacement from a point in the instance's frame."""
     there = Spot(ops.add(surface.local, way), surface.local_normal, surface.uv, surface.metric, surface.instance, None)
-    u, v, _, _ = place(tables, row, there)
+    u, v, _, _ = texture_coordinates(tables, row, there)
     u, v = u - uv[0], v - uv[1]
-    return ops.where(tables.textures.mapping[row] == LATLONG, u - ops.floor(u + 0.5), u), v  # which has a seam
+    return ops.where(tables.textures.mapping[row] == LATLONG, u - ops.floor(u + 0.5), u), v  # latlong has a seam
 
 
 # --- kinds --------------------------------------------------------------------------------------------------------------
@@ -235,7 +236,7 @@ def _moved(tables: Any, row: Lane, uv: tuple[Lane, Lane], surface: Spot, way: Ve
 
 @helper
 def _image(tables: Tables, row: Lane, s: Lane, t: Lane, spans: Any) -> Rgba:
-    """A picture at s, t: the nearest texel; or bilinear between centres and, where it is known what a pixel spans, over all that."""
+    """An image at s, t: nearest texel, or bilinear and, with a footprint, filtered over that."""
     textures = tables.textures
     image, wraps = ops.maximum(textures.image[row], 0), (textures.wrap_u[row], textures.wrap_v[row])
     if spans is None:
@@ -245,9 +246,9 @@ def _image(tables: Tables, row: Lane, s: Lane, t: Lane, spans: Any) -> Rgba:
 
 @noinline_helper
 def _over_pixel(tables: Any, row: Lane, image: Lane, s: Lane, t: Lane, wraps: Any, spans: Any) -> Rgba:
-    """A picture over the ellipse that a pixel is on it: up to MOST places along its long axis, in sizes that its short one asks for.
+    """An image filtered over the ellipse of a pixel: up to MAX_SAMPLES samples along its long axis, in levels selected by the short one.
 
-    Places stand so that what is seen there reaches from end to end of the long axis: where the ellipse becomes a circle they come together.
+    The samples' filters reach from end to end of the long axis; they coincide where the ellipse is a circle.
     """
     textures, images = tables.textures, tables.images
     nearest = textures.nearest[row]
@@ -259,7 +260,7 @@ def _over_pixel(tables: Any, row: Lane, image: Lane, s: Lane, t: Lane, wraps: An
     wide = longest > 1.0
     if not ops.any_lane(wide):
         return whole
-    count = -ops.floor(-ops.clip(longest / ops.maximum(shortest, 1.0), 1.0, MOST))
+    count = -ops.floor(-ops.clip(longest / ops.maximum(shortest, 1.0), 1.0, MAX_SAMPLES))
     size = ops.maximum(ops.maximum(shortest, longest / count), 1.0)
     level = ops.log(size) * (1.0 / math.log(2.0))
     level = ops.minimum(level, ops.to_float(images.levels[image] - 1))
@@ -274,10 +275,10 @@ def _over_pixel(tables: Any, row: Lane, image: Lane, s: Lane, t: Lane, wraps: An
         along = (k - 0.5 * (count - 1.0)) * step
         at_s, at_t = s + along * x / width, t + along * y / height
         weight = ops.where(count > k, 1.0 / count, 0.0)
-        near = _sized(tables, image, lower, at_s, at_t, wraps, nearest)
+        near = _look_up_level(tables, image, lower, at_s, at_t, wraps, nearest)
         far = near
         if ops.any_lane(share > 0.0):
-            far = _sized(tables, image, upper, at_s, at_t, wraps, nearest)
+            far = _look_up_level(tables, image, upper, at_s, at_t, wraps, nearest)
         red, green = red + weight * ops.lerp(near[0], far[0], share), green + weight * ops.lerp(near[1], far[1], share)
         blue, alpha = blue + weight * ops.lerp(near[2], far[2], share), alpha + weight * ops.lerp(near[3], far[3], share)
         k += 1
@@ -289,7 +290,7 @@ def _over_pixel(tables: Any, row: Lane, image: Lane, s: Lane, t: Lane, wraps: An
 
 @helper
 def ellipse(ax: Lane, ay: Lane, bx: Lane, by: Lane) -> tuple[Lane, Lane, Lane, Lane]:
-    """The long and the short axis of the ellipse that a pixel with sides (ax, ay) and (bx, by) is like, and where the long one goes."""
+    """(long axis, short axis, direction of the long axis) of the ellipse of a pixel with sides (ax, ay) and (bx, by)."""
     a, b, c = ax * ax + bx * bx, ax * ay + bx * by, ay * ay + by * by
     half = 0.5 * (a - c)
     root = ops.sqrt(half * half + b * b)
@@ -301,14 +302,14 @@ def ellipse(ax: Lane, ay: Lane, bx: Lane, by: Lane) -> tuple[Lane, Lane, Lane, L
 
 @helper
 def look_up(tables: Tables, image: Lane, s: Lane, t: Lane, wrap_u: Lane, wrap_v: Lane, nearest: Lane) -> Rgba:
-    """Row `image` of Images at s (right) and t (up), 0 to 1 over the picture."""
+    """Row `image` of Images at s (right) and t (up), 0 to 1 over the image."""
     images = tables.images
     return _bilinear(tables, images.first[image], images.width[image], images.height[image], s, t, wrap_u, wrap_v, nearest)
 
 
 @helper
-def _sized(tables: Any, image: Lane, level: Lane, s: Lane, t: Lane, wraps: Any, nearest: Lane) -> Rgba:
-    """The same in one of its sizes."""
+def _look_up_level(tables: Any, image: Lane, level: Lane, s: Lane, t: Lane, wraps: Any, nearest: Lane) -> Rgba:
+    """`look_up` in one level."""
     images = tables.images
     first, width, height = images.level_first[image, level], images.level_width[image, level], images.level_height[image, level]
     return _bilinear(tables, first, width, height, s, t, wraps[0], wraps[1], nearest)
@@ -320,54 +321,54 @@ def _bilinear(tables: Tables, first: Lane, width: Lane, height: Lane, s: Lane, t
     x, y = s * width - half, (1.0 - t) * height - half
     x0, y0 = ops.floor_int(x), ops.floor_int(y)
     fx, fy = ops.where(nearest, 0.0, x - x0), ops.where(nearest, 0.0, y - y0)
-    (a, in_a), (b, in_b) = _wrapped(x0, width, wrap_u)
-    (c, in_c), (d, in_d) = _wrapped(y0, height, wrap_v)
+    (a, in_a), (b, in_b) = _wrap_index(x0, width, wrap_u)
+    (c, in_c), (d, in_d) = _wrap_index(y0, height, wrap_v)
     rows = (first + c * width + a, first + c * width + b, first + d * width + a, first + d * width + b)
     gx, gy = 1.0 - fx, 1.0 - fy
     if ops.any_lane((wrap_u == BLACK) | (wrap_v == BLACK)):
         fx, gx, fy, gy = fx * in_b, gx * in_a, fy * in_d, gy * in_c
-    return mixed(tables.images.texels, rows, (gx * gy, fx * gy, gx * fy, fx * fy))
+    return mix_texels(tables.images.texels, rows, (gx * gy, fx * gy, gx * fy, fx * fy))
 
 
-def mixed(texels: Any, rows: Rgba, weights: Rgba) -> Rgba:
-    """The weighed sum of four texels."""
+def mix_texels(texels: Any, rows: Rgba, weights: Rgba) -> Rgba:
+    """The weighted sum of four texels."""
     r, g, b, a = ((weights[0] * texels[rows[0], c] + weights[1] * texels[rows[1], c])
                   + (weights[2] * texels[rows[2], c] + weights[3] * texels[rows[3], c]) for c in range(4))  # fmt: skip
     return r, g, b, a
 
 
-@overload(mixed, jit_options=HELPER)
+@overload(mix_texels, jit_options=HELPER)
 def _mixed_in_kernels(texels, rows, weights):
     if isinstance(rows[0], simd.Vector) and rows[0].bits == 32:
 
-        return lambda texels, rows, weights: _mixed_by_rows(texels, rows, weights)
+        return lambda texels, rows, weights: _mix_by_rows(texels, rows, weights)
     return lambda texels, rows, weights: (
         _mix(texels, rows, weights, 0), _mix(texels, rows, weights, 1), _mix(texels, rows, weights, 2), _mix(texels, rows, weights, 3)
     )  # fmt: skip
 
 
 @helper
-def _mixed_by_rows(texels: Any, rows: Rgba, weights: Rgba) -> Rgba:
-    """A texel's four numbers lie together, and mostly those of its neighbour on the right behind them."""
+def _mix_by_rows(texels: Any, rows: Rgba, weights: Rgba) -> Rgba:
+    """`mix_texels` by rows: a texel's four numbers are contiguous, usually followed by those of its right neighbor."""
     above, below = (weights[0], weights[1]), (weights[2], weights[3])
     if simd.all_of((rows[1] == rows[0] + 1) & (rows[3] == rows[2] + 1)):
-        return _added(_pair(simd.gather_rows(texels, rows[0] << 2, 8), above), _pair(simd.gather_rows(texels, rows[2] << 2, 8), below))
+        return _add(_pair(simd.gather_rows(texels, rows[0] << 2, 8), above), _pair(simd.gather_rows(texels, rows[2] << 2, 8), below))
     p, q = simd.gather_rows(texels, rows[0] << 2, 4), simd.gather_rows(texels, rows[1] << 2, 4)
     m, n = simd.gather_rows(texels, rows[2] << 2, 4), simd.gather_rows(texels, rows[3] << 2, 4)
-    return _added(
+    return _add(
         _pair((p[0], p[1], p[2], p[3], q[0], q[1], q[2], q[3]), above), _pair((m[0], m[1], m[2], m[3], n[0], n[1], n[2], n[3]), below)
     )
 
 
 @helper
 def _pair(t: Any, weights: tuple[Lane, Lane]) -> Rgba:
-    """The weighed sum of two texels that stand behind each other."""
+    """The weighted sum of two adjacent texels."""
     a, b = weights
     return a * t[0] + b * t[4], a * t[1] + b * t[5], a * t[2] + b * t[6], a * t[3] + b * t[7]
 
 
 @helper
-def _added(p: Rgba, q: Rgba) -> Rgba:
+def _add(p: Rgba, q: Rgba) -> Rgba:
     return p[0] + q[0], p[1] + q[1], p[2] + q[2], p[3] + q[3]
 
 
@@ -378,12 +379,12 @@ def _mix(texels: Any, rows: Rgba, weights: Rgba, channel: int) -> Lane:
 
 
 @helper
-def _wrapped(i: Lane, n: Lane, wrap: Lane) -> tuple[tuple[Lane, Lane], tuple[Lane, Lane]]:
-    """Pixel indices i and i + 1 brought into 0 … n-1, and with each 1 or, outside of a picture on black, 0."""
+def _wrap_index(i: Lane, n: Lane, wrap: Lane) -> tuple[tuple[Lane, Lane], tuple[Lane, Lane]]:
+    """Indices i and i + 1 wrapped to 0 … n-1, each with weight 1, or 0 outside of an image on black."""
     index, after = i, i + 1
     if ops.any_lane(wrap == MIRROR):
-        index = ops.where(wrap == MIRROR, _mirrored(i, n), index)
-        after = ops.where(wrap == MIRROR, _mirrored(i + 1, n), after)
+        index = ops.where(wrap == MIRROR, _mirror(i, n), index)
+        after = ops.where(wrap == MIRROR, _mirror(i + 1, n), after)
     if ops.any_lane(wrap == REPEAT):
         rest = _remainder(i, n)
         index = ops.where(wrap == REPEAT, rest, index)
@@ -397,13 +398,13 @@ def _wrapped(i: Lane, n: Lane, wrap: Lane) -> tuple[tuple[Lane, Lane], tuple[Lan
 
 
 @helper
-def _mirrored(i: Lane, n: Lane) -> Lane:
+def _mirror(i: Lane, n: Lane) -> Lane:
     twice = _remainder(i, 2 * n)
     return ops.where(twice < n, twice, 2 * n - 1 - twice)
 
 
 @helper
 def _remainder(i: Lane, n: Lane) -> Lane:
-    """i modulo n without dividing whole numbers, which processors do one by one."""
+    """i modulo n without integer division, which is not vectorized."""
     rest = i - ops.floor_int(ops.to_float(i) * (1.0 / ops.to_float(n))) * n
     return ops.where(rest < 0, rest + n, ops.where(rest >= n, rest - n, rest))

@@ -31,13 +31,13 @@ def vector(v):
 
 
 def rays(tables, x, y, view=VIEW):
-    ray = camera.ray(tables, view, np.asarray(x, float), np.asarray(y, float))
+    ray = camera.generate_pinhole_ray(tables, view, np.asarray(x, float), np.asarray(y, float))
     return vector(ray.origin), vector(ray.direction), ray
 
 
 def pixels_of(tables, points, view=VIEW):
     """Where points are in the picture, by P · C⁻¹ · X."""
-    to_camera, projection = camera.matrices(tables, view)
+    to_camera, projection = camera.projection_matrices(tables, view)
     clip = np.append(points, np.ones((len(points), 1)), axis=1) @ (projection @ to_camera).T
     ndc = clip[:, :3] / clip[:, 3:]
     return (ndc[:, 0] + 1) / 2 * view.width, (1 - ndc[:, 1]) / 2 * view.height, ndc[:, 2]
@@ -183,7 +183,7 @@ def test_depth_order_of_the_matrices():
 @kernel
 def _rays(tables, view, x, y, out):
     for k in range(len(x)):
-        ray = camera.ray(tables, view, x[k], y[k])
+        ray = camera.generate_pinhole_ray(tables, view, x[k], y[k])
         out[k, 0], out[k, 1], out[k, 2] = ray.origin
         out[k, 3], out[k, 4], out[k, 5] = ray.direction
         out[k, 6], out[k, 7] = ray.t_min, ray.t_max
@@ -195,6 +195,6 @@ def test_kernels_and_numpy_make_the_same_rays(projection):
     x, y = np.random.default_rng(1).uniform(0, 48, (2, 50))
     out = np.empty((50, 8))
     _rays(make.Handle(tables), VIEW, x, y, out)
-    ray: Ray = camera.ray(tables, VIEW, x, y)
+    ray: Ray = camera.generate_pinhole_ray(tables, VIEW, x, y)
     expected = np.stack(np.broadcast_arrays(*ray.origin, *ray.direction, ray.t_min, ray.t_max), axis=1)
     assert np.abs(out - expected).max() < 1e-12

@@ -394,7 +394,7 @@ def met_again(name: str, size: float, far: float, seed: int, n: int = 1000) -> t
     out = out / np.linalg.norm(out, axis=1, keepdims=True) + 1.2 * normal
     out /= np.linalg.norm(out, axis=1, keepdims=True)
     at_once = 0.02 * size * (parameters[1] if kind == K.TORUS else 1.0)  # nearer than any other part of the shape
-    ours = through_trees(tables, as_rays(np.stack(np.broadcast_arrays(*interaction.leave(at, tuple(out.T))), axis=1), out))[0]
+    ours = through_trees(tables, as_rays(np.stack(np.broadcast_arrays(*interaction.offset_origin(at, tuple(out.T))), axis=1), out))[0]
     plain = through_trees(tables, as_rays(naive.leave(place, out).astype(float), out))[0]
     free = np.broadcast_to(at.front, len(seen)) | (kind not in (K.BOX, K.CYLINDER, K.CONE))  # from inside, the next face may be near
     return int(np.sum(free & (ours < at_once))), int(np.sum(free & (plain < at_once))), len(seen)

@@ -1,6 +1,6 @@
-"""Camera rays of a tile meet formula surfaces all together, as bundles that share bounds (formulas/tiles.py).
+"""Traces the camera rays of a tile against formula surfaces as packets that share bounds (formula/packets.py).
 
-Rays through neighbouring pixels go much the same way: samples are put in squares of 4 × 4 pixels, these in squares of 16 × 16.
+Rays through neighboring pixels are coherent: samples are ordered by squares of 4 × 4 pixels, these by squares of 16 × 16.
 """
 
 from __future__ import annotations
@@ -20,97 +20,99 @@ from ...lanes import crosslane, ops, ray_soa
 from ...sampling import sobol
 from ...types import Tile
 from . import hits, shadow_rays
-from .hits import Nothing, Primed, instances
+from .hits import Nothing, TileHits, packet_instances
 
 
-class Desk(NamedTuple):
-    """What a tile's samples are met with and what they meet, for a number of samples and a shape of tiles."""
+class TileBuffers(NamedTuple):
+    """Rays and hits of a tile, for a number of samples and a shape of tiles."""
 
-    onward: NDArray[np.float64]  # rays to a lamp, as columns.py has them
-    shade: NDArray[np.float64]  # (n,) where those meet something
-    rays: NDArray[np.float64]  # those of `primed`, as columns.py has them
-    primed: Primed  # samples in the order of bundles
+    onward: NDArray[np.float64]  # rays to a light, in the layout of ray_soa
+    shade: NDArray[np.float64]  # (n,) t of their hits
+    rays: NDArray[np.float64]  # those of `primed`, in the layout of ray_soa
+    primed: TileHits  # samples in the order of packets
     room: Handle  # a ray.Room with `primed`
 
 
-SPARE, SMALL = 4, 4 * packet_state.RAYS  # kinds of desks that are kept when their picture is drawn, and samples of each at the most
-_spare: dict[tuple[int, ...], list[Desk]] = {}  # getting memory anew for each picture takes as long as filling it
+SPARE, SMALL = 4, 4 * packet_state.RAYS  # kinds of buffers reused by the next picture, and their samples at most
+_spare: dict[tuple[int, ...], list[TileBuffers]] = {}  # allocating memory for each picture would take as long as filling it
 
 
-class Bundles:
-    """What one thread needs to meet the formula surfaces of a scene's trees; `room` is its ray.Room, `lamps` those of hidden.lamps,
-    `black` is Primed.black."""
+class CameraPackets:
+    """Traces the camera rays of one thread against the formula surfaces of a scene.
+
+    `room` is the thread's workspace, `lamps` the lights of shadow_rays.select_lights, `black` that of TileHits.
+    """
 
     def __init__(self, accel: Handle, packed: Handle, room: Any, lamps: list[int], black: bool) -> None:
         trees = accel.tables
         self.accel, self.room, self.lamps, self.black = accel, room, lamps, black
-        self.instances = instances(trees).tolist()
+        self.instances = packet_instances(trees).tolist()
         self.casting = [k for k, i in enumerate(self.instances) if trees.instance_rows[i, 0] & shadow_rays.CASTS]
-        self.desks: dict[tuple[int, ...], Desk] = {}
-        self.counted: tuple[Any, Any] = None, None  # the last counts of samples, and the desk for them
-        weakref.finalize(self, _put_by, self.desks).atexit = False
+        self.desks: dict[tuple[int, ...], TileBuffers] = {}
+        self.counted: tuple[Any, Any] = None, None  # the last sample counts, and their buffers
+        weakref.finalize(self, _release, self.desks).atexit = False
         self.inverses = [np.ascontiguousarray(trees.inverse[i, :3]) for i in self.instances]
         self.geometries = [int(trees.instance_rows[i, 2]) for i in self.instances]
         surfaces = {g: Handle(packet_state.allocate(trees.forms, int(trees.forms.of[g]))) for g in set(self.geometries)}
         self.rooms = [surfaces[g] for g in self.geometries]
-        desk = _desk(np.zeros((0, 0), np.int64), room, bool(lamps), black)
-        for handle, inverse in zip(self.rooms, self.inverses, strict=True):  # compiled, or loaded, before a picture begins
-            packets.trace(handle, desk.rays, 0, 0, inverse, _out(desk.primed, 0))
+        desk = _allocate(np.zeros((0, 0), np.int64), room, bool(lamps), black)
+        for handle, inverse in zip(self.rooms, self.inverses, strict=True):  # compiles or loads kernels before a picture starts
+            packets.trace(handle, desk.rays, 0, 0, inverse, _hit_columns(desk.primed, 0))
         self._look_for_lamps(packed, desk)
 
     def prime(self, packed: Any, frame: Any, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int) -> Handle:
-        """Meet all samples first … first + count − 1 of `total` of a tile's pixels, (rows, columns) each; the thread's room with that."""
+        """Trace samples first … first + count − 1 of `total` of a tile's pixels, (rows, columns) each; return the workspace."""
         desk = self._desk(count)
         found = desk.primed
-        hits.begin(first, tile.x0, tile.y0, found.first, found.corner, found.t, found.instance)
-        aim(packed, frame, total, found.first, found.corner, count.shape[1], found.items, desk.rays)
+        hits.reset(first, tile.x0, tile.y0, found.first, found.corner, found.t, found.instance)
+        generate_rays(packed, frame, total, found.first, found.corner, count.shape[1], found.items, desk.rays)
         n = len(found.t)
         for k, i in enumerate(self.instances):
             self._meet(k, desk.rays, n, found, i)
         self._look_for_lamps(packed, desk)
         return desk.room
 
-    def _meet(self, k: int, rays: NDArray[np.float64], n: int, found: Any, number: int) -> None:
-        """Meet n rays with the k-th surface, as columns of `found` tell; see tiles.Out."""
-        out, done = _out(found, number), 0
+    def _trace_surface(self, k: int, rays: NDArray[np.float64], n: int, found: Any, number: int) -> None:
+        """Trace n rays against the k-th surface and store closer hits in `found`; see packets.HitColumns."""
+        out, done = _hit_columns(found, number), 0
         while (done := packets.trace(self.rooms[k], rays, done, n, self.inverses[k], out)) < n:
             many = min(packet_state.RAYS, n - done)
-            one_by_one(self.accel, self.geometries[k], rays, done, many, self.inverses[k], out)
+            trace_single(self.accel, self.geometries[k], rays, done, many, self.inverses[k], out)
             done += many
 
-    def _look_for_lamps(self, packed: Handle, desk: Desk) -> None:
-        """Find which lamps surfaces hide from what has been met."""
+    def _find_hidden_lights(self, packed: Handle, desk: TileBuffers) -> None:
+        """Find the lights that surfaces hide from the hits."""
         found = desk.primed
         if self.lamps:
             found.hidden[:] = 0
         for lamp in self.lamps:
             desk.shade[:] = np.inf
-            if shadow_rays.aim(packed, lamp, desk.rays, _out(found, 0), desk.onward) > 0:
+            if shadow_rays.generate_rays(packed, lamp, desk.rays, _hit_columns(found, 0), desk.onward) > 0:
                 for k in self.casting:
                     self._meet(k, desk.onward, len(desk.shade), found._replace(t=desk.shade), packet_state.ANY)
-            shadow_rays.tell(lamp, desk.onward, desk.shade, found.hidden)
+            shadow_rays.mark_hidden(lamp, desk.onward, desk.shade, found.hidden)
 
-    def _desk(self, count: NDArray[np.int64]) -> Desk:
-        """That of tiles where all pixels take as many samples is kept."""
-        if count is self.counted[0]:  # as mostly: the film's own
+    def _desk(self, count: NDArray[np.int64]) -> TileBuffers:
+        """The buffers of a tile; those of uniform sample counts are reused."""
+        if count is self.counted[0]:  # the usual case: the film's own array
             return self.counted[1]
         desk = self._desk_for(count)
         self.counted = count, desk
         return desk
 
-    def _desk_for(self, count: NDArray[np.int64]) -> Desk:
+    def _desk_for(self, count: NDArray[np.int64]) -> TileBuffers:
         rounds = int(count.flat[0]) if count.size else 0
         if (count != rounds).any():
-            return _desk(count, self.room, bool(self.lamps), self.black)
+            return _allocate(count, self.room, bool(self.lamps), self.black)
         key = (*count.shape, rounds, len(self.lamps) > 0)
         if key not in self.desks:
-            spare = _taken(key)
-            self.desks[key] = _desk(count, self.room, key[-1], self.black) if spare is None else _with(self.room, spare, self.black)
+            spare = _reuse(key)
+            self.desks[key] = _allocate(count, self.room, key[-1], self.black) if spare is None else _rebind(self.room, spare, self.black)
         return self.desks[key]
 
 
-def _put_by(desks: dict[tuple[int, ...], Desk]) -> None:
-    """Keep the desks of bundles that are no more, one or two of a kind."""
+def _release(desks: dict[tuple[int, ...], TileBuffers]) -> None:
+    """Keep the buffers of a finished picture for reuse, up to two of a kind."""
     for key, desk in desks.items():
         if len(desk.primed.t) <= SMALL:
             _spare[key] = [desk, *_spare.pop(key, [])][:2]
@@ -118,24 +120,24 @@ def _put_by(desks: dict[tuple[int, ...], Desk]) -> None:
         _spare.pop(key, None)
 
 
-def _taken(key: tuple[int, ...]) -> Desk | None:
-    """A desk of this kind that nobody uses."""
+def _reuse(key: tuple[int, ...]) -> TileBuffers | None:
+    """Unused buffers of a kind, or None."""
     try:
         return _spare[key].pop()
     except LookupError:
         return None
 
 
-def _with(room: Any, desk: Desk, black: bool) -> Desk:
-    """A desk for another room."""
+def _rebind(room: Any, desk: TileBuffers, black: bool) -> TileBuffers:
+    """The buffers for another workspace."""
     primed = desk.primed._replace(black=black)
     return desk._replace(primed=primed, room=Handle(room._replace(primed=primed)))
 
 
-def _desk(count: NDArray[np.int64], room: Any, lamps: bool, black: bool) -> Desk:
+def _allocate(count: NDArray[np.int64], room: Any, lamps: bool, black: bool) -> TileBuffers:
     rows, columns = count.shape
     rounds = int(count.max(initial=0))
-    y, x = _order(rows, columns)
+    y, x = _pixel_order(rows, columns)
     slots, parts, n = np.full((rounds, rows, columns), -1, np.int64), [np.zeros((3, 0), np.int64)], 0
     for k in range(rounds):
         here = count[y, x] > k
@@ -145,33 +147,33 @@ def _desk(count: NDArray[np.int64], room: Any, lamps: bool, black: bool) -> Desk
         n += len(row)
     items = np.ascontiguousarray(np.concatenate(parts, axis=1), np.int64).ravel()
     rays = np.zeros((8, -(-n // packet_state.VECTOR) * packet_state.VECTOR))
-    primed = Primed(
+    primed = TileHits(
         rounds, rows, columns, slots.ravel(), np.zeros(rows * columns, np.int64), np.zeros(3, np.int64), items, rays.ravel(),
         np.full(n, np.inf), np.full(n, -1), np.zeros(n, np.int64), np.zeros(n), np.zeros(n), black,
         np.zeros(n, np.int64) if lamps else Nothing(),
     )  # fmt: skip
     onward, shade = (np.zeros_like(rays), np.zeros(n)) if lamps else (np.zeros((8, 0)), np.zeros(0))
-    return Desk(onward, shade, rays, primed, Handle(room._replace(primed=primed)))
+    return TileBuffers(onward, shade, rays, primed, Handle(room._replace(primed=primed)))
 
 
-def _out(found: Any, i: int) -> packets.HitColumns:
+def _hit_columns(found: Any, i: int) -> packets.HitColumns:
     return packets.HitColumns(found.t, found.instance, found.spacing, found.u, found.v, i)
 
 
 @lru_cache(maxsize=16)
-def _order(rows: int, columns: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(row, column) of a tile's pixels, by squares of 64 × 64, in these of 16 × 16, in these of 4 × 4."""
+def _pixel_order(rows: int, columns: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(row, column) of a tile's pixels, ordered by squares of 64 × 64, within these of 16 × 16, within these of 4 × 4."""
     y, x = (part.ravel() for part in np.mgrid[:rows, :columns])
     order = np.lexsort((x % 4, y % 4, x % 16 // 4, y % 16 // 4, x % 64 // 16, y % 64 // 16, x // 64, y // 64))
     return y[order], x[order]
 
 
 @kernel
-def aim(tables, frame, total, first, corner, width, items, rays):
-    """The camera rays of a desk's samples; `first`, `corner` and so on are parts of its Primed."""
+def generate_rays(tables, frame, total, first, corner, width, items, rays):
+    """Generate the camera rays of a tile's samples; `first`, `corner` and `items` are those of TileHits."""
     n = len(items) // 3
     for start in range(0, n, crosslane.WIDTH):
-        x, y, s = hits.pixels(items, start)
+        x, y, s = hits.load_pixels(items, start)
         s += hits.first_samples(corner, first, width, x, y)
         x, y = x + corner[0], y + corner[1]
         view, options = frame.picture, frame.options
@@ -187,8 +189,8 @@ def aim(tables, frame, total, first, corner, width, items, rays):
 
 
 @kernel
-def one_by_one(accel, g, rays, at, n, inverse, out):
-    """Meet n rays `at` on, which are no bundle, with one surface, as tiles.trace does."""
+def trace_single(accel, g, rays, at, n, inverse, out):
+    """Trace n incoherent rays from `at` on against one surface, as packets.trace does."""
     for start in range(0, n, crosslane.WIDTH):
         o, d, low, high = packet_state.to_local(rays, at + start, inverse)
         high = ops.minimum(high, out.t[at + ops.minimum(crosslane.lane_indices(start), n - 1)])

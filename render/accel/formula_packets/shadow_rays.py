@@ -1,8 +1,8 @@
-"""Which lamps formula surfaces hide from what camera rays meet of them, found for a tile at a time before that is shaded (bundled.py).
+"""Traces shadow packets from implicit surfaces to point lights, a tile at a time, before shading (camera_rays.py).
 
-Rays from neighbouring places to a lamp without extent go much the same way, as camera rays do. What was found is a whole number for each
-sample: bit 2 l says that lamp l has been asked for, bit 2 l + 1 that a formula surface hides it. Trees are then asked for what has the
-bit bvh.SHADOW_REST.
+Rays from neighboring points to a light without extent are coherent, as camera rays are. The result is an integer for each sample: bit 2 l
+says that light l was tested, bit 2 l + 1 that a formula surface hides it. The BVH traversal then tests only instances with the bit
+SHADOW_REST.
 """
 
 from __future__ import annotations
@@ -21,39 +21,42 @@ from ...surface import interaction
 from ...types import Hit, Lane, Options, Ray, Surface, Tables, Vec
 from .. import intersect
 from ..build import scene_layout
-from .hits import instances, taken
+from .hits import load_slots, packet_instances
 
-LAMPS = 31  # two bits each
+MAX_LIGHTS = 31  # two bits a light
 CASTS, REST = int(ir.Visibility.SHADOW), scene_layout.SHADOW_REST
 
 
-def lamps(trees: scene_layout.Bvh, tables: ir.Tables, options: Options) -> list[int]:
-    """The lamps that are asked for beforehand: none where no formula surface that camera rays meet so casts shadows."""
-    if not options.shadows or not (trees.instance_rows[instances(trees), 0] & CASTS).any():
+def select_lights(trees: scene_layout.Bvh, tables: ir.Tables, options: Options) -> list[int]:
+    """The lights that packets test: none where no formula surface in packets casts shadows."""
+    if not options.shadows or not (trees.instance_rows[packet_instances(trees), 0] & CASTS).any():
         return []
-    return [k for k in range(len(tables.lights.kind)) if is_asked(tables, k)]
+    return [k for k in range(len(tables.lights.kind)) if is_selected(tables, k)]
 
 
 @helper
-def is_asked(tables: Tables, light: int) -> bool:
-    """Whether a light is a lamp that is asked for."""
+def is_selected(tables: Tables, light: int) -> bool:
+    """Whether packets test a light."""
     sharp = tables.lights.kind[light] != lights.AMBIENT and not lights.is_soft(tables, light)
-    return sharp and tables.lights.shadows[light] and light < LAMPS
+    return sharp and tables.lights.shadows[light] and light < MAX_LIGHTS
 
 
 @kernel
-def aim(tables, light, rays, found, out):
-    """Rays to a lamp from where camera rays met surfaces, one for each that it may light; how many. As columns.py has them, all;
-    where there is none, its last distance is less than its first, and the rest says nothing."""
+def generate_rays(tables, light, rays, found, out):
+    """Generate rays from hits of camera rays to a light, in the layout of ray_soa; return how many the light may reach.
+
+    Other samples get a ray whose t_max is less than its t_min.
+    """
     n, many = len(found.t), 0
     for start in range(0, n, crosslane.WIDTH):
         origin, direction, _, _ = ray_soa.get(rays, start)
-        instance = taken(found.instance, start)
+        instance = load_slots(found.instance, start)
         met = (instance >= 0) & (crosslane.lane_indices(start) < n)
         ends = ops.full_like(origin[0], -1.0)
         if ops.any_lane(met):
-            hit = Hit(taken(found.t, start), instance, taken(found.spacing, start), taken(found.u, start), taken(found.v, start))
-            position, geometric, offset = _off(tables, Ray(origin, direction, 0.0, np.inf, None), hit, met)
+            u, v = load_slots(found.u, start), load_slots(found.v, start)
+            hit = Hit(load_slots(found.t, start), instance, load_slots(found.spacing, start), u, v)
+            position, geometric, offset = _formula_points(tables, Ray(origin, direction, 0.0, np.inf, None), hit, met)
             arriving = lights.sample_sharp(tables, light, position)
             lit = met & (ops.dot(arriving.direction, geometric) > 0.0) & (ops.largest(arriving.irradiance) > 0.0)
             ends = ops.where(lit, arriving.distance, ends)
@@ -66,14 +69,14 @@ def aim(tables, light, rays, found, out):
 
 
 @helper
-def _off(tables: Tables, ray: Ray, hit: Hit, met: Lane) -> tuple[Vec, Vec, Lane]:
-    """surface.off_formula in the lanes of a mask: mostly they have met one thing, and its place is read once for all of them."""
+def _formula_points(tables: Tables, ray: Ray, hit: Hit, met: Lane) -> tuple[Vec, Vec, Lane]:
+    """interaction.formula_point in the lanes of a mask; where all hit one instance, its transform is read once."""
     offset = ops.full_like(hit.t, 0.0)
     position = geometric = (offset, offset, offset)
     rest = met
     while ops.any_lane(rest):
         instance, here = crosslane.uniform_group(hit.instance, rest)
-        p, normal, far = interaction.off_formula(tables, instance, ray, hit)
+        p, normal, far = interaction.formula_point(tables, instance, ray, hit)
         position, geometric = ops.where3(here, p, position), ops.where3(here, normal, geometric)
         offset = ops.where(here, far, offset)
         rest = rest & ops.not_(here)
@@ -81,50 +84,50 @@ def _off(tables: Tables, ray: Ray, hit: Hit, met: Lane) -> tuple[Vec, Vec, Lane]
 
 
 @kernel
-def tell(light, rays, t, hidden):
-    """Put to `hidden` what rays to a lamp met, `t` being inf where that is nothing."""
+def mark_hidden(light, rays, t, hidden):
+    """Set the bits of a light in `hidden` from the hits t of rays to it, inf: none."""
     for i in range(len(t)):
         if rays[7, i] > 0.0:
             hidden[i] |= (3 if t[i] < np.inf else 1) << (2 * light)
 
 
-# --- where it is shaded -------------------------------------------------------------------------------------------------
+# --- in shading -------------------------------------------------------------------------------------------------
 
 
-def forgotten(known: Any) -> Any:
-    """What is known where other rays meet something: nothing."""
+def forget_hidden(known: Any) -> Any:
+    """Hidden lights at hits of other rays: none known."""
     return None
 
 
-@overload(forgotten, jit_options=HELPER)
-def _forgotten(known):
+@overload(forget_hidden, jit_options=HELPER)
+def _forget_hidden_in_kernels(known):
     return (lambda known: None) if isinstance(known, types.NoneType) else lambda known: ops.int_like(known, 0)
 
 
-def dimmed(point: Surface, accel: Any, tables: Tables, light: int, ray: Ray, active: Lane, given: Vec) -> Vec:
-    """What of a lamp's light that is `given` passes to a point; nothing where not active."""
+def attenuate_light(point: Surface, accel: Any, tables: Tables, light: int, ray: Ray, active: Lane, given: Vec) -> Vec:
+    """The light `given` of a light source that reaches a point; 0 for inactive rays."""
     return intersect.attenuate(accel, tables, ray, active, given)
 
 
-@overload(dimmed, jit_options=HELPER)
-def _dimmed_in_kernels(point, accel, tables, light, ray, active, given):
+@overload(attenuate_light, jit_options=HELPER)
+def _attenuate_light_in_kernels(point, accel, tables, light, ray, active, given):
     if not isinstance(point.types[point.fields.index("known")], types.NoneType):
-        return lambda point, accel, tables, light, ray, active, given: _by_rest(point.known, accel, tables, light, ray, active, given)
+        return lambda point, accel, tables, light, ray, active, given: _apply_known(point.known, accel, tables, light, ray, active, given)
     return lambda point, accel, tables, light, ray, active, given: intersect.attenuate(accel, tables, ray, active, given)
 
 
 @helper
-def _by_rest(known: Lane, accel: Any, tables: Tables, light: int, ray: Ray, active: Lane, given: Vec) -> Vec:
-    told = ops.bool_like(ray.t_min, False)
-    if is_asked(tables, light):
+def _apply_known(known: Lane, accel: Any, tables: Tables, light: int, ray: Ray, active: Lane, given: Vec) -> Vec:
+    known_here = ops.bool_like(ray.t_min, False)
+    if is_selected(tables, light):
         bits = known >> (2 * light)
-        told = (bits & 1) != 0
+        known_here = (bits & 1) != 0
         active = active & ((bits & 2) == 0)
     zero = ops.full_like(ray.t_min, 0.0)
-    total = ops.where3(active & told, given, (zero, zero, zero))
+    total = ops.where3(active & known_here, given, (zero, zero, zero))
     if accel.rest & REST != 0:
-        total = intersect.attenuate(accel, tables, ray, active & told, given, REST)
-    rest = active & ops.not_(told)
+        total = intersect.attenuate(accel, tables, ray, active & known_here, given, REST)
+    rest = active & ops.not_(known_here)
     if ops.any_lane(rest):
         total = ops.add(total, intersect.attenuate(accel, tables, ray, rest, given))
     return total

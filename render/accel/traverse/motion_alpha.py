@@ -71,7 +71,7 @@ def _hit_opacity(accel, origin, direction, t, instance, primitive, u, v, time):
     """Opacity of an instance where a ray hits it."""
     tables = accel.motion_alpha.tables
     point = interaction.make_interaction(tables, Ray(origin, direction, 0.0, np.inf, time), Hit(t, instance, primitive, u, v))
-    return alpha.at(tables, point)
+    return alpha.opacity_at(tables, point)
 
 
 opacity_kernel = KernelPointer(_hit_opacity)
@@ -267,7 +267,7 @@ def _intersect_mesh(
                 j = simd.trailing_zeros(hits)
                 hits &= hits - 1
                 met = single_ray.crossing(tree.leaves, leaf, j, sheared)
-                t = flat.reached(met, sheared.shear[2], ray.t_min, ray.t_max)
+                t = flat.hit_t(met, sheared.shear[2], ray.t_min, ray.t_max)
                 number = np.int64(triangle_of(tree.leaves, leaf, j))
                 if t == np.inf or not (any_hit or t < best.t or (t == best.t and number < best.primitive)):
                     continue

@@ -253,7 +253,7 @@ def _intersect_triangle(
     leaves: Any, leaf: int, j: int, rays: LeafRays, central: CentralRay, found: PacketHits, any_hit: bool
 ) -> PacketHits:
     met = _crossing(leaves, leaf * LEAF + j, rays)
-    if any_hit and not ops.any_lane(flat.ahead(met, rays.shear[2])):
+    if any_hit and not ops.any_lane(flat.is_ahead(met, rays.shear[2])):
         return found
     number = ops.int_like(rays.enters, np.int64(triangle_of(leaves, leaf, j)))
     return _closer_hits(found, rays, central, met, number, any_hit)
@@ -316,7 +316,7 @@ def _closer_hits(
     found: PacketHits, rays: LeafRays, central: CentralRay, met: flat.Crossing, number: Lane, any_hit: bool
 ) -> PacketHits:
     """The hits so far, or those with triangle `number` where they are closer."""
-    t = flat.reached(met, rays.shear[2], rays.t_min, rays.t_max)
+    t = flat.hit_t(met, rays.shear[2], rays.t_min, rays.t_max)
     nearer = (t < found.t) | ((t == found.t) & (t < np.inf) & (number < found.triangle))
     t = ops.where(nearer, t, found.t)
     until = simd.to_f32((t - rays.enters) * ray_state.FAR) if not any_hit else simd.to_f32(ops.where(t < np.inf, -np.inf, t))

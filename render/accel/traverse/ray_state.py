@@ -78,7 +78,7 @@ def store_rays(stored: StoredRays, mask: Lane, rays: ray_box.MeshRays, extent: L
     _store3(singles, 3, (-x * sx, -y * sy, -z * sz), mask)
     _store(singles, 6, (rays.until - enters) * FAR, mask)
     _store(singles, 7, enters * 0.0 + triangle_filter.OFF * extent, mask)
-    kx, ky, kz, tx, ty, tz = flat.shear_of(d, inverse)
+    kx, ky, kz, tx, ty, tz = flat.shear_with_inverse(d, inverse)
     _store3(singles, 8, (flat.component((x, y, z), kx), flat.component((x, y, z), ky), flat.component((x, y, z), kz)), mask)
     _store(singles, 11, tx, mask)
     _store(singles, 12, ty, mask)

@@ -121,10 +121,10 @@ def _intersect_triangle(
     """Test ray k against triangle j of a leaf and record a closer hit; return its new limit."""
     ray = ray_state.sheared_ray(rays, k)
     met = crossing(tree.leaves, leaf, j, ray)
-    if not flat.ahead(met, ray.shear[2]):
+    if not flat.is_ahead(met, ray.shear[2]):
         return limit
     t_min, t_max = ray_state.interval(rays, k)
-    t = flat.reached(met, ray.shear[2], t_min, t_max)
+    t = flat.hit_t(met, ray.shear[2], t_min, t_max)
     number = np.int64(triangle_of(tree.leaves, leaf, j))
     if not ray_state.is_closer(state, k, t, instance, number):
         return limit

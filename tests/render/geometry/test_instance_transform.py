@@ -102,7 +102,7 @@ def test_a_place_taken_apart_is_the_same_put_together(seed):
         np.testing.assert_allclose(motion_keys.between(parts, float(k)), places[k], rtol=0, atol=1e-13 * np.abs(places).max())
     keys = ir.Keys(*parts)
     shares = random.uniform(0, 1, 5)
-    made = np.stack(instance_transform.between(keys, 0, np.full(5, 2), shares), axis=1).reshape(-1, 3, 4)
+    made = np.stack(instance_transform.interpolate_keys(keys, 0, np.full(5, 2), shares), axis=1).reshape(-1, 3, 4)
     wanted = np.stack([motion_keys.between(parts, s) for s in shares])
     np.testing.assert_allclose(made, wanted, rtol=0, atol=1e-12 * np.abs(places).max())
 

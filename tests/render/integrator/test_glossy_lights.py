@@ -131,7 +131,7 @@ def _point(tables: Any, normal: Any, instance: np.ndarray) -> Surface:
 def pictures(made: Any, view: View, samples: int) -> tuple[np.ndarray, np.ndarray]:
     """(samples, pixels, 3) through pixels' centres, with lamps met along highlights and without."""
     y, x = np.mgrid[0 : view.height, 0 : view.width].reshape(2, -1) + 0.5
-    ray = camera.ray(made.tables, view, x, y)
+    ray = camera.generate_pinhole_ray(made.tables, view, x, y)
     both = []
     for lamps in (made.options.lamps, NoGlossyLights()):
         options = made.options._replace(lamps=lamps, environment=types.SecondaryRays(), bounces=0)

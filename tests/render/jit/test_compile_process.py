@@ -96,8 +96,8 @@ def test_kernels_are_found_by_the_names_of_their_functions() -> None:
 def test_a_kernel_compiled_here_starts_no_process(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(target, "cores", lambda: 2)
     given = np.zeros((1, 2), np.int64), 3, 4, np.zeros(2, np.int64), np.zeros(3, np.int64), np.zeros(2), np.zeros(2, np.int64)
-    hits.begin(*given)
-    assert kernel_cache.is_cached(hits.begin, tuple(map(numba.typeof, given)))
+    hits.reset(*given)
+    assert kernel_cache.is_cached(hits.reset, tuple(map(numba.typeof, given)))
     monkeypatch.setattr(compile_process, "_start", None)
-    compile_process.compile_in_background(2, hits.begin, *given)
+    compile_process.compile_in_background(2, hits.reset, *given)
     assert not compile_process._compiling

@@ -35,13 +35,13 @@ def test_each_part_is_chosen_as_often_as_it_weighs():
         offset = np.zeros(10_000)
         position = local = geometric = normal = local_normal = uv = metric = front = instance = color = time = spread = lift = known = None
 
-    point = surface_blend.part(tables, Point, (np.arange(10_000) + 0.5) / 10_000)
+    point = surface_blend.choose_part(tables, Point, (np.arange(10_000) + 0.5) / 10_000)
     assert np.bincount(point.material, minlength=5).tolist() == [750, 2250, 7000, 0, 0]
 
 
 def test_scenes_without_blends_keep_their_tables():
     tables = make.scene([(K.SPHERE, (1,), make.matrix(), 0)])
-    assert isinstance(surface_blend.blended(tables), surface_blend.Plain)
+    assert isinstance(surface_blend.find_blends(tables), surface_blend.Unblended)
     assert principled.tables_for(tables) is tables
 
 

@@ -38,7 +38,7 @@ def normal_at(tables, origin, direction):
     tables = principled.tables_for(tables)
     ray = make.rays(origin, direction)
     hit = make.first_hit(tables, ray)
-    point = normal_map.tilted(tables, interaction.make_interaction(tables, ray, hit), hit, ray.direction)
+    point = normal_map.apply_maps(tables, interaction.make_interaction(tables, ray, hit), hit, ray.direction)
     return np.array([float(c[0]) for c in point.normal])
 
 
@@ -92,13 +92,13 @@ def test_tangents_of_a_smooth_mesh_are_shared_and_those_across_a_mirror_are_not(
     six = np.concatenate([SQUARE, SQUARE[:2] + [2, 0, 0], SQUARE[2:] + [2, 0, 0]])
     uvs = np.concatenate([UVS, UVS * [-1, 1] + [2, 0]])
     both = make.mesh(six, [*TWO, *(np.array(TWO) + 4).tolist()], uvs=MeshAttribute(uvs))
-    made = normal_map.of_mesh(make.scene(meshes=[(both, make.matrix(), 0)], prepare=mapped()), 0)
+    made = normal_map.mesh_tangents(make.scene(meshes=[(both, make.matrix(), 0)], prepare=mapped()), 0)
     assert made[:6] == pytest.approx(np.tile([1, 0, 0, 1], (6, 1)), abs=1e-6)
     assert made[6:] == pytest.approx(np.tile([-1, 0, 0, -1], (6, 1)), abs=1e-6)
 
 
 def test_coordinates_without_an_area_give_some_direction_along_the_surface():
-    made = normal_map.of_mesh(square(UVS * 0.0), 0)
+    made = normal_map.mesh_tangents(square(UVS * 0.0), 0)
     assert np.linalg.norm(made[:, :3], axis=1) == pytest.approx(np.ones(6), abs=1e-6)
     assert np.abs(made[:, 1]).max() < 1e-6
 
@@ -130,7 +130,7 @@ def test_no_normal_mirrors_the_viewer_into_the_surface():
     normal = ops.normalize(tuple(n))
     up = (np.zeros(500), np.ones(500), np.zeros(500))
     viewer = ops.normalize((rng.normal(size=500), np.abs(rng.normal(size=500)) * 0.3 + 1e-3, rng.normal(size=500)))
-    made = normal_map._cleared(normal, up, viewer)
+    made = normal_map._bend_to_viewer(normal, up, viewer)
     mirrored = ops.reflect(ops.negate(viewer), made)
     assert (mirrored[1] >= np.minimum(viewer[1], normal_map.CLEAR) * 0.99).all()
     assert (ops.dot(made, viewer) > 0).all()
@@ -141,6 +141,6 @@ def test_no_normal_mirrors_the_viewer_into_the_surface():
 def test_scenes_without_maps_keep_their_tables():
     tables = make.scene([(K.SPHERE, (1,), make.matrix(), 0)])
     assert principled.tables_for(tables) is tables
-    assert isinstance(normal_map.tangents(tables), normal_map.Untilted)
+    assert isinstance(normal_map.build_tangents(tables), normal_map.NoMaps)
     assert principled.Layered._fields[:-5] == ir.Materials._fields
     assert types.Tables is ir.Tables

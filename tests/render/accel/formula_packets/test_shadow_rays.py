@@ -64,7 +64,7 @@ def test_lamps_asked_for_beforehand(tmp_path):
         scene = load.load(path)
         plan = planner.make_plan(scene, ir.Settings(size=(8, 8), samples=1, backend="ray"))
         options = prepare.options_of(plan, scene.tables)._replace(shadows=shadows)
-        assert shadow_rays.lamps(prepare.build_bvh(scene.tables, plan).tables, scene.tables, options) == expected
+        assert shadow_rays.select_lights(prepare.build_bvh(scene.tables, plan).tables, scene.tables, options) == expected
 
 
 def test_what_is_told_of_a_lamp(tmp_path, monkeypatch):
@@ -72,13 +72,13 @@ def test_what_is_told_of_a_lamp(tmp_path, monkeypatch):
     text = VIEW + LAMPS["sun"] + "\n" + THINGS["sheet"]
     whole = drawn(tmp_path, text).channels["rgba"]
     told = []
-    tell = shadow_rays.tell
+    tell = shadow_rays.mark_hidden
 
     def telling(light, rays, t, found):
         told.append((rays[7, : len(t)] > 0, t < np.inf))
         tell(light, rays, t, found)
 
-    monkeypatch.setattr(shadow_rays, "tell", telling)
+    monkeypatch.setattr(shadow_rays, "mark_hidden", telling)
     assert np.array_equal(drawn(tmp_path, text).channels["rgba"], whole)
     asked, blocked = (np.concatenate(part) for part in zip(*told, strict=True))
     assert 100 < blocked.sum() < asked.sum()
@@ -89,5 +89,5 @@ def test_what_is_told_of_a_lamp(tmp_path, monkeypatch):
 def test_what_a_tile_met_is_of_one_type_whatever_its_samples(lamps: bool) -> None:
     """Else the kernel that draws tiles would be compiled anew for each number of samples."""
     room = ray.Workspace(np.zeros((3, 8), np.int64), np.zeros((5, 8)), np.zeros((1, 1, 8)))
-    kinds = {camera_rays._desk(np.full((2, 3), count), room, lamps, False).room.numba_type for count in (0, 1, 2)}
+    kinds = {camera_rays._allocate(np.full((2, 3), count), room, lamps, False).room.numba_type for count in (0, 1, 2)}
     assert len(kinds) == 1

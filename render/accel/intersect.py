@@ -109,9 +109,9 @@ def _intersect_instance(tables: ir.Tables, i: int, ray: Ray, partial: bool, thro
         zero = np.zeros(len(t))
         if not partial:
             return Hit(t, zero, part, u, v), np.where(t < np.inf, 0.0, share)
-        met = np.flatnonzero(t < np.inf)
+        hit_rows = np.flatnonzero(t < np.inf)
         there = np.zeros(len(t))
-        there[met] = cover(met, t[met], part[met], u[met], v[met])
+        there[hit_rows] = cover(hit_rows, t[hit_rows], part[hit_rows], u[hit_rows], v[hit_rows])
         share = share * (1.0 - there)
         on = (t < np.inf) & ((share > 0.0) if through else (there == 0.0))
         if not on.any():
@@ -245,7 +245,7 @@ def _attenuate_kernel(accel, tables, ray, active, given, visible_bit=SHADOW):
 
     def opaque(accel, tables, ray, active, given, visible_bit=SHADOW):
         zero = ops.full_like(given[0], 0.0)
-        met = find(accel, ray, active, visible_bit, True).instance >= 0
-        return ops.where3(active & ops.not_(met), given, (zero, zero, zero))
+        blocked = find(accel, ray, active, visible_bit, True).instance >= 0
+        return ops.where3(active & ops.not_(blocked), given, (zero, zero, zero))
 
     return with_opacity if motion_alpha.has_opacity(accel) else opaque

@@ -139,23 +139,23 @@ def crossing(a: Vec, b: Vec, c: Vec, sx: Lane, sy: Lane) -> Crossing:
 
 
 @helper
-def is_ahead(met: Crossing, sz: Lane) -> Lane:
+def is_ahead(hit: Crossing, sz: Lane) -> Lane:
     """Whether a crossing is inside its triangle and not behind the ray's origin, without a division."""
-    return met.inside & ops.not_((sz * met.depth < 0.0) ^ (met.total < 0.0))
+    return hit.inside & ops.not_((sz * hit.depth < 0.0) ^ (hit.total < 0.0))
 
 
 @helper
-def hit_t(met: Crossing, sz: Lane, t_min: Lane, t_max: Lane) -> Lane:
+def hit_t(hit: Crossing, sz: Lane, t_min: Lane, t_max: Lane) -> Lane:
     """t of a crossing, inf outside of its triangle and where t is not between t_min and t_max."""
-    t = sz * met.depth / met.total
-    return ops.where(met.inside & (t > t_min) & (t < t_max), t, INF)
+    t = sz * hit.depth / hit.total
+    return ops.where(hit.inside & (t > t_min) & (t < t_max), t, INF)
 
 
 @helper
 def sheared_triangle(a: Vec, b: Vec, c: Vec, sx: Lane, sy: Lane, sz: Lane, t_min: Lane, t_max: Lane) -> tuple[Lane, Lane, Lane]:
     """`triangle` for corners relative to the ray's origin with their axes in the order kx, ky, kz of `shear`."""
-    met = crossing(a, b, c, sx, sy)
-    return hit_t(met, sz, t_min, t_max), met.v / met.total, met.w / met.total
+    hit = crossing(a, b, c, sx, sy)
+    return hit_t(hit, sz, t_min, t_max), hit.v / hit.total, hit.w / hit.total
 
 
 @helper

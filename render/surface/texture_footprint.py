@@ -31,13 +31,13 @@ from . import interaction, normal_map
 
 MESH = int(ir.GeometryKind.MESH)
 LEVELS = 20  # levels of an image, at most
-KEPT = {
-    "pictures": "pictures are filtered",
-    "cells": "so are checkers and stripes",
-    "formulas": "so are patterns",
-    "coordinates": "it is known how far u and v go (all but formulas need that)",
-    "places": "it is known how far places go, in the thing's own frame",
-    "cones": "so it is where rays go on to; the last numbers of a spread are how wide the ray is, and wider a metre on, and if mirrored",
+FOOTPRINT_PARTS = {
+    "pictures": "images are filtered",
+    "cells": "checkers and stripes are filtered",
+    "formulas": "patterns are filtered",
+    "coordinates": "changes of u and v are stored, which all textures but formulas need",
+    "places": "changes of the position are stored, in the instance's frame",
+    "cones": "secondary rays have cones; the last numbers of a spread are the width, its growth per metre, and whether mirrored",
 }
 WITH_CONE = (7, 13)  # lengths of Surface.spread whose last three lanes describe the ray's cone
 SPHERE = int(ir.GeometryKind.SPHERE)
@@ -68,7 +68,7 @@ class Pyramids(NamedTuple):
     level_width: NDArray[np.int32]
     level_height: NDArray[np.int32]
     eye: Eye
-    kept: Any  # a NamedTuple whose fields tell kernels, by its type, what to compute
+    footprint: Any  # a NamedTuple whose fields tell kernels, by its type, what to compute
 
 
 _made: dict[int, tuple[Any, Pyramids]] = {}  # by id of the source images, while these live
@@ -89,10 +89,10 @@ def with_pyramids(tables: ir.Tables, view: View, samples: int, further: bool) ->
     moved = direction / (direction @ axis)[:, None] if perspective else start
     step = 1.0 / np.sqrt(samples)
     eye = Eye(matrix[:, 3].copy(), axis, (moved[1] - moved[0]) * step, (moved[2] - moved[0]) * step, perspective, float(step))
-    return tables._replace(images=made._replace(eye=eye, kept=_kept_of(tables.textures, samples, further)))
+    return tables._replace(images=made._replace(eye=eye, footprint=_footprint_parts(tables.textures, samples, further)))
 
 
-def _kept_of(rows: ir.Textures, samples: int, further: bool) -> Any:
+def _footprint_parts(rows: ir.Textures, samples: int, further: bool) -> Any:
     """The parts of a footprint that a scene's textures need, and which textures need them."""
     formula = rows.kind == ir.TextureKind.FORMULA
     formulas = formula.any() and samples < scene_rules.MANY_SAMPLES
@@ -101,11 +101,11 @@ def _kept_of(rows: ir.Textures, samples: int, further: bool) -> Any:
     places = formulas or (~formula & (rows.mapping != ir.TextureMapping.UV)).any()
     asked = (pictures.any(), cells.any(), formulas, (pictures | cells).any(), places)
     asked += (further and bool(pictures.any() or cells.any() or formulas),)
-    return _kept_as(tuple(name for name, yes in zip(KEPT, asked, strict=True) if yes))
+    return _footprint_type(tuple(name for name, yes in zip(FOOTPRINT_PARTS, asked, strict=True) if yes))
 
 
 @functools.cache
-def _kept_as(names: tuple[str, ...]) -> Any:
+def _footprint_type(names: tuple[str, ...]) -> Any:
     return namedtuple("Kept", names)(*[1] * len(names))
 
 
@@ -127,7 +127,7 @@ def _pyramids(images: ir.Images) -> Pyramids:
             level = _halved(_halved(level, 0), 1)
     texels = np.ascontiguousarray(np.concatenate(parts) if parts else np.zeros((0, 4)), np.float32)
     nowhere = Eye(np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), True, 1.0)
-    return Pyramids(first[:, 0].copy(), images.width, images.height, texels, levels, first, width, height, nowhere, _kept_as(()))
+    return Pyramids(first[:, 0].copy(), images.width, images.height, texels, levels, first, width, height, nowhere, _footprint_type(()))
 
 
 def _halved(level: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
@@ -181,7 +181,7 @@ def of_pixel(tables: Tables, spread: Any, point: Surface) -> Any:
 def _of_pixel_in_kernels(tables, spread, point):
     if not isinstance(tables, HandleType) or tables.field("images.levels") is None:
         return lambda tables, spread, point: None
-    if tables.field("images.kept.places") is not None:
+    if tables.field("images.footprint.places") is not None:
         return lambda tables, spread, point: (*_of_pixel(tables, spread), *_places_of_pixel(tables, point))
     return lambda tables, spread, point: _of_pixel(tables, spread)
 
@@ -239,7 +239,7 @@ def _on_surface(tables: Any, ray: Ray, hit: Hit, point: Surface, cone: Any) -> S
         )  # fmt: skip
         nowhere = (zero, zero, zero)
         right, down = ops.where3(known, right, nowhere), ops.where3(known, down, nowhere)
-    return interaction.replace_spread(point, _with_cone(cone, _kept(tables, spread, right, down), tables, point, wide))
+    return interaction.replace_spread(point, _with_cone(cone, _make_spread(tables, spread, right, down), tables, point, wide))
 
 
 # --- secondary rays ----------------------------------------------------------------------------------------------------
@@ -247,12 +247,12 @@ def _on_surface(tables: Any, ray: Ray, hit: Hit, point: Surface, cone: Any) -> S
 
 def cone_of_eye(tables: Tables, ray: Ray) -> Any:
     """(width of camera rays at their origin, growth per metre), by the area of a pixel; None without filtered textures."""
-    return _cone_of_eye(tables, ray) if hasattr(getattr(tables.images, "kept", None), "cones") else None
+    return _cone_of_eye(tables, ray) if hasattr(getattr(tables.images, "footprint", None), "cones") else None
 
 
 @overload(cone_of_eye, jit_options=HELPER)
 def _cone_of_eye_in_kernels(tables, ray):
-    if isinstance(tables, HandleType) and tables.field("images.levels") is not None and tables.field("images.kept.cones") is not None:
+    if isinstance(tables, HandleType) and tables.field("images.levels") is not None and tables.field("images.footprint.cones") is not None:
         return lambda tables, ray: _cone_of_eye(tables, ray)
     return lambda tables, ray: None
 
@@ -337,14 +337,14 @@ take_cone = specialize_if_present(_take_cone)  # of queued rays: None, stack, po
 # --- along a surface ----------------------------------------------------------------------------------------------------
 
 
-def _kept(tables: Any, spread: Any, right: Vec, down: Vec) -> Any:
+def _make_spread(tables: Any, spread: Any, right: Vec, down: Vec) -> Any:
     """Surface.spread."""
-    return spread + right + down if hasattr(tables.images.kept, "places") else spread
+    return spread + right + down if hasattr(tables.images.footprint, "places") else spread
 
 
-@overload(_kept, jit_options=HELPER)
-def _kept_in_kernels(tables, spread, right, down):
-    if tables.field("images.kept.places") is not None:
+@overload(_make_spread, jit_options=HELPER)
+def _make_spread_in_kernels(tables, spread, right, down):
+    if tables.field("images.footprint.places") is not None:
         return lambda tables, spread, right, down: (*spread, *right, *down)
     return lambda tables, spread, right, down: spread
 
@@ -363,7 +363,7 @@ def _coordinates(tables: Any, way: Vec, hit: Hit, point: Surface) -> tuple[Lane,
 
 @overload(_coordinates, jit_options=HELPER)
 def _coordinates_in_kernels(tables, way, hit, point):
-    if tables.field("images.kept.coordinates") is not None:
+    if tables.field("images.footprint.coordinates") is not None:
         return lambda tables, way, hit, point: _moved(tables, way, hit, point)
     return lambda tables, way, hit, point: (0.0 * way[0], 0.0 * way[0])
 

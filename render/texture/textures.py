@@ -167,11 +167,11 @@ def _gate(what: str) -> Any:
     """A function of (tables, spans) that returns spans, or None where this kind of texture is not filtered."""
 
     def gate(tables: Any, spans: Any) -> Any:
-        return spans if hasattr(getattr(tables.images, "kept", None), what) else None
+        return spans if hasattr(getattr(tables.images, "footprint", None), what) else None
 
     @overload(gate, jit_options=HELPER)
     def gate_in_kernels(tables, spans):
-        if tables.field(f"images.kept.{what}") is not None:
+        if tables.field(f"images.footprint.{what}") is not None:
             return lambda tables, spans: spans
         return lambda tables, spans: None
 

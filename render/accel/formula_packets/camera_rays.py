@@ -30,7 +30,7 @@ class TileBuffers(NamedTuple):
     shade: NDArray[np.float64]  # (n,) t of their hits
     rays: NDArray[np.float64]  # those of `primed`, in the layout of ray_soa
     primed: TileHits  # samples in the order of packets
-    room: Handle  # a ray.Room with `primed`
+    workspace: Handle  # the thread's workspace with `primed`
 
 
 SPARE, SMALL = 4, 4 * packet_state.RAYS  # kinds of buffers reused by the next picture, and their samples at most
@@ -40,82 +40,83 @@ _spare: dict[tuple[int, ...], list[TileBuffers]] = {}  # allocating memory for e
 class CameraPackets:
     """Traces the camera rays of one thread against the formula surfaces of a scene.
 
-    `room` is the thread's workspace, `lamps` the lights of shadow_rays.select_lights, `black` that of TileHits.
+    `workspace` is the thread's workspace, `lights` the lights of shadow_rays.select_lights, `black` that of TileHits.
     """
 
-    def __init__(self, accel: Handle, packed: Handle, room: Any, lamps: list[int], black: bool) -> None:
-        trees = accel.tables
-        self.accel, self.room, self.lamps, self.black = accel, room, lamps, black
-        self.instances = packet_instances(trees).tolist()
-        self.casting = [k for k, i in enumerate(self.instances) if trees.instance_rows[i, 0] & shadow_rays.CASTS]
-        self.desks: dict[tuple[int, ...], TileBuffers] = {}
-        self.counted: tuple[Any, Any] = None, None  # the last sample counts, and their buffers
-        weakref.finalize(self, _release, self.desks).atexit = False
-        self.inverses = [np.ascontiguousarray(trees.inverse[i, :3]) for i in self.instances]
-        self.geometries = [int(trees.instance_rows[i, 2]) for i in self.instances]
-        surfaces = {g: Handle(packet_state.allocate(trees.forms, int(trees.forms.of[g]))) for g in set(self.geometries)}
-        self.rooms = [surfaces[g] for g in self.geometries]
-        desk = _allocate(np.zeros((0, 0), np.int64), room, bool(lamps), black)
-        for handle, inverse in zip(self.rooms, self.inverses, strict=True):  # compiles or loads kernels before a picture starts
-            packets.trace(handle, desk.rays, 0, 0, inverse, _hit_columns(desk.primed, 0))
-        self._look_for_lamps(packed, desk)
+    def __init__(self, accel: Handle, packed: Handle, workspace: Any, lights: list[int], black: bool) -> None:
+        bvh = accel.tables
+        self.accel, self.workspace, self.lights, self.black = accel, workspace, lights, black
+        self.instances = packet_instances(bvh).tolist()
+        self.casting = [k for k, i in enumerate(self.instances) if bvh.instance_rows[i, 0] & shadow_rays.CASTS]
+        self.buffers: dict[tuple[int, ...], TileBuffers] = {}
+        self.last_counts: tuple[Any, Any] = None, None  # the last sample counts, and their buffers
+        weakref.finalize(self, _release, self.buffers).atexit = False
+        self.inverses = [np.ascontiguousarray(bvh.inverse[i, :3]) for i in self.instances]
+        self.geometries = [int(bvh.instance_rows[i, 2]) for i in self.instances]
+        surfaces = {g: Handle(packet_state.allocate(bvh.forms, int(bvh.forms.of[g]))) for g in set(self.geometries)}
+        self.surface_states = [surfaces[g] for g in self.geometries]
+        buffers = _allocate(np.zeros((0, 0), np.int64), workspace, bool(lights), black)
+        for handle, inverse in zip(self.surface_states, self.inverses, strict=True):  # compiles or loads kernels before a picture starts
+            packets.trace(handle, buffers.rays, 0, 0, inverse, _hit_columns(buffers.primed, 0))
+        self._look_for_lamps(packed, buffers)
 
     def prime(self, packed: Any, frame: Any, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int) -> Handle:
         """Trace samples first … first + count − 1 of `total` of a tile's pixels, (rows, columns) each; return the workspace."""
-        desk = self._desk(count)
-        found = desk.primed
+        buffers = self._tile_buffers(count)
+        found = buffers.primed
         hits.reset(first, tile.x0, tile.y0, found.first, found.corner, found.t, found.instance)
-        generate_rays(packed, frame, total, found.first, found.corner, count.shape[1], found.items, desk.rays)
+        generate_rays(packed, frame, total, found.first, found.corner, count.shape[1], found.items, buffers.rays)
         n = len(found.t)
         for k, i in enumerate(self.instances):
-            self._meet(k, desk.rays, n, found, i)
-        self._look_for_lamps(packed, desk)
-        return desk.room
+            self._meet(k, buffers.rays, n, found, i)
+        self._look_for_lamps(packed, buffers)
+        return buffers.workspace
 
     def _trace_surface(self, k: int, rays: NDArray[np.float64], n: int, found: Any, number: int) -> None:
         """Trace n rays against the k-th surface and store closer hits in `found`; see packets.HitColumns."""
         out, done = _hit_columns(found, number), 0
-        while (done := packets.trace(self.rooms[k], rays, done, n, self.inverses[k], out)) < n:
+        while (done := packets.trace(self.surface_states[k], rays, done, n, self.inverses[k], out)) < n:
             many = min(packet_state.RAYS, n - done)
             trace_single(self.accel, self.geometries[k], rays, done, many, self.inverses[k], out)
             done += many
 
-    def _find_hidden_lights(self, packed: Handle, desk: TileBuffers) -> None:
+    def _find_hidden_lights(self, packed: Handle, buffers: TileBuffers) -> None:
         """Find the lights that surfaces hide from the hits."""
-        found = desk.primed
-        if self.lamps:
+        found = buffers.primed
+        if self.lights:
             found.hidden[:] = 0
-        for lamp in self.lamps:
-            desk.shade[:] = np.inf
-            if shadow_rays.generate_rays(packed, lamp, desk.rays, _hit_columns(found, 0), desk.onward) > 0:
+        for light in self.lights:
+            buffers.shade[:] = np.inf
+            if shadow_rays.generate_rays(packed, light, buffers.rays, _hit_columns(found, 0), buffers.onward) > 0:
                 for k in self.casting:
-                    self._meet(k, desk.onward, len(desk.shade), found._replace(t=desk.shade), packet_state.ANY)
-            shadow_rays.mark_hidden(lamp, desk.onward, desk.shade, found.hidden)
+                    self._meet(k, buffers.onward, len(buffers.shade), found._replace(t=buffers.shade), packet_state.ANY)
+            shadow_rays.mark_hidden(light, buffers.onward, buffers.shade, found.hidden)
 
-    def _desk(self, count: NDArray[np.int64]) -> TileBuffers:
+    def _tile_buffers(self, count: NDArray[np.int64]) -> TileBuffers:
         """The buffers of a tile; those of uniform sample counts are reused."""
-        if count is self.counted[0]:  # the usual case: the film's own array
-            return self.counted[1]
-        desk = self._desk_for(count)
-        self.counted = count, desk
-        return desk
+        if count is self.last_counts[0]:  # the usual case: the film's own array
+            return self.last_counts[1]
+        buffers = self._uniform_buffers(count)
+        self.last_counts = count, buffers
+        return buffers
 
-    def _desk_for(self, count: NDArray[np.int64]) -> TileBuffers:
+    def _uniform_buffers(self, count: NDArray[np.int64]) -> TileBuffers:
         rounds = int(count.flat[0]) if count.size else 0
         if (count != rounds).any():
-            return _allocate(count, self.room, bool(self.lamps), self.black)
-        key = (*count.shape, rounds, len(self.lamps) > 0)
-        if key not in self.desks:
+            return _allocate(count, self.workspace, bool(self.lights), self.black)
+        key = (*count.shape, rounds, len(self.lights) > 0)
+        if key not in self.buffers:
             spare = _reuse(key)
-            self.desks[key] = _allocate(count, self.room, key[-1], self.black) if spare is None else _rebind(self.room, spare, self.black)
-        return self.desks[key]
+            made = _allocate(count, self.workspace, key[-1], self.black) if spare is None else _rebind(self.workspace, spare, self.black)
+            self.buffers[key] = made
+        return self.buffers[key]
 
 
-def _release(desks: dict[tuple[int, ...], TileBuffers]) -> None:
+def _release(finished: dict[tuple[int, ...], TileBuffers]) -> None:
     """Keep the buffers of a finished picture for reuse, up to two of a kind."""
-    for key, desk in desks.items():
-        if len(desk.primed.t) <= SMALL:
-            _spare[key] = [desk, *_spare.pop(key, [])][:2]
+    for key, buffers in finished.items():
+        if len(buffers.primed.t) <= SMALL:
+            _spare[key] = [buffers, *_spare.pop(key, [])][:2]
     for key in tuple(_spare)[:-SPARE]:
         _spare.pop(key, None)
 
@@ -128,13 +129,13 @@ def _reuse(key: tuple[int, ...]) -> TileBuffers | None:
         return None
 
 
-def _rebind(room: Any, desk: TileBuffers, black: bool) -> TileBuffers:
+def _rebind(workspace: Any, buffers: TileBuffers, black: bool) -> TileBuffers:
     """The buffers for another workspace."""
-    primed = desk.primed._replace(black=black)
-    return desk._replace(primed=primed, room=Handle(room._replace(primed=primed)))
+    primed = buffers.primed._replace(black=black)
+    return buffers._replace(primed=primed, workspace=Handle(workspace._replace(primed=primed)))
 
 
-def _allocate(count: NDArray[np.int64], room: Any, lamps: bool, black: bool) -> TileBuffers:
+def _allocate(count: NDArray[np.int64], workspace: Any, lights: bool, black: bool) -> TileBuffers:
     rows, columns = count.shape
     rounds = int(count.max(initial=0))
     y, x = _pixel_order(rows, columns)
@@ -150,10 +151,10 @@ def _allocate(count: NDArray[np.int64], room: Any, lamps: bool, black: bool) -> 
     primed = TileHits(
         rounds, rows, columns, slots.ravel(), np.zeros(rows * columns, np.int64), np.zeros(3, np.int64), items, rays.ravel(),
         np.full(n, np.inf), np.full(n, -1), np.zeros(n, np.int64), np.zeros(n), np.zeros(n), black,
-        np.zeros(n, np.int64) if lamps else Nothing(),
+        np.zeros(n, np.int64) if lights else Nothing(),
     )  # fmt: skip
-    onward, shade = (np.zeros_like(rays), np.zeros(n)) if lamps else (np.zeros((8, 0)), np.zeros(0))
-    return TileBuffers(onward, shade, rays, primed, Handle(room._replace(primed=primed)))
+    onward, shade = (np.zeros_like(rays), np.zeros(n)) if lights else (np.zeros((8, 0)), np.zeros(0))
+    return TileBuffers(onward, shade, rays, primed, Handle(workspace._replace(primed=primed)))
 
 
 def _hit_columns(found: Any, i: int) -> packets.HitColumns:

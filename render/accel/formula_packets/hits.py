@@ -48,14 +48,14 @@ class TileHits(NamedTuple):
     hidden: Any = Nothing()  # (samples,) hidden lights, see shadow_rays, where they are computed
 
 
-def is_needed(trees: scene_layout.Bvh) -> bool:
+def is_needed(bvh: scene_layout.Bvh) -> bool:
     """Whether packets can trace any formula surface: visible to camera rays, without motion or partial opacity."""
-    return len(packet_instances(trees)) > 0
+    return len(packet_instances(bvh)) > 0
 
 
-def packet_instances(trees: scene_layout.Bvh) -> NDArray[np.intp]:
+def packet_instances(bvh: scene_layout.Bvh) -> NDArray[np.intp]:
     """The instances of those surfaces."""
-    return np.flatnonzero((trees.instance_rows[:, 0] & (CAMERA | REST)) == CAMERA)
+    return np.flatnonzero((bvh.instance_rows[:, 0] & (CAMERA | REST)) == CAMERA)
 
 
 def is_used(primed: Any) -> bool:

@@ -27,9 +27,9 @@ MAX_LIGHTS = 31  # two bits a light
 CASTS, REST = int(ir.Visibility.SHADOW), scene_layout.SHADOW_REST
 
 
-def select_lights(trees: scene_layout.Bvh, tables: ir.Tables, options: Options) -> list[int]:
+def select_lights(bvh: scene_layout.Bvh, tables: ir.Tables, options: Options) -> list[int]:
     """The lights that packets test: none where no formula surface in packets casts shadows."""
-    if not options.shadows or not (trees.instance_rows[packet_instances(trees), 0] & CASTS).any():
+    if not options.shadows or not (bvh.instance_rows[packet_instances(bvh), 0] & CASTS).any():
         return []
     return [k for k in range(len(tables.lights.kind)) if is_selected(tables, k)]
 
@@ -51,14 +51,14 @@ def generate_rays(tables, light, rays, found, out):
     for start in range(0, n, crosslane.WIDTH):
         origin, direction, _, _ = ray_soa.get(rays, start)
         instance = load_slots(found.instance, start)
-        met = (instance >= 0) & (crosslane.lane_indices(start) < n)
+        hit_mask = (instance >= 0) & (crosslane.lane_indices(start) < n)
         ends = ops.full_like(origin[0], -1.0)
-        if ops.any_lane(met):
+        if ops.any_lane(hit_mask):
             u, v = load_slots(found.u, start), load_slots(found.v, start)
             hit = Hit(load_slots(found.t, start), instance, load_slots(found.spacing, start), u, v)
-            position, geometric, offset = _formula_points(tables, Ray(origin, direction, 0.0, np.inf, None), hit, met)
+            position, geometric, offset = _formula_points(tables, Ray(origin, direction, 0.0, np.inf, None), hit, hit_mask)
             arriving = lights.sample_sharp(tables, light, position)
-            lit = met & (ops.dot(arriving.direction, geometric) > 0.0) & (ops.largest(arriving.irradiance) > 0.0)
+            lit = hit_mask & (ops.dot(arriving.direction, geometric) > 0.0) & (ops.largest(arriving.irradiance) > 0.0)
             ends = ops.where(lit, arriving.distance, ends)
             origin, direction = ops.along(position, geometric, offset), arriving.direction
             many += crosslane.count(lit)
@@ -69,11 +69,11 @@ def generate_rays(tables, light, rays, found, out):
 
 
 @helper
-def _formula_points(tables: Tables, ray: Ray, hit: Hit, met: Lane) -> tuple[Vec, Vec, Lane]:
+def _formula_points(tables: Tables, ray: Ray, hit: Hit, hit_mask: Lane) -> tuple[Vec, Vec, Lane]:
     """interaction.formula_point in the lanes of a mask; where all hit one instance, its transform is read once."""
     offset = ops.full_like(hit.t, 0.0)
     position = geometric = (offset, offset, offset)
-    rest = met
+    rest = hit_mask
     while ops.any_lane(rest):
         instance, here = crosslane.uniform_group(hit.instance, rest)
         p, normal, far = interaction.formula_point(tables, instance, ray, hit)

@@ -266,12 +266,12 @@ def _intersect_mesh(
             while hits != 0:
                 j = simd.trailing_zeros(hits)
                 hits &= hits - 1
-                met = single_ray.crossing(tree.leaves, leaf, j, sheared)
-                t = flat.hit_t(met, sheared.shear[2], ray.t_min, ray.t_max)
+                triangle_hit = single_ray.crossing(tree.leaves, leaf, j, sheared)
+                t = flat.hit_t(triangle_hit, sheared.shear[2], ray.t_min, ray.t_max)
                 number = np.int64(triangle_of(tree.leaves, leaf, j))
                 if t == np.inf or not (any_hit or t < best.t or (t == best.t and number < best.primitive)):
                     continue
-                u, v = met.v / met.total, met.w / met.total
+                u, v = triangle_hit.v / triangle_hit.total, triangle_hit.w / triangle_hit.total
                 opacity = _opacity(accel, ray, t, i, number, u, v)
                 if any_hit:
                     transmittance *= 1.0 - opacity

@@ -252,11 +252,11 @@ def _intersect_exactly(
 def _intersect_triangle(
     leaves: Any, leaf: int, j: int, rays: LeafRays, central: CentralRay, found: PacketHits, any_hit: bool
 ) -> PacketHits:
-    met = _crossing(leaves, leaf * LEAF + j, rays)
-    if any_hit and not ops.any_lane(flat.is_ahead(met, rays.shear[2])):
+    hit = _crossing(leaves, leaf * LEAF + j, rays)
+    if any_hit and not ops.any_lane(flat.is_ahead(hit, rays.shear[2])):
         return found
     number = ops.int_like(rays.enters, np.int64(triangle_of(leaves, leaf, j)))
-    return _closer_hits(found, rays, central, met, number, any_hit)
+    return _closer_hits(found, rays, central, hit, number, any_hit)
 
 
 @helper
@@ -313,16 +313,16 @@ def _corner(leaves: Any, at: int, rays: LeafRays) -> Vec:
 
 @helper
 def _closer_hits(
-    found: PacketHits, rays: LeafRays, central: CentralRay, met: flat.Crossing, number: Lane, any_hit: bool
+    found: PacketHits, rays: LeafRays, central: CentralRay, hit: flat.Crossing, number: Lane, any_hit: bool
 ) -> PacketHits:
     """The hits so far, or those with triangle `number` where they are closer."""
-    t = flat.hit_t(met, rays.shear[2], rays.t_min, rays.t_max)
+    t = flat.hit_t(hit, rays.shear[2], rays.t_min, rays.t_max)
     nearer = (t < found.t) | ((t == found.t) & (t < np.inf) & (number < found.triangle))
     t = ops.where(nearer, t, found.t)
     until = simd.to_f32((t - rays.enters) * ray_state.FAR) if not any_hit else simd.to_f32(ops.where(t < np.inf, -np.inf, t))
     return _replace_exact(
-        found, t, ops.where(nearer, number, found.triangle), ops.where(nearer, met.v, found.v), ops.where(nearer, met.w, found.w),
-        ops.where(nearer, met.total, found.total), simd.minimum(found.deepest, _depth(rays, central, until)),
+        found, t, ops.where(nearer, number, found.triangle), ops.where(nearer, hit.v, found.v), ops.where(nearer, hit.w, found.w),
+        ops.where(nearer, hit.total, found.total), simd.minimum(found.deepest, _depth(rays, central, until)),
         simd.minimum(found.limits, until),
     )  # fmt: skip
 

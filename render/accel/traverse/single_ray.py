@@ -120,15 +120,15 @@ def _intersect_triangle(
 ) -> Any:
     """Test ray k against triangle j of a leaf and record a closer hit; return its new limit."""
     ray = ray_state.sheared_ray(rays, k)
-    met = crossing(tree.leaves, leaf, j, ray)
-    if not flat.is_ahead(met, ray.shear[2]):
+    hit = crossing(tree.leaves, leaf, j, ray)
+    if not flat.is_ahead(hit, ray.shear[2]):
         return limit
     t_min, t_max = ray_state.interval(rays, k)
-    t = flat.hit_t(met, ray.shear[2], t_min, t_max)
+    t = flat.hit_t(hit, ray.shear[2], t_min, t_max)
     number = np.int64(triangle_of(tree.leaves, leaf, j))
     if not ray_state.is_closer(state, k, t, instance, number):
         return limit
-    ray_state.set_hit(state, k, t, (met.v, met.w, met.total), instance, number)
+    ray_state.set_hit(state, k, t, (hit.v, hit.w, hit.total), instance, number)
     return np.float32(-np.inf) if any_hit else np.float32((t - ray_state.entry(rays, k)) * FAR)
 
 

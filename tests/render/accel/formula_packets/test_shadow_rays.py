@@ -89,5 +89,5 @@ def test_what_is_told_of_a_lamp(tmp_path, monkeypatch):
 def test_what_a_tile_met_is_of_one_type_whatever_its_samples(lamps: bool) -> None:
     """Else the kernel that draws tiles would be compiled anew for each number of samples."""
     room = ray.Workspace(np.zeros((3, 8), np.int64), np.zeros((5, 8)), np.zeros((1, 1, 8)))
-    kinds = {camera_rays._allocate(np.full((2, 3), count), room, lamps, False).room.numba_type for count in (0, 1, 2)}
+    kinds = {camera_rays._allocate(np.full((2, 3), count), room, lamps, False).workspace.numba_type for count in (0, 1, 2)}
     assert len(kinds) == 1

@@ -102,8 +102,8 @@ def test_hits_lie_on_the_surface_have_its_normal_and_do_not_shadow_themselves(tm
         t, spacing, u, v = hits(trees, o, d, packet)
         hit = np.isfinite(t)
         ray = Ray(tuple(o[hit].T), tuple(d[hit].T), 0.0, np.inf, None)
-        hits = Hit(t[hit], np.zeros(hit.sum(), int), spacing[hit], u[hit], v[hit])
-        place, normal, offset = interaction.formula_point(tables, 0, ray, hits)
+        records = Hit(t[hit], np.zeros(hit.sum(), int), spacing[hit], u[hit], v[hit])
+        place, normal, offset = interaction.formula_point(tables, 0, ray, records)
         place, normal, way = np.array(place), np.array(normal), d[hit].T
         value, gradient = seen.smooth(place)
         steep = np.linalg.norm(gradient, axis=0)

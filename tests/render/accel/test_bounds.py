@@ -1,4 +1,4 @@
-"""No lane reads before a table's start: kernels do not wrap indices as numpy does, not even of lanes that are masked afterwards."""
+"""No lane, not even a masked one, reads before the start of a table: kernels do not wrap negative indices."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 
 
 class Guarded(np.ndarray):
-    """An array that refuses negative places. (numpy itself refuses those beyond the end.)"""
+    """An array that rejects negative indices; numpy itself rejects those beyond the end."""
 
     def __getitem__(self, at: Any) -> Any:
         for one in at if isinstance(at, tuple) else (at,):
@@ -30,7 +30,7 @@ class Guarded(np.ndarray):
 
 
 def guarded(value: Any) -> Any:
-    """A nest of NamedTuples with Guarded arrays."""
+    """Nested NamedTuples with Guarded arrays."""
     if isinstance(value, np.ndarray):
         return value.view(Guarded)
     if hasattr(value, "_fields"):
@@ -39,14 +39,14 @@ def guarded(value: Any) -> Any:
 
 
 def one_sided(places: list[list[float]]) -> light_tree.Bounds:
-    """Lamps that shine upwards alone."""
+    """Lights that only shine upwards."""
     place, n = np.array(places), len(places)
     return light_tree.Bounds(place, place, np.tile([0.0, 1.0, 0.0], (n, 1)), np.zeros(n), np.full(n, 0.5 * np.pi), np.ones(n))
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 20])
-def test_where_nothing_shines_no_lamp_is_read(count):
-    """Below lamps that shine upwards, and at places that are no numbers, with no far light that would be row 0."""
+def test_unlit_points_read_no_light(count):
+    """Below lights that shine upwards, and at NaN positions, without a far light in row 0."""
     tree = guarded(light_tree.build(np.zeros(0), one_sided([[k, 1.0, 0.0] for k in range(count)])))
     facing = None if count < 20 else (np.zeros(4), np.ones(4), np.zeros(4))
     for position in (np.zeros(4), np.full(4, -3.0), np.full(4, np.nan)):
@@ -61,7 +61,7 @@ SLOW = {"instancing", "gear", "cut", "bracket"}  # many primitives, each tried f
 
 @pytest.mark.parametrize("path", [path for path in sorted(EXAMPLES.glob("*.scene")) if path.stem not in SLOW], ids=lambda path: path.stem)
 def test_pictures_read_nothing_before_a_table(path, monkeypatch):
-    """Every example by the reference, whose lanes are the kernels'."""
+    """Every example by the reference backend, which shares its code with kernels."""
     made = prepare.prepare
 
     def watched(*given: Any) -> prepare.Prepared:
@@ -74,8 +74,8 @@ def test_pictures_read_nothing_before_a_table(path, monkeypatch):
 
 
 @pytest.mark.parametrize("name", ["normals", "uvs", "colors"])
-def test_things_without_an_attribute_do_not_read_behind_the_last(name):
-    """A large bare mesh stands first and beside a triangle, whose attribute is all there is: lanes of both go together."""
+def test_instances_without_an_attribute_do_not_read_past_the_end(name):
+    """A large mesh without attributes precedes a triangle with the only attribute; lanes mix both."""
     side = np.linspace(-0.913, 0.937, 20)  # no edge through a pixel's centre
     points = np.stack([*np.meshgrid(side, side), np.full((20, 20), -2.0)], axis=-1).reshape(-1, 3)
     first = (np.arange(19)[:, None] * 20 + np.arange(19)).ravel()[::-1]
@@ -91,7 +91,7 @@ def test_things_without_an_attribute_do_not_read_behind_the_last(name):
 
 
 def drawn(made: ir.Tables, backend: str) -> np.ndarray:
-    """(h, w, 6) what a backend shows, and coordinates."""
+    """Colors and coordinates of a backend, (h, w, 6)."""
     whole = ir.Scene("test", made, names=ir.Names(cameras=("",)))
     image = maquette.render(whole, backend=backend, size=(24, 24), samples=1, background=(0.0, 0.0, 0.0), aov=("uv",))
     return np.concatenate([image.channels["rgba"], image.channels["uv"]], axis=-1)

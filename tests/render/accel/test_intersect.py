@@ -1,4 +1,4 @@
-"""What rays meet: trees against brute force on every kind of shape, ties, grids, duplicates, and the cost of instances."""
+"""Hits by BVH against brute force: all kinds of shapes, ties, grids, duplicates, many instances."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ EVERY = [
 
 
 def anywhere(rng: np.random.Generator) -> np.ndarray:
-    """A placement: turned, stretched unevenly, mirrored half of the time."""
+    """A random transform: rotated, scaled unevenly, mirrored half of the time."""
     turned = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     sheared = np.eye(3) + 0.3 * rng.normal(size=(3, 3))
     return matrix(rng.uniform(-5, 5, 3), turned @ sheared @ np.diag(rng.uniform(0.4, 1.5, 3) * rng.choice([-1, 1], 3)))
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_trees_and_brute_force_agree_on_every_kind_of_shape(seed: int) -> None:
+def test_bvh_and_brute_force_agree_on_every_kind_of_shape(seed: int) -> None:
     rng = np.random.default_rng(seed)
     shapes = [(kind, parameters, anywhere(rng), 0) for kind, parameters in EVERY * 2]
     meshes = [(wavy(6, k), anywhere(rng), 0) for k in range(3)]
@@ -46,7 +46,7 @@ def test_trees_and_brute_force_agree_on_every_kind_of_shape(seed: int) -> None:
 
 
 def test_rays_on_the_grid_of_boxes_and_triangles_miss_nothing() -> None:
-    """An orthographic view along -z on whole numbers, down the faces, edges and corners of unit boxes and a flat mesh."""
+    """An orthographic view along -z at integers, through the faces, edges and corners of unit boxes and a flat mesh."""
     boxes = [(K.BOX, [0.5, 0.5, 0.5], matrix((x, y, 0.0)), 0) for x in range(4) for y in range(4)]
     points = np.array([[x, y, -3.0] for x in range(5) for y in range(5)]) - [0.5, 0.5, 0.0]
     i = (np.arange(4)[:, None] * 5 + np.arange(4)).ravel()
@@ -74,7 +74,7 @@ def test_of_equal_hits_the_first_instance_and_the_first_triangle_win() -> None:
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
-def test_scenes_of_none_and_of_one(count: int) -> None:
+def test_scenes_of_no_and_one_instance(count: int) -> None:
     tables = scene([(K.SPHERE, [1.0], matrix((3.0 * k, 0, 0)), 0) for k in range(count)])
     t, instance, *_, blocked = same(tables, rays((0, 0, 5), (0, 0, -1)))
     assert (t[0], instance[0], blocked[0]) == ((4.0, 0, True) if count else (np.inf, -1, False))
@@ -82,7 +82,7 @@ def test_scenes_of_none_and_of_one(count: int) -> None:
     assert same(endless, rays((0, 2, 5), (0, -1, 0)))[0][0] == (2.0 if count else np.inf)
 
 
-def test_each_ray_sees_only_what_is_visible_to_it() -> None:
+def test_each_ray_hits_only_instances_visible_to_it() -> None:
     tables = scene([(K.SPHERE, [1.0], matrix((0, 0, -3.0 * k)), 0) for k in range(3)])
     bits = [ir.Visibility.CAMERA, ir.Visibility.SHADOW, ir.Visibility.REFLECTION]
     tables = tables._replace(instances=tables.instances._replace(visible=np.array(bits, np.int32)))
@@ -95,7 +95,7 @@ def test_each_ray_sees_only_what_is_visible_to_it() -> None:
     assert not same(tables, nearer)[-1][0]
 
 
-def test_inactive_rays_meet_nothing() -> None:
+def test_inactive_rays_have_no_hits() -> None:
     tables = scene([(K.SPHERE, [1.0], np.eye(4), 0)])
     ray = rays([(0, 0, 5), (0, 0, 5)], (0, 0, -1))
     active = np.array([True, False])
@@ -109,7 +109,7 @@ def test_inactive_rays_meet_nothing() -> None:
 
 
 def check_top(tree: tlas.Top, boxes: np.ndarray) -> int:
-    """Every instance is in one place, and all boxes above it fit around what they hold; returns the depth."""
+    """Check that each instance is in one leaf and inside all boxes above it; return the depth."""
     seen, deepest = [], 0
     boxes = (boxes - np.tile(tree.frame[:3], 2)) * tree.frame[3]
 
@@ -137,7 +137,7 @@ def check_top(tree: tlas.Top, boxes: np.ndarray) -> int:
 
 
 @pytest.mark.parametrize("n", [1, 2, 8, 9, 60, 5000])
-def test_the_tree_over_instances_holds_each_once_inside_its_boxes(n: int) -> None:
+def test_the_instance_bvh_holds_each_instance_once_inside_its_boxes(n: int) -> None:
     rng = np.random.default_rng(n)
     low = rng.uniform(-1, 1, (n, 3)) * 10.0 ** rng.uniform(-3, 3, (n, 1))
     boxes = np.concatenate([low, low + rng.uniform(0, 1, (n, 3))], axis=1)
@@ -152,8 +152,8 @@ def test_the_tree_over_instances_holds_each_once_inside_its_boxes(n: int) -> Non
 
 
 @pytest.mark.parametrize("shape", ["sphere", "mesh"])
-def test_what_thousands_of_rays_meet_among_hundreds_of_things(shape: str) -> None:
-    """Rays that go together and rays that go apart, each with as many places inactive."""
+def test_thousands_of_rays_among_hundreds_of_instances(shape: str) -> None:
+    """Coherent and incoherent rays, with inactive lanes."""
     rng = np.random.default_rng(11)
     if shape == "sphere":
         tables = scene([(K.SPHERE, [0.6], anywhere(rng), 0) for _ in range(300)] + [(K.PLANE, [], matrix((0, -4, 0)), 0)])
@@ -167,8 +167,8 @@ def test_what_thousands_of_rays_meet_among_hundreds_of_things(shape: str) -> Non
 
 
 @pytest.mark.parametrize("spread", [0.0, 1e-4, 3e-3, 0.03])
-def test_rays_that_go_one_way_through_a_mesh_meet_what_each_meets_alone(spread: float) -> None:
-    """Bundles as tight as a leaf and much wider, at edges and corners, with rays that end before, and any hit."""
+def test_packets_through_a_mesh_hit_what_single_rays_hit(spread: float) -> None:
+    """Packets as narrow as a leaf and much wider, at edges and corners, with early ends, and for any hit."""
     rng = np.random.default_rng(3)
     mesh = wavy(40)
     tables = scene(meshes=[(mesh, anywhere(rng), 0), (mesh, anywhere(rng), 0)])
@@ -184,8 +184,8 @@ def test_rays_that_go_one_way_through_a_mesh_meet_what_each_meets_alone(spread: 
     assert np.mean(instance >= 0) > 0.5
 
 
-def test_rays_along_the_axes_from_one_place_go_together() -> None:
-    """Directions with zeros, of both signs: 1 / 0 is no distance."""
+def test_axis_aligned_rays_from_one_point() -> None:
+    """Directions with zeros of both signs, where 1 / 0 is infinite."""
     tables = scene([(K.BOX, [0.5, 0.5, 0.5], matrix((x, y, 0.0)), 0) for x in range(8) for y in range(8)])
     line = np.arange(-1.0, 9.01, 0.125)
     x, y = (g.ravel() for g in np.meshgrid(line, line))
@@ -196,7 +196,7 @@ def test_rays_along_the_axes_from_one_place_go_together() -> None:
 
 
 def check_wide(tree: wide_bvh.Wide, triangles: np.ndarray) -> int:
-    """Every triangle is in one leaf, with its corners, and inside of all boxes above it; returns the depth. `triangles` is (t, 3, 3)."""
+    """Check that each triangle (t, 3, 3) is in one leaf and inside all boxes above it; return the depth."""
     seen, deepest = [], 0
     stack = [(0, np.full(3, -np.inf), np.full(3, np.inf), 0)]
     while stack:
@@ -227,7 +227,7 @@ def corners_of(tables: ir.Tables) -> np.ndarray:
     return tables.pools.positions[tables.pools.triangles]
 
 
-def test_a_tree_holds_each_triangle_once_inside_its_boxes() -> None:
+def test_a_mesh_bvh_holds_each_triangle_once_inside_its_boxes() -> None:
     tables = scene(meshes=[(wavy(40), np.eye(4), 0)])
     tree = scene_bvh.build(tables)
     assert check_wide(tree.wide, corners_of(tables)) < 12
@@ -235,7 +235,7 @@ def test_a_tree_holds_each_triangle_once_inside_its_boxes() -> None:
 
 
 @pytest.mark.parametrize("what", ["duplicates", "coplanar", "a needle fan", "spread over 30 powers of two"])
-def test_trees_of_awkward_triangles_are_shallow_and_quick(what: str) -> None:
+def test_bvhs_of_degenerate_triangles_are_shallow_and_quick(what: str) -> None:
     n = 50_000
     rng = np.random.default_rng(7)
     if what == "duplicates":
@@ -259,7 +259,7 @@ def test_trees_of_awkward_triangles_are_shallow_and_quick(what: str) -> None:
     assert tree.wide.nbytes < 64 * n
 
 
-def test_a_tree_is_the_same_on_any_number_of_threads() -> None:
+def test_the_bvh_is_the_same_on_any_number_of_threads() -> None:
     mesh = wavy(150)
     positions, triangles = mesh.positions.astype(np.float32), mesh.triangles.astype(np.int32)
     assert len(triangles) > 40_000  # parts of it are built apart
@@ -270,7 +270,7 @@ def test_a_tree_is_the_same_on_any_number_of_threads() -> None:
             np.testing.assert_array_equal(a, b)
 
 
-def test_trees_of_arrays_that_may_be_written_to_or_not_compile_once() -> None:
+def test_writable_and_readonly_arrays_share_compiled_code() -> None:
     positions, triangles = np.eye(3, dtype=np.float32), np.arange(3, dtype=np.int32)[None]
     wide_bvh.build(positions, triangles)
     before = len(wide_bvh.collapse.signatures), len(parallel_build.build_worker.signatures)
@@ -281,12 +281,12 @@ def test_trees_of_arrays_that_may_be_written_to_or_not_compile_once() -> None:
 
 
 @pytest.mark.parametrize("n", [1, 2, 7, 8, 9, 60])
-def test_trees_of_few_triangles(n: int) -> None:
+def test_bvhs_of_few_triangles(n: int) -> None:
     corners = np.random.default_rng(n).uniform(-1, 1, (n, 3, 3)).astype(np.float32)
     check_wide(wide_bvh.build(corners.reshape(-1, 3), np.arange(3 * n, dtype=np.int32).reshape(-1, 3)), corners)
 
 
-def test_trees_of_two_meshes_stand_in_one_pool() -> None:
+def test_bvhs_of_two_meshes_share_a_pool() -> None:
     tree_cache.clear()  # or trees would be refitted ones of other tests' meshes
     tables = scene(meshes=[(wavy(20), np.eye(4), 0), (wavy(10), np.eye(4), 0)])
     tree = scene_bvh.build(tables)
@@ -294,7 +294,7 @@ def test_trees_of_two_meshes_stand_in_one_pool() -> None:
     assert sorted(tree.wide.rows[tree.wide.rows >= 0]) == list(range(1000))
 
 
-def test_ten_thousand_instances_of_a_large_mesh_have_one_tree() -> None:
+def test_ten_thousand_instances_share_a_bvh() -> None:
     builder = SceneBuilder()
     mesh = builder.mesh(wavy(224))
     material = builder.material(lambert((1.0, 1.0, 1.0)))
@@ -323,7 +323,7 @@ def test_ten_thousand_instances_of_a_large_mesh_have_one_tree() -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("isa", ["avx2", "sse", "scalar"])
-def test_trees_agree_with_brute_force_on_narrower_machines(isa: str) -> None:
+def test_bvh_and_brute_force_agree_on_narrower_machines(isa: str) -> None:
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", __file__]
     done = subprocess.run(command, env={**os.environ, "MAQUETTE_SIMD": isa}, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stdout

@@ -1,6 +1,6 @@
 """Shapes in closed form: known hits, points that satisfy their equations, and numpy against kernels.
 
-Where plain formulas fail stands in tests/stability."""
+Cases where plain formulas fail are in tests/stability."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ SOLIDS = ["sphere", "box", "cylinder", "cone", "frustum", "torus", "thin torus",
 
 
 def some_rays(n: int, seed: int, aim: float = 1.2) -> tuple[np.ndarray, np.ndarray]:
-    """Rays from round about to places near the middle; directions of any length."""
+    """Rays from all around to points near the center; directions of any length."""
     rng = np.random.default_rng(seed)
     o = rng.normal(size=(n, 3)) * 3.0
     d = rng.uniform(-aim, aim, size=(n, 3)) - o
@@ -254,7 +254,7 @@ def uv_at(name: str, point, part: int = 0) -> tuple[float, float]:
         ("capsule", (0, 1.3, 1e-12), 0, (0.5, 1.0)),
     ],
 )
-def test_coordinates_stand_where_the_table_says(name: str, point, part: int, uv) -> None:
+def test_coordinates_match_the_table(name: str, point, part: int, uv) -> None:
     assert uv_at(name, point, part) == pytest.approx(uv, abs=1e-8)
 
 
@@ -273,7 +273,7 @@ def test_coordinates_stand_where_the_table_says(name: str, point, part: int, uv)
         ("capsule", (0, 0.1, 0.5), 0, (1, 0, 0), (0, 1, 0)),
     ],
 )
-def test_a_unit_of_u_and_v_is_as_long_as_said(name: str, point, part: int, across, up) -> None:
+def test_units_of_u_and_v_have_their_length(name: str, point, part: int, across, up) -> None:
     kind, parameters = SHAPES[name]
     _, (du, dv) = analytic_shapes.uv(int(kind), table(parameters), 0, np.array([part]), tuple(np.array([c], float) for c in point))
     h = 1e-7

@@ -1,4 +1,4 @@
-"""Shapes that the rasterizer meets by a ray for each sample: formulas, quadrics, and what the eye is too near to for triangles."""
+"""Shapes that the rasterizer intersects by rays: formulas, quadrics, and shapes too near to the eye for triangles."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ RADIUS = 1e7
 
 
 def planet(height: float = 2.0) -> ir.Tables:
-    """A ball of 10,000 km under the eye, which looks at the horizon, and a small one before that."""
+    """A sphere of 10,000 km below the eye, which looks at the horizon, and a small sphere in front."""
     shapes = [(K.SPHERE, [RADIUS], tables.matrix((0, -RADIUS - height, 0)), 0), (K.SPHERE, [0.5], tables.matrix((0, 0, -5)), 0)]
     return tables.scene(shapes, camera=CameraData(0, 0.4))
 
@@ -28,7 +28,7 @@ def tessellations(scene: ir.Tables, tolerance: float) -> dict[int, analytic_shap
 
 
 def test_the_horizon_of_a_planet():
-    """From 2 m above it every pixel shows what its ray meets; within 1024 chords the tessellation would end 47 m below the eye's feet."""
+    """From 2 m above, every pixel shows its ray's hit; a tessellation of 1024 chords would end 47 m below."""
     drawn = [pictures.picture(planet(), backend, aov=("id", "depth")).channels for backend in ("raster", "ray")]
     assert np.array_equal(drawn[0]["id"], drawn[1]["id"])
     there = np.isfinite(drawn[1]["depth"])
@@ -36,7 +36,7 @@ def test_the_horizon_of_a_planet():
     assert 0.4 < there.mean() < 0.6
 
 
-def test_what_is_near_or_asked_for_too_finely_has_no_triangles():
+def test_near_or_very_fine_shapes_have_no_triangles():
     assert list(tessellations(planet(), 0.05)) == [1]
     assert list(tessellations(planet(), 1e-9)) == []
     far = tables.scene([(K.SPHERE, [0.5], tables.matrix((0, 0, -5)), 0)], camera=CameraData(0, 0.4))
@@ -46,7 +46,7 @@ def test_what_is_near_or_asked_for_too_finely_has_no_triangles():
     assert list(tessellations(inside, 0.05)) == [1]
 
 
-def test_a_tolerance_asked_for_is_kept_and_the_default_is_a_twentieth():
+def test_a_given_tolerance_holds_and_the_default_is_a_twentieth():
     far = tables.scene([(K.SPHERE, [0.5], tables.matrix((0, 0, -5)), 0)], camera=CameraData(0, 0.4))
     asked = {t: pictures.planned(far, "raster", tolerance=t)[1] for t in (None, 0.4)}
     assert asked[None]["tolerance"] == 0.05
@@ -59,7 +59,7 @@ def test_a_tolerance_asked_for_is_kept_and_the_default_is_a_twentieth():
 
 
 def test_boxes_of_pixels():
-    """What is before the eye lies in its box, four pixels wider; what reaches behind it may be anywhere."""
+    """Shapes in front of the eye lie in their box plus four pixels; shapes that reach behind it may be anywhere."""
     before = (K.BOX, [1.0, 1.0, 1.0], tables.matrix((0, 0, -5)), 0)
     made = tables.scene([before, (K.BOX, [9.0] * 3, tables.matrix(), 0), (K.PLANE, [], tables.matrix(), 0)], camera=CameraData(0, 1.0))
     boxes = view_geometry.pixel_boxes(made, View(0, 80, 80), np.array([0, 1, 2]))

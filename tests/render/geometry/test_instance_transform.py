@@ -1,4 +1,4 @@
-"""Motion while the shutter is open: keys, bounds of what is swept, rays with a time by trees and by brute force, and known answers."""
+"""Motion blur: keys, swept bounds, rays with a time by BVH and by brute force, and known results."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def everything(seed: int) -> ir.Tables:
 
 @kernel
 def closest_at(accel, columns, t, instance, primitive, share):
-    """What rays with a time meet, and the light that passes them."""
+    """Hits of rays with a time, and their transmittance."""
     n = columns.shape[1]
     for start in range(0, n, crosslane.WIDTH):
         k = ops.minimum(crosslane.lane_indices(start), n - 1)
@@ -94,7 +94,7 @@ def through_trees(tables: ir.Tables, ray: Ray, brute: bool = False) -> tuple[np.
 
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=50, deadline=None)
-def test_a_place_taken_apart_is_the_same_put_together(seed):
+def test_decomposition_and_composition_are_inverse(seed):
     random = np.random.default_rng(seed)
     places = random.normal(size=(2, 3, 4)) * 10.0 ** random.uniform(-3, 3)
     parts = motion_keys.taken_apart(places)
@@ -108,8 +108,8 @@ def test_a_place_taken_apart_is_the_same_put_together(seed):
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 0.03, 1.0, 3.0])
-def test_a_turn_is_even_and_keeps_its_size(angle):
-    """Interpolation of matrices would shrink it: at half of a turn by 3 rad to 7 %."""
+def test_rotation_is_uniform_and_keeps_the_size(angle):
+    """Interpolation of matrices would shrink it, halfway of a rotation by 3 rad to 7 %."""
     axis = (1.0, 2.0, -1.0)
     places = np.stack([transforms.rotation(AxisAngle(axis, a))[:3] for a in (0.0, angle)])
     for share in (0.25, 0.5, 0.9):
@@ -130,7 +130,7 @@ def test_inverses_between_keys():
 
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=20, deadline=None)
-def test_bounds_hold_all_that_is_swept(seed):
+def test_swept_bounds_hold_all_positions(seed):
     tables = moved(scene([(ir.GeometryKind.BOX, [1, 0.1, 3], matrix((2, 0, 0)), 0)]), seed, share=1.0)
     box = swept_bounds(tables)[0]
     corners = np.array([[x, y, z, 1] for x in (-1, 1) for y in (-0.1, 0.1) for z in (-3, 3)])
@@ -147,7 +147,7 @@ def test_bounds_hold_all_that_is_swept(seed):
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_trees_and_brute_force_agree_on_what_moves(seed):
+def test_bvh_and_brute_force_agree_on_moving_instances(seed):
     tables = everything(seed)
     n = 2500
     ray = random_rays(n, seed)._replace(time=np.random.default_rng(seed).uniform(0, 1, n))
@@ -163,7 +163,7 @@ def test_trees_and_brute_force_agree_on_what_moves(seed):
     assert 0.3 < np.mean(np.isfinite(wanted.t)) < 1
 
 
-def test_rays_without_a_time_see_the_opening():
+def test_rays_without_a_time_use_the_opening():
     tables = everything(4)
     ray = random_rays(1500, 4)
     still = replace_keys(tables)
@@ -200,7 +200,7 @@ render(bounces: 1)
 @pytest.mark.parametrize("backend", ["ray", "reference", "raster"])
 @pytest.mark.parametrize(("width", "speed"), [(1.5, 20.0), (0.5, 30.0)])
 def test_a_bar_that_moves_past_is_a_trapezoid(tmp_path, backend, width, speed):
-    """A box w wide that moves by s covers each place for min(1, w/s) of the time at the most, over w + s, with ramps of min(w, s)."""
+    """A box of width w that moves by s covers a point for at most min(1, w/s) of the time, over w + s, with ramps of min(w, s)."""
     travelled = speed * 0.1
     text = BAR.replace("W", f"{width}").replace("SPEED", f"{speed}")
     samples = 64
@@ -227,7 +227,7 @@ render(bounces: 1)
 
 @pytest.mark.parametrize("backend", ["ray", "raster"])
 def test_a_whole_turn_is_a_disk(tmp_path, backend):
-    """A bar that turns once, 2 a · sin⁻¹(h/r)/π of the time at radius r: between keys it turns, and does not shrink or stand still."""
+    """A rotating bar covers radius r for 2 a · sin⁻¹(h/r)/π of the time: it neither shrinks nor stops between keys."""
     text = SPINNING
     got = picture(tmp_path, text, backend=backend, samples=64, size=(50, 50), filter="box")[..., 3]
     y, x = (np.mgrid[0:50, 0:50] + 0.5 - 25) / 10
@@ -240,7 +240,7 @@ def test_a_whole_turn_is_a_disk(tmp_path, backend):
 
 
 def test_moving_the_camera_is_moving_everything(tmp_path):
-    """What is still before a camera that moves blurs as what moves before one that is still; the sampler is the same."""
+    """A moving camera blurs a static scene like a moving scene blurs before a static camera."""
     thing = "box(size: [1, 4, 1], center: [A, 0, 0], material: emissive(1))\nsun()\nrender(bounces: 1)\n"
     camera = "camera(position: [B, 0, 9], look_at: [B, 0, 0], width: 8m, shutter: 100ms)\n"
     way = "10 * time / 1s"
@@ -262,7 +262,7 @@ def test_ray_and_reference_are_the_same_picture(tmp_path):
     assert np.mean(np.abs(one - other) > 1e-5) < 0.002  # a corner of a checker's cell apart
 
 
-def test_what_does_not_move_costs_nothing(tmp_path):
+def test_static_scenes_plan_no_motion(tmp_path):
     """The plan drops motion where the shutter is open and nothing moves, and where it is not open."""
     path = tmp_path / "a.scene"
     for text, moves, why in (
@@ -283,8 +283,8 @@ def test_what_does_not_move_costs_nothing(tmp_path):
     assert render_scene.draw(made, off).channels["rgba"].shape == (8, 8, 4)
 
 
-def test_keys_are_as_many_as_it_takes(tmp_path):
-    """Straight ways have two; a turn by 900° a third of a turn or less from key to key; things about a far axis more."""
+def test_number_of_keys(tmp_path):
+    """Straight motion has two keys; a rotation by 900° at most a third of a turn a key; a distant axis more."""
     path = tmp_path / "a.scene"
     counts = []
     far = "rotate: [0, 90deg / 100ms * time, 0], center: [9, 0, 0]"
@@ -296,7 +296,7 @@ def test_keys_are_as_many_as_it_takes(tmp_path):
     assert 4 < counts[2] < 66
 
 
-def test_what_cannot_blur_is_said(tmp_path):
+def test_missing_blur_is_reported(tmp_path):
     from maquette.lang.diagnostics import Diagnostics
 
     path = tmp_path / "a.scene"
@@ -338,8 +338,8 @@ def test_the_saved_form_keeps_keys(tmp_path):
     assert serialize.content_hash(load.load(tmp_path / "a.npz")) == serialize.content_hash(replace(made))
 
 
-def test_usd_shutters_open_when_they_say(tmp_path):
-    """A ball that moves 2 m a frame, seen from a quarter of a frame before its own to a quarter after; another camera opens later."""
+def test_usd_shutters_open_on_time(tmp_path):
+    """A sphere that moves 2 m a frame, exposed from a quarter frame before to a quarter after; another camera opens later."""
     path = tmp_path / "a.usda"
     eye = """def Camera "NAME" {
  float focalLength = 50
@@ -369,8 +369,8 @@ def test_usd_shutters_open_when_they_say(tmp_path):
     assert scene_facts.open_during(tables, 1) == pytest.approx((0.75, 0.25))
 
 
-def test_a_lens_goes_with_the_camera_that_moves(tmp_path):
-    """Each ray begins on the lens where that is at the ray's time, and meets the plane in focus as it is then."""
+def test_a_lens_moves_with_its_camera(tmp_path):
+    """Each ray starts on the lens at the ray's time, and goes to the plane of focus at that time."""
     path = tmp_path / "a.scene"
     path.write_text(
         "sphere(1)\ncamera(position: [20 * time / 1s, 0, 5], look_at: [20 * time / 1s, 0, 0], aperture: 0.05, focus: 2m, shutter: 100ms)\n"

@@ -1,4 +1,4 @@
-"""Opacity: what is not there is not met, what is partly there lets its share of light pass; trees, numpy and closed forms agree."""
+"""Opacity: hits, transmittance, thresholds and layers; BVH, numpy and closed forms agree."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ UV = MeshAttribute(np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float))
 
 
 def veil(opacity: Input | float, threshold: float = 0.0, albedo: float = 1.0) -> MaterialData:
-    """A white matt material with an opacity."""
+    """A white diffuse material with an opacity."""
     inputs = {**lambert(grey(albedo)).inputs, ir.Slot.OPACITY: opacity if isinstance(opacity, Input) else Input.number(opacity)}
     return MaterialData(ir.MaterialModel.LAMBERT, inputs, threshold=threshold)
 
 
 def textured(builder) -> list[MaterialData]:
-    """Materials by number: all there, checked, striped from 1 to 1/4, the same cut at a half, and half there everywhere."""
+    """Materials by number: opaque, checkered, striped from 1 to 1/4, the same with a threshold of 1/2, and half transparent."""
     checked, fading = builder.texture(CHECKED), builder.texture(FADING)
     return [
         lambert(grey(1.0)), veil(Input.number(1.0, checked)), veil(Input.number(1.0, fading)), veil(Input.number(1.0, fading), 0.5),
@@ -54,13 +54,13 @@ def everything(seed: int) -> ir.Tables:
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_trees_and_brute_force_agree_on_all_shapes(seed):
-    """To the last bit: the same points are asked for their opacity, by the same function."""
+def test_bvh_and_brute_force_agree_on_all_shapes(seed):
+    """Bit for bit: both evaluate opacity at the same points, by the same function."""
     t = same(everything(seed), random_rays(3000, seed))[0]
     assert 0.3 < np.mean(np.isfinite(t)) < 1
 
 
-def test_shares_of_light_agree():
+def test_transmittances_agree():
     tables, ray = everything(5), random_rays(2000, 6)
     active = np.ones(2000, bool)
     wanted = intersect.transmittance(intersect.Brute(), tables, ray, active)
@@ -72,8 +72,8 @@ def test_shares_of_light_agree():
     np.testing.assert_array_equal(ray_queries.occluded(accel, *what), wanted == 0)
 
 
-def test_holes_are_not_met_and_the_rest_is():
-    """A checker over a square: a ray meets it where its own cell says so."""
+def test_holes_are_not_hit():
+    """A checker over a square: a ray hits it in the opaque cells."""
     tables = scene(meshes=[(mesh(*SQUARE, uvs=UV), matrix(), 0)], prepare=lambda b: [veil(Input.number(1.0, b.texture(CHECKED)))])
     places = np.random.default_rng(1).uniform(-1, 1, (4000, 2))
     ray = lanes_of(np.stack([places[:, 0], np.ones(4000), places[:, 1]], axis=1), [0, -1, 0])
@@ -93,7 +93,7 @@ def panes(count: int, material: MaterialData, behind: bool = True) -> ir.Tables:
 @pytest.mark.parametrize("count", [1, 3, 7])
 @pytest.mark.parametrize("bounces", [0, 2])
 def test_panes_over_a_floor(count, bounces):
-    """Pane k of opacity a gets (1 − a)ᵏ of the light, and as much of its own is seen: L = Σ a (1 − a)²ᵏ + (1 − a)²ⁿ for k = 0 … n − 1."""
+    """Pane k of opacity a gets (1 − a)ᵏ of the light, and that share is seen: L = Σ a (1 − a)²ᵏ + (1 − a)²ⁿ for k = 0 … n − 1."""
     a = 0.3
     tables = panes(count, veil(a))
     expected = sum(a * (1 - a) ** (2 * k) for k in range(count)) + (1 - a) ** (2 * count)
@@ -112,8 +112,8 @@ def test_coverage_of_panes_before_nothing(count):
         assert alpha[0, 0] == pytest.approx(1 - 0.75**count, rel=1e-12)
 
 
-def test_more_layers_than_there_is_room_for_are_passed_by_chance():
-    """Forty panes that also mirror: the mean of many samples is what comes out where all rays have room to wait."""
+def test_layers_beyond_the_queue_are_passed_at_random():
+    """Forty mirroring panes: the mean of many samples equals the result with an unlimited ray queue."""
     count, samples = 40, 4000
     mirroring = veil(0.05)
     mirroring = replace(mirroring, model=ir.MaterialModel.PHONG, inputs={**mirroring.inputs, ir.Slot.REFLECTION: Input(grey(0.5))})
@@ -136,13 +136,13 @@ def test_a_threshold_is_all_or_nothing():
 
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=5, deadline=None)
-def test_turned_and_stretched_things_with_holes(seed):
+def test_rotated_and_scaled_instances_with_holes(seed):
     random = np.random.default_rng(seed)
     linear = turn(1, random.uniform(0, 6)) @ np.diag(random.uniform(0.2, 3, 3)) * np.array([1, -1, 1])
     tables = scene([(K.SPHERE, [1], matrix((1, 0, 0), linear), 1), (K.BOX, [1, 1, 1], matrix((-1, 0, 0), linear), 3)], prepare=textured)
     same(tables, random_rays(400, seed % 1000, 3.0))
 
 
-def test_scenes_without_opacity_hold_nothing_aside():
+def test_opaque_scenes_have_no_motion_alpha_bvh():
     assert not motion_alpha.is_used(ray_queries.build(scene([(K.SPHERE, [1], matrix(), 0)])).numba_type)
     assert motion_alpha.is_used(ray_queries.build(panes(1, veil(0.5))).numba_type)

@@ -1,4 +1,4 @@
-"""Blends: as much of each part as the weight says, in every backend and of every kind of part; and what cannot be blended."""
+"""Blends: weights of the parts, in every backend and for every kind of part; invalid blends."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def blend(first, second, weight):
     return MaterialData(ir.MaterialModel.BLEND, {ir.Slot.WEIGHT: Input.number(weight)}, first=first, second=second)
 
 
-def test_each_part_is_chosen_as_often_as_it_weighs():
+def test_parts_are_chosen_by_their_weight():
     """Of 0.3 · (0.25 a + 0.75 b) + 0.7 c."""
     parts = [grey(0.1), grey(0.2), grey(0.3), blend(0, 1, 0.75), blend(3, 2, 0.7)]
     tables = principled.tables_for(make.scene([(K.SPHERE, (1,), make.matrix(), 4)], materials=parts))
@@ -47,7 +47,7 @@ def test_scenes_without_blends_keep_their_tables():
 
 @pytest.mark.parametrize("backend", ["ray", "raster", "reference"])
 def test_a_picture_of_a_blend(tmp_path, backend):
-    """White and black by 0.25, lit with irradiance π: 0.75 in the mean of many samples; a weight of 0 or 1 is the one or the other."""
+    """White and black by 0.25 with irradiance π have the mean 0.75; a weight of 0 or 1 gives one part."""
     text = VIEW + "plane(y: 0, material: blend(lambert(1), lambert(0), {}))\n"
     found = rm.grey(rm.picture(tmp_path, text.format(0.25), backend, size=(24, 24), samples=16))
     assert abs(found.mean() - 0.75) < 5 * 0.433 / (24 * 4)

@@ -1,4 +1,4 @@
-"""Surfaces from hits: normals under every transform, mesh attributes, lengths of coordinates, and rays that leave without coming back."""
+"""Surfaces at hits: normals under all transforms, mesh attributes, metrics of coordinates, offsets of new rays."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ def mesh(**attributes):
 
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("linear", [np.diag([2.0, 0.3, 1.0]), np.diag([-1.0, 1.0, 2.0]), make.turn(0, 0.7) @ np.diag([1.0, 3.0, -0.5])])
-def test_normals_are_square_to_the_surface_under_scales_and_mirrors(shape, linear):
-    """Two more hits close by span the tangent plane; the normal is square to it, unit, and faces the ray; outward ones face outside."""
+def test_normals_are_perpendicular_under_scales_and_mirrors(shape, linear):
+    """Two nearby hits span the tangent plane; the normal is perpendicular to it, unit, and faces the ray."""
     kind, parameters = SHAPES[shape]
     tables = make.scene([(kind, parameters, make.matrix((3, -1, 2), linear), 0)])
     random = np.random.default_rng(5)
@@ -100,8 +100,8 @@ def test_a_mirrored_mesh_keeps_its_outside():
         (By.CORNER, [[1, 0, 0], [0, 1, 0], [0, 0, 1]], [0.5, 0.25, 0.25]),
     ],
 )
-def test_attributes_are_interpolated_as_they_say(interpolation, values, expected):
-    """The second of two meshes in the pools, so that every first row matters."""
+def test_interpolation_of_attributes(interpolation, values, expected):
+    """For the second of two meshes in the pools, so that first rows matter."""
     other = make.mesh(TRIANGLE + 50, [[0, 1, 2]], colors=MeshAttribute(np.zeros((1, 3)), By.FACE))
     given_ = mesh(colors=MeshAttribute(np.array(values), interpolation))
     tables = make.scene(meshes=[(other, make.matrix(), 0), (given_, make.matrix(), 0)])
@@ -121,19 +121,19 @@ def test_smooth_normals_are_interpolated_and_flat_ones_are_not():
         assert vector(corner.geometric)[0] == pytest.approx([0, 1, 0])
 
 
-def test_normals_that_point_inside_are_turned_to_the_triangles_outside():
+def test_inward_normals_flip_to_the_triangles_outside():
     given_ = mesh(normals=MeshAttribute(np.array([[0.0, -1.0, 0.0]] * 3)))
     found, _ = at(make.scene(meshes=[(given_, make.matrix(), 0)]), make.rays((0.5, 1, -1), (0, -1, 0)))
     assert vector(found.normal)[0] == pytest.approx([0, 1, 0])
 
 
-def test_normals_that_cancel_out_give_the_faces_own():
+def test_normals_that_cancel_give_the_face_normal():
     given_ = mesh(normals=MeshAttribute(np.zeros((3, 3))))
     found, _ = at(make.scene(meshes=[(given_, make.matrix(), 0)]), make.rays((0.5, 1, -1), (0, -1, 0)))
     assert vector(found.normal)[0] == pytest.approx([0, 1, 0])
 
 
-def test_a_meshs_coordinates_know_their_length_in_metres():
+def test_metric_of_mesh_coordinates():
     """u runs 0 to 1 over 2 m and v over 4 m; scaled by three they are 6 and 12."""
     given_ = mesh(uvs=MeshAttribute(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])))
     tables = make.scene(meshes=[(given_, make.matrix(linear=3 * np.eye(3)), 0)])
@@ -151,9 +151,11 @@ def test_without_coordinates_and_with_coordinates_that_are_all_one_point():
 
 @pytest.mark.parametrize("place", [1e-3, 1.0, 1e5])
 @pytest.mark.parametrize("shape", [*SHAPES, "mesh"])
-def test_rays_that_leave_do_not_meet_the_surface_again(shape, place):
-    """At coordinates of 1e-3, 1 and 1e5, with sizes that match or are small beside them, a ray outward from a convex solid is free.
-    No fixed epsilon could do all."""
+def test_new_rays_do_not_hit_their_surface(shape, place):
+    """At coordinates of 1e-3, 1 and 1e5, with equal or much smaller sizes, an outward ray from a convex solid hits nothing.
+
+    No fixed epsilon works for all of them.
+    """
     random = np.random.default_rng(3)
     size = min(place, 1.0)
     spot = np.array([0.7, -0.4, 1.1]) * place
@@ -188,8 +190,8 @@ def test_rays_that_leave_do_not_meet_the_surface_again(shape, place):
 
 @given(st.floats(-3, 6), st.floats(0.01, 1.5))
 @settings(max_examples=60, deadline=None)
-def test_spacing_follows_the_coordinates(power, theta):
-    """The offset is a share of the size of the numbers it comes from: some ten units of rounding, not a length."""
+def test_offset_scales_with_the_coordinates(power, theta):
+    """The offset is proportional to the coordinates, about ten units of rounding; it is not a fixed length."""
     far = 10.0**power
     tables = make.scene([(K.SPHERE, (1.0,), make.matrix((far, 0, 0)), 0)])
     ray = make.rays((far + 3 * math.sin(theta), 3 * math.cos(theta), 0), (-math.sin(theta), -math.cos(theta), 0))

@@ -1,4 +1,4 @@
-"""Normal and bump maps: turned normals against closed forms, tangents of mirrored coordinates, and that nothing is mirrored inwards."""
+"""Normal and bump maps: normals against closed forms, tangents of mirrored coordinates, no inward reflection."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TILT = (0.6, 0.0, 0.8)
 
 
 def mapped(texel=TILT, strength=1.0):
-    """Adds a picture of one direction and makes a material with it as its normal map."""
+    """Add an image of one direction and make a material with it as its normal map."""
 
     def prepare(builder):
         image = builder.image(np.array([[[*((np.array(texel) + 1) / 2), 1.0]]]))
@@ -34,7 +34,7 @@ def mapped(texel=TILT, strength=1.0):
 
 
 def normal_at(tables, origin, direction):
-    """The turned normal of what one ray meets."""
+    """The perturbed normal at the hit of one ray."""
     tables = principled.tables_for(tables)
     ray = make.rays(origin, direction)
     hit = make.first_hit(tables, ray)
@@ -47,7 +47,7 @@ def square(uvs=UVS, placed=None, positions=SQUARE, **more):
     return make.scene(meshes=[(data, make.matrix() if placed is None else placed, 0)], prepare=mapped())
 
 
-def test_red_leans_along_u():
+def test_red_tilts_along_u():
     assert normal_at(square(), (0.2, 1, 0.1), (0, -1, 0)) == pytest.approx([0.6, 0.8, 0.0], abs=1e-6)
 
 
@@ -59,8 +59,8 @@ def test_mirrored_coordinates_lean_the_other_way_and_green_stays():
 
 
 @pytest.mark.parametrize("stretch", [(1, 1, 1), (2, 1, 1), (-1, 1, 1), (1, -3, 1), (-2, -1, -1)])
-def test_a_placed_thing_turns_its_normals_with_it(stretch):
-    """u's direction goes with the thing, mirrored or stretched; a plane that is turned over is met from its other side."""
+def test_normals_follow_the_transform(stretch):
+    """The tangent follows the instance's transform, mirrored or scaled; a flipped plane is hit from its other side."""
     placed = make.matrix((0, 0, 0), make.turn(1, 0.7) @ np.diag(np.array(stretch, float)))
     along = placed[:3, 0] / np.linalg.norm(placed[:3, 0])
     found = normal_at(square(placed=placed), (0.1, 1, 0.1), (0, -1, 0))
@@ -97,7 +97,7 @@ def test_tangents_of_a_smooth_mesh_are_shared_and_those_across_a_mirror_are_not(
     assert made[6:] == pytest.approx(np.tile([-1, 0, 0, -1], (6, 1)), abs=1e-6)
 
 
-def test_coordinates_without_an_area_give_some_direction_along_the_surface():
+def test_coordinates_without_area_give_some_tangent():
     made = normal_map.mesh_tangents(square(UVS * 0.0), 0)
     assert np.linalg.norm(made[:, :3], axis=1) == pytest.approx(np.ones(6), abs=1e-6)
     assert np.abs(made[:, 1]).max() < 1e-6
@@ -112,8 +112,8 @@ def heights(builder):
 
 
 @pytest.mark.parametrize("scale", [1.0, 4.0])
-def test_a_bump_map_is_as_steep_as_its_height_says(scale):
-    """0.5 m over a square 2 m wide: a slope of ¼; a thing four times as large has a quarter of it."""
+def test_the_slope_of_a_bump_map(scale):
+    """0.5 m over a square of 2 m is a slope of ¼; an instance four times as large has a quarter of it."""
     placed = make.matrix(linear=np.eye(3) * scale)
     data = make.mesh(SQUARE, TWO, uvs=MeshAttribute(UVS))
     found = normal_at(make.scene(meshes=[(data, placed, 0)], prepare=heights), (0.2, 9, 0.1), (0, -1, 0))

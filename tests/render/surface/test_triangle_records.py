@@ -1,4 +1,4 @@
-"""Triangles of meshes as rows: what they say is what their meshes say, and pictures are the same as by trying everything."""
+"""Triangle records: equal to the data of their meshes, and pictures equal to brute force."""
 
 from __future__ import annotations
 
@@ -61,12 +61,12 @@ MANY = "\n".join(
 
 
 @pytest.mark.parametrize("text", [MESH.format("flat", "flat"), MANY], ids=["one mesh", "many things"])
-def test_what_trees_meet_is_what_trying_everything_meets(tmp_path: Path, text: str) -> None:
+def test_pictures_match_brute_force(tmp_path: Path, text: str) -> None:
     scene = scene_of(tmp_path, text)
     assert np.array_equal(drawn(scene), drawn(scene, accelerator="brute_force"))
 
 
-def test_rounded_triangles_look_as_their_meshes_say(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rounded_triangles_match_their_meshes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = scene_of(tmp_path, MESH.format("smooth", "phong"))
     by_rows = drawn(scene)
     monkeypatch.setattr(triangle_records, "MOST", 0)
@@ -76,7 +76,7 @@ def test_rounded_triangles_look_as_their_meshes_say(tmp_path: Path, monkeypatch:
 
 
 def test_rounded_triangles_in_double_precision(tmp_path: Path) -> None:
-    """As beside formulas, and where the largest coordinate is many times the smallest thing."""
+    """As with formulas, and where the largest coordinate is many times the smallest instance."""
     scene = scene_of(tmp_path, MESH.format("smooth", "phong"))
     narrow, wide = (drawn(scene, precision=kind) for kind in ("float32", "float64"))
     assert np.median(np.abs(narrow - wide)) < 1e-5
@@ -85,7 +85,7 @@ def test_rounded_triangles_in_double_precision(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("how", ["", ", scale: [-2, 2, 2]", ", scale: [1, 3, 1]"], ids=["plain", "mirrored", "stretched"])
 @pytest.mark.parametrize("name", ["flat", "smooth"])
-def test_rows_of_triangles_are_their_surfaces(tmp_path: Path, name: str, how: str) -> None:
+def test_records_match_interactions(tmp_path: Path, name: str, how: str) -> None:
     scene = scene_of(tmp_path, MESH.format(name, {"flat": "flat", "smooth": "phong"}[name]).replace("0.8, 0]", f"0.8, 0]{how}", 1))
     tables = scene.tables
     tried, inside = primitive_list.build(tables, True)
@@ -119,14 +119,14 @@ def test_rows_of_triangles_are_their_surfaces(tmp_path: Path, name: str, how: st
 
 
 def test_a_formulas_primitive_is_no_row():
-    """It tells which root was met, in units of its own, up to 10¹⁵: far beyond any table."""
+    """A formula's primitive is its spacing, up to 10¹⁵, far beyond any table."""
     scene = SimpleNamespace(tried=SimpleNamespace(records=SimpleNamespace(first=np.array([triangle_records.NONE, -3, 7], np.int32))))
     instance, primitive = np.array([0, 0, 0, 1, 2, -1]), np.array([10**15, 5, -1, 4, 0, -1])
     assert wavefront._row_of(scene, instance, primitive).tolist() == [-1, -1, -1, 1, 7, -1]  # pyright: ignore[reportPrivateUsage]
 
 
-def test_of_many_things_the_large_are_tried(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same as where the pieces of all things are looked at."""
+def test_large_instances_of_many_are_listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same list as with the primitives of all instances as candidates."""
     tables = scene_of(tmp_path, MANY + "\nbox([2, 2, 1], center: [0, 1, -2])\nbox(0.5)\nplane(translate: [0, -1, 0])").tables
     quick, inside = primitive_list.build(tables, True)
     every = np.ones(len(tables.instances.geometry), bool)
@@ -146,7 +146,7 @@ sphere(0.4, center: [1, 2, 1], material: emissive(luminance: 3))
 """
 
 
-def test_lamps_lie_between_their_corners(tmp_path: Path) -> None:
+def test_lights_lie_between_their_corners(tmp_path: Path) -> None:
     tables = scene_of(tmp_path, LAMPS).tables
     corners = primitive_list._light_corners(tables)
     u, v = np.random.default_rng(2).uniform(0, 1, (2, 4000))

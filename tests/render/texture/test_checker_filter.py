@@ -13,7 +13,7 @@ SIDE = 192  # places along each side of a parallelogram, in the sums
 
 
 def summed(checker: bool, x: Array, y: Array, p: tuple[float, float], q: tuple[float, float]) -> Array:
-    """The share of even cells among SIDE by SIDE places about each x, y."""
+    """Share of even cells among SIDE × SIDE points around each x, y."""
     a, b = np.meshgrid(*[(np.arange(SIDE) + 0.5) / SIDE - 0.5] * 2)
     across, up = (np.floor(c[:, None, None] + p[k] * a + q[k] * b) for k, c in enumerate((x, y)))
     return ((across + checker * up) % 2 == 0).mean(axis=(1, 2))
@@ -36,7 +36,7 @@ width = st.floats(-3, 1.2).map(lambda e: round(10.0**e, 6))
 
 @given(width, width, st.integers(0, 99), st.booleans(), st.booleans())
 @settings(max_examples=60, deadline=None)
-def test_along_the_axes_means_are_exact(wide: float, high: float, seed: int, checker: bool, turned: bool):
+def test_axis_aligned_means_are_exact(wide: float, high: float, seed: int, checker: bool, turned: bool):
     p, q = ((0.0, wide), (high, 0.0)) if turned else ((wide, 0.0), (0.0, high))
     x, y = places(seed)
     off = np.abs(mean(checker, x, y, p, q) - summed(checker, x, y, p, q)).max()
@@ -47,8 +47,8 @@ def test_along_the_axes_means_are_exact(wide: float, high: float, seed: int, che
 @settings(max_examples=60, deadline=None)
 @example(0.01, 0.421697, 29.0, 71, np.float32)
 @example(0.01, 0.421697, 29.0, 35, np.float32)
-def test_askew_means_are_close(long: float, short: float, angle: float, seed: int, kind: type):
-    """A tenth of the contrast in the worst corner, mostly far less, in single precision as in double."""
+def test_oblique_means_are_close(long: float, short: float, angle: float, seed: int, kind: type):
+    """Within a tenth of the contrast, mostly far less, in single and double precision."""
     c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
     x, y = places(seed, kind)
     p, q = (c * long, s * long), (-s * short, c * short)
@@ -57,7 +57,7 @@ def test_askew_means_are_close(long: float, short: float, angle: float, seed: in
     assert np.sqrt(np.mean(off**2)) < 0.04
 
 
-def test_stripes_askew_are_exact():
+def test_oblique_stripes_are_exact():
     x, y = places(3)
     p, q = (0.7, 5.0), (0.4, -3.0)
     assert np.abs(mean(False, x, y, p, q) - summed(False, x, y, p, q)).max() < 1e-2
@@ -69,7 +69,7 @@ def test_a_point_has_its_cell(checker: bool):
     assert np.array_equal(mean(checker, x, y, (0.0, 0.0), (0.0, 0.0)), summed(checker, x, y, (0.0, 0.0), (0.0, 0.0)))
 
 
-def test_far_more_than_there_is_room_for_is_a_half():
+def test_huge_footprints_are_a_half():
     x, y = places(5)
     for p, q in (((1e9, 3e8), (2e3, -1e3)), ((1e20, 0.0), (0.0, 1e20))):
         assert mean(True, x, y, p, q) == pytest.approx(0.5, abs=1e-3)

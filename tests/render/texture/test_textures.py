@@ -1,4 +1,4 @@
-"""Textures: mappings, wraps, pictures and patterns at worked-out points, on borders, and far away."""
+"""Textures: mappings, wraps, images and patterns at computed points, on borders, and far away."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def scene(texture, picture=PICTURE, shape=(K.PLANE, ())):
 
 
 def at(texture, u, v, metric=(1.0, 1.0), picture=PICTURE):
-    """A texture's colour (n, 3) at surface coordinates."""
+    """A texture's color (n, 3) at surface coordinates."""
     u, v = np.broadcast_arrays(np.asarray(u, float), np.asarray(v, float))
     u, v = np.atleast_1d(u), np.atleast_1d(v)
     one = np.ones(u.shape)
@@ -48,7 +48,7 @@ def at(texture, u, v, metric=(1.0, 1.0), picture=PICTURE):
 
 
 def seen(texture, origin, direction, shape, picture=PICTURE):
-    """A texture's colour (n, 3) where rays meet a shape."""
+    """A texture's color (n, 3) at hits of rays with a shape."""
     tables = scene(texture, picture, shape)
     ray = make.rays(origin, direction)
     with np.errstate(all="ignore"):
@@ -88,7 +88,7 @@ def test_wraps_go_by_axis():
 @pytest.mark.parametrize("wrap", list(W))
 @given(u=st.floats(allow_nan=True, allow_infinity=True), v=st.sampled_from([0.0, -1e-9, 1.0, 1 - 2**-53, 1e308, -math.inf, math.nan]))
 @settings(max_examples=60, deadline=None)
-def test_no_coordinate_reads_beside_the_picture(wrap, u, v):
+def test_no_coordinate_reads_outside_of_the_image(wrap, u, v):
     """u = −1e-9 has the fraction 1.0 in float32: an index by fraction · width would be one too far."""
     for nearest in (False, True):
         value = at(TextureData(IMAGE, image=0, nearest=nearest, wrap_u=wrap, wrap_v=wrap), u, v)
@@ -132,7 +132,7 @@ def test_stripes_run_along_v():
 
 
 def test_cells_are_half_open_and_go_on_below_zero():
-    """Cells are [k, k + 1): the border belongs to the next one, and there is no double cell about 0, as truncation would make."""
+    """Cells are [k, k + 1): borders belong to the next cell; there is no double cell at 0, as by truncation."""
     at_borders = np.array([-3.0, -2.0, -1.0, 0.0, 1.0, 2.0]) / 8
     assert np.array_equal(cells(STRIPES, at_borders, 0.0), [0, 1, 0, 1, 0, 1])
     assert np.array_equal(cells(STRIPES, np.nextafter(at_borders, -9), 0.0), [1, 0, 1, 0, 1, 0])
@@ -188,8 +188,8 @@ def test_box_mapping_shows_the_picture_upright_on_each_side(face):
     assert found[0, :2] == pytest.approx([0.75, 0.625], abs=1e-6)
 
 
-def test_neighbours_on_the_net_meet_on_the_box():
-    """A picture whose colours run on across the net's inner borders runs on across the box's edges."""
+def test_neighbors_on_the_net_are_neighbors_on_the_box():
+    """An image that is continuous across the net's inner borders is continuous across the box's edges."""
     cell = 16
     y, x = np.mgrid[0 : 3 * cell, 0 : 4 * cell] + 0.5
     picture = np.stack([x / cell, 3 - y / cell, 0 * x, 0 * x + 1], axis=-1)

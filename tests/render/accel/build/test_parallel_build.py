@@ -1,4 +1,4 @@
-"""Binary trees grown by threads, and which of their nodes wide ones keep: nobody waits in vain, and nothing costs less."""
+"""Parallel BVH builds and their collapse: optimal cost, complete parts, no thread waits forever."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ def area(box: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("n", [1, 5, 40, 300])
-def test_no_wide_tree_of_the_same_halves_costs_less(n: int) -> None:
-    """Against all ways to share out children, by their definition."""
+def test_no_collapse_of_the_same_binary_bvh_costs_less(n: int) -> None:
+    """Against all slot distributions, by definition."""
     corners = np.random.default_rng(n).uniform(-1, 1, (n, 1, 3)) + np.random.default_rng(n + 1).uniform(-0.1, 0.1, (n, 3, 3))
     mesh = mesh_of(corners)
     tree = grown(mesh).tree
     known: dict[tuple[int, int], float] = {}
 
     def least(node: int, children: int) -> float:
-        """What a node costs as up to so many children of another."""
+        """Cost of a node with up to a number of slots."""
         if (node, children) not in known:
             alone, second = wide_collapse.TEST * area(tree.boxes[node]), tree.second[node]
             if children > 1:
@@ -64,7 +64,7 @@ def test_no_wide_tree_of_the_same_halves_costs_less(n: int) -> None:
     np.testing.assert_allclose(cost, own(0) if tree.second[0] else least(0, 1), rtol=1e-4)
 
 
-def test_parts_are_all_there_is_one_behind_the_other() -> None:
+def test_parts_are_complete_and_contiguous() -> None:
     sheet = wavy(150)
     growth = grown(Mesh(sheet.positions.astype(np.float32), sheet.triangles.astype(np.int32)), 3)
     count, nodes, leaves = growth.sizes
@@ -81,8 +81,8 @@ def test_parts_are_all_there_is_one_behind_the_other() -> None:
     np.testing.assert_array_equal(np.sort(numbers), np.arange(len(sheet.triangles)))
 
 
-def test_boxes_that_shrink_without_end_are_halved_at_last() -> None:
-    """Each plane leaves one in sixteen behind: by planes alone such a tree is as deep as it has things, beyond the room for tasks."""
+def test_endlessly_shrinking_boxes_split_at_the_median() -> None:
+    """Each plane separates one item of sixteen: without median splits the depth would exceed the task list."""
     n = 60_000
     corners = np.exp2(-np.linspace(0, 120, n))[:, None, None] * np.eye(3)
     growth = grown(mesh_of(corners), 2)
@@ -90,7 +90,7 @@ def test_boxes_that_shrink_without_end_are_halved_at_last() -> None:
     assert growth.tasks[: growth.counters[parallel_build.MADE], parallel_build.LEVEL].max() <= binned_sah.DEEPEST + n.bit_length()
 
 
-def test_a_thread_that_fails_takes_the_others_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failing_thread_ends_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
     sheet, real, failed = wavy(150), parallel_build.build_worker, threading.Event()
 
     def take_part(growth, mine):
@@ -105,8 +105,8 @@ def test_a_thread_that_fails_takes_the_others_with_it(monkeypatch: pytest.Monkey
         wide_bvh.build(sheet.positions.astype(np.float32), sheet.triangles.astype(np.int32), 2)
 
 
-def test_who_waits_gives_its_core_away_and_comes_back_for_the_same_task() -> None:
-    """Alone with items of which nothing is ready: a call ends without an answer, and one after it was made ready with all done."""
+def test_a_waiting_thread_yields_and_resumes_its_task() -> None:
+    """A single worker without a ready task returns False; once the task is ready, the next call finishes."""
     items = np.zeros((9, 8), np.float32)
     items[:, binned_sah.COUNT], items[:, 0], items[:, 4] = 1.0, np.arange(9), -np.arange(9)
     items.view(np.int32)[:, binned_sah.NUMBER] = np.arange(9) | binned_sah.TAG

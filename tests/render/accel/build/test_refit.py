@@ -1,4 +1,4 @@
-"""Trees refitted to moved corners: what rays meet in them, when they are built anew, and what keeps them."""
+"""Refitted BVHs: hits, rebuilds of bad ones, caching."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def corners(cells: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     return mesh.positions.astype(np.float32), mesh.triangles.astype(np.int32)
 
 
-def test_a_tree_refitted_to_its_own_corners_is_itself():
+def test_a_refit_to_the_same_vertices_is_identical():
     positions, triangles = corners(20, 1)
     tree = wide_bvh.build(positions, triangles)
     again = refit.refit(tree, positions, triangles)
@@ -36,7 +36,7 @@ def test_a_tree_refitted_to_its_own_corners_is_itself():
 
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=10, deadline=None)
-def test_boxes_hold_what_is_below_them(seed):
+def test_boxes_enclose_their_subtrees(seed):
     random = np.random.default_rng(seed)
     positions, triangles = corners(8, 2)
     moved = (positions * random.uniform(0.1, 10, 3) + random.normal(size=positions.shape) * random.uniform(0, 0.3)).astype(np.float32)
@@ -56,8 +56,8 @@ def test_boxes_hold_what_is_below_them(seed):
 
 
 @pytest.mark.parametrize("how", [0.02, 0.2])
-def test_rays_meet_in_it_what_brute_force_finds(monkeypatch, how):
-    """To the last bit, with corners moved little and, where it would be built anew, far."""
+def test_hits_match_brute_force(monkeypatch, how):
+    """Bit for bit, with small and, where it would be rebuilt, large moves of vertices."""
     monkeypatch.setattr(refit, "WORSE", np.inf)
     mesh = wavy(16, 3)
     same(scene(meshes=[(mesh, matrix(), 0)]), random_rays(64, 1))
@@ -70,7 +70,7 @@ def test_rays_meet_in_it_what_brute_force_finds(monkeypatch, how):
     assert not built
 
 
-def test_a_tree_that_became_bad_is_built_anew():
+def test_a_bad_refit_is_rebuilt():
     positions, triangles = corners(24, 5)
     first = tree_cache.cached_mesh_bvh(positions, triangles)
     bent = (positions + 0.001).astype(np.float32)

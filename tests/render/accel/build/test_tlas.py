@@ -1,4 +1,4 @@
-"""The tree over instances where single precision has least room: far away, at any scale, on a wide ground, in planes of faces."""
+"""BVH over instances where float32 is least precise: far away, at any scale, on a wide ground, in planes of faces."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MANY = 400
 
 
 def placed(rng: np.random.Generator, at: float, scale: float, side: float) -> np.ndarray:
-    """A turn and a place in a cube of 8 · scale around (at, -at, at / 2), for things of that side."""
+    """Random transforms in a cube of 8 · scale around (at, -at, at / 2), for instances of size `scale`."""
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     middle = scale * rng.uniform(-4, 4, 3) + np.array([at, -at, 0.5 * at])
     return np.hstack([scale * side * turn, middle[:, None]])
@@ -39,7 +39,7 @@ def moved(ray: Ray, at: float, scale: float, back: float = 0.0) -> Ray:
 
 
 def same(tables: ir.Tables, ray: Ray) -> tuple[np.ndarray, ...]:
-    """What rays meet, after trees and a loop over all things have agreed to the last bit."""
+    """Hits of rays, after BVH and brute force agreed bit for bit."""
     expected = through_trees(tables, ray, brute=True)
     for found, wanted in zip(through_trees(tables, ray), expected, strict=True):
         np.testing.assert_array_equal(found, wanted)
@@ -52,7 +52,7 @@ def big_enough(tables: ir.Tables) -> None:
 
 @pytest.mark.parametrize("scale", [1e-9, 1e-3, 1.0, 1e6, 1e12])
 @pytest.mark.parametrize("away", [0.0, 1e3, 1e7])
-def test_at_any_scale_and_place_trees_say_what_a_loop_says(scale: float, away: float) -> None:
+def test_hits_match_brute_force_at_any_scale_and_place(scale: float, away: float) -> None:
     at = away * scale
     tables = crowd(at, scale)
     big_enough(tables)
@@ -62,7 +62,7 @@ def test_at_any_scale_and_place_trees_say_what_a_loop_says(scale: float, away: f
 
 
 @pytest.mark.parametrize("back", [30.0, 1e4, 1e7])
-def test_eyes_far_away_meet_the_same(back: float) -> None:
+def test_hits_match_from_far_away(back: float) -> None:
     tables = crowd()
     rng = np.random.default_rng(2)
     direction = rng.normal(size=(2000, 3))
@@ -71,7 +71,7 @@ def test_eyes_far_away_meet_the_same(back: float) -> None:
     assert np.mean(instance >= 0) > 0.1
 
 
-def test_rays_that_begin_and_end_in_between() -> None:
+def test_hits_match_between_t_min_and_t_max() -> None:
     tables = crowd()
     rng = np.random.default_rng(3)
     ray = random_rays(3000, 4, reach=4.0)
@@ -82,7 +82,7 @@ def test_rays_that_begin_and_end_in_between() -> None:
 
 
 def test_rays_along_the_axes_in_the_faces_of_boxes() -> None:
-    """Of cubes that touch, at numbers that float32 has not, in the planes of their faces and a rounding beside these."""
+    """Rays in the face planes of touching cubes, at coordinates that float32 cannot represent, and one rounding beside."""
     third = 1.0 / 3.0
     tables = scene([(K.BOX, [0.5 * third] * 3, matrix((third * x, third * y, 0.1 * (x - y))), 0) for x in range(20) for y in range(20)])
     big_enough(tables)
@@ -95,7 +95,7 @@ def test_rays_along_the_axes_in_the_faces_of_boxes() -> None:
 
 
 @pytest.mark.parametrize("wide", [1e2, 1e5, 1e8])
-def test_small_things_on_a_wide_ground(wide: float) -> None:
+def test_small_instances_on_a_wide_ground(wide: float) -> None:
     rng = np.random.default_rng(9)
     small = [(K.SPHERE, [1.0], placed(rng, 0.0, 1.0, 0.05), 0) for _ in range(MANY)]
     tables = scene([*small, (K.BOX, [wide, 0.1, wide], matrix((0, -4.2, 0)), 0)])
@@ -106,7 +106,7 @@ def test_small_things_on_a_wide_ground(wide: float) -> None:
     assert len(np.unique(instance)) > 50
 
 
-def test_only_few_stay_outside_of_the_tree() -> None:
+def test_only_few_instances_stay_outside() -> None:
     small = np.tile([0.0, 0.0, 0.0, 1e-3, 1e-3, 1e-3], (100, 1)) + np.arange(100.0)[:, None] * 1e-3
     large = np.tile([-1e4, -1e4, -1e4, 1e4, 1e4, 1e4], (9, 1))
     assert tlas.too_large(np.concatenate([small, large[:8]])).tolist() == [False] * 100 + [True] * 8

@@ -1,4 +1,4 @@
-"""Trees that are kept: the same whether built, remembered or read, and built again where a file is not what it should be."""
+"""BVH cache: equal results from build, memory and disk; damaged files are rebuilt."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ...tracing import random_rays, same, wavy
 
 @pytest.fixture(autouse=True)
 def _apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A folder of one's own, and small meshes count as large."""
+    """A temporary cache folder, where small meshes count as large."""
     monkeypatch.setattr(kernel_cache, "CACHE", tmp_path)
     monkeypatch.setattr(tree_cache, "LARGE", 100)
     tree_cache.clear()
@@ -37,7 +37,7 @@ def assert_equal(a: wide_bvh.Wide, b: wide_bvh.Wide) -> None:
         assert one.dtype == other.dtype
 
 
-def test_a_tree_is_remembered_and_read_as_it_was_built(tmp_path: Path) -> None:
+def test_memory_and_disk_return_what_was_built(tmp_path: Path) -> None:
     positions, triangles = mesh(20)
     built = tree_cache.cached_mesh_bvh(positions, triangles)
     assert_equal(built, wide_bvh.build(positions, triangles))
@@ -49,7 +49,7 @@ def test_a_tree_is_remembered_and_read_as_it_was_built(tmp_path: Path) -> None:
     assert_equal(read, built)
 
 
-def test_another_corner_is_another_tree(tmp_path: Path) -> None:
+def test_another_vertex_is_another_bvh(tmp_path: Path) -> None:
     positions, triangles = mesh(20)
     built = tree_cache.cached_mesh_bvh(positions, triangles)
     moved = positions.copy()
@@ -65,7 +65,7 @@ def test_small_meshes_are_not_written(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("damage", ["empty", "short", "long", "foreign", "a folder"])
-def test_what_is_damaged_is_built_again(tmp_path: Path, damage: str) -> None:
+def test_damaged_files_are_rebuilt(tmp_path: Path, damage: str) -> None:
     positions, triangles = mesh(20)
     built = tree_cache.cached_mesh_bvh(positions, triangles)
     (file,) = files(tmp_path)
@@ -81,13 +81,13 @@ def test_what_is_damaged_is_built_again(tmp_path: Path, damage: str) -> None:
         assert file.read_bytes() == whole
 
 
-def test_nowhere_to_write_is_no_mistake(tmp_path: Path) -> None:
+def test_an_unwritable_folder_is_no_error(tmp_path: Path) -> None:
     (tmp_path / "trees").write_text("in the way")
     positions, triangles = mesh(20)
     assert_equal(tree_cache.cached_mesh_bvh(positions, triangles), wide_bvh.build(positions, triangles))
 
 
-def test_the_folder_and_the_memory_have_an_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_folder_and_memory_are_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     sizes = [tree_cache.cached_mesh_bvh(*mesh(20, seed)).nbytes for seed in range(3)]
     monkeypatch.setattr(tree_cache, "ON_DISK", 3 * max(sizes))
     monkeypatch.setattr(tree_cache, "IN_MEMORY", 2 * max(sizes))
@@ -99,7 +99,7 @@ def test_the_folder_and_the_memory_have_an_end(tmp_path: Path, monkeypatch: pyte
     assert sum(tree.nbytes for tree in tree_cache._known.values()) <= 2 * max(sizes)
 
 
-def test_scenes_share_what_is_kept_and_number_triangles_on_their_own() -> None:
+def test_scenes_share_bvhs_with_their_own_triangle_numbers() -> None:
     first, second = wavy(20, 1), wavy(20, 2)
     for meshes in ([first], [second, first], [first, second, first]):
         tables = scene(meshes=[(each, np.eye(4), 0) for each in meshes])

@@ -1,4 +1,4 @@
-"""Lamps that formula surfaces hide from what the camera sees of them: bundles of shadow rays tell what rays one by one do."""
+"""Shadow packets against formula surfaces: same shadows as single rays."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def drawn(tmp_path, text: str, samples: int = 1) -> image.Image:
 
 @pytest.mark.parametrize("lamps", LAMPS)
 @pytest.mark.parametrize("thing", THINGS)
-def test_shadows_by_bundles_are_those_of_rays_one_by_one(tmp_path, monkeypatch, thing, lamps):
+def test_packets_give_the_shadows_of_single_rays(tmp_path, monkeypatch, thing, lamps):
     text = VIEW + LAMPS[lamps] + "\n" + THINGS[thing]
     by_bundles = drawn(tmp_path, text, 2).channels["rgba"]
     monkeypatch.setattr(prepare.shadow_rays, "lamps", lambda *of: [])
@@ -49,8 +49,8 @@ def test_shadows_by_bundles_are_those_of_rays_one_by_one(tmp_path, monkeypatch, 
     assert int((np.abs(by_bundles - one_by_one).max(axis=2) > 1e-6).sum()) <= 2  # where rays graze what they leave
 
 
-def test_lamps_asked_for_beforehand(tmp_path):
-    """Those without extent that cast shadows, and none where nothing is met by bundles or casts any."""
+def test_selected_lights(tmp_path):
+    """Point lights with shadows; none where no surface is in packets or casts shadows."""
     soft = "ambient(#222222)\nsun(from: [2, 1, 2], illuminance: 2, angle: 3deg)\nsky(luminance: 1)\n"
     sharp = "point([1, 2, 0], intensity: 1, shadows: false)\npoint([1, 2, 0], intensity: 1)\ndirectional(from: [1, 2, -1])\n"
     for text, shadows, expected in (
@@ -67,8 +67,8 @@ def test_lamps_asked_for_beforehand(tmp_path):
         assert shadow_rays.select_lights(prepare.build_bvh(scene.tables, plan).tables, scene.tables, options) == expected
 
 
-def test_what_is_told_of_a_lamp(tmp_path, monkeypatch):
-    """Some of it is hidden, some is not, and nothing is told of places that face away."""
+def test_hidden_bits_of_a_light(tmp_path, monkeypatch):
+    """Some points are hidden, some lit, and points that face away have no result."""
     text = VIEW + LAMPS["sun"] + "\n" + THINGS["sheet"]
     whole = drawn(tmp_path, text).channels["rgba"]
     told = []
@@ -86,8 +86,8 @@ def test_what_is_told_of_a_lamp(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("lamps", [False, True])
-def test_what_a_tile_met_is_of_one_type_whatever_its_samples(lamps: bool) -> None:
-    """Else the kernel that draws tiles would be compiled anew for each number of samples."""
+def test_tile_hits_have_one_type_for_any_number_of_samples(lamps: bool) -> None:
+    """Otherwise each number of samples would compile the tile kernel again."""
     room = ray.Workspace(np.zeros((3, 8), np.int64), np.zeros((5, 8)), np.zeros((1, 1, 8)))
     kinds = {camera_rays._allocate(np.full((2, 3), count), room, lamps, False).workspace.numba_type for count in (0, 1, 2)}
     assert len(kinds) == 1

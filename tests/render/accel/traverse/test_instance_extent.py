@@ -1,4 +1,4 @@
-"""Boxes around turned instances: they hold all corners of the meshes, and stand off them by no more than the boxes of leaves do."""
+"""Tight bounds of rotated instances: they hold all vertices, with no more margin than the boxes of leaves."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ COUNT = instance_extent.MIN_ROTATED + 8
 
 @pytest.fixture(scope="module")
 def knots():
-    """A mesh far from its own origin, and turned, sheared and mirrored places of it."""
+    """A mesh far from its origin, with rotated, sheared and mirrored transforms."""
     made = meshes.knot(200, 40)
     rng = np.random.default_rng(3)
     places = np.concatenate([rng.normal(size=(COUNT, 3, 3)), rng.normal(size=(COUNT, 3, 1)) * 100.0], axis=2)
@@ -21,7 +21,7 @@ def knots():
 
 
 def boxes_of(made, places):
-    """(boxes by the boxes' corners, boxes as trees have them, (instances, vertices, 3) corners in the world)."""
+    """(world bounds, tight bounds, vertices in the world (instances, vertices, 3))."""
     tables = meshes.scene(made, places).tables
     loose = world_bounds(tables)
     tree, roots, _ = scene_bvh.mesh_bvhs(tables, np.unique(tables.instances.geometry))
@@ -32,7 +32,7 @@ def boxes_of(made, places):
     return loose, close, np.einsum("nij,vj->nvi", places[:, :, :3], points) + places[:, None, :, 3]
 
 
-def test_tight_boxes_hold_all_corners_and_little_more(knots) -> None:
+def test_tight_bounds_hold_all_vertices_and_little_more(knots) -> None:
     loose, close, corners = boxes_of(*knots)
     low, high = corners.min(axis=1), corners.max(axis=1)
     assert (close[:, :3] <= low).all()
@@ -44,13 +44,13 @@ def test_tight_boxes_hold_all_corners_and_little_more(knots) -> None:
     assert np.array_equal(close[0], loose[0])
 
 
-def test_few_instances_keep_the_boxes_of_boxes(knots) -> None:
+def test_few_instances_keep_world_bounds(knots) -> None:
     made, places = knots
     loose, close, _ = boxes_of(made, places[:5])
     assert np.array_equal(loose, close)
 
 
-def test_rays_meet_in_tight_boxes_what_they_meet_without_a_tree(knots) -> None:
+def test_hits_in_tight_bounds_match_brute_force(knots) -> None:
     made, places = knots
     tables = meshes.scene(made, places).tables
     rng = np.random.default_rng(8)

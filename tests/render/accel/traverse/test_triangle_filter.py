@@ -1,4 +1,4 @@
-"""Rays that leave a surface by little: single precision tells what they leave from what they meet, or leaves it to double precision."""
+"""Rays that start close to a surface: the float32 filter rejects the surface they leave, or defers to double precision."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ GAPS = np.array([0.0, 1e-15, 1e-9, 1e-7, 1e-6, 3e-6, 1e-5, 1e-4, 1e-2])
 
 
 def leaving(positions, triangles, spread, seed=3):
-    """Rays from places a little off triangles on either side, sixteen by sixteen from one triangle, `spread` apart; and how far off."""
+    """(rays that start close to triangles on either side, sixteen from each triangle, `spread` apart; their distances)."""
     random = np.random.default_rng(seed)
     n = 16 * 250
     corners = positions[triangles[np.repeat(random.integers(0, len(triangles), n // 16), 16)]]
@@ -35,7 +35,7 @@ def leaving(positions, triangles, spread, seed=3):
 @pytest.mark.parametrize("spread", [1e-4, 0.3], ids=["as bundles", "each by itself"])
 @pytest.mark.parametrize("place", PLACES.values(), ids=PLACES.keys())
 @pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES.keys())
-def test_rays_that_leave_a_surface_meet_what_brute_force_finds(shape, place, spread):
+def test_rays_that_leave_a_surface_match_brute_force(shape, place, spread):
     positions, triangles = shape
     o, d = leaving(positions, triangles, spread)
     o, d = o @ place[:3, :3].T + place[:3, 3], d @ place[:3, :3].T

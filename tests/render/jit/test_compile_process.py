@@ -24,12 +24,12 @@ target.cores = lambda: 2
 whole = np.zeros((1, 2), np.int64)
 given = whole, 3, 4, np.zeros(2, np.int64), np.zeros(3, np.int64), np.zeros(2), np.zeros(2, np.int64)
 """
-START = "compile_process.compile_in_background(2, primed.begin, *given)\n"
+START = "compile_process.compile_in_background(2, primed.reset, *given)\n"
 END = """
-primed.begin(*given)
+primed.reset(*given)
 assert given[4].tolist() == [3, 4, 0]
 assert not compile_process._compiling
-print(sum(primed.begin.stats.cache_hits.values()), sum(primed.begin.stats.cache_misses.values()))
+print(sum(primed.reset.stats.cache_hits.values()), sum(primed.reset.stats.cache_misses.values()))
 """
 
 
@@ -53,7 +53,7 @@ def test_a_kernel_is_compiled_here_if_the_other_process_ends(tmp_path: Path) -> 
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_processes_are_limited_by_threads(tmp_path: Path, threads: int) -> None:
-    start = f"compile_process.compile_in_background({threads}, primed.begin, *given)\n"
+    start = f"compile_process.compile_in_background({threads}, primed.reset, *given)\n"
     text = 2 * start + "print(len(compile_process._compiling))"
     assert run(tmp_path, text) == str(threads - 1)
 

@@ -58,7 +58,7 @@ def test_boxes_enclose_their_subtrees(seed):
 @pytest.mark.parametrize("how", [0.02, 0.2])
 def test_hits_match_brute_force(monkeypatch, how):
     """Bit for bit, with small and, where it would be rebuilt, large moves of vertices."""
-    monkeypatch.setattr(refit, "WORSE", np.inf)
+    monkeypatch.setattr(refit, "MAX_COST_RATIO", np.inf)
     mesh = wavy(16, 3)
     same(scene(meshes=[(mesh, matrix(), 0)]), random_rays(64, 1))
     built = []

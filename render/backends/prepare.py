@@ -107,7 +107,7 @@ def _link_whitted(tables: ir.Tables, plan: Plan, options: Options, packed: Handl
     """(BVH, light at vertices, lights of shadow packets), with the Whitted integrator linked into `frames`; `accel` is a linked BVH."""
     linked = accel is not None
     accel = accel or _build_unlinked(tables, plan)
-    still = plan["backend"] == "ray" and not plan["motion"]
+    still = plan["backend"] == "ray" and not plan["motion_blur"]
     lights = shadow_rays.select_lights(accel.tables, tables, options) if still else []
     if not linked:
         if _compiles_slowly(accel):

@@ -32,7 +32,7 @@ from .material_inputs import color_of
 NORMAL, BUMP = int(ir.Slot.NORMAL), int(ir.Slot.BUMP)
 MESH = int(ir.GeometryKind.MESH)
 FLAT = int(ir.Shading.FLAT)
-UV = int(ir.Mapping_.UV)
+UV = int(ir.TextureMapping.UV)
 STEP = 2.0**-10  # step of differences of u, v and procedural heights, relative to the instance's size
 CLEAR = 0.01  # smallest sine of the angle between the mirrored direction and the surface
 _turned_to, _put_to = make_replace(Surface, "normal"), make_replace(Surface, "local", "uv")
@@ -52,7 +52,7 @@ class Tangents(NamedTuple):
 def build_tangents(tables: ir.Tables) -> Tangents | NoMaps:
     """The tangents of a scene for kernels, NoMaps without normal and bump maps."""
     maps = tables.materials.textures[:, [NORMAL, BUMP]]
-    if not (maps[planner.used_materials(tables)] >= 0).any():
+    if not (maps[scene_facts.used_materials(tables)] >= 0).any():
         return NoMaps()
     used = tables.instances.material
     blended = tables.materials.model == blend.BLEND

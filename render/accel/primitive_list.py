@@ -44,8 +44,8 @@ class PrimitiveRecords(NamedTuple):
     Plain triangles of the BVH have rows behind those of the list, see surface/triangle_records.py.
     """
 
-    # (k, 8) outer unit normal, or a ball's center; 1 / a ball's radius, or minus the `error` of interaction.spacing; instance, primitive,
-    # material, plainness (0: not plain)
+    # (k, 8) outer unit normal, or a ball's center; 1 / a ball's radius, or minus the `error` of interaction.origin_offset; instance,
+    # primitive, material, plainness (0: not plain)
     rows: Rows
     first: NDArray[np.int32]  # (instances,) row of a mesh's triangle minus its number, for meshes in the BVH
     rounded: Any  # triangle_records.Flat or triangle_records.Rounded

@@ -159,7 +159,7 @@ class Workspace(NamedTuple):
     items: NDArray[np.int64]  # (3, lanes) x, y and number of each sample
     light: NDArray[np.float64]  # (5, lanes) red, green, blue, coverage, and 1 if finite
     stack: NDArray[np.float64]
-    primed: Any = hits.Nothing()  # or a hits.Primed
+    primed: Any = hits.Nothing()  # or a hits.TileHits
 
     @classmethod
     def of(cls, options: Options) -> Workspace:

@@ -17,6 +17,8 @@ from . import shape_bounds, transforms
 from .row_records import BLACK, WHITE, CameraData, Color, Input, InstanceData, LightData, MaterialData, MeshAttribute, MeshData, TextureData
 
 NONE = -1  # the row of what was not accepted; the diagnostics say why
+FARTHEST = 1e100  # coordinates whose squares stay finite
+FARTHEST_PLACE = 1e30  # of a transform: single precision ends at 3.4e38
 SPANNED = ("geometries", "instances", "materials", "textures", "lights", "cameras", "settings")
 _EXPECTED = {ir.Interpolation.FACE: "one a triangle", ir.Interpolation.VERTEX: "one a vertex", ir.Interpolation.CORNER: "one a corner"}
 
@@ -59,6 +61,9 @@ class SceneBuilder:
             self.diagnostics.warning(
                 "this is flattened to nothing by its transform (no inverse): it is not drawn", span, "a scale must not be 0 along any axis"
             )
+            return NONE
+        if not (np.abs(affine) < FARTHEST_PLACE).all():
+            self.diagnostics.warning(f"this is placed or scaled beyond {FARTHEST_PLACE:g}: it is not drawn", span)
             return NONE
         row = len(self._matrices)
         self._known[key] = row
@@ -275,13 +280,13 @@ class SceneBuilder:
         return boxes_under(np.array([self._rows["geometries"][geometry][2]]), np.asarray(matrix)[None, :3])[0]
 
     def world_bounds(self) -> np.ndarray | None:
-        """(2, 3) a box round all instances that have an end, or None if there are none."""
+        """(2, 3) a box round all instances that have an end and are within reach of a camera, or None if there are none."""
         rows = self._rows["instances"]
         if not rows:
             return None
         local = np.array([self._rows["geometries"][row[0]][2] for row in rows])
         boxes = boxes_under(local, np.array([self._matrices[row[1]] for row in rows]))
-        bounded = boxes[np.isfinite(boxes).all(axis=(1, 2))]
+        bounded = boxes[(np.abs(boxes) < FARTHEST).all(axis=(1, 2))]
         return np.stack([bounded[:, 0].min(axis=0), bounded[:, 1].max(axis=0)]) if len(bounded) else None
 
     def shines(self) -> bool:

@@ -171,7 +171,7 @@ def _transforms(check: Check) -> None:
     matrices = table["matrix"]
     linear = matrices[:, :, :3]
     determinants = np.linalg.det(linear)
-    lengths = np.linalg.norm(linear, axis=1).prod(axis=1)
+    lengths = np.hypot.reduce(linear, axis=1).prod(axis=1)  # no squares that overflow
     flat = ~(np.abs(determinants) > transforms.SINGULAR * lengths) | ~np.isfinite(determinants)
     if check.bad("transforms", flat, "it flattens to nothing (no inverse)"):
         return

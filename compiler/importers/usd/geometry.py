@@ -114,6 +114,14 @@ class Faces:
         return polygon_mesh.subset(self.mesh, np.flatnonzero(np.isin(self.rows, faces)))
 
 
+def _colors(given: MeshAttribute | None, diagnostics: Diagnostics, span: Span) -> MeshAttribute | None:
+    """Colours whose negative components count as 0, which is said."""
+    if given is None or not (given.values < 0).any():
+        return given
+    diagnostics.warning("this mesh's colours have negative components, which count as 0", span)
+    return MeshAttribute(np.maximum(given.values, 0), given.interpolation)
+
+
 def mesh(prim: Any, time: Any, uv_name: str | None, color_name: str | None, diagnostics: Diagnostics, span: Span) -> Faces | None:
     """A Mesh prim as polygons counter-clockwise from outside, with the texture coordinates and colours of the primvars named.
 
@@ -136,7 +144,7 @@ def mesh(prim: Any, time: Any, uv_name: str | None, color_name: str | None, diag
     whole = polygon_mesh.PolyMesh(
         points, counts, indices, given,
         primvar(api, uv_name, time, 2, len(points), counts, diagnostics, span) if uv_name else None,
-        primvar(api, color_name, time, 3, len(points), counts, diagnostics, span) if color_name else None,
+        _colors(primvar(api, color_name, time, 3, len(points), counts, diagnostics, span), diagnostics, span) if color_name else None,
     )  # fmt: skip
     bad = np.repeat(np.arange(len(counts)), counts)[~sound]
     drawn = np.ones(len(counts), dtype=bool)

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -51,7 +51,7 @@ class _Light:
     def radiance(self) -> np.ndarray:
         """L before any normalisation, (3,)."""
         written = stage.numbers(self.prim.GetAttribute("inputs:color"), self.opened.time, np.float64)
-        color = written if len(written) == 3 else np.ones(3)
+        color = np.maximum(written, 0.0) if len(written) == 3 else np.ones(3)
         if self.number("enableColorTemperature"):
             color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(self.number("colorTemperature", 6500.0)))
         exposure = min(max(self.number("exposure"), -60.0), 60.0)
@@ -70,6 +70,11 @@ def light(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: S
     if not np.isfinite(radiance).all() or not np.isfinite(matrix).all():
         builder.diagnostics.warning("this light's strength is not finite: it is left out", it.span)
         return
+    if (radiance < 0).any():
+        builder.diagnostics.warning("this light's strength is negative: it is left out", it.span)
+        return
+    if (stage.numbers(prim.GetAttribute("inputs:color"), opened.time, np.float64) < 0).any():
+        builder.diagnostics.warning("this light's colour has a negative component, which counts as 0", it.span)
     for name, what in (("shaping:ies:file", "IES profiles"), ("texture:file", "textures of area lights")):
         attribute = prim.GetAttribute(f"inputs:{name}")
         value = None if kind.startswith("Dome") else stage.value(attribute, opened.time)
@@ -79,7 +84,33 @@ def light(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: S
         materials.tell("the focus of shaped lights is not drawn", prim)
     made = _MAKERS[kind](it, radiance, builder, materials)
     if made is not None:
-        builder.light(made, it.span)
+        builder.light(replace(made, shadows=_casts_shadows(it, materials)), it.span)
+
+
+def mesh_radiance(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, materials: Materials) -> Color | None:
+    """The radiance of a mesh with MeshLightAPI; None of any other prim. Its surface is drawn matt."""
+    if not prim.HasAPI("MeshLightAPI"):
+        return None
+    it = _Light(prim, opened, matrix, unit)
+    radiance = it.radiance()
+    if not np.isfinite(radiance).all() or (radiance < 0).any():
+        materials.tell("this light's strength is negative or not finite: it is left out", prim)
+        return None
+    if it.number("normalize"):
+        materials.tell("mesh lights are not normalized by their area", prim)
+    if not _casts_shadows(it, materials):
+        materials.tell("mesh lights cast shadows", prim)
+    return _color(radiance)
+
+
+def _casts_shadows(it: _Light, materials: Materials) -> bool:
+    """ShadowAPI's shadow:enable; its other inputs are said."""
+    for name, plain in (("shadow:color", np.zeros(3)), ("shadow:distance", np.full(1, -1.0)), ("shadow:falloff", np.full(1, -1.0))):
+        value = stage.numbers(it.prim.GetAttribute(f"inputs:{name}"), it.opened.time, np.float64).reshape(-1)
+        if len(value) and not np.array_equal(value, plain):
+            materials.tell(f"`{name}` of lights is not drawn", it.prim)
+    enabled = stage.value(it.prim.GetAttribute("inputs:shadow:enable"), it.opened.time)
+    return enabled is not False
 
 
 def _distant(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials: Materials) -> LightData:

@@ -184,6 +184,18 @@ class Materials:
 
     # --- rows ---
 
+    def without_negatives(self, color: Color, prim: Any, what: str) -> Color:
+        """A colour whose negative components count as 0, which is said."""
+        if min(color) >= 0:
+            return color
+        self.tell(f"{what} has a negative component, which counts as 0", prim)
+        return (max(color[0], 0.0), max(color[1], 0.0), max(color[2], 0.0))
+
+    def matt_light(self, color: Color, radiance: Color, name: str) -> int:
+        """The row of a mesh light: matt, with the light's radiance as its emission."""
+        inputs = {ir.Slot.AMBIENT: Input(color), ir.Slot.DIFFUSE: Input(color), ir.Slot.EMISSION: Input(radiance)}
+        return self.builder.material(MaterialData(inputs=inputs, name=name))
+
     def plain(self, color: Color, opacity: float, name: str) -> int:
         """The row of a prim without a material: matt, in its displayColor."""
         if opacity < 1.0:
@@ -215,9 +227,8 @@ class Materials:
         if isinstance(source, Picture):
             texture, value = self._texture(source)
             return Input(WHITE, texture) if texture != NONE else Input(value)
-        if isinstance(source, Primvar):
-            return Input(_rgb(self._primvar(source, prim), fallback))
-        return Input(_rgb(source, fallback))
+        given = self._primvar(source, prim) if isinstance(source, Primvar) else source
+        return Input(self.without_negatives(_rgb(given, fallback), prim, "a colour of this prim's material"))
 
     def _normal(self, source: Any) -> Input | None:
         """A normal map; None where its picture is not to be had. A file that leaves its colours from 0 to 1 is read as −1 to 1."""

@@ -38,6 +38,7 @@ class Piece:
     matrix: np.ndarray  # (4, 4)
     prim: Any
     name: str
+    colored: bool = True  # has a material or a displayColor of its own
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,6 +128,8 @@ class Walk:
         xformable = UsdGeom.Xformable(prim)
         if xformable:
             local = np.array(xformable.GetLocalTransformation(self.opened.time)).T
+            if local[3, 3] not in (0.0, 1.0):
+                local = local / local[3, 3]  # homogeneous coordinates
             matrix = (base if xformable.GetResetXformStack() else matrix) @ local
         return _Here(matrix, base, purpose, above.instancers)
 
@@ -166,8 +169,10 @@ class Walk:
         shape: Any = self._faces[key]
         if shape is None or shape.geometry == NONE:
             return []
-        row = self._material(self.materials.bound(prim), prim, False)
-        return [Piece(shape.geometry, row, matrix @ shape.matrix, prim, str(prim.GetPath()))]
+        network = self.materials.bound(prim)
+        row = self._material(network, prim, False, matrix)
+        own = network is not None or self._has_color(prim)
+        return [Piece(shape.geometry, row, matrix @ shape.matrix, prim, str(prim.GetPath()), own)]
 
     def _mesh(self, prim: Any, matrix: np.ndarray) -> list[Piece]:
         """A mesh's pieces: one for each subset with a material, and the faces in none."""
@@ -203,8 +208,9 @@ class Walk:
             self._geometries[key] = NONE if found is None else geometry_module.row(found, faces, self.builder, span, str(prim.GetName()))
         if self._geometries[key] == NONE:
             return []
-        row = self._material(network, prim, color_name is not None)
-        return [Piece(self._geometries[key], row, matrix, prim, str(owner.GetPath()))]
+        row = self._material(network, prim, color_name is not None, matrix)
+        own = network is not None or color_name is not None or self._has_color(prim)
+        return [Piece(self._geometries[key], row, matrix, prim, str(owner.GetPath()), own)]
 
     def _uv_name(self, prim: Any) -> str | None:
         """A mesh's texture coordinates where no material names some: for the uv channel."""
@@ -218,14 +224,21 @@ class Walk:
         found = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
         return bool(found) and found.HasValue() and str(found.GetInterpolation()) != "constant"
 
-    def _material(self, network: Network | None, prim: Any, colored: bool) -> int:
-        if network is not None:
+    def _has_color(self, prim: Any) -> bool:
+        return primvar_mean(prim, DISPLAY_COLOR, self.opened.time)[0] is not None
+
+    def _material(self, network: Network | None, prim: Any, colored: bool, matrix: np.ndarray) -> int:
+        radiance = lights.mesh_radiance(prim, matrix, self.unit, self.opened, self.materials)
+        if network is not None and radiance is None:
             return self.materials.row(network, prim, colored)
         color, _ = (np.ones(3), 1) if colored else primvar_mean(prim, DISPLAY_COLOR, self.opened.time)
         opacity, _ = primvar_mean(prim, "displayOpacity", self.opened.time)
         if color is None and self.material != NONE:
             return self.material
         r, g, b = DEFAULT_COLOR if color is None or len(color) != 3 else map(float, color)
+        r, g, b = self.materials.without_negatives((r, g, b), prim, "this prim's displayColor")
+        if radiance is not None:
+            return self.materials.matt_light((r, g, b), radiance, str(prim.GetPath()))
         alpha = 1.0 if opacity is None else float(np.clip(opacity[0], 0.0, 1.0))
         return self.materials.plain((r, g, b), alpha, DISPLAY_COLOR)
 
@@ -265,6 +278,21 @@ class Walk:
             self._below(prototype, inside, gathered)
             self._spread(gathered, here.matrix @ places[chosen], ids[chosen], prim, into)
 
+    def _instance_materials(self, prim: Any) -> list[int]:
+        """A material for each instance of a point instancer that has a displayColor for each; none where it has not."""
+        found = UsdGeom.PrimvarsAPI(prim).GetPrimvar(DISPLAY_COLOR)
+        if not found or not found.HasValue() or str(found.GetInterpolation()) == "constant":
+            return []
+        colors = np.array(found.ComputeFlattened(self.opened.time) or (), dtype=np.float64).reshape(-1, 3)
+        if len(colors) != len(numbers(UsdGeom.PointInstancer(prim).GetProtoIndicesAttr(), self.opened.time, np.int64)):
+            self.materials.tell("the displayColor of this instancer does not fit its instances: it is left out", prim)
+            return []
+        what, rows = "a displayColor of this instancer", {}
+        for color in np.unique(colors, axis=0):
+            r, g, b = map(float, color)
+            rows[color.tobytes()] = self.materials.plain(self.materials.without_negatives((r, g, b), prim, what), 1.0, DISPLAY_COLOR)
+        return [rows[color.tobytes()] for color in colors]
+
     def _places(self, instancer: Any, count: int) -> np.ndarray | None:
         """(n, 4, 4) of the instances that are not masked, without the prototypes' own transforms; None if they do not fit."""
         time, kind = self.opened.time, UsdGeom.PointInstancer
@@ -278,8 +306,9 @@ class Walk:
         return np.array(matrices, dtype=np.float64).reshape(-1, 4, 4).transpose(0, 2, 1)
 
     def _spread(
-        self, gathered: dict[str, list[Piece]], places: np.ndarray, numbers: np.ndarray, prim: Any, into: dict[str, list[Piece]]
+        self, gathered: dict[str, list[Piece]], places: np.ndarray, ids: np.ndarray, prim: Any, into: dict[str, list[Piece]]
     ) -> None:
+        tints = self._instance_materials(prim)
         for purpose, pieces in gathered.items():
             self._count += len(pieces) * len(places)
             if self._count > MAX_INSTANCES:
@@ -289,5 +318,8 @@ class Walk:
             to = into.setdefault(purpose, [])
             for piece in pieces:
                 whole = places @ piece.matrix
-                path = str(prim.GetPath())
-                to += [Piece(piece.geometry, piece.material, m, piece.prim, f"{path}[{k}]") for m, k in zip(whole, numbers, strict=True)]
+                path, own = str(prim.GetPath()), piece.colored or not tints
+                to += [
+                    Piece(piece.geometry, piece.material if own else tints[k], m, piece.prim, f"{path}[{k}]", own or bool(tints))
+                    for m, k in zip(whole, ids.tolist(), strict=True)
+                ]

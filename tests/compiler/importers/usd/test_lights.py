@@ -7,7 +7,7 @@ import pytest
 from maquette.compiler import ir
 
 from ....files import write_image
-from .stages import read
+from .stages import SQUARE, read
 
 TURNED = """
     float3 xformOp:rotateXYZ = (90, 0, 0)
@@ -158,3 +158,31 @@ def test_what_is_not_drawn(tmp_path, text, expected):
 def test_lights_that_are_invisible_are_dark(tmp_path):
     scene, _ = read(tmp_path, 'def SphereLight "l" { token visibility = "invisible"\n}' + CUBE)
     assert scene.names.lights == ("head light",)
+
+
+def test_a_light_that_casts_no_shadow(tmp_path):
+    scene, messages = read(tmp_path, CUBE + 'def SphereLight "l" (apiSchemas=["ShadowAPI"]) { bool inputs:shadow:enable = 0 }')
+    assert scene.tables.lights.shadows.tolist() == [False]
+    assert messages == []
+
+
+def test_negative_lights(tmp_path):
+    """A negative component counts as 0; a light of negative strength is left out. The stage is drawn."""
+    text = 'def SphereLight "a" { color3f inputs:color = (1, -1, 0.5) }\ndef SphereLight "b" { float inputs:intensity = -1 }'
+    scene, messages = read(tmp_path, CUBE + text)
+    assert scene.tables.lights.color.tolist() == [[1, 0, 0.5]]
+    assert messages == [
+        "x.usda</a>: warning: this light's colour has a negative component, which counts as 0",
+        "x.usda</b>: warning: this light's strength is negative: it is left out",
+    ]
+
+
+def test_a_mesh_light_shines(tmp_path):
+    """MeshLightAPI: the mesh emits intensity · 2^exposure · color."""
+    inputs = "float inputs:intensity = 5\nfloat inputs:exposure = 1\ncolor3f inputs:color = (1, 0.5, 0)"
+    text = f'def Mesh "m" (prepend apiSchemas=["MeshLightAPI"]) {{ {SQUARE}\n{inputs} }}'
+    scene, messages = read(tmp_path, text)
+    materials = scene.tables.materials
+    row = scene.tables.instances.material[0]
+    assert materials.values[row, ir.Slot.EMISSION].tolist() == [10, 5, 0]
+    assert [m for m in messages if "warning" in m] == []

@@ -322,3 +322,33 @@ def test_opacity_pictures_and_thresholds(tmp_path):
     scene, messages = read(tmp_path, stage("float inputs:opacity = 0.5\nfloat inputs:opacityThreshold = 0.25"))
     assert (messages, slot(scene, "OPACITY"), slot(scene, "TRANSMISSION")) == ([], [0.5, 0, 0], [0, 0, 0])
     assert scene.tables.materials.threshold[0] == 0.25
+
+
+@pytest.mark.parametrize(
+    ("interpolation", "values", "message"),
+    [
+        ("constant", "[(1, -0.5, 0)]", "this prim's displayColor has a negative component, which counts as 0"),
+        ("vertex", "[(1, -0.5, 0), (1, 0, 0), (1, 0, 0), (1, 0, 0)]", "this mesh's colours have negative components, which count as 0"),
+    ],
+)
+def test_negative_colours_count_as_0(tmp_path, interpolation, values, message):
+    color = f'color3f[] primvars:displayColor = {values} (interpolation = "{interpolation}")'
+    scene, messages = read(tmp_path, f'def Mesh "m" {{ {SQUARE}\n{color} }}')
+    assert len(scene.tables.instances.material) == 1
+    assert messages == [f"x.usda</m>: warning: {message}"]
+
+
+def test_colours_of_an_instancer(tmp_path):
+    """A displayColor for each instance is that of prototypes without one of their own."""
+    text = f"""
+def PointInstancer "pi" {{
+    color3f[] primvars:displayColor = [(1, 0, 0), (0, 1, 0), (1, 0, 0)] (interpolation = "varying")
+    point3f[] positions = [(0, 0, 0), (2, 0, 0), (4, 0, 0)]
+    int[] protoIndices = [0, 0, 0]
+    rel prototypes = [</pi/q>]
+    def Mesh "q" {{ {SQUARE} }}
+}}"""
+    scene, messages = read(tmp_path, text)
+    assert messages == []
+    rows = scene.tables.instances.material
+    assert scene.tables.materials.values[rows, ir.Slot.DIFFUSE].tolist() == [[1, 0, 0], [0, 1, 0], [1, 0, 0]]

@@ -415,3 +415,18 @@ def test_a_transform_that_cannot_be_read_takes_its_prim_away(tmp_path):
     scene, messages = read(tmp_path, text)
     assert scene.names.instances == ("/c",)
     assert messages[0].startswith("x.usda</a>: warning: this prim, and what is below it, is left out: ")
+
+
+@pytest.mark.parametrize("far", ["1e308", "-1e40"])
+def test_what_is_out_of_reach_is_left_out(tmp_path, far):
+    matrix = f"matrix4d xformOp:transform = ((1,0,0,0),(0,1,0,0),(0,0,1,0),({far},0,0,1))"
+    text = f'def Cube "a" {{ {matrix}\nuniform token[] xformOpOrder = ["xformOp:transform"] }}\ndef Cube "b" {{ }}'
+    scene, messages = read(tmp_path, text)
+    assert len(scene.tables.instances.geometry) == 1
+    assert messages == ["x.usda</a>: warning: this is placed or scaled beyond 1e+30: it is not drawn"]
+
+
+def test_a_matrix_is_divided_by_its_last_component(tmp_path):
+    matrix = "matrix4d xformOp:transform = ((2,0,0,0),(0,2,0,0),(0,0,2,0),(6,0,0,2))"
+    scene, _ = read(tmp_path, f'def Cube "a" {{ {matrix}\nuniform token[] xformOpOrder = ["xformOp:transform"] }}')
+    assert world(scene).tolist() == [[1, 0, 0, 3], [0, 1, 0, 0], [0, 0, 1, 0]]

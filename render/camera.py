@@ -104,7 +104,7 @@ def pinhole_ray(tables: Tables, view: View, x: NDArray[np.float64], y: NDArray[n
 
 @helper
 def _generate_lens_ray(tables: Tables, view: View, lens: Any, x: Lane, y: Lane, place: tuple[Lane, Lane], time: Any) -> Ray:
-    """The ray from a point on the unit lens to where the pinhole's ray crosses the plane of focus (Cook, Porter, Carpenter 1984)."""
+    """The ray from a point on the unit lens to the pinhole ray's point in the plane of focus (Cook, Porter, Carpenter 1984)."""
     cameras, c = tables.cameras, view.camera
     px, py = image_plane(tables, view, x, y)
     from_x, from_y = place[0] * lens.radius, place[1] * lens.radius

@@ -1,4 +1,4 @@
-"""Ray queries of the renderer: closest hit, occlusion and transmittance, by BVH traversal in kernels and by brute force in numpy.
+"""Closest-hit, occlusion and transmittance queries, by BVH traversal in kernels and by brute force in numpy.
 
 Both give the same result. Rays are transformed to a shape's frame without normalization, so t stays the same. Of hits at the same t the
 lowest instance wins, then the lowest primitive. A surface of opacity 0 is not hit. A surface of an opacity below 1 is hit, and shadow rays

@@ -1,4 +1,4 @@
-"""Builds the brute-force list of the large primitives of a scene: flat pieces, boxes and balls that all rays are tested against.
+"""Builds the brute-force list of the large primitives of a scene: flat pieces, boxes and balls that all rays test.
 
 The BVH does not hold the instances of the list. Rays are tested by primitive_hits.py, which describes the affine forms of primitives.
 """
@@ -27,7 +27,7 @@ _CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
 
 
 class Primitives(NamedTuple):
-    """A list of primitives. Rows of `forms` hold 4 numbers each of height, a and b, in the order quads, triangles, disks, planes."""
+    """A list of primitives. Rows of `forms` hold 4 numbers each of height, a and b: quads, triangles, disks, planes."""
 
     forms: Rows  # (n, 12)
     boxes: Rows  # (b, 12)

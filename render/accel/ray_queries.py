@@ -41,7 +41,7 @@ def build(tables: ir.Tables, brute: bool = False, threads: int = 0, keep: bool =
 def closest(
     accel: Handle, origin: ArrayLike, direction: ArrayLike, t_min: ArrayLike = 0.0, t_max: ArrayLike = np.inf, visible: int = CAMERA
 ) -> Hits:
-    """First hits of rays with origins and directions (n, 3), between t_min and t_max (n,), with instances that have a bit of `visible`.
+    """First hits of rays (n, 3) between t_min and t_max (n,) with instances that have a bit of `visible`.
 
     Lengths of directions may range from SHORTEST to LONGEST; rays outside of that hit nothing.
     """
@@ -151,6 +151,7 @@ def _load_ray(origin: Any, direction: Any, t_min: Any, t_max: Any, start: int) -
 
 @kernel
 def trace_closest(accel, origin, direction, t_min, t_max, visible, hits):
+    """Kernel of `closest`: fill the columns of `hits`."""
     n = len(t_min)
     for start in range(0, n, crosslane.WIDTH):
         ray = _load_ray(origin, direction, t_min, t_max, start)
@@ -164,6 +165,7 @@ def trace_closest(accel, origin, direction, t_min, t_max, visible, hits):
 
 @kernel
 def trace_occluded(accel, origin, direction, t_min, t_max, visible, blocked):
+    """Kernel of `occluded`: fill `blocked`."""
     n = len(t_min)
     for start in range(0, n, crosslane.WIDTH):
         ray = _load_ray(origin, direction, t_min, t_max, start)
@@ -173,6 +175,7 @@ def trace_occluded(accel, origin, direction, t_min, t_max, visible, blocked):
 
 @kernel
 def trace_transmittance(accel, origin, direction, t_min, t_max, share):
+    """Kernel of `transmittance`: fill `share`."""
     n = len(t_min)
     for start in range(0, n, crosslane.WIDTH):
         ray = _load_ray(origin, direction, t_min, t_max, start)

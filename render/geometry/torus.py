@@ -1,4 +1,4 @@
-"""Ray/torus intersection, in lanes: extrema of the quartic divide the ray into parts of at most one root, found by bracketing.
+"""Ray/torus intersection, in lanes: extrema of the quartic divide the ray into parts with at most one root.
 
 Ferrari's formula loses all precision for thin rings and distant eyes. Here the ray starts at its point nearest the center, where the
 quartic has no cubic term. The quartic (ρ² + y² + R² - r²)² = 4 R² ρ² only gives the parts. Roots are refined on (ρ - R)² + y² - r², which

@@ -158,7 +158,7 @@ def origin_offset(here: instance_transform.Frame, ray: Ray, t: Lane, normal: Vec
 
 @helper
 def formula_point(tables: Tables, instance: int, ray: Ray, hit: Hit) -> tuple[Vec, Vec, Lane]:
-    """(position, geometric normal, offset) of hits with an instance of a formula surface without motion, as in `make_interaction`."""
+    """(position, geometric normal, offset) of hits with a static formula surface, as in `make_interaction`."""
     g, here = tables.instances.geometry[instance], instance_transform.transform_at(tables, tables.instances.transform[instance], None)
     t = ops.where(hit.instance >= 0, hit.t, 0.0)
     geometric = ops.normalize(affine.transform_normal12(here.inverse, _decode_octahedral(hit.u, hit.v)))
@@ -422,7 +422,7 @@ def _mesh_uv(tables: Tables, g: Lane, hit: Hit, on_mesh: Lane, a: Vec, b: Vec, c
 
 @helper
 def uv_metric(e1: Vec, e2: Vec, u1: Lane, v1: Lane, u2: Lane, v2: Lane) -> tuple[Lane, Lane]:
-    """Metres that one unit of u and of v spans on triangles with two edges, along which they change by the arguments; 1, 1 if unknown.
+    """Metres that one unit of u and of v spans on triangles, from their changes along two edges; 1, 1 if unknown.
 
     Two edges and their coordinates give the derivatives of the point: dp/du = (Δv₂ e₁ − Δv₁ e₂) / det.
     """

@@ -1,4 +1,4 @@
-"""Builds shading records of mesh triangles, so that a hit reads one row of memory, as listed primitives do, instead of sixty gathers.
+"""Builds shading records of mesh triangles: a hit reads one row of memory instead of sixty gathers.
 
 A triangle of a mesh without textures and colors needs its outer normal and, where normals are interpolated, those of its corners. Both are
 stored in world space, for each instance. Where that would take too much memory, hits read the mesh (interaction.make_interaction).

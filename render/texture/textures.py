@@ -246,9 +246,9 @@ def _image(tables: Tables, row: Lane, s: Lane, t: Lane, spans: Any) -> Rgba:
 
 @noinline_helper
 def _over_pixel(tables: Any, row: Lane, image: Lane, s: Lane, t: Lane, wraps: Any, spans: Any) -> Rgba:
-    """An image filtered over the ellipse of a pixel: up to MAX_SAMPLES samples along its long axis, in levels selected by the short one.
+    """An image filtered over the ellipse of a pixel: samples along its long axis, in levels selected by the short one.
 
-    The samples' filters reach from end to end of the long axis; they coincide where the ellipse is a circle.
+    There are up to MAX_SAMPLES. The samples' filters reach from end to end of the long axis; they coincide where the ellipse is a circle.
     """
     textures, images = tables.textures, tables.images
     nearest = textures.nearest[row]

@@ -1,4 +1,4 @@
-"""Refits the BVH of a mesh whose vertices moved: same nodes and leaves, new boxes, where the SAH cost stays close to that of a build."""
+"""Refits the BVH of a mesh whose vertices moved: same topology, new boxes. A large SAH cost asks for a rebuild."""
 
 from __future__ import annotations
 

@@ -33,6 +33,7 @@ class EntryNode(NamedTuple):
 
 @helper
 def allocate() -> EntryNode:
+    """Allocate an entry node on the stack of a kernel."""
     return EntryNode(simd.stack_array(np.float32, NODE), simd.stack_array(np.int32, _ROW))
 
 

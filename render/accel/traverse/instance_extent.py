@@ -38,6 +38,7 @@ def tighten_bounds(
 
 @kernel
 def shrink(boxes, which, nodes, links, roots, origins, matrices, slack):
+    """Kernel of `tighten_bounds` for the rotated instances in `which`."""
     stack, distances = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float32, DEPTH)
     for i in which:
         for axis in range(3):
@@ -53,7 +54,7 @@ def shrink(boxes, which, nodes, links, roots, origins, matrices, slack):
 
 @helper
 def farthest(nodes: Any, links: Any, root: int, x: float, y: float, z: float, stack: Any, distances: Any) -> float:
-    """Upper bound of x · p₀ + y · p₁ + z · p₂ over the points p of a BVH's leaf boxes; `stack` and `distances` are a stack."""
+    """Upper bound of the support x·p₀ + y·p₁ + z·p₂ over a BVH's leaf boxes; `stack` and `distances` are buffers."""
     sx, sy, sz = spread32(np.float32(x)), spread32(np.float32(y)), spread32(np.float32(z))
     rx, ry, rz = WIDTH if x > 0.0 else 0, (3 if y > 0.0 else 2) * WIDTH, (5 if z > 0.0 else 4) * WIDTH
     best, rounding, most = np.float32(-np.inf), np.float32(0.0), np.float32(np.inf)

@@ -99,7 +99,7 @@ def _opacity_in_kernels(accel, ray, t, i, primitive, u, v):
 
 @helper
 def alpha_at_hit(accel: Any, ray: Ray, hit: Hit) -> tuple[Lane, Lane]:
-    """(opacity of the surfaces that rays hit, 1 without a hit; smallest t of the next hit beyond them), in kernels with partial opacity."""
+    """(opacity at the hits of rays, 1 without a hit; smallest t of the next hits), in kernels with partial opacity."""
     there, onward = ops.full_like(hit.t, 1.0), hit.t
     left = crosslane.bits(hit.instance >= 0)
     while left != 0:
@@ -296,7 +296,7 @@ def _search_all(accel, origin, direction, t_min, t_max, active, visible_bit, any
 
 
 def _search_at_opening(accel: Any, *ray: Any) -> Hit:
-    """`_search` for rays without a time, in kernels; with motion, it calls the kernel for rays with a time instead of compiling another."""
+    """`_search` for rays without a time, in kernels. With motion it calls the linked kernel for rays with a time."""
     raise NotImplementedError
 
 

@@ -77,6 +77,7 @@ class PacketShear(NamedTuple):
 
 @helper
 def shear_packet(active: int, d: Vec, ray: ray_box.BoxRay) -> PacketShear:
+    """The shear that the active coherent rays share, with a factor for each ray."""
     k = simd.trailing_zeros(active)
     x, y = _main_axis(d)
     kz = 0 if (x >> k) & 1 else (1 if (y >> k) & 1 else 2)

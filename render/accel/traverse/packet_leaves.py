@@ -80,6 +80,7 @@ _replace_exact = make_replace(PacketHits, "t", "triangle", "v", "w", "total", "d
 
 @helper
 def prepare_rays(group: Packet, shear: PacketShear, central: CentralRay, rays: ray_box.MeshRays) -> LeafRays:
+    """Prepare a packet for the triangles of leaves."""
     kx, ky, kz = shear.axes
     o, d, enters = rays.origin, rays.direction, rays.enters
     origin = component(o, kx), component(o, ky), component(o, kz)
@@ -104,6 +105,7 @@ def _relative_to_central(origin: Vec, factors: Vec, central: CentralRay, axis: i
 
 @helper
 def no_hits(rays: LeafRays, central: CentralRay, limits: Lane) -> PacketHits:
+    """The state of a packet before the first leaf."""
     zero = 0.0 * rays.enters
     return PacketHits(
         zero + np.inf, ops.int_like(zero, -1), zero, zero, zero + 1.0, simd.to_i32(ops.full_like(limits, np.float32(-1.0))),
@@ -119,6 +121,7 @@ def _depth(rays: LeafRays, central: CentralRay, t: Lane) -> Lane:
 
 @helper
 def central_filter(central: CentralRay) -> CentralFilter:
+    """Prepare the central ray for triangle_filter.shear_corners."""
     kx, ky, kz = central.axes
     x, y, z = central.origin
     shear = spread32(central.shear[0]), spread32(central.shear[1])

@@ -34,6 +34,7 @@ class Beam(NamedTuple):
 
 @helper
 def make_beam(rays: packet.Packet) -> Beam:
+    """The intervals of a packet for node tests."""
     ax, bx, cx, dx = _bounds(rays, 0)
     ay, by, cy, dy = _bounds(rays, 1)
     az, bz, cz, dz = _bounds(rays, 2)

@@ -129,7 +129,7 @@ def near_rows(x: Any, y: Any, z: Any) -> tuple[int, int, int]:
 
 @helper
 def intersect_node(nodes: Any, node: int, rays: RayInterval, t_min: Any, t_max: Any) -> tuple[Lane, Lane, int]:
-    """(first t at which a ray may enter each box of a node, last t at which one leaves it, bits of the boxes entered in [t_min, t_max]).
+    """(first entry t, last exit t, bits) of a node's boxes that rays of an interval enter between t_min and t_max.
 
     For a single ray, `least` and `most` are the same value, and the compiler drops the second product.
     """

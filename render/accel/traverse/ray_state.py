@@ -48,11 +48,13 @@ class TraversalState(NamedTuple):
 
 @helper
 def allocate_rays() -> StoredRays:
+    """Allocate tables of rays on the stack of a kernel."""
     return StoredRays(simd.stack_array(np.float32, _SINGLES), simd.stack_array(np.float64, _DOUBLES), simd.stack_array(np.int64, _INTS))
 
 
 @helper
 def allocate_state() -> TraversalState:
+    """Allocate stacks, positions and hits on the stack of a kernel."""
     return TraversalState(
         simd.stack_array(np.int32, _STACKS), simd.stack_array(np.float32, _STACKS), simd.stack_array(np.int64, _POSITIONS),
         simd.stack_array(np.float64, _HITS), simd.stack_array(np.int64, _IDS),
@@ -135,6 +137,7 @@ class NodeRay(NamedTuple):
 
 @helper
 def node_ray(rays: StoredRays, k: int) -> NodeRay:
+    """Load ray k for node tests."""
     return NodeRay(
         _spread(_single(rays, 0, k), _single(rays, 1, k), _single(rays, 2, k)),
         _spread(_single(rays, 3, k), _single(rays, 4, k), _single(rays, 5, k)),
@@ -144,6 +147,7 @@ def node_ray(rays: StoredRays, k: int) -> NodeRay:
 
 @helper
 def filter_ray(rays: StoredRays, k: int) -> triangle_filter.FilterRay:
+    """Load ray k for the single-precision triangle test."""
     x, y, z = _axis(rays, 0, k), _axis(rays, 1, k), _axis(rays, 2, k)
     off, along, twice = _single(rays, 7, k), _single(rays, 13, k), np.float32(2.0)
     sign = np.float32(1.0) if along > np.float32(0.0) else np.float32(-1.0)
@@ -166,6 +170,7 @@ class ShearedRay(NamedTuple):
 
 @helper
 def sheared_ray(rays: StoredRays, k: int) -> ShearedRay:
+    """Load ray k for the double-precision triangle test."""
     return ShearedRay(
         WIDTH * _axis(rays, 0, k), WIDTH * _axis(rays, 1, k), WIDTH * _axis(rays, 2, k),
         (_double(rays, 0, k), _double(rays, 1, k), _double(rays, 2, k)),
@@ -181,6 +186,7 @@ def limit(rays: StoredRays, k: int) -> Any:
 
 @helper
 def set_limit(rays: StoredRays, k: int, length: Any) -> None:
+    """Set the length of ray k from its entry on."""
     simd.write(rays.singles, 6 * RAYS + k, length)
 
 
@@ -232,6 +238,7 @@ def set_hits(state: TraversalState, hit: Hit) -> None:
 
 @helper
 def load_hits(state: TraversalState) -> Hit:
+    """The hits of all rays so far."""
     total = crosslane.load(state.hits, 3)
     return Hit(
         crosslane.load(state.hits, 0), crosslane.load(state.ids, 0), crosslane.load(state.ids, 1),

@@ -52,6 +52,7 @@ class Evaluation(NamedTuple):
 
 @helper
 def evaluate(leaves: Any, leaf: int, ray: FilterRay) -> Evaluation:
+    """Evaluate the triangles of a leaf against a ray."""
     at = leaf * LEAF
     a, b, c = shear_corners(leaves, at, ray), shear_corners(leaves, at + 3 * WIDTH, ray), shear_corners(leaves, at + 6 * WIDTH, ray)
     u, v, w, error = weights(a, b, c, ray.off, ray.least)
@@ -114,11 +115,13 @@ def shear_corners(leaves: Any, at: int, ray: FilterRay) -> Vec:
 
 @helper
 def min_of_three(a: Lane, b: Lane, c: Lane) -> Lane:
+    """The minimum of three vectors, lane by lane."""
     return simd.minimum(simd.minimum(a, b), c)
 
 
 @helper
 def max_of_three(a: Lane, b: Lane, c: Lane) -> Lane:
+    """The maximum of three vectors, lane by lane."""
     return simd.maximum(simd.maximum(a, b), c)
 
 

@@ -1,1 +1,5 @@
-"""Renders the IR under a plan to an Image. From compiler/ it imports the IR, the plan, formulas and meshes."""
+"""Renders the IR under a plan to an Image.
+
+May import: lang; of compiler the IR, plan, formulas, meshes, exporters and caches.
+Begin with `render_scene.py`.
+"""

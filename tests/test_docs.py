@@ -106,3 +106,14 @@ def test_design_pages_are_listed() -> None:
 @pytest.mark.parametrize(("page", "most"), MAX_LINES.items())
 def test_a_page_is_short(page: str, most: int) -> None:
     assert len((ROOT / page).read_text(encoding="utf-8").splitlines()) <= most
+
+
+def test_packages_name_a_file_to_begin_with() -> None:
+    """The file after `Begin with` in the docstring of a package exists."""
+    missing = []
+    for package in ROOT.rglob("__init__.py"):
+        if ".venv" not in package.parts:
+            found = re.search(r"^Begin with `([\w./]+)`", package.read_text(encoding="utf-8"), re.MULTILINE)
+            if found and not (package.parent / found[1]).exists():
+                missing.append(package.relative_to(ROOT).as_posix())
+    assert missing == []

@@ -1,4 +1,4 @@
-"""Whole tapes on numpy arrays, equal operations side by side: what tape_walks gives, in a fraction of the calls where a tape is long."""
+"""numpy interpreter that evaluates equal opcodes in one call: much faster than numpy_interpreter on long tapes."""
 
 from __future__ import annotations
 
@@ -14,15 +14,12 @@ from .opcodes import arity
 from .point_semantics import NumpyMath, point
 from .tape import INPUTS, Tape
 
-FEWEST_PLACES, MOST_NUMBERS = 512, 1 << 18  # that are gone through at a time: of short tapes more places
-MOST_ROWS = 64  # for which an operation is done at a time: their numbers stay in the processor's cache
+FEWEST_PLACES, MOST_NUMBERS = 512, 1 << 18  # of a batch: short tapes have more points in one
+MOST_ROWS = 64  # of an operation in one call: their values stay in the cache
 
 
 class Batches:
-    """A tape in another order: by how many operations are below each, and among these by operation.
-
-    Of its table's rows the first are constants, then come x, y and z.
-    """
+    """A tape sorted by depth, then by opcode. The rows of its table are constants, then x, y and z, then operations."""
 
     def __init__(self, tape: Tape) -> None:
         self.constants = np.asarray(tape.constants, np.float64)
@@ -53,7 +50,7 @@ class Batches:
                 first += len(rows)
 
     def _tables(self, places: int, count: int) -> list[np.ndarray]:
-        """For the values at so many places, with the constants."""
+        """Tables of values for a number of points, with the constants filled in."""
         tables = [np.empty((self.rows, min(places, self._at_once))) for _ in range(count)]
         for table in tables:
             table[: len(self.constants)] = self.constants[:, None]
@@ -63,7 +60,7 @@ class Batches:
         return [slice(begin, min(begin + self._at_once, places)) for begin in range(0, places, self._at_once)]
 
     def points(self, places: np.ndarray) -> np.ndarray:
-        """The first result at places (3, n): see tape_walks.points."""
+        """The first result at points (3, n): see numpy_interpreter.points."""
         n = places.shape[1]
         found, (whole,), m = np.empty(n), self._tables(n, 1), NumpyMath()
         for part in self._parts(n):
@@ -76,8 +73,10 @@ class Batches:
         return found
 
     def boxes(self, low: np.ndarray, high: np.ndarray) -> tuple[Interval, np.ndarray]:
-        """(bounds of the first result over boxes with corners (3, n), whether parts may be undefined): see tape_walks.boxes, than which
-        they are wider where a choice comes before something else in the tape that may be undefined."""
+        """(bounds of the first result over boxes with corners (3, n), whether parts may be undefined): see numpy_interpreter.boxes.
+
+        They are wider where a choice precedes another operation that may be undefined.
+        """
         n = low.shape[1]
         least, most, maybe = np.empty(n), np.empty(n), np.empty(n, bool)
         tables = self._tables(n, 2)
@@ -95,19 +94,19 @@ class Batches:
 
 @lru_cache(maxsize=2)
 def batches(tape: Tape) -> Batches:
-    """A tape's, which is asked for several times in a row."""
+    """The cached batches of a tape."""
     return Batches(tape)
 
 
 class _Together(NumpyMath):
-    """Arithmetic on several rows at a time: what is undefined in one of them is so for a place."""
+    """Arithmetic on several rows: a point is undefined where any row is."""
 
     def undefined(self, mask: np.ndarray) -> None:
         super().undefined(mask.any(axis=0) if mask.ndim > 1 else mask)
 
 
 def _rows(rows: Sequence[int]) -> Any:
-    """Of one row its number, of neighbours a slice: numpy copies none of these."""
+    """An index of rows: a number or a slice where possible, which numpy does not copy."""
     if len(rows) == 1:
         return rows[0]
     return slice(rows[0], rows[-1] + 1) if list(rows) == list(range(rows[0], rows[0] + len(rows))) else np.array(rows)

@@ -1,6 +1,6 @@
-"""Whole tapes on numpy arrays: their values, gradients and bounds, operation by operation.
+"""numpy interpreter of tapes: values, gradients and interval bounds, operation by operation.
 
-This is the definition of what a formula is; what stands in kernels is held against it.
+It defines the meaning of formulas; kernels are tested against it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Look = Callable[[int, list[Any], list[list[Any]]], None]
 
 
 def points(tape: Tape, x: Any, y: Any, z: Any) -> list[np.ndarray]:
-    """The results of a tape at points: the definition of what a formula is. Quiet about what is not defined: that is nan."""
+    """The results of a tape at points; NaN where undefined, without warnings."""
     m = NumpyMath()
     values: list[Any] = list(np.broadcast_arrays(*(np.asarray(p, np.float64) for p in (x, y, z))))
     shape = values[0].shape
@@ -32,7 +32,7 @@ def points(tape: Tape, x: Any, y: Any, z: Any) -> list[np.ndarray]:
 
 
 def gradients(tape: Tape, x: Any, y: Any, z: Any, look: Look | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """(value, (3, …) gradient) of a tape's first result. `look` is shown each operation, with its operands and their gradients."""
+    """(value, (3, …) gradient) of a tape's first result. `look` is called for each operation with its operands and their gradients."""
     m = NumpyMath()
     values: list[Any] = list(np.broadcast_arrays(*(np.asarray(p, np.float64) for p in (x, y, z))))
     zero = np.zeros(values[0].shape)
@@ -55,15 +55,15 @@ def gradients(tape: Tape, x: Any, y: Any, z: Any, look: Look | None = None) -> t
 
 
 def _operand(tape: Tape, values: list[Any], name: int) -> Any:
-    """What a name of a tape stands for: a value so far, or a constant."""
+    """The value of a name."""
     return values[name] if name >= 0 else tape.constants[~name]
 
 
 def boxes(tape: Tape, low: Any, high: Any, along: Any = None, ways: Any = None) -> tuple[Interval, Interval, np.ndarray]:
     """Bounds of a tape's first result over boxes with corners (3, n): ((low, high), bounds of its slope, whether parts may be undefined).
 
-    The slope is that along `along` (3, n); without it the second pair is empty (nan). With `ways` (n,) of whole numbers, boxes are gone
-    through one way each, by the digits of these numbers; see `enclosures.one_side`.
+    The slope is the derivative along `along` (3, n); without it that pair is NaN. With `ways` (n,), operations that jump take one side in
+    each box, by the binary digits of these integers; see interval_arithmetic.one_side.
     """
     n = np.shape(low)[-1]
     m = NumpyMath((n,), ways)

@@ -1,4 +1,4 @@
-"""The operations that tapes have, and what they give for plain numbers."""
+"""Opcodes of tapes, and constant folding."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ...lang.noise import noise
 
 
 class Op(IntEnum):
-    """The operations. Rows hold (op, a, b, c); operands that an operation does not have are 0."""
+    """Opcodes. Rows are (op, a, b, c); missing operands are 0."""
 
     COPY = 0
     ADD = 1
@@ -34,7 +34,7 @@ class Op(IntEnum):
     ACOS = 19
     ATAN = 20
     ATAN2 = 21
-    ANGLE = 22  # atan2 whose multiples only go into sines and cosines, so that its cut cannot be seen
+    ANGLE = 22  # atan2 that reaches results through sines and cosines alone: its branch cut does not matter
     FLOOR = 23
     CEIL = 24
     MOD = 25  # a − b ⌊a / b⌋
@@ -42,7 +42,7 @@ class Op(IntEnum):
     NOISE = 27
     CHOOSE = 28  # b where a ≤ 0, else c
     FILLET = 29  # MIN of a and b, its inner edge filled by an arc of radius c: c − √((c − a)² + (c − b)²) where both are below c
-    CUBE = 30  # a a a: what rises everywhere, which a product with a square would not tell
+    CUBE = 30  # a a a: increasing, with tighter bounds than a product with a square
 
 
 UNARY = frozenset({
@@ -50,16 +50,16 @@ UNARY = frozenset({
     Op.SIGN, Op.CUBE,
 })  # fmt: skip
 TERNARY = frozenset({Op.NOISE, Op.CHOOSE, Op.FILLET})
-CHOICES = frozenset({Op.MIN, Op.MAX, Op.CHOOSE, Op.FILLET})  # of whose operands one may be known not to matter
+CHOICES = frozenset({Op.MIN, Op.MAX, Op.CHOOSE, Op.FILLET})  # one operand may be irrelevant over a box
 COMMUTES = frozenset({Op.ADD, Op.MULTIPLY, Op.HYPOT})
-STEPS = frozenset({Op.FLOOR, Op.CEIL, Op.SIGN})  # whole numbers, of anything
+STEPS = frozenset({Op.FLOOR, Op.CEIL, Op.SIGN})  # integers for any operand
 KEEP_WHOLE = frozenset({
     Op.COPY, Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.NEGATE, Op.ABS, Op.SQUARE, Op.CUBE, Op.MIN, Op.MAX, Op.MOD, Op.CHOOSE,
 })  # fmt: skip
 
 
 def arity(op: int) -> int:
-    """How many operands an operation has."""
+    """The number of operands of an operation."""
     return _ARITIES[op]
 
 
@@ -67,7 +67,7 @@ _ARITIES = tuple(1 if op in UNARY else 3 if op in TERNARY else 2 for op in Op)
 
 
 def fold(op: Op, *numbers: float) -> float:
-    """An operation on plain numbers; nan where it is not defined, or infinite."""
+    """An operation on numbers; NaN where it is undefined or raises."""
     try:
         return float(_FOLD[op](*numbers))
     except (ArithmeticError, ValueError):

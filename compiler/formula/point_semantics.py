@@ -1,7 +1,7 @@
-"""What the operations of tapes give at points, and their slopes there: one source for numpy and for LLVM vectors.
+"""Point semantics of opcodes: values and derivatives; one source for numpy and LLVM vectors.
 
-A mathematics `m` has where, sqrt, floor, sin … of its numbers; the operators are the numbers' own. Here it is numpy's; the other is in
-render/formulas.
+The numeric backend `m` has where, sqrt, floor, sin …; operators are those of the numbers. NumpyMath is here, the LLVM backend in
+render/formula/llvm_math.py.
 """
 
 from __future__ import annotations
@@ -17,43 +17,46 @@ Number = Any  # a numpy array, or an LLVM vector
 
 
 class NumpyMath:
-    """Arithmetic on float64 arrays. `maybe` collects what intervals say beside their bounds; with `ways` it forks (enclosures.one_side)."""
+    """Numeric backend on float64 arrays.
+
+    `maybe` collects where intervals may be undefined; with `ways` operations that jump take one side (interval_arithmetic.one_side).
+    """
 
     unit, tiny, big, most, lost, tells = 2.0**-52, 1e-300, 1e290, 1e300, False, False
     squares = (2.0**-400, 2.0**600), (2.0**500, 2.0**-600)  # numbers below and above are scaled before they are squared (hypotenuse)
     sqrt, floor, ceil, exp, log, power = np.sqrt, np.floor, np.ceil, np.exp, np.log, np.power
     sin, cos, tan, asin, acos, atan, atan2 = np.sin, np.cos, np.tan, np.arcsin, np.arccos, np.arctan, np.arctan2
-    least, largest = np.minimum, np.maximum  # of numbers that are none only together
+    least, largest = np.minimum, np.maximum  # of numbers that are NaN only together
 
     def __init__(self, shape: tuple[int, ...] = (), ways: Any = None) -> None:
-        self.maybe = np.zeros(shape, bool)  # where something was undefined
+        self.maybe = np.zeros(shape, bool)  # where a value may be undefined
         self.forks, self.rest = ways is not None, ways
 
     def where(self, mask: Number, yes: Number, no: Number) -> Number:
         return np.where(mask, yes, no)
 
     def clipped(self, x: Number, low: float, high: float) -> Number:
-        """A number, or the nearest one between these; not-a-number stays."""
+        """A number clamped to [low, high]; NaN stays."""
         return np.minimum(np.maximum(x, low), high)
 
     def undefined(self, mask: Number) -> None:
         self.maybe = self.maybe | mask
 
     def unbounded(self, mask: Number) -> None:
-        """Where bounds are beyond `big`: float64 has room for that."""
+        """Records bounds beyond `big`; float64 does not need it."""
 
     def was_undefined(self, like: Number) -> Number:
         return self.maybe
 
     def fork(self, mask: Number) -> Number:
-        """Whether the second way is gone: the last binary digit of what is left of `ways`; where none is left, both may be (`maybe`)."""
+        """Whether to take the second side of a jump: the next binary digit of `ways`; without one, `maybe` is set."""
         self.undefined(mask & (self.rest < 2))
         second = mask & (self.rest % 2 == 1)
         self.rest = np.where(mask & (self.rest >= 2), self.rest // 2, self.rest)
         return second
 
     def index(self, x: Number) -> Number:
-        """The whole number x modulo 256."""
+        """The integer x modulo 256."""
         return np.where(np.isfinite(x), np.mod(x, 256.0), 0.0).astype(np.int64)
 
     def permuted(self, index: Number) -> Number:
@@ -70,7 +73,7 @@ _PERMUTATION = np.array(PERMUTATION, np.int64)
 
 
 def point(m: Any, op: int, a: Number, b: Number = None, c: Number = None) -> Number:
-    """An operation on numbers."""
+    """The value of an operation."""
     match op:
         case Op.COPY:
             return a
@@ -108,7 +111,7 @@ def point(m: Any, op: int, a: Number, b: Number = None, c: Number = None) -> Num
         case Op.POWER:
             return m.power(a, b)
         case Op.ATAN2 | Op.ANGLE:
-            return m.atan2(a + 0.0, b + 0.0)  # −0, as of ceil(−½), is 0: on the cut the angle is π, whatever came to it
+            return m.atan2(a + 0.0, b + 0.0)  # −0, as of ceil(−½), becomes 0: on the branch cut the angle is π
         case Op.NOISE:
             return noise(m, a, b, c)[0]
         case _:
@@ -122,7 +125,7 @@ _FUNCTION = {
 
 
 def slopes(m: Any, op: int, operands: list[Number], value: Number, turns: list[list[Number]]) -> list[Number]:
-    """The derivatives of an operation along several ways: `turns` holds, for each operand, its derivatives along them."""
+    """The derivatives of an operation along several directions; `turns` holds, for each operand, its derivatives along them."""
     ways = range(len(turns[0]))
     a = operands[0]
     match op:
@@ -163,7 +166,7 @@ def slopes(m: Any, op: int, operands: list[Number], value: Number, turns: list[l
 
 
 def hypotenuse(m: Any, a: Number, b: Number) -> Number:
-    """√(a² + b²); where squares would be too large or too small for floating point, of both by a power of two."""
+    """√(a² + b²), scaled by a power of two where squares would overflow or underflow."""
     size = m.largest(abs(a), abs(b))
     (least, grow), (most, shrink) = m.squares
     small, large = size < least, size > most
@@ -174,7 +177,7 @@ def hypotenuse(m: Any, a: Number, b: Number) -> Number:
 
 
 def _arc(m: Any, a: Number, b: Number, radius: Number) -> tuple[Number, Number, tuple[Number, Number], Number]:
-    """Of FILLET: (whether on the arc, whether a is the smaller one, how far both are below the radius, their hypotenuse)."""
+    """FILLET: (whether on the arc, whether a is the smaller operand, radius − a and radius − b, their hypotenuse)."""
     p, q = radius - a, radius - b
     size = hypotenuse(m, p, q)
     return (p > 0.0) & (q > 0.0), (b != b) | (a < b), (p, q), m.where(size > m.tiny, size, m.tiny + 0.0 * size)
@@ -261,7 +264,7 @@ def noise(m: Any, x: Number, y: Number, z: Number) -> tuple[Number, Number, Numb
 
 
 def _corner_way(m: Any, hashed: Any, like: Number) -> list[Number]:
-    """The gradient at a corner of the lattice: two of x, y and z, each with a sign."""
+    """The gradient at a lattice corner: two of x, y and z, each with a sign."""
     eight, four, two, one = (m.bit(hashed, b) for b in (8, 4, 2, 1))
     first_x = ~eight
     second_y = ~eight & ~four

@@ -1,7 +1,7 @@
-"""Fields of solids: numbers that are at most 0 inside and, near the surface, about the distance from it; and how fields combine.
+"""Signed distance fields of solids (at most 0 inside, approximate distances) and their CSG, blend and deformation operators.
 
-Points are given as three values of a tape. Distances: Quilez, "Distance functions" (2008–); blends by circular arcs: the `round`
-operators of hg_sdf (Mercury, 2011–), which leave fields as they are where either is farther than the radius.
+Points are three values of a tape. Distances: Quilez, "Distance functions" (2008–); blends by circular arcs: the `round`
+operators of hg_sdf (Mercury, 2011–), which change no field farther away than the radius.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ Point = tuple[int, int, int]
 
 
 class NoSolid(ValueError):
-    """A shape without an inside; the message says why."""
+    """A shape without an interior; the message says why."""
 
 
 def moved(b: Builder, point: Point, inverse: np.ndarray) -> Point:
-    """A point in another frame, by a (3, 4) matrix from this one."""
+    """A point in another frame; `inverse` (3, 4) leads there."""
     x, y, z = (b.linear([(float(row[k]), point[k]) for k in range(3)], float(row[3])) for row in inverse)
     return x, y, z
 
@@ -106,12 +106,12 @@ _FIELDS: dict[Kind, Callable[[Builder, Sequence[float], Point], int]] = {
 
 
 def union(b: Builder, first: int, second: int, radius: float) -> int:
-    """Both; with a radius the inner edges where they meet are filled by arcs of it."""
+    """The union; with a radius its inner edges are filleted."""
     return b.op(Op.FILLET, first, second, b.constant(radius)) if radius else b.op(Op.MIN, first, second)
 
 
 def intersection(b: Builder, first: int, second: int, radius: float) -> int:
-    """What is in both; with a radius the edges where they meet are rounded by arcs of it."""
+    """The intersection; with a radius its edges are rounded."""
     if not radius:
         return b.op(Op.MAX, first, second)
     return b.op(Op.NEGATE, union(b, b.op(Op.NEGATE, first), b.op(Op.NEGATE, second), radius))
@@ -127,11 +127,11 @@ def shell(b: Builder, field: int, thickness: float) -> int:
     return b.op(Op.MAX, field, b.subtract(b.constant(-thickness), field))
 
 
-# --- bent space ---------------------------------------------------------------------------------------------------------
+# --- deformations ---------------------------------------------------------------------------------------------------------
 
 
 def twisted(b: Builder, point: Point, rate: float) -> Point:
-    """Where a point was before everything was turned about y by `rate` radians for each unit of height."""
+    """The inverse of a twist about y by `rate` radians per unit of height."""
     x, y, z = point
     angle = b.scale(y, -rate)
     c, s = b.op(Op.COS, angle), b.op(Op.SIN, angle)
@@ -139,7 +139,7 @@ def twisted(b: Builder, point: Point, rate: float) -> Point:
 
 
 def bent(b: Builder, point: Point, rate: float) -> Point:
-    """Where a point was before the x axis was bent towards +y into a circle, by `rate` radians for each unit of length."""
+    """The inverse of a bend of the x axis towards +y into a circle, by `rate` radians per unit of length."""
     x, y, z = point
     radius = 1 / rate
     down = b.subtract(b.constant(radius), y)

@@ -1,7 +1,7 @@
-"""Light that mirrors and glass gather: which things do that, from which lamps, and whether paths from the eye would ever find it.
+"""Caustic casters: instances and lights that cause caustics, and whether path tracing would find that light.
 
-A path finds a lamp behind glass by chance alone: its matt surface sends it on in a random direction, and where the lamp fills a hundredth
-of what is seen there one path in hundreds has all its light. A point it never finds.
+A path reaches a light behind glass by chance alone, in a random direction from a diffuse surface. Where the light fills a hundredth of the
+view there, one path in hundreds carries all its energy. No path reaches a point light.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ import numpy as np
 from .. import ir
 from . import scene_facts
 
-SMALL = 0.3  # steradians of what a gathering thing sees, below which a lamp is found too seldom (of a hemisphere one in twenty)
-POLISHED = 0.54  # roughness up to which a metal or glass gathers; its square is below render/materials.POLISHED
-BRIGHT = 0.1  # reflectance of the course's lobes, which grow no brighter at grazing angles, below which paths find their light well enough
-PEAK, FAINT_PEAK = 8.0, 200.0  # but that of the narrowest: 8 times what is sent at the peak, over what an even surface does; of faint ones
-COAT = 0.04  # reflectance of a coat along its normal; as render/microfacet.COAT
-FAINT = 0.1  # of what a highlight reflects, the least that is aimed for: it reflects more of what grazes it
+SMALL = 0.3  # steradians as seen from a caster, below which paths hit a light too seldom (one in twenty of a hemisphere)
+POLISHED = 0.54  # roughness up to which a metal or glass casts caustics; its square is below render/material/microfacet.POLISHED
+BRIGHT = 0.1  # specular reflectance of Phong lobes, below which path tracing suffices: they have no Fresnel increase
+PEAK, FAINT_PEAK = 8.0, 200.0  # least value of a lobe's peak over that of a diffuse lobe, times 8; of faint lobes
+COAT = 0.04  # reflectance of a coat at normal incidence; as render/material/microfacet.COAT
+FAINT = 0.1  # least reflectance that photons are aimed by: highlights reflect more at grazing angles
 CARRIERS = ("photons", "paths")
-FLAT = 1e-3  # roughness whose square is below is none; as render/microfacet.SHARP
+FLAT = 1e-3  # squared roughness below which a surface is a perfect mirror; as render/material/microfacet.SHARP
 LAMPS = (
     ir.LightKind.POINT, ir.LightKind.SPOT, ir.LightKind.DIRECTIONAL, ir.LightKind.SUN, ir.LightKind.RECTANGLE, ir.LightKind.DISK,
     ir.LightKind.SPHERE,
@@ -30,7 +30,7 @@ _LAYERED = (ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR, i
 
 
 def sharp_materials(tables: ir.Tables) -> np.ndarray:
-    """(materials,) bool: those that mirror, or let light through, without spreading it, anywhere; parts of blends count for the blend."""
+    """(materials,) bool: materials with perfect specular reflection or transmission; a blend has that of its parts."""
     m, slot = tables.materials, ir.Slot
 
     def may_be(which: int, at_most: float = 0.0) -> np.ndarray:
@@ -45,7 +45,7 @@ def sharp_materials(tables: ir.Tables) -> np.ndarray:
 
 
 def polished_materials(tables: ir.Tables) -> np.ndarray:
-    """(materials,) bool: metals and glass neither rough nor smooth as mirrors are, anywhere; parts of blends count for the blend."""
+    """(materials,) bool: polished metals and frosted glass; a blend counts as its parts."""
     m, slot = tables.materials, ir.Slot
     polished = (m.values[:, slot.ROUGHNESS, 0] <= POLISHED) | (m.textures[:, slot.ROUGHNESS] >= 0)
     metallic = (m.values[:, slot.METALLIC, 0] >= 1.0) | (m.textures[:, slot.METALLIC] >= 0) | (m.model == ir.MaterialModel.METAL)
@@ -58,10 +58,7 @@ def polished_materials(tables: ir.Tables) -> np.ndarray:
 
 
 def gleam(tables: ir.Tables) -> np.ndarray:
-    """(materials,) about what highlights reflect that are bright and narrow (render/materials.gleams) over something matt, at the most;
-
-    0 of materials without. Parts of blends count for the blend.
-    """
+    """(materials,) largest reflectance of bright, narrow highlights over a diffuse base; 0 without. A blend has that of its parts."""
     m, slot = tables.materials, ir.Slot
 
     def most(which: int, textured: float) -> np.ndarray:
@@ -88,14 +85,14 @@ def gleam(tables: ir.Tables) -> np.ndarray:
 
 
 def gains(tables: ir.Tables) -> np.ndarray:
-    """(instances,) about what things reflect, of those that gather light: 1, or of highlights over something matt less; 0 of others."""
+    """(instances,) approximate reflectance of caustic casters: 1, less for highlights over a diffuse base; 0 for others."""
     whole = (sharp_materials(tables) | polished_materials(tables))[tables.instances.material]
     part = gleam(tables)[tables.instances.material]
     return np.where(whole, 1.0, np.maximum(part, FAINT)) * gathering(tables)
 
 
 def matt_materials(tables: ir.Tables) -> np.ndarray:
-    """(materials,) bool: those that spread light."""
+    """(materials,) bool: materials that receive caustics: not perfectly specular."""
     m, slot = tables.materials, ir.Slot
     matt = (m.values[:, [slot.DIFFUSE, slot.SPECULAR]].max(axis=(1, 2), initial=0.0) > 0.0) | (m.textures[:, slot.DIFFUSE] >= 0)
     matt |= ir.is_in(m.model, (*_LAYERED, ir.MaterialModel.BLEND))
@@ -103,7 +100,7 @@ def matt_materials(tables: ir.Tables) -> np.ndarray:
 
 
 def balls(tables: ir.Tables) -> tuple[np.ndarray, np.ndarray]:
-    """((instances, 3) centres, (instances,) radii) of balls round things in the world; radius inf of what is endless."""
+    """((instances, 3) centres, (instances,) radii) of bounding spheres in the world; radius inf for unbounded shapes."""
     instances = tables.instances
     matrix, kind = tables.transforms.matrix[instances.transform], tables.geometries.kind[instances.geometry]
     bounds = tables.geometries.bounds[instances.geometry]
@@ -112,7 +109,7 @@ def balls(tables: ir.Tables) -> tuple[np.ndarray, np.ndarray]:
         middle, half = bounds.mean(axis=1), 0.5 * (bounds[:, 1] - bounds[:, 0])
     middle, half = (np.where(finite[:, None], x, 0.0) for x in (middle, half))
     centre = np.einsum("nij,nj->ni", matrix[:, :, :3], middle) + matrix[:, :, 3]
-    corners = np.array([[1, y, z] for y in (-1, 1) for z in (-1, 1)])[None] * half[:, None, :]  # half of them: the others lie across
+    corners = np.array([[1, y, z] for y in (-1, 1) for z in (-1, 1)])[None] * half[:, None, :]  # half of them: the others are opposite
     radius = np.linalg.norm(np.einsum("nij,nkj->nki", matrix[:, :, :3], corners), axis=2).max(axis=1, initial=0.0)
     stretch = np.linalg.norm(matrix[:, :, :3], ord=2, axis=(1, 2)) if len(matrix) else np.zeros(0)
     radius = np.where(kind == ir.GeometryKind.SPHERE, stretch * half.max(axis=1, initial=0.0), radius)
@@ -120,20 +117,19 @@ def balls(tables: ir.Tables) -> tuple[np.ndarray, np.ndarray]:
 
 
 def gathering(tables: ir.Tables) -> np.ndarray:
-    """(instances,) bool: things that mirror or bend light without spreading it much."""
+    """(instances,) bool: caustic casters, which reflect or refract light in narrow lobes."""
     seen = tables.instances.visible & ir.Visibility.REFLECTION != 0
     whole = sharp_materials(tables) | polished_materials(tables)
     found, gleaming = whole[tables.instances.material], gleam(tables) > 0.0
     if gleaming.any():
-        found = found | (gleaming[tables.instances.material] & np.isfinite(balls(tables)[1]))  # what is endless cannot be aimed at
+        found = found | (gleaming[tables.instances.material] & np.isfinite(balls(tables)[1]))  # photons cannot be aimed at unbounded shapes
     return found & seen
 
 
 def lamps(tables: ir.Tables, all_sizes: bool = False) -> tuple[np.ndarray, np.ndarray]:
-    """((lights,), (instances,)) bool: lamps and shining things that gathering things see as small, or of `all_sizes`.
+    """((lights,), (instances,)) bool: lights and emissive instances that are small as seen from casters, or of `all_sizes`.
 
-    Light that casts no shadows goes through all that gathers, and light that does not fade by the square of the distance is none of
-    this world: neither is among them.
+    Lights without shadows pass through casters, and lights without inverse-square falloff are not physical: neither counts.
     """
     lit = tables.lights
     centre, radius = balls(tables)
@@ -159,33 +155,33 @@ def lamps(tables: ir.Tables, all_sizes: bool = False) -> tuple[np.ndarray, np.nd
 
 
 def _fills(place: np.ndarray, size: float, centre: np.ndarray, radius: np.ndarray) -> float:
-    """About the steradians that a ball at a place fills, seen from the nearest point of any of some balls."""
+    """Approximate solid angle of a sphere, from the nearest point of any of the bounding spheres."""
     away = np.linalg.norm(centre - place, axis=1) - np.where(np.isfinite(radius), radius, 0.0)
     nearest = float(away.min(initial=math.inf))
     return 4.0 * math.pi if nearest <= size else 2.0 * math.pi * (1.0 - math.sqrt(1.0 - (size / nearest) ** 2))
 
 
 def carrier(tables: ir.Tables, transport: str, backend: str, moves: bool) -> tuple[str, str, tuple[str, ...]]:
-    """(what carries light that mirrors and glass gather: "photons", "paths" or "none"; why; what else may)."""
+    """(what carries caustics: "photons", "paths" or "none"; the reason; the possible values)."""
     chance = CARRIERS[1:]
     mirrors = gathering(tables)
     if not mirrors.any() or not (matt_materials(tables) & scene_facts.used_materials(tables)).any():
-        return "paths", "nothing mirrors or bends light onto matt things", chance
+        return "paths", "nothing casts caustics onto diffuse surfaces", chance
     if transport != "path":
-        return "none", "the tree looks for lamps from matt things straight: write --bounces", ("none",)
+        return "none", "Whitted ray tracing has direct light alone on diffuse surfaces: write --bounces", ("none",)
     if backend != "ray":
-        return "paths", "the ray backend alone has photons", chance
+        return "paths", "the ray backend alone traces photons", chance
     if moves:
-        return "paths", "things move: photons fly at other times than paths", chance
+        return "paths", "objects move: photons and paths have different times", chance
     small, shining = lamps(tables)
     endless = ~np.isfinite(balls(tables)[1][mirrors])
     if endless.any() and (ir.is_in(tables.lights.kind, FAR) & small).any():
-        return "paths", "an endless thing mirrors light from endlessly far: photons cannot be aimed at it", chance
+        return "paths", "an unbounded shape reflects a light at infinity: photons cannot be aimed at it", chance
     count = int(small.sum() + shining.sum())
     if not count:
         possible = any(found.any() for found in lamps(tables, all_sizes=True))
-        reason = "all lamps are large as seen from what mirrors or bends light: paths find them by chance"
+        reason = "all lights are large as seen from caustic casters: paths hit them"
         return "paths", reason, CARRIERS if possible else chance
-    what = "is a small lamp" if count == 1 else f"are {count} small lamps"
-    things = "a thing that mirrors or bends" if mirrors.sum() == 1 else f"{int(mirrors.sum())} things that mirror or bend"
-    return "photons", f"there {what} and {things} light onto matt ones: photons carry it", CARRIERS
+    lights = "1 small light" if count == 1 else f"{count} small lights"
+    casters = "1 caustic caster" if mirrors.sum() == 1 else f"{int(mirrors.sum())} caustic casters"
+    return "photons", f"{lights} and {casters}: photons carry the caustics", CARRIERS

@@ -1,4 +1,4 @@
-"""Bodies of lamps: which stand in the light of others."""
+"""Shapes of area lights that block other lights."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ _PLACED = (ir.LightKind.POINT, ir.LightKind.SPOT, *_AREAS)
 
 
 def blocking(tables: ir.Tables) -> np.ndarray:
-    """(instances,) bool: lamps' shapes that block light.
+    """(instances,) bool: shapes of lights that block light.
 
-    None where there is but one light: no lamp stands in its own. Nor does a ball around another lamp, as is put there to show it, nor a
-    lamp that nothing blocks. Whether lights are on does not matter, so that the groups of a scene's lights cast the same shadows.
+    None with a single light: no light blocks itself. Neither does a sphere around another light, nor a light without shadows. Strengths do
+    not matter, so that all light groups cast the same shadows.
     """
     lights, instances = tables.lights, tables.instances
     blocks = (instances.light >= 0) & (instances.visible & ir.Visibility.SHADOW != 0)
@@ -29,7 +29,7 @@ def blocking(tables: ir.Tables) -> np.ndarray:
 
 
 def _holds_another(tables: ir.Tables, row: int) -> bool:
-    """Whether another lamp's place is in the ball of a row of Lights."""
+    """Whether the sphere light `row` contains another light."""
     lights, transforms = tables.lights, tables.transforms
     area = ir.is_in(lights.kind, _AREAS)
     places = np.where(area[:, None], transforms.matrix[lights.transform, :, 3], lights.position)
@@ -41,7 +41,7 @@ def _holds_another(tables: ir.Tables, row: int) -> bool:
 
 
 def let_through(tables: ir.Tables, blocks: bool) -> ir.Tables:
-    """Tables in which lamps' shapes that do not block light, or with `blocks` off none of them, are let through by shadow rays."""
+    """Tables where shadow rays ignore shapes of lights that do not block light; all shapes of lights without `blocks`."""
     instances = tables.instances
     passed = (instances.light >= 0) & ~(blocking(tables) & blocks) & (instances.visible & ir.Visibility.SHADOW != 0)
     if not passed.any():

@@ -1,4 +1,4 @@
-"""Whether the pixels of a block can share what their paths find beyond the first surface; see render/integrator/path_reuse.py."""
+"""Whether blocks of pixels can share their paths beyond the first surface (render/integrator/path_reuse.py)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from . import scene_facts
 
 SHARED = ("blocks", "none")
 _MATT = (ir.MaterialModel.LAMBERT, ir.MaterialModel.PHONG, ir.MaterialModel.BLINN_PHONG, ir.MaterialModel.EMISSIVE)
-MANY = 64  # lamps from which on most noise is of which one was looked for at the first surface
+MANY = 64  # lights, from which on most noise comes from the choice of a light at the first surface
 _SKIES = (ir.LightKind.SKY, ir.LightKind.DOME)
 
 
@@ -15,29 +15,29 @@ def by_blocks(tables: ir.Tables, transport: str, backend: str, moves: bool) -> t
     """(value, reason, choices) of the decision."""
     why = ""
     if transport != "path":
-        why = "no path is drawn by chance"
+        why = "there are no random paths"
     elif backend != "ray":
-        why = "the reference draws each path for itself"
+        why = "the reference backend traces each path by itself"
     elif moves:
-        why = "each path has a time of its own"
+        why = "each path has its own time"
     elif not is_matt(tables):
-        why = "something is not matt, even and wholly there: what it sends depends on where it is seen from"
+        why = "some surface is not matt, smooth-shaded or partly transparent: its radiance depends on the direction"
     elif ir.is_in(tables.lights.kind, _SKIES).any():
-        why = "light comes from the sky, which each pixel looks for by itself"
+        why = "the sky is sampled for each pixel by itself"
     elif len(tables.lights.kind) > MANY:
-        why = "lamps are so many that most noise is of which one the first surface looks for"
+        why = "there are many lights: most noise comes from the choice of one at the first surface"
     if why:
         return "none", why, SHARED[1:]
-    return "blocks", "all is matt: blocks of 4 × 4 pixels share what their paths find beyond the first surface", SHARED
+    return "blocks", "all surfaces are matt: blocks of 4 × 4 pixels share their paths beyond the first surface", SHARED
 
 
 def is_matt(tables: ir.Tables) -> bool:
-    """Whether all things send the same light in all directions, by normals of their own, and every ray may meet them."""
+    """Whether all instances are Lambertian, opaque, with geometric normals, and visible to every ray."""
     m, instances, slot = tables.materials, tables.instances, ir.Slot
     other = [slot.SPECULAR, slot.REFLECTION, slot.TRANSMISSION]
     plain = ir.is_in(m.model, _MATT) & (m.shading != ir.Shading.GOURAUD) & ~scene_facts.partial(tables)
     plain &= m.values[:, other].max(axis=(1, 2), initial=0.0) <= 0.0
     plain &= (m.textures[:, [*other, slot.NORMAL, slot.BUMP]] < 0).all(axis=1)
     rounded = (tables.geometries.normals[instances.geometry] >= 0) & (m.shading[instances.material] != ir.Shading.FLAT)
-    met = instances.visible & ir.Visibility.REFLECTION != 0
-    return bool((plain[instances.material] & ~rounded & met).all())
+    hit = instances.visible & ir.Visibility.REFLECTION != 0
+    return bool((plain[instances.material] & ~rounded & hit).all())

@@ -1,4 +1,4 @@
-"""What a scene holds that decisions turn on: materials by what they do, what is partly there, what moves, a ground below all."""
+"""Predicates over scene tables: materials by their scattering, opacity, motion, a ground plane, extents."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ import numpy as np
 
 from .. import ir
 
-POLISHED = 0.3  # roughness below which the highlight of what is no metal mirrors things that can be told
+POLISHED = 0.3  # roughness below which the highlight of a dielectric shows recognizable reflections
 
 
 def ground(tables: ir.Tables) -> int:
-    """The instance of a plane that casts shadows and on whose upper side everything else lies, or -1.
+    """The instance of a plane that casts shadows and has everything else on its upper side, or -1.
 
-    Things may stand on it, to 1e-9 of their coordinates.
+    Objects may touch it, within 1e-9 of their coordinates.
     """
     instances, geometries, transforms = tables.instances, tables.geometries, tables.transforms
     boxes, matrix = geometries.bounds[instances.geometry], transforms.matrix[instances.transform]
@@ -29,31 +29,31 @@ def ground(tables: ir.Tables) -> int:
             height = np.sum(along * middle, axis=1) + matrix[others, :, 3] @ below[:3] + below[3]
             reach = np.sum(np.abs(along) * half, axis=1)
             size = np.abs(height) + reach + np.abs(below[3])
-            if np.all(height - reach >= -1e-9 * size):  # nan and inf of what is endless are not above
+            if np.all(height - reach >= -1e-9 * size):  # nan and inf of unbounded shapes compare false
                 return row
     return -1
 
 
 def partial(tables: ir.Tables) -> np.ndarray:
-    """(materials,) bool: those that are anywhere less than wholly there."""
+    """(materials,) bool: materials with an opacity below 1 anywhere."""
     materials = tables.materials
     return (materials.values[:, ir.Slot.OPACITY, 0] < 1.0) | (materials.textures[:, ir.Slot.OPACITY] >= 0)
 
 
 def shines(tables: ir.Tables) -> np.ndarray:
-    """(materials,) bool: those that give light."""
+    """(materials,) bool: emissive materials."""
     materials, slot = tables.materials, ir.Slot.EMISSION
     return (materials.values[:, slot].max(axis=1, initial=0.0) > 0.0) | (materials.textures[:, slot] >= 0)
 
 
 def moving(tables: ir.Tables, camera: int) -> bool:
-    """Whether something that has keys is seen by a camera, or the camera has, while its shutter is open."""
+    """Whether an instance or the camera moves while the camera's shutter is open."""
     rows = np.append(tables.instances.transform, tables.cameras.transform[camera])
     return bool(tables.cameras.shutter[camera] > 0.0 and (tables.transforms.first_key[rows] >= 0).any())
 
 
 def open_during(tables: ir.Tables, camera: int) -> tuple[float, float]:
-    """Where a camera's shutter opens and how long it is open, as shares of the time that keys go over."""
+    """(opening, duration) of a camera's shutter, as shares of the time that the keys span."""
     cameras = tables.cameras
     of = cameras.shutter > 0.0
     start, end = cameras.opening[of].min(), (cameras.opening + cameras.shutter)[of].max()
@@ -61,7 +61,7 @@ def open_during(tables: ir.Tables, camera: int) -> tuple[float, float]:
 
 
 def specular_materials(scene: ir.Scene) -> np.ndarray:
-    """(materials,) bool: those that mirror or refract."""
+    """(materials,) bool: materials that reflect or refract specularly."""
     m = scene.tables.materials
     slots = m.values[:, [ir.Slot.REFLECTION, ir.Slot.TRANSMISSION]].max(axis=(1, 2), initial=0.0) > 0
     slots |= glossy_materials(scene)
@@ -69,7 +69,7 @@ def specular_materials(scene: ir.Scene) -> np.ndarray:
 
 
 def used_materials(tables: ir.Tables) -> np.ndarray:
-    """(materials,) bool: those that things are made of, parts of blends among them."""
+    """(materials,) bool: materials of instances, and the parts of their blends."""
     m = tables.materials
     found = np.zeros(len(m.model), bool)
     found[tables.instances.material] = True
@@ -80,7 +80,7 @@ def used_materials(tables: ir.Tables) -> np.ndarray:
 
 
 def glossy_materials(scene: ir.Scene) -> np.ndarray:
-    """(materials,) bool: those with microfacets in whose highlight things can be told: metals, and what is somewhat polished."""
+    """(materials,) bool: microfacet materials with recognizable reflections: metals, polished dielectrics, rough glass."""
     m, slot = scene.tables.materials, ir.Slot
 
     def may_be(wanted: Callable[[np.ndarray], np.ndarray], which: int) -> np.ndarray:
@@ -94,7 +94,7 @@ def glossy_materials(scene: ir.Scene) -> np.ndarray:
 
 
 def lit_materials(tables: ir.Tables) -> np.ndarray:
-    """(materials,) bool: those whose look depends on lights: what is matt, has a highlight or is rough glass."""
+    """(materials,) bool: materials with direct light: diffuse, with a highlight, or rough glass."""
     m, slots = tables.materials, [ir.Slot.DIFFUSE, ir.Slot.SPECULAR]
     plain = (m.values[:, slots].max(axis=(1, 2), initial=0.0) > 0.0) | (m.textures[:, slots] >= 0).any(axis=1)
     rough = (m.values[:, ir.Slot.ROUGHNESS, 0] > 0.0) | (m.textures[:, ir.Slot.ROUGHNESS] >= 0)
@@ -103,7 +103,7 @@ def lit_materials(tables: ir.Tables) -> np.ndarray:
 
 
 def extents(tables: ir.Tables) -> tuple[float, float]:
-    """(largest coordinate of what is bounded and of the cameras, diagonal of the smallest thing), in metres; (0, 1) of nothing."""
+    """(largest coordinate of bounded instances and cameras, half diagonal of the smallest instance), in metres; 1 without instances."""
     instances, matrix = tables.instances, tables.transforms.matrix[tables.instances.transform]
     bounds = tables.geometries.bounds[instances.geometry]
     finite = np.isfinite(bounds).all(axis=(1, 2))

@@ -1,4 +1,4 @@
-"""What the scene builder takes: one small record for each kind of row, with the defaults that a plain one has."""
+"""Input records of SceneBuilder, one for each kind of row, with defaults."""
 
 from __future__ import annotations
 
@@ -30,8 +30,10 @@ def multiplied(one: Color, other: Color) -> Color:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeshAttribute:
-    """Values (n, width) of a mesh and how they belong to it: CONSTANT 1, FACE one a triangle, VERTEX one a vertex,
-    CORNER one a triangle's corner (row 3 · triangle + corner, triangles counted from the mesh's first)."""
+    """Values (n, width) of a mesh: n is 1 for CONSTANT, triangles for FACE, vertices for VERTEX, 3 · triangles for CORNER.
+
+    The row of a corner is 3 · triangle + corner, relative to the mesh.
+    """
 
     values: np.ndarray
     interpolation: ir.Interpolation = ir.Interpolation.VERTEX
@@ -39,7 +41,7 @@ class MeshAttribute:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outlines:
-    """A mesh's polygons as they were before they were cut into triangles; all indices count from the mesh's first row."""
+    """The polygons of a mesh before triangulation; indices are relative to the mesh."""
 
     corners: np.ndarray  # (c,) vertices of all loops, one after the other
     loops: np.ndarray  # (l, 2) first corner, corner count
@@ -48,7 +50,7 @@ class Outlines:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeshData:
-    """A mesh on its way into the tables. Triangles are counter-clockwise from outside."""
+    """A mesh. Triangles are counter-clockwise from outside."""
 
     positions: np.ndarray  # (v, 3) float64, metres, in the mesh's own frame
     triangles: np.ndarray  # (t, 3) int
@@ -61,7 +63,7 @@ class MeshData:
 
 @dataclass(frozen=True, slots=True)
 class Input:
-    """A material's input: a constant, times a texture where there is one. Numbers stand in the first place."""
+    """A material input: a constant, times a texture if any. Numbers are in the first component."""
 
     value: Color = WHITE
     texture: int = -1
@@ -73,7 +75,7 @@ class Input:
 
 @dataclass(frozen=True, slots=True)
 class MaterialData:
-    """Inputs left out are 0 (the index of refraction and opacity 1)."""
+    """Missing inputs are 0; the index of refraction and the opacity are 1."""
 
     model: ir.MaterialModel = ir.MaterialModel.LAMBERT
     inputs: Mapping[ir.Slot, Input] = field(default_factory=dict)
@@ -105,7 +107,7 @@ class TextureData:
 
 @dataclass(frozen=True, slots=True)
 class LightData:
-    """See ir.Lights for what each number is. `transform` is a row from SceneBuilder.transform."""
+    """Columns of ir.Lights. `transform` is a row from SceneBuilder.transform."""
 
     kind: ir.LightKind
     color: Color
@@ -121,12 +123,12 @@ class LightData:
     image: int = -1
     shadows: bool = True
     name: str = ""
-    group: str = ""  # of lights whose light is told by itself
+    group: str = ""  # light group
 
 
 @dataclass(frozen=True, slots=True)
 class CameraData:
-    """See ir.Cameras. `transform` is a row from SceneBuilder.transform."""
+    """Columns of ir.Cameras. `transform` is a row from SceneBuilder.transform."""
 
     transform: int
     extent: float  # tan of half the field of view, or half the extent in metres, along `fit`
@@ -146,10 +148,7 @@ class CameraData:
 
 @dataclass(frozen=True, slots=True)
 class InstanceData:
-    """Rows from the builder; a row of -1 (a geometry or transform that was not accepted) makes no instance.
-
-    `light` is the light that this instance is the visible shape of.
-    """
+    """Rows from the builder; a geometry or transform of -1 (refused) makes no instance. `light`: the light whose shape this is."""
 
     geometry: int
     transform: int = 0

@@ -15,7 +15,7 @@ from ..backends.views import channel
 from ..render import tables as make
 from ..render.closed import K, after, hit
 from ..render.geometry.test_analytic_shapes import SHAPES, some_rays
-from ..render.tracing import through_trees
+from ..render.tracing import trace_kernels
 from . import radiometry as rm
 
 Array = rm.Array
@@ -214,7 +214,7 @@ def test_barycentrics_of_rays(measured):
         normal = rm.unit(np.cross(corners[1] - corners[0], corners[2] - corners[0]))
         o = weights @ corners + 3 * normal + random.normal(size=(50, 3))
         ray = make.rays(o, weights @ corners - o)
-        t, _, _, u, v, *_ = through_trees(make.scene(meshes=[(make.mesh(corners, [[0, 1, 2]]), make.IDENTITY, 0)]), ray)
+        t, _, _, u, v, *_ = trace_kernels(make.scene(meshes=[(make.mesh(corners, [[0, 1, 2]]), make.IDENTITY, 0)]), ray)
         assert np.isfinite(t).all()
         worst = max(worst, float(np.abs(np.stack([1 - u - v, u, v], axis=1) - weights).max()))
     measured.answer(11, "barycentrics of a triangle, by rays", "functions", worst, EXACT, note="the worst of 3000")

@@ -1,4 +1,4 @@
-"""What rays meet, by trees in kernels and by brute force in numpy, and that both say the same; meshes and rays to try them on."""
+"""Hits by BVH in kernels and by brute force in numpy, checked against each other; meshes and rays for such tests."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from maquette.render.types import Ray
 from .tables import rays
 
 
-def through_trees(tables: ir.Tables, ray: Ray, bit: int = 1, brute: bool = False) -> tuple[np.ndarray, ...]:
+def trace_kernels(tables: ir.Tables, ray: Ray, bit: int = 1, brute: bool = False) -> tuple[np.ndarray, ...]:
     """(t, instance, primitive, u, v, blocked) by kernels."""
     accel = kernels.build(tables, brute)
     what = np.stack(ray.origin, axis=1), np.stack(ray.direction, axis=1), ray.t_min, ray.t_max
@@ -26,10 +26,10 @@ def by_brute_force(tables: ir.Tables, ray: Ray, bit: int = 1) -> tuple[np.ndarra
 
 
 def same(tables: ir.Tables, ray: Ray, bit: int = 1) -> tuple[np.ndarray, ...]:
-    """What rays meet, after trees, a loop in a kernel and numpy have agreed to the last bit."""
+    """Hits of rays, after BVH, brute force in a kernel and numpy agreed bit for bit."""
     expected = by_brute_force(tables, ray, bit)
     for brute in (False, True):
-        for found, wanted in zip(through_trees(tables, ray, bit, brute), expected, strict=True):
+        for found, wanted in zip(trace_kernels(tables, ray, bit, brute), expected, strict=True):
             np.testing.assert_array_equal(found, wanted)
     return expected
 
@@ -39,8 +39,8 @@ def random_rays(n: int, seed: int, reach: float = 7.0) -> Ray:
     return rays(rng.uniform(-reach, reach, (n, 3)), rng.normal(size=(n, 3)))
 
 
-def bundles(n: int, seed: int, reach: float = 7.0, spread: float = 0.05) -> Ray:
-    """Rays as `random_rays`, eight by eight nearly the same."""
+def coherent_rays(n: int, seed: int, reach: float = 7.0, spread: float = 0.05) -> Ray:
+    """Rays as `random_rays`, in coherent groups of eight."""
     rng = np.random.default_rng(seed)
     few = random_rays(-(-n // 8), seed, reach)
 

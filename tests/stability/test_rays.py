@@ -20,7 +20,7 @@ from maquette.render.types import Hit, Ray
 from ..render.closed import INF, K, hit
 from ..render.geometry.test_analytic_shapes import SHAPES
 from ..render.tables import matrix, mesh, rays, scene
-from ..render.tracing import same, through_trees
+from ..render.tracing import same, trace_kernels
 from . import exact, naive
 from .meshes import ball
 
@@ -69,7 +69,7 @@ def leaks(by: str, n: int, middle: np.ndarray, seed: int, each: int = 1) -> int:
     data, place = (mesh(points, triangles), np.eye(4)) if by == "corners" else (mesh(points - middle, triangles), matrix(middle))
     o, d = at_edges(points, triangles, middle, n // each, seed)
     o, d = several_each(o, d, each, seed)
-    return int(np.sum(~np.isfinite(through_trees(scene(meshes=[(data, place, 0)]), as_rays(o, d))[0])))
+    return int(np.sum(~np.isfinite(trace_kernels(scene(meshes=[(data, place, 0)]), as_rays(o, d))[0])))
 
 
 def naive_leaks(n: int, middle: np.ndarray, seed: int, kind: type) -> int:
@@ -143,7 +143,7 @@ def slivers(aspect: float, far: float, seed: int, count: int = 150) -> tuple[int
         aim = (weights / weights.sum(1, keepdims=True)) @ (corners + tables.geometries.origin[0])
         o = aim + 3 * random.normal(size=(8, 3)) + where
         ray = rays(o, aim + where - o)
-        t, d = through_trees(tables, ray)[0], np.stack(ray.direction, axis=1)
+        t, d = trace_kernels(tables, ray)[0], np.stack(ray.direction, axis=1)
         a, b, c = (given_ + where)[:, None]
         middle = exact.rational(tables.geometries.origin[0])
         moved = [zip(exact.rational(c), middle, exact.rational(where), strict=True) for c in corners]
@@ -230,7 +230,7 @@ def test_duplicate_triangles(measured, count):
     ray = rays(np.random.default_rng(1).uniform(1, 2, (200, 3)), -np.ones(3))
     if count == 1000:
         same(tables, ray)
-    _, instance, primitive, *_ = through_trees(tables, ray)
+    _, instance, primitive, *_ = trace_kernels(tables, ray)
     if count == 100_000:
         measured.place(
             10, "100 000 triangles in one place", naive="halving the box until a leaf is small never ends (RecursionError)",
@@ -394,8 +394,8 @@ def met_again(name: str, size: float, far: float, seed: int, n: int = 1000) -> t
     out = out / np.linalg.norm(out, axis=1, keepdims=True) + 1.2 * normal
     out /= np.linalg.norm(out, axis=1, keepdims=True)
     at_once = 0.02 * size * (parameters[1] if kind == K.TORUS else 1.0)  # nearer than any other part of the shape
-    ours = through_trees(tables, as_rays(np.stack(np.broadcast_arrays(*interaction.offset_origin(at, tuple(out.T))), axis=1), out))[0]
-    plain = through_trees(tables, as_rays(naive.leave(place, out).astype(float), out))[0]
+    ours = trace_kernels(tables, as_rays(np.stack(np.broadcast_arrays(*interaction.offset_origin(at, tuple(out.T))), axis=1), out))[0]
+    plain = trace_kernels(tables, as_rays(naive.leave(place, out).astype(float), out))[0]
     free = np.broadcast_to(at.front, len(seen)) | (kind not in (K.BOX, K.CYLINDER, K.CONE))  # from inside, the next face may be near
     return int(np.sum(free & (ours < at_once))), int(np.sum(free & (plain < at_once))), len(seen)
 
@@ -462,7 +462,7 @@ def t_junction(off: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def test_a_corner_an_ulp_beside_an_edge(measured, load):
     points, triangles, crack = t_junction(1)
     o = np.array([0.1, 0.2, 5.0])
-    t = through_trees(scene(meshes=[(mesh(points, triangles), np.eye(4), 0)]), rays(o, crack - o))[0]
+    t = trace_kernels(scene(meshes=[(mesh(points, triangles), np.eye(4), 0)]), rays(o, crack - o))[0]
     leaked = np.mean(~np.isfinite(t))
     a, b, c = (points[triangles[:, k]] for k in range(3))
     plain = np.mean([not np.isfinite(naive.triangle(a, b, c, o, p - o)).any() for p in crack[:300]])
@@ -491,7 +491,7 @@ def test_a_corner_exactly_on_an_edge_does_not_leak(seed):
     aim = corners[0] * (1 - share) + corners[4] * share
     across = np.cross(corners[4] - corners[0], aim[0] - o)
     opposite = np.sign(across @ (corners[2] - corners[0])) != np.sign(across @ (corners[3] - corners[0]))
-    t = through_trees(tables, rays(o, aim - o))[0]
+    t = trace_kernels(tables, rays(o, aim - o))[0]
     assert np.isfinite(t).all() or not opposite
 
 

@@ -16,7 +16,7 @@ from maquette.render.geometry import round_shapes
 from ..render.closed import INF, K, after, equation, hit
 from ..render.geometry.test_analytic_shapes import SHAPES
 from ..render.tables import matrix, rays, scene
-from ..render.tracing import through_trees
+from ..render.tracing import trace_kernels
 from . import exact, naive
 
 U = 2.0**-53
@@ -26,7 +26,7 @@ ENDLESS = [INF, INF, INF]
 def first_hits(tables: ir.Tables, o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(t, unit directions) through the trees."""
     ray = rays(o, d)
-    return through_trees(tables, ray)[0], np.stack(ray.direction, axis=1)
+    return trace_kernels(tables, ray)[0], np.stack(ray.direction, axis=1)
 
 
 def unit(v: np.ndarray) -> np.ndarray:
@@ -87,7 +87,7 @@ def residual(name: str, distance: float, seed: int) -> tuple[float, int, float]:
     on_ring = parameters[0] * np.stack([np.cos(angle), 0 * angle, np.sin(angle)], axis=1) if kind == K.TORUS else None
     local = random.uniform(-0.5, 0.5, (1000, 3)) if on_ring is None else on_ring
     ray = rays(o, place[:3, 3] + local @ turn.T - o)
-    t, _, part, *_ = through_trees(scene([(kind, parameters, place, 0)]), ray)
+    t, _, part, *_ = trace_kernels(scene([(kind, parameters, place, 0)]), ray)
     met = np.isfinite(t)
     long_o, long_d = (np.stack(v, axis=1)[met].astype(np.longdouble) for v in (ray.origin, ray.direction))
     p = ((long_o + t[met, None] * long_d - place[:3, 3]) @ turn.astype(np.longdouble)).astype(np.float64)

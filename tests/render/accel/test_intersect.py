@@ -18,7 +18,7 @@ from maquette.render.accel.build import parallel_build, tlas, tree_cache, wide_b
 from maquette.render.geometry.bounds import world_bounds
 
 from ..tables import matrix, rays, scene
-from ..tracing import bundles, random_rays, same, through_trees, wavy
+from ..tracing import coherent_rays, random_rays, same, trace_kernels, wavy
 
 K = ir.GeometryKind
 EVERY = [
@@ -159,7 +159,7 @@ def test_thousands_of_rays_among_hundreds_of_instances(shape: str) -> None:
         tables = scene([(K.SPHERE, [0.6], anywhere(rng), 0) for _ in range(300)] + [(K.PLANE, [], matrix((0, -4, 0)), 0)])
     else:
         tables = scene(meshes=[(wavy(3, k), anywhere(rng), 0) for k in range(200)])
-    for ray in (random_rays(4000, 5), bundles(4000, 6), bundles(4000, 7, spread=0.0)):
+    for ray in (random_rays(4000, 5), coherent_rays(4000, 6), coherent_rays(4000, 7, spread=0.0)):
         t_max = np.where(rng.random(4000) < 0.2, -1.0, np.inf)
         _, instance, *_ = same(tables, ray._replace(t_max=t_max))
         assert len(np.unique(instance)) > 40
@@ -308,7 +308,7 @@ def test_ten_thousand_instances_share_a_bvh() -> None:
     nodes = tree.top.nodes.nbytes + tree.top.links.nbytes
     assert tree.wide.nbytes + nodes + sum(array.nbytes for array in tree if isinstance(array, np.ndarray)) < 20e6
     assert np.count_nonzero(tree.wide.rows >= 0) == 100_352
-    t, instance, primitive, *_ = through_trees(tables, random_rays(300, 9, reach=100.0))
+    t, instance, primitive, *_ = trace_kernels(tables, random_rays(300, 9, reach=100.0))
     some = np.flatnonzero(instance >= 0)[:40]
     assert len(some) > 10
     for k in some:  # against the triangle itself

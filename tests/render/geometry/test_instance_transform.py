@@ -80,7 +80,7 @@ def closest_at(accel, columns, t, instance, primitive, share):
             primitive[start + j], share[start + j] = crosslane.lane(hit.primitive, j), crosslane.lane(passed, j)
 
 
-def through_trees(tables: ir.Tables, ray: Ray, brute: bool = False) -> tuple[np.ndarray, ...]:
+def trace_kernels(tables: ir.Tables, ray: Ray, brute: bool = False) -> tuple[np.ndarray, ...]:
     accel = Handle(scene_bvh.build(tables, brute))
     motion_alpha.link(accel)
     n = len(ray.t_min)
@@ -155,7 +155,7 @@ def test_bvh_and_brute_force_agree_on_moving_instances(seed):
     wanted: Hit = intersect.closest_hit(intersect.Brute(), tables, ray, active, 1)
     share = intersect.transmittance(intersect.Brute(), tables, ray, active)
     for brute in (False, True):
-        t, instance, primitive, passed = through_trees(tables, ray, brute)
+        t, instance, primitive, passed = trace_kernels(tables, ray, brute)
         np.testing.assert_array_equal(instance, wanted.instance)
         np.testing.assert_array_equal(primitive, wanted.primitive)
         np.testing.assert_allclose(t, wanted.t, rtol=1e-12)

@@ -10,7 +10,7 @@ from maquette.render.accel.build import refit, tree_cache, wide_bvh
 from maquette.render.accel.build.wide_bvh import EMPTY, WIDTH
 
 from ...tables import matrix, scene
-from ...tracing import bundles, random_rays, same, wavy
+from ...tracing import coherent_rays, random_rays, same, wavy
 
 
 @pytest.fixture(autouse=True)
@@ -66,7 +66,7 @@ def test_hits_match_brute_force(monkeypatch, how):
     bent = mesh.positions + how * np.random.default_rng(4).normal(size=mesh.positions.shape)
     tables = scene(meshes=[(type(mesh)(bent, mesh.triangles), matrix(), 0)])
     same(tables, random_rays(3000, 5, 2.0))
-    same(tables, bundles(2000, 6, 2.0))
+    same(tables, coherent_rays(2000, 6, 2.0))
     assert not built
 
 

@@ -11,7 +11,7 @@ from maquette.render.accel.traverse import two_level
 from maquette.render.types import Ray
 
 from ...tables import matrix, rays, scene
-from ...tracing import bundles, random_rays, through_trees, wavy
+from ...tracing import coherent_rays, random_rays, trace_kernels, wavy
 
 K = ir.GeometryKind
 MANY = 400
@@ -40,8 +40,8 @@ def moved(ray: Ray, at: float, scale: float, back: float = 0.0) -> Ray:
 
 def same(tables: ir.Tables, ray: Ray) -> tuple[np.ndarray, ...]:
     """Hits of rays, after BVH and brute force agreed bit for bit."""
-    expected = through_trees(tables, ray, brute=True)
-    for found, wanted in zip(through_trees(tables, ray), expected, strict=True):
+    expected = trace_kernels(tables, ray, brute=True)
+    for found, wanted in zip(trace_kernels(tables, ray), expected, strict=True):
         np.testing.assert_array_equal(found, wanted)
     return expected
 
@@ -56,7 +56,7 @@ def test_hits_match_brute_force_at_any_scale_and_place(scale: float, away: float
     at = away * scale
     tables = crowd(at, scale)
     big_enough(tables)
-    for ray in (random_rays(1500, 1), bundles(1500, 2, spread=0.3)):
+    for ray in (random_rays(1500, 1), coherent_rays(1500, 2, spread=0.3)):
         _, instance, *_ = same(tables, moved(ray, at, scale))
         assert np.mean(instance >= 0) > 0.1
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import glob
 import hashlib
+import pickle
 import shutil
 import sys
 import time
@@ -28,7 +29,8 @@ from ..simd import target
 from . import cache_key
 
 _KEEP = 3  # caches of other machines or Numba versions that are not removed
-_FORMAT = "2"  # of the files in the cache
+_FORMAT = "3"  # of the files in the cache
+_DIGEST = 16  # bytes
 _TRIES = 5
 _FRESH = 24 * 3600.0  # seconds during which another process may use a cache
 
@@ -87,8 +89,31 @@ class KernelFiles(IndexDataCacheFile):
     """Files of one kernel, safe for processes that write at the same time.
 
     Numba numbers the files. Of two processes that compile for different types at the same time, one could load the other's code under its
-    own number. Here files get unique names.
+    own number. Here files get unique names. Each file begins with a digest of the rest: a damaged file counts as missing.
     """
+
+    def _load_index(self) -> dict[Any, str]:
+        data = _read_checked(Path(self._index_path))
+        if data is None:
+            return {}
+        version, stamp, names = pickle.loads(data)
+        return names if (version, stamp) == (self._version, self._source_stamp) else {}
+
+    def _save_index(self, overloads: dict[Any, str]) -> None:
+        self._write_checked(self._index_path, self._dump((self._version, self._source_stamp, overloads)))
+
+    def _load_data(self, name: str) -> Any:
+        data = _read_checked(Path(self._data_path(name)))
+        if data is None:
+            raise FileNotFoundError(name)
+        return pickle.loads(data)
+
+    def _save_data(self, name: str, data: Any) -> None:
+        self._write_checked(self._data_path(name), self._dump(data))
+
+    def _write_checked(self, path: str, data: bytes) -> None:
+        with self._open_for_write(path) as file:
+            file.write(_digest(data) + data)
 
     def save(self, key: Any, data: Any) -> None:
         name = self._load_index().get(key) or self._data_name_pattern.replace("{number:d}", uuid.uuid4().hex[:12])
@@ -110,6 +135,19 @@ class KernelFiles(IndexDataCacheFile):
                     other.unlink()
 
 
+def _digest(data: bytes) -> bytes:
+    return hashlib.blake2b(data, digest_size=_DIGEST).digest()
+
+
+def _read_checked(path: Path) -> bytes | None:
+    """Return the content of a file behind its digest, or None where the file is missing, unreadable or damaged."""
+    try:
+        data = path.read_bytes()
+    except OSError:
+        return None
+    return data[_DIGEST:] if len(data) > _DIGEST and _digest(data[_DIGEST:]) == data[:_DIGEST] else None
+
+
 class KernelCache(FunctionCache):
     """Numba's cache, but loads compiled code without initializing the compiler, which takes longer than rendering a small picture."""
 
@@ -127,6 +165,11 @@ class KernelCache(FunctionCache):
     def contains(self, sig: Any, target_context: Any) -> bool:
         """Return whether code for these types is on disk."""
         return self._index_key(sig, target_context.codegen()) in self._cache_file._load_index()
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Write a compiled kernel. On a full or read-only disk the kernel serves this process alone."""
+        with suppress(OSError):
+            super().save_overload(sig, data)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         for wait in LOOKUP_HOOKS:

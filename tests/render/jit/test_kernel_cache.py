@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -84,3 +85,25 @@ def test_processes_that_write_at_the_same_time_keep_their_code_apart(tmp_path: P
     assert all(key == code for key, code in found)
     kept[0].save(0, ["newer"])
     assert kept[0].load(0) == ["newer"]
+
+
+@pytest.mark.parametrize("damage", [lambda data: b"", lambda data: data[:-7], lambda data: b"x" * len(data), lambda data: data + b"x"])
+def test_a_damaged_file_counts_as_missing_and_is_replaced(tmp_path: Path, damage: Callable[[bytes], bytes]) -> None:
+    files = kernel_cache.KernelFiles(str(tmp_path), "kernel", "stamp")
+    files.save("types", "code")
+    assert files.load("types") == "code"
+    for suffix in (".nbc", ".nbi"):
+        (path,) = tmp_path.glob(f"*{suffix}")
+        path.write_bytes(damage(path.read_bytes()))
+        assert files.load("types") is None
+        files.save("types", "code")
+        assert files.load("types") == "code"
+
+
+def test_a_full_disk_costs_the_cache_alone(tmp_path: Path) -> None:
+    """As MAQUETTE_CACHE on a full disk: the kernel is compiled and runs, and nothing is kept."""
+    limited = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (16, 16))\n{PROGRAM}"
+    environment = {**os.environ, "MAQUETTE_CACHE": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", limited, "same"], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout == f"0 1 {np.full((2, 2), 0.25).tolist()}\n"
+    assert not [*tmp_path.rglob("*.nbc")]

@@ -76,16 +76,16 @@ def freeze(scene: ir.Scene, time: float) -> ir.Scene:
 def shift_lens(scene: ir.Scene, view: View, x: float, y: float) -> ir.Scene:
     """The scene with a pinhole camera at point (x, y) of the lens, a disk of radius 1; the plane of focus stays in place."""
     cameras, c = scene.tables.cameras, view.camera
-    aside = np.array([x, y]) * float(cameras.lens[c])
+    offset = np.array([x, y]) * float(cameras.lens[c])
     half = np.array(camera.half_extent(scene.tables, view))
     shift = cameras.shift.copy()
-    shift[c] -= aside / (2.0 * float(cameras.focus[c]) * half)
+    shift[c] -= offset / (2.0 * float(cameras.focus[c]) * half)
     matrix, inverse = (getattr(scene.tables.transforms, name).copy() for name in ("matrix", "inverse"))
     row = len(matrix)
     moved = matrix[cameras.transform[c]].copy()
-    moved[:, 3] += moved[:, :2] @ aside
+    moved[:, 3] += moved[:, :2] @ offset
     back = inverse[cameras.transform[c]].copy()
-    back[:2, 3] -= aside
+    back[:2, 3] -= offset
     old = scene.tables.transforms._asdict()
     rows = {name: np.concatenate([column, column[cameras.transform[c]][None]]) for name, column in old.items()}
     rows["matrix"], rows["inverse"] = np.concatenate([matrix, moved[None]]), np.concatenate([inverse, back[None]])
@@ -101,7 +101,7 @@ def notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
     """Approximations, as (message, table, row)."""
     count, found = min(RASTER_MOMENTS, plan["samples"]), []
     if plan["motion_blur"]:
-        found.append((f"raster draws what moves at {count} moments", "cameras", plan["camera"]))
+        found.append((f"raster draws motion at {count} moments", "cameras", plan["camera"]))
     if plan["lens"] == "thin":
-        found.append((f"raster draws what is out of focus from {count} points of the lens", "cameras", plan["camera"]))
+        found.append((f"raster draws depth of field from {count} points of the lens", "cameras", plan["camera"]))
     return found

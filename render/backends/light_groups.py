@@ -33,7 +33,7 @@ class Renderer:
         named = [name for name in of if name in chosen]
         others = {name for name in of if name not in chosen}
         parts = [(name, {name}) for name in named] + ([("", others)] if others else [])
-        self.parts = [(name, make(*isolate_groups(scene, plan, lamps))) for name, lamps in parts]
+        self.parts = [(name, make(*isolate_groups(scene, plan, names))) for name, names in parts]
         self.count = np.zeros((y1 - self.y0, x1 - self.x0), np.int64)
         self.light = {name: np.zeros((y1 - self.y0, x1 - self.x0, 3)) for name in (*chosen, "")}
         if not self.parts:
@@ -98,20 +98,20 @@ def groups_of(scene: ir.Scene, plan: Plan) -> tuple[str, ...]:
     return tuple(sorted(named))
 
 
-def isolate_groups(scene: ir.Scene, plan: Plan, lamps: set[str]) -> tuple[ir.Scene, Plan]:
+def isolate_groups(scene: ir.Scene, plan: Plan, names: set[str]) -> tuple[ir.Scene, Plan]:
     """The scene in which only these groups emit, and its plan; a background of one colour belongs to channels.REST."""
     tables = scene.tables
     groups = scene.names.groups or ("",) * len(tables.lights.kind)
-    off = np.array([(group or channels.REST) not in lamps for group in groups], bool).reshape(-1)
+    off = np.array([(group or channels.REST) not in names for group in groups], bool).reshape(-1)
     color = np.where(off[:, None], 0.0, tables.lights.color)
     light = tables.instances.light
-    dark = np.where(light >= 0, np.append(off, False)[light], channels.REST not in lamps)
+    dark = np.where(light >= 0, np.append(off, False)[light], channels.REST not in names)
     materials, material = _without_emission(tables, np.flatnonzero(dark))
     lit = tables._replace(
         lights=ir.table_of("lights", {**tables.lights._asdict(), "color": color}), materials=materials,
         instances=ir.table_of("instances", {**tables.instances._asdict(), "material": material}),
     )  # fmt: skip
-    if channels.REST not in lamps and not isinstance(plan["background"], str):
+    if channels.REST not in names and not isinstance(plan["background"], str):
         black = replace(plan.decisions["background"], value="transparent")
         plan = Plan({**plan.decisions, "background": black})
     return replace(scene, tables=lit), plan

@@ -112,8 +112,8 @@ class Renderer(Unshared):
 
     def _rasterize(self, tile: Tile, first: int, count: int, total: int) -> Handle:
         """A handle of scalar_raster.Scratch: samples first … first + count - 1 of a tile, and their depth buffer."""
-        room = scalar_raster.workspace_for(self.prepared.tables)
-        scratch = Handle(scalar_raster.scratch_for(tile, count, self.reach if total > 1 else 0, room))
+        work = scalar_raster.workspace_for(self.prepared.tables)
+        scratch = Handle(scalar_raster.scratch_for(tile, count, self.reach if total > 1 else 0, work))
         place_samples(tile, self.prepared.frame, first, total, scratch)
         self._buffer.draw(tile, scratch)
         made = self.prepared.raster
@@ -160,12 +160,12 @@ def notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
             continue
         if refracts:
             name = "glass" if model == ir.MaterialModel.GLASS else "k_t"
-            found.append((f"raster draws {name} without refraction: the sky straight behind it is seen", "materials", row))
+            found.append((f"raster draws {name} without refraction: it shows the sky straight behind", "materials", row))
         elif reflects:
             name = "mirrors" if model == ir.MaterialModel.MIRROR else "k_r"
-            found.append((f"raster draws {name} without other things in them: only the sky is reflected", "materials", row))
+            found.append((f"raster draws {name} without reflections of objects: only the sky is reflected", "materials", row))
         elif glossy[row]:
-            found.append(("raster draws highlights of lights and the sky alone: other things are not reflected", "materials", row))
+            found.append(("raster draws highlights of lights and the sky only: objects are not reflected", "materials", row))
     if plan["raster.shadows"] == "map":
         lights = tables.lights
         for row in np.flatnonzero((lights.kind == ir.LightKind.SUN) & (lights.angle > 0.0) & lights.shadows).tolist():

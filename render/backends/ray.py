@@ -163,6 +163,7 @@ class Workspace(NamedTuple):
 
     @classmethod
     def of(cls, options: Options) -> Workspace:
+        """A workspace of zeros."""
         width = crosslane.WIDTH
         return cls(np.zeros((3, width), np.int64), np.zeros((5, width)), whitted.stack_for(options, width))
 

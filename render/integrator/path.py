@@ -78,7 +78,7 @@ class Light(NamedTuple):
 
     emitters: Emitters
     uses: Uses
-    vertices: Any = NoVertices()  # or GouraudLight
+    vertices: Any = NoVertices()  # or VertexLight
     weighing: int = 0  # one of WEIGHINGS
     photons: Any = photon_map.NoMaps()  # or photon_map.Maps
     covered: Any = photon_map.NoMaps()  # or (emitters,) bool: those whose light photons bring

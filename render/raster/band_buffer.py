@@ -102,7 +102,7 @@ def pattern(samples: int) -> Pattern:
 
 
 def pattern_from(first: int, samples: int) -> Pattern:
-    """Points first … first + samples - 1 of a sequence of 256; any 2ᵐ from a multiple of 2ᵐ on are a (0, m, 2)-net."""
+    """Points first … first + samples - 1 of a sequence of 256; each aligned group of 2ᵐ is a (0, m, 2)-net."""
     k = np.arange(first, first + samples) & 255
     return _pattern_at(_sobol(_IDENTITY, k) ^ 8, _sobol(_PASCAL, k) ^ 8)  # the first sixteen lie at centres of sixteenths
 

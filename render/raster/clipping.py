@@ -26,11 +26,10 @@ def clip_to_plane(polygon, count: int, plane, out) -> int:
     """Clip the first `count` vertices of `polygon` against one plane into `out`; returns their number (at most count + 1
     for convex polygons, 3/2 count for others).
 
-    The four cases of an edge: from inside to inside adds its end, from inside to outside the point where it crosses, from
-    outside to outside nothing, from outside to inside the crossing and the end. A crossing is always computed from the end
-    inside, so that two polygons with a common edge get the same point, whichever way each goes along it.
+    An edge with its end inside adds that end; an edge that crosses the plane adds the crossing before. Crossings are computed from the
+    vertex inside, so that two polygons with a common edge get the same point.
     """
-    kept = 0
+    found = 0
     width = polygon.shape[1]
     for start in range(count):
         end = start + 1 if start + 1 < count else 0
@@ -40,13 +39,13 @@ def clip_to_plane(polygon, count: int, plane, out) -> int:
             near, far = (from_start, from_end) if from_start >= 0.0 else (from_end, from_start)
             share = near / (near - far)
             for k in range(width):
-                out[kept, k] = polygon[inside, k] + share * (polygon[outside, k] - polygon[inside, k])
-            kept += 1
+                out[found, k] = polygon[inside, k] + share * (polygon[outside, k] - polygon[inside, k])
+            found += 1
         if from_end >= 0.0:
             for k in range(width):
-                out[kept, k] = polygon[end, k]
-            kept += 1
-    return kept
+                out[found, k] = polygon[end, k]
+            found += 1
+    return found
 
 
 @helper
@@ -65,9 +64,9 @@ def clip_to_planes(first, count: int, planes, second) -> int:
 def clip_polygon(vertices: NDArray[np.float64], planes: NDArray[np.float64]) -> NDArray[np.float64]:
     """The part of a polygon, (n, d), inside all `planes`, (m, c) with c <= d; (0, d) if none is.
 
-    The borders of a 2-D picture are planes of rows (x, y, 1): [1, 0, -left], [-1, 0, right] and so on.
+    For a rectangle, with vertices (x, y, 1), the planes are [1, 0, -left], [-1, 0, right] and so on.
     """
-    room = np.empty((max(4, len(vertices) * 2 ** len(planes)), vertices.shape[1]))
-    room[: len(vertices)] = vertices
-    count = clip_to_planes(room, len(vertices), planes, np.empty_like(room))
-    return room[:count].copy()
+    buffer = np.empty((max(4, len(vertices) * 2 ** len(planes)), vertices.shape[1]))
+    buffer[: len(vertices)] = vertices
+    count = clip_to_planes(buffer, len(vertices), planes, np.empty_like(buffer))
+    return buffer[:count].copy()

@@ -48,6 +48,7 @@ def to_float32(tables: ir.Tables, eye: NDArray[np.float64]) -> ir.Tables:
     """Tables whose shading columns are float32; lights are relative to the eye."""
 
     def narrow(table: Any, *names: str) -> Any:
+        """Convert columns to float32."""
         return table._replace(**{name: getattr(table, name).astype(np.float32) for name in names})
 
     sources = tables.lights._replace(position=tables.lights.position - eye)
@@ -246,18 +247,18 @@ def direct_light(shading: Any, shader: bsdf.Shader, i: int, first: int, last: in
         if one_sided:
             before = ops.where3(get1(points, k, FACING) > 0.0, glow, ambient)
         put3(points, k, RADIANCE, before)
-    for lamp in range(len(sources.row)):
-        c, d, begun = sources.color, sources.direction, one_sided or lamp > 0  # else the sum starts with the glow
-        color = (simd.f32x16(c[lamp, 0]), simd.f32x16(c[lamp, 1]), simd.f32x16(c[lamp, 2]))
-        direction = (simd.f32x16(d[lamp, 0]), simd.f32x16(d[lamp, 1]), simd.f32x16(d[lamp, 2]))
-        far = sources.far[lamp]
+    for source in range(len(sources.row)):
+        c, d, summed = sources.color, sources.direction, one_sided or source > 0  # else the sum starts with the glow
+        color = (simd.f32x16(c[source, 0]), simd.f32x16(c[source, 1]), simd.f32x16(c[source, 2]))
+        direction = (simd.f32x16(d[source, 0]), simd.f32x16(d[source, 1]), simd.f32x16(d[source, 2]))
+        far = sources.far[source]
         for k in range(first, last):
             if not far:
-                arriving = lights.sample_sharp(shading.tables, sources.row[lamp], get3(points, k, POSITION))
+                arriving = lights.sample_sharp(shading.tables, sources.row[source], get3(points, k, POSITION))
                 direction, color = arriving.direction, ops.scale(arriving.irradiance, np.float32(1.0 / np.pi))
             share = bsdf.reflected(shader, get3(points, k, NORMAL), direction, get3(points, k, VIEWER))
             before = glow
-            if begun:
+            if summed:
                 before = get3(points, k, RADIANCE)
             put3(points, k, RADIANCE, ops.add(before, ops.mul(share, color)))
 

@@ -45,7 +45,7 @@ class IntegratorShading(NamedTuple):
 
 @kernel
 def shade_band(shading, per_sample, sample, crop, rgba):
-    """Add the light of a band to the pixels of `crop` of the picture, (h, w, 4); `sample` is the number of the pattern's first sample."""
+    """Add the light of a band to the pixels of `crop` of the picture, (h, w, 4); the pattern's first sample has number `sample`."""
     pattern, splat, band, buffer = shading.pattern, shading.splat, shading.band, shading.fragments
     buffer.counts[3] = 0
     for row in range(band.window[3] >> 2):
@@ -61,7 +61,7 @@ def shade_band(shading, per_sample, sample, crop, rgba):
 
 @noinline_helper
 def shade_fragments(shading, sample, start, count):
-    """Write the light of `count` fragments from `start` on to items.light, as red, green, blue and coverage."""
+    """Write the light of `count` fragments from `start` on to fragments.light, as red, green, blue and coverage."""
     meshlets, visible, tables, accel = shading.meshlets, shading.visible, shading.tables, shading.accel
     frame, buffer = shading.frame, shading.fragments
     view = frame.picture
@@ -130,10 +130,10 @@ def draw_block(model, instance, tables, accel, view, band, place, x, y):
         column, line = in_block(crosslane.lane_indices(start))
         px, py = ops.to_float(x + column * coverage.ONE), ops.to_float(y + line * coverage.ONE)
         ray = camera.generate_pinhole_ray(tables, view, px / coverage.ONE, py / coverage.ONE)
-        met = intersect(accel, instance, ray, ops.bool_like(ray.t_max, True))
-        depth = met.t * axis_cosine(tables, view, ray)
+        hit = intersect(accel, instance, ray, ops.bool_like(ray.t_max, True))
+        depth = hit.t * axis_cosine(tables, view, ray)
         for j in range(crosslane.WIDTH):
-            if crosslane.lane(met.instance, j) >= 0:
+            if crosslane.lane(hit.instance, j) >= 0:
                 far = crosslane.lane(depth, j)
                 key = np.float32(1.0 / far if model.perspective else -far)
                 if key > band.key[place + start + j]:

@@ -23,7 +23,7 @@ BLOCKS = TILE // 4
 
 
 class EdgeFunctions(NamedTuple):
-    """The edge functions of a triangle at a sample, in whole pixels, >= 0 inside. Each grows by -dy a pixel right and dx a pixel down."""
+    """Edge functions at a sample, in whole pixels, >= 0 inside; each grows by -dy a pixel right and dx a pixel down."""
 
     e0: int
     e1: int
@@ -60,7 +60,7 @@ class TileSample(NamedTuple):
 @noinline_helper
 def fill_large(projection, pattern, meshlets, visible, band, count):
     """Fill the queue of large triangles."""
-    room = band.work
+    work = band.work
     place = Tile(0, 0, 0, 0)
     for n in range(count):
         number = band.large[n]
@@ -68,14 +68,14 @@ def fill_large(projection, pattern, meshlets, visible, band, count):
         i, slot = visible.instance[row], meshlets.first_triangle[visible.meshlet[row]] + k
         triangle = meshlets.corner[slot, 3]
         for c in range(3):
-            to_clip(projection.matrix, i, projection.positions, projection.triangles[triangle, c], room.corners, c)
-        left = scalar_raster.clip_triangle(projection.planes, room)
-        if left < 3 or not scalar_raster.snap(room.first, left, projection.perspective, room, 0):
+            to_clip(projection.matrix, i, projection.positions, projection.triangles[triangle, c], work.corners, c)
+        left = scalar_raster.clip_triangle(projection.planes, work)
+        if left < 3 or not scalar_raster.snap(work.first, left, projection.perspective, work, 0):
             continue
-        if not scalar_raster.key_plane(room.corners, place, projection.perspective, room.plane, 0):
+        if not scalar_raster.key_plane(work.corners, place, projection.perspective, work.plane, 0):
             continue
         for c in range(1, left - 1):
-            fill_triangle(pattern, band, number, room.x[0], room.y[0], room.x[c], room.y[c], room.x[c + 1], room.y[c + 1])
+            fill_triangle(pattern, band, number, work.x[0], work.y[0], work.x[c], work.y[c], work.x[c + 1], work.y[c + 1])
 
 
 @noinline_helper

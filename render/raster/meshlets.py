@@ -118,9 +118,9 @@ class MeshletBuilder:
         """Split a mesh; returns its first meshlet and their number. `first` is the row of its first triangle in the model."""
         count = len(source.triangles)
         corners = source.positions[source.triangles]
-        endless = bool((corners[..., 3] != 1.0).any())
+        infinite = bool((corners[..., 3] != 1.0).any())
         order = np.arange(count)
-        if count > TRIANGLES and not endless:
+        if count > TRIANGLES and not infinite:
             order = morton_order(corners[..., :3].mean(axis=1))
         most = max(1, -(-count // (VERTICES // 3)))  # meshlets, if no triangles share a vertex
         slots, vertices = count + most * LANES, 3 * count + most * LANES
@@ -131,7 +131,7 @@ class MeshletBuilder:
         columns: list[Any] = [*numbers, np.zeros((6, most)), *local, corner, *places, record]
         made = Meshlets(*columns)
         total = np.zeros(3, np.int64)
-        cut_mesh(source, order, made, endless, first, total)
+        cut_mesh(source, order, made, infinite, first, total)
         m, t, v = (int(n) for n in total)
         part = Meshlets(
             made.first_triangle[:m] + np.int32(self.triangles), made.triangles[:m], made.first_vertex[:m] + np.int32(self.vertices),
@@ -162,28 +162,28 @@ def transposed_index(vertex: int) -> int:
 
 
 @kernel
-def cut_mesh(source, order, made, endless, first, total):
+def cut_mesh(source, order, made, infinite, first, total):
     """Write a mesh's meshlets to `made`, and the numbers of meshlets, triangle slots and vertex slots to `total`."""
     head = np.full(len(source.positions), -1, np.int32)  # last slot of each vertex
-    after = np.full(len(made.x), -1, np.int32)  # previous slot of the same vertex, with other attributes
-    kept = np.full(len(made.x), -1, np.int32)  # rows of source.values
+    previous = np.full(len(made.x), -1, np.int32)  # previous slot of the same vertex, with other attributes
+    value_row = np.full(len(made.x), -1, np.int32)  # rows of source.values
     m, slot, start, count, vertices = -1, 0, 0, 0, 0
     for n in range(len(order)):
         triangle = order[n]
         if m < 0 or count == 128 or vertices + 3 > 256:
             if m >= 0:
-                slot, start = _finish_meshlet(made, m, slot, start, count, vertices, endless)
+                slot, start = _finish_meshlet(made, m, slot, start, count, vertices, infinite)
             m, count, vertices = m + 1, 0, 0
             made.first_triangle[m], made.first_vertex[m] = slot, start
             made.box[:3, m], made.box[3:, m] = np.inf, -np.inf
         for k in range(3):
             vertex, value = source.triangles[triangle, k], source.value[triangle, k]
             at = head[vertex]
-            while at >= start and not _equal_values(source.values, kept[at], value):
-                at = after[at]
+            while at >= start and not _equal_values(source.values, value_row[at], value):
+                at = previous[at]
             if at < start:
                 at = start + vertices
-                after[at], kept[at] = head[vertex], value
+                previous[at], value_row[at] = head[vertex], value
                 head[vertex] = at
                 vertices += 1
                 _add_vertex(source, made, m, at, vertex, value)
@@ -198,7 +198,7 @@ def cut_mesh(source, order, made, endless, first, total):
         made.corner[slot + count, 3] = first + triangle
         count += 1
     if m >= 0:
-        slot, start = _finish_meshlet(made, m, slot, start, count, vertices, endless)
+        slot, start = _finish_meshlet(made, m, slot, start, count, vertices, infinite)
     total[0], total[1], total[2] = m + 1, slot, start
 
 
@@ -223,9 +223,9 @@ def _add_vertex(source, made, m, at, vertex, value):
 
 
 @kernel
-def _finish_meshlet(made, m, slot, start, count, vertices, endless):
+def _finish_meshlet(made, m, slot, start, count, vertices, infinite):
     """End a meshlet; returns the first triangle slot and vertex slot of the next."""
-    made.triangles[m], made.vertices[m] = count, 0 if endless else vertices
-    if endless:
+    made.triangles[m], made.vertices[m] = count, 0 if infinite else vertices
+    if infinite:
         made.box[:3, m], made.box[3:, m] = -np.inf, np.inf
     return slot + ((count + 15) & ~15), start + ((vertices + 15) & ~15)

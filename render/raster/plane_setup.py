@@ -109,11 +109,11 @@ def setup_instance(shading: Any, textured: Any, colored: Any, i: int, slot: Lane
 def project(projection: Any, i: int, corners: Corners) -> ScreenTriangles:
     """Project sixteen triangles of instance i."""
     # The first corner relative to its pixel, in float64; edges are short and need only float32.
-    low, high = _corner(projection, i, _low(corners.a)), _corner(projection, i, _high(corners.a))
+    low, high = corner_to_pixel(projection, i, low_half(corners.a)), corner_to_pixel(projection, i, high_half(corners.a))
     px, py = simd.joined(low[0], high[0]), simd.joined(low[1], high[1])
     ax, ay, depth = simd.joined(low[2], high[2]), simd.joined(low[3], high[3]), simd.joined(low[4], high[4])
-    x1, y1, d1 = _edge(projection, i, corners.e1, px, py)
-    x2, y2, d2 = _edge(projection, i, corners.e2, px, py)
+    x1, y1, d1 = edge_to_pixel(projection, i, corners.e1, px, py)
+    x2, y2, d2 = edge_to_pixel(projection, i, corners.e2, px, py)
     one, zero = simd.f32x16(1.0), simd.f32x16(0.0)
     w0, w1, w2 = (depth, d1, d2) if projection.perspective else (one, zero, zero)
 
@@ -184,9 +184,9 @@ def write_colors(tables: Any, record: Any, at: int, here: Lane, g: int, triangle
     zero, area = simd.f32x16(0.0), weights.area
     red, green, blue = (zero + area[0], zero + area[1], zero + area[2]), area, area
     if tables.geometries.colors[g] >= 0:
-        first_color = _color(tables, g, triangle, 0.0, 0.0)
-        b_color = ops.sub(_color(tables, g, triangle, 1.0, 0.0), first_color)
-        c_color = ops.sub(_color(tables, g, triangle, 0.0, 1.0), first_color)
+        first_color = color_at(tables, g, triangle, 0.0, 0.0)
+        b_color = ops.sub(color_at(tables, g, triangle, 1.0, 0.0), first_color)
+        c_color = ops.sub(color_at(tables, g, triangle, 0.0, 1.0), first_color)
         red = plane_of(weights, first_color[0], b_color[0], c_color[0])
         green = plane_of(weights, first_color[1], b_color[1], c_color[1])
         blue = plane_of(weights, first_color[2], b_color[2], c_color[2])
@@ -196,6 +196,7 @@ def write_colors(tables: Any, record: Any, at: int, here: Lane, g: int, triangle
 
 @helper
 def is_zero(v: Vec) -> Lane:
+    """Whether a vector is 0, by lane."""
     return (v[0] == 0.0) & (v[1] == 0.0) & (v[2] == 0.0)
 
 
@@ -221,12 +222,12 @@ def plane_of(weights: Weights, value: Lane, second: Lane, third: Lane) -> Vec:
 
 
 @helper
-def _color(tables: Any, g: int, triangle: Lane, u: float, v: float) -> Vec:
+def color_at(tables: Any, g: int, triangle: Lane, u: float, v: float) -> Vec:
     return interaction.attribute_at(tables, g, tables.geometries.colors[g], simd.f32x16(u), simd.f32x16(v), triangle, triangle >= 0)
 
 
 @helper
-def _corner(projection: Any, i: int, p: Vec) -> Any:
+def corner_to_pixel(projection: Any, i: int, p: Vec) -> Any:
     """Pixels (x, y) of points, X - x W and Y - y W, and D, in float32."""
     m = projection.matrix
     cx = m[i, 0, 0] * p[0] + m[i, 0, 1] * p[1] + m[i, 0, 2] * p[2] + m[i, 0, 3]
@@ -238,7 +239,7 @@ def _corner(projection: Any, i: int, p: Vec) -> Any:
 
 
 @helper
-def _edge(projection: Any, i: int, e: Vec, x: Lane, y: Lane) -> Vec:
+def edge_to_pixel(projection: Any, i: int, e: Vec, x: Lane, y: Lane) -> Vec:
     """(X - x W, Y - y W, D) of directions, in float32."""
     m = projection.matrix
     d = e[0] * m[i, 3, 0] + e[1] * m[i, 3, 1] + e[2] * m[i, 3, 2]
@@ -249,10 +250,10 @@ def _edge(projection: Any, i: int, e: Vec, x: Lane, y: Lane) -> Vec:
 
 
 @helper
-def _low(p: Any) -> Vec:
+def low_half(p: Any) -> Vec:
     return simd.to_f64(simd.low_half(p[0])), simd.to_f64(simd.low_half(p[1])), simd.to_f64(simd.low_half(p[2]))
 
 
 @helper
-def _high(p: Any) -> Vec:
+def high_half(p: Any) -> Vec:
     return simd.to_f64(simd.high_half(p[0])), simd.to_f64(simd.high_half(p[1])), simd.to_f64(simd.high_half(p[2]))

@@ -276,6 +276,7 @@ def corner_position(meshlets: Any, slot: int, corner: int) -> Vec:
 
 @helper
 def corner_depth(projection: Any, meshlets: Any, i: int, slot: int, corner: int) -> float:
+    """The distance of a corner along the camera's axis."""
     m, (x, y, z) = projection.matrix, corner_position(meshlets, slot, corner)
     return m[i, 3, 0] * x + m[i, 3, 1] * y + m[i, 3, 2] * z + m[i, 3, 3]
 

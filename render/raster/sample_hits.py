@@ -67,9 +67,9 @@ def _intersect_instance(model: Any, tables: Any, accel: Any, view: View, ray: Ra
     t = ops.where(abs(t) < np.inf, t, np.inf)  # an unbounded plane at its horizon
     if tables.geometries.kind[tables.instances.geometry[i]] != MESH:
         exact = intersect(accel, i, ray, here)
-        met = exact.instance >= 0
-        t, part = ops.where(met, exact.t, t), ops.where(met, exact.primitive, part)
-        u, v = ops.where(met, exact.u, u), ops.where(met, exact.v, v)
+        found = exact.instance >= 0
+        t, part = ops.where(found, exact.t, t), ops.where(found, exact.primitive, part)
+        u, v = ops.where(found, exact.u, u), ops.where(found, exact.v, v)
     return Hit(t, ops.int_like(zero, i), part, u, v)
 
 

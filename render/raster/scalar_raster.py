@@ -148,7 +148,7 @@ def clip_triangle(planes: Any, work: Workspace) -> int:
 
 @helper
 def key_plane(corners: Any, tile: Tile, perspective: bool, out: Any, row: int) -> bool:
-    """Write a, b, c of key = a x + b y + c, in pixels from the tile's corner, to out[row]; False if the triangle is edge-on.
+    """Write the depth plane a, b, c, in pixels from the tile's corner, to out[row]; False if the triangle is edge-on.
 
     The corners' weights at a pixel are its products with the crosses of their rows (X, Y, W), over the determinant. Nothing is divided
     by W, so corners may lie behind the eye or at infinity.

@@ -73,33 +73,39 @@ def _put_spread(points: Any, k: int, used: Any, spread: Any) -> None:
 
 @helper
 def put1(points: Any, k: int, column: int, x: Lane) -> None:
+    """Write a column of point k."""
     simd.store_aligned(points.values, (k * points.values.shape[1] + column) * 16, x)
 
 
 @helper
 def put2(points: Any, k: int, column: int, v: tuple[Lane, Lane]) -> None:
+    """Write two columns of point k."""
     put1(points, k, column, v[0])
     put1(points, k, column + 1, v[1])
 
 
 @helper
 def put3(points: Any, k: int, column: int, v: Vec) -> None:
+    """Write three columns of point k."""
     put2(points, k, column, (v[0], v[1]))
     put1(points, k, column + 2, v[2])
 
 
 @helper
 def get1(points: Any, k: int, column: int) -> Lane:
+    """A column of point k."""
     return simd.load_aligned(points.values, (k * points.values.shape[1] + column) * 16, simd.f32x16)
 
 
 @helper
 def get2(points: Any, k: int, column: int) -> tuple[Lane, Lane]:
+    """Two columns of point k."""
     return get1(points, k, column), get1(points, k, column + 1)
 
 
 @helper
 def get3(points: Any, k: int, column: int) -> Vec:
+    """Three columns of point k."""
     return get1(points, k, column), get1(points, k, column + 1), get1(points, k, column + 2)
 
 

@@ -59,6 +59,7 @@ def interpolate_run(shading: Any, textured: Any, colored: Any, flat_runs: Any, g
 
 @helper
 def instance_of(shading: Any, face: int) -> int:
+    """The instance of a record's triangle."""
     return shading.visible.instance[simd.read(shading.planes.owner, face) >> SHIFT]
 
 

@@ -1,8 +1,8 @@
 """Attribute planes of visible triangles, cached by id, and their interpolation at pixels.
 
-An attribute that is linear on a triangle is, divided by the distance along the axis, linear on the screen (Heckbert and Moreton 1991,
-Interpolation for Polygon Texture Mapping). A triangle's record holds c + a x + b y, relative to a pixel near it, of its world normal and
-of one, each over that distance; with textures also of coordinates and colours. Corners are those before snapping to fixed point.
+Attributes linear on a triangle are linear on the screen after division by the distance along the axis. Source: Heckbert and Moreton,
+Interpolation for Polygon Texture Mapping, 1991. A triangle's record holds planes c + a x + b y relative to a pixel near it: of the world
+normal and of 1, both over the distance; with textures also of coordinates and colours. Corners are those before snapping to fixed point.
 
 Float32 is accurate enough for triangles that are small on the screen and not steep. Large, steep, long and thin triangles, and those whose
 corner normals lie on different sides, are precise: float64 weights at each pixel, clamped to the triangle (precise_planes.py).
@@ -134,16 +134,16 @@ def gather_records(cache: Any, textured: Any, colored: Any, row: Lane) -> Any:
 def broadcast_record(cache: Any, textured: Any, colored: Any, row: int) -> Any:
     """The columns of one record, equal in all lanes."""
     at = row * cache.record.shape[1]
-    first, second = _broadcast(cache.record, at), _broadcast(cache.record, at + 8)
+    first, second = broadcast8(cache.record, at), broadcast8(cache.record, at + 8)
     if textured is None:
         return first, second, first, first, first
     if colored is None:
-        return first, second, _broadcast(cache.record, at + 16), first, first
-    return first, second, _broadcast(cache.record, at + 16), _broadcast(cache.record, at + 24), _broadcast(cache.record, at + 32)
+        return first, second, broadcast8(cache.record, at + 16), first, first
+    return first, second, broadcast8(cache.record, at + 16), broadcast8(cache.record, at + 24), broadcast8(cache.record, at + 32)
 
 
 @helper
-def _broadcast(table: Any, at: int) -> Any:
+def broadcast8(table: Any, at: int) -> Any:
     """Eight numbers, equal in all lanes."""
     return (
         simd.f32x16(simd.read(table, at)), simd.f32x16(simd.read(table, at + 1)), simd.f32x16(simd.read(table, at + 2)),
@@ -154,6 +154,7 @@ def _broadcast(table: Any, at: int) -> Any:
 
 @helper
 def instances(record: Any) -> Lane:
+    """The instances of records."""
     return simd.to_i32(record[1][7])
 
 
@@ -165,6 +166,7 @@ def are_precise(record: Any) -> Lane:
 
 @helper
 def is_precise(cache: Any, row: int) -> bool:
+    """Whether a record is of a precise triangle."""
     return abs(simd.read(cache.record, row * cache.record.shape[1] + 14)) == PRECISE
 
 

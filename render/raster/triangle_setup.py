@@ -1,4 +1,4 @@
-"""Rasterizes meshlets into a band's visibility buffer: vertex transform, setup of sixteen triangles at a time, fill of small ones.
+"""Rasterizes meshlets into a band's visibility buffer: transforms vertices, sets up sixteen triangles at a time, fills them.
 
 Tiny triangles, of two by two pixels at most, are tested at their samples sixteen triangles at a time. Small ones are filled in 32-bit
 integers, block by block of 4×4 pixels. Large, steep and clipped ones go to large_triangles.py. All cover exactly the samples of

@@ -106,7 +106,7 @@ def exceeds_limit(kind: int, parameters: Sequence[float], tolerance: float) -> b
 
 
 def with_uvs(kind: int, parameters: Sequence[float], made: Tessellation) -> Tessellation:
-    """The same with the coordinates of geometry.analytic_shapes.uv on flat parts and quadrics, whose u is continuous across the seam.
+    """The same with the uv of geometry.analytic_shapes on flat parts and quadrics, whose u is continuous across the seam.
 
     Round parts keep their profile's: the same values, but 0 and 1 on the sides of the seam, and a u at each pole.
     """
@@ -291,7 +291,7 @@ def _flat(positions: NDArray, triangles: NDArray, normals: NDArray) -> Tessellat
 
 
 def boxed_quadric(parameters: Sequence[float], tolerance: float) -> Tessellation:
-    """A quadric where its box holds it (see quadric.march), without coordinates."""
+    """A quadric inside its box (see quadrics.march), without uv."""
     matrix = quadrics.matrix(parameters)
     positions, triangles = quadrics.march(matrix, quadrics.box_grid(parameters, tolerance))
     return _flat(positions, triangles, quadrics.normals(matrix, positions))

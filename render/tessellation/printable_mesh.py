@@ -47,31 +47,31 @@ def printable_parts(scene: ir.Scene, tolerance: float | None = None) -> tuple[li
     """
     tables, found, made = scene.tables, [], []
     boxes = world_bounds(tables)
-    lamp = np.asarray(np.isin(np.arange(len(boxes)), tables.lights.instance))
+    light = np.asarray(np.isin(np.arange(len(boxes)), tables.lights.instance))
     ends = np.asarray(np.isfinite(boxes).all(axis=1))
-    if tolerance is None and (ends & ~lamp).any():
-        there = boxes[ends & ~lamp]
+    if tolerance is None and (ends & ~light).any():
+        there = boxes[ends & ~light]
         tolerance = float((there[:, 3:].max(axis=0) - there[:, :3].min(axis=0)).max()) / RESOLUTION
     for i in range(len(boxes)):
         name = scene.names.instances[i] if i < len(scene.names.instances) else ""
-        said = f"`{name}`" if name else "a thing"
+        label = f"`{name}`" if name else "an object"
 
         def say(severity: str, message: str, hint: str = "", row: int = i) -> None:
             found.append(Diagnostic(severity, message, scene.spans.at("instances", row), hint))
 
-        if lamp[i] or not ends[i]:
-            say("note", f"{said} is {'a lamp' if lamp[i] else 'endless'}: it is left out")
+        if light[i] or not ends[i]:
+            say("note", f"{label} is {'a light' if light[i] else 'unbounded'} and is left out")
             continue
         part, thin = _part(tables, i, name or f"part{i}", tolerance or 0.0)
         if thin > 0.0:
-            what = "parts of it that are thinner are missing" if len(part.triangles) else "it is thinner, and left out"
-            hint = "a box around less of it as `within` has smaller cells"
-            say("warning", f"{said} is looked for in cells of {thin * 1000:.3g} mm: {what}", hint)
+            missing = "thinner parts are missing" if len(part.triangles) else "it is thinner and is left out"
+            hint = "a smaller box as `within` has smaller cells"
+            say("warning", f"{label} is sampled in cells of {thin * 1000:.3g} mm: {missing}", hint)
         if len(part.triangles):
             made.append(part)
         if part.open_edges:
             why, hint = _why_open(tables, i, part)
-            say("warning", f"{said} {why}: {part.open_edges} of its edges do not have one triangle on either side", hint)
+            say("warning", f"{label} {why}: {part.open_edges} of its edges do not have one triangle on each side", hint)
     return made, found
 
 

@@ -1,4 +1,4 @@
-"""What the suite of the backends shares: drawing a text on one backend or, by one fixture, on each of them."""
+"""Fixtures of the backends' tests: render a scene text on one backend, or on each."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Draw = Callable[..., Image]
 
 @pytest.fixture(params=BACKENDS)
 def backend(request: pytest.FixtureRequest) -> str:
-    """The suite is stamped on every backend."""
+    """Each backend."""
     return request.param
 
 
@@ -40,7 +40,7 @@ def tracer(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture
 def draw_on(tmp_path: Path) -> Draw:
-    """A picture of a text on a backend, files beside it; 48 by 48 pixels and one sample at each pixel's centre if not said."""
+    """Render a scene text on a backend, beside its files; 48 × 48 pixels and one sample at each pixel's centre by default."""
 
     def run(backend: str, text: str, plan: Mapping[str, str] | None = None, **settings: Any) -> Image:
         path = tmp_path / "a.scene"
@@ -71,7 +71,7 @@ def trace(tracer: str, draw_on: Draw) -> Draw:
 
 @pytest.fixture
 def picture(tmp_path: Path) -> Callable[..., None]:
-    """Writes a picture, (height, width, 3) from the top, as it is, for scenes to read."""
+    """Write an image file, (height, width, 3) from the top, for scenes to read."""
 
     def write(name: str, pixels: Any, kind: str = "float") -> None:
         import OpenImageIO as oiio
@@ -88,7 +88,7 @@ def picture(tmp_path: Path) -> Callable[..., None]:
 
 @pytest.fixture
 def files(tmp_path: Path, picture: Callable[..., None]) -> None:
-    """The picture, the mesh and the stage that `scenes` speak of, beside the scene."""
+    """Write the image, the mesh and the stage that `scenes` refer to."""
     v, u = np.mgrid[0:12, 0:16]
     picture("a.exr", np.stack([0.1 + 0.05 * u, 0.1 + 0.07 * v, 0.5 + 0.4 * np.sin(u + v)], axis=-1))
     (tmp_path / "a.obj").write_text(scenes.OBJ, encoding="utf-8")

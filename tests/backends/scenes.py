@@ -1,4 +1,4 @@
-"""Small scenes that between them use everything the backends share, for the tests that compare pictures."""
+"""Small scenes that together use all features shared by the backends, for comparisons of pictures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Backends agree: the same first hits and the same light wherever no outline passes, to the last digits that float32 keeps."""
+"""Backends agree on first hits and light, to float32 rounding, away from outlines."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ EVERYTHING = {**scenes.DIRECT, **scenes.SOFT, **scenes.RAYS}
 
 
 def _interior(*images: Image) -> np.ndarray:
-    """(h, w) pixels whose neighbours, in every picture, belong to the same instance: no outline passes."""
+    """(h, w) pixels whose neighbours belong to the same instance in every picture: no outline passes."""
     h, w = images[0].height, images[0].width
     inside = np.ones((h, w), bool)
     for image in images:
@@ -28,7 +28,7 @@ def _interior(*images: Image) -> np.ndarray:
 
 
 def _relative(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(h, w) largest difference of the channels, relative to the pixel's largest or, in the dark, to a thousandth of the picture's."""
+    """(h, w) largest difference of channels, relative to the pixel's largest value or a thousandth of the picture's."""
     size = np.maximum(np.abs(b).max(-1), 1e-3 * np.abs(b).max())
     return np.abs(a - b).max(-1) / np.where(size > 0, size, 1.0)
 
@@ -40,7 +40,7 @@ def _show(different: np.ndarray, limit: int) -> str:
 
 @pytest.mark.parametrize("name", EVERYTHING)
 def test_ray_agrees_with_the_reference(draw_on, name):
-    """Same rays, same formulas, same random numbers: only where rounding decides between lit and dark may a pixel differ."""
+    """Same rays, formulas and random numbers: pixels may differ only where rounding decides between lit and dark."""
     samples = 1 if name in scenes.DIRECT else 4
     alone = {"precision": "float64", "transport.path_reuse": "none"}  # float32 and path reuse have their own tests
     plan = alone if "interreflection" in name else {}
@@ -58,7 +58,7 @@ def test_ray_agrees_with_the_reference(draw_on, name):
 
 @pytest.mark.parametrize("name", {**scenes.DIRECT, **scenes.SOFT})
 def test_raster_agrees_with_ray(draw_on, name):
-    """The z-buffer finds the same places as the rays do, and lights them alike.
+    """The z-buffer finds the same points as rays, with equal light.
 
     With corners snapped to 1/256 pixel, a sample that close to an edge inside a mesh may be given to the neighbour of its triangle,
     whose normal and coordinates there differ by that much: hence 1e-4 for what is interpolated.
@@ -78,10 +78,10 @@ def test_raster_agrees_with_ray(draw_on, name):
 
 def test_raster_says_what_it_does_not_draw(draw_on):
     for name, messages in (
-        ("glass", {"raster draws glass without refraction: the sky straight behind it is seen"}),
+        ("glass", {"raster draws glass without refraction: it shows the sky straight behind"}),
         ("mirrors", {
-            "raster draws mirrors without other things in them: only the sky is reflected",
-            "raster draws k_r without other things in them: only the sky is reflected",
+            "raster draws mirrors without reflections of objects: only the sky is reflected",
+            "raster draws k_r without reflections of objects: only the sky is reflected",
         }),
         ("every shape", set()),
     ):  # fmt: skip

@@ -1,4 +1,4 @@
-"""Random scenes of all shapes and materials: the ray backend draws what the reference draws, pixel by pixel.
+"""Random scenes of all shapes and materials: the ray backend equals the reference, pixel by pixel.
 
 Where a pixel differs, the reference itself must change there when the eye moves by rounding: an outline, a shadow's edge or the rim of a
 reflection runs through that very sample.
@@ -30,7 +30,7 @@ SAME = 2e-4  # of a pixel's largest channel
 
 
 def materials(builder: SceneBuilder, random: np.random.Generator, holes: bool) -> list[int]:
-    """Matt, shiny, mirroring, clear and checked materials; with `holes`, also some that are not wholly there."""
+    """Matte, glossy, mirror, glass and checkered materials; with `holes`, some are partly transparent."""
 
     def color() -> tuple[float, float, float]:
         r, g, b = random.uniform(0.1, 0.9, 3).tolist()
@@ -51,7 +51,7 @@ def materials(builder: SceneBuilder, random: np.random.Generator, holes: bool) -
 
 
 def any_scene(seed: int, holes: bool) -> ir.Scene:
-    """A dozen things, turned, stretched and mirrored, of some size anywhere, under several lights."""
+    """A dozen rotated, stretched and mirrored objects of random size and position, under several lights."""
     random = np.random.default_rng(seed)
     size, away = 10.0 ** random.choice([-3, 0, 3]), random.choice([0.0, 10.0, 1e4])
     middle = away * size * np.array([0.6, 0.3, -0.7])
@@ -117,7 +117,7 @@ def test_any_scene_is_drawn_as_the_reference_draws_it(holes, seed):
 
 @pytest.mark.parametrize("backend", ["ray", "raster", "reference"])
 def test_a_checker_on_meshes_without_attributes_is_its_first_colour(backend):
-    """No mesh has normals, colours or coordinates: there is no attribute at all to look at for how far coordinates go."""
+    """No mesh has normals, colours or uv: the attribute tables are empty."""
     builder = SceneBuilder()
     checker = builder.texture(TextureData(ir.TextureKind.CHECKER, color_a=(1.0, 0.5, 0.25), color_b=(0.0, 0.0, 0.0)))
     white = builder.material(lambert((1.0, 1.0, 1.0), checker))

@@ -1,4 +1,4 @@
-"""Clipping at every backend's near and far planes and at the eye, rows of what is seen, and crops; projections stand in tests/accuracy."""
+"""Near and far planes, corners behind the eye, and crops, on every backend; tests/accuracy tests projections."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FACING = LIT + "camera(position: [0, 0, 0], look_at: [0, 0, -1], {})\n"
 
 
 def test_the_near_plane_opens_what_it_cuts(draw):
-    """A box 2 m deep, its front at 2 m; near at 3 m: its back wall at 4 m is seen where the front was, never anything nearer."""
+    """A box from depth 2 m to 4 m, near plane at 3 m: its back wall shows where its front was, and nothing nearer."""
     text = "box(2, center: [0, 0, -3])\n"
     whole = draw(FACING.format("fov: 40deg") + text, aov=("depth",))
     cut = draw(FACING.format("fov: 40deg, near: 3") + text, aov=("depth",))
@@ -26,7 +26,7 @@ def test_the_near_plane_opens_what_it_cuts(draw):
 
 
 def test_the_far_plane_ends_the_floor(draw):
-    """An endless floor 1 m below the eye, far 5 m: rows that meet it at a depth below 5 are covered, the others are not."""
+    """An unbounded floor 1 m below the eye, far plane at 5 m: rows with depth below 5 m are covered, others not."""
     image = draw(FACING.format("fov: 40deg, far: 5") + "plane(y: -1)\n", aov=("depth",))
     _, y = centres(image)
     f = 48 / (2 * TAN20)
@@ -37,7 +37,7 @@ def test_the_far_plane_ends_the_floor(draw):
 
 
 def test_a_triangle_that_passes_the_eye_is_drawn_where_rays_meet_it(draw, draw_on):
-    """Corners at depths −1, 0.01 and 5: divided by w without clipping this is garbage."""
+    """Corners at depths −1, 0.01 and 5: division by w without clipping gives garbage."""
     text = FACING.format("fov: 60deg") + "triangle([[0.3, -0.5, 1], [-0.004, 0.001, -0.01], [1.5, 2, -5]])\n"
     here, exact = draw(text, aov=("depth",)), draw_on("reference", text, aov=("depth",))
     assert 50 < alpha(exact).sum() < 48 * 48 - 50

@@ -1,4 +1,4 @@
-"""The same picture bit for bit: for any number of threads, in parts or whole, however often; another seed gives another."""
+"""Pictures are equal bit for bit with any number of threads, in parts or whole, and repeated; another seed differs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What --error asks for is what a picture has: of a hundred seeds at least ninety are within it, on scenes of six kinds.
+"""--error bounds the error: at least ninety of a hundred seeds are within it, on scenes of six kinds.
 
 The truth is the mean of pictures with other seeds and many more samples. Glass that throws light of small lamps is not among them: what
 hardly any path finds, no estimate knows of.
@@ -67,7 +67,7 @@ render(bounces: 4)
 
 
 def within(folder: Path, name: str, asked: float, seeds: int) -> tuple[int, np.ndarray, float]:
-    """(how many pictures are within the error asked for, their errors, √relMSE of the reference itself)."""
+    """(number of pictures within the requested error, their errors, √relMSE of the reference)."""
     path = folder / "a.scene"
     path.write_text(SCENES[name])
     if "sky.exr" in SCENES[name]:
@@ -95,5 +95,5 @@ def test_of_a_hundred_seeds_ninety_are_within_the_error_asked_for(tmp_path: Path
 
 
 def test_a_few_seeds_are_within_the_error_asked_for(tmp_path: Path) -> None:
-    """The same for six seeds of one scene; chance alone lets one of them go wrong."""
+    """The same for six seeds of one scene; one may exceed the error by chance."""
     assert within(tmp_path, "edges", 0.08, 6)[0] >= 5

@@ -1,4 +1,4 @@
-"""Examples and sample files by the rasterizer and by rays: the same light inside of outlines, and outlines a pixel apart at the most."""
+"""Examples and sample files, rasterized and ray traced: equal light inside outlines; outlines differ by a pixel at most."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ SAMPLES = [p for p in FOUND if p.name not in LENSES]
 
 
 def shown(path: Path, backend: str) -> Image:
-    """Direct light through pixels' centres; mirrors show nothing, of which the rasterizer would else look the sky up."""
+    """Direct light at pixel centres; mirrors are black, because the rasterizer would look up the sky."""
     plan = {"raster.secondary_rays": "trace"}
     return maquette.render(maquette.load(path), backend=backend, size=(120, 80), samples=1, bounces=0, aov=("id", "depth"), plan=plan)
 
 
 def inside(*images: Image) -> np.ndarray:
-    """(h, w) pixels about which, in every picture, there is one thing, whose depth grows evenly: no outline passes."""
+    """(h, w) pixels around which every picture shows one instance of smooth depth: no outline passes."""
     h, w = images[0].height, images[0].width
     found = np.ones((h, w), bool)
     for image in images:
@@ -44,7 +44,7 @@ def inside(*images: Image) -> np.ndarray:
 
 
 def beside(a: Image, b: Image) -> np.ndarray:
-    """(h, w) whether what a shows is seen in b within a pixel."""
+    """(h, w) whether b shows the instance of a within a pixel."""
     ids = a.channels["id"][..., 0]
     near = np.pad(b.channels["id"][..., 0], 1, mode="edge")
     return np.any([near[dy : dy + b.height, dx : dx + b.width] == ids for dy, dx in np.ndindex(3, 3)], axis=0)

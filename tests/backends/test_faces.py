@@ -1,4 +1,4 @@
-"""Faces where formulas jump, or end to be defined: each has the normal of what that is decided by, also where it is seen nearly edge-on.
+"""Faces at discontinuities of formulas, or where they become undefined, have the right normal, also at grazing angles.
 
 In every backend.
 """
@@ -46,7 +46,7 @@ def test_faces_have_normals_of_their_own(tmp_path: Path, backend: str, name: str
 
 
 def test_what_leaves_a_face_leaves_it_whichever_side_rounding_put_it_on(tmp_path: Path, backend: str) -> None:
-    """Cubes in a chequer's order, of whose visible faces those up to the box's edge are lit: no pixel of theirs is in its own shadow."""
+    """Cubes in a checkerboard, visible faces lit up to the box's edge: no pixel is in its own shadow."""
     text = "mod(floor(5 * x) + floor(5 * y) + floor(5 * z), 2) < 1"
     scene = f"implicit(|x, y, z| {text}, within: 1)\ndirectional([1, 2, 1.5])\ncamera([1.9, 1.6, 2.6], look_at: [0, 0, 0], fov: 50deg)\n"
     (tmp_path / "a.scene").write_text(scene, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Pictures seen in fewer pixels than they have: means, whatever the backend, the slant and the seam."""
+"""Textures with more texels than pixels are averaged, on every backend, at a slant and across the seam."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FLOOR = (
 
 
 def write(path: Path, values: np.ndarray) -> None:
-    """Linear values (h, w) as a picture of floats."""
+    """Write linear values (h, w) as a float image."""
     oiio.ImageBuf(np.repeat(values[..., None], 3, axis=2).astype(np.float32)).write(str(path))
 
 
@@ -32,7 +32,7 @@ def checker(path: Path, size: int = 128, cell: int = 8) -> None:
 
 @pytest.mark.parametrize(("backend", "plan"), [("ray", {}), ("reference", {}), ("raster", {"raster.precision": "float32"})])
 def test_a_checker_towards_the_horizon_becomes_its_mean(draw_on, tmp_path: Path, backend: str, plan: dict[str, str]):
-    """Where a pixel spans some hundred cells, they are ½ within 1/255 (Heckbert 1989); near the eye they are not."""
+    """Where a pixel spans a hundred cells, their mean is ½ within 1/255 (Heckbert 1989); near the eye it is not."""
     checker(tmp_path / "checker.png")
     picture = draw_on(backend, FLOOR, plan, size=(64, 64)).channels["rgba"]
     seen = picture[..., 3] > 0
@@ -47,7 +47,7 @@ def test_a_checker_towards_the_horizon_becomes_its_mean(draw_on, tmp_path: Path,
 @pytest.mark.parametrize("backend", ["ray", "raster"])
 @pytest.mark.parametrize("camera", ["width: 4", "fov: 30deg"])
 def test_straight_on_a_pixel_sees_the_mean_of_what_it_covers(draw_on, tmp_path: Path, backend: str, camera: str):
-    """A wave of 16 texels, 4 texels a pixel: the wave's mean over a pixel, sin(π/4)/(π/4) of its height, less what bilinear sizes blur."""
+    """A wave of 16 texels, 4 texels a pixel: sin(π/4)/(π/4) of its height, the mean over a pixel, less bilinear blur."""
     size = 256
     x = np.arange(size) + 0.5
     write(tmp_path / "wave.exr", np.tile(0.5 + 0.5 * np.sin(2 * np.pi * x / 64), (size, 1)))
@@ -64,7 +64,7 @@ def test_straight_on_a_pixel_sees_the_mean_of_what_it_covers(draw_on, tmp_path: 
 
 @pytest.mark.parametrize("backend", ["ray", "raster"])
 def test_a_seam_is_not_seen(draw_on, tmp_path: Path, backend: str):
-    """Where u leaps from 1 to 0 a pixel spans no more than beside it."""
+    """Where u jumps from 1 to 0, the footprint is as small as beside the seam."""
     size = 512
     wave = 0.5 + 0.5 * np.cos(2 * np.pi * (np.arange(size) + 0.5) / size)
     write(tmp_path / "round.exr", np.tile(wave, (size // 2, 1)))
@@ -101,7 +101,7 @@ WALL = (
 
 @pytest.mark.parametrize("backend", EVERY)
 def test_a_pattern_towards_the_horizon_becomes_its_mean(draw_on, backend: str):
-    """64 places of a checker in a pixel: ½ within their spread, and that of a noise 0; near the eye they are what they are."""
+    """64 samples of a checker in a pixel: ½ within their spread, and 0 for noise; near the eye, unfiltered values."""
     text = (
         "plane(y: 0, material: lambert(pattern(|x, y, z| if mod(floor(x) + floor(z), 2) == 0 then 1 else 0)))\n"
         + PLAIN_LIGHT + "camera(position: [0, 1.5, 8], look_at: [0, 1.0, 0], fov: 40deg)\n"
@@ -118,7 +118,7 @@ def test_a_pattern_towards_the_horizon_becomes_its_mean(draw_on, backend: str):
 
 @pytest.mark.parametrize("backend", EVERY)
 def test_an_edge_in_a_pattern_covers_a_share_of_its_pixels(draw_on, backend: str):
-    """A slanted edge: each pixel's value is the share of its square on the bright side, by one sample of 64 places."""
+    """A slanted edge: each pixel's value is the bright share of its square, by one sample of 64 positions."""
     row = draw_on(backend, WALL.format("x + 0.25 * y <= 0.013"), size=(32, 32)).channels["rgba"][..., 0]
     fine = (np.arange(32 * 16) + 0.5) / (32 * 16) * 4 - 2
     x, y = np.meshgrid(fine, -fine)
@@ -129,14 +129,14 @@ def test_an_edge_in_a_pattern_covers_a_share_of_its_pixels(draw_on, backend: str
 
 @pytest.mark.parametrize("backend", EVERY)
 def test_where_a_pattern_hardly_changes_it_is_what_it_is_at_points(draw_on, backend: str):
-    """Slow waves: their means over pixels and their middles differ by less than the curvature allows."""
+    """Long waves: means over pixels differ from values at centres by less than the curvature allows."""
     text = WALL.format("0.5 + 0.4 * sin(2 * x) * cos(3 * y)")
     over, at = (draw_on(backend, text, plan, size=(32, 32)).channels["rgba"][..., 0] for plan in ({}, {"texture_filter": "point"}))
     assert 0 < np.abs(over - at).max() < 0.4 * 13 / 24 * (4 / 32) ** 2 * 1.5
 
 
 def test_every_slot_takes_a_filtered_pattern(draw_on):
-    """Roughness, opacity, emission, bumps and weights: backends agree on one sample of each."""
+    """Roughness, opacity, emission, bumps and weights: backends agree with one sample of each."""
     fine = "pattern(|x, y, z| 0.5 + 0.5 * sign(sin(90 * x + 40 * y)))"
     text = (
         f"sphere(0.5, center: [-1.2, 0, 0], material: principled(#888, roughness: {fine}))\n"
@@ -168,7 +168,7 @@ SIDE = "box([40, 9, 0.2], center: [0, 4.5, -2.1], material: mirror())"
 
 @pytest.mark.parametrize("texture", TILES)
 def test_a_mirror_shows_what_an_eye_behind_it_would_see(draw_on, texture: str):
-    """The floor in a wall that mirrors at z = −2, and from the eye's image: alike but for pixels that are no squares across their rays."""
+    """The floor in a mirror at z = −2 equals the floor from the eye's image, except for anisotropic pixels."""
     size = {"size": (64, 48), "samples": 1}
     mirrored = draw_on("reference", MIRRORED.format(texture=TILES[texture], what=SIDE, z=4, at=0), {}, **size).channels["rgba"][..., 0]
     image = draw_on("reference", MIRRORED.format(texture=TILES[texture], what="", z=-8, at=-4), {}, **size).channels["rgba"][:, ::-1, 0]

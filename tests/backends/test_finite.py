@@ -1,4 +1,4 @@
-"""No number that is none, and no infinity, reaches a picture: what would is left out and counted, on every backend and transport."""
+"""NaN and infinity never reach a picture: such samples are omitted and counted, on every backend and transport."""
 
 from __future__ import annotations
 

@@ -33,14 +33,14 @@ def test_groups_add_up_to_the_picture_exactly(draw_on, backend):
 
 
 def test_a_group_is_the_picture_of_its_lamps(draw_on, backend):
-    """Where light takes no random numbers: the same bits but for rounding."""
+    """Without random numbers, pictures are equal except for rounding."""
     image = draw_on(backend, lit(KEY, FILL, REST), samples=4, aov=("lights",), plan={"noise": "white"})
     alone = draw_on(backend, lit(FILL), samples=4, aov=("variance",), plan={"noise": "white"})  # not in bands, whose samples lie elsewhere
     assert image.channels["light:fill"] == pytest.approx(alone.channels["rgba"][..., :3], abs=1e-6)
 
 
 def test_one_group_alone_and_shapes_that_shine(draw_on, tracer):
-    """What shines of itself is the rest, and an area light's shape belongs to its group."""
+    """Emissive objects belong to the rest; an area light's shape belongs to its group."""
     text = scenes.CAMERA + scenes.FLOOR + "sphere(0.4, center: [1, 0.5, 0], material: emissive(#ff8040))\n"
     text += 'area([-1, 1, -1], look_at: [0, 1, 5], size: [0.8, 0.8], luminance: 3, color: #00ff00, group: "panel")\n'
     image = draw_on(tracer, text, samples=4, aov=("light:panel",))
@@ -54,7 +54,7 @@ def test_one_group_alone_and_shapes_that_shine(draw_on, tracer):
 
 
 def test_variance_and_samples(draw_on, backend):
-    """Of many samples the variance's mean is that of pictures of several seeds; samples are as many as were asked for."""
+    """With many samples the mean variance equals that across seeds; sample counts are as requested."""
     text = scenes.CAMERA + scenes.FLOOR + "box([0.8, 1.5, 0.8], center: [0, 0.75, 0])\n"
     text += "area([1, 3, 2], look_at: [0, 0, 0], size: [1, 1], luminance: 4)\n"
     asked = {"samples": 16, "size": (24, 24), "aov": ("variance", "samples")}

@@ -1,4 +1,4 @@
-"""What is cut out of surfaces: exactly where their formula says, however far off, and channels beside the picture see through it."""
+"""Opacity textures cut holes exactly where their formula says, at any distance; channels see through them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def drawn(folder: Path, backend: str, text: str) -> dict[str, np.ndarray]:
 
 
 def test_stripes_are_cut_out_as_far_as_the_horizon(tmp_path: Path, backend: str) -> None:
-    """Pixels there span many stripes: their mean is not what the threshold is for."""
+    """Pixels span many stripes: a threshold of the mean is wrong there."""
     place = drawn(tmp_path, backend, "plane(y: 0)\n")
     solid = place["id"][..., 0] >= 0
     want = solid & (np.sin(9.0 * place["position"][..., 0].astype(float)) >= 0.0)
@@ -30,7 +30,7 @@ def test_stripes_are_cut_out_as_far_as_the_horizon(tmp_path: Path, backend: str)
 
 
 def test_what_is_there_in_half_of_its_points_covers_half_of_far_pixels(tmp_path: Path, backend: str) -> None:
-    """Stripes of all and nothing without a threshold: their mean over a pixel is not taken twice, by the samples and within each."""
+    """Stripes of opacity 0 and 1 without threshold: samples and footprint must not both average."""
     stripes = "pattern(|x, y, z| 0.5 + 0.5 * sign(sin(4000 * x)))"
     (tmp_path / "a.scene").write_text(f"plane(y: 0, material: lambert(opacity: {stripes}))\n{VIEW}")
     plan = {"texture_filter": "footprint"}
@@ -40,7 +40,7 @@ def test_what_is_there_in_half_of_its_points_covers_half_of_far_pixels(tmp_path:
 
 
 def test_channels_tell_what_stands_behind_holes(tmp_path: Path, backend: str) -> None:
-    """A box under the floor is seen through it, and a ball that is half there hides nothing of itself."""
+    """A box under the floor is visible through it; a half-transparent ball does not hide itself."""
     things = "box(0.5, translate: [0, -0.4, 0])\nsphere(1, center: [0, 1, 0], material: lambert(opacity: 0.5))\n"
     found, reference = (drawn(tmp_path, name, FLOOR + things) for name in (backend, "reference"))
     assert set(np.unique(reference["id"][..., 0])) == {-1.0, 0.0, 1.0, 2.0}
@@ -50,7 +50,7 @@ def test_channels_tell_what_stands_behind_holes(tmp_path: Path, backend: str) ->
 
 @pytest.mark.parametrize("name", ["reference", "ray"])
 def test_a_formula_lets_as_much_pass_as_the_shape_that_it_is(tmp_path: Path, name: str) -> None:
-    """Paths pass what is half there by chance: a formula's root, found within a little, was met and asked again behind itself."""
+    """Stochastic alpha on implicit surfaces: a path must not hit the same approximate root again."""
     veil = "material: lambert(0.5, opacity: 0.5)"
     balls = f"sphere(1, {veil})\n", f"implicit(|x, y, z| sqrt(x*x + y*y + z*z) + 0.0000001 * sin(x) <= 1, within: 1.1, {veil})\n"
     box = "box(0.8, translate: [0.5, 0, -1.6])\n"

@@ -1,4 +1,4 @@
-"""Lamps are things: their shapes stand in the light of others, and in their own never."""
+"""Lights are objects: their shapes cast shadows in other lights, never in their own."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PLATE = 'area([0, 1, 0], size: 0.6, shape: "disk", luminance: 1e-9{})\n'
     ("lamp", "shadow"), [(GLOW, 0.6 / math.sqrt(1 - 0.09)), (PLATE.format(""), 0.6), (PLATE.format(", shadows: false"), 0.0)]
 )
 def test_a_lamp_throws_the_shadow_of_another(draw, lamp, shadow, bounces):
-    """Half way between a point light and the floor: of a ball, whose outline is a cone's, and of a disk, on which shines nothing."""
+    """Halfway between a point light and the floor: shadows of a ball (a cone) and of an unlit disk."""
     text = ABOVE.format(4) + FLOOR + lamp + "point([0, 2, 0], intensity: 10)\n"
     image = draw(text, aov=("position",), bounces=bounces, samples=16 if bounces else 1)
     position = channel(image, "position")
@@ -37,7 +37,7 @@ def test_a_lamp_throws_the_shadow_of_another(draw, lamp, shadow, bounces):
 @pytest.mark.parametrize("bounces", [0, 1])
 @pytest.mark.parametrize("far", [0, 100_000])
 def test_no_lamp_stands_in_its_own_light(draw_on, far, bounces):
-    """Beside another light, so that shapes block: a floor below a ball (π L sin² a) and a disk, far from the origin, too."""
+    """Next to another light shapes cast shadows: a floor below a ball (π L sin² a) and a disk, also far from the origin."""
     for lamp in ("sphere(0.5, center: [{0}, {1}, {0}], material: emissive(luminance: 3))\n",
                  'area([{0}, {1}, {0}], size: 1, shape: "disk", luminance: 3)\n'):  # fmt: skip
         height = 0.7 if lamp.startswith("area") else 1.2
@@ -51,7 +51,7 @@ def test_no_lamp_stands_in_its_own_light(draw_on, far, bounces):
 
 
 def test_a_ball_around_a_lamp_shows_it(draw):
-    """As is done to see where a point light is: it blocks nothing."""
+    """A visible marker at a point light blocks nothing."""
     text = ABOVE.format(2) + FLOOR + "sphere(0.1, center: [0, 1, 0], material: emissive(luminance: 1e-9))\n"
     text += "{}point([0, 1, 0], intensity: 2)\n"
     shown, other = draw(text.format("")), draw(text.format("directional(from: [0, 1, 0], illuminance: 1e-9)\n"))
@@ -60,7 +60,7 @@ def test_a_ball_around_a_lamp_shows_it(draw):
 
 
 def test_groups_of_lights_cast_the_same_shadows(draw_on):
-    """What each brings is blocked by the shapes of the other, and their sum is the picture."""
+    """The shapes of each light block the other; the picture is the sum of both."""
     text = ABOVE.format(3) + FLOOR
     text += "sphere(0.3, center: [0, 1, 0], material: emissive(luminance: 0.1))\n"
     text += 'area([0.4, 2, 0], size: 0.3, luminance: 30, group: "key")\n'

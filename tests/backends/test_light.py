@@ -1,4 +1,4 @@
-"""What every backend sees of light: colours, cones, lobes, shadows and scale; the rest of the closed forms is in tests/accuracy."""
+"""Light on every backend: colours, cones, lobes, shadows and scale; tests/accuracy has the other closed forms."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_a_hard_spot_is_dark_outside_its_cone(draw):
 
 
 def test_irradiance_of_a_wide_sun(draw):
-    """Its disk of half angle a is given by its illuminance facing it: E cos θ whatever its size."""
+    """The sun's disk of half angle a has a given illuminance: E cos θ for any size."""
     camera = "camera(position: [0, 0.5, 0], look_at: [0, 0, 0], up: [0, 0, -1], width: 1mm, near: 1cm)\n"
     values = grey(draw(camera + FLOOR + "sun(from: [1, 1, 0], illuminance: 2, angle: 20deg)\n", size=(16, 16), samples=16))
     error = values.std(ddof=1) / 16
@@ -78,7 +78,7 @@ def test_no_highlight_on_the_side_away_from_a_light(draw):
 
 
 def test_the_shadow_of_a_disk_under_a_point_light(draw):
-    """Half way between lamp and floor a disk of radius r shades the disk of radius 2r; the lamp that casts no shadows shines on."""
+    """Halfway between light and floor a disk of radius r shadows a disk of radius 2r, except from a light without shadows."""
     text = ABOVE.format(4) + FLOOR + "disk(0.3, center: [0, 1, 0], material: lambert(0))\npoint([0, 2, 0], intensity: 10{})\n"
     shaded, open_ = draw(text.format(""), aov=("position",)), draw(text.format(", shadows: false"), aov=("position",))
     position = channel(shaded, "position")
@@ -92,7 +92,7 @@ def test_the_shadow_of_a_disk_under_a_point_light(draw):
 
 
 def test_a_light_without_shadows_shines_beside_one_that_casts_them(draw):
-    """Where surfaces light each other, too: each takes one of the lights by chance, of equal power here."""
+    """With interreflection: each path samples one of two lights of equal power."""
     text = ABOVE.format(1).replace("10", "0.9") + FLOOR + "disk(3, center: [0, 1, 0], material: lambert(0))\n"
     lights = "directional(from: [0, 1, 0], illuminance: 1, shadows: false)\ndirectional(from: [0, 1, 0], illuminance: 1)\n"
     image = draw(text + lights, bounces=1, samples=64)
@@ -100,7 +100,7 @@ def test_a_light_without_shadows_shines_beside_one_that_casts_them(draw):
 
 
 def test_no_surface_shades_itself(draw):
-    """All points of a ball that face the lamp are lit; far from the origin, too, where a fixed distance would be lost in rounding."""
+    """All points of a ball that face the light are lit, also far from the origin, where a fixed offset would vanish in rounding."""
     for at in ([0, 0, 0], [1e5, 1e5, -1e5]):
         x, y, z = at
         text = (
@@ -115,7 +115,7 @@ def test_no_surface_shades_itself(draw):
 
 
 def test_light_scales_exactly(draw):
-    """Twice the light is twice the picture, to the last bit: every lamp times 2^±40."""
+    """Scaling all lights by 2^±40 scales the picture, to the last bit."""
     text = ABOVE.format(3) + (
         "plane(y: 0, material: blinn_phong(0.7, specular: 0.2))\npoint([1, 2, 0], intensity: {})\nsun(from: [1, 3, 0], illuminance: {})\n"
     )
@@ -125,7 +125,7 @@ def test_light_scales_exactly(draw):
 
 
 def test_the_picture_has_no_seam_between_tiles(draw):
-    """A smooth picture is smooth over the borders of tiles: pixel 31 and 32 differ as little as any two."""
+    """A smooth picture is smooth across tile borders, between pixels 31 and 32."""
     image = draw(ABOVE.format(6) + FLOOR + "point([0.5, 2, -0.25], intensity: 5)\n", size=(70, 40))
     x, _ = centres(image)
     second = np.abs(np.diff(grey(image), n=2, axis=1))

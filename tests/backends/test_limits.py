@@ -1,4 +1,4 @@
-"""Scenes at the edges of sense: every backend draws them, all numbers finite, and what can be known of them comes out."""
+"""Extreme scenes: every backend renders them with finite values, and known answers hold."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ STRANGE = {
 
 @pytest.mark.parametrize("name", STRANGE)
 def test_strange_scenes_are_drawn(draw, draw_on, backend, name):
-    """`draw` sees that all is finite. With the reference the others agree, but for outlines."""
+    """`draw` checks that all values are finite. Backends agree with the reference, except on outlines."""
     image = draw(STRANGE[name], size=(24, 18), samples=2, aov=("id", "normal"))
     assert np.isfinite(channel(image, "normal")).all()
     assert rgb(image).min() >= 0
@@ -59,7 +59,7 @@ def test_pictures_of_any_shape(draw, size):
 
 @pytest.mark.parametrize("at", ["[1.37, -2.91, 4.03]", "[-3.3, 0.7, 1.9]", "[0.11, 5.2, 3.3]"])
 def test_a_lamp_in_the_eye_does_not_cover_the_picture(draw, at):
-    """A plate in the plane of the lens, whatever way rounding takes it, is neither before nor behind the eye."""
+    """A plate in the plane of the lens is neither before nor behind the eye, whatever the rounding."""
     text = f"camera(position: {at}, look_at: [0, 0, 0], fov: 40deg)\nsphere(1)\narea({at}, look_at: [0, 0, 0])\n"
     image = draw(text, aov=("id",))
     assert set(np.unique(channel(image, "id")[..., 0])) == {-1, 0}
@@ -67,7 +67,7 @@ def test_a_lamp_in_the_eye_does_not_cover_the_picture(draw, at):
 
 @pytest.mark.parametrize("far", [1e5, 1e9])
 def test_a_scene_far_away_is_the_scene_at_home(draw, far):
-    """float64 keeps 1e-7 m at 1e9 m: all but pixels on outlines see the same depths, and the light that falls there."""
+    """float64 resolves 1e-7 m at 1e9 m: all pixels except on outlines have equal depth and light."""
     text = (
         "camera(position: [{0}, {0} + 2, {0} + 5], look_at: [{0}, {0}, {0}], fov: 40deg)\nsphere(1, center: [{0}, {0}, {0}])\n"
         "box(1, center: [{0} + 1.5, {0}, {0}])\nplane(y: {0} - 1)\npoint([{0} + 2, {0} + 4, {0} + 3], shadows: false)\n"
@@ -83,7 +83,7 @@ def test_a_scene_far_away_is_the_scene_at_home(draw, far):
 
 
 def test_of_things_in_the_same_place_one_is_seen(draw, draw_on):
-    """Two boxes in one place and a floor twice: the same one in every pixel and on every backend, no pattern of both."""
+    """Two equal boxes and two equal floors: the same one wins in every pixel on every backend."""
     text = EYE + "".join(
         f"box(1, material: emissive({color}))\nplane(y: -0.5, material: emissive({color}))\n" for color in ("rgb(1, 0, 0)", "rgb(0, 1, 0)")
     )
@@ -95,7 +95,7 @@ def test_of_things_in_the_same_place_one_is_seen(draw, draw_on):
 
 
 def test_inside_a_lamp_all_is_as_bright_as_the_lamp(draw):
-    """The eye and a white ball inside a ball of luminance L: E = πL whichever way a surface faces, within 4 standard errors."""
+    """The eye and a white ball inside a ball of luminance L: E = πL for every direction, within 4 standard errors."""
     text = "camera(position: [0, 0, 0.1], look_at: [0, 0, 0])\nsphere(1, material: emissive(1, luminance: 5))\n"
     image = draw(text + "sphere(0.02, material: lambert(1))\n", samples=4, filter="box", aov=("id",))
     ball = alpha(image) == 1
@@ -105,7 +105,7 @@ def test_inside_a_lamp_all_is_as_bright_as_the_lamp(draw):
 
 
 def test_mirrors_that_face_each_other_end(trace):
-    """A room of mirrors: bounces end it, and its weight in the end is below one percent of the lamp's."""
+    """A closed room of mirrors: the bounce limit ends paths, whose weight is then below one percent of the light's."""
     text = (
         "camera(position: [0, 0, 0.5], look_at: [0.3, 0.2, -1])\nbox(4, material: mirror(rgb(0.9, 0.9, 0.9)))\n"
         "sphere(0.3, center: [1, 0, 0], material: emissive(1))\n"
@@ -117,7 +117,7 @@ def test_mirrors_that_face_each_other_end(trace):
 
 
 def test_a_thousand_instances_of_nothing_much(draw):
-    """Ten balls at each of a hundred places: ties and duplicates neither stall the tree nor change the picture."""
+    """Ten balls at each of a hundred positions: ties and duplicates neither stall the BVH nor change the picture."""
     balls = "for (k in 0..999) { sphere(0.2, center: [mod(k, 10) - 4.5, 0, floor(mod(k, 100) / 10) - 4.5]) }\n"
     text = EYE + "ambient(#ffffff, luminance: 1)\n" + balls
     once = text.replace("0..999", "0..99")

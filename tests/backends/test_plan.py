@@ -1,4 +1,4 @@
-"""Every decision of the plan that can be overruled leaves the picture as it was, or within the bound it declares."""
+"""Every plan decision that can be overridden leaves the picture unchanged, or within the bound it declares."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def _same(a, b) -> None:
 
 @pytest.mark.parametrize("name", ["instances", "every shape", "near and far"])
 def test_a_tree_or_every_primitive(draw_on, name):
-    """The tree only leaves out what a ray cannot meet."""
+    """The BVH skips only what a ray cannot hit."""
     for backend in ("ray", "raster"):
         text, channels = scenes.DIRECT[name], ("depth", "normal", "id")
         tree, brute = (draw_on(backend, text, {"accelerator": how}, samples=2, aov=channels) for how in ("bvh", "brute_force"))
@@ -28,7 +28,7 @@ def test_a_tree_or_every_primitive(draw_on, name):
 
 
 def test_rays_along_the_faces_of_boxes(draw_on):
-    """Orthographic rays that run exactly in the faces of boxes, and on their edges: 0 · ∞ must not hide what lies beside them."""
+    """Orthographic rays exactly in faces and on edges of boxes: 0 · ∞ must not hide the surfaces beside."""
     boxes = "".join(
         f"box([2, 2, 1], center: [{2 * i - 5}, {2 * j - 5}, {-((i * 5 + j * 3) % 4)}])\n" for i in range(6) for j in range(6) if (i + j) % 5
     )
@@ -62,20 +62,20 @@ def test_the_three_ways_to_fill(draw_on, name):
 
 
 def test_shadow_rays_where_nothing_stands_before_a_light(draw):
-    """One convex body: switching shadows off changes nothing (but how often the rasterizer would light a pixel)."""
+    """One convex object: without shadows nothing changes (except how often the rasterizer would shade a pixel)."""
     text = "camera(position: [0, 0, 4], fov: 40deg)\nsphere(1, material: blinn_phong(#d04030))\npoint([3, 5, 4], intensity: 60)\n"
     often = {"raster.shading": "sample"}
     _same(draw(text, {"shadows": "on", **often}, samples=2), draw(text, {"shadows": "off", **often}, samples=2))
 
 
 def test_shadow_rays_that_no_light_asks_for(draw):
-    """All lights with shadows: false: the plan leaves shadow rays out; asking for them gives the same."""
+    """All lights with shadows: false: the plan omits shadow rays; enabling them gives the same picture."""
     text = scenes.CAMERA + scenes.FLOOR + scenes.SHAPES + "point([3, 5, 4], intensity: 60, shadows: false)\n"
     _same(draw(text), draw(text, {"shadows": "on"}))
 
 
 def test_a_finer_tolerance_comes_nearer_to_the_outline(draw_on):
-    """The raster backend's coverage of a ball is short by at most 4/3 · tolerance / R of its area, and never too much."""
+    """The raster backend's coverage of a ball is short by at most 4/3 · tolerance / R of its area, and never larger."""
     text = "ambient(#ffffff)\ncamera(position: [0, 0, 9], width: 2.4)\nsphere(1)\n"
     radius = 20.0
     missing = []
@@ -88,14 +88,14 @@ def test_a_finer_tolerance_comes_nearer_to_the_outline(draw_on):
 
 
 def test_rays_draw_the_same_at_any_tolerance(draw_on):
-    """The tolerance is about tessellations, and rays meet analytic shapes as they are."""
+    """The tolerance applies to tessellations; rays hit analytic shapes exactly."""
     text = scenes.DIRECT["every shape"]
     _same(draw_on("ray", text, {"tolerance": "0.5"}), draw_on("ray", text, {"tolerance": "0.05"}))
 
 
 @pytest.mark.parametrize("backend", ["ray", "raster", "reference"])
 def test_a_plane_that_bounds_the_scene_from_below(draw_on, backend):
-    """Sky under it is not sampled: what a ball on it gets of the sky is then exact, ρ L (1 + cos θ) / 2, at one sample a pixel."""
+    """The sky below the horizon is not sampled: a ball on the ground gets exactly ρ L (1 + cos θ) / 2 at one sample a pixel."""
     text = (
         "transform(rotate: [20deg, 0, 10deg]) { plane(y: 0, material: lambert(#000000))\n"
         "sphere(1, center: [0, 1, 0], material: lambert(#ffffff))\n"
@@ -111,7 +111,7 @@ def test_a_plane_that_bounds_the_scene_from_below(draw_on, backend):
 
 
 def test_sampling_only_the_sky_above_a_plane_is_right_in_the_mean(draw_on):
-    """With and without the decision the same picture, but for the noise; under the plane, and with things through it, it is not taken."""
+    """The picture is equal with and without the decision, except for noise; it is not taken with objects below the plane."""
     scene = "plane(y: 0)\nbox([1, 1, 1], center: [0, {}, 0], rotate: [0, 30deg, 0])\nsphere(0.6, center: [1.2, 0.6, 0.4])\n"
     rest = "sky(color: #ffe0c0, luminance: 1)\ncamera(position: [0, {}, 5], look_at: [0, 0.6, 0], fov: 40deg)"
     for height, eye, taken in ((0.5, 2.0, True), (0.5, -2.0, True), (0.4, 2.0, False)):
@@ -123,7 +123,7 @@ def test_sampling_only_the_sky_above_a_plane_is_right_in_the_mean(draw_on):
 
 
 def test_light_in_single_precision(draw_on):
-    """Lamps without shadows on meshes are computed in float32 about the eye: within 1e-5 of the largest value of float64's."""
+    """Lights without shadows on meshes in float32 relative to the eye: within 1e-5 of float64's largest value."""
     text = scenes.CAMERA + (
         "mesh(points: [[-2, 0, -2], [2, 0, -2], [2, 1, 2], [-2, 0, 2]], faces: [[0, 3, 2, 1]],\n"
         "material: blinn_phong(#d04030, specular: 0.5))\n"

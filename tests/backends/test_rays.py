@@ -1,4 +1,4 @@
-"""Mirrors and light between surfaces on the backends that follow rays: what is seen, and what ends it; figures are in tests/accuracy."""
+"""Mirrors and interreflection on the tracing backends, and the bounce limit; tests/accuracy has the figures."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ DARK = "ambient(#ffffff, luminance: 1)\n"  # in place of the default sun and sky
 
 
 def test_a_mirror_shows_what_stands_beside_it(trace):
-    """A mirror in the plane x = z turns rays along −z, which meet it at z = x, into rays along −x."""
+    """A mirror in the plane x = z reflects rays along −z, which hit it at z = x, to −x."""
     text = DARK + (
         "camera(position: [0, 0, 5], width: 4)\nmesh(points: [[0, -9, -9], [0, 9, -9], [0, 9, 9], [0, -9, 9]], faces: [[0, 1, 2, 3]], "
         "rotate: [0, 45deg, 0], material: mirror())\n"
@@ -26,7 +26,7 @@ def test_a_mirror_shows_what_stands_beside_it(trace):
 
 
 def test_reflections_multiply_until_the_bounces_end(trace):
-    """Between mirrors at z = ±1 a ray of slope s meets ⌊(h/s + 1)/2⌋ of them before it meets a lamp at height h: r to that power."""
+    """Between mirrors at z = ±1 a ray of slope s hits ⌊(h/s + 1)/2⌋ of them before a light at height h: r to that power."""
     text = DARK + (
         "camera(position: [0, 0, 0], look_at: [0, 0.2, -1], fov: 20deg)\n"
         "polygon([[-9, -90, -1], [9, -90, -1], [9, 90, -1], [-9, 90, -1]], material: phong(0, specular: 0, k_r: 0.5))\n"

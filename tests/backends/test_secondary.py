@@ -1,4 +1,4 @@
-"""What the raster backend shows in mirrors, metals and glass: what rays find if it traces them, else the sky and the ground's light."""
+"""Mirrors, metals and glass on the raster backend: traced rays, or the sky and the ground's light."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ MATERIALS = {
 
 @pytest.mark.parametrize("material", MATERIALS.values(), ids=list(MATERIALS))
 def test_above_is_the_sky_and_below_the_light_of_the_ground(draw_on, material):
-    """A ball that reflects all: L at its top, where it mirrors the sky, and ρL at its bottom, where it mirrors the ground."""
+    """A perfectly reflecting ball: L at its top, from the sky, and ρL at its bottom, from the ground."""
     text = VIEW + EVEN + f"sphere(0.5, center: [0, 1, 0], material: {material})\n"
     image = rgb(draw_on("raster", text, samples=16))
     assert np.allclose(image[14, 24], 1.0, atol=0.02)

@@ -1,4 +1,4 @@
-"""Shadows of the raster backend from maps, and none at all, against those by rays."""
+"""Shadow maps of the raster backend, and no shadows, against traced shadows."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LAMPS = {
 
 @pytest.mark.parametrize("lamp", LAMPS.values(), ids=list(LAMPS))
 def test_flat_and_round_things_do_not_shade_themselves(draw_on, lamp):
-    """A tilted square, a floor and, towards the lamp, a ball have their whole light: as if nothing cast shadows, to rounding."""
+    """A tilted square, a floor and a ball on the lit side have no self-shadowing, to rounding."""
     text = ABOVE + FLOOR + lamp
     assert np.array_equal(rgb(draw_on("raster", text, MAP)), rgb(draw_on("raster", text, NONE)))
     corners = [[x, 0.2 * x - 0.13 * z, z] for x, z in ((-4, -4), (-4, 4), (4, 4), (4, -4))]
@@ -41,7 +41,7 @@ def test_flat_and_round_things_do_not_shade_themselves(draw_on, lamp):
 
 @pytest.mark.parametrize("lamp", LAMPS.values(), ids=list(LAMPS))
 def test_shadows_are_where_rays_find_them(draw_on, lamp):
-    """But for edges, which are two texels soft, every point has the light that rays say; the means agree."""
+    """Every point has the light of traced shadows, except at edges, which are two texels soft; the means agree."""
     text = ABOVE + FLOOR + THINGS + lamp
     a, b = (rgb(draw_on("raster", text, plan, size=(96, 96), samples=4)) for plan in (MAP, {}))
     bare = rgb(draw_on("raster", text, NONE, size=(96, 96), samples=4))
@@ -59,7 +59,7 @@ def test_shadows_are_where_rays_find_them(draw_on, lamp):
 
 
 def test_the_edge_of_a_shadow_is_a_texel_off_at_most(draw_on):
-    """A thin wall's edge at x = 0 under light from straight above: half of the light at 0, all of it and none two texels beside."""
+    """A thin wall's edge at x = 0 under light from above: half the light at 0, all and none two texels beside."""
     wall = "polygon([[-5, 1, -5], [-5, 1, 5], [0, 1, 5], [0, 1, -5]], material: lambert(#ffffff))\n"
     view = "camera(position: [0, 0.5, 0], look_at: [0, 0, 0], up: [0, 0, -1], width: 0.12, projection: \"orthographic\")\n"
     image = rgb(draw_on("raster", view + FLOOR + wall + "directional(from: [0, 1, 0], illuminance: 3)\n", MAP, size=(96, 96)))[48, :, 0]

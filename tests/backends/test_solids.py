@@ -1,4 +1,4 @@
-"""Solids of formulas refract as the shapes that they are: entering is told from leaving on every backend that follows rays."""
+"""Implicit solids refract like the equal shapes, on every tracing backend: entry and exit differ."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def ball(radius: float, x: float = 0.0, y: float = 0.0, arguments: str = "") -> 
 
 
 def quartic(radius: float, x: float = 0.0, y: float = 0.0, arguments: str = "") -> str:
-    """The same ball as a formula that no closed form is known of."""
+    """The same ball as an implicit surface without a closed form."""
     return f"implicit(|x, y, z| ((x - {x})^2 + (y - {y})^2 + z^2)^2 <= {radius**4!r}{arguments})"
 
 
@@ -43,7 +43,7 @@ SOLIDS = {
 
 @pytest.mark.parametrize("name", SOLIDS)
 def test_glass_of_formulas_is_glass_of_balls(draw_on, name):
-    """But for pixels where a square of the floor begins, or where a place that is off in its last digit takes the other random way."""
+    """Equal except for pixels at a floor tile's edge, or where rounding changes a random choice."""
     camera, text = SOLIDS[name]
     settings = {"samples": 1, "bounces": 8}
     balls, formulas = (camera + ROOM + text(shape) + "\n" for shape in (ball, quartic))

@@ -1,4 +1,4 @@
-"""Textures on every backend: the right way up, each mapping and wrap by its formula, filtered as they say, patterns in metres."""
+"""Textures on every backend: orientation, mappings, wrap modes and filters by their formulas, procedural ones in metres."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ UPRIGHT = [[RED, GREEN], [BLUE, YELLOW]]
 
 
 def _corners(image) -> list[list[tuple[int, ...]]]:
-    """The colours in the middles of the picture's quarters."""
+    """The colours at the centres of the picture's quarters."""
     color, h, w = rgb(image), image.height, image.width
     return [[tuple(color[j, i].round(6).astype(int).tolist()) for i in (w // 4, 3 * w // 4)] for j in (h // 4, 3 * h // 4)]
 
 
 def _shining(**more: Any) -> str:
-    """A material that shows the picture as it is."""
+    """A material that shows the picture unchanged."""
     given = "".join(f", {name}: {json.dumps(value)}" for name, value in more.items())
     return f'emissive(image("a.exr", filter: "nearest"{given}))'
 
@@ -53,7 +53,7 @@ def test_a_picture_stands_upright_on_each_face_of_a_box(draw, picture, view, map
 
 
 def test_the_net_folds_to_a_cube(draw, picture):
-    """-x, +z, +x, -z in the middle row, +y above +z and -y below it, each as it is seen from outside."""
+    """-x, +z, +x, -z in the middle row, +y above +z and -y below it, seen from outside."""
     net = np.zeros((6, 8, 3))
     places = {"left": (0, 1), "front": (1, 1), "right": (2, 1), "back": (3, 1), "top": (1, 0), "bottom": (1, 2)}
     for k, (column, row) in enumerate(places.values()):
@@ -68,7 +68,7 @@ def test_the_net_folds_to_a_cube(draw, picture):
 @pytest.mark.parametrize("view", ["front", "right", "back", "left"])
 @pytest.mark.parametrize("mapping", ["uv", "latlong"])
 def test_a_map_stands_upright_on_a_sphere(draw, picture, view, mapping):
-    """u = ½ + atan2(x, z)/2π: the picture's middle looks to +z, and its right half is to the right of it."""
+    """u = ½ + atan2(x, z)/2π: the picture's centre is at +z, its right half to the right."""
     first = {"left": 1, "front": 2, "right": 3, "back": 4}[view]
     strip = np.zeros((2, 8, 3))
     for column in range(8):
@@ -103,7 +103,7 @@ WRAPS: dict[str, Callable[[np.ndarray, int], np.ndarray]] = {
 
 
 def _nearest(u: np.ndarray, v: np.ndarray, wrap: str) -> tuple[np.ndarray, np.ndarray]:
-    """(colour, sure) of NOISE at u, v; not sure within 1e-4 of a texel's edge."""
+    """(colour, certain) of NOISE at u, v; uncertain within 1e-4 of a texel's edge."""
     s, t = u * 8, (1 - v) * 4
     column, row = WRAPS[wrap](np.floor(s).astype(int), 8), WRAPS[wrap](np.floor(t).astype(int), 4)
     color = np.where(((column >= 0) & (row >= 0))[..., None], NOISE[row, column], 0)
@@ -127,7 +127,7 @@ def test_wraps_outside_of_a_picture(draw, picture, wrap):
 
 
 def test_the_courses_projection_of_a_sphere(draw, picture):
-    """u = x/|p|, v = y/|p| in the shape's own frame, whatever the shape: here an ellipsoid's and a torus'."""
+    """u = x/|p|, v = y/|p| in the shape's frame, for every shape: here an ellipsoid and a torus."""
     picture("a.exr", NOISE)
     for shape in ("sphere(1.5, scale: [1, 0.6, 1.2]", "torus(1, 0.4, rotate: [90deg, 0, 0]"):
         image = draw(_from("front", 3) + f"{shape}, material: {_shining(mapping='projected', wrap='mirror')})\n", aov=("position", "id"))
@@ -151,7 +151,7 @@ def test_latitude_and_longitude_of_any_shape(draw, picture):
 
 
 def test_scale_and_offset_repeat_and_move_a_picture(draw, picture):
-    """(u, v) → scale · ((u, v) − offset): what was at the corner is now at the offset."""
+    """(u, v) → scale · ((u, v) − offset): the corner moves to the offset."""
     picture("a.exr", NOISE)
     text = f"box([2, 2, 2], material: {_shining(scale=[3, 2], offset=[0.3, -0.2])})\n"
     image = draw(_from("front", 2) + text)
@@ -160,7 +160,7 @@ def test_scale_and_offset_repeat_and_move_a_picture(draw, picture):
 
 
 def test_a_ramp_is_linear_between_pixel_centres(draw, picture):
-    """Bilinear: a picture that is linear in u and v is linear on the surface, out to half a texel from its edges."""
+    """Bilinear filtering: a picture linear in u and v is linear on the surface, up to half a texel from its edges."""
     s, t = (np.arange(8) + 0.5) / 8, 1 - (np.arange(4) + 0.5) / 4
     ramp = np.zeros((4, 8, 3))
     ramp[..., 0], ramp[..., 1] = s[None, :], t[:, None]
@@ -177,7 +177,7 @@ def test_a_ramp_is_linear_between_pixel_centres(draw, picture):
 
 
 def test_checkers_have_the_size_they_are_given(draw):
-    """Cells of 50 cm on an endless floor, with a corner at its origin; at points, so that there are two colours."""
+    """Cells of 50 cm on an unbounded floor, with a corner at its origin; unfiltered, so that there are two colours."""
     text = "camera(position: [0.13, 3, 0.21], look_at: [0.13, 0, 0.21], up: [0, 0, -1], width: 6)\n"
     text += "plane(y: 0, material: emissive(checker(rgb(1, 1, 1), rgb(0.25, 0.25, 0.25), size: 50cm)))\n"
     image = draw(text, {"texture_filter": "point"}, aov=("position",))

@@ -1,4 +1,4 @@
-"""Pixel centres, and the channels of pictures as float64 arrays, for the known answers."""
+"""Pixel centres, and channels of pictures as float64 arrays, for known answers."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ Array = NDArray[np.float64]
 
 
 def centres(image: Image) -> tuple[Array, Array]:
-    """(h, w) picture coordinates x and y of the pixels' centres."""
+    """(h, w) coordinates x and y of pixel centres."""
     y, x = np.mgrid[0 : image.height, 0 : image.width]
     return x + 0.5, y + 0.5
 
 
 def channel(image: Image, name: str) -> Array:
-    """A channel in float64; (h, w) where it has one number a pixel."""
+    """A channel in float64; (h, w) if it has one component."""
     values = image.channels[name].astype(np.float64)
     return values[..., 0] if values.shape[2] == 1 else values
 
@@ -27,7 +27,7 @@ def rgb(image: Image) -> Array:
 
 
 def grey(image: Image) -> Array:
-    """(h, w) a picture that must have no colour."""
+    """(h, w) values of a grey picture."""
     color = rgb(image)
     assert np.array_equal(color[..., 0], color[..., 1])
     assert np.array_equal(color[..., 0], color[..., 2])

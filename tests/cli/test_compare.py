@@ -253,7 +253,7 @@ def test_features_that_a_backend_lacks(scene: Path) -> None:
     scene.write_text(SCENE.replace("MATERIAL", "glass(ior: 1.4)"), encoding="utf-8")
     code, out, _ = run("compare", scene, "--backends", "raster,ray")
     assert code == 0
-    assert out.endswith("\nnot rendered\n  A: raster draws glass without refraction: the sky straight behind it is seen (two.scene:3:41)\n")
+    assert out.endswith("\nnot rendered\n  A: raster draws glass without refraction: it shows the sky straight behind (two.scene:3:41)\n")
     (note,) = figures(scene, "--backends", "raster,ray")["a"]["not_drawn"]
     assert note["span"]["line"] == 3
 

@@ -1,4 +1,4 @@
-"""Pictures too large to be held go strip by strip into their files, which are those of pictures held whole."""
+"""Pictures rendered in strips have the same files as pictures rendered at once."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def hold_less(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is held whole is less than the picture: strips of 32 rows."""
+    """Limit memory to less than the picture: strips of 32 rows."""
     monkeypatch.setattr(large_images, "MAX_PIXELS", 80 * 40)
     monkeypatch.setattr(large_images, "STRIP_PIXELS", 80 * 40)
 
@@ -92,7 +92,7 @@ def test_what_needs_the_whole_picture_is_refused(folder, small):
 
 
 def test_an_interrupted_picture_is_kept_aside(folder, small, monkeypatch):
-    """Its first strips are there, the others empty; the old file stays."""
+    """The first strips are rendered, the others empty; the old file stays."""
     (folder / "a.exr").write_bytes(b"old")
     drawn, every = render_scene.draw, []
 

@@ -1,4 +1,4 @@
-"""The ray backend as a whole: the same bits whatever the threads, trees and crops; focal points; an error that was asked for."""
+"""The ray backend: equal bits with any threads, BVH and crop; focal points; a requested error."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Model = ir.MaterialModel
 
 
 def still_life() -> ir.Tables:
-    """Every kind of shape but the endless quadric, a mesh, glass, a mirror; a sun, a point light and a sky."""
+    """Every kind of shape except the unbounded quadric, a mesh, glass, a mirror; a sun, a point light and a sky."""
     shapes = [
         (K.PLANE, [], matrix((0, -1, 0)), 0),
         (K.SPHERE, [0.5], matrix((-1, -0.5, 0)), 1),
@@ -93,7 +93,7 @@ def test_the_error_asked_for_is_reached() -> None:
 
 
 def focus_of_a_ball(height: float, index: float) -> float:
-    """Where a ray parallel to the axis at this height crosses it behind a ball of radius 1, from the ball's back (Snell twice)."""
+    """The distance from a ball of radius 1 to where a ray parallel to the axis crosses the axis behind it (Snell twice)."""
     inward = np.arcsin(height)
     within = np.arcsin(height / index)
     turned = 2.0 * (inward - within)
@@ -103,7 +103,7 @@ def focus_of_a_ball(height: float, index: float) -> float:
 
 
 def test_where_a_glass_ball_brings_rays_together() -> None:
-    """A small shining sphere where rays of height 0.3 R cross the axis is seen at that height, as a ring."""
+    """A small emissive sphere where rays of height 0.3 R cross the axis appears as a ring at that height."""
     assert focus_of_a_ball(0.3, 1.5) == pytest.approx(0.461978, abs=1e-6)
     assert focus_of_a_ball(1e-6, 1.5) == pytest.approx(0.5, abs=1e-9)
     size = 401

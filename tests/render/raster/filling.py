@@ -1,4 +1,4 @@
-"""The three fills asked directly, sample by sample; the same in exact fractions; and triangles and loops to try them on."""
+"""The three coverage tests sample by sample, the same rule in exact fractions, and random triangles and loops."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ TINY = Fraction(1, 1 << 80)  # less than any distance there is between fixed-poi
 
 @kernel
 def cover(how, triangles, samples, out):
-    """out[t, s]: whether triangle t, (x, y) × 3 either way round, covers samples[t, s]."""
+    """Write whether triangle t, (x, y) × 3 in either order, covers samples[t, s] to out[t, s]."""
     sorted_x = np.empty(8, np.int64)
     for t in range(len(triangles)):
         x, y = triangles[t, 0::2].copy(), triangles[t, 1::2].copy()
@@ -39,8 +39,7 @@ def covered(how: int, triangles: np.ndarray, samples: np.ndarray) -> np.ndarray:
 
 
 def exactly(triangle: np.ndarray, sample: np.ndarray) -> bool:
-    """The rule in exact arithmetic: left edges own their samples, then level top edges, so a sample stands for a point
-    infinitely little to its right, and infinitely less below it, which is strictly inside or strictly outside."""
+    """The top-left rule in exact arithmetic, by a point infinitesimally right of the sample and, to second order, below it."""
     px, py = Fraction(int(sample[0])) + TINY, Fraction(int(sample[1])) + TINY * TINY
     (ax, ay), (bx, by), (cx, cy) = (tuple(map(int, p)) for p in triangle.reshape(3, 2))
     signs = {
@@ -52,7 +51,7 @@ def exactly(triangle: np.ndarray, sample: np.ndarray) -> bool:
 
 
 def random_triangles(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles of all sizes, some with level, upright or no edges, and samples in them, on their edges and on their corners."""
+    """Triangles of all sizes, some with horizontal or vertical edges or without area; samples inside, on edges and on corners."""
     random = np.random.default_rng(seed)
     size = 2 ** random.uniform(1, 14, (count, 1))
     triangles = np.rint(random.uniform(-1, 1, (count, 6)) * size).astype(np.int64)
@@ -68,7 +67,7 @@ def random_triangles(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def star(random: np.random.Generator, low: float, high: float, corners: int) -> np.ndarray:
-    """A concave loop about the origin in whole numbers, with some level edges."""
+    """A concave loop around the origin in integers, with some horizontal edges."""
     angle = np.sort(random.uniform(0, 2 * np.pi, corners) * 0.02 + np.arange(corners) * 2 * np.pi / corners)
     radius = random.uniform(low, high, corners)
     loop = np.rint(np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)).astype(np.int64)

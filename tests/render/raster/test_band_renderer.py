@@ -1,4 +1,4 @@
-"""What bands are filled with, against whole-number arithmetic: each sample that the rule gives a triangle, and no other."""
+"""Bands against integer arithmetic: a triangle covers exactly the samples of the coverage rule."""
 
 import gc
 import threading
@@ -33,7 +33,7 @@ SAMPLES = (1, 4, 16)
 
 
 def seen(points: np.ndarray, triangles: np.ndarray, samples: int) -> np.ndarray:
-    """(h, w, samples) rows of the triangles that samples see, -1 for none. A metre is a pixel; the points' z is towards the eye."""
+    """(h, w, samples) the triangle that each sample sees, or -1. A metre is a pixel; z points to the eye."""
     width, height = SIZE
     at = np.column_stack([points[:, 0] - width / 2, height / 2 - points[:, 1], points[:, 2]])
     camera = CameraData(0, height / 2, ir.Projection.ORTHOGRAPHIC)
@@ -53,7 +53,7 @@ def seen(points: np.ndarray, triangles: np.ndarray, samples: int) -> np.ndarray:
 
 
 def by_rule(corners: np.ndarray, samples: int) -> np.ndarray:
-    """(h, w, samples) what fill.inside_edges says of a triangle with (3, 2) whole corners in 1/256 pixel, in Python's numbers."""
+    """(h, w, samples) coverage.inside_edges of a triangle with (3, 2) integer corners in 1/256 pixel, in Python integers."""
     (ax, ay), (bx, by), (cx, cy) = corners.tolist()
     if coverage.doubled_area(ax, ay, bx, by, cx, cy) < 0:
         bx, by, cx, cy = cx, cy, bx, by
@@ -75,7 +75,7 @@ def by_rule(corners: np.ndarray, samples: int) -> np.ndarray:
 @pytest.mark.parametrize("samples", SAMPLES)
 @pytest.mark.parametrize("reach", [0.6, 3.0, 25.0, 400.0, 60000.0])
 def test_triangles_of_every_size_cover_what_the_rule_says(reach: float, samples: int):
-    """From far less than a pixel to more than 32 bits can hold; corners on samples, level and upright edges among them."""
+    """Sizes from far below a pixel to beyond 32 bits; some corners on samples, some horizontal and vertical edges."""
     rng = np.random.default_rng(int(reach * 10) + samples)
     covered = 0
     for _ in range(16):
@@ -96,7 +96,7 @@ def test_triangles_of_every_size_cover_what_the_rule_says(reach: float, samples:
 
 @pytest.mark.parametrize("samples", SAMPLES)
 def test_fans_and_strips_share_their_samples_out(samples: int):
-    """Triangle by triangle and added up, all samples inside are covered once: corners stand on samples, edges run through them."""
+    """Triangles drawn one by one cover each sample inside exactly once; corners lie on samples, edges pass through them."""
     corners = np.array([[10.5, 10.5], [50.5, 10.5], [60.5, 30.5], [40.5, 45.5], [20.5, 40.5], [5.5, 30.5]])
     fan = np.column_stack([np.vstack([corners, [[30.5, 20.5]]]), np.zeros(7)])
     total = np.zeros((SIZE[1], SIZE[0], samples), int)
@@ -108,7 +108,7 @@ def test_fans_and_strips_share_their_samples_out(samples: int):
 
 
 def test_the_nearest_is_seen_whatever_its_size_and_order():
-    """Tiny, small and large triangles over each other: the z-buffer agrees with depths computed for each."""
+    """Overlapping tiny, small and large triangles: the z-buffer agrees with depths computed for each."""
     rng = np.random.default_rng(5)
     points, triangles = [], []
     for k in range(300):
@@ -126,7 +126,7 @@ def test_the_nearest_is_seen_whatever_its_size_and_order():
 
 
 def test_sixteen_samples_are_a_net():
-    """Each of the rows and columns of all elementary intervals of 1/16 pixel's area has one."""
+    """Each elementary interval of 1/16 pixel holds one sample."""
     pattern = band_buffer.pattern(16)
     for wide in (1, 2, 4, 8, 16):
         cells = pattern.x * wide // 256 * 16 + pattern.y * (16 // wide) // 256
@@ -134,7 +134,7 @@ def test_sixteen_samples_are_a_net():
 
 
 def test_more_samples_lie_at_other_places():
-    """Sixteen times sixteen are all places that corners can have, and each sixteen a net."""
+    """Sixteen passes of sixteen samples hold all positions of a 16 × 16 grid; each pass is a net."""
     made = [one.pattern for one in passes.passes(256, False, "box")]
     assert len(made) == 16
     assert len({(x, y) for one in made for x, y in zip(one.x // 16, one.y // 16, strict=True)}) == 256
@@ -146,7 +146,7 @@ def test_more_samples_lie_at_other_places():
 
 
 def test_soft_light_is_drawn_in_bands_and_tells_its_error():
-    """Of an area light over a floor: the error told of a picture is about that against a long run, as other backends tell it."""
+    """An area light over a floor: the estimated error is close to the error against a long run, as of other backends."""
     area = LightData(ir.LightKind.RECTANGLE, (5.0, 5.0, 5.0), transform=1, size=(0.8, 0.8))
     shapes = [(ir.GeometryKind.PLANE, [], tables.matrix((0, -1, 0)), 0), (ir.GeometryKind.SPHERE, [0.5], tables.matrix((0, -0.5, -2)), 0)]
     scene = tables.scene(shapes, camera=CameraData(0, 0.5), lights=[area], frame=tables.facing((0, 2, -2), (0, -1, -2)))
@@ -160,7 +160,7 @@ def test_soft_light_is_drawn_in_bands_and_tells_its_error():
 @pytest.mark.parametrize("name", ["box", "tent", "gaussian", "blackman-harris"])
 @pytest.mark.parametrize("samples", [1, 4, 5, 16])
 def test_an_even_picture_stays_even_under_every_filter(name: str, samples: int):
-    """A wall lit evenly: every pixel, those at the border too, is what one sample is."""
+    """A uniformly lit wall: every pixel, also at the border, equals one sample."""
     quad = MeshData(np.array([[-9.0, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))
     scene = tables.scene(meshes=[(quad, tables.matrix((0, 0, -2)), 0)], camera=CameraData(0, 0.5), lights=[])
     drawn = pictures.picture(scene, samples=samples, filter=name, size=(21, 18)).channels["rgba"]
@@ -169,7 +169,7 @@ def test_an_even_picture_stays_even_under_every_filter(name: str, samples: int):
 
 
 def test_many_sharp_samples_in_bands_cover_what_they_should():
-    """A slanted edge through 24 pixels: 256 shared places know its coverage to 1/256 and a rounding, and ray's places about as well."""
+    """A slanted edge through 24 pixels: 256 shared positions give its coverage to 1/256; the ray backend's are about as good."""
     quad = MeshData(np.array([[-9.0, -9, 0], [0.3, -9, 0], [-0.1, 9, 0], [-9, 9, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))
     scene = tables.scene(meshes=[(quad, tables.matrix((0, 0, -2)), 0)], camera=CameraData(0, 0.5, ir.Projection.ORTHOGRAPHIC), lights=[])
     x = 12 + 24 * (0.1 + 0.4 / 18 * (np.arange(24 * 64) + 0.5 - 12 * 64) / 24 / 64)
@@ -201,7 +201,7 @@ def a_mesh_in_bands(threads: int = 1) -> tuple:
 
 @pytest.mark.parametrize("seconds", [1e-9, 3e-4, 1.0])
 def test_bands_are_the_same_however_many_are_drawn_at_once(seconds: float, monkeypatch: pytest.MonkeyPatch):
-    """Turn by turn, some at once and all at once, by one thread and by several: the picture that single bands make."""
+    """One band a call, several, or all, in one thread or several: the picture equals that of single bands."""
     prepared, decided, view = a_mesh_in_bands()
     alone = raster.Renderer(prepared, decided, view).whole
     assert alone is not None
@@ -228,7 +228,7 @@ def test_memory_that_is_kept_for_the_next_picture_does_not_keep_the_last():
 
 
 def test_what_no_turn_has_drawn_is_empty(monkeypatch: pytest.MonkeyPatch):
-    """Cancelled after its first turn, a picture has that band, and 0 elsewhere."""
+    """A picture cancelled after its first call has that band, and 0 elsewhere."""
     monkeypatch.setattr(band_scheduler, "CALL_SECONDS", 1e-9)
     prepared, decided, view = a_mesh_in_bands()
     cancel = threading.Event()

@@ -1,4 +1,4 @@
-"""Clipping: the course's example and its four cases, homogeneous borders before any division, crossings that neighbours share."""
+"""Clipping: the four cases of an edge, homogeneous planes before division, crossings shared by neighbours."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ def rows(*points: tuple[float, float]) -> np.ndarray:
 
 
 def test_the_course_example():
-    """1 inside, 2 and 3 outside, 4 inside, against one border: a, b, 4, 1, in that order."""
+    """1 and 4 inside, 2 and 3 outside one plane: the result is a, b, 4, 1, in that order."""
     one, two, three, four = (0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0)
     a, b = (1.0, 0.0), (1.0, 1.0)
     assert np.array_equal(clipping.clip_polygon(rows(one, two, three, four), RIGHT), rows(a, b, four, one))
@@ -54,7 +54,7 @@ def test_nothing_is_left_outside():
 
 
 def test_points_behind_the_eye_are_cut_before_the_division():
-    """z = -1, 0.01 and 5: dividing first would turn the corner behind the eye to the other side of the picture."""
+    """z = -1, 0.01 and 5: division before clipping would mirror the corner behind the eye."""
     triangle = np.array([[0.0, 1.0, -1.0], [0.0, 0.0, 0.01], [2.0, 0.0, 5.0]])  # (x, y, w = z)
     cut = clipping.clip_polygon(triangle, np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1e3], [-1.0, 0.0, 1e3], [0.0, 1.0, 1e3], [0.0, -1.0, 1e3]]))
     assert (cut[:, 2] > 0).all()
@@ -73,7 +73,7 @@ corner = st.tuples(st.floats(-10, 10), st.floats(-10, 10))
 
 @given(corner, corner, corner, corner)
 def test_neighbours_get_the_same_crossing(a, b, c, d):
-    """Two triangles with the edge a-b, one each way round, meet in bit-identical points after clipping."""
+    """Two triangles with the edge a-b, in opposite directions, share bit-identical points after clipping."""
     border = np.array([[0.3, -0.7, 0.11]])
     one, other = clipping.clip_polygon(rows(a, b, c), border), clipping.clip_polygon(rows(b, a, d), border)
     distances = rows(a, b) @ border[0]

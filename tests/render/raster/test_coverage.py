@@ -1,4 +1,4 @@
-"""The rasterizer against known answers: coverage, clipping, depth, perspective-correct weights, and that the fills change nothing."""
+"""The rasterizer against known answers: coverage, clipping, depth, perspective-correct weights; equal pictures of all fills."""
 
 import math
 
@@ -27,7 +27,7 @@ def mesh(points, triangles, **more) -> MeshData:
 
 
 def hits(scene: ir.Tables, size=(96, 96), tile=None, overrides=None, **settings) -> Hit:
-    """What the rasterizer finds at pixel centres, (h, w) each."""
+    """The rasterizer's hits at pixel centres, (h, w) each."""
     drawn = pictures.renderer(scene, "raster", overrides, size=size, **settings)
     tile = tile or Tile(0, 0, *size)
     _, hit = drawn.centres(tile)
@@ -35,7 +35,7 @@ def hits(scene: ir.Tables, size=(96, 96), tile=None, overrides=None, **settings)
 
 
 def traced(scene: ir.Tables, size=(96, 96)) -> Hit:
-    """What rays find there, by brute force."""
+    """Ray hits at pixel centres, by brute force."""
     drawn = pictures.renderer(scene, "raster", size=size)
     ray, _ = drawn.centres(Tile(0, 0, *size))
     hit = intersect.closest_hit(intersect.Brute(), scene, ray, np.ones(size[0] * size[1], bool), int(ir.Visibility.CAMERA))
@@ -46,7 +46,7 @@ def traced(scene: ir.Tables, size=(96, 96)) -> Hit:
 
 
 def test_a_disc_covers_the_samples_of_its_equation():
-    """Centres with (i + ½ - cx)² + (j + ½ - cy)² <= R², R² halfway between the values that has; one metre is a pixel."""
+    """Pixel centres with (i + ½ - cx)² + (j + ½ - cy)² <= R², R² halfway between possible values; a metre is a pixel."""
     radius = math.sqrt(40.0**2 + 0.5)
     upright = tables.matrix((0, 0, -5), tables.turn(0, math.pi / 2))
     scene = tables.scene([(K.DISK, [radius], upright, 0)], camera=CameraData(0, 48.0, ORTHOGRAPHIC))
@@ -77,7 +77,7 @@ def test_a_sphere_off_the_axis_is_an_ellipse():
 
 @pytest.mark.parametrize("total", [1, 4])
 def test_closed_meshes_cover_each_sample_once_a_layer(total):
-    """Drawn triangle by triangle and added up, a convex mesh covers every sample twice, front and back, or not at all."""
+    """The triangles of a convex mesh, drawn one by one, cover each sample twice, front and back, or not at all."""
     scene = tables.scene([(K.SPHERE, [1.0], tables.matrix((0.1, 0.2, -2.2), tables.turn(0, 0.5)), 0)], camera=EYE)
     view, tile = View(0, 48, 48), Tile(0, 0, 48, 48)
     tessellation = analytic_shapes.tessellate(K.SPHERE, [1.0], 0.1)
@@ -98,7 +98,7 @@ def test_closed_meshes_cover_each_sample_once_a_layer(total):
 
 
 def test_a_triangle_from_behind_the_eye_matches_the_tracer():
-    """Depths -1, 0.01 and 5: nothing is divided by w before it is cut."""
+    """Depths -1, 0.01 and 5: clipping comes before division by w."""
     points = [[-0.3, -1.0, 1.0], [0.4, 0.005, -0.01], [-1.0, 3.0, -5.0]]
     scene = tables.scene(meshes=[(mesh(points, [[0, 1, 2]]), np.eye(4), 0)], camera=EYE)
     ours, theirs = hits(scene), traced(scene)
@@ -139,7 +139,7 @@ def test_of_equal_depths_the_lowest_instance_wins():
 
 
 def test_perspective_weights_at_the_middle():
-    """Between depths 1 and 9 the middle of the picture shows u = 1 / (1 + 9), not 1/2."""
+    """Between depths 1 and 9 the picture's centre shows u = 1 / (1 + 9), not 1/2."""
     points = [[-0.5, -1, -1], [4.5, -9, -9], [4.5, 9, -9], [-0.5, 1, -1]]
     uv = MeshAttribute(np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]]))
     scene = tables.scene(meshes=[(mesh(points, [[0, 1, 2], [0, 2, 3]], uvs=uv), np.eye(4), 0)], camera=EYE)
@@ -159,7 +159,7 @@ def test_weights_over_a_ratio_of_a_million():
 
 
 def test_a_plane_reaches_its_horizon():
-    """An endless plane 1 m below the eye fills the lower half: depth is 1 / tan, however far."""
+    """An unbounded plane 1 m below the eye fills the lower half: depth is 1 / tan at any distance."""
     scene = tables.scene([(K.PLANE, [], tables.matrix((0, -1, 0)), 0)], camera=EYE)
     hit = hits(scene)
     assert (hit.instance[:48] < 0).all()
@@ -170,7 +170,7 @@ def test_a_plane_reaches_its_horizon():
 
 
 def test_huge_triangles_are_cut_at_the_guard_band():
-    """Corners 1e9 pixels away: the fixed-point numbers would not hold them."""
+    """Corners 1e9 pixels away: fixed-point numbers would overflow."""
     points = [[-1e9, -1e9 - 3, -10], [1e9, -1e9, -10.0], [0.0, 1e9, -11]]
     scene = tables.scene(meshes=[(mesh(points, [[0, 1, 2]]), np.eye(4), 0)], camera=EYE)
     ours, theirs = hits(scene), traced(scene)
@@ -182,7 +182,7 @@ def test_huge_triangles_are_cut_at_the_guard_band():
 
 
 def holed_polygon() -> MeshData:
-    """A concave polygon with a hole, and beside it a plain quad, cut into triangles with their outlines kept."""
+    """A concave polygon with a hole, and a quad, triangulated, with their outlines."""
     import mapbox_earcut
 
     outline = [[-1, -1], [1, -1], [0.4, 0.1], [1, 1], [-1, 1], [-0.7, 0.2]]
@@ -219,7 +219,7 @@ def test_the_three_fills_make_the_same_picture():
 
 
 def test_scanline_fills_whole_polygons():
-    """The concave polygon with a hole goes by its outline, not by its triangles, and sees the same triangle at each sample."""
+    """A concave polygon with a hole is filled by its outline; each sample sees the same triangle as with fill by triangles."""
     scene = still_life()
     flat = np.zeros(2, np.bool_)
     scalar_raster.flat_polygons(Handle(scene), flat)
@@ -239,7 +239,7 @@ def test_threads_and_crops_change_nothing():
 
 
 def test_textures_are_the_right_way_up():
-    """On the front of a box u goes right and v up; on its top v goes away."""
+    """On the front of a box u points right and v up; on its top v points away."""
     frame = tables.looking((0, 1.5, 4), (0, 0, 0))
     scene = tables.scene([(K.BOX, [1, 1, 1], np.eye(4), 0)], camera=CameraData(1, 0.5), frame=frame)
     uv, normal = pictures.aov(scene, "uv"), pictures.aov(scene, "normal")
@@ -301,8 +301,8 @@ def test_materials_the_rasterizer_simplifies_are_noted():
     given, made, _ = pictures.planned(scene, "raster")
     rows = scene.instances.material
     assert raster.notes(given, made) == [
-        ("raster draws glass without refraction: the sky straight behind it is seen", "materials", rows[1]),
-        ("raster draws mirrors without other things in them: only the sky is reflected", "materials", rows[2]),
+        ("raster draws glass without refraction: it shows the sky straight behind", "materials", rows[1]),
+        ("raster draws mirrors without reflections of objects: only the sky is reflected", "materials", rows[2]),
     ]
 
 

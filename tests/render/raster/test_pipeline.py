@@ -24,7 +24,7 @@ EYE = CameraData(0, 1.0)
 
 
 class Seen(NamedTuple):
-    """What rays through places of the picture meet: (h, w) each."""
+    """The hits of rays through positions of the picture, (h, w) each."""
 
     triangle: np.ndarray  # -1: nothing
     depth: np.ndarray
@@ -33,7 +33,7 @@ class Seen(NamedTuple):
 
 
 def met(corners: np.ndarray, camera: CameraData, size: tuple[int, int], dx: float = 0.0, dy: float = 0.0) -> Seen:
-    """What the rays through points (dx, dy) off the pixels' centres meet of (n, 3, 3) triangles in the eye's frame."""
+    """The hits of rays through points (dx, dy) from pixel centres with (n, 3, 3) triangles in the eye's frame."""
     w, h = size
     y, x = np.mgrid[0:h, 0:w] + 0.5
     step = 2.0 * camera.extent / h
@@ -54,7 +54,7 @@ def met(corners: np.ndarray, camera: CameraData, size: tuple[int, int], dx: floa
 
 
 def drawn(corners: np.ndarray, camera: CameraData = EYE, size: tuple[int, int] = SIZE) -> tuple[Image, np.ndarray]:
-    """A picture with a thing for each triangle, whose coordinates are the weights of its corners; and the corners as they are kept."""
+    """A picture with an instance for each triangle, whose uv are its corners' weights; and the corners as stored."""
     uvs = MeshAttribute(np.array([[0.0, 0], [1, 0], [0, 1]]))
     made = scene(meshes=[(mesh(t, [[0, 1, 2]], uvs=uvs), matrix(), 0) for t in corners], camera=camera)
     rows = made.pools.positions.astype(np.float64)[made.pools.triangles]
@@ -63,7 +63,7 @@ def drawn(corners: np.ndarray, camera: CameraData = EYE, size: tuple[int, int] =
 
 
 def check(corners: np.ndarray, camera: CameraData = EYE, size: tuple[int, int] = SIZE) -> int:
-    """Every pixel shows what a ray next to it meets first, at its depth and with its weights; how many show something."""
+    """Every pixel shows the first hit of a ray next to it, with its depth and weights; returns the number of pixels with a hit."""
     image, kept = drawn(corners, camera, size)
     id_, depth, uv = image.channels["id"][..., 0].astype(int), image.channels["depth"][..., 0], image.channels["uv"]
     middle = met(kept, camera, size)
@@ -101,14 +101,14 @@ def far_out(random: np.random.Generator) -> np.ndarray:
 
 
 def in_each_other(random: np.random.Generator) -> np.ndarray:
-    """Large ones that cross before the eye."""
+    """Large triangles that intersect each other before the eye."""
     corners = random.uniform(-6, 6, (10, 3, 3))
     corners[..., 2] -= 8
     return corners
 
 
 def slivers(random: np.random.Generator) -> np.ndarray:
-    """A hundred to a million times as long as wide."""
+    """Aspect ratios from a hundred to a million."""
     start, end = random.uniform(-3, 3, (2, 40, 3)) - [0, 0, 4]
     side = start + random.normal(size=(40, 3)) * 10.0 ** random.uniform(-5, -1, (40, 1))
     return np.stack([start, end, side], axis=1)
@@ -152,7 +152,7 @@ def test_pictures_of_any_size(size):
 @pytest.mark.parametrize("samples", [1, 4, 16])
 @pytest.mark.parametrize("reach", [0.02, 0.3, 30.0])
 def test_of_equal_depths_the_first_is_seen_in_either_order(reach, samples):
-    """The same triangle as two things, tiny, small and large: the first has every sample, and so the colour."""
+    """The same triangle twice, tiny, small and large: the first instance wins every sample."""
     corners = np.array([[-0.7, -0.9, 0], [0.8, -0.6, 0], [0.1, 0.9, 0]]) * reach + [0.01, 0.02, -1.0]
     one, other = mesh(corners, [[0, 1, 2]]), mesh(corners[[1, 2, 0]], [[0, 1, 2]])
     for pair in ((one, other), (other, one)):
@@ -164,7 +164,7 @@ def test_of_equal_depths_the_first_is_seen_in_either_order(reach, samples):
 
 
 def test_closed_meshes_are_met_once_from_each_side():
-    """Of a closed mesh of small triangles each pixel that is covered is covered by as many faces to the eye as away from it."""
+    """Each pixel covered by a closed mesh is covered by as many front faces as back faces."""
     from maquette.render.tessellation import analytic_shapes
 
     ball = analytic_shapes.tessellate(ir.GeometryKind.SPHERE, [0.8], 1e-3)

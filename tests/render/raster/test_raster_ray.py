@@ -1,4 +1,4 @@
-"""The rasterizer and the tracer see the same: first hits, their places and normals, and the light on them, but for outlines."""
+"""The rasterizer agrees with ray tracing, except on outlines: first hits, positions, normals and light."""
 
 import math
 from collections.abc import Callable
@@ -25,7 +25,7 @@ SQUASHED = np.diag([1.5, 0.6, -0.8]) @ tables.turn(2, 0.4)
 
 
 def bumpy() -> MeshData:
-    """A sheet of 40 by 40 quads with smooth normals, coordinates and colours."""
+    """A sheet of 40 × 40 quads with smooth normals, uv and vertex colours."""
     x, z = (g.ravel() for g in np.meshgrid(np.linspace(-1.5, 1.5, 41), np.linspace(-1.5, 1.5, 41), indexing="ij"))
     y = 0.15 * np.sin(4 * x) * np.cos(3 * z)
     normals = np.stack([-0.6 * np.cos(4 * x) * np.cos(3 * z), np.ones_like(x), 0.45 * np.sin(4 * x) * np.sin(3 * z)], axis=1)
@@ -101,7 +101,7 @@ SCENES: dict[str, Callable[[], ir.Tables]] = {
 
 
 def interior(*maps: np.ndarray) -> np.ndarray:
-    """Pixels whose eight neighbours show the same in every map."""
+    """Pixels whose eight neighbours are equal in every map."""
     h, w = maps[0].shape[:2]
     same = np.zeros((h, w), bool)
     same[1:-1, 1:-1] = True
@@ -137,7 +137,7 @@ def test_raster_sees_what_rays_see(name):
 
 
 def test_antialiased_pictures_agree():
-    """Sixteen samples at fixed places under a filter come nearer to many random ones than sixteen random ones do."""
+    """Sixteen samples at fixed positions under a filter are closer to many random samples than sixteen random ones."""
     made = SCENES["spheres and a plane"]()
     drawn = {
         name: pictures.picture(made, backend, size=SIZE, samples=samples).channels["rgba"]

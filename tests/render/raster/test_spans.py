@@ -1,4 +1,4 @@
-"""Light on flat faces, which the rasterizer computes run by run: against the course's equations in float64, pixel by pixel."""
+"""Light on flat triangles, shaded by spans, against the lighting equations in float64, pixel by pixel."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MODELS = {"phong": ir.MaterialModel.PHONG, "blinn_phong": ir.MaterialModel.BLINN
 
 
 def corners_of(reach: float) -> np.ndarray:
-    """(12, 3, 3) even-sided triangles of this radius before the eye, some behind each other."""
+    """(12, 3, 3) equilateral triangles of this radius before the eye, some behind others."""
     random = np.random.default_rng(5)
     along = unit(random.normal(size=(12, 3)))
     across = unit(np.cross(along, random.normal(size=(12, 3))))
@@ -34,7 +34,7 @@ def unit(v: np.ndarray) -> np.ndarray:
 
 
 def expected(camera: CameraData, normals: np.ndarray, ids: np.ndarray, model: ir.MaterialModel, normalized: bool) -> np.ndarray:
-    """(h, w, 3): what pixels show of triangles `ids`, whose normals (n, 3) stand towards any side."""
+    """(h, w, 3) the light of triangles `ids`, whose normals (n, 3) point to either side."""
     w, h = SIZE
     y, x = np.mgrid[0:h, 0:w] + 0.5
     step = 2.0 * camera.extent / h

@@ -1,4 +1,4 @@
-"""Tessellated shapes: watertight, within the tolerance, with the exact normals and coordinates of the analytic shape, converging to it."""
+"""Tessellated shapes are watertight, within the tolerance and convergent, with exact normals and uv."""
 
 import math
 
@@ -43,7 +43,7 @@ def corners(mesh: tessellation_analytic_shapes.Tessellation) -> tuple[np.ndarray
 
 
 def welded_edges(mesh: tessellation_analytic_shapes.Tessellation) -> tuple[np.ndarray, np.ndarray]:
-    """The directed edges of all triangles between points of different position (bit for bit), and how often each goes each way."""
+    """The directed edges between distinct positions (bit for bit), and the number of triangles with each."""
     _, point = np.unique(mesh.positions, axis=0, return_inverse=True)
     t = point.ravel()[mesh.triangles]
     directed = np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]])
@@ -52,7 +52,7 @@ def welded_edges(mesh: tessellation_analytic_shapes.Tessellation) -> tuple[np.nd
 
 @pytest.mark.parametrize("name", CLOSED)
 def test_closed_shapes_are_watertight(name):
-    """Every edge is shared by two triangles, once each way."""
+    """Two triangles share every edge, in opposite directions."""
     edges, counts = welded_edges(made(name))
     assert (counts == 1).all()
     assert {tuple(e) for e in edges.tolist()} == {tuple(e) for e in edges[:, ::-1].tolist()}
@@ -78,7 +78,7 @@ def test_open_shapes_have_only_their_rims_open(name):
 
 
 def distance(name: str, p: np.ndarray) -> np.ndarray:
-    """How far points are from the true surface, in its own closed form (to first order for the hyperboloid)."""
+    """The distance of points from the true surface, in closed form (to first order for the hyperboloid)."""
     kind, q = SHAPES[name]
     x, y, z = p.T
     rho = np.hypot(x, z)
@@ -114,7 +114,7 @@ def test_triangles_keep_the_tolerance(name, tolerance):
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_normals_and_coordinates_are_the_shape_s(name):
-    """At a little inside of each corner of each triangle, so that seams, poles and creases are on a known side."""
+    """At points just inside each corner of each triangle, so that seams, poles and creases lie on a known side."""
     kind, parameters = SHAPES[name]
     mesh = made(name)
     row = np.zeros((1, ir.PARAMETERS))

@@ -1,4 +1,4 @@
-"""Scenes as triangles for printers: closed and manifold as another program reads them, of the right volume, and what is open is said."""
+"""Printable meshes are closed and manifold in another program, and have the right volume; open meshes get a warning."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_solids_are_closed_as_another_program_reads_them(tmp_path, name, ending)
 
 def test_lamps_are_no_things(tmp_path):
     read, said = converted(tmp_path, "box(1)\narea(position: [0, 3, 0], size: 1)")
-    assert "`area` is a lamp: it is left out" in said
+    assert "`area` is a light and is left out" in said
     assert len(read.faces) == 12
 
 
@@ -85,7 +85,7 @@ def test_what_is_open_is_said_with_its_reason(tmp_path, text):
 
 def test_what_is_too_thin_is_said_and_nothing_else_is(tmp_path):
     _, said = converted(tmp_path, "implicit(|x, y, z| abs(hypot(x, y, z) - 0.5) <= 1e-3)")
-    assert "is looked for in cells of 4.67 mm: parts of it that are thinner are missing" in said
+    assert "is sampled in cells of 4.67 mm: thinner parts are missing" in said
     _, said = converted(tmp_path, "implicit(|x, y, z| abs(hypot(x, y, z) - 0.5) <= 1e-2)")
     assert "missing" not in said
 

@@ -28,7 +28,8 @@ from ..integrator import whitted
 from ..jit.kernel import helper, kernel
 from ..jit.packed_struct import Handle
 from ..lanes import crosslane, ops
-from ..raster import band_renderer, coverage, sample_hits, scalar_raster, view_geometry
+from ..raster import band_renderer, coverage, sample_hits, scalar_raster
+from ..raster.alternative_fills import ClusterRasterizer
 from ..sampling import sobol
 from ..types import Film, FirstHits, Hit, Lane, Ray, Tile, View
 from .prepare import Prepared, build_bvh
@@ -60,8 +61,10 @@ class Renderer(Unshared):
         return self.prepared.accel or build_bvh(self.prepared.tables, self.plan)
 
     @functools.cached_property
-    def _buffer(self) -> _DepthBuffer:
-        return _DepthBuffer(self.prepared, self.view, self.how, self.reach)
+    def _rasterizer(self) -> ClusterRasterizer:
+        p, margin = self.prepared, -(-self.reach // coverage.ONE)
+        assert p.raster is not None
+        return ClusterRasterizer(p.tables, p.packed, self.view, p.raster.model, p.raster.ranges, self.how, margin)
 
     def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
         """Add samples first … first + count - 1 of `total` of every pixel of a tile to the film; all pixels take the same."""
@@ -73,7 +76,7 @@ class Renderer(Unshared):
         batch = max(1, BATCH // max(1, (tile.y1 - tile.y0) * (tile.x1 - tile.x0)))
         for start in range(first, first + count, batch):
             scratch = self._rasterize(tile, start, min(batch, first + count - start), total)
-            model, light = self._buffer.model, prepared.vertex_light
+            model, light = self._rasterizer.model, prepared.vertex_light
             shade(model, prepared.packed, prepared.accel, light, prepared.frame, tile, start, scratch, stack, film)
 
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
@@ -90,7 +93,7 @@ class Renderer(Unshared):
         samples = scratch.tables.samples
         count = len(samples.x)
         hit = Hit(np.empty(count), np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count), np.empty(count))
-        resolve(self._buffer.model, self.prepared.packed, self._accel, self.prepared.frame, scratch, hit)
+        resolve(self._rasterizer.model, self.prepared.packed, self._accel, self.prepared.frame, scratch, hit)
         ray = camera.generate_pinhole_ray(self.prepared.tables, self.view, samples.x / coverage.ONE, samples.y / coverage.ONE)
         if self.plan["opacity"]:
             self._trace_transparent(ray, hit)
@@ -115,36 +118,12 @@ class Renderer(Unshared):
         work = scalar_raster.workspace_for(self.prepared.tables)
         scratch = Handle(scalar_raster.scratch_for(tile, count, self.reach if total > 1 else 0, work))
         place_samples(tile, self.prepared.frame, first, total, scratch)
-        self._buffer.draw(tile, scratch)
+        self._rasterizer.draw(tile, scratch)
         made = self.prepared.raster
         here = (made.boxes[:, 0] < tile.x1) & (made.boxes[:, 2] > tile.x0) & (made.boxes[:, 1] < tile.y1) & (made.boxes[:, 3] > tile.y0)
         if here.any():
-            draw_untessellated(self._buffer.model, made.untessellated[here], self.prepared.packed, self._accel, self.view, scratch)
+            draw_untessellated(self._rasterizer.model, made.untessellated[here], self.prepared.packed, self._accel, self.view, scratch)
         return scratch
-
-
-class _DepthBuffer:
-    """A z-buffer for arbitrary sample positions, filled triangle by triangle or polygon by polygon, by any of the three fills."""
-
-    def __init__(self, prepared: Prepared, view: View, how: int, reach: int) -> None:
-        tables = prepared.tables
-        assert prepared.raster is not None
-        self.packed, self.how = prepared.packed, how
-        self.flat = np.zeros(len(tables.polygons.first_loop), np.bool_)
-        by_polygon = how == coverage.SCANLINE
-        if by_polygon:
-            scalar_raster.flat_polygons(self.packed, self.flat)
-        self.model = prepared.raster.model
-        found = view_geometry.clusters(self.model, prepared.raster.ranges, tables, view, -(-reach // coverage.ONE), by_polygon)
-        self.box, self.whole, self.clusters = found.box, found.polygons, Handle(found)
-
-    def draw(self, tile: Tile, scratch: Handle) -> None:
-        """Draw the clusters that overlap a tile into its scratch."""
-        box = self.box
-        here = (box[:, 0] < tile.x1) & (box[:, 2] > tile.x0) & (box[:, 1] < tile.y1) & (box[:, 3] > tile.y0)
-        scalar_raster.draw_triangles(self.model, self.clusters, np.flatnonzero(here & ~self.whole), tile, self.how, scratch)
-        if self.whole.any():
-            scalar_raster.draw_polygons(self.model, self.clusters, np.flatnonzero(here & self.whole), self.packed, self.flat, tile, scratch)
 
 
 def notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:

@@ -20,39 +20,53 @@ from .meshlet_culling import VisibleMeshlets
 from .meshlets import SHIFT, Meshlets
 
 
-class AlternativeFill:
-    """The triangles or polygons of a view, and the meshlet of each."""
+class ClusterRasterizer:
+    """Draws the clusters of a view into scalar z-buffers, by any of the three fills."""
 
-    def __init__(self, how: str, tables: ir.Tables, packed: Handle, view: View, model: Handle, ranges: NDArray, meshlets: Meshlets) -> None:
-        self.how, self.tables, self.packed, self.model = coverage.NAMES[how], tables, packed, model
+    def __init__(self, tables: ir.Tables, packed: Handle, view: View, model: Handle, ranges: NDArray, how: int, margin: int) -> None:
+        """`packed` is the handle of `tables`, `how` a value of coverage.NAMES; `margin` pixels grow the picture."""
+        self.packed, self.model, self.how = packed, model, how
         self.flat = np.zeros(len(tables.polygons.first_loop), np.bool_)
-        by_polygon = self.how == coverage.SCANLINE
+        by_polygon = how == coverage.SCANLINE
         if by_polygon:
             scalar_raster.flat_polygons(packed, self.flat)
-        found = view_geometry.clusters(model, ranges, tables, view, 2, by_polygon)
+        found = view_geometry.clusters(model, ranges, tables, view, margin, by_polygon)
         self.box, self.whole, self.clusters = found.box, found.polygons, Handle(found)
+
+    def draw(self, tile: Tile, scratch: Handle) -> None:
+        """Draw the clusters that overlap a tile into its scratch."""
+        box = self.box
+        here = (box[:, 0] < tile.x1) & (box[:, 2] > tile.x0) & (box[:, 1] < tile.y1) & (box[:, 3] > tile.y0)
+        scalar_raster.draw_triangles(self.model, self.clusters, np.flatnonzero(here & ~self.whole), tile, self.how, scratch)
+        if self.whole.any():
+            scalar_raster.draw_polygons(self.model, self.clusters, np.flatnonzero(here & self.whole), self.packed, self.flat, tile, scratch)
+
+
+class AlternativeFill:
+    """Fills bands by areas or scanlines."""
+
+    def __init__(self, how: str, tables: ir.Tables, packed: Handle, view: View, model: Handle, ranges: NDArray, meshlets: Meshlets) -> None:
+        self.tables = tables
+        self.rasterizer = ClusterRasterizer(tables, packed, view, model, ranges, coverage.NAMES[how], 2)
         self.slots = np.full(len(model.tables.triangles), -1, np.int32)
         self.meshlet = np.zeros(len(model.tables.triangles), np.int32)
         for m, (first, count) in enumerate(zip(meshlets.first_triangle.tolist(), meshlets.triangles.tolist(), strict=True)):
             rows = meshlets.corner[first : first + count, 3]
             self.slots[rows], self.meshlet[rows] = np.arange(count), m
 
-    def draw(self, band: Handle, pattern: Pattern, drawn: VisibleMeshlets) -> None:
+    def draw(self, band: Handle, pattern: Pattern, visible: VisibleMeshlets) -> None:
         """Fill a band's visibility buffer."""
-        into: Any = band.tables
-        x, y, columns, rows = (int(n) for n in into.window)
+        buffer: Any = band.tables
+        x, y, columns, rows = (int(n) for n in buffer.window)
         tile = Tile(x, y, x + columns, y + rows)
         scratch = scalar_raster.scratch_for(tile, len(pattern.x), 128, scalar_raster.workspace_for(self.tables))
         line, column = np.mgrid[y : y + rows, x : x + columns] * coverage.ONE
         scratch.samples.x[:] = (column[..., None] + pattern.x).ravel()
         scratch.samples.y[:] = (line[..., None] + pattern.y).ravel()
-        packed, box = Handle(scratch), self.box
-        here = (box[:, 0] < tile.x1) & (box[:, 2] > tile.x0) & (box[:, 1] < tile.y1) & (box[:, 3] > tile.y0)
-        scalar_raster.draw_triangles(self.model, self.clusters, np.flatnonzero(here & ~self.whole), tile, self.how, packed)
-        if self.whole.any():
-            scalar_raster.draw_polygons(self.model, self.clusters, np.flatnonzero(here & self.whole), self.packed, self.flat, tile, packed)
-        count = int(drawn.count[0])
-        rank = drawn.instance[:count].astype(np.int64) << 32 | drawn.meshlet[:count]
+        packed = Handle(scratch)
+        self.rasterizer.draw(tile, packed)
+        count = int(visible.count[0])
+        rank = visible.instance[:count].astype(np.int64) << 32 | visible.meshlet[:count]
         write_band(packed, self.slots, self.meshlet, rank, len(pattern.x), band)
 
 

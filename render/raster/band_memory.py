@@ -55,7 +55,7 @@ class BufferSize(NamedTuple):
     columns: int
     rows: int
     samples: int
-    float32: bool
+    float32: bool  # deferred shading in float32, else the integrator
     textured: bool
     colored: bool
     meshlets: int
@@ -78,7 +78,7 @@ class BandMemory:
         self._visible: Handle | None = None
 
     def bind(self, picture: object, prepared: Any, visible: Handle, one: Pass) -> None:
-        """Set the kernels' arguments for a pass of a picture; `turn` is an object of the picture's own, compared by identity."""
+        """Set the kernels' arguments for a pass of a picture; `picture` is a token of the picture, compared by identity."""
         if self.planes is not None and self._picture is not picture:
             triangle_planes.clear(self.planes.tables)
         if self._pass is not one:

@@ -32,7 +32,7 @@ DRAWN_BY_BOTH = (
 
 
 MIRRORED = ("pavilion.usda",)
-REFLECTS = "raster draws highlights of lights and the sky alone: other things are not reflected"
+REFLECTS = "raster draws highlights of lights and the sky only: objects are not reflected"
 
 
 @pytest.mark.parametrize("name", DRAWN_BY_BOTH)

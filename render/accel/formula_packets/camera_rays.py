@@ -58,7 +58,7 @@ class CameraPackets:
         buffers = _allocate(np.zeros((0, 0), np.int64), workspace, bool(lights), black)
         for handle, inverse in zip(self.surface_states, self.inverses, strict=True):  # compiles or loads kernels before a picture starts
             packets.trace(handle, buffers.rays, 0, 0, inverse, _hit_columns(buffers.primed, 0))
-        self._look_for_lamps(packed, buffers)
+        self._find_hidden_lights(packed, buffers)
 
     def prime(self, packed: Any, frame: Any, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int) -> Handle:
         """Trace samples first … first + count − 1 of `total` of a tile's pixels, (rows, columns) each; return the workspace."""
@@ -68,8 +68,8 @@ class CameraPackets:
         generate_rays(packed, frame, total, found.first, found.corner, count.shape[1], found.items, buffers.rays)
         n = len(found.t)
         for k, i in enumerate(self.instances):
-            self._meet(k, buffers.rays, n, found, i)
-        self._look_for_lamps(packed, buffers)
+            self._trace_surface(k, buffers.rays, n, found, i)
+        self._find_hidden_lights(packed, buffers)
         return buffers.workspace
 
     def _trace_surface(self, k: int, rays: NDArray[np.float64], n: int, found: Any, number: int) -> None:
@@ -89,7 +89,7 @@ class CameraPackets:
             buffers.shade[:] = np.inf
             if shadow_rays.generate_rays(packed, light, buffers.rays, _hit_columns(found, 0), buffers.onward) > 0:
                 for k in self.casting:
-                    self._meet(k, buffers.onward, len(buffers.shade), found._replace(t=buffers.shade), packet_state.ANY)
+                    self._trace_surface(k, buffers.onward, len(buffers.shade), found._replace(t=buffers.shade), packet_state.ANY)
             shadow_rays.mark_hidden(light, buffers.onward, buffers.shade, found.hidden)
 
     def _tile_buffers(self, count: NDArray[np.int64]) -> TileBuffers:

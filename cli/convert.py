@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..compiler.io.replace_file import replace_file
 from . import common_options as shared
 from . import option_types as options
 from . import render_job as jobs
@@ -30,13 +31,18 @@ ENDINGS = {".npz": "a saved IR", ".xml": "Mitsuba 3", ".pov": "POV-Ray 3.7", **M
     "--deviation", metavar="LENGTH", type=options.Value("length", options.length),
     help="Greatest distance of triangles from the true surface (0.05mm). Default: 1/2000 of the scene.",
 )
+@click.option("--only", metavar="NAME", multiple=True, help="Convert this instance and those below it alone; * and ? match. Repeatable.")
+@click.option("--without", metavar="NAME", multiple=True, help="Leave out this instance and those below it. Repeatable.")
 @shared.examples(
     "maquette convert part.scene part.stl --deviation 0.05mm",
+    "maquette convert scene.scene lid.stl --only lid",
     "maquette convert room.scene room.npz",
     "maquette convert hello.scene hello.xml --size 400x300 --plan filter=box",
     "maquette convert hello.scene hello.pov",
 )
-def convert(scene: Path, output: Path, deviation: float | None, **given: Any) -> None:
+def convert(
+    scene: Path, output: Path, deviation: float | None, only: tuple[str, ...], without: tuple[str, ...], **given: Any
+) -> None:  # fmt: skip
     """Convert IN for other programs.
 
     OUT.npz is a saved IR, which every command reads as a scene. OUT.xml is for Mitsuba 3, OUT.pov for POV-Ray 3.7, each with files
@@ -53,7 +59,7 @@ def convert(scene: Path, output: Path, deviation: float | None, **given: Any) ->
     if deviation is not None and ending not in MESHES:
         raise click.UsageError(f"--deviation applies to triangles: OUT ends in {', '.join(MESHES)}")
     jobs.check_folder(output)
-    compiled = shared.load(source)
+    compiled = _selected(shared.load(source), only, without)
     if ending in MESHES:
         _write_triangles(compiled, output, ending, deviation)
         return
@@ -68,6 +74,17 @@ def convert(scene: Path, output: Path, deviation: float | None, **given: Any) ->
     terminal.report(made.found)
 
 
+def _selected(scene: ir.Scene, only: tuple[str, ...], without: tuple[str, ...]) -> ir.Scene:
+    if not only and not without:
+        return scene
+    from ..compiler.scene import selection
+
+    try:
+        return selection.select(scene, only, without)
+    except selection.SelectionError as error:
+        raise click.UsageError(str(error)) from None
+
+
 def _write_triangles(scene: ir.Scene, output: Path, ending: str, tolerance: float | None) -> None:
     from ..compiler.exporters import mesh_files
     from ..render.tessellation import printable_mesh
@@ -80,9 +97,7 @@ def _write_triangles(scene: ir.Scene, output: Path, ending: str, tolerance: floa
     if ending in mesh_files.SINGLE:
         parts, moved = mesh_files.centred(parts)
     parts, crowded = mesh_files.separated(parts, ending)
-    partial = output.with_name(f".{output.name}.part")
-    partial.write_bytes(mesh_files.encoded(parts, ending))
-    partial.replace(output)
+    replace_file(output, mesh_files.encoded(parts, ending))
     count = sum(len(part.triangles) for part in parts)
     off = max(part.deviation for part in parts)
     leaks = sum(part.open_edges for part in parts)

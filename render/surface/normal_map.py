@@ -139,7 +139,7 @@ def apply_maps(tables: Tables, point: Surface, hit: Hit, direction: Vec) -> Surf
 
 
 @overload(apply_maps, jit_options=HELPER)
-def _tilted_in_kernels(tables, point, hit, direction):
+def _apply_maps_in_kernels(tables, point, hit, direction):
     if is_used(tables):
         return lambda tables, point, hit, direction: _apply_maps(tables, point, hit, direction)
     return lambda tables, point, hit, direction: point
@@ -151,7 +151,7 @@ def mask_behind(tables: Tables, point: Surface, direction: Vec, lit: Lane) -> La
 
 
 @overload(mask_behind, jit_options=HELPER)
-def _open_to_in_kernels(tables, point, direction, lit):
+def _mask_behind_in_kernels(tables, point, direction, lit):
     if is_used(tables):
         return lambda tables, point, direction, lit: _mask_behind(point, direction, lit)
     return lambda tables, point, direction, lit: lit

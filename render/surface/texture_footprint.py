@@ -124,13 +124,13 @@ def _pyramids(images: ir.Images) -> Pyramids:
             levels[row] = k + 1
             if level.shape[:2] == (1, 1):
                 break
-            level = _halved(_halved(level, 0), 1)
+            level = _halve(_halve(level, 0), 1)
     texels = np.ascontiguousarray(np.concatenate(parts) if parts else np.zeros((0, 4)), np.float32)
     nowhere = Eye(np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), True, 1.0)
     return Pyramids(first[:, 0].copy(), images.width, images.height, texels, levels, first, width, height, nowhere, _footprint_type(()))
 
 
-def _halved(level: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
+def _halve(level: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
     """Half as many texels along an axis, each the mean of its area, which keeps the image's mean."""
     n = level.shape[axis]
     m = max(n // 2, 1)
@@ -358,18 +358,18 @@ def _over_pixel(tables: Any, step: Vec, depth: Lane, d: Vec, facing: Lane, point
 
 def _coordinates(tables: Any, way: Vec, hit: Hit, point: Surface) -> tuple[Lane, Lane]:
     """Change of texture coordinates along a displacement."""
-    return _moved(tables, way, hit, point)
+    return _mapped_change(tables, way, hit, point)
 
 
 @overload(_coordinates, jit_options=HELPER)
 def _coordinates_in_kernels(tables, way, hit, point):
     if tables.field("images.footprint.coordinates") is not None:
-        return lambda tables, way, hit, point: _moved(tables, way, hit, point)
+        return lambda tables, way, hit, point: _mapped_change(tables, way, hit, point)
     return lambda tables, way, hit, point: (0.0 * way[0], 0.0 * way[0])
 
 
 @noinline_helper
-def _moved(tables: Any, way: Vec, hit: Hit, point: Surface) -> tuple[Lane, Lane]:
+def _mapped_change(tables: Any, way: Vec, hit: Hit, point: Surface) -> tuple[Lane, Lane]:
     there = normal_map.shift_point(tables, point, hit, way, 1.0)
     du, dv = there.uv[0] - point.uv[0], there.uv[1] - point.uv[1]
     kind = tables.geometries.kind[tables.instances.geometry[point.instance]]

@@ -125,7 +125,7 @@ def interpolate_normal(rounded: Any, normal: Vec, row: Lane, here: Lane, u: Lane
 
 
 @helper
-def _interpolated(rounded: Any, normal: Vec, row: Lane, here: Lane, u: Lane, v: Lane, side: Lane) -> tuple[Vec, Vec]:
+def _interpolate_normal(rounded: Any, normal: Vec, row: Lane, here: Lane, u: Lane, v: Lane, side: Lane) -> tuple[Vec, Vec]:
     at = ops.where(here, row - rounded.start, 0) * CORNERS
     ax, ay, az, bx, by, bz, cx, cy = simd.gather_rows(rounded.corners, at, 8)
     cz, a1, a2, b1, b2, c1, c2, _ = simd.gather_rows(rounded.corners, at, 8, 8)
@@ -145,7 +145,7 @@ def _interpolated(rounded: Any, normal: Vec, row: Lane, here: Lane, u: Lane, v: 
 
 
 @overload(interpolate_normal, jit_options=HELPER)
-def _interpolated_in_kernels(rounded, normal, row, here, u, v, side):
+def _interpolate_normal_in_kernels(rounded, normal, row, here, u, v, side):
     if rounded.layout:
-        return lambda rounded, normal, row, here, u, v, side: _interpolated(rounded, normal, row, here, u, v, side)
+        return lambda rounded, normal, row, here, u, v, side: _interpolate_normal(rounded, normal, row, here, u, v, side)
     return lambda rounded, normal, row, here, u, v, side: (normal, (0.0 * u, 0.0 * u, 0.0 * u))

@@ -39,7 +39,7 @@ def color(tables: Any, row: Lane, s: Lane, t: Lane, du: Lane, dv: Lane, spans: A
     sized = size > 0.0
     safe = ops.where(sized, size, 1.0)
     wide, high = ops.where(sized, du / safe, CELLS), ops.where(sized, dv / safe, CELLS)
-    share = _first_color_share(textures.kind[row] == CHECKER, s * wide, t * high, _scaled(spans, wide, high))
+    share = _first_color_share(textures.kind[row] == CHECKER, s * wide, t * high, _scale_spans(spans, wide, high))
     a, b, rest = textures.color_a, textures.color_b, 1.0 - share
     return (
         share * a[row, 0] + rest * b[row, 0], share * a[row, 1] + rest * b[row, 1], share * a[row, 2] + rest * b[row, 2],
@@ -47,7 +47,7 @@ def color(tables: Any, row: Lane, s: Lane, t: Lane, du: Lane, dv: Lane, spans: A
 
 
 @helper
-def _scaled(spans: Any, wide: Lane, high: Lane) -> Any:
+def _scale_spans(spans: Any, wide: Lane, high: Lane) -> Any:
     if spans is None:
         return None
     return spans[0] * wide, spans[1] * high, spans[2] * wide, spans[3] * high
@@ -127,8 +127,8 @@ def along_axis(x: Lane, one: Lane, other: Lane) -> Lane:
     many = reach > 0.5
     if ops.any_lane(many):
         narrow = short < long * (4.0 * math.sqrt(ops.roundoff(x)))  # the second difference would be rounding error
-        outer, inner = _second(x + reach) + _second(x - reach), _second(x + level) + _second(x - level)
-        once = (_first(x + 0.5 * long) - _first(x - 0.5 * long)) / ops.maximum(long, _LEAST)
+        outer, inner = _second_integral(x + reach) + _second_integral(x - reach), _second_integral(x + level) + _second_integral(x - level)
+        once = (_first_integral(x + 0.5 * long) - _first_integral(x - 0.5 * long)) / ops.maximum(long, _LEAST)
         twice = (outer - inner) / ops.where(narrow, 1.0, ops.maximum(long * short, _LEAST))
         mean = ops.where(many, ops.where(narrow, once, twice), mean)
     return mean
@@ -141,14 +141,14 @@ def _sign(cell: Lane) -> Lane:
 
 
 @helper
-def _first(x: Lane) -> Lane:
+def _first_integral(x: Lane) -> Lane:
     """The integral of S minus a half."""
     cell = ops.floor(x)
     return _sign(cell) * (x - cell - 0.5)
 
 
 @helper
-def _second(x: Lane) -> Lane:
+def _second_integral(x: Lane) -> Lane:
     """The second integral of S without its linear part."""
     cell = ops.floor(x)
     rest = x - cell

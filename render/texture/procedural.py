@@ -83,7 +83,7 @@ def evaluate_filtered(tables: Any, row: Lane, p: Vec, spread: Any) -> Vec:
 
 
 @overload(evaluate_filtered, jit_options=HELPER)
-def _seen_in_kernels(tables, row, p, spread):
+def _evaluate_filtered_in_kernels(tables, row, p, spread):
     if isinstance(spread, types.BaseTuple) and len(spread) >= WITH_PLACES:
         return lambda tables, row, p, spread: _mean_over_pixel(tables, row, p, spread)
     return lambda tables, row, p, spread: evaluate(tables, row, p)
@@ -115,11 +115,11 @@ def evaluate(tables: Any, row: Lane, p: Vec) -> Vec:
 @overload(evaluate, jit_options=HELPER)
 def _texel(tables, row, p):
     if isinstance(p[0], simd.Vector) and p[0].bits == 32:
-        return _of_none
+        return _evaluate_float32
     return _evaluate_lanes if isinstance(row, simd.Vector) else _evaluate_scalar
 
 
-def _of_none(tables, row, p):
+def _evaluate_float32(tables, row, p):
     """For float32 lanes, which no scene with patterns gets from the plan."""
     zero = 0.0 * p[0]
     return zero, zero, zero

@@ -186,7 +186,7 @@ def _spans(tables: Any, row: Lane, uv: tuple[Lane, Lane], surface: Spot) -> Any:
     if surface.spread is None:
         return None
     with_places = len(surface.spread) >= procedural.WITH_PLACES
-    return _framed(tables, row, _coordinate_spans(tables, row, uv, surface) if with_places else surface.spread)
+    return _texture_spans(tables, row, _coordinate_spans(tables, row, uv, surface) if with_places else surface.spread)
 
 
 @overload(_spans, jit_options=HELPER)
@@ -195,12 +195,12 @@ def _spans_in_kernels(tables, row, uv, surface):
     if not isinstance(spread, types.BaseTuple):
         return lambda tables, row, uv, surface: None
     if len(spread) >= procedural.WITH_PLACES:
-        return lambda tables, row, uv, surface: _framed(tables, row, _coordinate_spans(tables, row, uv, surface))
-    return lambda tables, row, uv, surface: _framed(tables, row, surface.spread)
+        return lambda tables, row, uv, surface: _texture_spans(tables, row, _coordinate_spans(tables, row, uv, surface))
+    return lambda tables, row, uv, surface: _texture_spans(tables, row, surface.spread)
 
 
 @helper
-def _framed(tables: Any, row: Lane, spread: Any) -> tuple[Lane, Lane, Lane, Lane]:
+def _texture_spans(tables: Any, row: Lane, spread: Any) -> tuple[Lane, Lane, Lane, Lane]:
     frame = tables.textures.frame
     return (
         frame[row, 0, 0] * spread[0] + frame[row, 0, 1] * spread[1], frame[row, 1, 0] * spread[0] + frame[row, 1, 1] * spread[1],
@@ -338,7 +338,7 @@ def mix_texels(texels: Any, rows: Rgba, weights: Rgba) -> Rgba:
 
 
 @overload(mix_texels, jit_options=HELPER)
-def _mixed_in_kernels(texels, rows, weights):
+def _mix_texels_in_kernels(texels, rows, weights):
     if isinstance(rows[0], simd.Vector) and rows[0].bits == 32:
 
         return lambda texels, rows, weights: _mix_by_rows(texels, rows, weights)

@@ -79,7 +79,7 @@ def load_slots(column: Any, slot: Any) -> Lane:
 
 
 @overload(load_slots, jit_options=HELPER)
-def _taken(column, slot):
+def _load_slots_in_kernels(column, slot):
     if not isinstance(slot, types.Integer):
         return lambda column, slot: column[slot]
     return lambda column, slot: _load_row(column, slot)

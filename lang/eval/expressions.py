@@ -64,7 +64,7 @@ def _list(evaluator: Evaluator, node: ast.ListLiteral, scope: Scope) -> Value:
     return tuple(values)
 
 
-def _comprehension(evaluator: Evaluator, node: ast.Each, scope: Scope) -> Value:
+def _comprehension(evaluator: Evaluator, node: ast.Comprehension, scope: Scope) -> Value:
     values = []
     for value in source(evaluator, node.source, scope, "a list comprehension"):
         evaluator.meter.step()
@@ -90,7 +90,7 @@ def _known_truth(evaluator: Evaluator, node: ast.Node, scope: Scope, doing: str)
     return value
 
 
-def _choose(evaluator: Evaluator, node: ast.Choose, scope: Scope) -> Value:
+def _conditional(evaluator: Evaluator, node: ast.Conditional, scope: Scope) -> Value:
     condition = truth(evaluator, node.condition, scope, "`if`")
     if condition is True:
         return EXPRESSIONS[type(node.yes)](evaluator, node.yes, scope)
@@ -223,8 +223,8 @@ EXPRESSIONS: dict[type, Callable[[Any, Any, Scope], Value]] = {
     ast.ColorLiteral: _color,
     ast.Name: _name,
     ast.ListLiteral: _list,
-    ast.Each: _comprehension,
-    ast.Choose: _choose,
+    ast.Comprehension: _comprehension,
+    ast.Conditional: _conditional,
     ast.Function: _function,
     ast.Binary: _binary,
     ast.Unary: _unary,

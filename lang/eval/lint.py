@@ -119,7 +119,7 @@ class _Checker:
             case ast.For():
                 self._visit(node.source, chain)
                 self._items(node.block.items, chain, (Definition(node.name.id, node.name.span, "loop"),))
-            case ast.Each():
+            case ast.Comprehension():
                 self._visit(node.source, chain)
                 inner = self._scope((node.name,), "loop", chain)
                 for part in (node.condition, node.body):

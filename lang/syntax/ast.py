@@ -57,7 +57,7 @@ class ListLiteral(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class Each(Node):
+class Comprehension(Node):
     """`[body for name in source if condition]`"""
 
     body: Node
@@ -67,7 +67,7 @@ class Each(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class Choose(Node):
+class Conditional(Node):
     """`if condition then yes else no`"""
 
     condition: Node

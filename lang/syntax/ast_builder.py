@@ -86,13 +86,15 @@ class TreeBuilder(Transformer):
         items = tuple(p for p in parts if isinstance(p, ast.Node))
         return self._check_depth(ast.ListLiteral(self._span(parts), items), *items)
 
-    def each(self, parts: list[Any]) -> ast.Each:
+    def comprehension(self, parts: list[Any]) -> ast.Comprehension:
         body, source = parts[1], parts[5]
         condition = parts[7] if len(parts) > 7 else None
-        return self._check_depth(ast.Each(self._span(parts), body, self._name(parts[3]), source, condition), body, source, condition)
+        return self._check_depth(
+            ast.Comprehension(self._span(parts), body, self._name(parts[3]), source, condition), body, source, condition
+        )
 
-    def choose(self, parts: list[Any]) -> ast.Choose:
-        return self._check_depth(ast.Choose(self._span(parts), parts[1], parts[3], parts[5]), *parts)
+    def conditional(self, parts: list[Any]) -> ast.Conditional:
+        return self._check_depth(ast.Conditional(self._span(parts), parts[1], parts[3], parts[5]), *parts)
 
     def function(self, parts: list[Any]) -> ast.Function:
         names = tuple(self._name(p) for p in parts[:-1] if isinstance(p, Token) and p.type == "NAME")

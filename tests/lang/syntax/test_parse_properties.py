@@ -123,10 +123,10 @@ def written(node) -> str:
             return node.id
         case ast.ListLiteral():
             return "[" + ", ".join(map(written, node.items)) + "]"
-        case ast.Each():
+        case ast.Comprehension():
             end = f" if {written(node.condition)}" if node.condition else ""
             return f"[{written(node.body)} for {node.name.id} in {written(node.source)}{end}]"
-        case ast.Choose():
+        case ast.Conditional():
             return f"if {written(node.condition)} then {written(node.yes)} else {written(node.no)}"
         case ast.Function():
             return "|" + ", ".join(n.id for n in node.parameters) + "| " + written(node.body)

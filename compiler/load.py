@@ -1,4 +1,4 @@
-"""The door of the compiler: a .scene, USD, mesh or saved file becomes a validated ir.Scene."""
+"""Entry point of the compiler: a .scene, USD, mesh or saved file becomes a validated ir.Scene."""
 
 from __future__ import annotations
 
@@ -74,12 +74,12 @@ def load(
     with watch.stage("validate"):
         scene, _ = validate.validate(scene, found)
     found.raise_if_failed()
-    enclosed_lights.tell(scene, found)
+    enclosed_lights.warn_of_enclosed_lights(scene, found)
     return scene
 
 
 def _blurred(scene: ir.Scene, at: Callable[[float, Diagnostics], ir.Scene], found: Diagnostics) -> ir.Scene:
-    """The scene with what moves while its cameras' shutters are open; `at` compiles it so many seconds later."""
+    """The scene with motion keys over its cameras' shutters; `at` compiles it a number of seconds later."""
     if found.failed or motion_keys.shutters(scene) == (0.0, 0.0):
         return scene
 
@@ -96,10 +96,10 @@ def _blurred(scene: ir.Scene, at: Callable[[float, Diagnostics], ir.Scene], foun
 
 
 class Stopwatch:
-    """Adds the seconds that stages take to a dict, where there is one."""
+    """Adds the seconds of stages to a dict, if any."""
 
     def move(self, stage: str, part: str, seconds: float) -> None:
-        """Count what a part of a stage took apart from it."""
+        """Count the seconds of a part of a stage separately."""
         if self._seconds is not None:
             self._seconds[stage] -= seconds
             self._seconds[part] = self._seconds.get(part, 0.0) + seconds
@@ -161,7 +161,7 @@ def _refuse_unused(
     suffix: str, name: str, sets: Mapping[str, str] | None, time: float | None, code: float | None,
     variants: Mapping[str, str] | None, found: Diagnostics,
 ) -> None:  # fmt: skip
-    """Nothing that was asked for is ignored: say what this kind of file cannot take."""
+    """Report settings that this kind of file does not support."""
     if variants and suffix not in file_types.USD:
         found.error("only USD stages have variants", Span(name), "leave out --variant")
     if code is not None and suffix not in file_types.USD:

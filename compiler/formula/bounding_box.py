@@ -1,4 +1,4 @@
-"""How far a formula's surface reaches, by bounds of the formula over ever smaller boxes."""
+"""Bounding box of an implicit surface, by interval subdivision."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ import numpy as np
 from .batched_interpreter import batches
 from .tape import Tape
 
-FARTHEST = 1e6  # units of the formula: what reaches farther counts as endless
+FARTHEST = 1e6  # units of the formula: a larger surface counts as unbounded
 ROUNDS = 48
 MOST_BOXES = 20_000
-STALE = 5  # rounds in which it does not shrink, after which it is as small as it gets
-_GRID, _FINER, _MOST_OUTER = 8, 2, 256  # boxes along an axis of one that was given; how often the outer ones are cut, and how many at most
+STALE = 5  # rounds without progress, after which the search ends
+_GRID, _FINER, _MOST_OUTER = 8, 2, 256  # boxes along an axis of a given box; subdivisions of the outer ones, and their largest number
 _CELLS = np.indices((_GRID,) * 3).reshape(3, -1)
-_EIGHTHS = ((np.arange(8) >> np.arange(3)[:, None]) & 1)[:, None]  # which half of each axis each of them has
-_SMALL = 0.6  # of the extent: what is left of it, for which there is another grid
-_TIGHT = 0.02  # of the extent: rounds that shrink it by less are the last
-_PARTS = 4  # along each axis of a box of which it is asked whether it is inside
-_PLACES, _SOME = 256, 4  # where a field is asked whether it is 0, and how many of these are more than chance
-_NOUGHT = 1e-9  # of what is usual: values below this may be 0
-_SPREAD = 0.8191725133961645 ** np.arange(1, 4)  # an additive recurrence that fills boxes evenly (Roberts 2018)
-_FACE = 8  # pieces along the edge of a face, to begin with
+_EIGHTHS = ((np.arange(8) >> np.arange(3)[:, None]) & 1)[:, None]  # the half of each axis of each octant
+_SMALL = 0.6  # of the extent: a smaller remainder gets a new grid
+_TIGHT = 0.02  # of the extent: the search ends when a round shrinks it by less
+_PARTS = 4  # along each axis of a box, for is_full
+_PLACES, _SOME = 256, 4  # sample points of a field, and the number of zeros that are no accident
+_NOUGHT = 1e-9  # of the median magnitude: smaller values may be 0
+_SPREAD = 0.8191725133961645 ** np.arange(1, 4)  # low-discrepancy additive recurrence (Roberts 2018)
+_FACE = 8  # initial pieces along the edge of a face
 
 
-def find(tape: Tape) -> np.ndarray | None:
-    """(2, 3) a box around all points where a field is not above 0, or None where it reaches farther than FARTHEST, or that is not known.
+def find_bounds(tape: Tape) -> np.ndarray | None:
+    """A box (2, 3) of all points where a field is at most 0; None if it reaches farther than FARTHEST, or may.
 
     Of the boxes that may hold such points only those on the outside of all of them are cut up further, until that is of no use any more.
     """
@@ -51,8 +51,8 @@ def find(tape: Tape) -> np.ndarray | None:
     return None if np.abs(found).max() >= FARTHEST else found
 
 
-def tightened(tape: Tape, bounds: np.ndarray, limits: np.ndarray | None = None) -> np.ndarray | None:
-    """(2, 3) a box, within `limits` or these bounds, around all points in `bounds` where a field is not above 0; None where there are none.
+def shrink_bounds(tape: Tape, bounds: np.ndarray, limits: np.ndarray | None = None) -> np.ndarray | None:
+    """A box (2, 3), within `limits` or `bounds`, of all points in `bounds` where a field is at most 0; None without such points.
 
     A grid says which parts may hold such points; another does where these are but a small part of the whole. Of its cells, those on the
     outside of all of them are cut up further, where these are few.
@@ -84,7 +84,7 @@ def _gridded(bounds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _around(low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """(2, 3) the box around boxes."""
+    """The union (2, 3) of boxes."""
     return np.stack([np.minimum.reduce(low, axis=1), np.maximum.reduce(high, axis=1)])
 
 
@@ -93,7 +93,7 @@ def _size(box: np.ndarray) -> float:
 
 
 def _outer(low: np.ndarray, high: np.ndarray, extent: np.ndarray) -> np.ndarray:
-    """Which boxes reach as far as the one around them all."""
+    """Whether each box touches the union of all."""
     return ((low <= extent[0][:, None]) | (high >= extent[1][:, None])).any(axis=0)
 
 
@@ -102,7 +102,7 @@ def _wider(extent: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     return np.stack([np.maximum(extent[0] - margin, bounds[0]), np.minimum(extent[1] + margin, bounds[1])])
 
 
-def leaves_open(tape: Tape, bounds: np.ndarray) -> bool:
+def crosses_faces(tape: Tape, bounds: np.ndarray) -> bool:
     """Whether a field may be 0 or less somewhere on the faces of a box (2, 3)."""
     low, high = [], []
     for axis in range(3):
@@ -125,7 +125,7 @@ def leaves_open(tape: Tape, bounds: np.ndarray) -> bool:
         if not a.shape[1] or a.shape[1] > MOST_BOXES // 8:
             return a.shape[1] > 0
         a, b = _cut(a, b, np.ones(a.shape[1], bool))
-        flat = a == b  # of a face's own axis both halves are the same
+        flat = a == b  # along the face's normal both halves are the same
         odd = np.zeros(a.shape[1], bool)
         for axis in range(3):
             odd |= flat[axis] & ((np.arange(a.shape[1]) >> axis) & 1 == 1)
@@ -155,7 +155,7 @@ def _cut(low: np.ndarray, high: np.ndarray, chosen: np.ndarray) -> tuple[np.ndar
 
 
 def _halved(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Boxes, each cut in eight in its middle."""
+    """Boxes, each subdivided into octants."""
     return _eighths(low, 0.5 * (low + high), high)
 
 
@@ -165,16 +165,15 @@ def _eighths(low: np.ndarray, middle: np.ndarray, high: np.ndarray) -> tuple[np.
     return np.where(_EIGHTHS == 0, a, cut).reshape(3, -1), np.where(_EIGHTHS == 1, b, cut).reshape(3, -1)
 
 
-def some_of(tape: Tape, bounds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A few places (3, n) spread over a box (2, 3), and what a field is there."""
+def sample_field(tape: Tape, bounds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points (3, n) that fill a box (2, 3) evenly, and the values of a field there."""
     share = (np.arange(_PLACES)[:, None] * _SPREAD + 0.5) % 1.0
     place = (bounds[0] + share * (bounds[1] - bounds[0])).T
     return place, batches(tape).points(place)
 
 
-def all_inside(tape: Tape, bounds: np.ndarray, some: np.ndarray) -> bool:
-    """Whether a field is sure to be at most 0 everywhere in a box (2, 3), by `some` of its values, and if these are by its parts,
-    `_PARTS` along each axis."""
+def is_full(tape: Tape, bounds: np.ndarray, some: np.ndarray) -> bool:
+    """Whether a field is proved to be at most 0 all over a box (2, 3): by its sampled values `some`, then by interval bounds of parts."""
     if not (some <= 0).all():
         return False
     edges = bounds[0] + np.linspace(0.0, 1.0, _PARTS + 1)[:, None] * (bounds[1] - bounds[0])
@@ -184,9 +183,8 @@ def all_inside(tape: Tape, bounds: np.ndarray, some: np.ndarray) -> bool:
     return bool(((most <= 0) & ~maybe).all())
 
 
-def zero_all_over(tape: Tape, place: np.ndarray, values: np.ndarray) -> bool:
-    """Whether a field is 0 in a part of a box: for all that can be told it is at some of a few places (3, n) spread over it, where it is
-    `values`."""
+def is_zero_over_region(tape: Tape, place: np.ndarray, values: np.ndarray) -> bool:
+    """Whether a field seems to be 0 over a part of a box, by its `values` at sample points (3, n)."""
     size = np.abs(values)
     finite = size[np.isfinite(size)]
     if not len(finite):

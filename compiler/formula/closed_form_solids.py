@@ -20,17 +20,17 @@ from .opcodes import Op, arity
 from .quadric_recognition import Quadratic
 from .tape import INPUTS, Tape, load_tape
 
-MOST_LEAVES = 48  # beyond, most of them are far from any ray: bounds in cells tell which matter
-MOST_KNOWN = 64  # answers that are kept
-MOST_DEPTH = 12  # values that wait on the stack while a solid's relations are combined
-LEAF, BOTH, EITHER = 0, 1, 2  # what a step does: look at leaf `number`, combine the two last by `and`, by `or`
+MOST_LEAVES = 48  # with more, most are far from a ray: interval cells are faster
+MOST_KNOWN = 64  # cached results
+MOST_DEPTH = 12  # of the stack that combines relations
+LEAF, BOTH, EITHER = 0, 1, 2  # a step: push leaf `number`; combine the two on top of the stack by `and`, by `or`
 _TINY = 1e-12
-THIN = 2.0**-12  # of how far a solid reaches: of slabs thinner than this, as one relation of a square, rounding would take too much
+THIN = 2.0**-12  # of a solid's extent: thinner slabs are too inexact as one relation of a square
 
 
 @dataclass(frozen=True, eq=False)
 class Root:
-    """k √under + rest, at points where `under` is not below 0; a polynomial where k is 0."""
+    """k √under + rest, where `under` is at least 0; a polynomial if k is 0."""
 
     k: float
     under: Quadratic
@@ -42,7 +42,7 @@ class Root:
 
 
 class Torus(NamedTuple):
-    """Where a ring of a radius about an axis is near: `frame` (3, 4) leads from the shape's frame to one whose y is the axis."""
+    """A torus: `frame` (3, 4) leads from the shape's frame to one whose y is the axis."""
 
     frame: np.ndarray
     ring: float
@@ -50,7 +50,7 @@ class Torus(NamedTuple):
 
 
 class Leaf(NamedTuple):
-    """A relation: a polynomial is at most 0; or, a point is in a torus, or not inside of it."""
+    """A relation: a polynomial is at most 0, or a point is inside, or outside, of a torus."""
 
     form: Quadratic | None
     torus: Torus | None = None
@@ -58,7 +58,7 @@ class Leaf(NamedTuple):
 
 
 class Solid(NamedTuple):
-    """Relations and how they combine: steps (op, number) as they are done with a stack."""
+    """A CSG tree of relations, as steps (op, number) of a stack machine."""
 
     leaves: tuple[Leaf, ...]
     steps: tuple[tuple[int, int], ...]
@@ -68,11 +68,11 @@ _known: dict[tuple[Any, ...], Solid | None] = {}
 
 
 class _Unknown(Exception):
-    """A field that is something else."""
+    """The field is not a CSG tree of planes, quadrics and tori."""
 
 
 def of_geometry(tables: ir.Tables, g: int) -> Solid | None:
-    """`solid` of geometry g, a formula surface; those asked for last are known, since planning asks and then drawing."""
+    """`solid` of geometry g, a formula. Results are cached: planning and rendering both need them."""
     geometries = tables.geometries
     tape, sheet = load_tape(tables, int(geometries.tape[g])), bool(geometries.parameters[g, 0])
     reach = float(np.abs(geometries.bounds[g]).max())
@@ -94,7 +94,7 @@ def solid(tape: Tape, sheet: bool = False, reach: float = 1.0) -> Solid | None:
     """
     reader = _Reader(tape, THIN * reach)
     try:
-        with np.errstate(over="ignore", invalid="ignore"):  # what is beyond all numbers is found out, and has none
+        with np.errstate(over="ignore", invalid="ignore"):  # overflows are detected later
             tree = reader.holds(tape.results[0], 1.0, np.zeros((4, 4)))
     except _Unknown:
         return None
@@ -126,7 +126,7 @@ def _joined(op: int, one: Tree, other: Tree) -> Tree:
 
 
 def _written(tree: Tree, leaves: list[Leaf], steps: list[tuple[int, int]]) -> int:
-    """Append a tree's steps; how many values wait at the most."""
+    """Append the steps of a tree. Returns the depth of the stack."""
     if isinstance(tree, Leaf):
         steps.append((LEAF, len(leaves)))
         leaves.append(tree)
@@ -148,7 +148,7 @@ def _depth(tree: Tree) -> int:
 
 
 class _Reader:
-    """What the values of a tape are."""
+    """Recognizes the values of a tape."""
 
     def __init__(self, tape: Tape, thin: float) -> None:
         self.tape, self.thin = tape, thin
@@ -160,7 +160,7 @@ class _Reader:
         return Op(op), operands[: arity(op)]
 
     def holds(self, name: int, factor: float, added: Quadratic) -> Tree:
-        """Where factor · value + added is at most 0."""
+        """The tree of factor · value + added ≤ 0."""
         self.seen += 1
         if self.seen > 8 * MOST_LEAVES:
             raise _Unknown
@@ -205,7 +205,7 @@ class _Reader:
         raise _Unknown
 
     def never_negative(self, name: int) -> bool:
-        """Whether a value is known to have a square root everywhere."""
+        """Whether a value is known to be at least 0 everywhere."""
         number = self.number(name)
         if number is not None or name < INPUTS:
             return number is not None and number >= 0.0
@@ -222,7 +222,7 @@ class _Reader:
         return _number(found.rest) if found is not None and found.is_plain else None
 
     def value(self, name: int) -> Root | None:
-        """A value as k √Q + P, where it is that."""
+        """A value as k √Q + P, if it has that form."""
         if name not in self.known:
             self.known[name] = self._value(name)
         return self.known[name]
@@ -247,7 +247,7 @@ class _Reader:
         return _applied(op, values)
 
     def square(self, names: list[int]) -> Root | None:
-        """What SQRT (one name) or HYPOT (two) takes the root of."""
+        """The radicand of SQRT (one name) or HYPOT (two)."""
         values = [self.value(name) for name in names]
         if len(values) == 1 or None in values:
             return None if None in values else values[0]
@@ -266,7 +266,7 @@ def _plain(form: Quadratic) -> Root:
 
 
 def _number(form: Quadratic) -> float | None:
-    """The value of a polynomial that is a number."""
+    """The value of a constant polynomial."""
     return None if form[:3].any() else float(form[3, 3])
 
 
@@ -311,7 +311,7 @@ def _never_negative(form: Quadratic) -> bool:
 
 
 def _leaf(form: Quadratic) -> Tree:
-    """A polynomial is at most 0."""
+    """The relation polynomial ≤ 0."""
     if not np.isfinite(form).all():
         raise _Unknown
     number = _number(form)
@@ -322,7 +322,7 @@ def _leaf(form: Quadratic) -> Tree:
 
 
 def _at_most_0(value: Root) -> Tree:
-    """k √Q + P is at most 0."""
+    """The relation k √Q + P ≤ 0."""
     k, under, rest = value.k, value.under, value.rest
     if not k:
         return _leaf(rest)
@@ -337,7 +337,7 @@ def _at_most_0(value: Root) -> Tree:
 
 
 def _root_at_most(inner: Root, factor: float, level: float) -> Tree:
-    """factor · √inner + level is at most 0."""
+    """The relation factor · √inner + level ≤ 0."""
     bound = -level / factor
     if bound < 0.0:
         return factor < 0.0
@@ -346,7 +346,7 @@ def _root_at_most(inner: Root, factor: float, level: float) -> Tree:
 
 
 def _slab(line: Quadratic, factor: float, level: float, thin: float) -> Tree:
-    """factor · |line| + level is at most 0: one relation of the square instead of two, unless it is thin."""
+    """The relation factor · |line| + level ≤ 0: one relation of the square instead of two, unless the slab is thin."""
     bound = -level / factor
     if bound < 0.0:
         return factor < 0.0
@@ -359,7 +359,7 @@ def _slab(line: Quadratic, factor: float, level: float, thin: float) -> Tree:
 
 
 def _torus(k: float, under: Quadratic, rest: Quadratic) -> Torus | None:
-    """|p − c|² + R² − r² − 2 R ρ, ρ the distance from an axis, is at most 0: k √(λ ρ²) + α |p − c|² + β with k below 0."""
+    """The relation |p − c|² + R² − r² − 2 R ρ ≤ 0 of a torus, ρ the distance from its axis: k √(λ ρ²) + α |p − c|² + β, k < 0."""
     scale = float(np.trace(rest[:3, :3])) / 3
     values, axes = np.linalg.eigh(under[:3, :3])
     if not (scale > 0.0 and values[1] > 0.0):
@@ -388,7 +388,7 @@ def _torus(k: float, under: Quadratic, rest: Quadratic) -> Torus | None:
 
 
 def holds(found: Solid, points: np.ndarray) -> np.ndarray:
-    """Whether points (n, 3) are in a solid: what its relations say, one by one."""
+    """Whether points (n, 3) are in a solid."""
     waiting: list[np.ndarray] = []
     for op, number in found.steps:
         if op == LEAF:
@@ -401,7 +401,7 @@ def holds(found: Solid, points: np.ndarray) -> np.ndarray:
 
 def _leaf_holds(leaf: Leaf, points: np.ndarray) -> np.ndarray:
     if leaf.torus is None:
-        assert leaf.form is not None  # a leaf is one of both
+        assert leaf.form is not None  # a leaf has a form or a torus
         one = np.concatenate([points, np.ones((len(points), 1))], axis=1)
         return np.einsum("ni,ij,nj->n", one, leaf.form, one) <= 0.0
     frame, ring, tube = leaf.torus

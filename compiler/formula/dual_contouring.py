@@ -1,4 +1,4 @@
-"""Formula surfaces as triangles: dual contouring on the cells that bounds of the formula leave, sharp edges and corners kept.
+"""Dual contouring of implicit surfaces: triangles that keep sharp edges and corners, on cells that interval bounds leave.
 
 A cell gets a vertex for each piece of surface in it, where the planes of the surface at its edges' roots meet best (Ju and others,
 "Dual Contouring of Hermite Data", SIGGRAPH 2002); pieces are told apart as the loops of the cell's edges (Nielson, "Dual Marching Cubes",
@@ -16,32 +16,34 @@ from numpy.typing import NDArray
 from . import numpy_interpreter
 from .tape import Tape
 
-BLOCK = 8  # cells along an axis of the blocks that bounds are first asked about
+BLOCK = 8  # cells along an axis of the first blocks that are bounded
 BISECTIONS = 44
-FLATTEST = 0.1  # of the largest: directions in which planes say less than this share of it, a vertex stays in the middle of its roots
+FLATTEST = 0.1  # of the largest eigenvalue: along axes with less a vertex stays at the mean of its roots
 LEAST, MOST = 16, 256  # cells along the longest axis
 _BATCH = 1 << 18
-_LOOKED_AT, _HALVINGS = 1024, 12  # places at a time that are looked at more closely, at ever smaller distances
-_BEYOND = (1.0001, 1.01, 1.1)  # of the way to where the slope says that a surface is
+_LOOKED_AT, _HALVINGS = 1024, 12  # points per batch of the refined deviation, and its halvings
+_BEYOND = (1.0001, 1.01, 1.1)  # of the Newton step towards the surface
 _OFFSETS = np.array([[k & 1, k >> 1 & 1, k >> 2 & 1] for k in range(8)])
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
 class Contour(NamedTuple):
-    """Triangles of a surface, counter-clockwise from outside, and how far they are off it by the field's value over its slope."""
+    """Triangles of a surface, counter-clockwise from outside, with their distance from it to first order."""
 
     positions: Floats  # (n, 3)
     triangles: Ints  # (m, 3)
     normals: Floats  # (n, 3) of the field
     furthest: float
     mean: float
-    missing: float = 0.0  # there are parts thinner than this that it does not have; 0 where none were found, or looked for
+    missing: float = 0.0  # size of the cells that miss thinner parts; 0 if none were found, or searched for
 
 
 def within(tape: Tape, bounds: Floats, tolerance: float, most: int = MOST, whole: bool = False) -> Contour:
-    """The surface in a box, with cells halved until it is off by `tolerance` at the most, and, if asked for the `whole`, until nothing is
-    found between the corners of cells, or `most` cells lie along the longest axis."""
+    """The surface in a box, with cells halved until its deviation is at most `tolerance`.
+
+    With `whole` also until no part is found between the corners of cells. At most `most` cells lie along the longest axis.
+    """
     count = LEAST
     while True:
         made = contour(tape, bounds, count, whole)
@@ -54,7 +56,7 @@ def contour(tape: Tape, bounds: Floats, count: int, whole: bool = False) -> Cont
     """The surface in a box (2, 3), with `count` cells along its longest axis."""
     extent = bounds[1] - bounds[0]
     size = float(extent.max()) / count
-    shape = np.ceil(extent / size - 1e-9).astype(np.int64) + 2  # a cell more on each side
+    shape = np.ceil(extent / size - 1e-9).astype(np.int64) + 2  # one more cell on each side
     low = bounds.mean(axis=0) - 0.5 * size * shape
     grid = _Grid(low, size, shape)
     cells = _cells(tape, grid)
@@ -88,7 +90,7 @@ class _Grid(NamedTuple):
     shape: Ints  # cells along each axis
 
     def number(self, corner: Ints) -> Ints:
-        """One whole number for each corner (n, 3)."""
+        """An integer for each corner (n, 3)."""
         return (corner[:, 0] * (self.shape[1] + 1) + corner[:, 1]) * (self.shape[2] + 1) + corner[:, 2]
 
     def cell(self, number: Ints) -> Ints:
@@ -106,7 +108,7 @@ def _field(tape: Tape, points: Floats) -> Floats:
 
 
 def _cells(tape: Tape, grid: _Grid) -> Ints:
-    """Cells (n, 3) that may hold a part of the surface."""
+    """Cells (n, 3) that may contain a part of the surface."""
     blocks = -(-grid.shape // BLOCK)
     cells = np.stack(np.meshgrid(*map(np.arange, blocks), indexing="ij"), axis=-1).reshape(-1, 3) * BLOCK
     size = BLOCK
@@ -127,7 +129,7 @@ def _may_hold(tape: Tape, grid: _Grid, cells: Ints, size: int) -> NDArray[np.boo
 
 
 def _is_missing(tape: Tape, grid: _Grid, cells: Ints, pattern: Ints, mixed: NDArray[np.bool_]) -> bool:
-    """Whether a cell away from all that are inside and outside at corners is both: looked for from its middle down the slope."""
+    """Whether a cell without a sign change at its corners, nor its neighbours', has one inside: searched along the gradient."""
     near = np.zeros(grid.shape + 2, bool)
     near[tuple(cells[mixed].T + 1)] = True
     for axis in range(3):
@@ -150,7 +152,7 @@ def _is_missing(tape: Tape, grid: _Grid, cells: Ints, pattern: Ints, mixed: NDAr
 
 # --- the pieces of surface in a cell ------------------------------------------------------------------------------------
 
-# Edges of a cell by number: 4 · axis + place, between corners that differ in that axis alone.
+# Edges of a cell: 4 · axis + index, between corners that differ in that axis alone.
 _ENDS = [(a, a | 1 << axis) for axis in range(3) for a in range(8) if not a >> axis & 1]
 _AXIS = np.array([axis for axis in range(3) for a in range(8) if not a >> axis & 1])
 
@@ -160,7 +162,7 @@ _FACES = [[c for c in range(8) if (c >> axis & 1) == side] for axis in range(3) 
 
 
 def _loops(otherwise: bool) -> Ints:
-    """(256, 12) for each pattern of corners inside which piece of surface each of its edges belongs to, -1 where none does.
+    """(256, 12) for each pattern of inside corners, the surface component of each edge; -1 without one.
 
     On a face with four roots the edges at each corner inside go together, or `otherwise` those at each corner outside: both cells that
     share the face decide alike.
@@ -195,7 +197,7 @@ _LOOPS = np.stack([_loops(False), _loops(True)])
 
 
 def _joined() -> NDArray[np.bool_]:
-    """(256, 6) whether all four roots of a face belong to one piece; such a pattern has one face of four roots alone."""
+    """(256, 6) whether all four roots of a face belong to one component; such a pattern has a single face of four roots."""
     table = np.zeros((256, 6), bool)
     for k, face in enumerate(_FACES):
         edges = [edge for pair, edge in _EDGE_OF.items() if pair <= set(face)]
@@ -208,7 +210,7 @@ _JOINED = _joined()
 
 
 def _is_otherwise(grid: _Grid, cells: Ints, pattern: Ints) -> NDArray[np.bool_]:
-    """(n,) which cells share a face of four roots with a cell where these are of one piece, too."""
+    """(n,) whether a cell shares an ambiguous face with a cell whose roots there also belong to one component."""
     found, codes = np.zeros(len(cells), bool), grid.number(cells)
     order = np.argsort(codes)
     for axis in range(3):
@@ -221,7 +223,7 @@ def _is_otherwise(grid: _Grid, cells: Ints, pattern: Ints) -> NDArray[np.bool_]:
 
 
 class _Edges:
-    """The edges of the grid that the surface crosses: their roots, the normals there, and which of each cell's edges they are."""
+    """The grid edges that the surface crosses: their roots, normals, and the cell edges that they are."""
 
     def __init__(self, tape: Tape, grid: _Grid, cells: Ints, loops: Ints) -> None:
         cell, edge = np.nonzero(loops >= 0)
@@ -265,7 +267,7 @@ def _vertices(tape: Tape, grid: _Grid, cells: Ints, loops: Ints, edges: _Edges) 
     owner = np.repeat(cells, pieces, axis=0)
     low, high = grid.place(owner), grid.place(owner + 1)
     found = np.clip(middle + moved, low, high)
-    smooth = used.sum(axis=1) == 1  # hardly bent: onto the surface itself
+    smooth = used.sum(axis=1) == 1  # nearly flat: move onto the surface
     return np.where(smooth[:, None], _nearer(tape, found, low, high), found), vertex_of
 
 
@@ -293,7 +295,7 @@ def _triangles(grid: _Grid, cells: Ints, edges: _Edges, vertex_of: Ints, vertice
     wanted = np.where(rising, 1.0, -1.0)[:, None] * np.eye(3)[edges.axis[whole]]
 
     def flatness(cut: int) -> Floats:
-        """How alike, and to the right side, the two triangles along a diagonal face."""
+        """Agreement of the normals of the two triangles of a diagonal, with the wanted side."""
         a, b, c, d = (p[:, (cut + k) % 4] for k in range(4))
         one, two = np.cross(b - a, c - a), np.cross(c - a, d - a)
         lengths = np.linalg.norm(one, axis=1) * np.linalg.norm(two, axis=1)
@@ -307,12 +309,14 @@ def _triangles(grid: _Grid, cells: Ints, edges: _Edges, vertex_of: Ints, vertice
     return triangles[distinct]
 
 
-# --- how good it is -----------------------------------------------------------------------------------------------------
+# --- quality -----------------------------------------------------------------------------------------------------
 
 
 def deviation(tape: Tape, positions: Floats, triangles: Ints) -> tuple[float, float]:
-    """(largest, mean) distance of triangles' middles and edges' middles from the surface: to first order, or to a change of sign that is
-    nearer (where a formula jumps its slope says nothing)."""
+    """(largest, mean) distance of the centres of triangles and edges from the surface, to first order.
+
+    A nearer change of sign replaces it: where a formula jumps, the gradient does not apply.
+    """
     if not len(triangles):
         return 0.0, 0.0
     corners = positions[triangles]
@@ -325,7 +329,7 @@ def deviation(tape: Tape, positions: Floats, triangles: Ints) -> tuple[float, fl
     normals = np.concatenate([normals, np.repeat(normals, 3, axis=0)])
     known = np.flatnonzero(np.isfinite(off))
     order, furthest = known[np.argsort(-off[known], kind="stable")], 0.0
-    for first in range(0, len(order), _LOOKED_AT):  # the farthest ones first, until no other can be farther
+    for first in range(0, len(order), _LOOKED_AT):  # the largest first, until no other can be larger
         part = order[first : first + _LOOKED_AT]
         if off[part[0]] <= furthest:
             break
@@ -336,7 +340,7 @@ def deviation(tape: Tape, positions: Floats, triangles: Ints) -> tuple[float, fl
 
 
 def _to_change(tape: Tape, places: Floats, normals: Floats, off: Floats) -> Floats:
-    """How far from places, along normals and axes, the field has another sign, within a factor of two; `off` where it has not nearer."""
+    """Distance of a change of sign along normals and axes, within a factor of two; `off` if there is none nearer."""
     inside, found = _field(tape, places) <= 0, off
     for k in range(_HALVINGS):
         size = off * 0.5**k

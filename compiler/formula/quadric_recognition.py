@@ -1,4 +1,4 @@
-"""Formulas that are shapes with a closed form: a polynomial of second degree that is an ellipsoid becomes a sphere under a transform."""
+"""Recognizes formulas of ellipsoids: a quadratic polynomial becomes a sphere under a transform."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _TINY = 1e-12
 
 
 def ellipsoid(tape: Tape) -> np.ndarray | None:
-    """(4, 4) the matrix that leads from the unit ball to where a field is at most 0, where that is an ellipsoid; else None."""
+    """The matrix (4, 4) from the unit ball to the solid of a tape, if that is an ellipsoid; else None."""
     with np.errstate(over="ignore", invalid="ignore"):
         q = quadratic(tape)
     if q is None or not np.isfinite(q).all():
@@ -26,7 +26,7 @@ def ellipsoid(tape: Tape) -> np.ndarray | None:
     if not level > _TINY * float(np.abs(center) @ np.abs(form) @ np.abs(center)):
         return None
     if np.ptp(values) < _TINY * values[2]:
-        axes = np.eye(3)  # a ball has no axes of its own
+        axes = np.eye(3)  # a ball has no preferred axes
     elif np.abs(form - np.diag(np.diag(form))).max() < _TINY * values[2]:
         axes, values = np.eye(3), np.diag(form)
     elif np.linalg.det(axes) < 0:
@@ -38,7 +38,7 @@ def ellipsoid(tape: Tape) -> np.ndarray | None:
 
 
 def quadratic(tape: Tape) -> Quadratic | None:
-    """The polynomial of second degree or less that a tape computes; None where it is another function."""
+    """The polynomial of a tape, of degree 2 at most; None for other functions."""
     known: list[Quadratic | None] = []
     for axis in range(INPUTS):
         one = np.zeros((4, 4))
@@ -55,7 +55,7 @@ def quadratic(tape: Tape) -> Quadratic | None:
     for op, *operands in tape.code.tolist():
         known.append(_applied(Op(op), [named(name) for name in operands[: arity(op)]]))
         if known[-1] is None and len(tape.results) == 1:
-            return None  # a tape has nothing that its results do not need
+            return None  # a tape has no unused rows
     return named(tape.results[0])
 
 
@@ -84,7 +84,7 @@ def _bends(a: Quadratic) -> bool:
 
 
 def _product(a: Quadratic, b: Quadratic) -> Quadratic | None:
-    """Of two linear functions, or with a constant."""
+    """The product of two linear functions, or of a quadratic one and a constant."""
     if not _bends(a) and not a[:3, 3].any():
         return b * a[3, 3]
     if not _bends(b) and not b[:3, 3].any():

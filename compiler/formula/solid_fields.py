@@ -23,13 +23,13 @@ class NoSolid(ValueError):
     """A shape without an interior; the message says why."""
 
 
-def moved(b: Builder, point: Point, inverse: np.ndarray) -> Point:
+def transform_point(b: Builder, point: Point, inverse: np.ndarray) -> Point:
     """A point in another frame; `inverse` (3, 4) leads there."""
     x, y, z = (b.linear([(float(row[k]), point[k]) for k in range(3)], float(row[3])) for row in inverse)
     return x, y, z
 
 
-def analytic(b: Builder, kind: int, p: Sequence[float], point: Point) -> int:
+def shape_field(b: Builder, kind: int, p: Sequence[float], point: Point) -> int:
     """The field of an analytic shape of the IR in its own frame. Raises NoSolid."""
     maker = _FIELDS.get(Kind(kind))
     if maker is None:
@@ -130,7 +130,7 @@ def shell(b: Builder, field: int, thickness: float) -> int:
 # --- deformations ---------------------------------------------------------------------------------------------------------
 
 
-def twisted(b: Builder, point: Point, rate: float) -> Point:
+def untwist(b: Builder, point: Point, rate: float) -> Point:
     """The inverse of a twist about y by `rate` radians per unit of height."""
     x, y, z = point
     angle = b.scale(y, -rate)
@@ -138,7 +138,7 @@ def twisted(b: Builder, point: Point, rate: float) -> Point:
     return b.add(b.multiply(c, x), b.multiply(s, z)), y, b.subtract(b.multiply(c, z), b.multiply(s, x))
 
 
-def bent(b: Builder, point: Point, rate: float) -> Point:
+def unbend(b: Builder, point: Point, rate: float) -> Point:
     """The inverse of a bend of the x axis towards +y into a circle, by `rate` radians per unit of length."""
     x, y, z = point
     radius = 1 / rate

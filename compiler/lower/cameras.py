@@ -1,4 +1,4 @@
-"""Cameras and settings of the language: frames, fields of view, and what `render(…)` and `animate(…)` ask for."""
+"""Lowers cameras and the settings of `render(…)`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..scene.row_records import CameraData
 from .context import Context
 
 DEFAULT_FOV = math.radians(40)
-FILM_HEIGHT = 0.024  # metres of the film of which a `fov` is told, for the size of an aperture
+FILM_HEIGHT = 0.024  # metres, for the aperture of a camera with a `fov`
 
 
 def camera(lowering: Context, element: Element) -> None:
@@ -43,7 +43,7 @@ def camera(lowering: Context, element: Element) -> None:
 
 
 def _focused(lowering: Context, element: Element, lens: dict[str, Any]) -> bool:
-    """Add the radius of an aperture and the depth in focus to what a camera has; False after a diagnostic."""
+    """Add the aperture radius and the focus distance to `lens`; False after a diagnostic."""
     args = element.args
     if args["aperture"] is None:
         if args["focus"] is not None:
@@ -87,7 +87,7 @@ def _projection(lowering: Context, element: Element) -> dict[str, Any] | None:
 
 
 def settings(lowering: Context, render: Element | None, cameras: tuple[Element, ...]) -> ir.Settings:
-    """What the scene itself asks of a render."""
+    """The settings of the scene."""
     view = next((c.args["view"] for c in cameras if c.args["view"] is not None), None)
     if render is None:
         return ir.Settings(view=view)

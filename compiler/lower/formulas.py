@@ -1,4 +1,4 @@
-"""`implicit`: a relation between x, y and z becomes the surface of a solid, or a sheet, with its tape and a box that holds it."""
+"""Lowers `implicit`: a relation of x, y and z becomes a solid or a sheet, with its tape and bounding box."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from ..scene import transforms
 from ..scene.row_records import Piece
 from .context import Context
 
-MARGIN = 1e-3  # of its size, that a box is larger than the solid that its faces cut
-WITHIN = 2.0**-41  # of the largest coordinate, that these faces lie further in: a formula may jump right on them
+MARGIN = 1e-3  # of its size, by which a box exceeds the solid that its faces clip
+WITHIN = 2.0**-41  # of the largest coordinate, by which these faces are inset: a formula may jump exactly on them
 
 
 def implicit(lowering: Context, element: Element) -> list[Piece]:
-    """The surface of an `implicit`; nothing, after a diagnostic, where there is none that could be drawn."""
+    """The surface of an `implicit`; nothing, after a diagnostic, if there is none."""
     formula, within = element.args["formula"], element.args["within"]
     try:
         tape, sheet, left_out = relation.surface(formula)
@@ -34,12 +34,12 @@ def implicit(lowering: Context, element: Element) -> list[Piece]:
     if known is not None:
         row = lowering.builder.geometry(ir.GeometryKind.SPHERE, (1.0,), element.span)
         return [Piece(row, transforms.scaling((unit,) * 3) @ known)]
-    bounds = bounding_box.find(sheet_field(tape) if sheet else tape) if cut is None else cut
+    bounds = bounding_box.find_bounds(sheet_field(tape) if sheet else tape) if cut is None else cut
     if bounds is None:
         hint = "write within: and how far from the origin it is to be drawn, like within: 2"
         return lowering.refuse(element, "it is not known how far this surface reaches: it may be endless", hint)
-    places, values = bounding_box.some_of(tape, bounds)
-    if bounding_box.zero_all_over(tape, places, values):
+    places, values = bounding_box.sample_field(tape, bounds)
+    if bounding_box.is_zero_over_region(tape, places, values):
         try:
             tape, sheet, left_out = relation.surface(formula, may_tie=True)
         except NotASurface as unfit:
@@ -49,17 +49,17 @@ def implicit(lowering: Context, element: Element) -> list[Piece]:
         lowering.warn(element, "where a squared factor is 0 this holds on a sheet, too, of which nothing is drawn", hint)
     ball = (0.0, 0.0, 0.0, 0.0)
     if within is not None:
-        if not sheet and bounding_box.all_inside(tape, bounds, values):
+        if not sheet and bounding_box.is_full(tape, bounds, values):
             hint = "give `within` more room, or write a box or sphere"
             lowering.warn(element, "all within these bounds is inside: what is drawn is their own box or ball", hint)
         ball = np.array(within[2]) / unit
         wider = bounds if sheet else _wider(bounds)
-        tight = bounding_box.tightened(sheet_field(tape) if sheet else tape, bounds, wider)
+        tight = bounding_box.shrink_bounds(sheet_field(tape) if sheet else tape, bounds, wider)
         if not sheet and tight is not None:
             if ball[3]:
                 tape = _cut(tape, bounds, ball)
-                tight = bounding_box.tightened(tape, wider, wider)
-            elif ((tight[0] <= bounds[0]) | (tight[1] >= bounds[1])).any() and bounding_box.leaves_open(tape, bounds):
+                tight = bounding_box.shrink_bounds(tape, wider, wider)
+            elif ((tight[0] <= bounds[0]) | (tight[1] >= bounds[1])).any() and bounding_box.crosses_faces(tape, bounds):
                 tape = _cut(tape, bounds, ball)
             else:
                 tight = np.clip(tight, *bounds)
@@ -68,12 +68,12 @@ def implicit(lowering: Context, element: Element) -> list[Piece]:
             lowering.warn(element, "there is no surface within these bounds: nothing is drawn")
             return []
         bounds = tight
-    tape, bounds, ball = in_metres(tape, unit), bounds * unit, tuple(number * unit for number in ball)
-    return drawn(lowering, element, tape, bounds, (float(sheet), *ball))
+    tape, bounds, ball = to_metres(tape, unit), bounds * unit, tuple(number * unit for number in ball)
+    return implicit_piece(lowering, element, tape, bounds, (float(sheet), *ball))
 
 
-def drawn(lowering: Context, element: Element, tape: Tape, bounds: np.ndarray, parameters: Sequence[float]) -> list[Piece]:
-    """A field's surface in a box; nothing, after a diagnostic, where it takes more than evaluators have room for."""
+def implicit_piece(lowering: Context, element: Element, tape: Tape, bounds: np.ndarray, parameters: Sequence[float]) -> list[Piece]:
+    """A field's surface in a box; nothing, after a diagnostic, if it needs more registers than evaluators have."""
     live = most_live(tape)
     if live > MOST_LIVE:
         hint = "so large a sum of things that hang together is drawn in parts: write several of them"
@@ -84,7 +84,7 @@ def drawn(lowering: Context, element: Element, tape: Tape, bounds: np.ndarray, p
 
 
 def _known(tape: Tape, bounds: np.ndarray | None) -> np.ndarray | None:
-    """The transform of the unit ball to a solid that is an ellipsoid, whole within its bounds."""
+    """The transform from the unit ball to an ellipsoid that lies within its bounds; else None."""
     matrix = quadric_recognition.ellipsoid(tape)
     if matrix is None:
         return None
@@ -93,8 +93,8 @@ def _known(tape: Tape, bounds: np.ndarray | None) -> np.ndarray | None:
     return matrix if inside else None
 
 
-def in_metres(tape: Tape, unit: float) -> Tape:
-    """A field of coordinates, and about a distance, in metres, of one in a file's unit."""
+def to_metres(tape: Tape, unit: float) -> Tape:
+    """A field of coordinates and values in metres, from one in the unit of its file."""
     if unit == 1.0:
         return tape
     builder = Builder()
@@ -103,19 +103,19 @@ def in_metres(tape: Tape, unit: float) -> Tape:
 
 
 def sheet_field(tape: Tape) -> Tape:
-    """A field that is at most 0 on a sheet alone."""
+    """The magnitude of a field: at most 0 on the sheet alone."""
     builder = Builder()
     return builder.finish(builder.op(Op.ABS, *builder.inline(tape, (X, Y, Z))))
 
 
 def _wider(bounds: np.ndarray) -> np.ndarray:
-    """A box that holds what is cut by another, and its faces."""
+    """Bounds with a margin, for a solid and the faces that clip it."""
     margin = MARGIN * (bounds[1] - bounds[0])
     return np.stack([bounds[0] - margin, bounds[1] + margin])
 
 
 def _cut(tape: Tape, bounds: np.ndarray, ball: np.ndarray) -> Tape:
-    """A solid cut by its box, or by the ball in it."""
+    """A solid clipped by its box, or by a ball."""
     builder, (field,) = Builder.from_tape(tape)
     if ball[3]:
         squares = [builder.op(Op.SQUARE, builder.offset(name, -float(c))) for name, c in zip((0, 1, 2), ball[:3], strict=True)]

@@ -1,4 +1,4 @@
-"""Lights of the language as rows: photometric or bare strengths become scene-referred colours, and area lights get their shape."""
+"""Lowers lights: photometric or unitless strengths become scene-referred colours; area lights get a shape."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from . import daylight_sky
 from .context import Context
 
 Kind = ir.LightKind
-_DOME = 512  # texels from pole to pole of a dome that is a formula
-EVEN = 1e-6  # how far a scale may be uneven, or axes skewed, and still count as even
+_DOME = 512  # texels from pole to pole of a pattern on a dome
+EVEN = 1e-6  # relative difference of scales, or skew, that still counts as uniform
 
 
 def light(lowering: Context, element: Element, block: np.ndarray) -> None:
-    """Add a light that stands in a block whose matrix is `block`."""
+    """Add a light in a block with the matrix `block`."""
     lowering.photometric |= element.photometric
     _LIGHTS[element.kind](lowering, element, block)
 
@@ -134,7 +134,7 @@ def _dome(lowering: Context, element: Element, block: np.ndarray) -> None:
 
 
 def _patterned(lowering: Context, element: Element) -> int:
-    """The picture of a dome that is a formula of the direction: -1 after a diagnostic. Less than nothing, and what is undefined, is 0."""
+    """The image of a pattern on a dome; -1 after a diagnostic. Negative and undefined values are 0."""
     tape = lowering.materials.pattern_tape(element, element.args["pattern"], color=True, unit=1.0)
     if tape is None:
         return -1
@@ -173,11 +173,13 @@ def _area(lowering: Context, element: Element, block: np.ndarray) -> None:
         half = (math.sqrt(half[0] * half[1]), 0.0)
     area = math.pi * half[0] ** 2 if disk else 4 * half[0] * half[1]
     radiance = args["luminance"] if args["flux"] is None else args["flux"] / (math.pi * area)
-    shine(lowering, element, Kind.DISK if disk else Kind.RECTANGLE, frame, half, _color(element, radiance))
+    add_area_light(lowering, element, Kind.DISK if disk else Kind.RECTANGLE, frame, half, _color(element, radiance))
 
 
-def shine(lowering: Context, element: Element, kind: ir.LightKind, frame: np.ndarray, size: tuple[float, float], radiance: Color) -> None:
-    """Add an area light and the instance by which it is seen. What nothing blocks blocks nothing; else see bodies.py."""
+def add_area_light(
+    lowering: Context, element: Element, kind: ir.LightKind, frame: np.ndarray, size: tuple[float, float], radiance: Color
+) -> None:
+    """Add an area light and its visible instance. A light without shadows blocks no light; others: plan/light_shapes.py."""
     builder = lowering.builder
     shape = {Kind.RECTANGLE: ir.GeometryKind.RECTANGLE, Kind.DISK: ir.GeometryKind.DISK, Kind.SPHERE: ir.GeometryKind.SPHERE}[kind]
     transform = builder.transform(frame, element.span)
@@ -191,14 +193,14 @@ def shine(lowering: Context, element: Element, kind: ir.LightKind, frame: np.nda
 
 
 def rigid(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
-    """The turned and moved frame of a matrix without its scale, the scale along its axes, and whether that is all there was.
+    """(rigid frame of a matrix, scale along its axes, whether the matrix has no skew).
 
-    The frame keeps the direction of y and, as near as can be, of z; it is right-handed also where the matrix mirrors.
+    The frame keeps the surface normal along y, and z; it is right-handed even if the matrix mirrors.
     """
     columns = matrix[:3, :3]
     scale = np.linalg.norm(columns, axis=0)
     y = columns[:, 1] / scale[1]
-    # A surface's normal is square to its x and z, which under a skew is not where y goes.
+    # The normal is perpendicular to x and z; with a skew, it differs from y.
     normal = np.cross(columns[:, 2], columns[:, 0])
     normal /= np.linalg.norm(normal)
     normal = normal if normal @ y > 0 else -normal

@@ -1,4 +1,4 @@
-"""Elements to IR: blocks compose transforms and hand down materials, each element becomes rows of the builder."""
+"""Lowering driver: blocks compose transforms and pass on materials; each element becomes rows of the builder."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from ..scene.builder import SceneBuilder
 from ..scene.row_records import InstanceData, Piece
 from . import cameras, lights, materials, shapes
 
-LARGEST = 1e18  # metres, or any other number of what is placed: products of a few stay finite
-MAX_EMISSIVE_SPHERES = 64  # that are sampled as lights; more only shine for the eye and for bounced rays
+LARGEST = 1e18  # of any number of an element: products of a few stay finite
+MAX_EMISSIVE_SPHERES = 64  # sampled as lights; more are visible, and light others by bounces alone
 Folder = Callable[[str], Path | None]
 
 
 def lower(document: Document, builder: SceneBuilder, folder: Folder | None = None) -> ir.Scene:
-    """The scene of an evaluated document. What is wrong goes to the builder's diagnostics, with what could be lowered returned.
+    """The scene of an evaluated document. Errors go to the builder's diagnostics; other elements are lowered.
 
     `folder(shown file name)` is where the files that a source names are looked for (the scene's own folder when None).
     """
-    with np.errstate(all="ignore"):  # what overflows is found where it is used
+    with np.errstate(all="ignore"):  # overflows are reported where values are used
         return _lower(document, builder, folder)
 
 
@@ -69,7 +69,7 @@ class Lowering:
         self.unsampled: Element | None = None  # the first shape that shines and is not sampled as a light
         self._meshes: dict[Path, list[Piece]] = {}
 
-    # --- what the rooms beside this one say and ask ---
+    # --- Context ---
 
     def error(self, element: Element, message: str, hint: str = "") -> None:
         self.builder.diagnostics.error(message, element.span, hint, element.trace)
@@ -81,11 +81,11 @@ class Lowering:
         return element.kind in shapes.KINDS
 
     def pieces(self, element: Element) -> list[Piece]:
-        """What a shape is made of."""
+        """The geometries of a shape."""
         return shapes.pieces(self, element)
 
     def block(self, element: Element) -> np.ndarray | None:
-        """The transform of a block; None for what is none."""
+        """The transform of a block; None for other elements."""
         return _BLOCKS[element.kind](element) if element.kind in _BLOCKS else None
 
     def refuse(self, element: Element, message: str, hint: str = "") -> list[Piece]:
@@ -94,11 +94,11 @@ class Lowering:
         return []
 
     def folder(self, element: Element) -> Path | None:
-        """Where the files that an element names are looked for: beside the source it was written in."""
+        """The folder of the source of an element, which its file names are relative to."""
         return self._folder(element.span.file) if self._folder else None
 
     def beyond(self, element: Element) -> bool:
-        """Whether an element has numbers too big to be reckoned with; says so."""
+        """Whether an element has a number above LARGEST; reports it."""
         for name, value in element.args.items():
             number = _biggest(value)
             if number > LARGEST:
@@ -155,7 +155,7 @@ class Lowering:
             self.builder.instance(InstanceData(piece.geometry, transform, row, name=label), element.span)
 
     def _shining_sphere(self, element: Element, material: Element, matrix: np.ndarray) -> bool:
-        """Make an evenly scaled sphere of one emitted colour a light; whether it is one now."""
+        """Make a uniformly scaled sphere of one emitted colour a light. Returns whether it is one."""
         color = material.args["color"]
         if element.kind != "sphere" or isinstance(color, Element) or transforms.inverse(matrix) is None:
             return False
@@ -167,13 +167,13 @@ class Lowering:
         self.photometric |= material.photometric
         radiance = tuple(material.args["luminance"] * c for c in color)
         size = (element.args["radius"] * float(scale.mean()), 0.0)
-        lights.shine(self, element, ir.LightKind.SPHERE, frame, size, radiance)  # type: ignore[arg-type]
+        lights.add_area_light(self, element, ir.LightKind.SPHERE, frame, size, radiance)  # type: ignore[arg-type]
         return True
 
     # --- files ---
 
     def mesh_file(self, element: Element) -> list[Piece]:
-        """The pieces of a mesh file, read once however often it is used."""
+        """The pieces of a mesh file, which is read once."""
         from ..importers import mesh_files
 
         path = self._find(element, "mesh")
@@ -195,7 +195,7 @@ class Lowering:
 
     @contextmanager
     def _within(self, element: Element) -> Iterator[None]:
-        """What is told meanwhile of places in other files says that it was `element` which read them."""
+        """Diagnostics in other files get `element` in their trace."""
         items = self.builder.diagnostics.items
         count = len(items)
         yield
@@ -204,7 +204,7 @@ class Lowering:
                 items[i] = replace(told, trace=(*told.trace, (element.kind, element.span)))
 
     def _shown(self, path: Path) -> str:
-        """A file's name in messages: as one reaches it from the scene's own."""
+        """A file's name in messages: relative to the scene's folder if possible."""
         beside = Path(self.document.name).parent
         return str(beside / path.relative_to(self.files.root)) if path.is_relative_to(self.files.root) else str(path)
 

@@ -1,4 +1,4 @@
-"""Materials and textures of the language as rows: each element once, equal ones shared."""
+"""Lowers materials and textures: each element once, equal rows shared."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from ..scene.row_records import BLACK, WHITE, Color, Input, MaterialData, Textur
 from .context import Context
 
 Slot = ir.Slot
-DARKEST = 1e-6  # of a colour inside glass: black would absorb without end
-MOST_PATTERN = 509  # operations of a pattern, as kernels have room for (render/texture/procedural.py)
+DARKEST = 1e-6  # least component of a colour inside glass: 0 has infinite absorption
+MOST_PATTERN = 509  # operations of a pattern, the limit of the kernels (render/texture/procedural.py)
 _SHADING = {"phong": ir.Shading.SMOOTH, "gouraud": ir.Shading.GOURAUD, "flat": ir.Shading.FLAT}
 _MAPPINGS = {m.name.lower(): m for m in ir.TextureMapping}
 _WRAPS = {w.name.lower(): w for w in ir.Wrap}
@@ -55,7 +55,7 @@ class Materials:
         return replace(plain, inputs={**plain.inputs, Slot.OPACITY: opacity}, threshold=element.args["opacity_threshold"])
 
     def _maps(self, element: Element) -> dict[ir.Slot, Input]:
-        """What turns a material's normals."""
+        """Normal and bump maps of a material."""
         args = element.args
         for number, texture in (("normal_strength", "normal_map"), ("bump_height", "bump_map")):
             if args.get(number) is not None and args[texture] is None:
@@ -81,7 +81,7 @@ class Materials:
         return self._number(value)
 
     def _plain(self, element: Element) -> MaterialData:
-        """A material, all of it there."""
+        """A material, without its opacity."""
         kind, args = element.kind, element.args
         if kind == "mirror":
             return MaterialData(ir.MaterialModel.MIRROR, {Slot.REFLECTION: self._color(args["color"])})
@@ -107,7 +107,7 @@ class Materials:
         return MaterialData(model, self._course_inputs(args, diffuse), shading, args["normalized"])
 
     def _blend(self, element: Element) -> MaterialData:
-        """Two materials, the second by the weight; both are there wholly, and lit at each point."""
+        """A blend of two opaque materials, shaded at points."""
         parts = [element.args["first"], element.args["second"]]
         for part in parts:
             if part.args["opacity"] != 1.0:
@@ -123,7 +123,7 @@ class Materials:
         return MaterialData(ir.MaterialModel.BLEND, weight, shading, first=rows[0], second=rows[1])
 
     def _absorption(self, element: Element) -> Color:
-        """What glass absorbs on a metre, natural logarithm: so much that of white light its `inside` is left after `depth`."""
+        """The absorption coefficient of glass per metre: white light has the colour `inside` after `depth`."""
         color, depth = element.args["inside"], element.args["depth"]
         if color is None:
             if depth is not None:
@@ -210,12 +210,12 @@ class Materials:
         return TextureData(kind, size=args["size"] or 0.0, color_a=args["a"], color_b=args["b"], **common)
 
     def _pattern(self, element: Element, formula: Formula, color: bool) -> TextureData | None:
-        """A formula of the point; coordinates are in the unit of the file it is written in, frames are in metres."""
+        """A pattern; coordinates are in the unit of its file, frames are in metres."""
         tape = self.pattern_tape(element, formula, color, formula.unit)
         return None if tape is None else TextureData(ir.TextureKind.FORMULA, tape=self._lowering.builder.tape(tape), channel=-1)
 
     def pattern_tape(self, element: Element, formula: Formula, color: bool, unit: float) -> Tape | None:
-        """What a pattern computes at points whose coordinates are `unit` times smaller in the formula; None after a diagnostic."""
+        """The tape of a pattern, whose coordinates are divided by `unit`; None after a diagnostic."""
         builder = Builder()
         point = [builder.scale(name, 1.0 / unit) for name in (0, 1, 2)]
         try:
@@ -238,7 +238,7 @@ class Materials:
         return tape
 
     def image(self, element: Element, name: str, space: str, color: bool) -> int:
-        """The row of a picture that an element names; -1 after a diagnostic."""
+        """The row of an image file; -1 after a diagnostic."""
         lowering = self._lowering
         try:
             path = lowering.files.find(name, lowering.folder(element), "picture")

@@ -1,4 +1,4 @@
-"""Shapes of the language as geometries: each becomes rows, and the frame it stands in."""
+"""Lowers shapes to geometries and their frames."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FLATNESS = 1e-3  # how far a polygon's corners may be off its plane, as a share 
 
 
 def pieces(lowering: Context, element: Element) -> list[Piece]:
-    """What a shape is made of; nothing, after a diagnostic, where it cannot be made."""
+    """The geometries of a shape; nothing, after a diagnostic, if it is impossible."""
     made = _SHAPES[element.kind](lowering, element)
     return [piece for piece in made if piece.geometry >= 0]
 

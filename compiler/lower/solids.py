@@ -1,4 +1,4 @@
-"""Solids that are combined, blended, hollowed, bent or repeated: their children's fields become one tape."""
+"""Lowers CSG and deformed solids: the fields of their children become one tape, or their meshes one mesh."""
 
 from __future__ import annotations
 
@@ -29,10 +29,7 @@ _NO_SOLIDS = "solids are made of shapes with an inside: sphere, box, cylinder, i
 
 
 class Body(NamedTuple):
-    """A solid: its field at a point of the frame it stands in, and a box (2, 3) that holds it; ±inf where it is endless.
-
-    Of one with meshes in it `mesh` (mesh_solids) is all there is.
-    """
+    """A solid: its field at a point of its frame, and bounds (2, 3), ±inf where unbounded. With meshes in it: `mesh` (mesh_csg) alone."""
 
     field: Callable[[Builder, Point], int]
     bounds: np.ndarray
@@ -40,11 +37,11 @@ class Body(NamedTuple):
 
 
 class _Refused(Exception):
-    """A child of which a diagnostic has spoken."""
+    """A child is refused, with a diagnostic."""
 
 
 def solid(lowering: Context, element: Element) -> list[Piece]:
-    """The surface of a solid and all that stands in it."""
+    """The surface of a solid with its children."""
     try:
         body = _body(lowering, element, transforms.identity())
     except _Refused:
@@ -63,15 +60,15 @@ def solid(lowering: Context, element: Element) -> list[Piece]:
         lowering.warn(element, f"nothing is left of this {element.kind}: it is not drawn")
         return []
     margin = formulas.MARGIN * (body.bounds[1] - body.bounds[0])
-    bounds = bounding_box.tightened(tape, np.stack([body.bounds[0] - margin, body.bounds[1] + margin]))
+    bounds = bounding_box.shrink_bounds(tape, np.stack([body.bounds[0] - margin, body.bounds[1] + margin]))
     if bounds is None:
         lowering.warn(element, f"nothing is left of this {element.kind}: it is not drawn")
         return []
-    return formulas.drawn(lowering, element, tape, bounds, (0.0,) * 5)
+    return formulas.implicit_piece(lowering, element, tape, bounds, (0.0,) * 5)
 
 
 def _body(lowering: Context, element: Element, matrix: np.ndarray) -> Body:
-    """A solid of the language in the frame that `matrix` leads to."""
+    """A solid element in the frame of `matrix`."""
     made = _COMBINED[element.kind](
         lowering, element, [body for child in element.children for body in _bodies(lowering, child, transforms.identity())]
     )
@@ -79,7 +76,7 @@ def _body(lowering: Context, element: Element, matrix: np.ndarray) -> Body:
 
 
 def _bodies(lowering: Context, element: Element, matrix: np.ndarray) -> list[Body]:
-    """What an element in a solid is: each shape of a block by itself."""
+    """The bodies of an element in a solid: each shape of a block by itself."""
     if element.args.get("material") is not None:
         lowering.error(element, "a solid is of one material, and this is a part of one", f"give it to the {_OUTERMOST} instead")
         raise _Refused
@@ -139,17 +136,17 @@ def _shape(lowering: Context, element: Element, piece: Piece, matrix: np.ndarray
 
         return _placed(Body(field, bounds), matrix)
     try:
-        solid_fields.analytic(Builder(), kind, parameters, (0, 1, 2))
+        solid_fields.shape_field(Builder(), kind, parameters, (0, 1, 2))
     except NoSolid as reason:
         lowering.error(element, f"`{element.kind}` cannot be a part of a solid: {reason}", _NO_SOLIDS)
         raise _Refused from None
     if kind == ir.GeometryKind.PLANE:
         bounds = np.array([[-math.inf] * 3, [math.inf, 0.0, math.inf]])
-    return _placed(Body(lambda b, point: solid_fields.analytic(b, kind, parameters, point), bounds), matrix)
+    return _placed(Body(lambda b, point: solid_fields.shape_field(b, kind, parameters, point), bounds), matrix)
 
 
 def _placed(body: Body, matrix: np.ndarray) -> Body:
-    """A body in the frame that a matrix leads to; fields shrink with the least of its scales, so that they stay distances or less."""
+    """A body in the frame of a matrix. The field is scaled by the least singular value, so that it does not exceed the distance."""
     if np.array_equal(matrix, transforms.identity()):
         return body
     if body.mesh is not None:
@@ -160,23 +157,23 @@ def _placed(body: Body, matrix: np.ndarray) -> Body:
     least = 1.0 if abs(least - 1.0) < 1e-12 else least
 
     def field(b: Builder, point: Point) -> int:
-        return b.scale(body.field(b, solid_fields.moved(b, point, _clean(inverse))), least)
+        return b.scale(body.field(b, solid_fields.transform_point(b, point, _clean(inverse))), least)
 
     return Body(field, boxes_under(body.bounds[None], matrix[None, :3])[0])
 
 
 def _clean(matrix: np.ndarray) -> np.ndarray:
-    """Without what rounding left where zeros belong: a term less for each."""
+    """A matrix with rounding errors replaced by 0: each saves a term."""
     size = np.abs(matrix[:, :3]).max()
     linear = np.where(np.abs(matrix[:, :3]) < 1e-15 * size, 0.0, matrix[:, :3])
     return np.concatenate([linear, matrix[:, 3:]], axis=1)
 
 
-# --- what there is ------------------------------------------------------------------------------------------------------
+# --- operators ------------------------------------------------------------------------------------------------------
 
 
 def _wrong_behind(lowering: Context, element: Element) -> bool:
-    """Whether an error is told of behind this element's name: it may have cost the element what stands in its braces."""
+    """Whether an error follows this element's name: it may have removed children."""
     span, found = element.span, lowering.builder.diagnostics.items
     return span is not None and any(d.severity == "error" and d.span is not None and d.span > span for d in found)
 
@@ -206,7 +203,7 @@ def _combined(blend: Blend, bounds_of: Callable[[list[np.ndarray], float], np.nd
 
 
 def _of_meshes(lowering: Context, element: Element, bodies: list[Body]) -> Body:
-    """Parts of which some are meshes, combined as triangles."""
+    """CSG of parts of which some are meshes."""
     if element.args["round"]:
         lowering.error(element, "a solid with a mesh in it has no round edges", "leave out `round`, or make a formula of the mesh's shape")
         raise _Refused
@@ -215,7 +212,7 @@ def _of_meshes(lowering: Context, element: Element, bodies: list[Body]) -> Body:
 
 
 def _triangles(lowering: Context, element: Element, body: Body, beside: list[Body]) -> Any:
-    """A part as triangles; of an endless one what lies near those that have an end, where no more is asked for."""
+    """The mesh of a part; of an unbounded one, the portion near the bounded parts if that suffices."""
     if body.mesh is not None:
         return body.mesh
     bounds, builder = body.bounds, Builder()
@@ -228,7 +225,7 @@ def _triangles(lowering: Context, element: Element, body: Body, beside: list[Bod
         low, high = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
         bounds = np.stack([low - 0.05 * (high - low), high + 0.05 * (high - low)])
         half, middle = 0.5 * (bounds[1] - bounds[0]), bounds.mean(axis=0)
-        field = builder.op(Op.MAX, field, solid_fields.analytic(builder, ir.GeometryKind.BOX, half.tolist(), _shifted(builder, middle)))
+        field = builder.op(Op.MAX, field, solid_fields.shape_field(builder, ir.GeometryKind.BOX, half.tolist(), _shifted(builder, middle)))
     margin = formulas.MARGIN * (bounds[1] - bounds[0])
     try:
         return mesh_csg.of_field(builder.finish(field), np.stack([bounds[0] - margin, bounds[1] + margin]))
@@ -243,7 +240,7 @@ def _shifted(b: Builder, middle: np.ndarray) -> Point:
 
 
 def _all(bounds: list[np.ndarray], radius: float) -> np.ndarray:
-    """A fillet may reach beyond both, by the radius at the most."""
+    """The union of bounds; a fillet may exceed it by the radius."""
     whole = np.stack([np.min([b[0] for b in bounds], axis=0), np.max([b[1] for b in bounds], axis=0)])
     return np.stack([whole[0] - radius, whole[1] + radius])
 
@@ -253,7 +250,7 @@ def _common(bounds: list[np.ndarray], radius: float) -> np.ndarray:
 
 
 def _one(change: Callable[[Context, Element, Body], Body]) -> Callable[[Context, Element, list[Body]], Body]:
-    """What changes one solid: several children are taken together."""
+    """An operator of one solid: several children are united first."""
     together = _combined(solid_fields.union, _all)
 
     def make(lowering: Context, element: Element, bodies: list[Body]) -> Body:
@@ -281,7 +278,7 @@ def _twist(lowering: Context, element: Element, body: Body) -> Body:
     rate = element.args["angle"] / element.args["over"]
     reach = float(np.hypot(np.abs(body.bounds[:, 0]).max(), np.abs(body.bounds[:, 2]).max()))
     bounds = np.array([[-reach, body.bounds[0, 1], -reach], [reach, body.bounds[1, 1], reach]])
-    return Body(lambda b, point: body.field(b, solid_fields.twisted(b, point, rate)), bounds)
+    return Body(lambda b, point: body.field(b, solid_fields.untwist(b, point, rate)), bounds)
 
 
 def _bend(lowering: Context, element: Element, body: Body) -> Body:
@@ -295,7 +292,7 @@ def _bend(lowering: Context, element: Element, body: Body) -> Body:
     reach = float(np.abs(radius - body.bounds[:, 1]).max())
     low, high = (min(radius - reach, radius + reach), max(radius - reach, radius + reach))
     bounds = np.array([[-reach, low, body.bounds[0, 2]], [reach, high, body.bounds[1, 2]]])
-    return Body(lambda b, point: body.field(b, solid_fields.bent(b, point, rate)), bounds)
+    return Body(lambda b, point: body.field(b, solid_fields.unbend(b, point, rate)), bounds)
 
 
 def _repeat(lowering: Context, element: Element, body: Body) -> Body:
@@ -311,7 +308,7 @@ def _repeat(lowering: Context, element: Element, body: Body) -> Body:
         raise _Refused
 
     def field(b: Builder, point: Point) -> int:
-        fields = [body.field(b, solid_fields.moved(b, point, transforms.translation(tuple(-k * step))[:3])) for k in range(count)]
+        fields = [body.field(b, solid_fields.transform_point(b, point, transforms.translation(tuple(-k * step))[:3])) for k in range(count)]
         while len(fields) > 1:
             fields = [b.op(Op.MIN, *fields[k : k + 2]) if k + 1 < len(fields) else fields[k] for k in range(0, len(fields), 2)]
         return fields[0]
@@ -330,7 +327,7 @@ def _mirror(lowering: Context, element: Element, body: Body) -> Body:
         return Body(_no_field, mesh_csg.bounds(made), made)
 
     def field(b: Builder, point: Point) -> int:
-        return b.op(Op.MIN, body.field(b, point), body.field(b, solid_fields.moved(b, point, _clean(turned[:3]))))
+        return b.op(Op.MIN, body.field(b, point), body.field(b, solid_fields.transform_point(b, point, _clean(turned[:3]))))
 
     return Body(field, _all([body.bounds, boxes_under(body.bounds[None], turned[None, :3])[0]], 0.0))
 

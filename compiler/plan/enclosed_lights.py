@@ -1,4 +1,4 @@
-"""Lamps inside of things that no light leaves: what they light nobody sees, and it is said."""
+"""Warns of lights enclosed in opaque solids, which light nothing outside."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from ..formula.tape import load_tape
 from . import scene_facts
 
 _PLACED = (ir.LightKind.POINT, ir.LightKind.SPOT, ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)
-AHEAD = 1e-6  # of its distance from the origin, and metres: so far in front of the eye it is looked whether a camera is inside
-MOST_LAMPS = 64  # that are looked for
-MOST_TRIANGLES = 1 << 20  # of meshes, for all points that are looked at: a fifth of a second
+AHEAD = 1e-6  # distance in front of the eye, relative to that from the origin and in metres, where enclosure is tested
+MOST_LAMPS = 64  # lights that are tested
+MOST_TRIANGLES = 1 << 20  # times points, of all meshes: a fifth of a second
 
 
-def tell(scene: ir.Scene, diagnostics: Diagnostics) -> None:
-    """Warn of each lamp in a closed opaque thing that the first camera is outside of."""
+def warn_of_enclosed_lights(scene: ir.Scene, diagnostics: Diagnostics) -> None:
+    """Warn of each light in a closed opaque instance that the first camera is outside of."""
     tables = scene.tables
     lights = tables.lights
     rows = np.flatnonzero(ir.is_in(lights.kind, _PLACED) & lights.shadows)[:MOST_LAMPS]
@@ -59,7 +59,7 @@ _SQUARE = np.array([[1, 0, 1], [1, 0, -1], [-1, 0, 1], [-1, 0, -1], [1, 0, 0], [
 
 
 def _corners(tables: ir.Tables, row: int) -> np.ndarray:
-    """(n, 3) points of a lamp in the world that stand for all of it: one of those without extent."""
+    """Points (n, 3) of a light in the world, which stand for all of it; one for a light without extent."""
     lights = tables.lights
     kind, (x, z) = lights.kind[row], lights.size[row].tolist()
     if kind in _PLACED[:2]:
@@ -70,8 +70,7 @@ def _corners(tables: ir.Tables, row: int) -> np.ndarray:
 
 
 def _opaque(tables: ir.Tables) -> np.ndarray:
-    """Rows of instances that cast shadows and let no light through, but lamps, which do not block those in them (bodies.py); mixtures of
-    materials are not looked into."""
+    """Rows of opaque instances that cast shadows, without shapes of lights (light_shapes.py) and blends of materials."""
     materials, instances = tables.materials, tables.instances
     through = scene_facts.partial(tables) | ir.is_in(materials.model, (ir.MaterialModel.GLASS, ir.MaterialModel.BLEND))
     through |= (materials.values[:, ir.Slot.TRANSMISSION] > 0.0).any(axis=1) | (materials.textures[:, ir.Slot.TRANSMISSION] >= 0)
@@ -79,7 +78,7 @@ def _opaque(tables: ir.Tables) -> np.ndarray:
 
 
 def _inside(tables: ir.Tables, g: int, points: np.ndarray) -> np.ndarray:
-    """Which of (n, 3) points in a geometry's frame are inside of it; of none where it encloses nothing."""
+    """Whether points (n, 3) in a geometry's frame are inside of it; False for open geometries."""
     kind, parameters = tables.geometries.kind[g], tables.geometries.parameters[g]
     if kind == ir.GeometryKind.MESH:
         return _in_mesh(tables, g, points)
@@ -90,7 +89,7 @@ def _inside(tables: ir.Tables, g: int, points: np.ndarray) -> np.ndarray:
     else:
         builder = Builder()
         try:
-            tape = builder.finish(solid_fields.analytic(builder, int(kind), parameters.tolist(), (0, 1, 2)))
+            tape = builder.finish(solid_fields.shape_field(builder, int(kind), parameters.tolist(), (0, 1, 2)))
         except solid_fields.NoSolid:
             return np.zeros(len(points), np.bool_)
     with np.errstate(all="ignore"):
@@ -101,7 +100,7 @@ def _inside(tables: ir.Tables, g: int, points: np.ndarray) -> np.ndarray:
 
 
 def _in_mesh(tables: ir.Tables, g: int, points: np.ndarray) -> np.ndarray:
-    """By the winding number: the solid angle of all triangles over 4π, which is 1 inside of a closed mesh (van Oosterom 1983)."""
+    """By the winding number: the solid angle of all triangles over 4π, 1 inside of a closed mesh (van Oosterom 1983)."""
     first = int(tables.geometries.first_triangle[g])
     rows = tables.pools.triangles[first : first + int(tables.geometries.triangle_count[g])]
     corners = tables.pools.positions[rows].astype(np.float64) + tables.geometries.origin[g]

@@ -24,13 +24,13 @@ POINT = (0, 1, 2)
 
 def shape(kind: int, *parameters: float) -> Tape:
     builder = Builder()
-    return builder.finish(solid_fields.analytic(builder, kind, parameters, POINT))
+    return builder.finish(solid_fields.shape_field(builder, kind, parameters, POINT))
 
 
 def drilled() -> Tape:
     builder = Builder()
-    box = solid_fields.analytic(builder, 2, (0.5, 0.6, 0.4), POINT)
-    hole = solid_fields.analytic(builder, 6, (0.25, 1.0, 1.0), POINT)
+    box = solid_fields.shape_field(builder, 2, (0.5, 0.6, 0.4), POINT)
+    hole = solid_fields.shape_field(builder, 6, (0.25, 1.0, 1.0), POINT)
     return builder.finish(solid_fields.difference(builder, box, hole, 0.0))
 
 

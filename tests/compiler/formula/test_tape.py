@@ -325,7 +325,7 @@ def check_values(tape: Tape, low: np.ndarray, high: np.ndarray, random: np.rando
     ],
 )
 def test_a_surface_that_ends_is_found(relation, half):
-    found = bounding_box.find(tape_of(relation)[0])
+    found = bounding_box.find_bounds(tape_of(relation)[0])
     assert found is not None
     assert (found[1] >= 0.999 * half * np.array([1, 0.4, 1])).all()
     assert (np.abs(found) <= 1.2 * half).all()
@@ -333,7 +333,7 @@ def test_a_surface_that_ends_is_found(relation, half):
 
 @pytest.mark.parametrize("relation", ["x <= 1", "x^2 + y^2 <= 1", "sin(x) <= y", "x^2 - y^2 <= z", "hypot(x, y, z) >= 1"])
 def test_one_that_does_not_is_not(relation):
-    assert bounding_box.find(tape_of(relation)[0]) is None
+    assert bounding_box.find_bounds(tape_of(relation)[0]) is None
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
@@ -411,7 +412,7 @@ def test_inspect(scene: Path) -> None:
 def test_a_picture_whose_file_cannot_be_written_is_rescued(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A failure after the last sample does not lose the picture."""
 
-    def write(picture: object, path: Path, *rest: object) -> None:
+    def write(picture: Any, path: Path, *rest: Any) -> None:
         if path.suffix == ".png":
             raise ValueError("no view")
         written(picture, path, *rest)

@@ -215,7 +215,7 @@ class Job:
         exposure = plan["exposure"]
         if exposure == "metered":
             if self.exposure is None:
-                self.exposure = image_files.metered(image.channels["rgba"])
+                self.exposure = image_files.auto_exposure(image.channels["rgba"])
                 if not self.quiet and path.suffix.lower() not in image_files.LINEAR:
                     click.echo(f"exposure: metered, {self.exposure:g} ev (--exposure {self.exposure:g} fixes it)", err=True)
             exposure = self.exposure

@@ -71,7 +71,7 @@ def join_metadata(about: Sequence[dict[str, Any]], plan: Plan) -> dict[str, Any]
         "samples_mean": float(np.average([one["samples_mean"] for one in about], weights=pixels)),
         "error": math.sqrt(float(np.average(np.square(errors), weights=pixels))) if known else None,
         "partial": any(one["partial"] for one in about), "seconds": seconds, "variance": None,
-        "cut": bounce_error.joined([one["cut"] for one in about], pixels),
+        "cut": bounce_error.combine([one["cut"] for one in about], pixels),
     }  # fmt: skip
 
 

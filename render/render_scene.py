@@ -53,7 +53,7 @@ def draw(scene: ir.Scene, plan: Plan, progress: Progress | None = None, cancel: 
         if plan["denoise"]:
             from .film import denoise  # loads pyoidn
 
-            denoise.denoised(image, renderer, plan)
+            denoise.denoise(image, renderer, plan)
     notes = notes_of(scene, plan) + (accumulation.notes(scene, plan) if by_moments else [])
     unproved, cut = _count_unproved(renderer), _measure_bounce_error(renderer, plan, image)
     image.metadata.update(backend=backend, seconds=seconds, notes=notes, unproved=unproved, cut=cut)
@@ -67,7 +67,7 @@ def _measure_bounce_error(renderer: Any, plan: Plan, image: Image) -> bounce_err
     if image.metadata["partial"] or not bounce_error.measurable(plan) or not hasattr(renderer, "limit"):
         return None
     allowed = plan["error"] or max(image.metadata["error"] or 0.0, MISSING_LIGHT)
-    return bounce_error.measured(renderer, plan, image.metadata["rays"], allowed)
+    return bounce_error.measure(renderer, plan, image.metadata["rays"], allowed)
 
 
 def _count_unproved(renderer: Any) -> int:

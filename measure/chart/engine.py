@@ -109,7 +109,7 @@ class _Measurement:
             against = self._reference()
         except runs.Cancelled:
             raise NothingMeasured("interrupted before anything was measured") from None
-        self.exposure = image_files.metered(against.rgb) if plan["exposure"] == "metered" else float(plan["exposure"])
+        self.exposure = image_files.auto_exposure(against.rgb) if plan["exposure"] == "metered" else float(plan["exposure"])
         self.floor = summary.reference_uncertainty(against, self.exposure)
         try:
             while self._add_steps(sweeps, against):

@@ -152,7 +152,7 @@ def recorded_exposure(side: Side) -> float | None:
     """The stops that a picture was written with or a render's plan has; None if unknown."""
     if side.plan is not None:
         asked = side.plan["exposure"]
-        return image_files.metered(side.image.channels["rgba"]) if asked == "metered" else float(asked)
+        return image_files.auto_exposure(side.image.channels["rgba"]) if asked == "metered" else float(asked)
     try:
         return float(side.image.metadata["about"]["exposure"])
     except (KeyError, ValueError):

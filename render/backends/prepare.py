@@ -43,7 +43,7 @@ class Prepared:
     vertex_light: Any  # VertexLight or its Handle; None if the picture traces no rays
     options: Options
     frame: Any  # Handle of a Frame; reference: the Frame
-    paths: Any = None  # reference: a path.Light; ray: the wavefront's dtype, float32 or float64; None: no path transport
+    paths: Any = None  # reference: a path_state.PathInputs; ray: the wavefront's dtype, float32 or float64; None: no path transport
     photon_tracer: Any = None  # photon_tracer.Tracer, if photons carry some light
     tessellations: dict[int, analytic_shapes.Tessellation] = field(default_factory=dict)  # raster: by instance
     raster: Any = None  # raster: a RasterScene
@@ -130,14 +130,14 @@ def _texture_samples(plan: Plan) -> int:
 def _prepare_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame) -> Prepared:
     """For the wavefront path tracer: a primitive list, a BVH of the other instances, and tables in its precision."""
     from ..accel import primitive_list
-    from ..integrator import wavefront  # only path-traced pictures load it
+    from ..integrator import wave_memory  # only path-traced pictures load it
 
     threads = int(plan["threads"])
     kind = np.float32 if plan["precision"] == "float32" else np.float64
     lit = tables.lights.kind
     near = not ir.is_in(lit, (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN, ir.LightKind.DOME)).any() and not plan["motion_blur"]
     tried, inside = primitive_list.build(tables, near, plan["motion_blur"])
-    accel = Handle(wavefront.NoTrees())
+    accel = Handle(wave_memory.NoBvh())
     if not inside.all():
         brute, closed = plan["accelerator"] == "brute_force", plan["implicit_surfaces"] == "closed_form"
         accel = Handle(scene_bvh.build(tables, brute, threads, moves=plan["motion_blur"], left_out=inside, closed=closed))
@@ -147,7 +147,7 @@ def _prepare_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame
         low, high = np.full(3, -np.inf), np.full(3, np.inf)
     light = _path_light(tables, plan, Handle(tables), None, Handle(frame))
     light, aims = _add_photons(tables, plan, light, kind) if plan["transport.caustics"] == "photons" else (light, None)
-    scene = wavefront.Scene(_cast(tables, kind), _cast(tried, kind), _cast(light, kind), not inside.all(), low, high)
+    scene = wave_memory.WaveScene(_cast(tables, kind), _cast(tried, kind), _cast(light, kind), not inside.all(), low, high)
     packed, frames, tracer = Handle(scene), Handle(_cast(frame, kind)), None
     if not inside.all() or aims is not None:
         _compile_tiles(threads, accel, packed, frames, kind, plan["transport.path_reuse"] == "blocks")
@@ -174,17 +174,17 @@ def _compile_tiles(threads: int, accel: Handle, packed: Handle, frames: Handle, 
 
 @functools.cache
 def _workspace_type(kind: type, reuses: bool) -> HandleType:
-    from ..integrator import wavefront
+    from ..integrator import wave_memory
 
-    return Handle(wavefront.Room.of(kind, reuses)).numba_type
+    return Handle(wave_memory.WaveMemory.of(kind, reuses)).numba_type
 
 
 def _add_photons(tables: ir.Tables, plan: Plan, light: Any, kind: type) -> tuple[Any, Any]:
     """(path light with photon maps, photon targets); the light unchanged and None if no light reaches a gathering surface."""
-    from ..integrator import photon_map, photon_tracer
+    from ..integrator import photon_aims, photon_map
 
-    covered = photon_tracer.covered(tables, light.emitters, plan.decisions["transport.caustics"].overridden)
-    aims = photon_tracer.photon_targets(tables, light.emitters, covered)
+    covered = photon_aims.covered(tables, light.emitters, plan.decisions["transport.caustics"].overridden)
+    aims = photon_aims.photon_targets(tables, light.emitters, covered)
     if aims is None:
         return light, None
     gains = caustic_casters.gains(tables) * (caustic_casters.gleam(tables) > 0.0)[tables.instances.material]
@@ -193,18 +193,18 @@ def _add_photons(tables: ir.Tables, plan: Plan, light: Any, kind: type) -> tuple
 
 
 def _path_light(tables: ir.Tables, plan: Plan, packed: Any, accel: Any, frame: Any) -> Any:
-    """The path.Light of a scene; arguments as for vertex_lighting.vertex_light, which gets a new BVH if `accel` is None."""
-    from ..integrator import path
-    from ..light import emitters
+    """The path_state.PathInputs of a scene; arguments as for vertex_lighting.vertex_light, which gets a new BVH if `accel` is None."""
+    from ..integrator import path_state
+    from ..light import emitter_table
 
     horizon = None
     if plan["ground_plane"]:
         horizon = np.array(no_ray_environment.normal(tables, scene_facts.ground(tables)))
-    vertices: Any = path.NoVertices()
+    vertices: Any = path_state.NoVertices()
     if (tables.materials.shading[tables.instances.material] == ir.Shading.GOURAUD).any():
         vertices = vertex_lighting.vertex_light(tables, packed, build_bvh(tables, plan) if accel is None else accel, frame)
-    weighing = path.WEIGHINGS.index(plan["mis"])
-    return path.Light(emitters.build(tables, plan["motion_blur"], horizon), path.uses_of(tables), vertices, weighing)
+    weighing = path_state.WEIGHINGS.index(plan["mis"])
+    return path_state.PathInputs(emitter_table.build(tables, plan["motion_blur"], horizon), path_state.uses_of(tables), vertices, weighing)
 
 
 def _cast(nest: Any, kind: type) -> Any:
@@ -259,5 +259,5 @@ def options_of(plan: Plan, tables: ir.Tables) -> Options:
         ground=ground,
         layers=ALPHA_LAYERS if plan["opacity"] else 0,
         color=Float3(*(float(c) for c in background)) if colored else Float3(0.0, 0.0, 0.0),
-        lamps=NoGlossyLights() if plan["transport"] == "path" else glossy_lights.of(tables),
+        lamps=NoGlossyLights() if plan["transport"] == "path" else glossy_lights.find_glossy_lights(tables),
     )

@@ -24,7 +24,7 @@ from .. import camera
 from ..accel import ray_queries
 from ..film import aov
 from ..film.film import TILE, Unshared
-from ..integrator import whitted
+from ..integrator import ray_stack, whitted
 from ..jit.kernel import helper, kernel
 from ..jit.packed_struct import Handle
 from ..lanes import crosslane, ops
@@ -72,7 +72,7 @@ class Renderer(Unshared):
 
     def _add(self, tile: Tile, first: int, count: int, total: int, film: Film) -> None:
         prepared = self.prepared
-        stack = whitted.stack_for(prepared.options, crosslane.WIDTH)
+        stack = ray_stack.stack_for(prepared.options, crosslane.WIDTH)
         batch = max(1, BATCH // max(1, (tile.y1 - tile.y0) * (tile.x1 - tile.x0)))
         for start in range(first, first + count, batch):
             scratch = self._rasterize(tile, start, min(batch, first + count - start), total)
@@ -104,7 +104,7 @@ class Renderer(Unshared):
         tables = self.prepared.tables
         partial = scene_facts.partial(tables)[tables.instances.material]
         rows = np.flatnonzero((hit.instance >= 0) & partial[hit.instance])
-        origin, direction = (np.stack(aov.some(v, rows, len(hit.t)), axis=1) for v in (ray.origin, ray.direction))
+        origin, direction = (np.stack(aov.take_lanes(v, rows, len(hit.t)), axis=1) for v in (ray.origin, ray.direction))
         t_min, t_max = (np.broadcast_to(t, len(hit.t))[rows] for t in (ray.t_min, ray.t_max))
         for column, found in zip(hit, ray_queries.closest(self._accel, origin, direction, t_min, t_max), strict=True):
             column[rows] = found
@@ -221,13 +221,7 @@ def shade(model, tables, accel, vertex_light, frame, tile, first, scratch, stack
         at = k // samples.count
         x, y = tile.x0 + at % samples.columns, tile.y0 + at // samples.columns
         pixel, index = sobol.zorder_index(x, y, first + k % samples.count, frame.picture.width, frame.order)
-        color, alpha, sound = whitted.call(  # pyright: ignore[reportCallIssue]
-            frame.radiance,
-            (
-                tables, accel, vertex_light, frame.options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive,
-                hit.u, hit.v, pixel, index, stack, None, None,
-            ),
-        )  # fmt: skip
+        color, alpha, sound = whitted.linked_radiance(frame, tables, accel, vertex_light, ray, hit, pixel, index, stack, None)
         for j in range(min(count - start, crosslane.WIDTH)):
             row, column = (start + j) // samples.count // samples.columns, (start + j) // samples.count % samples.columns
             film.color[row, column, 0] += crosslane.lane(color[0], j)

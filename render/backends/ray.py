@@ -18,9 +18,9 @@ from ..accel import intersect, ray_queries
 from ..accel.formula_packets import hits
 from ..accel.formula_packets.hits import REST, closer_hit, first_samples, is_used, load_pixels, load_slots, slot_of
 from ..film import aov
-from ..film.accumulate import LARGEST, held
+from ..film.accumulate import LARGEST, clamp
 from ..film.film import TILE
-from ..integrator import whitted
+from ..integrator import background, ray_stack, whitted
 from ..jit.kernel import HELPER, helper, kernel, noinline_helper
 from ..jit.packed_struct import Handle
 from ..lanes import crosslane, ops, ray_soa
@@ -51,7 +51,7 @@ class Renderer:
             self.block = path_reuse.SIDE
         self.primes = prepared.paths is None and hits.is_needed(prepared.accel.tables)
         self.side = hits.tile_side(view.width, view.height, plan["samples"]) if self.primes else TILE
-        self.black = self.primes and not prepared.accel.tables.rest & REST and whitted.is_black(prepared.tables, prepared.options)
+        self.black = self.primes and not prepared.accel.tables.rest & REST and background.is_black(prepared.tables, prepared.options)
         self.channel_accel = None  # BVH of all instances, for channels
         self.has_single = self.primes and plan["samples"] == 1
         nothing, none = Tile(0, 0, 0, 0), np.zeros((0, 0), np.int64)  # an empty tile compiles the kernels
@@ -89,10 +89,10 @@ class Renderer:
         """Add samples first … first + count - 1, (h, w) each, of the pixels of a tile to the film."""
         p = self.prepared
         if p.paths is not None:
-            from ..integrator import wavefront, wavefront_blocks
+            from ..integrator import wave_memory, wavefront, wavefront_blocks
 
             if not hasattr(self._workspaces, "wavefront"):
-                self._workspaces.wavefront = Handle(wavefront.Room.of(p.paths, self.reuses))
+                self._workspaces.wavefront = Handle(wave_memory.WaveMemory.of(p.paths, self.reuses))
             drawn = wavefront_blocks.draw_tile if self.reuses else wavefront.draw_tile
             drawn(p.accel, self.packed, self.frame, tile, first, count, total, film, self._workspaces.wavefront)
             return
@@ -120,7 +120,7 @@ class Renderer:
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
         """Write the named channels of a tile, (h, w, k) each."""
         tables = self.prepared.tables
-        x, y = aov.centres(tile)
+        x, y = aov.pixel_centers(tile)
         with np.errstate(all="ignore"):
             ray = camera.pinhole_ray(tables, self.view, x, y)
         hit = Hit(*self._find_hits(ray))
@@ -165,7 +165,7 @@ class Workspace(NamedTuple):
     def of(cls, options: Options) -> Workspace:
         """A workspace of zeros."""
         width = crosslane.WIDTH
-        return cls(np.zeros((3, width), np.int64), np.zeros((5, width)), whitted.stack_for(options, width))
+        return cls(np.zeros((3, width), np.int64), np.zeros((5, width)), ray_stack.stack_for(options, width))
 
 
 @kernel
@@ -252,7 +252,7 @@ def draw_single(tables, accel, vertex_light, frame, rgba, workspace):
                 row, column = found.items[n + start + k], found.items[start + k]
                 red, green, blue = light[0, k] + 0.0, light[1, k] + 0.0, light[2, k] + 0.0
                 if not (abs(red) <= LARGEST and abs(green) <= LARGEST and abs(blue) <= LARGEST and light[4, k] > 0.5):
-                    red, green, blue = held(red), held(green), held(blue)
+                    red, green, blue = clamp(red), clamp(green), clamp(blue)
                     issues += 1
                 rgba[row, column, 0], rgba[row, column, 1] = red, green
                 rgba[row, column, 2], rgba[row, column, 3] = blue, light[3, k]
@@ -272,10 +272,7 @@ def shade_primed(tables, accel, vertex_light, frame, start, workspace):
     origin, direction, t_min, t_max = ray_soa.get_of(found.rays, len(found.rays) // 8, start)
     ray = Ray(origin, direction, t_min, t_max, sobol.sample_time(pixel, s, options.seed, frame.shutter))
     hit, known = merge_first_hits(accel, tables, ray, found, start)
-    return _store_light(workspace, whitted.call(frame.radiance, (  # pyright: ignore[reportCallIssue]
-        tables, accel, vertex_light, options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive, hit.u, hit.v, pixel, s,
-        workspace.stack, ray.time, known,
-    )))  # fmt: skip
+    return _store_light(workspace, whitted.linked_radiance(frame, tables, accel, vertex_light, ray, hit, pixel, s, workspace.stack, known))
 
 
 @helper
@@ -354,7 +351,4 @@ def shade_samples(tables, accel, vertex_light, frame, total, x, y, s, workspace)
     x, y = ops.to_float(x) + 0.5 + dx, ops.to_float(y) + 0.5 + dy
     ray = camera.generate_ray(tables, view, frame.lens, x, y, pixel, s, options.seed, time)
     hit, known = find_first_hits(workspace.primed, accel, tables, ray, column, row, number)
-    return whitted.call(frame.radiance, (  # pyright: ignore[reportCallIssue]
-        tables, accel, vertex_light, options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive, hit.u, hit.v, pixel, s,
-        workspace.stack, ray.time, known,
-    ))  # fmt: skip
+    return whitted.linked_radiance(frame, tables, accel, vertex_light, ray, hit, pixel, s, workspace.stack, known)

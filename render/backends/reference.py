@@ -13,7 +13,8 @@ from .. import camera
 from ..accel import intersect
 from ..film import aov
 from ..film.film import TILE, Unshared
-from ..integrator import whitted
+from ..integrator import ray_stack, whitted
+from ..integrator.records import Scene
 from ..sampling import sobol
 from ..types import Film, FirstHits, Ray, Tile, View
 from .prepare import Prepared
@@ -34,7 +35,7 @@ class Renderer(Unshared):
         """Add samples first … first + count - 1 of every pixel of a tile to the film; all pixels take the same."""
         prepared, options, frame = self.prepared, self.prepared.options, self.prepared.frame
         x, y = _pixels(tile)
-        stack = whitted.stack_for(options, len(x))
+        stack = ray_stack.stack_for(options, len(x))
         shape = film.alpha.shape
         with np.errstate(all="ignore"):
             for s in range(int(first[0, 0]), int(first[0, 0] + count[0, 0])):
@@ -46,13 +47,13 @@ class Renderer(Unshared):
                 )
                 hit = self._first_hit(ray)
                 if prepared.paths is not None:
-                    from ..integrator import path
+                    from ..integrator import path_reference
 
-                    rgb, alpha, sound = path.radiance(prepared.tables, prepared.accel, prepared.paths, options, ray, hit, pixel, index)
+                    inputs = prepared.tables, prepared.accel, prepared.paths, options
+                    rgb, alpha, sound = path_reference.radiance(*inputs, ray, hit, pixel, index)
                 else:
-                    rgb, alpha, sound = whitted.radiance(
-                        prepared.tables, prepared.accel, prepared.vertex_light, options, ray, hit, pixel, index, stack
-                    )
+                    scene = Scene(prepared.tables, prepared.accel, prepared.vertex_light, options)
+                    rgb, alpha, sound = whitted.radiance(scene, ray, hit, pixel, index, stack)
                 for k in range(3):
                     film.color[..., k] += np.reshape(rgb[k], shape)
                 film.alpha[:] += np.reshape(alpha, shape)
@@ -61,7 +62,7 @@ class Renderer(Unshared):
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, Any]) -> None:
         """Write the named channels of a tile, (h, w, k) each."""
         with np.errstate(all="ignore"):
-            ray = camera.pinhole_ray(self.prepared.tables, self.view, *aov.centres(tile))
+            ray = camera.pinhole_ray(self.prepared.tables, self.view, *aov.pixel_centers(tile))
             hit = self._first_hit(ray)
         aov.channels_of(self.prepared.tables, self.view, ray, hit, names, out)
 

@@ -1,9 +1,8 @@
-"""Where more samples are worth most: how often each pixel's number of samples is doubled, for an error or for so many samples.
+"""Adaptive sampling: how often each pixel's number of samples is doubled, for a target error or a number of samples.
 
-A doubling of a pixel's n samples takes about half of the variance r of its mean, for n more samples: it is worth r / n. Taking
-doublings in the order of their worth, down to one threshold for all pixels, reaches an error with the fewest samples (with
-r = v / n, n ∝ √v: Neyman's allocation, Cochran, "Sampling Techniques", §5.5). Numbers of samples stay powers of two times the
-first, where Sobol points are spread best.
+Doubling a pixel's n samples halves the variance r of its mean, at a cost of n samples: its benefit is r / n. Doublings by falling benefit,
+down to one threshold for all pixels, reach an error with the fewest samples (with r = v / n, n ∝ √v: Neyman's allocation, Cochran,
+"Sampling Techniques", §5.5). Numbers of samples stay the first times powers of two, which Sobol points suit best.
 """
 
 from __future__ import annotations
@@ -18,23 +17,23 @@ from numpy.typing import NDArray
 Map = NDArray[np.float64]
 Counts = NDArray[np.int64]
 
-MOST_DOUBLINGS = 2  # of a pixel in a round: what is known of it from n samples is not trusted further than for 4 n
-ALONE = 16.0  # times its neighbours' mean at which a pixel's own variance is believed
-LEFT = 0.4  # of a pixel's variance after a doubling: half for independent samples, less for Sobol points
-_STEP = 20  # bins of worth between a doubling and the next, which leaves LEFT at twice the price
-_BINS = _STEP / math.log2(2.0 / LEFT)  # an octave
+MOST_DOUBLINGS = 2  # of a pixel in a round: an estimate from n samples serves up to 4 n
+ALONE = 16.0  # factor of its neighbors' mean from which a pixel's own variance counts
+LEFT = 0.4  # share of a pixel's variance after a doubling: half for independent samples, less for Sobol points
+_STEP = 20  # bins of benefit between a doubling and the next
+_BINS = _STEP / math.log2(2.0 / LEFT)  # bins an octave
 _PLACES = 512
 
 
-BEYOND = 0.05  # share of the squared error asked for by which a round does more than it has to: else the last ones are many and small
-AIM = 0.97  # of the error asked for: pixels that are left alone are a little more often those that look better than they are
-CONFIDENCE = 2.0  # standard deviations by which the estimate stays below the error asked for
+BEYOND = 0.05  # share of the target's square by which a round overshoots, to avoid many small last rounds
+AIM = 0.97  # of the target error: selection is biased toward pixels that seem better than they are
+CONFIDENCE = 2.0  # standard deviations between the estimate and the target
 
 
 def doublings_for_error(relative: Map, samples: Counts, most: int, share: float) -> Counts:
-    """(h, w) doublings of each pixel's samples, so that the mean of `relative` falls by a share of it, in this round or later.
+    """Return (h, w) doublings of each pixel that reduce the mean of `relative` by a share, now or in later rounds.
 
-    `relative` (h, w): variance of each pixel's mean over its squared value. No pixel goes beyond `most` samples.
+    `relative` (h, w): variance of each pixel's mean over its squared value. No pixel exceeds `most` samples.
     """
     places, highest = _places(relative, samples, most)
     if highest is None or share <= 0.0:
@@ -45,7 +44,7 @@ def doublings_for_error(relative: Map, samples: Counts, most: int, share: float)
 
 
 def doublings_for_samples(relative: Map, samples: Counts, most: int, more: float) -> Counts:
-    """(h, w) doublings of each pixel's samples that take about `more` samples in all, at most, where they are worth most."""
+    """Return (h, w) doublings of greatest benefit that cost at most about `more` samples."""
     places, highest = _places(relative, samples, most)
     if highest is None:
         return np.zeros(samples.shape, np.int64)
@@ -54,20 +53,20 @@ def doublings_for_samples(relative: Map, samples: Counts, most: int, more: float
     return _doublings(places, int(within[-1]) if len(within) else -1)
 
 
-def smoothed(relative: Map, samples: Counts) -> Map:
-    """`relative` from the variance of a sample as each pixel's eight neighbours know it.
+def smooth(relative: Map, samples: Counts) -> Map:
+    """Estimate `relative` from the sample variance of each pixel's eight neighbors.
 
-    A few samples tell little of one pixel alone. And a pixel that by chance seems quieter than it is would be left as it is, while
-    one that seems noisier is measured again: what pixels say of themselves would then add up to too small an error. A pixel's own word
-    counts where chance alone says so seldom: at ALONE times its neighbours' mean, one in 16,000 squares of a normal variable.
+    The estimate of one pixel from a few samples is noisy. Selection by it would also bias the error downward: pixels with too small an
+    estimate are left, and those with too large a one are measured again. A pixel's own estimate counts if it exceeds ALONE times its
+    neighbors' mean, as one in 16,000 squares of a normal variable does.
     """
     own = relative * samples
     total, count = own, np.ones_like(own)
     for axis in (0, 1):
         total, count = _three(total, axis), _three(count, axis)
     total, count = total - own, count - 1.0
-    around = np.maximum(total, 0.0) / np.maximum(count, 1.0)
-    return np.where(count > 0.0, np.maximum(around, own / ALONE), own) / samples
+    neighbors = np.maximum(total, 0.0) / np.maximum(count, 1.0)
+    return np.where(count > 0.0, np.maximum(neighbors, own / ALONE), own) / samples
 
 
 def _three(values: Map, axis: int) -> Map:
@@ -79,9 +78,9 @@ def _three(values: Map, axis: int) -> Map:
 
 
 def _places(relative: Map, samples: Counts, most: int) -> tuple[Counts, float | None]:
-    """(h, w) how many bins the worth of each pixel's first doubling lies below the highest, which is given too.
+    """(bins (h, w) of each pixel's first doubling below the greatest benefit, that benefit).
 
-    It is `_PLACES` where there is nothing to gain, and more samples are not allowed.
+    The bin is `_PLACES` for pixels without benefit or at the limit of samples.
     """
     with np.errstate(divide="ignore"):
         worth = np.log2(np.where(samples < most, relative / samples, 0.0))
@@ -93,32 +92,32 @@ def _places(relative: Map, samples: Counts, most: int) -> tuple[Counts, float | 
 
 
 def _totals(places: Counts, amounts: NDArray[Any]) -> Map:
-    """Sums of amounts by place."""
+    """Sum amounts by bin."""
     sums = np.bincount(places.ravel(), weights=amounts.ravel(), minlength=_PLACES + 1)
     return sums[: _PLACES].astype(np.float64)
 
 
 @functools.cache
 def _falls() -> Map:
-    """(places, thresholds) the share of its variance that a pixel loses by `_steps`."""
+    """(bins, thresholds) share of its variance that a pixel loses by `_steps`."""
     return np.asarray(1.0 - LEFT ** _steps(), np.float64)
 
 
 @functools.cache
 def _steps() -> Counts:
-    """(places, thresholds) doublings of a pixel at a place when the threshold is at a place: one each _STEP above it."""
+    """(bins, thresholds) doublings of a pixel in a bin for a threshold: one for each _STEP above it."""
     place = np.arange(_PLACES)
     return np.where(place[None, :] >= place[:, None], (place[None, :] - place[:, None]) // _STEP + 1, 0)
 
 
 def _doublings(places: Counts, threshold: int) -> Counts:
-    """How often each pixel's samples are doubled with the threshold at a place; -1: never."""
+    """The doublings of each pixel for the bin of the threshold; -1: none."""
     steps = (threshold - places) // _STEP + 1
     return np.where((places <= threshold) & (places < _PLACES), np.clip(steps, 0, MOST_DOUBLINGS), 0)
 
 
 class Blocks:
-    """A crop in blocks of so many pixels a side, which are the picture's: those at its edges are cut off. Of 1 they are the pixels."""
+    """Partition of a crop by the picture's grid of square blocks, `side` pixels each; blocks at the edges are cropped."""
 
     def __init__(self, crop: tuple[int, int, int, int], side: int) -> None:
         x0, y0, x1, y1 = crop
@@ -126,7 +125,7 @@ class Blocks:
         self.rows, self.columns = (np.arange(y0, y1) // side - y0 // side, np.arange(x0, x1) // side - x0 // side)
 
     def means(self, values: NDArray[Any]) -> NDArray[Any]:
-        """(rows, columns) the mean over each block of (h, w)."""
+        """Return (rows, columns) means over the blocks of (h, w)."""
         if self.side == 1:
             return values
         starts = [np.flatnonzero(np.diff(places, prepend=-1)) for places in (self.rows, self.columns)]
@@ -134,34 +133,33 @@ class Blocks:
         return total / np.multiply.outer(np.bincount(self.rows), np.bincount(self.columns))
 
     def spread(self, values: NDArray[Any]) -> NDArray[Any]:
-        """(h, w) each block's value for all of its pixels."""
+        """Return (h, w): each block's value at all of its pixels."""
         return values if self.side == 1 else values[np.ix_(self.rows, self.columns)]
 
 
 class Decline:
-    """How variance falls with samples, as the doublings of a picture show it, and what follows for its error.
+    """Estimates how variance falls with samples, from the doublings of a picture.
 
-    Two halves of n samples each differ by what variance V they have, less what they have in common: for scrambled nets, whose halves are
-    made to complete each other, (m₁ - m₂)² / 4 has the mean V(n) - V(2n), not V(2n). With V falling as n⁻ᵖ the first is 2ᵖ - 1 times the
-    second. p is 1 for independent samples, 3/2 across an edge; successive doublings of the same pixels show which, and each level of
-    samples shows its own: the pixels that get most are those where nets help least. It is told from pixels that were chosen by what their
-    neighbours said (see `smoothed`), else chance alone would make it large; and as pixels with a stray bright sample are chosen for what
-    they say themselves, and fall to a quarter whatever the samples are, half of what is seen beyond 1 is believed.
+    For scrambled nets, whose halves complement each other, (m₁ - m₂)² / 4 of two halves of n samples has the mean V(n) - V(2n), not V(2n).
+    With V ∝ n⁻ᵖ the first is 2ᵖ - 1 times the second. p is 1 for independent samples and 3/2 across an edge. Successive doublings of the
+    same pixels measure it, separately for each level of samples: pixels with the most samples are those where nets help least. The pixels
+    are chosen by their neighbors (see `smoothed`), without which chance would raise p. Pixels with a stray bright sample are chosen by
+    themselves, and fall to a quarter for any p: so only half of the excess over 1 counts.
     """
 
     STEEPEST = 1.5
     BELIEVED = 0.5
-    LEVELS = 32  # of numbers of samples, an octave each
+    LEVELS = 32  # octaves of the number of samples
 
     def __init__(self) -> None:
         self._shown: dict[Any, Map] = {}
 
     def of(self, tile: Any) -> Map:
-        """(levels, 2) of a tile, for sums.take_in to add to: what doublings to each level made of the error. Of one thread at a time."""
+        """Return (levels, 2) of a tile, for accumulate.add_samples: errors before and after doublings, by level; for one thread."""
         return self._shown.setdefault(tile, np.zeros((self.LEVELS, 2)))
 
     def shares(self) -> Map:
-        """(levels,) the variance of the means as a share of the estimate from their halves: 1 for independent samples, less for nets."""
+        """Return (levels,) variance of the means over the estimate from halves: 1 for independent samples, less for nets."""
         before, after = np.sum([self._shown[tile] for tile in sorted(self._shown)], axis=0).T
         known = (after > 0.0) & (before > after)
         slope = np.log2(np.divide(before, after, out=np.ones_like(before), where=known), where=known, out=np.ones_like(before))
@@ -169,10 +167,10 @@ class Decline:
 
 
 def excess(relative: Map, error: float) -> float:
-    """The share by which the mean of `relative` shall fall for a picture to have the error asked for, with CONFIDENCE; 0 where it has.
+    """Return the share by which the mean of `relative` must fall to reach an error with CONFIDENCE; 0 if it is reached.
 
-    Each pixel's entry is the square of one normal variable, as its error is of another: 2 σ⁴ is the variance of either, 3 σ⁴ the mean of
-    the entry's square.
+    Each pixel's entry is the square of one normal variable, its error that of another: 2 σ⁴ is the variance of either, and 3 σ⁴ the mean
+    of the entry's square.
     """
     aim = (AIM * error) ** 2
     uncertain = math.sqrt(4.0 / 3.0 * float(np.sum(np.square(relative)))) / relative.size

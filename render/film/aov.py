@@ -1,4 +1,4 @@
-"""Channels beside the picture: what is seen at pixels' centres, the same for every backend."""
+"""Auxiliary channels (AOVs) at pixel centers, equal for all backends."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from ...compiler import ir
 from .. import camera
 from ..image import image
 from ..lanes import affine, ops
-from ..material import bsdf
 from ..sampling import sobol
 from ..surface import interaction
+from ..surface.material_inputs import color_of
 from ..types import Frame, Hit, Lane, Ray, Surface, Tables, Tile, Vec, View
 
 DIFFUSE = int(ir.Slot.DIFFUSE)
@@ -20,18 +20,18 @@ _TINTS = (
     (ir.MaterialModel.GLASS, int(ir.Slot.TRANSMISSION)),
 )  # fmt: skip
 FORMULA = int(ir.GeometryKind.FORMULA)
-SEEN = ("depth", "normal", "position", "albedo", "uv", "id", "issues")  # what `channels_of` tells
+SEEN = ("depth", "normal", "position", "albedo", "uv", "id", "issues")  # channels of first hits
 CAMERA = int(ir.Visibility.CAMERA)
 
 
-def centres(tile: Tile) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Picture coordinates x, y of a tile's pixel centres, row by row."""
+def pixel_centers(tile: Tile) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the picture coordinates x, y of a tile's pixel centers, row by row."""
     y, x = np.mgrid[tile.y0 : tile.y1, tile.x0 : tile.x1]
     return x.ravel() + 0.5, y.ravel() + 0.5
 
 
 def sample_rays(tables: ir.Tables, view: View, frame: Frame, tile: Tile, sample: int, total: int) -> Ray:
-    """The camera's rays of one sample of each pixel of a tile, at the shutter's opening; numpy lanes."""
+    """Return the camera rays of one sample of each pixel of a tile, at shutter opening, in numpy lanes."""
     y, x = (c.ravel() for c in np.mgrid[tile.y0 : tile.y1, tile.x0 : tile.x1])
     pixel, index = sobol.zorder_index(x, y, np.full(len(x), sample), view.width, frame.order)
     dx, dy = sobol.offset(pixel, index, total, frame.options.seed, frame.filter)
@@ -45,26 +45,26 @@ def channels_of(
 ) -> None:  # fmt: skip
     """Write the named channels, (h, w, k) each, of h · w rays and what they hit, as image.WIDTHS describes them.
 
-    All lanes are numpy arrays, row by row. Where there are `issues` is asked here unless it is known.
+    All lanes are numpy arrays, row by row. `issues` are computed if they are None.
     """
     n = len(hit.t)
     whole = ray
     seen = np.flatnonzero(hit.instance >= 0)
     flat = {name: rows[0] for name, rows in image.blank(n, 1, names).items()}
     if len(seen):
-        ray = Ray(some(ray.origin, seen, n), some(ray.direction, seen, n), 0.0, np.inf)
+        ray = Ray(take_lanes(ray.origin, seen, n), take_lanes(ray.direction, seen, n), 0.0, np.inf)
         with np.errstate(all="ignore"):
             found = _values(tables, view, ray, Hit(*(column[seen] for column in hit)), names)
         for name, columns in found.items():
             flat[name][seen] = np.stack(np.broadcast_arrays(*columns), axis=1)
     if "issues" in names:
-        flat["issues"][:, 0] = doubtful(tables, whole, hit) if issues is None else issues
+        flat["issues"][:, 0] = unproven(tables, whole, hit) if issues is None else issues
     for name in names:
         out[name][...] = flat[name].reshape(out[name].shape)
 
 
-def doubtful(tables: Tables, ray: Ray, hit: Hit) -> NDArray[np.bool_]:
-    """Whether rays, (n,), could not be proved to meet no formula's surface before what they hit, by the definition (formulas/plain.py)."""
+def unproven(tables: Tables, ray: Ray, hit: Hit) -> NDArray[np.bool_]:
+    """Whether rays, (n,), have an unproven root of a formula before their hit, by formula.numpy_reference."""
     from ..formula import numpy_reference, scene_surfaces
 
     n = len(hit.t)
@@ -95,14 +95,14 @@ def _values(tables: Tables, view: View, ray: Ray, hit: Hit, names: tuple[str, ..
 
 
 def _albedo(tables: Tables, at: Surface) -> Vec:
-    """What a surface's colour is, whatever it does with light: of metals their reflectance, of mirrors and glass their tint."""
-    color, model = bsdf.color_of(tables, at, DIFFUSE), tables.materials.model[at.material]
+    """The color of a surface: diffuse, or the specular color of metals, mirrors and glass."""
+    color, model = color_of(tables, at, DIFFUSE), tables.materials.model[at.material]
     for kind, slot in _TINTS:
-        color = ops.where3(model == kind, bsdf.color_of(tables, at, slot), color)
+        color = ops.where3(model == kind, color_of(tables, at, slot), color)
     return ops.mul(color, at.color)
 
 
-def some(v: Vec, rows: NDArray[np.intp], n: int) -> Vec:
-    """Some of n lanes of a vector."""
+def take_lanes(v: Vec, rows: NDArray[np.intp], n: int) -> Vec:
+    """Return the lanes `rows` of a vector of n lanes."""
     x, y, z = (np.broadcast_to(c, n)[rows] for c in v)
     return x, y, z

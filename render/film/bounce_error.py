@@ -1,8 +1,7 @@
-"""How much light the limit on bounces cuts off: a few places of a picture followed much further, by the kernels that drew it.
+"""Estimate of the light lost to the bounce limit (truncation bias).
 
-What is cut is light on its way, so that it is measured where it would arrive: in blocks of pixels spread over the picture, samples are
-drawn with the picture's limit and, by the same random numbers, with the longest one. Their difference is what the limit leaves out,
-with the standard error that the blocks tell. Kernels hold nothing of this, and pictures are what they would be without.
+Blocks of pixels spread over the picture are rendered with the picture's limit and, with the same random numbers, with the greatest limit.
+The mean difference is the loss; its standard error is that of the blocks. Pictures are unaffected, and no other kernels are needed.
 """
 
 from __future__ import annotations
@@ -19,48 +18,48 @@ from ...lang.schema.elements import MAX_BOUNCES
 from ..image import metrics
 from ..types import Film, Tile
 
-BLOCKS = 64  # places of a picture that are looked at
+BLOCKS = 64  # of a picture
 SIDE = 4  # pixels of a block's side
-SHARE = 1 / 512  # of a picture's samples that are drawn once more
+SHARE = 1 / 512  # of a picture's samples, spent on the estimate
 MOST = 64  # samples of a pixel
-PLASTIC = np.array([0.7548776662466927, 0.5698402909980532])  # steps that spread points in a square evenly (Roberts 2018)
+PLASTIC = np.array([0.7548776662466927, 0.5698402909980532])  # steps of a low-discrepancy sequence in a square (Roberts 2018)
 
 
 class Limited(Protocol):
-    """A renderer (film.Renderer) whose rays can be followed further."""
+    """A film.Renderer with an adjustable bounce limit."""
 
     def limit(self, bounces: int) -> None:
-        """Follow rays for so many bounces from now on."""
+        """Set the bounce limit."""
         ...
 
     def sample(self, tile: Tile, first: Any, count: Any, total: int, film: Film) -> None:
-        """As film.Renderer has it."""
+        """As film.Renderer.sample."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Cut:
-    """What a limit on bounces leaves out, at least."""
+    """A lower bound of the light that a bounce limit loses."""
 
-    share: float  # of a place's light, in the mean over the picture; light beyond the longest limit is not in it
+    share: float  # of a block's light, mean over the picture; light beyond the greatest limit excluded
     error: float  # its standard error
-    allowed: float  # share that is nothing to be said of
-    enough: int = 0  # bounces that leave out no more than that; 0: not asked, or not even half of the longest limit
+    allowed: float  # share below which there is no warning
+    enough: int = 0  # bounces that lose no more than that; 0: unknown, or more than half of the greatest limit
 
     @property
     def matters(self) -> bool:
-        """Whether more is left out than is allowed, and that is surely no noise."""
+        """Whether the loss exceeds `allowed` by two standard errors."""
         return self.share - 2.0 * self.error > self.allowed
 
 
 def measurable(plan: Plan) -> bool:
-    """Whether a limit cuts off what can be measured: in a tree where matt surfaces light each other too many rays would go on."""
+    """Whether the loss can be estimated: not in branching trees of diffuse interreflection, which have too many rays."""
     branching = plan["transport"] == "whitted" and plan["interreflection"]
     return plan["backend"] == "ray" and 0 < plan["bounces"] < MAX_BOUNCES and not branching
 
 
-def measured(renderer: Limited, plan: Plan, samples: int, allowed: float) -> Cut:
-    """What the plan's limit leaves out of a picture for which so many samples were drawn; more than `allowed` is said with a remedy."""
+def measure(renderer: Limited, plan: Plan, samples: int, allowed: float) -> Cut:
+    """Estimate the loss of a plan's bounce limit, and the bounces that lose at most `allowed`; `samples` counts those of the picture."""
     each = int(np.clip(SHARE * samples / (BLOCKS * SIDE * SIDE), 1, MOST))
     places = blocks(plan["crop"])
 
@@ -79,8 +78,8 @@ def measured(renderer: Limited, plan: Plan, samples: int, allowed: float) -> Cut
         renderer.limit(int(plan["bounces"]))
 
 
-def joined(cuts: Sequence[Cut | None], pixels: NDArray[np.float64]) -> Cut | None:
-    """What the limit leaves out of a picture in parts of so many pixels."""
+def combine(cuts: Sequence[Cut | None], pixels: NDArray[np.float64]) -> Cut | None:
+    """Return the loss of a picture from those of its parts of so many pixels."""
     known = [cut for cut in cuts if cut is not None]
     if not known or len(known) < len(cuts):
         return None
@@ -90,7 +89,7 @@ def joined(cuts: Sequence[Cut | None], pixels: NDArray[np.float64]) -> Cut | Non
 
 
 def blocks(crop: tuple[int, int, int, int]) -> list[Tile]:
-    """Blocks of a crop that are spread over it evenly, whatever repeats in it; they are cut off at its edges, and may overlap."""
+    """Return blocks spread evenly and aperiodically over a crop; they are cropped at its edges, and may overlap."""
     x0, y0, x1, y1 = crop
     at = (0.5 + np.outer(np.arange(BLOCKS), PLASTIC)) % 1.0
     corner = (np.array([x0, y0]) + at * (np.array([x1 - x0, y1 - y0]) - SIDE).clip(0)).astype(int)
@@ -98,7 +97,7 @@ def blocks(crop: tuple[int, int, int, int]) -> list[Tile]:
 
 
 def _light(renderer: Limited, places: list[Tile], each: int) -> NDArray[np.float64]:
-    """(blocks,) the mean light of each block. All on this thread: there is too little of it to share out."""
+    """(blocks,) mean light of each block, computed on this thread."""
     found = np.zeros(len(places))
     for k, tile in enumerate(places):
         shape = tile.y1 - tile.y0, tile.x1 - tile.x0
@@ -109,7 +108,7 @@ def _light(renderer: Limited, places: list[Tile], each: int) -> NDArray[np.float
 
 
 def _share(whole: NDArray[np.float64], kept: NDArray[np.float64]) -> tuple[float, float]:
-    """(what share of `whole` is not in `kept`, in the mean of the blocks, its standard error); in the dark as √relMSE counts it."""
+    """(mean share of `whole` that `kept` lacks, its standard error) over blocks; dark blocks are weighted as in √relMSE."""
     least = metrics.EPSILON * float(whole.mean())
     if not least > 0.0:
         return 0.0, 0.0

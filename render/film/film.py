@@ -1,7 +1,7 @@
-"""Filling a picture: tiles from one queue, threads, progress, cancelling, and how many samples each tile needs.
+"""Film: renders a picture tile by tile on all threads, with progress, cancellation and adaptive rounds.
 
-A tile's samples depend on nothing but the tile, and decisions are taken between rounds, when all threads are done: the picture
-is the same bit for bit with any number of threads (a budget of seconds apart, which the clock ends).
+A tile's samples depend on the tile alone, and decisions are made between rounds, without running threads. So the picture is bit-identical
+for any number of threads, except with a budget of seconds.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ import math
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
 from typing import Any, Protocol
 
 import numpy as np
@@ -24,77 +23,77 @@ from ..jit import thread_pool
 from ..simd import target
 from ..types import Film, FirstHits, Tile, View
 from . import accumulate, adaptive_sampling, aov
+from .accumulate import PixelErrors, PixelSums
 
 TILE = 32  # pixels
-FIRST = 16  # samples a pixel before its error is asked for the first time
-CALL = 64  # samples for each pixel of a tile between looks at whether the work has been cancelled or its time is over
+FIRST = 16  # samples a pixel before the first error estimate
+CALL = 64  # samples a pixel of a tile between checks for cancellation and deadline
 
 Counts = NDArray[np.int64]
 Progress = Callable[[int, int], None]
 
 
 class Renderer(Protocol):
-    """What a backend gives the film."""
+    """The interface of a backend to the film."""
 
     by_tile: bool
-    """Whether all pixels of a tile take the same samples; else each may have its own."""
+    """Whether all pixels of a tile take the same number of samples."""
 
     block: int
-    """Pixels of the side of blocks of the picture in which all take the same samples; 1: each has its own."""
+    """Side in pixels of the blocks whose pixels take the same number of samples; 1: each pixel its own."""
 
     side: int
-    """Pixels of a tile's side."""
+    """Side of a tile in pixels."""
 
     @property
     def whole(self) -> Whole | None:
-        """The picture in bands, where that is how the plan draws it: samples are then at fixed places, and tiles are not asked for them."""
+        """The picture, if the backend renders it by itself with fixed samples; None: tile by tile."""
         ...
 
     @property
     def round(self) -> int | None:
-        """Samples a pixel may take between two calls of `refresh`; None: nothing is shared by samples, and nobody calls it."""
+        """Most samples a pixel between two calls of `refresh`; None: samples share nothing, and `refresh` is not called."""
         ...
 
     @property
     def single(self) -> Callable[[Tile, NDArray[np.float32]], int] | None:
-        """What sets a tile's pixels, (h, w, 4) zeros before, where they have but one sample, and tells how many were left out; None:
-        `sample` is asked."""
+        """Renders a tile of one sample a pixel into (h, w, 4) zeros, and returns the samples left out; None: `sample` does it."""
         ...
 
     def refresh(self, samples: int) -> None:
-        """Make anew what the samples of a round share, which will be so many of all pixels together."""
+        """Recompute the data shared by the samples of a round; `samples` counts those of all pixels."""
         ...
 
     def sample(self, tile: Tile, first: Counts, count: Counts, total: int, film: Film) -> None:
-        """Add samples first … first + count - 1, (h, w) each, of `total` of every pixel of the tile; one in all is the pixel's centre."""
+        """Add samples first … first + count - 1, (h, w) each, of `total` of every pixel of the tile; a single one lies at the center."""
         ...
 
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
-        """Write the named channels, (h, w, k) each, as seen at the pixels' centres."""
+        """Write the named channels, (h, w, k) each, at the pixels' centers."""
         ...
 
     def first(self, tile: Tile, sample: int, total: int) -> FirstHits:
-        """What a sample of `total` of each pixel of a tile sees first, in numpy lanes (h · w,)."""
+        """Return the first hits of a sample of `total` of each pixel of a tile, in numpy lanes (h · w,)."""
         ...
 
 
 class Unshared:
-    """What of a Renderer whose samples share nothing."""
+    """Base of renderers whose samples share nothing."""
 
     round: int | None = None
     single: Callable[[Tile, NDArray[np.float32]], int] | None = None
 
     def refresh(self, samples: int) -> None:
-        """Nothing is made anew."""
+        """Do nothing."""
 
 
 class Whole(Protocol):
-    """A picture that a backend draws by itself, piece by piece."""
+    """A picture that a backend renders by itself, in pieces."""
 
     rgba: NDArray[np.float32]
 
     half_difference: NDArray[np.float32] | None
-    """(h, w, 3) by how much what is in `rgba` may be off, as halves of the samples tell; None where they tell nothing."""
+    """(h, w, 3) error estimate of `rgba` from halves of the samples; None if there is none."""
 
     @property
     def jobs(self) -> Sequence[int]:
@@ -103,15 +102,15 @@ class Whole(Protocol):
 
     @property
     def error(self) -> float | None:
-        """√relMSE as `half_difference` tells it."""
+        """√relMSE from `half_difference`."""
         ...
 
     def draw(self, job: int) -> int:
-        """Draw one piece into `rgba`; how many samples were left out because they were not finite."""
+        """Render one piece into `rgba`; return how many samples were left out because they were not finite."""
         ...
 
     def finish(self) -> None:
-        """No more pieces will be drawn: `rgba` is 0 where none was."""
+        """Set `rgba` to 0 where no piece was rendered."""
         ...
 
 
@@ -119,11 +118,10 @@ def run(
     renderer: Renderer, plan: Plan, view: View, progress: Progress | None = None, cancel: threading.Event | None = None,
     mattes: Mattes | None = None,
 ) -> image.Image:  # fmt: skip
-    """Draw plan["crop"] of a picture to plan["samples"], or until plan["error"] or plan["budget"] ends it.
+    """Render plan["crop"] of a picture to plan["samples"], or until plan["error"] or plan["budget"] ends it.
 
     `progress(done, total)` in tiles is called from this thread; `mattes` are for the channels crypto_….
-    Setting `cancel` ends the work; what is done is returned, with
-    metadata["partial"]. An exception in a worker is raised here.
+    Setting `cancel` ends the work; the partial picture is returned, with metadata["partial"]. An exception in a worker is raised here.
     """
     if renderer.whole is not None:
         return _in_pieces(renderer, renderer.whole, plan, view, progress, cancel or threading.Event(), mattes)
@@ -137,7 +135,7 @@ def run(
 
 
 def tiles(crop: tuple[int, int, int, int], side: int = TILE) -> list[Tile]:
-    """The tiles of a crop, from the middle outwards."""
+    """Return the tiles of a crop, from the center outwards."""
     x0, y0, x1, y1 = crop
     every = [Tile(x, y, min(x + side, x1), min(y + side, y1)) for y in range(y0, y1, side) for x in range(x0, x1, side)]
     corners = np.array(every)
@@ -148,7 +146,7 @@ def tiles(crop: tuple[int, int, int, int], side: int = TILE) -> list[Tile]:
 def _in_pieces(
     renderer: Renderer, whole: Whole, plan: Plan, view: View, progress: Progress | None, cancel: threading.Event, mattes: Mattes | None
 ) -> image.Image:  # fmt: skip
-    """A picture that its renderer draws itself; channels beside it are drawn by tiles."""
+    """Render a `Whole` picture; other channels are rendered by tiles."""
     x0, y0, x1, y1 = crop = tuple(plan["crop"])
     names = tuple(plan["aov"])
     channels = {"rgba": whole.rgba, **image.blank(x1 - x0, y1 - y0, names)}
@@ -157,7 +155,7 @@ def _in_pieces(
     extra = tiles(crop) if names else []
     total = len(whole.jobs) + len(extra)
 
-    def told(_: Any, found: int) -> None:
+    def report(_: Any, found: int) -> None:
         nonlocal done, issues
         done, issues = done + 1, issues + found
         if progress is not None:
@@ -165,12 +163,12 @@ def _in_pieces(
 
     def beside(tile: Tile) -> int:
         window = slice(tile.y0 - y0, tile.y1 - y0), slice(tile.x0 - x0, tile.x1 - x0)
-        _beside(renderer, tile, {name: channels[name][window] for name in names}, int(plan["samples"]), mattes)
+        _draw_auxiliary(renderer, tile, {name: channels[name][window] for name in names}, int(plan["samples"]), mattes)
         return 0
 
     parts: Any = ((whole.draw, whole.jobs), (beside, extra))
     for draw, jobs in parts:
-        thread_pool.parallel_for(draw, jobs, threads, cancel, told)
+        thread_pool.parallel_for(draw, jobs, threads, cancel, report)
     whole.finish()
     samples = int(plan["samples"])
     if "samples" in channels:
@@ -184,8 +182,8 @@ def _in_pieces(
     return image.Image(x1 - x0, y1 - y0, channels, about)
 
 
-def _beside(renderer: Renderer, tile: Tile, out: dict[str, NDArray[np.float32]], samples: int, mattes: Mattes | None) -> None:
-    """Write the channels beside a tile's picture that are seen."""
+def _draw_auxiliary(renderer: Renderer, tile: Tile, out: dict[str, NDArray[np.float32]], samples: int, mattes: Mattes | None) -> None:
+    """Write the auxiliary channels of a tile."""
     names = tuple(name for name in out if name in aov.SEEN)
     if names:
         renderer.channels(tile, names, {name: out[name] for name in names})
@@ -195,32 +193,13 @@ def _beside(renderer: Renderer, tile: Tile, out: dict[str, NDArray[np.float32]],
         mattes.put(seen, {name: out[name] for name in mattes.channels})
 
 
-@dataclass(eq=False)
-class _Sums:
-    """What the samples of pixels add up to."""
-
-    color: NDArray[np.float64]  # (h, w, 3)
-    alpha: NDArray[np.float64]
-    issues: Counts
-    samples: Counts
-
-    @classmethod
-    def of(cls, height: int, width: int) -> _Sums:
-        shape = (height, width)
-        return cls(np.zeros((*shape, 3)), np.zeros(shape), np.zeros(shape, np.int64), np.zeros(shape, np.int64))
-
-    def window(self, window: tuple[slice, slice]) -> _Sums:
-        """A part, which writes through to the whole."""
-        return _Sums(*(getattr(self, field.name)[window] for field in fields(self)))
-
-
 def _film(tile: Tile) -> Film:
     shape = (tile.y1 - tile.y0, tile.x1 - tile.x0)
     return Film(np.zeros((*shape, 3)), np.zeros(shape), np.zeros(shape, np.int64))
 
 
 class _Canvas:
-    """A picture being drawn."""
+    """A picture that is being rendered."""
 
     def __init__(
         self, renderer: Renderer, plan: Plan, cancel: threading.Event, progress: Progress | None, mattes: Mattes | None = None
@@ -233,58 +212,58 @@ class _Canvas:
         self.threads = int(plan["threads"]) or target.cores()
         self.width, self.height = self.crop[2] - self.crop[0], self.crop[3] - self.crop[1]
         self.channels = image.blank(self.width, self.height, ("rgba", *self.names))
-        several = (self.height, self.width, 3) if self.most > 1 else (0, 0, 3)  # one sample tells nothing of its error
-        self.variance = np.full(several, np.inf)  # of the means; inf where one batch says nothing
-        self.value = np.zeros(several, np.float32)  # what errors are a share of
+        several = (self.height, self.width, 3) if self.most > 1 else (0, 0, 3)  # one sample has no error estimate
+        self.variance = np.full(several, np.inf)  # of the means; inf after one batch
+        self.value = np.zeros(several, np.float32)  # denominator of relative errors
         self.samples = np.zeros((self.height, self.width), np.int64 if self.most > 1 else np.int8)
         self.decline = adaptive_sampling.Decline()
-        self.least = 0.0  # ε², once something is known
+        self.least = 0.0  # ε², after the first round
         self.tiles = tiles(self.crop, renderer.side)
         self.issues = dict.fromkeys(self.tiles, 0)
         self.drawn = dict.fromkeys(self.tiles, 0)  # samples of all pixels
-        self.spent = 0  # samples of all tiles told of
-        self._kept = threading.local()
-        self.shown = 0  # tiles, as last told to `progress`
+        self.spent = 0  # samples of all finished tiles
+        self._local = threading.local()
+        self.shown = 0  # tiles at the last call of `progress`
 
     def fixed(self) -> None:
-        """The same number of samples for every pixel; sums live only while their tile is drawn, or while there are rounds."""
+        """Render with the same number of samples for every pixel."""
         if self.renderer.round is not None:
             self._in_rounds(self.renderer.round)
             return
         if self.most == 1:
-            self._work(self._once, self.tiles, lambda: self.spent / (self.width * self.height))
+            self._work(self._draw_single, self.tiles, lambda: self.spent / (self.width * self.height))
             return
-        goals = dict.fromkeys(-(-self.most // share) for share in (4, 2, 1))  # each doubling tells of the error, and two how it falls
+        goals = dict.fromkeys(-(-self.most // share) for share in (4, 2, 1))  # one doubling measures the error, two its decline
 
         def draw(tile: Tile) -> None:
-            part = _Sums.of(tile.y1 - tile.y0, tile.x1 - tile.x0)
+            part = PixelSums.zeros(tile.y1 - tile.y0, tile.x1 - tile.x0)
             for goal in goals:
                 self._draw(tile, part, np.full(part.samples.shape, goal))
-            self._extras(tile)
+            self._draw_extras(tile)
 
         whole = self.most * self.width * self.height
         self._work(draw, self.tiles, lambda: self.spent / whole)
 
-    def _once(self, tile: Tile) -> None:
-        """The one sample of each pixel of a tile, by way of memory that the thread keeps."""
+    def _draw_single(self, tile: Tile) -> None:
+        """Render a tile of one sample a pixel, with memory of the thread."""
         shape = tile.y1 - tile.y0, tile.x1 - tile.x0
         window = self._window(tile)
         if self.renderer.single is not None:
             self.issues[tile] = self.renderer.single(tile, self.channels["rgba"][window])
         else:
-            if getattr(self._kept, "shape", None) != shape:
-                self._kept.shape, self._kept.film = shape, _film(tile)
-                self._kept.counts = np.zeros(shape, np.int64), np.ones(shape, np.int64)
-            first, count = self._kept.counts
-            self.renderer.sample(tile, first, count, 1, self._kept.film)
-            self.issues[tile] = accumulate.take_first(self._kept.film, self.channels["rgba"][window])
+            if getattr(self._local, "shape", None) != shape:
+                self._local.shape, self._local.film = shape, _film(tile)
+                self._local.counts = np.zeros(shape, np.int64), np.ones(shape, np.int64)
+            first, count = self._local.counts
+            self.renderer.sample(tile, first, count, 1, self._local.film)
+            self.issues[tile] = accumulate.set_first(self._local.film, self.channels["rgba"][window])
         self.samples[window] = 1
         self.drawn[tile] = shape[0] * shape[1]
-        self._extras(tile)
+        self._draw_extras(tile)
 
     def _in_rounds(self, most: int) -> None:
-        """The same number of samples for every pixel, all tiles by turns, where samples share what is made anew in between."""
-        whole_sums = _Sums.of(self.height, self.width)
+        """Render all tiles in rounds of equally many samples, with `Renderer.refresh` before each."""
+        whole_sums = PixelSums.zeros(self.height, self.width)
         goals = sorted({-(-self.most // share) for share in (4, 2, 1)} | set(range(most, self.most, most)))
         pixels, before = self.width * self.height, 0
         for goal in goals:
@@ -296,11 +275,11 @@ class _Canvas:
 
             self._work(draw, self.tiles, lambda: self.spent / (self.most * pixels))
             before = goal
-        self._work(self._extras, self.tiles, lambda: 1.0)
+        self._work(self._draw_extras, self.tiles, lambda: 1.0)
 
     def adaptive(self, error: float, deadline: float) -> None:
-        """Rounds, in which the pixels where it is worth most get two or four times their samples."""
-        whole_sums = _Sums.of(self.height, self.width)
+        """Render in rounds; the pixels of greatest benefit get two or four times their samples."""
+        whole_sums = PixelSums.zeros(self.height, self.width)
         first = min(FIRST, self.most)
         began = time.perf_counter()
 
@@ -310,7 +289,7 @@ class _Canvas:
                 if goal == first and time.perf_counter() > deadline:
                     break
                 self._draw(tile, part, np.full(part.samples.shape, goal))
-            self._extras(tile)
+            self._draw_extras(tile)
 
         whole = first * whole_sums.samples.size
         if self.renderer.round is not None:
@@ -333,7 +312,7 @@ class _Canvas:
             if self.renderer.round is not None:
                 self.renderer.refresh(int(np.sum(goals - whole_sums.samples)))
             added = {tile: int(np.sum(goals[self._window(tile)] - whole_sums.samples[self._window(tile)])) for tile in self.tiles}
-            more = sorted((tile for tile in self.tiles if added[tile]), key=lambda tile: -added[tile])  # no thread is left with a long one
+            more = sorted((tile for tile in self.tiles if added[tile]), key=lambda tile: -added[tile])  # longest first, for load balance
             if not more:
                 break
 
@@ -344,8 +323,8 @@ class _Canvas:
             whole = int(goals.sum())
             self._work(draw, more, share)
 
-    def _double(self, tile: Tile, part: _Sums, goals: Counts, deadline: float) -> None:
-        """Bring a tile's pixels to their goals by doublings."""
+    def _double(self, tile: Tile, part: PixelSums, goals: Counts, deadline: float) -> None:
+        """Render a tile's pixels up to their goals, by doublings."""
         for _ in range(adaptive_sampling.MOST_DOUBLINGS):
             step = np.minimum(goals, 2 * part.samples)
             if np.array_equal(step, part.samples):
@@ -353,23 +332,23 @@ class _Canvas:
             self._draw(tile, part, step, deadline)
 
     def _goals(self, relative: NDArray[np.float64], samples: Counts, excess: float, affordable: float) -> Counts:
-        """(h, w) samples each pixel shall have after the next round, so that `relative` falls by the share `excess`."""
+        """Return (h, w) samples of each pixel after the next round, so that `relative` falls by the share `excess`."""
         if self.renderer.by_tile:
             known = relative.copy()
             for tile in self.tiles:
                 known[self._window(tile)] = known[self._window(tile)].mean()
         else:
-            known = adaptive_sampling.smoothed(relative, samples)
+            known = adaptive_sampling.smooth(relative, samples)
         if excess < 1.0:
             doublings = adaptive_sampling.doublings_for_error(known, samples, self.most, excess)
             if np.sum(samples * (2**doublings - 1)) <= affordable:
                 return np.minimum(samples * 2**doublings, self.most)
-        # No more than there are in a round, lest pixels get what they don't need while others may only take four times as many.
+        # A round at most doubles all samples: beyond that, pixels at four times their own leave samples to pixels without need.
         doublings = adaptive_sampling.doublings_for_samples(known, samples, self.most, min(affordable, float(samples.sum())))
         return np.minimum(samples * 2**doublings, self.most)
 
-    def _draw(self, tile: Tile, part: _Sums, goals: Counts, deadline: float = math.inf) -> None:
-        """Bring the pixels of a tile to their goals, as one batch, and show what it has; less where it is cancelled or too late."""
+    def _draw(self, tile: Tile, part: PixelSums, goals: Counts, deadline: float = math.inf) -> None:
+        """Render the pixels of a tile up to their goals as one batch; less if cancelled or after the deadline."""
         film, count = _film(tile), goals - part.samples
         start, most = 0, int(count.max(initial=0))
         while start < most and not (self.cancel.is_set() or time.perf_counter() > deadline):
@@ -379,25 +358,23 @@ class _Canvas:
         if start < most:
             count = np.minimum(count, start)
         window = self._window(tile)
-        accumulate.take_in(
-            film, count, part.color, part.alpha, part.issues, part.samples, self.variance[window], self.value[window],
-            self.channels["rgba"][window], self.least, self.decline.of(tile),
-        )  # fmt: skip
+        errors = PixelErrors(self.variance[window], self.value[window])
+        accumulate.add_samples(film, count, part, errors, self.channels["rgba"][window], self.least, self.decline.of(tile))
         self.samples[window] = part.samples
         self.drawn[tile] = int(part.samples.sum())
         self.issues[tile] = int(part.issues.sum())
 
-    def _extras(self, tile: Tile) -> None:
+    def _draw_extras(self, tile: Tile) -> None:
         if self.names:
             window = self._window(tile)
-            _beside(self.renderer, tile, {name: self.channels[name][window] for name in self.names}, self.most, self.mattes)
+            _draw_auxiliary(self.renderer, tile, {name: self.channels[name][window] for name in self.names}, self.most, self.mattes)
 
     def _window(self, tile: Tile) -> tuple[slice, slice]:
         x0, y0 = self.crop[:2]
         return slice(tile.y0 - y0, tile.y1 - y0), slice(tile.x0 - x0, tile.x1 - x0)
 
     def _relative(self) -> NDArray[np.float64]:
-        """(h, w) variance / (value² + ε²) of what has been drawn, ε as in metrics.root_relmse; sets `least`, ε²."""
+        """(h, w) variance / (value² + ε²) of all pixels, ε as in metrics.root_relmse; sets `least`, ε²."""
         rgba = self.channels["rgba"]
         mean = np.einsum("ijk->k", rgba, dtype=np.float64) / (rgba.size // rgba.shape[-1])
         luminance = float(mean[:3] @ metrics.LUMINANCE)
@@ -407,29 +384,29 @@ class _Canvas:
         return out
 
     def _work(self, draw: Callable[[Tile], None], jobs: Sequence[Tile], fraction: Callable[[], float]) -> None:
-        """Draw tiles on all threads; `fraction` of the whole is told on after each. The first exception ends it, here."""
+        """Render tiles on all threads, and report the `fraction` done after each; the first exception is raised here."""
         known = dict(self.drawn)
 
-        def told(tile: Tile, _: None) -> None:
+        def report(tile: Tile, _: None) -> None:
             self.spent += self.drawn[tile] - known[tile]
-            self._tell(fraction())
+            self._report(fraction())
 
-        thread_pool.parallel_for(draw, jobs, self.threads, self.cancel, told)
+        thread_pool.parallel_for(draw, jobs, self.threads, self.cancel, report)
 
-    def _tell(self, fraction: float) -> None:
+    def _report(self, fraction: float) -> None:
         done = int(min(fraction, 1.0) * len(self.tiles) + 1e-9)
         if self.progress is not None and done > self.shown:
             self.progress(done, len(self.tiles))
             self.shown = done
 
     def finish(self, view: View) -> image.Image:
-        """The picture with what is known about it."""
+        """Return the picture with its metadata."""
         partial = self.cancel.is_set() and bool(self.samples.min() == 0 or self.samples.min() < self.most)
         error = None
         if self.most > 1 and np.isfinite(self.variance).all():
             error = math.sqrt(float(np.mean(self._relative())))
         if not partial:
-            self._tell(1.0)
+            self._report(1.0)
         rays = int(self.samples.sum() if self.most > 1 else np.count_nonzero(self.samples))
         if "samples" in self.channels:
             self.channels["samples"][..., 0] = self.samples

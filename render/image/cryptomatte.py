@@ -1,7 +1,7 @@
-"""Cryptomatte: which things a pixel shows and how much of it each covers, as ranked pairs of ids and shares for compositing.
+"""Cryptomatte channels: ranked pairs of id and coverage in each pixel, for compositing.
 
 Friedman & Jones 2015, Fully Automatic ID Mattes with Support for Motion Blur and Transparency, and the Cryptomatte specification 1.2.0:
-an id is the MurmurHash3 of a name, taken as the bits of a float32; a file's manifest tells the names.
+an id is the MurmurHash3 of a name, as the bits of a float32; a file's manifest lists the names.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from ...compiler import ir
 
 LAYERS = {"crypto_object": "CryptoObject", "crypto_material": "CryptoMaterial"}  # channel -> name of the layer
-RANKS = 6  # things a pixel tells at the most: those that cover most of it
-SAMPLES = 64  # of a pixel, at the most, of which shares are told
+RANKS = 6  # most pairs of a pixel, those of greatest coverage
+SAMPLES = 64  # most samples of a pixel that coverage is computed from
 _MASK = 0xFFFFFFFF
 
 
@@ -26,30 +26,30 @@ def murmur3(data: bytes, seed: int = 0) -> int:
     h = seed
     whole = len(data) & ~3
     for at in range(0, whole, 4):
-        h ^= _scrambled(int.from_bytes(data[at : at + 4], "little"))
+        h ^= _scramble(int.from_bytes(data[at : at + 4], "little"))
         h = ((h << 13 | h >> 19) * 5 + 0xE6546B64) & _MASK
     if len(data) > whole:
-        h ^= _scrambled(int.from_bytes(data[whole:], "little"))
+        h ^= _scramble(int.from_bytes(data[whole:], "little"))
     h ^= len(data)
     h = ((h ^ h >> 16) * 0x85EBCA6B) & _MASK
     h = ((h ^ h >> 13) * 0xC2B2AE35) & _MASK
     return h ^ h >> 16
 
 
-def _scrambled(k: int) -> int:
+def _scramble(k: int) -> int:
     k = (k * 0xCC9E2D51) & _MASK
     k = (k << 15 | k >> 17) & _MASK
     return (k * 0x1B873593) & _MASK
 
 
 def id_of(name: str) -> int:
-    """The 32 bits of a name's id; never those of a float32 that is 0, denormal, infinite or no number."""
+    """Return the 32 bits of a name's id, which are a normal float32."""
     bits = murmur3(name.encode())
     return bits ^ (1 << 23) if bits >> 23 & 255 in (0, 255) else bits
 
 
 def names_of(scene: ir.Scene) -> dict[str, tuple[str, ...]]:
-    """The names by which a channel tells instances: their own and their materials'; what has none gets one of its kind and place."""
+    """Return each channel's names of instances: their own, or their materials'; nameless ones get their kind and row."""
     tables = scene.tables
     kinds = tables.geometries.kind[tables.instances.geometry].tolist()
     things = _named(scene.names.instances, [ir.GeometryKind(kind).name for kind in kinds])
@@ -58,13 +58,13 @@ def names_of(scene: ir.Scene) -> dict[str, tuple[str, ...]]:
 
 
 def _named(names: Sequence[str], kinds: Sequence[str]) -> tuple[str, ...]:
-    """Names, and where there is none the kind and the row."""
+    """Names, or kind and row."""
     given = names or [""] * len(kinds)
     return tuple(name or f"{kind.lower()}.{row}" for row, (name, kind) in enumerate(zip(given, kinds, strict=True)))
 
 
 class Mattes:
-    """The layers of a picture."""
+    """The Cryptomatte layers of a picture."""
 
     def __init__(self, scene: ir.Scene, channels: Sequence[str]) -> None:
         self.channels = tuple(channels)
@@ -72,7 +72,7 @@ class Mattes:
         self._ids = {name: np.array([id_of(n) for n in names] or [0], np.uint32).view(np.float32) for name, names in self._names.items()}
 
     def put(self, seen: NDArray[np.int64], out: dict[str, NDArray[np.float32]]) -> None:
-        """Write the channels, (h, w, 2 · RANKS) each, of samples that see instances (n, h · w); -1 sees nothing."""
+        """Write the channels, (h, w, 2 · RANKS) each, of samples that hit instances (n, h · w), -1 for misses."""
         for name, ids in self._ids.items():
             distinct, which = np.unique(ids, return_inverse=True)
             label = np.where(seen >= 0, which[np.maximum(seen, 0)], len(distinct))
@@ -80,7 +80,7 @@ class Mattes:
 
     @property
     def attributes(self) -> dict[str, str]:
-        """What a file says of its layers."""
+        """The file attributes of the layers."""
         said = {}
         for name, names in self._names.items():
             layer = LAYERS[name]
@@ -92,7 +92,7 @@ class Mattes:
 
 
 def _ranked(label: NDArray[np.int64], ids: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(pixels, 2 · RANKS) id and share of what covers most of each pixel, by falling share; label (n, pixels) is len(ids) for nothing."""
+    """(pixels, 2 · RANKS) ids and coverages of each pixel by falling coverage; label (n, pixels) is len(ids) for misses."""
     n, pixels = label.shape
     here = np.unique(label)
     here = here[here < len(ids)]
@@ -111,11 +111,11 @@ def _ranked(label: NDArray[np.int64], ids: NDArray[np.float32]) -> NDArray[np.fl
 
 
 def channel_names(name: str) -> tuple[str, ...]:
-    """The names of a layer's channels in a file: two pairs to a layer of four."""
+    """Return the names of a layer's channels in a file: two pairs in four components."""
     return tuple(f"{LAYERS[name]}{k // 4:02d}.{'RGBA'[k % 4]}" for k in range(2 * RANKS))
 
 
 def matte(channel: NDArray[Any], name: str) -> NDArray[np.float64]:
-    """(h, w) how much of each pixel the thing or material of a name covers."""
+    """Return (h, w): coverage of each pixel by the instance or material of a name."""
     pairs = channel.reshape(*channel.shape[:2], RANKS, 2)
     return np.where(np.ascontiguousarray(pairs[..., 0]).view(np.uint32) == id_of(name), pairs[..., 1], 0.0).sum(axis=-1)

@@ -1,4 +1,4 @@
-"""A drawn picture: named float32 channels and what is known about how it came to be."""
+"""Image: named float32 channels and metadata."""
 
 from __future__ import annotations
 
@@ -14,25 +14,24 @@ WIDTHS = {
     "rgba": 4, "depth": 1, "normal": 3, "position": 3, "albedo": 3, "uv": 2, "id": 2, "issues": 1, "variance": 3, "samples": 1,
     "crypto_object": 12, "crypto_material": 12,
 }  # fmt: skip
-"""Numbers a pixel of each channel has. rgba: scene-linear, unexposed, alpha is coverage; depth in metres along the camera's axis,
-inf where nothing is; normal and position in the world; albedo k_d; id: instance and material, -1 where nothing is; issues: 1 where
-the first root of a formula could not be proved; variance of the pixel's mean, as its halves tell it; samples taken; crypto_…: see
-cryptomatte.py. Light groups, `light:NAME`, have three."""
+"""Components of each channel. rgba: scene-linear, unexposed, alpha is coverage; depth in metres along the camera's axis, inf for misses;
+normal and position in world space; albedo k_d; id: instance and material, -1 for misses; issues: 1 where the first root of a formula is
+unproven; variance of the pixel's mean, estimated from halves; samples; crypto_…: see cryptomatte.py. Light groups, `light:NAME`, have
+three."""
 LIGHT = 3
 
-EMPTY = {"depth": np.inf, "id": -1.0}  # what stands where nothing was hit or drawn; 0 elsewhere
+EMPTY = {"depth": np.inf, "id": -1.0}  # values of pixels without a hit or a sample; 0 in other channels
 
 
 @dataclass(frozen=True, eq=False)
 class Image:
-    """`width` by `height` pixels, the crop's where there was one; each channel (height, width, k) float32.
+    """`width` by `height` pixels (of the crop); each channel is (height, width, k) float32.
 
     `metadata` as film.run fills it: "size" and "crop" (x0, y0, x1, y1) of the whole picture, "samples" (the most any pixel
     has), "samples_mean", "error" (estimated √relMSE, None where unknown), "variance" (of the pixels' means, (height, width, 3), inf
-    where unknown; None after one sample), "partial", "rays" (from the camera),
-    "issues" (samples left out because they were not
-    finite), "threads"; and as draw.draw adds: "seconds" by stage, "backend", "notes", "unproved", "cut" and
-    "attributes", what a file is to say of its channels.
+    where unknown; None after one sample), "partial", "rays" (from the camera), "issues" (samples left out because they were not finite),
+    "threads". render_scene.draw adds "seconds" by stage, "backend", "notes", "unproved", "cut" and "attributes" (file attributes of the
+    channels).
     """
 
     width: int
@@ -47,5 +46,5 @@ class Image:
 
 
 def blank(width: int, height: int, names: tuple[str, ...]) -> dict[str, NDArray[np.float32]]:
-    """Channels of a picture with nothing in it."""
+    """Return the channels of an empty picture."""
     return {name: np.full((height, width, WIDTHS.get(name, LIGHT)), EMPTY.get(name, 0.0), np.float32) for name in names}

@@ -1,4 +1,4 @@
-"""An Image to a file and back: EXR linear with named channels, 8 and 16-bit pictures after exposure and view; whole or not at all."""
+"""Reading and writing of image files: linear EXR with named channels, and 8 or 16-bit pictures after exposure and view transform."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from .srgb import decode_srgb, encode_srgb
 LINEAR = (".exr",)
 DEPTHS = {".png": (8, 16), ".tif": (8, 16), ".tiff": (8, 16), ".jpg": (8,), ".jpeg": (8,)}  # bits a channel, by extension
 WITH_ALPHA = (".png", ".tif", ".tiff")
-PNG_SUB = 16  # libpng's for differences from the pixel before: with zlib's level 4 a quarter of the defaults' time, for about the same size
+PNG_SUB = 16  # libpng's Sub filter: with zlib level 4 a quarter of the default time, for about the same size
 MIDDLE_GREY = 0.18
-ABOUT = "maquette:"  # before the names of attributes
+ABOUT = "maquette:"  # prefix of attribute names
 WORKING_SPACE = "lin_rec709_scene"  # OpenColorIO's name for scene-linear Rec.709
 
 CHANNEL_NAMES: dict[str, tuple[str, ...]] = {
@@ -38,16 +38,16 @@ CHANNEL_NAMES: dict[str, tuple[str, ...]] = {
     "issues": ("issues.N",),
     **{name: cryptomatte.channel_names(name) for name in cryptomatte.LAYERS},
 }
-LIGHT = "light:"  # before the names of light groups, which are layers light_NAME of a file
+LIGHT = "light:"  # prefix of light group channels, which are layers light_NAME in files
 
 
 class FormatError(ValueError):
-    """A file name, depth or view that cannot be had, or does not go together; the message says what there is."""
+    """An unsupported or incompatible file name, bit depth or view; the message lists the supported ones."""
 
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """How scene-linear light becomes the numbers of an 8 or 16-bit picture. Exposure is in stops: + 1 is twice as bright."""
+    """Conversion of scene-linear light to an 8 or 16-bit picture. Exposure is in stops: + 1 is twice as bright."""
 
     exposure: float = 0.0
     view: str = "sRGB"
@@ -56,7 +56,7 @@ class Look:
 
 
 def check(path: Path, aov: tuple[str, ...] = (), bits: int | None = None, view: str = "sRGB") -> None:
-    """See before rendering that a file called `path` can hold what is asked. Raises FormatError."""
+    """Check before rendering that a file named `path` supports the request. Raises FormatError."""
     suffix = path.suffix.lower()
     if suffix not in LINEAR and suffix not in DEPTHS:
         known = ", ".join((*LINEAR, *DEPTHS))
@@ -72,19 +72,19 @@ def check(path: Path, aov: tuple[str, ...] = (), bits: int | None = None, view: 
 
 
 def write(picture: images.Image, path: Path, look: Look, about: Mapping[str, str | int | float]) -> None:
-    """Write `picture` to `path` by a temporary file in the same folder, renamed: the old file or the new one, never a part.
+    """Write `picture` to `path` atomically, by renaming a temporary file in the same folder.
 
-    EXR: float32, scene-linear, unexposed, associated alpha, every channel by name. Others: exposed, seen through the view,
-    unassociated alpha where `look.alpha`, else the picture over black. Keys of `about` become `maquette:key` attributes.
+    EXR: float32, scene-linear, unexposed, associated alpha, all channels. Others: exposed, view-transformed, with unassociated alpha if
+    `look.alpha`, else over black. Keys of `about` become `maquette:key` attributes.
     """
     with Strips(path, look, about, picture.height) as file:
         file.add(picture)
 
 
 class Strips:
-    """A file that is written strip by strip, from the top down, as `write` writes a whole picture.
+    """A file written strip by strip from the top, as by `write`.
 
-    A context: what has not got all of its rows when it ends is removed, and the old file stays.
+    As a context manager, it keeps the old file unless all rows have been written.
     """
 
     def __init__(self, path: Path, look: Look, about: Mapping[str, str | int | float], height: int) -> None:
@@ -163,11 +163,11 @@ def _problem_at_end(path: Path) -> str:
 
 
 def read(path: Path) -> images.Image:
-    """A picture from any file OpenImageIO knows, as scene-linear rgba with associated alpha (1 where the file has none).
+    """Read a picture in any format of OpenImageIO, as scene-linear rgba with associated alpha (1 without an alpha channel).
 
-    Integer files are taken as sRGB with unassociated alpha, float files as linear. Other channels that maquette writes are
-    read too. metadata: "size" and "crop" in the whole picture, "bits" a channel (of an integer file, 0 of floats), whether
-    it has "alpha", and "about", what `write` was told about it (as text). Raises FormatError where there is no picture to read.
+    Integer files are sRGB with unassociated alpha, float files are linear. Other channels that maquette writes are read, too. metadata:
+    "size" of the whole picture and "crop" in it, "bits" a channel (0 for floats), "alpha": whether it has alpha, and "about": the texts
+    that `write` got. Raises FormatError if the file is missing or not a picture.
     """
     wanted = oiio.ImageSpec()
     wanted.attribute("oiio:UnassociatedAlpha", 1)
@@ -186,10 +186,10 @@ def read(path: Path) -> images.Image:
     return _as_image(np.asarray(pixels, dtype=np.float32).reshape(spec.height, spec.width, -1), spec)
 
 
-def metered(rgba: NDArray[np.floating]) -> float:
-    """The exposure in stops that brings the log-average luminance to middle grey (Reinhard et al. 2002), to 1/100 stop.
+def auto_exposure(rgba: NDArray[np.floating]) -> float:
+    """Return the exposure in stops that maps the log-average luminance to middle grey (Reinhard et al. 2002), to 1/100 stop.
 
-    Pixels without light are left out. 0 where there is none at all.
+    Black pixels are left out; a black picture gives 0.
     """
     y = metrics.luminance(rgba[..., :3])
     lit = y[np.isfinite(y) & (y > 0)]
@@ -199,7 +199,7 @@ def metered(rgba: NDArray[np.floating]) -> float:
 
 
 def views() -> tuple[str, ...]:
-    """The names `view` may have: sRGB, and those that OpenColorIO's configuration ($OCIO or its own) has for its display."""
+    """Return the names of views: sRGB, and those of the default display in OpenColorIO's configuration ($OCIO or its own)."""
     config = oiio.ColorConfig()
     return ("sRGB", *config.getViewNames(config.getDefaultDisplayName()))
 
@@ -218,7 +218,7 @@ def _all_channels(picture: images.Image) -> NDArray[np.float32]:
 
 
 def _place(spec: Any, picture: images.Image) -> None:
-    """A crop stands at its place in the whole picture (the display window)."""
+    """Set the data window to the crop, and the display window to the whole picture."""
     if "crop" in picture.metadata:
         spec.x, spec.y = picture.metadata["crop"][:2]
         spec.full_x, spec.full_y = 0, 0

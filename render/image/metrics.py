@@ -1,4 +1,4 @@
-"""How far two pictures are apart: √relMSE as the whole of maquette means it, the largest difference, a picture of it."""
+"""Image metrics: √relMSE, the greatest difference, and a false-color difference image."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 LUMINANCE = np.array([0.2126729, 0.7151522, 0.0721750])  # Y of the Rec.709 primaries
-EPSILON = 0.01  # of the reference's mean luminance: below it a relative error means nothing
+EPSILON = 0.01  # of the reference's mean luminance: lower bound of the denominator of relative errors
 
 Pixels = NDArray[np.floating]
 
 
 class SizeError(ValueError):
-    """Two pictures that cannot be compared, with their sizes in the message."""
+    """Pictures of different sizes, which the message gives."""
 
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """What `compare` found. `error` is √relMSE; `maximum` the largest |a - b| of any channel, at pixel `at` (x, y)."""
+    """The result of `difference`. `error` is √relMSE; `maximum` the greatest |a - b| of any channel, at pixel `at` (x, y)."""
 
     error: float
     maximum: float
@@ -29,12 +29,12 @@ class Difference:
 
 
 def luminance(rgb: Pixels) -> NDArray[np.float64]:
-    """Relative luminance of linear Rec.709 colours (…, 3) -> (…)."""
+    """Return the relative luminance (…) of linear Rec.709 colors (…, 3)."""
     return np.asarray(rgb, dtype=np.float64) @ LUMINANCE
 
 
 def root_relmse(image: Pixels, reference: Pixels) -> float:
-    """√mean((I − R)² / (R² + ε²)) over all pixels and channels, ε = 1 % of the reference's mean luminance.
+    """Return √mean((I − R)² / (R² + ε²)) over all pixels and channels, ε = 1 % of the reference's mean luminance.
 
     Both are linear (height, width, 3). A pixel that is inf or nan in one alone makes the error infinite; where both hold
     the same value the error is 0, so a black picture can be compared with itself.
@@ -44,7 +44,7 @@ def root_relmse(image: Pixels, reference: Pixels) -> float:
 
 
 def squared_relative(image: Pixels, reference: Pixels) -> NDArray[np.float64]:
-    """(height, width, 3) of (I − R)² / (R² + ε²): what `root_relmse` is the root of the mean of."""
+    """Return (I − R)² / (R² + ε²), (height, width, 3); `root_relmse` is the root of its mean."""
     a, b = _same_size(image, reference)
     if a.size == 0:
         return np.zeros_like(a)
@@ -76,9 +76,9 @@ def difference(image: Pixels, reference: Pixels) -> Difference:
 
 
 def false_colour(image: Pixels, reference: Pixels, full: float | None = None) -> NDArray[np.float32]:
-    """Where `image` is brighter than `reference` (red) and darker (blue), white where equal: linear (height, width, 3).
+    """Return linear (height, width, 3): red where `image` is brighter than `reference`, blue where darker, white where equal.
 
-    Colours are full at a luminance difference of ±`full`; None takes `full_scale`.
+    Colors are saturated at a luminance difference of ±`full`; None takes `full_scale`.
     """
     a, b = _same_size(image, reference)
     with np.errstate(invalid="ignore"):
@@ -92,7 +92,7 @@ def false_colour(image: Pixels, reference: Pixels, full: float | None = None) ->
 
 
 def full_scale(image: Pixels, reference: Pixels) -> float:
-    """The 99.5th percentile of the luminance differences there are, so that a few stray pixels do not hide the rest; 1 without any."""
+    """Return the 99.5th percentile of nonzero luminance differences, against outliers; 1 without any."""
     a, b = _same_size(image, reference)
     with np.errstate(invalid="ignore"):
         apart = np.abs(luminance(a - b))
@@ -101,7 +101,7 @@ def full_scale(image: Pixels, reference: Pixels) -> float:
 
 
 def distance(a: Pixels, b: Pixels) -> NDArray[np.float64]:
-    """|a − b|, 0 where both are the same inf or both nan, inf where only one is not finite."""
+    """Return |a − b|: 0 where both are the same inf or both nan, inf where only one is not finite."""
     with np.errstate(invalid="ignore"):
         apart = np.abs(a - b)
     apart[(a == b) | (np.isnan(a) & np.isnan(b))] = 0.0

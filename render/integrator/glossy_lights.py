@@ -1,6 +1,7 @@
-"""Lamps met along highlights: where these are narrow, samples of lamps seldom fall into them, and rays along them often meet lamps.
+"""Lights hit by sampled directions of glossy lobes, for the Whitted integrator.
 
-Light that both ways find is shared out between them (Veach and Guibas 1995, "Optimally Combining Sampling Techniques", power heuristic).
+Light samples seldom fall into narrow lobes. Both strategies are combined by multiple importance sampling (Veach and Guibas 1995,
+"Optimally Combining Sampling Techniques", power heuristic).
 """
 
 from __future__ import annotations
@@ -17,36 +18,36 @@ from ..lanes import affine, ops
 from ..light import lights
 from ..light.lights import Arriving
 from ..material import bsdf, principled
-from ..material.bsdf import Shader
+from ..material.shader import Shader
 from ..types import Lane, NoGlossyLights, Tables, Vec
 
 
-class Lamps(NamedTuple):
-    """Those that have an extent."""
+class GlossyLights(NamedTuple):
+    """The lights with an extent."""
 
     rows: NDArray[np.int64]  # of lights
 
 
-def of(tables: ir.Tables) -> Lamps | NoGlossyLights:
-    """The lamps that rays along highlights can meet; none where no material has microfacets."""
+def find_glossy_lights(tables: ir.Tables) -> GlossyLights | NoGlossyLights:
+    """Return the lights that lobe samples can hit; none in scenes without microfacets."""
     if not isinstance(tables.materials, principled.Layered):
         return NoGlossyLights()
     kinds = tables.lights.kind
     wide = ir.is_in(kinds, (lights.RECTANGLE, lights.DISK, lights.SPHERE)) | ((kinds == lights.SUN) & (tables.lights.angle > 0.0))
     rows = np.flatnonzero(wide)
-    return Lamps(rows.astype(np.int64)) if len(rows) else NoGlossyLights()
+    return GlossyLights(rows.astype(np.int64)) if len(rows) else NoGlossyLights()
 
 
 @helper
-def _plainly(shader: Shader, tables: Tables, light: int, normal: Vec, arriving: Arriving, viewer: Vec, active: Lane) -> Vec:
+def _reflected(shader: Shader, tables: Tables, light: int, normal: Vec, arriving: Arriving, viewer: Vec, active: Lane) -> Vec:
     return bsdf.reflected(shader, normal, arriving.direction, viewer)
 
 
 @helper
-def _shared_out(
+def _weighted_reflected(
     lamps: Any, shader: Shader, tables: Tables, light: int, normal: Vec, arriving: Arriving, viewer: Vec, active: Lane
 ) -> Vec:  # fmt: skip
-    """`materials.reflected` of a sample of a lamp, less what is left to rays along the highlight."""
+    """`bsdf.reflected` of a light sample, with the MIS weight against lobe samples."""
     glossy = active & bsdf.is_glossy(shader)
     if lights.is_soft(tables, light) and ops.any_lane(glossy):
         matt, shine, density = bsdf.eval_lobes_pdf(shader, normal, arriving.direction, viewer)
@@ -58,7 +59,7 @@ def _shared_out(
 
 @helper
 def solid_angle(tables: Tables, light: int, arriving: Arriving) -> Lane:
-    """One over the density of a sample of a lamp with an extent, in sr."""
+    """Return 1 over the density of a sample of a light with an extent, in sr."""
     color = tables.lights.color
     brightest = max(color[light, 0], max(color[light, 1], color[light, 2]))
     found = ops.largest(arriving.irradiance) / max(brightest, lights.TINY)
@@ -69,34 +70,34 @@ def solid_angle(tables: Tables, light: int, arriving: Arriving) -> Lane:
 
 @helper
 def _half_chord(tables: Tables, light: int) -> float:
-    """Half of the chord of a sun's disk, on a unit sphere: its square is half of 1 - cos of half the disk's angle."""
+    """Half the chord of a sun's disk on the unit sphere: its square is (1 - cos of half the disk's angle) / 2."""
     return math.sin(0.5 * tables.lights.angle[light])
 
 
 @helper
 def intersect_lights(tables: Tables, light: int, place: Vec, direction: Vec) -> tuple[Lane, Lane, Lane]:
-    """(distance, solid angle as its samples count, radiance over the lamp's colour) of a lamp in a direction; 0 where it is not."""
+    """(distance, solid angle of its sampling, radiance over its color) of a light hit in a direction; solid angle 0 for misses."""
     kind = tables.lights.kind[light]
     if kind == lights.SUN:
-        return _meet_sun(tables, light, direction)
+        return _intersect_sun(tables, light, direction)
     if kind == lights.SPHERE:
-        return _meet_ball(tables, light, place, direction)
-    return _meet_plate(tables, light, place, direction)
+        return _intersect_sphere(tables, light, place, direction)
+    return _intersect_plate(tables, light, place, direction)
 
 
 @helper
-def _meet_sun(tables: Tables, light: int, direction: Vec) -> tuple[Lane, Lane, Lane]:
+def _intersect_sun(tables: Tables, light: int, direction: Vec) -> tuple[Lane, Lane, Lane]:
     axis = (tables.lights.direction[light, 0], tables.lights.direction[light, 1], tables.lights.direction[light, 2])
     half = _half_chord(tables, light)
     off = ops.sub(direction, axis)
-    inside = ops.dot(off, off) <= 4.0 * half * half  # of a chord, without cancelling
+    inside = ops.dot(off, off) <= 4.0 * half * half  # by the chord, without cancellation
     solid = 4.0 * math.pi * half * half
     zero = 0.0 * off[0]
     return zero + lights.FAR, ops.where(inside, zero + solid, zero), zero + 1.0 / (solid * (1.0 - half * half))
 
 
 @helper
-def _meet_ball(tables: Tables, light: int, place: Vec, direction: Vec) -> tuple[Lane, Lane, Lane]:
+def _intersect_sphere(tables: Tables, light: int, place: Vec, direction: Vec) -> tuple[Lane, Lane, Lane]:
     row, matrix = tables.lights.transform[light], tables.transforms.matrix
     radius = tables.lights.size[light, 0] * ops.length(affine.transform_vector(matrix, row, (1.0, 0.0, 0.0)))
     way = ops.sub(affine.transform_point(matrix, row, (0.0, 0.0, 0.0)), place)
@@ -107,12 +108,12 @@ def _meet_ball(tables: Tables, light: int, place: Vec, direction: Vec) -> tuple[
     reach = ops.sqrt(ops.maximum(left, 0.0))
     distance = ops.where(outside, middle - reach, middle + reach)
     solid = 2.0 * math.pi * lights.ball_height(squared, radius + 0.0 * squared)
-    met = (left >= 0.0) & (distance > 0.0)
-    return distance * lights.SHORT, ops.where(met, solid, 0.0), 0.0 * distance + 1.0
+    hit = (left >= 0.0) & (distance > 0.0)
+    return distance * lights.SHORT, ops.where(hit, solid, 0.0), 0.0 * distance + 1.0
 
 
 @helper
-def _meet_plate(tables: Tables, light: int, place: Vec, direction: Vec) -> tuple[Lane, Lane, Lane]:
+def _intersect_plate(tables: Tables, light: int, place: Vec, direction: Vec) -> tuple[Lane, Lane, Lane]:
     row, inverse = tables.lights.transform[light], tables.transforms.inverse
     half_x, half_z = tables.lights.size[light, 0], tables.lights.size[light, 1]
     start, along = affine.transform_point(inverse, row, place), affine.transform_vector(inverse, row, direction)
@@ -125,16 +126,16 @@ def _meet_plate(tables: Tables, light: int, place: Vec, direction: Vec) -> tuple
     else:
         inside = (ops.absolute(x) <= half_x) & (ops.absolute(z) <= half_z)
     cosine = -ops.dot(direction, face)
-    met = inside & (distance > 0.0) & (cosine > 0.0)
+    hit = inside & (distance > 0.0) & (cosine > 0.0)
     solid = cosine * area / ops.maximum(distance * distance, lights.TINY)
-    return distance * lights.SHORT, ops.where(met, solid, 0.0), 0.0 * distance + 1.0
+    return distance * lights.SHORT, ops.where(hit, solid, 0.0), 0.0 * distance + 1.0
 
 
 @helper
 def weight(density: Lane, solid: Lane) -> Lane:
-    """What of a lamp's light counts along a highlight whose rays have this density, 0 where they are not on it."""
+    """Return the MIS weight of a lobe sample of this density; 0 where it misses the light."""
     ratio = density * solid
     return ratio * ratio / (1.0 + ratio * ratio)
 
 
-reflected = specialize_either(_shared_out, _plainly)
+reflected = specialize_either(_weighted_reflected, _reflected)

@@ -1,11 +1,11 @@
-"""Photons where they landed, and what a place makes of those around it: kernel density estimates that sharpen as photons add up.
+"""Photon maps: storage of photons in a hashed grid, and kernel density estimates from them.
 
 Jensen 1996, Global Illumination using Photon Maps; progressive as Knaus and Zwicker 2011, Progressive Photon Mapping: A Probabilistic
-Approach: the samples of a pixel take turns among maps that know nothing of each other, and of more photons each spreads its light less
-(its area as (photons so far)^(−1/3)), so that noise and blur both vanish. A photon's light is spread over a disk as wide as a number of
-its neighbours need (a sample-point estimator: Abramson 1982, On Bandwidth Variation in Kernel Estimates), so what all of them
-bring is kept whatever their radii are. Photons stand in cells of a hashed grid, of one of LEVELS sizes, at least twice as wide as they
-spread; eight cells of each size that is there are looked at.
+Approach. The samples of a pixel take turns among independent maps. The more photons there are so far, the smaller the disk of each (its
+area falls as (photons so far)^(−1/3)), so that noise and blur both vanish. A photon's light is spread over a disk that holds a number of
+its neighbors (a sample-point estimator: Abramson 1982, On Bandwidth Variation in Kernel Estimates), which conserves energy for any radii.
+The grid has LEVELS cell sizes; a photon is stored in cells at least twice as wide as its disk. A lookup reads eight cells of each size
+in use.
 """
 
 from __future__ import annotations
@@ -21,45 +21,56 @@ from ..jit import thread_pool
 from ..jit.kernel import HELPER, helper, kernel, noinline_helper
 from ..lanes import ops
 from ..material import bsdf
-from ..material.bsdf import Shader, Uses
-from ..types import Lane, Surface, Vec
+from ..material.shader import Shader, Uses
+from ..types import Lane, Vec
+from .records import ShadingContext
 
 MAPS = 16  # that samples take turns among
-LEVELS = 12  # of cells, each half as wide as the one before
-PRESENCE = 1 << 14  # coarse cells of a map that tell which sizes are there
-COLUMNS = 13  # of a photon as it lands: place, where it came from, power, the surface's normal, and 1, or -1: for what is matt alone
-FLATNESS = 0.2  # of a photon's radius, how far off the surface it still counts
-FACING = 0.7  # cosine between normals up to which surfaces are one
-NEIGHBOURS = 24.0  # photons that one is spread among, for FIRST of them in a map and in all
+LEVELS = 12  # cell sizes, each half of the one before
+PRESENCE = 1 << 14  # coarse cells of a map that store which cell sizes are in use
+COLUMNS = 13  # of a stored photon: position, direction it came from, power, surface normal, and 1, or -1: for diffuse surfaces alone
+FLATNESS = 0.2  # of a photon's radius: how far off the surface it still counts
+FACING = 0.7  # smallest cosine between the normals of one surface
+NEIGHBOURS = 24.0  # photons in the disk of one, for FIRST of them in a map and in all
 FIRST = 32768.0
-ENOUGH = 12  # photons in a cell that tells their density
+ENOUGH = 12  # photons in a cell that suffice to estimate their density
 MATT, CLEAN, BESIDE = 2.0, 3.0, 5.0  # phases of a path, see phase_after
 _BITS = 0x7FFFFFFF
 _PX, _PY, _PZ, _PL = 73856093, 19349663, 83492791, 40503 * 9973
 
 
 class NoMaps(NamedTuple):
-    """Nothing is gathered."""
+    """No photons."""
 
 
 class Maps(NamedTuple):
-    """MAPS of photons, one behind the other."""
+    """MAPS photon maps, one after the other in each array."""
 
-    start: NDArray[np.int32]  # (MAPS · (slots + 1),) the first photon of each slot of cells
+    start: NDArray[np.int32]  # (MAPS · (slots + 1),) first photon of each slot of cells
     slots: int  # of a map, a power of two
-    present: NDArray[np.int32]  # (MAPS · PRESENCE,) bits of levels that reach into a coarse cell
+    present: NDArray[np.int32]  # (MAPS · PRESENCE,) bits of the levels that reach into a coarse cell
     key: NDArray[np.int32]  # (n,) of a photon's cell and level
     place: NDArray[np.float64]  # (3 · n,) x of all, y of all, z of all, from `origin`
     toward: NDArray[np.float64]  # (3 · n,) unit, where it came from
-    power: NDArray[np.float64]  # (3 · n,) over its disk: times 1 − d²/r² what it adds to the irradiance
+    power: NDArray[np.float64]  # (3 · n,) over its disk: times 1 − d²/r² its irradiance
     normal: NDArray[np.float64]  # (3 · n,)
-    inverse: NDArray[np.float64]  # (n,) 1 / r², negative of photons for what is matt alone
+    inverse: NDArray[np.float64]  # (n,) 1 / r², negative of photons for diffuse surfaces alone
     origin: NDArray[np.float64]  # (3,)
     cells: NDArray[np.float64]  # (LEVELS,) 1 / width
 
 
+class Lookup(NamedTuple):
+    """A density estimate to be made."""
+
+    place: Vec  # from Maps.origin
+    shading: ShadingContext
+    uses: Uses
+    weight: Vec  # of the path
+    diffuse: Lane  # bool: photons for diffuse surfaces count, too
+
+
 def empty(kind: type) -> Maps:
-    """Maps without photons, in the numbers of waves."""
+    """Return maps without photons, of float32 or float64."""
     none = np.zeros(0, np.int32)
     nothing = np.zeros(0, kind)
     return Maps(none, 0, np.zeros(MAPS * PRESENCE, np.int32), none, nothing, nothing, nothing, nothing, nothing, np.zeros(3, kind),
@@ -67,9 +78,9 @@ def empty(kind: type) -> Maps:
 
 
 def build(landed: list[NDArray[np.float32]], emitted: int, so_far: int, width: float, origin: Any, kind: type, threads: int) -> Maps:
-    """Maps of photons as they landed, (n, COLUMNS) each about `origin`; `emitted` in each map, `so_far` in all and before.
+    """Build maps from stored photons, (n, COLUMNS) each, relative to `origin`.
 
-    The coarsest cells are as wide as `width`.
+    `emitted` counts the photons of each map, `so_far` those of all maps up to now. The coarsest cells are `width` wide, in metres.
     """
     near = NEIGHBOURS * emitted / FIRST * (so_far / FIRST) ** (-1.0 / 3.0)
     counts = [len(rows) for rows in landed]
@@ -84,25 +95,43 @@ def build(landed: list[NDArray[np.float32]], emitted: int, so_far: int, width: f
     )  # fmt: skip
 
     def sort(k: int) -> None:
-        _sort(landed[k].astype(kind), k, int(first[k]), near, made.start, slots, made.present, made.key, made.place, made.toward,
-              made.power, made.normal, made.inverse, cells)  # fmt: skip
+        _sort(landed[k].astype(kind), k, int(first[k]), near, made)
 
     thread_pool.parallel_for(sort, range(len(landed)), threads)
     return made
 
 
 @kernel
-def _sort(rows, number, first, near, start, slots, present, key, place, toward, power, normal, inverse, cells):
-    """Choose the radius of each photon of a map and put them in the order of their cells."""
+def _sort(rows, number, first, near, maps):
+    """Choose the radius of each photon of a map, and store the photons by cell."""
     n = len(rows)
-    whole = len(inverse)
     level = np.full(n, -1, np.int32)
     radius = np.zeros(n)
     size = np.int64(16)
     while size < 2 * n:
         size *= 2
-    counts = np.zeros(size, np.int32)
-    for step in range(LEVELS):  # the finest cells first, in which there are enough
+    _choose_radii(rows, near, maps.cells, np.zeros(size, np.int32), level, radius)
+    start, slots, cells = maps.start, maps.slots, maps.cells
+    base = number * (slots + 1)
+    for i in range(n):
+        start[base + _slot(_key(level[i], *_cell(rows, i, cells[level[i]])), slots) + 1] += 1
+    start[base] = first
+    for s in range(slots):
+        start[base + s + 1] += start[base + s]
+    cursor = start[base : base + slots].copy()
+    for i in range(n):
+        key = _key(level[i], *_cell(rows, i, cells[level[i]]))
+        slot = _slot(key, slots)
+        _store(rows, i, radius[i], maps, cursor[slot], key)
+        cursor[slot] += 1
+        _mark(rows, i, radius[i], maps, number, level[i])
+
+
+@helper
+def _choose_radii(rows: Any, near: float, cells: Any, counts: Any, level: Any, radius: Any) -> None:
+    """Write the level and radius of each photon: of the finest cells with ENOUGH photons; `counts` is a buffer, a power of two long."""
+    n, size = len(rows), len(counts)
+    for step in range(LEVELS):
         fine = LEVELS - 1 - step
         counts[:] = 0
         for i in range(n):
@@ -118,30 +147,29 @@ def _sort(rows, number, first, near, start, slots, present, key, place, toward, 
                     left += 1
         if left == 0:
             break
-    base = number * (slots + 1)
-    for i in range(n):
-        start[base + _slot(_key(level[i], *_cell(rows, i, cells[level[i]])), slots) + 1] += 1
-    start[base] = first
-    for s in range(slots):
-        start[base + s + 1] += start[base + s]
-    cursor = start[base : base + slots].copy()
-    for i in range(n):
-        found = _key(level[i], *_cell(rows, i, cells[level[i]]))
-        slot = _slot(found, slots)
-        k = cursor[slot]
-        cursor[slot] += 1
-        r = radius[i]
-        key[k] = found
-        inverse[k] = rows[i, 12] / (r * r)
-        for c in range(3):
-            place[c * whole + k], toward[c * whole + k] = rows[i, c], rows[i, 3 + c]
-            power[c * whole + k] = rows[i, 6 + c] * 2.0 / (math.pi * r * r)
-            normal[c * whole + k] = rows[i, 9 + c]
-        for corner in range(8):
-            x = np.int64(math.floor((rows[i, 0] + (r if corner & 1 else -r)) * cells[0]))
-            y = np.int64(math.floor((rows[i, 1] + (r if corner & 2 else -r)) * cells[0]))
-            z = np.int64(math.floor((rows[i, 2] + (r if corner & 4 else -r)) * cells[0]))
-            present[number * PRESENCE + _slot(_key(0, x, y, z), PRESENCE)] |= np.int32(1 << level[i])
+
+
+@helper
+def _store(rows: Any, i: int, r: float, maps: Any, k: int, key: int) -> None:
+    """Write photon i, of radius r, to row k."""
+    whole = len(maps.inverse)
+    maps.key[k] = key
+    maps.inverse[k] = rows[i, 12] / (r * r)
+    for c in range(3):
+        maps.place[c * whole + k], maps.toward[c * whole + k] = rows[i, c], rows[i, 3 + c]
+        maps.power[c * whole + k] = rows[i, 6 + c] * 2.0 / (math.pi * r * r)
+        maps.normal[c * whole + k] = rows[i, 9 + c]
+
+
+@helper
+def _mark(rows: Any, i: int, r: float, maps: Any, number: int, level: int) -> None:
+    """Set a level's bit in the coarse cells that the box around photon i reaches into."""
+    inverse = maps.cells[0]
+    for corner in range(8):
+        x = np.int64(math.floor((rows[i, 0] + (r if corner & 1 else -r)) * inverse))
+        y = np.int64(math.floor((rows[i, 1] + (r if corner & 2 else -r)) * inverse))
+        z = np.int64(math.floor((rows[i, 2] + (r if corner & 4 else -r)) * inverse))
+        maps.present[number * PRESENCE + _slot(_key(0, x, y, z), PRESENCE)] |= np.int32(1 << level)
 
 
 @helper
@@ -153,7 +181,7 @@ def _cell(rows: Any, i: int, inverse: float) -> Any:
 
 @helper
 def _key(level: Lane, x: Lane, y: Lane, z: Lane) -> Lane:
-    """A number of a cell that hardly another has: its lower 31 bits are the same in ints of 32 and of 64."""
+    """A cell's hash, of 31 bits, which are the same in 32-bit and 64-bit arithmetic."""
     return ((x * _PX) ^ (y * _PY) ^ (z * _PZ) ^ (level * _PL)) & _BITS
 
 
@@ -165,78 +193,72 @@ def _slot(key: Lane, count: int) -> Lane:
 # --- in lanes ------------------------------------------------------------------------------------------------------------
 
 
-def gathered(maps: Any, sent: Vec, *of: Any) -> Vec:
-    """`sent`, and what photons around a place send to the viewer; kernels alone have them."""
+def add_estimate(maps: Any, sent: Vec, *of: Any) -> Vec:
+    """(maps, sent, shading, uses, weight, here, sample): add the photons' light to the viewer to `sent`; only in kernels."""
     return sent
 
 
-@overload(gathered, jit_options=HELPER)
-def _gathered_in_kernels(maps, sent, shader, uses, point, viewer, weight, here, sample):
+@overload(add_estimate, jit_options=HELPER)
+def _add_estimate_in_kernels(maps, sent, shading, uses, weight, here, sample):
     if maps.layout:
-        return lambda maps, sent, shader, uses, point, viewer, weight, here, sample: _gathered(
-            maps, sent, shader, uses, point, viewer, weight, here, sample
-        )
-    return lambda maps, sent, shader, uses, point, viewer, weight, here, sample: sent
+        return lambda maps, sent, shading, uses, weight, here, sample: _add_estimate(maps, sent, shading, uses, weight, here, sample)
+    return lambda maps, sent, shading, uses, weight, here, sample: sent
 
 
-def phase_after(maps: Any, phase: Lane, shader: Shader, sharp: Lane, throws: Lane) -> Lane:
-    """The phase of a path that goes on from a surface: 0, nothing matt has been met, or
+def phase_after(maps: Any, phase: Lane, shader: Shader, sharp: Lane, covered: Lane) -> Lane:
+    """Return the phase of a path that goes on from a surface: 0, no diffuse surface so far;
 
-    MATT (2): it has gathered; CLEAN (3): and since then it has met mirrors, glass and polished metals alone; 4: a metal among them;
-    BESIDE (5): as CLEAN, but small lamps that it meets next have been seen to: by photons as its highlight `throws` them, and by looking
-    for them from what is matt under it.
+    MATT (2): the photon map has been read; CLEAN (3): since then, only specular surfaces and polished metals; 4: a metal among them;
+    BESIDE (5): as CLEAN, but the small lights that it hits next count elsewhere: in photons that the surface's highlight reflects
+    (`covered`), and in light samples of its diffuse part.
     """
     return phase
 
 
 @overload(phase_after, jit_options=HELPER)
-def _phase_after_in_kernels(maps, phase, shader, sharp, throws):
+def _phase_after_in_kernels(maps, phase, shader, sharp, covered):
     if not maps.layout:
-        return lambda maps, phase, shader, sharp, throws: phase
+        return lambda maps, phase, shader, sharp, covered: phase
 
-    def counted(maps, phase, shader, sharp, throws):
+    def counted(maps, phase, shader, sharp, covered):
         clean = phase >= CLEAN
         beside = ops.where(bsdf.is_polished(shader), ops.where(clean, 4.0, phase), ops.where(clean, MATT, phase))
-        matt = ops.where(clean & throws, BESIDE, CLEAN)
+        matt = ops.where(clean & covered, BESIDE, CLEAN)
         return ops.where(sharp, phase, ops.where(bsdf.has_matt(shader), matt, beside))
 
     return counted
 
 
 @helper
-def _gathered(
-    maps: Any, sent: Vec, shader: Shader, uses: Uses, point: Surface, viewer: Vec, weight: Vec, here: Lane, sample: Lane
-) -> Vec:
-    lit = here & bsdf.is_lit(shader)
+def _add_estimate(maps: Any, sent: Vec, shading: ShadingContext, uses: Uses, weight: Vec, here: Lane, sample: Lane) -> Vec:
+    lit = here & bsdf.is_lit(shading.shader)
     if len(maps.key) > 0 and ops.any_lane(lit):
-        return _all_levels(maps, sent, shader, uses, point, viewer, weight, lit, sample)
+        return _add_levels(maps, sent, shading, uses, weight, lit, sample)
     return sent
 
 
 @noinline_helper
-def _all_levels(maps, sent, shader, uses, point, viewer, weight, here, sample):
-    number = (sample + (sample >> 4) * 5) & (MAPS - 1)  # neighbours' samples take others, however many each has
-    x = (point.position[0] - maps.origin[0], point.position[1] - maps.origin[1], point.position[2] - maps.origin[2])
+def _add_levels(maps, sent, shading, uses, weight, here, sample):
+    number = (sample + (sample >> 4) * 5) & (MAPS - 1)  # samples of neighboring pixels read other maps, whatever their count
+    position = shading.point.position
+    x = (position[0] - maps.origin[0], position[1] - maps.origin[1], position[2] - maps.origin[2])
     wide = maps.cells[0]
     coarse = _key(0, ops.floor_int(x[0] * wide), ops.floor_int(x[1] * wide), ops.floor_int(x[2] * wide))
     there = ops.where(here, maps.present[number * PRESENCE + _slot(coarse, PRESENCE)], 0)
     base = number * (maps.slots + 1)
-    all_ = bsdf.has_matt(shader)
+    lookup = Lookup(x, shading, uses, weight, bsdf.has_matt(shading.shader))
     total = sent
     for level in range(LEVELS):
         some = ((there >> level) & 1) != 0
         if ops.any_lane(some):
-            total = _one_level(maps, level, base, some, all_, total, x, shader, uses, point, viewer, weight)
+            total = _add_level(maps, level, base, some, total, lookup)
     return total
 
 
 @helper
-def _one_level(
-    maps: Any, level: int, base: Lane, some: Lane, all_: Lane, total: Vec, x: Vec,
-    shader: Shader, uses: Uses, point: Surface, viewer: Vec, weight: Vec,
-) -> Vec:  # fmt: skip
-    """Add what photons of one size of cells bring."""
-    inverse = maps.cells[level]
+def _add_level(maps: Any, level: int, base: Lane, some: Lane, total: Vec, lookup: Lookup) -> Vec:
+    """Add the light of the photons of one level."""
+    inverse, x = maps.cells[level], lookup.place
     i = ops.floor_int(x[0] * inverse - 0.5)
     j = ops.floor_int(x[1] * inverse - 0.5)
     k = ops.floor_int(x[2] * inverse - 0.5)
@@ -248,44 +270,44 @@ def _one_level(
         left = at < end
         while ops.any_lane(left):
             row = ops.where(left, at, 0)
-            total = ops.add(total, _one(maps, row, left & (maps.key[row] == key), all_, x, shader, uses, point, viewer, weight))
+            total = ops.add(total, _photon_light(maps, row, left & (maps.key[row] == key), lookup))
             at = at + 1
             left = at < end
     return total
 
 
 @helper
-def _one(maps: Any, row: Lane, same: Lane, all_: Lane, x: Vec, shader: Shader, uses: Uses, point: Surface, viewer: Vec, weight: Vec) -> Vec:
-    """What a photon sends to the viewer by the place: f cos over the cosine by which it landed, times its irradiance."""
-    n = len(maps.key)
+def _photon_light(maps: Any, row: Lane, same: Lane, lookup: Lookup) -> Vec:
+    """A photon's light to the viewer: f cos over the cosine of its arrival, times its irradiance."""
+    n, x, point, shader = len(maps.key), lookup.place, lookup.shading.point, lookup.shading.shader
     off = (x[0] - maps.place[row], x[1] - maps.place[row + n], x[2] - maps.place[row + 2 * n])
     signed = maps.inverse[row]
     inverse = ops.absolute(signed)
     left = 1.0 - ops.dot(off, off) * inverse
     height = ops.dot(off, point.geometric)
     normal = (maps.normal[row], maps.normal[row + n], maps.normal[row + 2 * n])
-    near = same & (left > 0.0) & (all_ | (signed > 0.0)) & (height * height * inverse < FLATNESS * FLATNESS)
+    near = same & (left > 0.0) & (lookup.diffuse | (signed > 0.0)) & (height * height * inverse < FLATNESS * FLATNESS)
     near = near & (ops.absolute(ops.dot(normal, point.geometric)) > FACING)
     zero = 0.0 * left
-    found = (zero, zero, zero)
+    light = (zero, zero, zero)
     if ops.any_lane(near):
         toward = (maps.toward[row], maps.toward[row + n], maps.toward[row + 2 * n])
         cosine = ops.dot(toward, point.geometric)
         near = near & bsdf.is_rough_glass(shader, cosine > 0.0)
-        share = _share(near, shader, uses, point.normal, toward, viewer)
+        share = _bsdf_share(near, shader, lookup.uses, point.normal, toward, lookup.shading.viewer)
         strength = left * (1.0 / math.pi) / ops.maximum(ops.absolute(cosine), 1e-2)
         power = (maps.power[row], maps.power[row + n], maps.power[row + 2 * n])
-        given = ops.scale(ops.mul(ops.mul(weight, share), power), strength)
-        found = ops.where3(near, given, found)
-    return found
+        given = ops.scale(ops.mul(ops.mul(lookup.weight, share), power), strength)
+        light = ops.where3(near, given, light)
+    return light
 
 
 @helper
-def _share(here: Lane, shader: Shader, uses: Uses, normal: Vec, toward: Vec, viewer: Vec) -> Vec:
+def _bsdf_share(here: Lane, shader: Shader, uses: Uses, normal: Vec, toward: Vec, viewer: Vec) -> Vec:
     """π f cos."""
     if (uses.glossy or uses.sharp) and ops.any_lane(here & bsdf.is_shiny(shader)):
-        return _of_all(shader, normal, toward, viewer)
+        return _reflected(shader, normal, toward, viewer)
     return ops.scale(shader.diffuse, ops.maximum(ops.dot(normal, toward), 0.0))
 
 
-_of_all = noinline_helper(bsdf.reflected)
+_reflected = noinline_helper(bsdf.reflected)

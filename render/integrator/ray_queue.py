@@ -1,4 +1,4 @@
-"""What waves ask of trees: rays that enter the box around what is in them, gathered by their numbers, in lanes as trees take them."""
+"""Queue of the rays of a wave that enter the BVH's bounding box, and their conversion to the lanes of BVH kernels."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _WIDTH64 = simd.WIDTH64
 
 @helper
 def enters(scene: Any, origin: Vec, direction: Vec, t: Lane) -> Lane:
-    """Whether rays enter the box around what is in trees, nearer than t."""
+    """Whether rays enter the BVH's bounding box before t."""
     begin, end = ops.full_like(t, 0.0), t
     for k in range(3):
         inverse = 1.0 / direction[k]
@@ -28,23 +28,23 @@ def enters(scene: Any, origin: Vec, direction: Vec, t: Lane) -> Lane:
 
 
 @helper
-def queue_up(room: Any, queued: int, i: int, mask: Lane) -> int:
-    """Write down the numbers of a mask's lanes, which count from i; how many they are."""
+def queue_up(memory: Any, queued: int, i: int, mask: Lane) -> int:
+    """Append the indices of a mask's lanes, from i on, to the queue; return their number."""
     left = simd.bits(mask)
     count = 0
     while left != 0:
         k = simd.trailing_zeros(left)
         left &= left - 1
-        simd.write(room.queue, queued + count, i + k)
+        simd.write(memory.queue, queued + count, i + k)
         count += 1
     return count
 
 
 @helper
-def pad(room: Any, queued: int) -> None:
-    """Repeat the last one, so that whole vectors can be read."""
+def pad(memory: Any, queued: int) -> None:
+    """Pad the queue with its last entry to whole vectors."""
     for k in range(_WIDTH64 if queued > 0 else 0):
-        simd.write(room.queue, queued + k, simd.read(room.queue, queued - 1))
+        simd.write(memory.queue, queued + k, simd.read(memory.queue, queued - 1))
 
 
 def for_search(x: Any) -> Any:
@@ -53,7 +53,7 @@ def for_search(x: Any) -> Any:
 
 @overload(for_search, jit_options=HELPER)
 def _for_search_kernel(x):
-    """Lanes as traverse.find takes them: numbers where the machine has one lane."""
+    """Convert lanes for `intersect.find`: to scalars on machines with one lane."""
     if _WIDTH64 > 1:
         return lambda x: x
     if isinstance(x, types.NoneType):
@@ -67,7 +67,7 @@ def from_search(x: Any, like: Any) -> Any:
 
 @overload(from_search, jit_options=HELPER)
 def _from_search_kernel(x, like):
-    """And back."""
+    """Convert results of `intersect.find` back to lanes."""
     if _WIDTH64 > 1:
         return lambda x, like: x
     return lambda x, like: like * 0 + x

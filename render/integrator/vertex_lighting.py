@@ -1,4 +1,4 @@
-"""Gouraud shading: light computed at the vertices of meshes, once for a view, to be interpolated by every backend."""
+"""Gouraud shading: light at the vertices of meshes, computed once for a view."""
 
 from __future__ import annotations
 
@@ -11,23 +11,24 @@ from ...compiler import ir
 from ..jit.kernel import helper, kernel
 from ..jit.packed_struct import Handle
 from ..lanes import affine, crosslane, ops
-from ..material import bsdf
+from ..material.shader import evaluate_shader
 from ..surface import interaction
 from ..types import Hit, Lane, Ray, Surface, Tables, Vec, VertexLight, View
-from . import whitted
+from . import direct_light
+from .records import SampleIndex, Scene, ShadingContext
 
-SOFT_SAMPLES = 64  # of lights that have an extent, at each vertex
+SOFT_SAMPLES = 64  # of lights with an extent, at each vertex
 SOFT = [int(ir.LightKind[name]) for name in ("SUN", "SKY", "DOME", "RECTANGLE", "DISK", "SPHERE")]
 MESH = int(ir.GeometryKind.MESH)
 ORTHOGRAPHIC = int(ir.Projection.ORTHOGRAPHIC)
 
 
 def vertex_light(tables: Tables, packed: Any, accel: Any, frame: Any) -> VertexLight:
-    """Direct and ambient light at each vertex of every mesh instance whose material is shaded at vertices, for both sides.
+    """Return direct and ambient light at the vertices of mesh instances with Gouraud materials, for both sides.
 
-    It goes to the camera's place (or along its axis, when orthographic). A vertex of an outline belongs to triangles that show
-    their outside and others that show their inside, so each has both; a triangle takes the side it shows.
-    `packed` and `frame` are the tables and a Frame as `accel` wants them: Handles for kernels and trees, else themselves.
+    The viewer is the camera's position, or its axis if it is orthographic. Each vertex has light for both sides, as vertices of a
+    silhouette belong to triangles of either; a triangle reads the side it shows. `packed` and `frame` are the tables and a Frame:
+    Handles if `accel` is a BVH, else the records themselves.
     """
     instances, geometries = tables.instances, tables.geometries
     g = instances.geometry
@@ -39,7 +40,7 @@ def vertex_light(tables: Tables, packed: Any, accel: Any, frame: Any) -> VertexL
     samples = SOFT_SAMPLES if ir.is_in(tables.lights.kind, SOFT).any() else 1
     run: Any = _in_kernel if isinstance(packed, Handle) else _in_numpy
     for i in np.flatnonzero(shaded):
-        corners = _a_corner_of_each_vertex(tables, int(g[i]))
+        corners = _vertex_corners(tables, int(g[i]))
         used = np.flatnonzero(corners[:, 0] >= 0)
         for side, start in ((1.0, first[i]), (-1.0, half + first[i])):
             out = light.color[start : start + counts[i]]
@@ -49,12 +50,12 @@ def vertex_light(tables: Tables, packed: Any, accel: Any, frame: Any) -> VertexL
 
 @functools.cache
 def none() -> Handle:
-    """Light at no vertex."""
+    """Return a handle of no vertex light."""
     return Handle(VertexLight(np.zeros(0, np.int64), np.zeros((0, 3))))
 
 
-def _a_corner_of_each_vertex(tables: Tables, g: int) -> np.ndarray:
-    """(vertices, 2) a triangle and its corner that each vertex belongs to; -1 for loose ones."""
+def _vertex_corners(tables: Tables, g: int) -> np.ndarray:
+    """(vertices, 2) a triangle and corner of each vertex; -1 for unused vertices."""
     geometries = tables.geometries
     first, count = int(geometries.first_triangle[g]), int(geometries.triangle_count[g])
     found = np.full((int(geometries.vertex_count[g]), 2), -1, np.int64)
@@ -91,24 +92,25 @@ def at_vertex(
     tables: Tables, accel: Any, frame: Any, samples: int, side: float,
     instance: Lane, triangle: Lane, corner: Lane, vertex: Lane,
 ) -> Vec:  # fmt: skip
-    """Light at a corner of a triangle, from its outside (side 1) or inside (-1) toward the camera; the mean of `samples`."""
+    """Return the light at a corner of a triangle, on its outside (side 1) or inside (-1), as the mean of `samples`."""
     zero = ops.to_float(triangle) * 0.0
     u, v = ops.where(corner == 1, 1.0, zero), ops.where(corner == 2, 1.0, zero)
-    point = _vertex_from(tables, Hit(zero, instance, triangle, u, v), side)
-    shader = bsdf.evaluate_shader(tables, point)
-    viewer = _to_viewer(tables, frame.picture, point)
+    point = _surface_at_vertex(tables, Hit(zero, instance, triangle, u, v), side)
+    shader = evaluate_shader(tables, point)
+    scene = Scene(tables, accel, None, frame.options)
+    shading = ShadingContext(point, shader, _to_viewer(tables, frame.picture, point), None)
     everywhere, key = ops.bool_like(zero, True), ops.int_like(zero, 1)
     total = (zero, zero, zero)
     for s in range(samples):
         sample = ops.int_like(zero, s)
-        found = whitted.direct_light(tables, accel, frame.options, point, shader, viewer, everywhere, None, vertex, sample, key)
+        found = direct_light.direct_light(scene, shading, everywhere, SampleIndex(vertex, sample, key))
         total = ops.add(total, found)
     return ops.scale(total, 1.0 / samples)
 
 
 @helper
-def _vertex_from(tables: Tables, hit: Hit, side: float) -> Surface:
-    """The surface at a vertex as a ray sees it that comes from straight above (side 1) or below (-1) the triangle."""
+def _surface_at_vertex(tables: Tables, hit: Hit, side: float) -> Surface:
+    """The surface at a vertex, hit by a ray from straight above (side 1) or below (-1) the triangle."""
     zero = hit.t
     any_ray = Ray((zero, zero, zero), (zero, zero, zero + 1.0), zero, zero + np.inf, None)
     here = interaction.make_interaction(tables, any_ray, hit)

@@ -1,9 +1,8 @@
-"""Pictures of the sky as emitters: directions drawn by how bright they are, with the density of each.
+"""Importance sampling of environment maps by luminance.
 
-The picture's cells are a table of two steps, a row by the sum of its cells and a cell of the row, each by its cumulative sum, so that well
-spread numbers stay well spread (Pharr, Jakob, Humphreys, "Physically Based Rendering", 4th ed., §12.5). What is even all around
-is found as well by any other direction: the mean is taken off first, and only what is brighter is drawn (Karlík et al. 2019, "MIS
-Compensation"), so that the rest is found by the rays that go on.
+Sampling inverts cumulative sums, first over rows, then over the cells of a row, which preserves stratification (Pharr, Jakob, Humphreys,
+"Physically Based Rendering", 4th ed., §12.5). The mean luminance is subtracted first (Karlík et al. 2019, "MIS Compensation"): BSDF
+samples find the uniform part.
 """
 
 from __future__ import annotations
@@ -22,29 +21,29 @@ from ..lanes import affine, ops
 from ..types import Lane, Tables, Vec
 from . import lights
 
-CELLS = 1024  # across, at the most
-COARSE = 256  # across, where several skies are one picture
-EVEN = 1e-4  # of all light: less than this above the mean is not worth a direction
+CELLS = 1024  # greatest width
+COARSE = 256  # width of the map of several skies
+EVEN = 1e-4  # share of the light above the mean below which the map is not sampled
 
 
 class Even(NamedTuple):
-    """No sky, or one that is found as well by any direction."""
+    """No sky, or a uniform one: not sampled."""
 
 
 class SkyMap(NamedTuple):
-    """How directions of the sky are drawn, in a frame of its own."""
+    """The sampling tables of an environment map, in a frame of its own."""
 
     matrix: NDArray[np.float64]  # (1, 3, 4) to the world
     inverse: NDArray[np.float64]
     rows: NDArray[np.float64]  # (1, h + 1) cumulative share of the rows, from the top
     columns: NDArray[np.float64]  # (h, w + 1) cumulative share within each row
-    density: NDArray[np.float64]  # (h, w) of directions, a solid angle
-    power: float  # what a surface may get of it at the most
+    density: NDArray[np.float64]  # (h, w) over solid angle
+    power: float  # of its light above the mean
     row: int  # of emitters
 
 
 def build(tables: ir.Tables, row: int, horizon: NDArray[np.float64] | None) -> SkyMap | Even:
-    """The map of all skies and domes that cast shadows; directions below a `horizon` (its unit normal) are blocked for all."""
+    """Build the map of all skies and domes with shadows; directions below a `horizon` (its unit normal) get no samples."""
     lit = tables.lights
     kinds = np.isin(lit.kind, (ir.LightKind.SKY, ir.LightKind.DOME)) & lit.shadows
     domes = np.flatnonzero(kinds & (lit.kind == ir.LightKind.DOME) & (lit.image >= 0) & lit.color.any(axis=1))
@@ -53,7 +52,7 @@ def build(tables: ir.Tables, row: int, horizon: NDArray[np.float64] | None) -> S
     frame = int(lit.transform[domes[0]])
     matrix = tables.transforms.matrix[[frame]]
     inverse = tables.transforms.inverse[[frame]]
-    bright = _cells_of_one(tables, int(domes[0])) if len(domes) == 1 else _cells_of_all(tables, matrix[0])
+    bright = _image_luminance(tables, int(domes[0])) if len(domes) == 1 else _sky_luminance(tables, matrix[0])
     height, width = bright.shape
     edges = np.cos(np.pi * np.arange(height + 1) / height)
     solid = (2.0 * np.pi / width) * (edges[:-1] - edges[1:])[:, None]
@@ -72,8 +71,8 @@ def build(tables: ir.Tables, row: int, horizon: NDArray[np.float64] | None) -> S
     return SkyMap(matrix, inverse, rows[None], columns, more / total, total, row)
 
 
-def _cells_of_one(tables: ir.Tables, light: int) -> NDArray[np.float64]:
-    """(h, w) how bright a dome's picture is in the mean over each cell, as it is looked up: bilinearly."""
+def _image_luminance(tables: ir.Tables, light: int) -> NDArray[np.float64]:
+    """(h, w) mean luminance of a dome's bilinear image over each cell."""
     images, image = tables.images, int(tables.lights.image[light])
     width, height, first = int(images.width[image]), int(images.height[image]), int(images.first[image])
     texels = images.texels[first : first + width * height, :3].astype(np.float64) * tables.lights.color[light]
@@ -82,11 +81,11 @@ def _cells_of_one(tables: ir.Tables, light: int) -> NDArray[np.float64]:
     above[0], below[-1] = bright[0], bright[-1]
     bright = 0.75 * bright + 0.125 * (above + below)
     bright = 0.75 * bright + 0.125 * (np.roll(bright, 1, axis=1) + np.roll(bright, -1, axis=1))
-    return _fewer(_fewer(bright, CELLS).T, CELLS).T
+    return _downsample(_downsample(bright, CELLS).T, CELLS).T
 
 
-def _fewer(bright: NDArray[np.float64], most: int) -> NDArray[np.float64]:
-    """Rows joined until there are no more than so many, each the mean of what it covers of the old ones."""
+def _downsample(bright: NDArray[np.float64], most: int) -> NDArray[np.float64]:
+    """Resample to at most so many rows by area averages."""
     count = len(bright)
     if count <= most:
         return bright
@@ -97,29 +96,29 @@ def _fewer(bright: NDArray[np.float64], most: int) -> NDArray[np.float64]:
     return np.maximum(np.diff(reached, axis=0), 0.0) * (most / count)
 
 
-def _cells_of_all(tables: ir.Tables, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(h, w) how bright all skies together are at the middle of each cell."""
-    x, y, z = _turned(matrix, COARSE // 2, COARSE)
+def _sky_luminance(tables: ir.Tables, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(h, w) luminance of the sum of all skies at cell centers."""
+    x, y, z = _world_directions(matrix, COARSE // 2, COARSE)
     light = lights.background(tables, (x, y, z), lights.SHADOWED)[0]
     return np.maximum(np.tensordot(metrics.LUMINANCE, np.stack(light), 1), 0.0).reshape(COARSE // 2, COARSE)
 
 
-def _turned(matrix: NDArray[np.float64], height: int, width: int) -> NDArray[np.float64]:
-    """(3, cells) the world's directions of cells' middles."""
+def _world_directions(matrix: NDArray[np.float64], height: int, width: int) -> NDArray[np.float64]:
+    """(3, cells) directions of cell centers in world space."""
     turn = matrix[:, :3] / np.linalg.norm(matrix[:, :3], axis=0)
-    return turn @ _middles(height, width).reshape(-1, 3).T
+    return turn @ _cell_directions(height, width).reshape(-1, 3).T
 
 
-def _middles(height: int, width: int) -> NDArray[np.float64]:
-    """(h, w, 3) directions of cells' middles, in the map's frame."""
+def _cell_directions(height: int, width: int) -> NDArray[np.float64]:
+    """(h, w, 3) directions of cell centers in the map's frame."""
     latitude = np.pi * (0.5 - (np.arange(height) + 0.5) / height)[:, None]
     turn = 2.0 * np.pi * (0.5 - (np.arange(width) + 0.5) / width)[None]
     return np.stack([np.cos(latitude) * np.sin(turn), np.sin(latitude) + 0.0 * turn, np.cos(latitude) * np.cos(turn)], axis=-1)
 
 
 def _below(matrix: NDArray[np.float64], horizon: NDArray[np.float64], height: int, width: int) -> NDArray[np.bool_]:
-    """(h, w) cells that lie below a plane with all their points."""
-    middle = horizon @ _turned(matrix, height, width)
+    """(h, w) cells that lie below a plane entirely."""
+    middle = horizon @ _world_directions(matrix, height, width)
     return (middle < -1.5 * np.pi / height).reshape(height, width)
 
 
@@ -128,7 +127,7 @@ def _below(matrix: NDArray[np.float64], horizon: NDArray[np.float64], height: in
 
 @helper
 def _search(table: Any, row: Lane, count: int, u: Lane) -> Lane:
-    """The last place of a row of cumulative shares whose share is not above u."""
+    """The last entry of a cumulative row that is not above u."""
     low = ops.int_like(u, 0)
     step = 1
     while step < count:
@@ -142,7 +141,7 @@ def _search(table: Any, row: Lane, count: int, u: Lane) -> Lane:
 
 @helper
 def _sample(sky: SkyMap, u: Lane, v: Lane) -> tuple[Vec, Lane]:
-    """(direction, density) drawn by two numbers in [0, 1)."""
+    """(direction, density) sampled by two numbers in [0, 1)."""
     height, width = sky.density.shape[0], sky.columns.shape[1] - 1
     all_rows = ops.int_like(u, 0)
     r = _search(sky.rows, all_rows, height, u)
@@ -170,26 +169,26 @@ def _density(sky: SkyMap, direction: Vec) -> Lane:
 
 
 def sample(sky: Any, tables: Tables, u: Lane, v: Lane) -> tuple[Vec, Vec, Lane]:
-    """(direction, radiance from there, density of it); nothing where the sky is even."""
+    """(direction, radiance, solid angle density) of a sample; radiance 0 for a uniform sky."""
     if isinstance(sky, Even):
         zero = 0.0 * u
         return (zero, zero + 1.0, zero), (zero, zero, zero), zero + 1.0
-    return _sampled(sky, tables, u, v)
+    return _sample_radiance(sky, tables, u, v)
 
 
 @helper
-def _sampled(sky: SkyMap, tables: Tables, u: Lane, v: Lane) -> tuple[Vec, Vec, Lane]:
+def _sample_radiance(sky: SkyMap, tables: Tables, u: Lane, v: Lane) -> tuple[Vec, Vec, Lane]:
     direction, density = _sample(sky, u, v)
     return direction, lights.background(tables, direction, lights.SHADOWED)[0], density
 
 
-_sampled_apart, _density_apart = noinline_helper(_sampled), noinline_helper(_density)
+_sample_radiance_noinline, _density_noinline = noinline_helper(_sample_radiance), noinline_helper(_density)
 
 
 @overload(sample, jit_options=HELPER)
 def _sample_in_kernels(sky, tables, u, v):
     if sky.layout:
-        return lambda sky, tables, u, v: _sampled_apart(sky, tables, u, v)
+        return lambda sky, tables, u, v: _sample_radiance_noinline(sky, tables, u, v)
 
     def nothing(sky, tables, u, v):
         zero = 0.0 * u
@@ -199,19 +198,19 @@ def _sample_in_kernels(sky, tables, u, v):
 
 
 def density(sky: Any, direction: Vec) -> Lane:
-    """How likely `sample` takes a direction; 0 where the sky is even."""
+    """Return the solid angle density of `sample`; 0 for a uniform sky."""
     return 0.0 * direction[0] if isinstance(sky, Even) else _density(sky, direction)
 
 
 @overload(density, jit_options=HELPER)
 def _density_in_kernels(sky, direction):
     if sky.layout:
-        return lambda sky, direction: _density_apart(sky, direction)
+        return lambda sky, direction: _density_noinline(sky, direction)
     return lambda sky, direction: 0.0 * direction[0]
 
 
 def row_of(sky: Any) -> int:
-    """The map's row of emitters, -1 where there is none."""
+    """Return the map's row of emitters, or -1."""
     return -1 if isinstance(sky, Even) else sky.row
 
 

@@ -1,4 +1,4 @@
-"""Lights: for a point, from where light comes, how far away that is, and how much; and what a ray into the sky sees."""
+"""Light sampling for direct illumination, and the radiance of skies and domes."""
 
 from __future__ import annotations
 
@@ -23,45 +23,47 @@ SPHERE = int(ir.LightKind.SPHERE)
 POLYNOMIAL = int(ir.FalloffKind.POLYNOMIAL)
 RAMP = int(ir.FalloffKind.RAMP)
 FAR = math.inf
-ALL, SHADOWED, OPEN = 0, 1, 2  # which skies: all, those that cast shadows, those that do not
-TINY = 1e-30  # below what any length, angle or weight is; float32 holds it, too
-SHORT = 1.0 - 1e-9  # of the way to a light: its own place does not block it
+ALL, SHADOWED, OPEN = 0, 1, 2  # selects skies: all, with shadows, without shadows
+TINY = 1e-30  # lower bound of lengths, angles and weights; a float32 number
+SHORT = 1.0 - 1e-9  # of the distance to a light, so that its own shape does not block it
 
 
 class Arriving(NamedTuple):
-    """One sample of a light, as seen from a point."""
+    """A light sample."""
 
     direction: Vec  # unit, to the light
-    distance: Lane  # metres a shadow ray must go, inf for what is endlessly far
-    irradiance: Vec  # on a surface that faces it; samples of soft lights average to the integral
+    distance: Lane  # metres, the length of the shadow ray; inf for distant lights
+    irradiance: Vec  # of a surface that faces it; samples of area lights average to the integral
 
 
 @helper
 def sample(tables: Tables, light: int, position: Vec, u: Lane, v: Lane) -> Arriving:
-    """A lamp at a point; u, v in [0, 1) choose where on a soft one. Skies and domes are sampled by `cosine_sample` and
-    `sky_radiance`, ambient light has no direction: see `ambient`."""
+    """Sample a light from a point; u, v in [0, 1) choose a point of one with an extent.
+
+    Skies and domes are sampled by `cosine_sample` and `sky_radiance`; ambient light has no direction, see `ambient`.
+    """
     kind = tables.lights.kind[light]
     if kind in (POINT, SPOT):
-        return _from_point(tables, light, position)
+        return _sample_point(tables, light, position)
     if kind in (DIRECTIONAL, SUN):
-        return _from_afar(tables, light, u, v)
+        return _sample_distant(tables, light, u, v)
     if kind == SPHERE:
-        return _from_sphere(tables, light, position, u, v)
-    return _from_plate(tables, light, position, u, v)
+        return _sample_sphere(tables, light, position, u, v)
+    return _sample_plate(tables, light, position, u, v)
 
 
 @helper
 def sample_sharp(tables: Tables, light: int, position: Vec) -> Arriving:
-    """`sample` for lamps without an extent, ambient ones apart."""
+    """`sample` for lights without an extent, except ambient ones."""
     if tables.lights.kind[light] in (POINT, SPOT):
-        return _from_point(tables, light, position)
+        return _sample_point(tables, light, position)
     middle = ops.full_like(position[0], 0.5)
-    return _from_afar(tables, light, middle, middle)
+    return _sample_distant(tables, light, middle, middle)
 
 
 @helper
 def is_soft(tables: Tables, light: int) -> bool:
-    """Whether a light has an extent, so that it is sampled with random numbers."""
+    """Whether a light has an extent and needs random numbers."""
     kind = tables.lights.kind[light]
     if kind in (POINT, SPOT, DIRECTIONAL, AMBIENT):
         return False
@@ -70,7 +72,7 @@ def is_soft(tables: Tables, light: int) -> bool:
 
 @helper
 def falloff(kind: Lane, a: Lane, b: Lane, c: Lane, distance: Lane) -> Lane:
-    """What is left of intensity at a distance in metres: 1/d², the classic polynomial, or the ramp."""
+    """Return the attenuation at a distance in metres: 1/d², the classic polynomial, or a linear ramp."""
     square = 1.0 / ops.maximum(distance * distance, TINY)
     course = 1.0 / ops.maximum(a + distance * (b + c * distance), TINY)
     ramp = ops.clip((b - distance) / ops.maximum(b - a, TINY), 0.0, 1.0)
@@ -79,7 +81,7 @@ def falloff(kind: Lane, a: Lane, b: Lane, c: Lane, distance: Lane) -> Lane:
 
 @helper
 def spot_share(cosine: Lane, cos_cone: Lane, cos_full: Lane) -> Lane:
-    """A spot's strength off its axis: smoothstep of the cosine between where it ends and where it is full (pbrt-v4 §12.2.3)."""
+    """Return a spotlight's falloff: smoothstep of the cosine, from cos_cone to cos_full (pbrt-v4 §12.2.3)."""
     t = ops.clip((cosine - cos_cone) / ops.maximum(cos_full - cos_cone, 1e-12), 0.0, 1.0)
     return t * t * (3.0 - 2.0 * t)
 
@@ -91,7 +93,7 @@ def _color(tables: Tables, light: int, s: Lane) -> Vec:
 
 
 @helper
-def _from_point(tables: Tables, light: int, position: Vec) -> Arriving:
+def _sample_point(tables: Tables, light: int, position: Vec) -> Arriving:
     lights = tables.lights
     way = ops.sub((lights.position[light, 0], lights.position[light, 1], lights.position[light, 2]), position)
     distance = ops.length(way)
@@ -105,21 +107,21 @@ def _from_point(tables: Tables, light: int, position: Vec) -> Arriving:
 
 
 @helper
-def _from_afar(tables: Tables, light: int, u: Lane, v: Lane) -> Arriving:
+def _sample_distant(tables: Tables, light: int, u: Lane, v: Lane) -> Arriving:
     lights = tables.lights
     zero = 0.0 * u
     axis = (lights.direction[light, 0] + zero, lights.direction[light, 1] + zero, lights.direction[light, 2] + zero)
-    mean = 1.0  # cosine to the middle of a sun's disk: `color` is what a surface that faces it gets from all of it
+    mean = 1.0  # cosine over the sun's disk: `color` is the irradiance of a surface that faces it
     if lights.angle[light] > 0.0:
         half = math.sin(0.5 * lights.angle[light])
-        axis = in_cone(axis, u * 2.0 * half * half, v)
+        axis = cone_direction(axis, u * 2.0 * half * half, v)
         mean = 1.0 - half * half
     return Arriving(axis, zero + FAR, _color(tables, light, zero + 1.0 / mean))
 
 
 @helper
-def in_cone(axis: Vec, below: Lane, v: Lane) -> Vec:
-    """The direction whose cosine with the axis is 1 - below, turned by v."""
+def cone_direction(axis: Vec, below: Lane, v: Lane) -> Vec:
+    """Return the direction at cosine 1 - below from the axis, and azimuth 2π v."""
     sine = ops.sqrt(ops.maximum(below * (2.0 - below), 0.0))
     a, b = ops.basis(axis)
     turn = 2.0 * math.pi * v
@@ -129,7 +131,7 @@ def in_cone(axis: Vec, below: Lane, v: Lane) -> Vec:
 
 @helper
 def cosine_sample(normal: Vec, u: Lane, v: Lane) -> tuple[Vec, Lane]:
-    """A direction about the normal with density cos/π, and its cosine (Malley's method)."""
+    """(direction, cosine) with density cos/π around the normal (Malley's method)."""
     radius = ops.sqrt(u)
     turn = 2.0 * math.pi * v
     cosine = ops.sqrt(ops.maximum(1.0 - u, 0.0))
@@ -140,10 +142,10 @@ def cosine_sample(normal: Vec, u: Lane, v: Lane) -> tuple[Vec, Lane]:
 
 @helper
 def cosine_sample_above(normal: Vec, horizon: Vec, bounded: Lane, u: Lane, v: Lane) -> tuple[Vec, Lane]:
-    """A direction about the normal on the horizon's upper side with density cos/(π share), and that share of all cos/π.
+    """(direction, share) with density cos/(π share) around the normal and above the horizon; `share` is that part of all cos/π.
 
-    Seen along the normal, the directions above a plane fill a half disk and, on the other side, a half ellipse flattened by
-    c = normal · horizon: chord by chord a disk, squeezed from [-s, s] to [-c s, s]. Lanes that are not `bounded` have no horizon.
+    Projected along the normal, the directions above a plane fill a half disk and a half ellipse, flattened by c = normal · horizon.
+    Each chord of the disk is scaled from [-s, s] to [-c s, s]. Lanes that are not `bounded` have no horizon.
     """
     across = ops.sub(horizon, ops.scale(normal, ops.dot(normal, horizon)))
     tilted = bounded & (ops.dot(across, across) > 1e-20)
@@ -160,7 +162,7 @@ def cosine_sample_above(normal: Vec, horizon: Vec, bounded: Lane, u: Lane, v: La
 
 
 @helper
-def _from_plate(tables: Tables, light: int, position: Vec, u: Lane, v: Lane) -> Arriving:
+def _sample_plate(tables: Tables, light: int, position: Vec, u: Lane, v: Lane) -> Arriving:
     lights, row = tables.lights, tables.lights.transform[light]
     half_x, half_z = lights.size[light, 0], lights.size[light, 1]
     face, area = face_of(tables, light)
@@ -179,7 +181,7 @@ def _from_plate(tables: Tables, light: int, position: Vec, u: Lane, v: Lane) -> 
 
 @helper
 def face_of(tables: Tables, light: int) -> tuple[tuple[float, float, float], float]:
-    """The side of a rectangle or disk that shines, as a unit normal, and its area."""
+    """(unit normal, area) of the emitting side of a rectangle or disk."""
     matrix, row = tables.transforms.matrix, tables.lights.transform[light]
     half_x, half_z = tables.lights.size[light, 0], tables.lights.size[light, 1]
     side_x = affine.transform_vector(matrix, row, (1.0, 0.0, 0.0))
@@ -193,19 +195,19 @@ def face_of(tables: Tables, light: int) -> tuple[tuple[float, float, float], flo
 
 
 @helper
-def _from_sphere(tables: Tables, light: int, position: Vec, u: Lane, v: Lane) -> Arriving:
-    """By the cone of directions it fills; from inside, all directions (pbrt-v4 §6.2.4)."""
+def _sample_sphere(tables: Tables, light: int, position: Vec, u: Lane, v: Lane) -> Arriving:
+    """Sample the cone of directions to a sphere; all directions from inside (pbrt-v4 §6.2.4)."""
     row = tables.lights.transform[light]
     matrix = tables.transforms.matrix
     centre = affine.transform_point(matrix, row, (0.0, 0.0, 0.0))
     radius = tables.lights.size[light, 0] * ops.length(affine.transform_vector(matrix, row, (1.0, 0.0, 0.0)))
-    direction, distance, solid = to_ball(ops.sub(centre, position), radius + 0.0 * u, u, v)
+    direction, distance, solid = sample_ball(ops.sub(centre, position), radius + 0.0 * u, u, v)
     return Arriving(direction, distance * SHORT, _color(tables, light, solid))
 
 
 @helper
 def ball_height(squared: Lane, radius: Lane) -> Lane:
-    """1 - cos of half the angle that a ball fills, seen from a squared distance, without cancelling; 2, all directions, from inside."""
+    """Return 1 - cos of a ball's half angle at a squared distance, without cancellation; 2 (all directions) from inside."""
     inside = squared <= radius * radius
     sine2 = ops.where(inside, 1.0, radius * radius / ops.maximum(squared, TINY))
     height = sine2 / (1.0 + ops.sqrt(ops.maximum(1.0 - sine2, 0.0)))
@@ -213,13 +215,13 @@ def ball_height(squared: Lane, radius: Lane) -> Lane:
 
 
 @helper
-def to_ball(way: Vec, radius: Lane, u: Lane, v: Lane) -> tuple[Vec, Lane, Lane]:
-    """(direction, distance, solid angle) of a point of the ball whose centre is `way` off, even over the angle that it fills."""
+def sample_ball(way: Vec, radius: Lane, u: Lane, v: Lane) -> tuple[Vec, Lane, Lane]:
+    """(direction, distance, solid angle) of a ball at `way`, sampled uniformly by solid angle."""
     squared = ops.dot(way, way)
     inside = squared <= radius * radius
     height = ball_height(squared, radius)
     axis = ops.where3(squared > 0.0, ops.normalize(way), (0.0 * u, 0.0 * u + 1.0, 0.0 * u))
-    direction = in_cone(axis, u * height, v)
+    direction = cone_direction(axis, u * height, v)
     middle = ops.dot(way, direction)
     off = ops.sub(way, ops.scale(direction, middle))
     reach = ops.sqrt(ops.maximum(radius * radius - ops.dot(off, off), 0.0))
@@ -229,10 +231,10 @@ def to_ball(way: Vec, radius: Lane, u: Lane, v: Lane) -> tuple[Vec, Lane, Lane]:
 
 @helper
 def sky_radiance(tables: Tables, light: int, direction: Vec) -> Vec:
-    """What a ray that leaves the scene sees of a sky or dome.
+    """Return the radiance of a sky or dome in a direction.
 
-    A dome's picture is latitude-longitude as in OpenEXR and UsdLux: its middle lies toward +z of the dome's frame, its top
-    toward +y, and +x is left of the middle, as seen from inside.
+    A dome's image is latitude-longitude as in OpenEXR and UsdLux: its center lies toward +z of the dome's frame, its top toward +y,
+    and +x is left of the center, seen from inside.
     """
     lights = tables.lights
     if lights.kind[light] == SKY:
@@ -241,12 +243,12 @@ def sky_radiance(tables: Tables, light: int, direction: Vec) -> Vec:
     if lights.image[light] < 0:
         return _color(tables, light, 0.0 * x + 1.0)
     s, t = 0.5 - ops.atan2(x, z) / (2.0 * math.pi), 0.5 + ops.asin(y) / math.pi
-    return ops.mul(_color(tables, light, 1.0), _around(tables, lights.image[light], s, t))
+    return ops.mul(_color(tables, light, 1.0), _look_up(tables, lights.image[light], s, t))
 
 
 @helper
-def _around(tables: Tables, image: int, s: Lane, t: Lane) -> Vec:
-    """A picture that closes on itself, at s and t from 0 to 1: textures.look_up without divisions of whole numbers."""
+def _look_up(tables: Tables, image: int, s: Lane, t: Lane) -> Vec:
+    """Look up a latitude-longitude image bilinearly at s, t from 0 to 1, without integer divisions."""
     width, height, first = tables.images.width[image], tables.images.height[image], tables.images.first[image]
     x, y = s * width - 0.5, (1.0 - t) * height - 0.5
     a, c = ops.floor_int(x), ops.floor_int(y)
@@ -270,7 +272,7 @@ def _texel(tables: Tables, row: Lane) -> Vec:
 
 @helper
 def background(tables: Tables, direction: Vec, which: int = ALL) -> tuple[Vec, bool]:
-    """What the skies and domes among `which` show in a direction, and whether there are any."""
+    """(radiance, whether any exist) of the skies and domes selected by `which` in a direction."""
     zero = 0.0 * direction[0]
     total = (zero, zero, zero)
     there = False
@@ -293,7 +295,7 @@ def has_ambient(tables: Tables) -> bool:
 
 @helper
 def ambient(tables: Tables) -> tuple[float, float, float]:
-    """The course's L_a: the radiance of all ambient lights."""
+    """Return L_a: the sum of all ambient lights."""
     total = (0.0, 0.0, 0.0)
     for light in range(len(tables.lights.kind)):
         if tables.lights.kind[light] == AMBIENT:

@@ -1,8 +1,8 @@
-"""Rectangles by the solid angle they fill: directions drawn evenly over it, and how large it is.
+"""Uniform sampling of rectangles by solid angle.
 
-Ureña, Fajardo, King 2013, "An Area-Preserving Parametrization for Spherical Rectangles" (EGSR). A rectangle seen from a place is cut by
-great circles; one number chooses the strip, the other the height in it. Angles are differences of arcs, whose digits go where a rectangle
-is small or far: callers take those by their area, which is as good there (`is_near`).
+Ureña, Fajardo, King 2013, "An Area-Preserving Parametrization for Spherical Rectangles" (EGSR). One random number chooses a great circle
+across the spherical rectangle, the other the position on it. Angles are differences of arcs and lose precision for small or distant
+rectangles: callers sample those by area, which is as good there (`is_near`).
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ NEAR = 2.0
 TINY = 1e-30
 
 
-class Seen(NamedTuple):
-    """A rectangle as seen from a place, which is the origin of a frame along its sides."""
+class SphericalRectangle(NamedTuple):
+    """A spherical rectangle, in a frame along its sides with the viewpoint as origin."""
 
     x0: Lane
     x1: Lane
     y0: Lane
     y1: Lane
-    z: Lane  # distance of its plane, > 0 toward the side it is seen from, negated
+    z: Lane  # minus the distance of its plane
     b0: Lane  # heights of the normals of its first and third arc
     b1: Lane
     k: Lane
@@ -34,24 +34,24 @@ class Seen(NamedTuple):
 
 @helper
 def is_near(way: Vec, area: Lane) -> Lane:
-    """Whether a rectangle whose middle is `way` off fills so much that its solid angle is worth its price."""
+    """Whether a rectangle centered at `way` is so near that solid angle sampling pays."""
     return ops.dot(way, way) < NEAR * area
 
 
 @helper
-def seen(way: Vec, unit_u: Vec, unit_v: Vec, half_u: Lane, half_v: Lane) -> Seen:
-    """A rectangle with its middle `way` off, unit directions of its sides at right angles, and half their lengths."""
+def spherical_rectangle(way: Vec, unit_u: Vec, unit_v: Vec, half_u: Lane, half_v: Lane) -> SphericalRectangle:
+    """Return the spherical rectangle of one centered at `way`, with unit side directions and half side lengths."""
     z = -ops.absolute(ops.dot(way, ops.cross(unit_u, unit_v)))
     z = ops.minimum(z, -1e-9 * (half_u + half_v))
     x, y = ops.dot(way, unit_u), ops.dot(way, unit_v)
     x0, x1, y0, y1 = x - half_u, x + half_u, y - half_v, y + half_v
-    # Heights of the unit normals of the four arcs; cosines of the angles between neighbours are their products.
+    # Heights of the unit normals of the four arcs; cosines of the angles between neighbors are their products.
     n0, n2 = -y0 * ops.rsqrt(z * z + y0 * y0), y1 * ops.rsqrt(z * z + y1 * y1)
     n1, n3 = x1 * ops.rsqrt(z * z + x1 * x1), -x0 * ops.rsqrt(z * z + x0 * x0)
     g0, g1 = ops.acos(_unit(-n0 * n1)), ops.acos(_unit(-n1 * n2))
     g2, g3 = ops.acos(_unit(-n2 * n3)), ops.acos(_unit(-n3 * n0))
     k = 2.0 * math.pi - g2 - g3
-    return Seen(x0, x1, y0, y1, z, n0, n2, k, ops.maximum(g0 + g1 - k, TINY))
+    return SphericalRectangle(x0, x1, y0, y1, z, n0, n2, k, ops.maximum(g0 + g1 - k, TINY))
 
 
 @helper
@@ -60,8 +60,8 @@ def _unit(x: Lane) -> Lane:
 
 
 @helper
-def draw(rect: Seen, u: Lane, v: Lane) -> tuple[Lane, Lane]:
-    """Where on it, from -1 to 1 along each side, two numbers in [0, 1) fall, evenly over its solid angle."""
+def sample(rect: SphericalRectangle, u: Lane, v: Lane) -> tuple[Lane, Lane]:
+    """Map u, v in [0, 1) uniformly over the solid angle; return coordinates from -1 to 1 along each side."""
     arc = u * rect.solid + rect.k
     sine, cosine = ops.sin(arc), ops.cos(arc)
     bent = (cosine * rect.b0 - rect.b1) / ops.where(ops.absolute(sine) > 1e-20, sine, 1e-20)
@@ -77,4 +77,4 @@ def draw(rect: Seen, u: Lane, v: Lane) -> tuple[Lane, Lane]:
     return 2.0 * (x - rect.x0) / (rect.x1 - rect.x0) - 1.0, 2.0 * (y - rect.y0) / (rect.y1 - rect.y0) - 1.0
 
 
-seen_apart, draw_apart = noinline_helper(seen), noinline_helper(draw)
+spherical_rectangle_noinline, sample_noinline = noinline_helper(spherical_rectangle), noinline_helper(sample)

@@ -1,10 +1,10 @@
-"""Shadow maps: what is nearest to a lamp tells whether its light reaches a place (Williams 1978; Reeves, Salesin, Cook 1987).
+"""Shadow map lookup with percentage closer filtering (Williams 1978; Reeves, Salesin, Cook 1987).
 
-A texel holds what is nearest to the lamp along the ray through its middle. A place is compared there with the plane that touches its own
-surface, which is a linear function of the texel as all keys are (1 / depth, or -depth): so a flat thing shades itself nowhere, whatever the
-light's slant, and all that is left to allow for is the rounding of keys. Only of the thing itself, which may be round, what is nearer to
-the plane than the filter is wide tells nothing. Sixteen texels are compared, weighed as a box of three under a bilinear lookup.
-shadow_views.py draws the maps.
+A texel holds the key (1 / depth, or -depth) of the surface nearest to the light along the ray through its center. Each texel is compared
+with the tangent plane of the shaded point, as keys of planes are linear in texel coordinates. So flat surfaces do not shadow themselves
+at any slant, and the bias covers only the rounding of keys. Texels of the shaded instance itself, which may be curved, get an additional
+bias of the filter's width. Sixteen texels are compared, with the weights of a 3 × 3 box under bilinear interpolation. `shadow_map_pass`
+renders the maps.
 """
 
 from __future__ import annotations
@@ -21,19 +21,22 @@ from ..surface import interaction
 from ..types import Lane, Surface, Tables, Vec
 
 DIRECTIONAL, SUN = int(ir.LightKind.DIRECTIONAL), int(ir.LightKind.SUN)
-ROUNDING = 2.0**-21  # of keys: float32 has 2⁻²⁴, and what is compared has been rounded a few times
-REACH = 2.0  # texels from a place to the farthest that it is compared with, but for half a texel
+ROUNDING = 2.0**-21  # relative, of keys: float32 has 2⁻²⁴, and keys are rounded a few times
+REACH = 2.0  # texels from a point to the farthest texel of its filter, minus half a texel
 
 
 class Maps(NamedTuple):
-    """The maps of all lamps that have them. The numbers of rows are world to (X, Y, D): X / W and Y / W are texels, W = D for points and
-    spots and 1 for parallel light, D is the depth."""
+    """The shadow maps of a scene.
 
-    first: NDArray[np.int64]  # (lights,) row of the first map; -1: shadows of this light are looked for by rays
+    Matrices map world space to (X, Y, D): X / W and Y / W are texels, D is the depth, W = D for point lights and spotlights, and 1 for
+    distant lights.
+    """
+
+    first: NDArray[np.int64]  # (lights,) row of the first map; -1: shadow rays instead
     count: NDArray[np.int64]  # (lights,) 1, or the 6 sides of a cube: -x, +x, -y, +y, -z, +z
     matrix: NDArray[np.float64]  # (maps, 3, 4)
     inverse: NDArray[np.float64]  # (maps, 3, 4) of the first three columns; the fourth is 0
-    texel: NDArray[np.float64]  # (maps,) metres, at a depth of 1 for points and spots
+    texel: NDArray[np.float64]  # (maps,) width in metres, at a depth of 1 for point lights and spotlights
     size: NDArray[np.int64]  # (maps,) texels a side
     start: NDArray[np.int64]  # (maps,) first texel
     key: NDArray[np.float32]  # larger is nearer; -inf: nothing
@@ -42,7 +45,7 @@ class Maps(NamedTuple):
 
 @helper
 def lit(maps: Any, tables: Tables, light: int, point: Surface) -> Lane:
-    """The share of a lamp's light, 0 to 1, that reaches a point."""
+    """Return the visibility of a light from a point, 0 to 1."""
     p, zero = interaction.shadow_origin(point), 0.0 * point.offset
     row = ops.int_like(zero, maps.first[light])
     cube = maps.count[light] == 6
@@ -91,7 +94,7 @@ def lit(maps: Any, tables: Tables, light: int, point: Surface) -> Lane:
 
 @helper
 def _side(way: Vec) -> Lane:
-    """Which side of a cube around it a way leads to."""
+    """The cube side, 0 to 5, that a direction points to."""
     ax, ay, az = abs(way[0]), abs(way[1]), abs(way[2])
     along_x, along_y = (ax >= ay) & (ax >= az), ay >= az
     of_x, of_y, of_z = ops.where(way[0] > 0.0, 1, 0), ops.where(way[1] > 0.0, 3, 2), ops.where(way[2] > 0.0, 5, 4)

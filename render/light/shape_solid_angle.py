@@ -1,13 +1,12 @@
-"""Disks, triangles and cylinders by the solid angle that they fill: directions drawn evenly over it, and how likely each is.
+"""Sampling of disks, triangles and cylinders by solid angle.
 
-A disk is seen as a spherical ellipse (Guillén, Ureña, King, Fajardo, Georgiev, López-Moreno, Jarabo 2017, "Area-Preserving
-Parameterizations for Spherical Ellipses", whose polar map needs elliptic integrals to be inverted): here the angle about its middle
-is drawn as on a flat ellipse that is right at both axes, and the height exactly, so that densities are exact, and even to some per
-cent. Triangles by
-Peters 2021, "BRDF Importance Sampling for Polygonal Lights" (§3.1), after Arvo 1995. Of a cylinder's side that faces a place, the rectangle
-behind which it lies (Gamito 2016, "Solid Angle Sampling of Disk and Cylinder Lights"), so that some directions pass it at its ends.
+A disk is a spherical ellipse (Guillén, Ureña, King, Fajardo, Georgiev, López-Moreno, Jarabo 2017, "Area-Preserving Parameterizations for
+Spherical Ellipses", whose polar map inverts elliptic integrals). Here the azimuth is sampled as on a flat ellipse that is exact at both
+axes, and the height exactly: densities are exact, and uniform to some per cent. Triangles: Peters 2021, "BRDF Importance Sampling for
+Polygonal Lights" (§3.1), after Arvo 1995. The side of a cylinder: the rectangle in front of it (Gamito 2016, "Solid Angle Sampling of
+Disk and Cylinder Lights"); some directions miss the cylinder at its ends.
 
-Scenes without such lights compile none of it: the marks in `Wide` are types.
+Scenes without such emitters compile none of it: the fields of `Wide` are types.
 """
 
 from __future__ import annotations
@@ -23,32 +22,32 @@ from ..lanes import ops
 from ..types import Lane, Vec
 from . import lights, rectangle_solid_angle
 
-CAP = 0.02  # steradians below which a cylinder's rectangle is drawn by its area: digits are lost in less, and nothing is gained
+CAP = 0.02  # steradians below which a cylinder's rectangle is sampled by area, against cancellation
 
 
 class NoLights(NamedTuple):
-    """A scene has no such lights."""
+    """A scene has no such emitters."""
 
 
-class Some(NamedTuple):
-    """It has."""
+class HasLights(NamedTuple):
+    """A scene has such emitters."""
 
     count: int
 
 
 class Wide(NamedTuple):
-    """Which of these a scene's emitters are: NoLights or Some each."""
+    """The shapes among a scene's emitters: NoLights or Some each."""
 
     disks: Any
     triangles: Any
     tubes: Any
 
 
-def if_some(function: Callable[..., Any]) -> Callable[..., Any]:
-    """`chosen(mark, plain, …)`: `plain` in scenes without such lights, and else function(plain, …)."""
+def specialize_if_some(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return `chosen(mark, plain, …)`: `plain` in scenes without such emitters, else function(plain, …)."""
 
     def chosen(mark: Any, plain: Any, *of: Any) -> Any:
-        return function(plain, *of) if isinstance(mark, Some) else plain
+        return function(plain, *of) if isinstance(mark, HasLights) else plain
 
     @overload(chosen, jit_options=HELPER)
     def _in_kernels(mark, plain, *of):
@@ -63,7 +62,7 @@ def if_some(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 class Ellipse(NamedTuple):
-    """A disk as seen from a place: the cone around `axis` whose half angles in the directions x and y have these cotangents."""
+    """A spherical ellipse: the cone around `axis` with the half angles of cot_x and cot_y along x and y."""
 
     axis: Vec
     x: Vec
@@ -72,16 +71,16 @@ class Ellipse(NamedTuple):
     cot_y: Lane
     sin_x: Lane  # of half the half angle
     sin_y: Lane
-    toward: Vec  # normal of the disk's plane, away from the place
-    height: Lane  # of the place above it
+    toward: Vec  # normal of the disk's plane, away from the viewpoint
+    height: Lane  # of the viewpoint above the plane
 
 
 @helper
 def ellipse(way: Vec, normal: Vec, radius: Lane) -> Ellipse:
-    """A disk with its middle `way` off.
+    """Return the spherical ellipse of a disk centered at `way`.
 
-    In the plane of symmetry the axis halves the angle between the ways d₁, d₂ to the nearest and farthest points; it meets the disk
-    where the chord across is 2 R √(|d₁| |d₂|) / (|d₁| + |d₂|) to either side (by the theorem of the angle's bisector).
+    In the plane of symmetry the axis bisects the angle between the vectors d₁, d₂ to the nearest and farthest points. It intersects the
+    disk where the half chord is 2 R √(|d₁| |d₂|) / (|d₁| + |d₂|), by the angle bisector theorem.
     """
     off = ops.dot(way, normal)
     toward = ops.scale(normal, ops.where(off < 0.0, -1.0, 1.0))
@@ -95,7 +94,7 @@ def ellipse(way: Vec, normal: Vec, radius: Lane) -> Ellipse:
     to_near, to_far = ops.sqrt(near * near + height * height), ops.sqrt(far * far + height * height)
     both = to_near * to_far
     crossed, along = 2.0 * height * radius, near * far + height * height
-    # tan (γ/2) = sin γ / (1 + cos γ) = (1 - cos γ) / sin γ of the whole angle γ, whichever does not cancel
+    # tan (γ/2) = sin γ / (1 + cos γ) = (1 - cos γ) / sin γ of the whole angle γ, whichever is free of cancellation
     cot_x = ops.where(along > 0.0, (both + along) / crossed, crossed / ops.maximum(both - along, lights.TINY))
     middle = (near * to_far + far * to_near) / (to_near + to_far)
     reach = ops.sqrt(middle * middle + height * height)
@@ -114,14 +113,14 @@ def _half_sine(cot: Lane) -> Lane:
 
 @helper
 def _depth(cot: Lane) -> Lane:
-    """1 - cos α, from cot α, without cancelling."""
+    """1 - cos α, from cot α, without cancellation."""
     root = ops.sqrt(1.0 + cot * cot)
     return 1.0 / (root * (root + cot))
 
 
 @helper
 def _inverse_density(seen: Ellipse, c: Lane, s: Lane) -> tuple[Lane, Lane]:
-    """(1 over the density of directions at an angle about the axis whose cosine and sine are c and s, 1 - cos of the cone there)."""
+    """(1 over the density, 1 - cos of the cone) at the azimuth of cosine c and sine s."""
     a, b = c * seen.cot_x, s * seen.cot_y
     depth = _depth(ops.sqrt(a * a + b * b))
     p, q = seen.sin_y * c, seen.sin_x * s
@@ -129,8 +128,8 @@ def _inverse_density(seen: Ellipse, c: Lane, s: Lane) -> tuple[Lane, Lane]:
 
 
 @noinline_helper
-def draw_disk(seen: Ellipse, u: Lane, v: Lane) -> tuple[Vec, Lane, Lane]:
-    """(direction, distance, 1 over the density) of a point of a disk."""
+def sample_disk(seen: Ellipse, u: Lane, v: Lane) -> tuple[Vec, Lane, Lane]:
+    """(direction, distance, 1 over the density) of a sampled point of a disk."""
     turn = 2.0 * math.pi * v
     p, q = seen.sin_x * ops.cos(turn), seen.sin_y * ops.sin(turn)
     inverse = 1.0 / ops.sqrt(ops.maximum(p * p + q * q, lights.TINY))
@@ -144,7 +143,7 @@ def draw_disk(seen: Ellipse, u: Lane, v: Lane) -> tuple[Vec, Lane, Lane]:
 
 @noinline_helper
 def disk_density(seen: Ellipse, direction: Vec) -> Lane:
-    """The density of a direction to a disk as `draw_disk` draws it."""
+    """Return the solid angle density of `draw_disk`."""
     x, y = ops.dot(direction, seen.x), ops.dot(direction, seen.y)
     inverse = 1.0 / ops.sqrt(ops.maximum(x * x + y * y, lights.TINY))
     return 1.0 / ops.maximum(_inverse_density(seen, x * inverse, y * inverse)[0], lights.TINY)
@@ -154,7 +153,7 @@ def disk_density(seen: Ellipse, direction: Vec) -> Lane:
 
 
 class Corners(NamedTuple):
-    """A triangle as seen from a place: directions to its corners, and what its solid angle Ω is made of."""
+    """A spherical triangle: directions to its corners, and the terms of its solid angle Ω."""
 
     a: Vec
     b: Vec
@@ -167,14 +166,14 @@ class Corners(NamedTuple):
 
 @helper
 def fills_much(way: Vec, u: Vec, v: Vec) -> Lane:
-    """Whether a triangle with a corner `way` off and edges u, v is so near that its solid angle is worth its price."""
+    """Whether a triangle with a corner at `way` and edges u, v is so near that solid angle sampling pays."""
     middle = ops.add(way, ops.scale(ops.add(u, v), 1.0 / 3.0))
     return ops.dot(middle, middle) < ops.dot(u, u) + ops.dot(v, v)
 
 
 @helper
 def corners(way: Vec, u: Vec, v: Vec) -> Corners:
-    """A triangle with a corner `way` off and edges u, v from there."""
+    """Return the spherical triangle of one with a corner at `way` and edges u, v."""
     to_b, to_c = ops.add(way, u), ops.add(way, v)
     far_a, far_b, far_c = ops.length(way), ops.length(to_b), ops.length(to_c)
     inverse_a, inverse_b = 1.0 / ops.maximum(far_a, lights.TINY), 1.0 / ops.maximum(far_b, lights.TINY)
@@ -187,8 +186,8 @@ def corners(way: Vec, u: Vec, v: Vec) -> Corners:
 
 
 @noinline_helper
-def draw_triangle(seen: Corners, u: Lane, v: Lane) -> Vec:
-    """A direction in it, even over its solid angle: the corner c moves along its arc so that u Ω is left, v goes along the arc from b."""
+def sample_triangle(seen: Corners, u: Lane, v: Lane) -> Vec:
+    """Sample a direction uniformly: u moves the corner c along its arc to the solid angle u Ω, v goes along the arc from b."""
     half = 0.5 * u * seen.solid
     sine, cosine = ops.sin(half), ops.cos(half)
     middle = ops.add(
@@ -207,28 +206,28 @@ def draw_triangle(seen: Corners, u: Lane, v: Lane) -> Vec:
 
 
 class Tube(NamedTuple):
-    """A cylinder's side as seen from a place outside of it: the rectangle behind which all of it lies."""
+    """The side of a cylinder, seen through the rectangle in front of it."""
 
-    rect: rectangle_solid_angle.Seen
-    onward: Vec  # unit, toward the axis, at a right angle to it
+    rect: rectangle_solid_angle.SphericalRectangle
+    onward: Vec  # unit, toward the axis, perpendicular to it
     sideways: Vec
     axis: Vec
-    aside: Vec  # to the nearest place of the axis
+    aside: Vec  # to the nearest point of the axis
     middle: Vec  # of the rectangle
     half_width: Lane
     half_height: Lane
     plane: Lane  # the rectangle's distance
     apart: Lane  # D, the axis's distance
     radius: Lane  # R
-    low: Lane  # where the cylinder begins and ends along its axis
+    low: Lane  # the cylinder's ends along its axis
     high: Lane
     outside: Lane  # bool: whether D > R
-    even: Lane  # bool: whether directions are even over the rectangle's solid angle; else points over its area
+    even: Lane  # bool: uniform by the rectangle's solid angle; else by its area
 
 
 @helper
 def tube(way: Vec, axis: Vec, radius: Lane, half: Lane) -> Tube:
-    """A cylinder with its middle `way` off."""
+    """Return the record of a cylinder centered at `way`."""
     along = ops.dot(way, axis)
     aside = ops.sub(way, ops.scale(axis, along))
     apart_ = ops.length(aside)
@@ -239,36 +238,36 @@ def tube(way: Vec, axis: Vec, radius: Lane, half: Lane) -> Tube:
     beyond = (apart_ - radius) * (apart_ + radius)
     plane, half_width = beyond / apart_, radius * ops.sqrt(beyond) / apart_
     low, high = along - half, along + half
-    nearer = (apart_ + radius) / apart_  # ends of the foremost line lie so much farther off, as the rectangle shows them
+    nearer = (apart_ + radius) / apart_  # perspective scale of the nearest line in the rectangle's plane
     bottom, top = ops.minimum(low, low * nearer), ops.maximum(high, high * nearer)
     half_height = 0.5 * (top - bottom)
     middle = ops.add(ops.scale(onward, plane), ops.scale(axis, 0.5 * (bottom + top)))
-    rect = rectangle_solid_angle.seen_apart(middle, sideways, axis, half_width, half_height)
+    rect = rectangle_solid_angle.spherical_rectangle_noinline(middle, sideways, axis, half_width, half_height)
     return Tube(
         rect, onward, sideways, axis, aside, middle, half_width, half_height, plane, apart_, radius, low, high, outside, rect.solid > CAP
     )  # fmt: skip
 
 
 @helper
-def _through(seen: Tube, direction: Vec) -> Lane:
-    """1 over the density of a direction that goes through the rectangle."""
+def _inverse_density_through(seen: Tube, direction: Vec) -> Lane:
+    """1 over the density of a direction through the rectangle."""
     forth = ops.maximum(ops.dot(direction, seen.onward), lights.TINY)
     by_area = 4.0 * seen.half_width * seen.half_height * forth * forth * forth / (seen.plane * seen.plane)
     return ops.where(seen.even, seen.rect.solid, by_area)
 
 
 @helper
-def _within(seen: Tube, out: Vec, direction: Vec, reach2: Lane) -> Lane:
-    """1 over the density of a direction from inside the cylinder, where points are even over its area; `out` is the normal there."""
+def _inverse_density_inside(seen: Tube, out: Vec, direction: Vec, reach2: Lane) -> Lane:
+    """1 over the density of a direction from inside the cylinder, where sampling is by area; `out` is the normal there."""
     area = 2.0 * math.pi * seen.radius * (seen.high - seen.low)
     between = (seen.low < 0.0) & (seen.high > 0.0)
     return ops.where(between, area * ops.absolute(ops.dot(direction, out)) / reach2, 0.0)
 
 
 @noinline_helper
-def draw_tube(seen: Tube, u: Lane, v: Lane) -> tuple[Vec, Lane, Lane, Lane]:
-    """(direction, distance, 1 over the density, cosine) of a point of a cylinder's side; 0 for the density where directions pass it."""
-    x, y = rectangle_solid_angle.draw_apart(seen.rect, u, v)
+def sample_tube(seen: Tube, u: Lane, v: Lane) -> tuple[Vec, Lane, Lane, Lane]:
+    """(direction, distance, 1 over the density, cosine) of a sample of a cylinder's side; 0 in place of 1 over the density for misses."""
+    x, y = rectangle_solid_angle.sample_noinline(seen.rect, u, v)
     x, y = ops.where(seen.even, x, 2.0 * u - 1.0), ops.where(seen.even, y, 2.0 * v - 1.0)
     across = ops.add(ops.scale(seen.sideways, x * seen.half_width), ops.scale(seen.axis, y * seen.half_height))
     direction = ops.normalize(ops.add(seen.middle, across))
@@ -278,7 +277,7 @@ def draw_tube(seen: Tube, u: Lane, v: Lane) -> tuple[Vec, Lane, Lane, Lane]:
     root = ops.sqrt(ops.maximum((most - off) * (most + off), 0.0))
     distance = (seen.apart * forth - root) / flat2
     height = distance * ops.dot(direction, seen.axis)
-    angle = ops.where((height >= seen.low) & (height <= seen.high), _through(seen, direction), 0.0)
+    angle = ops.where((height >= seen.low) & (height <= seen.high), _inverse_density_through(seen, direction), 0.0)
     cosine = root / seen.radius
     inside = ops.not_(seen.outside)
     if ops.any_lane(inside):
@@ -290,16 +289,17 @@ def draw_tube(seen: Tube, u: Lane, v: Lane) -> tuple[Vec, Lane, Lane, Lane]:
         reach = ops.sqrt(reach2)
         to = ops.scale(point, 1.0 / reach)
         direction, distance = ops.where3(inside, to, direction), ops.where(inside, reach, distance)
-        angle = ops.where(inside, _within(seen, out, to, reach2), angle)
+        angle = ops.where(inside, _inverse_density_inside(seen, out, to, reach2), angle)
         cosine = ops.where(inside, ops.absolute(ops.dot(to, out)), cosine)
     return direction, distance, angle, cosine
 
 
 @noinline_helper
 def tube_density(seen: Tube, direction: Vec, distance: Lane) -> Lane:
-    """The density of a direction in which a cylinder's side is met as `draw_tube` draws it."""
+    """Return the solid angle density of `draw_tube`."""
     met = ops.sub(ops.scale(direction, distance), seen.aside)
     out = ops.sub(met, ops.scale(seen.axis, ops.dot(met, seen.axis)))
     out = ops.scale(out, 1.0 / seen.radius)
-    angle = ops.where(seen.outside, _through(seen, direction), _within(seen, out, direction, distance * distance))
+    inside = _inverse_density_inside(seen, out, direction, distance * distance)
+    angle = ops.where(seen.outside, _inverse_density_through(seen, direction), inside)
     return 1.0 / ops.maximum(angle, lights.TINY)

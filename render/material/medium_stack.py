@@ -1,10 +1,9 @@
-"""What light goes through inside of things: Beer and Lambert's law, and dielectrics one within another.
+"""Medium stack of rays: Beer-Lambert absorption and nested dielectrics.
 
-A ray carries the media that it is in, up to four, seven bits each in one whole number. Media are numbered by their priority: where
-things overlap, the medium of the highest number is there, and a boundary that does not change which that is, is none (Schmidt and Budge
-2002, Simple Nested Dielectrics in Ray Traced Images): wine may stand a little into its glass, without a gap of air. So a boundary's
-indices are those of the highest number on each side. Only scenes with glass that absorbs or has a priority compile any of this: the
-number that elsewhere stands for the media of a ray is None, which is a type.
+A ray carries the media around it, up to four, seven bits each in one integer. Media are numbered by priority. Where shapes overlap, the
+medium of the highest number fills the volume; a boundary that does not change it is ignored (Schmidt and Budge 2002, Simple Nested
+Dielectrics in Ray Traced Images). So wine may overlap its glass, without a gap of air. The indices at a boundary are those of the highest
+number on each side. Only scenes with glass that absorbs or has a priority compile this; elsewhere the stack is None, which is a type.
 """
 
 from __future__ import annotations
@@ -25,26 +24,26 @@ from ..types import Lane, Surface, Tables, Vec
 GLASS = int(ir.MaterialModel.GLASS)
 IOR, ABSORPTION, PRIORITY = int(ir.Slot.IOR), int(ir.Slot.ABSORPTION), int(ir.Slot.PRIORITY)
 BITS = 7
-MASK = (1 << BITS) - 1  # the most media of a scene, too
-DEPTH = 4  # media that a ray may be in at once; of more, the one that would be entered last counts as not entered
+MASK = (1 << BITS) - 1  # also the most media of a scene
+DEPTH = 4  # most media of a stack; beyond that, the oldest entry is dropped
 
 F64 = NDArray[np.float64]
 
 
 class Air(NamedTuple):
-    """Nothing absorbs, and no glass has a priority."""
+    """A scene without absorption and priorities."""
 
 
 class Media(NamedTuple):
-    """The media of a scene; row 0 is the air around all."""
+    """The media of a scene; row 0 is air."""
 
     number: NDArray[np.int64]  # (materials,) the medium that a material bounds, 0: none
     index: F64  # (media + 1,) index of refraction
-    absorbed: F64  # (media + 1, 4) share per metre, natural logarithm; 0 at the end
+    absorbed: F64  # (media + 1, 4) absorption coefficients per metre, and 0
 
 
 def media(tables: ir.Tables) -> Media | Air:
-    """What kernels read of a scene's media. Beyond MASK of them, those of the lowest priority are air."""
+    """Return the media of a scene; if there are more than MASK, those of lowest priority become air."""
     values = tables.materials.values
     glass = tables.materials.model == GLASS
     used = scene_facts.used_materials(tables)
@@ -62,29 +61,29 @@ def media(tables: ir.Tables) -> Media | Air:
 
 
 def is_used(tables: Any) -> bool:
-    """Whether kernels' tables of this Numba type have media."""
+    """Whether tables of this Numba type have media."""
     found = tables.field("materials.media") if isinstance(tables, HandleType) else None
     return found is not None and found[1] != ()
 
 
-def outside(tables: Tables, like: Lane) -> Any:
-    """What rays are in where they begin: the air; None in scenes without media."""
+def initial_stack(tables: Tables, like: Lane) -> Any:
+    """Return the stack of camera rays: air; None in scenes without media."""
     return ops.int_like(like, 0) if isinstance(getattr(tables.materials, "media", None), Media) else None
 
 
-@overload(outside, jit_options=HELPER)
+@overload(initial_stack, jit_options=HELPER)
 def _outside_in_kernels(tables, like):
     if is_used(tables):
         return lambda tables, like: ops.int_like(like, 0)
     return lambda tables, like: None
 
 
-# --- the list of media ---------------------------------------------------------------------------------------------------
+# --- stack operations -----------------------------------------------------------------------------------------------------
 
 
 @helper
-def highest(inside: Lane) -> Lane:
-    """The number of the medium that is there."""
+def top(inside: Lane) -> Lane:
+    """Return the number of the medium that fills the volume."""
     found = inside & MASK
     for k in range(1, DEPTH):
         found = ops.maximum(found, (inside >> (BITS * k)) & MASK)
@@ -92,8 +91,8 @@ def highest(inside: Lane) -> Lane:
 
 
 @helper
-def without(inside: Lane, number: Lane) -> Lane:
-    """The list with one entry of a medium taken out; the others close up."""
+def remove(inside: Lane, number: Lane) -> Lane:
+    """Remove one entry of a medium."""
     found, gone = inside & 0, number < 0
     for k in range(DEPTH):
         entry = (inside >> (BITS * k)) & MASK
@@ -105,45 +104,45 @@ def without(inside: Lane, number: Lane) -> Lane:
 
 
 @helper
-def added(inside: Lane, number: Lane) -> Lane:
-    """The list with a medium put in front."""
+def push(inside: Lane, number: Lane) -> Lane:
+    """Push a medium."""
     return ((inside << BITS) & ((1 << (BITS * DEPTH)) - 1)) | number
 
 
-# --- what surfaces and ways ask ------------------------------------------------------------------------------------------
+# --- boundaries and absorption ------------------------------------------------------------------------------------------
 
 
 @helper
-def _ratio(inside: Lane, plain: Lane, tables: Tables, point: Surface) -> Lane:
+def _relative_ior(inside: Lane, plain: Lane, tables: Tables, point: Surface) -> Lane:
     table: Any = tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
     number = ops.to_int(table.number[point.material])
-    rest = without(inside, number)
-    around = ops.where(point.front, highest(inside), highest(rest))
-    real = number > around
-    beside = plain / table.index[around]
+    rest = remove(inside, number)
+    outer = ops.where(point.front, top(inside), top(rest))
+    real = number > outer
+    beside = plain / table.index[outer]
     return ops.where(number > 0, ops.where(real, beside, 1.0), plain)
 
 
 @helper
-def _hidden(inside: Lane, plain: Lane, tables: Tables, point: Surface) -> Lane:
+def _is_ignored(inside: Lane, plain: Lane, tables: Tables, point: Surface) -> Lane:
     table: Any = tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
     number = ops.to_int(table.number[point.material])
-    around = ops.where(point.front, highest(inside), highest(without(inside, number)))
-    return (number > 0) & (number <= around)
+    outer = ops.where(point.front, top(inside), top(remove(inside, number)))
+    return (number > 0) & (number <= outer)
 
 
 @helper
-def _crossed(inside: Lane, plain: Any, tables: Tables, point: Surface, direction: Vec) -> Lane:
+def _cross_boundary(inside: Lane, plain: Any, tables: Tables, point: Surface, direction: Vec) -> Lane:
     table: Any = tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
     number = ops.to_int(table.number[point.material])
     through = (ops.dot(direction, point.geometric) < 0.0) & (number > 0)
-    return ops.where(through, ops.where(point.front, added(inside, number), without(inside, number)), inside)
+    return ops.where(through, ops.where(point.front, push(inside, number), remove(inside, number)), inside)
 
 
 @helper
-def _faded(inside: Lane, plain: Vec, tables: Tables, distance: Lane) -> Vec:
+def _attenuate(inside: Lane, plain: Vec, tables: Tables, distance: Lane) -> Vec:
     table: Any = tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
-    number = highest(inside)
+    number = top(inside)
     if ops.not_(ops.any_lane(number > 0)):
         return plain
     far = ops.where(number > 0, distance, 0.0)
@@ -154,8 +153,8 @@ def _faded(inside: Lane, plain: Vec, tables: Tables, distance: Lane) -> Vec:
     )  # fmt: skip
 
 
-# Each takes the media of a ray, what it would be without media, and:
-ratio = specialize_if_present(_ratio)  # index inside over outside that counts at a boundary of index `plain`: tables, point
-hidden = specialize_if_present(_hidden)  # whether a boundary is none: tables, point
-crossed = specialize_if_present(_crossed)  # the media of a ray that leaves a surface: tables, point, direction
-faded = specialize_if_present(_faded)  # `plain` after a distance in metres: tables, distance
+# Each takes the stack of a ray, the result in scenes without media, and:
+relative_ior = specialize_if_present(_relative_ior)  # (tables, point) → relative index at a boundary of index `plain`
+is_ignored = specialize_if_present(_is_ignored)  # (tables, point) → whether a boundary is ignored
+cross_boundary = specialize_if_present(_cross_boundary)  # (tables, point, direction) → stack of a ray that leaves a surface
+attenuate = specialize_if_present(_attenuate)  # (tables, distance) → `plain` attenuated over a distance in metres

@@ -1,9 +1,9 @@
-"""Materials with microfacets as rows say them: metallic and specular workflow (UsdPreviewSurface 2.6, glTF 2.0) and metals.
+"""Principled BSDF parameters: metallic and specular workflow (UsdPreviewSurface 2.6, glTF 2.0) and metals.
 
 `PRINCIPLED`: base = colour (1 − metallic), f0 = ((ior − 1) / (ior + 1))² (1 − metallic) + colour metallic. `PRINCIPLED_SPECULAR`: base =
-colour, f0 = SPECULAR. `METAL`: f0 = SPECULAR, and EDGE is what is left of Schlick's reflectance at 81.8°, where a metal reflects least
-(Kutz, Hašan, Edmondson 2021, Novel aspects of the Adobe Standard Material). TRANSMISSION is what of the base lets light straight
-through, AMBIENT how much of the base ambient light reaches (occlusion). α is roughness squared (Burley 2012).
+colour, f0 = SPECULAR. `METAL`: f0 = SPECULAR, and EDGE is the factor of Schlick's reflectance at 81.8°, where a metal reflects least
+(Kutz, Hašan, Edmondson 2021, Novel aspects of the Adobe Standard Material). TRANSMISSION is the share of the base that
+transmits straight through, AMBIENT the ambient occlusion of the base. α is roughness squared (Burley 2012).
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _DIP = LOWEST * (1.0 - LOWEST) ** 6
 
 
 class Layered(NamedTuple):
-    """ir.Materials where a scene has microfacets or maps of normals, with what those read beside the rows: types of their own."""
+    """ir.Materials of scenes with microfacets, normal maps, media or blends, with their tables; kernels specialize on these types."""
 
     model: Any
     shading: Any
@@ -47,11 +47,11 @@ class Layered(NamedTuple):
     textured: Any
     first: Any
     second: Any
-    albedo: Any  # albedo.Albedo, or Smooth
-    tangents: Any  # tilt.Tangents, or tilt.Untilted
-    frosted: Any  # frosted.Tabled, or frosted.Clear
-    media: Any  # media.Media, or media.Air
-    blended: Any  # blends.Blended, or blends.Plain
+    albedo: Any  # energy_compensation.Albedo, or Smooth
+    tangents: Any  # normal_map.Tangents or Untilted
+    frosted: Any  # rough_dielectric.Tabled or Clear
+    media: Any  # medium_stack.Media or Air
+    blended: Any  # blend.Blended or Plain
 
 
 class Smooth(NamedTuple):
@@ -59,7 +59,7 @@ class Smooth(NamedTuple):
 
 
 def tables_for(tables: ir.Tables) -> ir.Tables:
-    """The same tables, or with `Layered` materials where a thing has microfacets, a map of normals or heights, a medium or a blend."""
+    """Return tables with `Layered` materials if an instance uses microfacets, a normal or height map, a medium or a blend."""
     facets = bool((ir.is_in(tables.materials.model, MODELS) & scene_facts.used_materials(tables)).any())
     parts = (
         energy_compensation.table() if facets else Smooth(), normal_map.build_tangents(tables), rough_dielectric.tables_of(tables),
@@ -72,14 +72,14 @@ def tables_for(tables: ir.Tables) -> ir.Tables:
 
 
 def has_sharp(tables: ir.Tables) -> bool:
-    """Whether some highlight may be a mirror's."""
+    """Whether some highlight may be specular."""
     m = tables.materials
     flat = (m.values[:, ROUGHNESS, 0] ** 2 < microfacet.SHARP) | (m.textures[:, ROUGHNESS] >= 0)
     return bool((ir.is_in(m.model, MODELS) & flat).any())
 
 
 def at(tables: Tables, surface: Surface) -> Lobes | None:
-    """The microfacets of a surface where it is; None in scenes without any."""
+    """Return the microfacet lobes of a surface; None in scenes without any."""
     return _at(tables, surface) if isinstance(getattr(tables.materials, "albedo", None), energy_compensation.Albedo) else None
 
 
@@ -134,5 +134,5 @@ def _clipped(color: Vec) -> Vec:
 
 @helper
 def _bend(f0: Lane, edge: Lane) -> Lane:
-    """What Schlick's law gives too much, so that at LOWEST there is `edge` of it."""
+    """The coefficient of the dip that leaves `edge` of Schlick's reflectance at LOWEST."""
     return (f0 + (1.0 - f0) * (1.0 - LOWEST) ** 5) * (1.0 - ops.clip(edge, 0.0, 1.0)) * (1.0 / _DIP)

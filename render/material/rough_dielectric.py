@@ -1,9 +1,9 @@
-"""Rough glass: facets that reflect and refract, on both sides of a surface, with all the light that bounces between them kept.
+"""Rough dielectric BSDF: microfacet reflection and refraction, with energy compensation.
 
-Walter, Marschner, Li, Torrance 2007, Microfacet Models for Refraction through Rough Surfaces, with Smith's height-correlated
-shadowing for both; facets are drawn as they are seen. What one meeting loses comes back as a matt lobe on either side (Kulla and Conty
-2017): of the share 1 − E(μₒ) that the viewer's side loses, x goes through, in such parts that light may go either way. As everywhere
-here radiance is not scaled by the square of the index. E is tabled for each such material, from outside and from inside.
+Walter, Marschner, Li, Torrance 2007, Microfacet Models for Refraction through Rough Surfaces, with Smith's height-correlated shadowing and
+visible-normal sampling. The energy that single scattering loses returns as a diffuse lobe on either side (Kulla and Conty 2017): of the
+share 1 − E(μₒ), x is transmitted, such that the BSDF is reciprocal. Radiance is not scaled by the square of the index. E is tabulated for
+each index, from outside and from inside.
 """
 
 from __future__ import annotations
@@ -27,58 +27,58 @@ from .microfacet import LEAST
 
 GLASS = int(ir.MaterialModel.GLASS)
 ROUGHNESS, IOR = int(ir.Slot.ROUGHNESS), int(ir.Slot.IOR)
-COLUMNS, ROWS = 32, 20  # of the tables, as albedo.py has them
-NODES = (377, 233), (987, 610)  # of each integral: numbers of Fibonacci one after the other, from outside and from inside,
-MISSED = 6e-4, 2.5e-3  # and the most of E that those and straight lines between rows and columns miss
-ROUNDED = 2e-4  # and of a mean's rest
-SAME = 1e-3  # indices whose ratio is nearer to 1 than this bend nothing: what is between them is clear
+COLUMNS, ROWS = 32, 20  # of the tables, as in energy_compensation
+NODES = (377, 233), (987, 610)  # of each integral, consecutive Fibonacci numbers: from outside, from inside
+MISSED = 6e-4, 2.5e-3  # greatest error of E by quadrature and interpolation, likewise
+ROUNDED = 2e-4  # likewise of a mean of 1 − E
+SAME = 1e-3  # a relative index nearer to 1 than this does not refract: the boundary is clear
 
 F64 = NDArray[np.float64]
 
 
 class Clear(NamedTuple):
-    """No glass is rough."""
+    """A scene without rough glass."""
 
 
-class Tabled(NamedTuple):
-    """Tables as kernels read them."""
+class AlbedoTables(NamedTuple):
+    """Tables of 1 − E."""
 
-    of: NDArray[np.int64]  # (materials,) which of the tables is a material's
+    of: NDArray[np.int64]  # (materials,) table of a material
     each: F64  # (k · 2 · ROWS · COLUMNS, 4) 1 − E of a column and of the next, from outside, then from inside; 0, 0
-    mean: F64  # (k · 2 · ROWS, 4) mean of 1 − E on this side and on the other; what goes through of what is lost here, over the latter; 0
+    mean: F64  # (k · 2 · ROWS, 4) mean of 1 − E on this side and on the other; transmitted share of the loss over the latter; 0
 
 
-class Frost(NamedTuple):
-    """Rough glass at a point, from the side it is seen from."""
+class RoughGlass(NamedTuple):
+    """Parameters of rough glass at a point, from the viewer's side."""
 
     here: Lane  # bool
     alpha: Lane
-    ratio: Lane  # index of the other side over that of this one
-    tint: Vec  # what goes through is multiplied by it
+    ratio: Lane  # index of the other side over this side's
+    tint: Vec  # factor of transmitted light
     row: Lane  # of Tabled.each: this side
     other: Lane  # the other side
     table: Any
 
 
-def tables_of(tables: ir.Tables) -> Tabled | Clear:
-    """What kernels read of a scene's rough glass."""
+def tables_of(tables: ir.Tables) -> AlbedoTables | Clear:
+    """Return the tables of a scene's rough glass."""
     m = tables.materials
     rough = (m.model == GLASS) & ((m.values[:, ROUGHNESS, 0] > 0.0) | (m.textures[:, ROUGHNESS] >= 0))
     if not (rough & scene_facts.used_materials(tables)).any():
         return Clear()
     indices, of = np.unique(np.where(rough, m.values[:, IOR, 0], 1.5), return_inverse=True)
     made = [_table(float(index)) for index in indices]
-    return Tabled(of.ravel().astype(np.int64), np.concatenate([t[0] for t in made]), np.concatenate([t[1] for t in made]))
+    return AlbedoTables(of.ravel().astype(np.int64), np.concatenate([t[0] for t in made]), np.concatenate([t[1] for t in made]))
 
 
 def is_rough(tables: ir.Tables) -> bool:
-    """Whether some glass may be rough."""
-    return isinstance(tables_of(tables), Tabled)
+    """Whether a scene has rough glass."""
+    return isinstance(tables_of(tables), AlbedoTables)
 
 
-def at(tables: Tables, surface: Surface, ior: Lane, tint: Vec) -> Frost | None:
-    """The rough glass of a surface where it is; None in scenes without any. `ior` is inside over outside."""
-    return _at(tables, surface, ior, tint) if isinstance(getattr(tables.materials, "frosted", None), Tabled) else None
+def at(tables: Tables, surface: Surface, ior: Lane, tint: Vec) -> RoughGlass | None:
+    """Return the rough glass of a surface; None in scenes without any. `ior` is inside over outside."""
+    return _at(tables, surface, ior, tint) if isinstance(getattr(tables.materials, "frosted", None), AlbedoTables) else None
 
 
 @overload(at, jit_options=HELPER)
@@ -90,7 +90,7 @@ def _at_in_kernels(tables, surface, ior, tint):
 
 
 @helper
-def _at(tables: Tables, surface: Surface, ior: Lane, tint: Vec) -> Frost:
+def _at(tables: Tables, surface: Surface, ior: Lane, tint: Vec) -> RoughGlass:
     materials: Any = tables.materials
     roughness = ops.clip(number_of(tables, surface, ROUGHNESS), 0.0, 1.0)
     alpha = roughness * roughness
@@ -99,15 +99,15 @@ def _at(tables: Tables, surface: Surface, ior: Lane, tint: Vec) -> Frost:
     first = ops.to_int(materials.frosted.of[surface.material]) * (2 * ROWS)
     inner = ops.where(surface.front, 0, ROWS)
     alpha = ops.maximum(alpha, microfacet.SHARP)
-    return Frost(here, alpha, ops.where(here, ratio, 1.5), tint, first + inner, first + (ROWS - inner), materials.frosted)
+    return RoughGlass(here, alpha, ops.where(here, ratio, 1.5), tint, first + inner, first + (ROWS - inner), materials.frosted)
 
 
-# --- lost and found again ------------------------------------------------------------------------------------------------
+# --- energy compensation -------------------------------------------------------------------------------------------------
 
 
 @helper
-def _lost(frost: Frost, row: Lane, cosine: Lane) -> Lane:
-    """1 − E under a cosine, on the side whose rows begin at `row`."""
+def _lost(frost: RoughGlass, row: Lane, cosine: Lane) -> Lane:
+    """1 − E at a cosine, on the side whose rows begin at `row`."""
     below, y = energy_compensation.row_of(frost.alpha, ROWS)
     column = energy_compensation.column_of(ops.clip(cosine, 0.0, 1.0), frost.alpha) * (COLUMNS - 1.0)
     left = ops.minimum(ops.floor_int(column), COLUMNS - 2)
@@ -118,20 +118,20 @@ def _lost(frost: Frost, row: Lane, cosine: Lane) -> Lane:
 
 
 @helper
-def _means(frost: Frost) -> tuple[Lane, Lane, Lane]:
-    """(mean of what is lost on this side, on the other, share of it that goes through)."""
+def _means(frost: RoughGlass) -> tuple[Lane, Lane, Lane]:
+    """(mean loss on this side, on the other, transmitted share of the loss)."""
     below, y = energy_compensation.row_of(frost.alpha, ROWS)
     one, two = row_gather.four_at(frost.table.mean, frost.row + below), row_gather.four_at(frost.table.mean, frost.row + below + 1)
     other = ops.lerp(one[1], two[1], y)
     return ops.lerp(one[0], two[0], y), other, ops.minimum(ops.lerp(one[2], two[2], y) * other, 1.0)
 
 
-# --- two directions ------------------------------------------------------------------------------------------------------
+# --- evaluation and sampling ---------------------------------------------------------------------------------------------
 
 
 @helper
 def reflectance(cosine: Lane, ratio: Lane) -> Lane:
-    """Fresnel's law for unpolarised light that meets a boundary to an index `ratio` times as large (Walter et al., equation 22)."""
+    """Return the Fresnel reflectance of unpolarized light at a boundary of relative index `ratio` (Walter et al., equation 22)."""
     square = ratio * ratio - 1.0 + cosine * cosine
     g = ops.sqrt(ops.maximum(square, 0.0))
     a, b = (g - cosine) / (g + cosine), (cosine * (g + cosine) - 1.0) / (cosine * (g - cosine) + 1.0)
@@ -139,8 +139,8 @@ def reflectance(cosine: Lane, ratio: Lane) -> Lane:
 
 
 @helper
-def both(frost: Frost, normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Lane]:
-    """(π f cos, density with which `_drawn` takes it) for light from either side."""
+def eval_both_sides(frost: RoughGlass, normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Lane]:
+    """(π f cos, solid angle density of `_sample`) for light from either side."""
     cos_out = ops.clip(ops.dot(normal, to_viewer), LEAST, 1.0)
     cosine = ops.dot(normal, to_light)
     above = cosine > 0.0
@@ -174,8 +174,8 @@ def _reach(cosine: Lane, alpha: Lane) -> Lane:
 
 
 @helper
-def _drawn(frost: Frost, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane) -> tuple[Vec, Lane]:
-    """(a direction, whether it lies on the side that it was meant for): `which` from 0 to 1 chooses what happens to the light."""
+def _sample(frost: RoughGlass, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane) -> tuple[Vec, Lane]:
+    """(direction, whether it lies on the intended side); `which` from 0 to 1 chooses the event."""
     cos_out = ops.clip(ops.dot(normal, to_viewer), LEAST, 1.0)
     lost = _lost(frost, frost.row, cos_out)
     through = _means(frost)[2]
@@ -199,75 +199,75 @@ def _drawn(frost: Frost, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: L
     return direction, above == ops.where(again, ops.not_(passes), mirrors)
 
 
-# --- what materials ask --------------------------------------------------------------------------------------------------
+# --- specializations -----------------------------------------------------------------------------------------------------
 
 
 @helper
-def _reflected(frost: Frost, plain: Vec, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec:
-    return ops.where3(frost.here, both(frost, normal, to_light, to_viewer)[0], plain)
+def _reflected(frost: RoughGlass, plain: Vec, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec:
+    return ops.where3(frost.here, eval_both_sides(frost, normal, to_light, to_viewer)[0], plain)
 
 
 @helper
-def _shared(frost: Frost, plain: tuple[Vec, Lane], normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Lane]:
-    share, density = both(frost, normal, to_light, to_viewer)
+def _eval_pdf(frost: RoughGlass, plain: tuple[Vec, Lane], normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Lane]:
+    share, density = eval_both_sides(frost, normal, to_light, to_viewer)
     return ops.where3(frost.here, share, plain[0]), ops.where(frost.here, density, plain[1])
 
 
 @helper
-def _divided(frost: Frost, plain: tuple[Vec, Vec, Lane], normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Vec, Lane]:
-    share, density = both(frost, normal, to_light, to_viewer)
+def _eval_lobes_pdf(frost: RoughGlass, plain: tuple[Vec, Vec, Lane], normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Vec, Lane]:
+    share, density = eval_both_sides(frost, normal, to_light, to_viewer)
     none = (0.0 * density, 0.0 * density, 0.0 * density)
     here = frost.here
     return ops.where3(here, none, plain[0]), ops.where3(here, share, plain[1]), ops.where(here, density, plain[2])
 
 
 @helper
-def _draw(frost: Frost, plain: tuple[Vec, Lane], normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane) -> tuple[Vec, Lane]:
-    direction, sound = _drawn(frost, normal, to_viewer, u, v, ops.clip(which, 0.0, 1.0))
+def _draw(frost: RoughGlass, plain: tuple[Vec, Lane], normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane) -> tuple[Vec, Lane]:
+    direction, sound = _sample(frost, normal, to_viewer, u, v, ops.clip(which, 0.0, 1.0))
     return ops.where3(frost.here, direction, plain[0]), ops.where(frost.here, sound, plain[1])
 
 
 @helper
-def _onward(frost: Frost, plain: tuple[Vec, Vec], normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane) -> tuple[Vec, Vec]:
-    direction, sound = _drawn(frost, normal, to_viewer, u, v, which)
-    share, density = both(frost, normal, direction, to_viewer)
+def _sample_all(frost: RoughGlass, plain: tuple[Vec, Vec], normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane) -> tuple[Vec, Vec]:
+    direction, sound = _sample(frost, normal, to_viewer, u, v, which)
+    share, density = eval_both_sides(frost, normal, direction, to_viewer)
     factor = ops.where(sound & (density > 0.0), 1.0 / (math.pi * ops.where(density > 0.0, density, 1.0)), 0.0)
     return ops.where3(frost.here, direction, plain[0]), ops.where3(frost.here, ops.scale(share, factor), plain[1])
 
 
 @helper
-def _one(frost: Frost, plain: Lane) -> Lane:
+def _one(frost: RoughGlass, plain: Lane) -> Lane:
     return ops.where(frost.here, 1.0, plain)
 
 
 @helper
-def _also(frost: Frost, plain: Lane) -> Lane:
+def _or_rough(frost: RoughGlass, plain: Lane) -> Lane:
     return plain | frost.here
 
 
 @helper
-def _fine(frost: Frost, plain: Lane, most: float) -> Lane:
+def _fine(frost: RoughGlass, plain: Lane, most: float) -> Lane:
     return plain | (frost.here & (frost.alpha <= most))
 
 
 @helper
-def _bends(frost: Frost, plain: Lane) -> Lane:
+def _relative_index(frost: RoughGlass, plain: Lane) -> Lane:
     return ops.where(frost.here, 1.0 / frost.ratio, plain)
 
 
-# Each takes the frost, what it would be without, and: the normal, a direction to the light, one to the viewer.
+# Each takes the rough glass, the result without it, and: the normal, the direction to the light, the direction to the viewer.
 reflected = specialize_if_present(_reflected)  # π f cos
-shared = specialize_if_present(_shared)  # (the same, density with which `draw` takes it)
-divided = specialize_if_present(_divided)  # (nothing, π f cos, density with which `onward` takes it)
-draw = specialize_if_present(_draw)  # (a direction, whether it counts): normal, viewer, u, v, and which part, from 0 to 1
-onward = specialize_if_present(_onward)  # (a direction, its π f cos over π times its density)
-one = specialize_if_present(_one)  # 1 where there is rough glass
-also = specialize_if_present(_also)  # or there is rough glass
-is_fine = specialize_if_present(_fine)  # or there is glass of a roughness up to: α
-eta = specialize_if_present(_bends)  # index of this side over that of the other
+eval_pdf = specialize_if_present(_eval_pdf)  # (π f cos, density of `draw`)
+eval_lobes_pdf = specialize_if_present(_eval_lobes_pdf)  # (0, π f cos, density of `sample`)
+draw = specialize_if_present(_draw)  # (direction, whether it counts): normal, viewer, u, v, event number 0 to 1
+sample = specialize_if_present(_sample_all)  # (direction, f cos / density)
+one = specialize_if_present(_one)  # 1 for rough glass
+or_rough = specialize_if_present(_or_rough)  # `plain`, or whether it is rough glass
+is_fine = specialize_if_present(_fine)  # `plain`, or whether it is rough glass of α up to a limit
+eta = specialize_if_present(_relative_index)  # index of this side over the other's
 
 
-# --- making the tables ---------------------------------------------------------------------------------------------------
+# --- tabulation ----------------------------------------------------------------------------------------------------------
 
 
 def _table(index: float) -> tuple[F64, F64]:
@@ -277,7 +277,8 @@ def _table(index: float) -> tuple[F64, F64]:
     sides = zip((index, 1.0 / index), NODES, MISSED, strict=True)
     rows = list(zip(cosine, alpha, strict=True))  # one by one they stay in the cache
     sent = [
-        energy_compensation.raised(np.stack([integral(*row, ratio, *nodes) for row in rows])) + missed for ratio, nodes, missed in sides
+        energy_compensation.raise_to_bound(np.stack([integral(*row, ratio, *nodes) for row in rows])) + missed
+        for ratio, nodes, missed in sides
     ]
     lost = np.clip(1.0 - np.stack(sent), 0.0, 1.0)
     nodes, weights = np.polynomial.legendre.leggauss(64)
@@ -285,26 +286,26 @@ def _table(index: float) -> tuple[F64, F64]:
     means = np.array([[np.interp(energy_compensation.column_of(at, a), np.linspace(0.0, 1.0, COLUMNS), row) @ (weights * at)
                        for a, row in zip(alpha, side, strict=True)] for side in lost])  # fmt: skip
     means = means + np.minimum(ROUNDED, 0.05 * means)
-    # Light may go either way: x_out · mean_out = index² · x_in · mean_in; x is about what Fresnel's law lets through, and at most 1.
+    # Reciprocity: x_out · mean_out = index² · x_in · mean_in. x is about the Fresnel transmittance, and at most 1.
     clear = float(np.sum(weights * at * (1.0 - np.asarray(reflectance(at, np.full(64, max(index, 1.0 / index)))))))
     outward = np.full(ROWS, clear / max(index, 1.0) ** 2)
     ratio = np.divide(means[1], means[0], out=np.ones(ROWS), where=means[0] > 1e-9)
     inward = index**2 * outward * ratio
     other = means[::-1]
     over = np.divide(np.stack([inward, outward]), other, out=np.zeros_like(other), where=other > 1e-9)
-    between = 0.2503 * (over[:, 1:] + over[:, :-1]) * (other[:, 1:] + other[:, :-1])  # the most that there is from row to row
+    between = 0.2503 * (over[:, 1:] + over[:, :-1]) * (other[:, 1:] + other[:, :-1])  # upper bound between rows
     most = np.pad(between, ((0, 0), (0, 1))), np.pad(between, ((0, 0), (1, 0))), over * other
-    over = over / np.maximum(np.max(most, axis=(0, 1)), 1.0)  # the same for both ways
+    over = over / np.maximum(np.max(most, axis=(0, 1)), 1.0)  # equal for both directions
     each = np.stack([lost, np.concatenate([lost[..., 1:], lost[..., -1:]], axis=-1), 0 * lost, 0 * lost], axis=-1)
     mean = np.stack([means, other, over, 0 * means], axis=-1)
     return np.ascontiguousarray(each.reshape(-1, 4)), np.ascontiguousarray(mean.reshape(-1, 4))
 
 
 def integral(cosine: Any, alpha: Any, ratio: float, nodes: int = 987, step: int = 610) -> F64:
-    """E by quadrature over the facets that are seen: what one meeting sends on, to either side.
+    """Return E by quadrature over visible normals: the single-scattering albedo of both sides.
 
-    Nodes are a lattice of Fibonacci (Niederreiter and Sloan 1994), closer where facets stand steeply: the critical angle and both horizons
-    make kinks that run across the facets anyhow, which defeat rules for smooth functions.
+    Nodes are a Fibonacci lattice (Niederreiter and Sloan 1994), denser at steep facets. The critical angle and both horizons cause kinks
+    at arbitrary places, which defeat rules for smooth functions.
     """
     k = np.arange(nodes)
     turned = np.cos(2.0 * np.pi * (k * step % nodes) / nodes)

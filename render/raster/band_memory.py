@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..integrator import whitted
+from ..integrator import ray_stack
 from ..jit.packed_struct import Handle
 from ..lanes import crosslane
 from ..simd import aligned_empty
@@ -69,7 +69,7 @@ class BandMemory:
         self.fragments = Handle(fragments.fragment_buffer(size.columns, size.samples))
         most = 2 * self.fragments.tables.half
         self.planes = Handle(triangle_planes.plane_cache(size.meshlets, most, size.textured, size.colored)) if size.float32 else None
-        self.stack = whitted.stack_for(options, crosslane.WIDTH) if self.planes is None else None
+        self.stack = ray_stack.stack_for(options, crosslane.WIDTH) if self.planes is None else None
         self.points = Handle(point_buffer(size.textured, size.colored))
         self.filling: Any = None
         self.shading: Any = None

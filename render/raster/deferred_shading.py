@@ -19,6 +19,7 @@ from ..jit.packed_struct import Handle
 from ..lanes import affine, crosslane, ops
 from ..light import lights
 from ..material import bsdf, principled
+from ..material.shader import Shader, evaluate_shader
 from ..surface import texture_footprint
 from ..surface.interaction import replace_spread
 from ..texture import textures
@@ -202,17 +203,17 @@ def uniform_shader(tables, i):
     plain = Surface(
         none, none, none, none, none, None, (1.0, 1.0), True, i, tables.instances.material[i], (1.0, 1.0, 1.0), 0.0, None, None, None, None
     )
-    return crosslane.narrow(bsdf.evaluate_shader(tables, plain))
+    return crosslane.narrow(evaluate_shader(tables, plain))
 
 
 @helper
-def shade_points(shading: Any, textured: Any, colored: Any, i: int, shader: bsdf.Shader, first: int, last: int) -> None:
+def shade_points(shading: Any, textured: Any, colored: Any, i: int, shader: Shader, first: int, last: int) -> None:
     """Shade the points first <= k < last of instance i; `shader` is its shader without textures."""
     if textured is not None:
         tables = shading.tables
         if textures.has_texture(tables, tables.instances.material[i]) or tables.geometries.colors[tables.instances.geometry[i]] >= 0:
             for k in range(first, last):
-                direct_light(shading, bsdf.evaluate_shader(tables, textured_surface(shading, colored, i, k)), i, k, k + 1)
+                direct_light(shading, evaluate_shader(tables, textured_surface(shading, colored, i, k)), i, k, k + 1)
             return
     direct_light(shading, shader, i, first, last)
 
@@ -235,7 +236,7 @@ def textured_surface(shading: Any, colored: Any, i: int, k: int) -> Surface:
 
 
 @helper
-def direct_light(shading: Any, shader: bsdf.Shader, i: int, first: int, last: int) -> None:
+def direct_light(shading: Any, shader: Shader, i: int, first: int, last: int) -> None:
     """Add emission, ambient light and light sources without shadows to points: a subset of whitted.local_light."""
     points, sources = shading.points, shading.sources
     zero = simd.f32x16(0.0)

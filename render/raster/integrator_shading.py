@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import camera
-from ..integrator import whitted
+from ..integrator import background, whitted
 from ..jit.kernel import helper, kernel, noinline_helper
 from ..jit.packed_struct import Handle
 from ..lanes import crosslane, ops
@@ -40,7 +40,7 @@ class IntegratorShading(NamedTuple):
     splat: Handle
     band: Handle
     fragments: Handle
-    stack: NDArray[np.float64]  # of rays, see `whitted.stack_for`
+    stack: NDArray[np.float64]  # of rays, see `ray_stack.stack_for`
 
 
 @kernel
@@ -78,13 +78,8 @@ def shade_fragments(shading, sample, start, count):
         hit = find_hits(shading.model, tables, accel, view, ray, x, y, instance, triangle)
         number = sample + lowest_bit(ops.to_int(buffer.samples[k]))
         pixel, index = sobol.zorder_index(ops.to_int(buffer.x[k]), ops.to_int(buffer.y[k]), number, view.width, frame.order)
-        color, alpha, sound = whitted.call(  # pyright: ignore[reportCallIssue]
-            frame.radiance,
-            (
-                tables, accel, shading.vertex_light, frame.options, ray.origin, ray.direction, hit.t, hit.instance, hit.primitive,
-                hit.u, hit.v, pixel, index, shading.stack, None, None,
-            ),
-        )  # fmt: skip
+        light = shading.vertex_light
+        color, alpha, sound = whitted.linked_radiance(frame, tables, accel, light, ray, hit, pixel, index, shading.stack, None)
         for j in range(min(count - first, crosslane.WIDTH)):
             place = transposed_index(first + j)
             for c in range(3):
@@ -150,7 +145,7 @@ def composite_sky(tables, frame, x0, y0, width, rgba):
             if not ops.any_lane(clear > 0.0):
                 continue
             ray = camera.generate_pinhole_ray(tables, frame.picture, ops.to_float(k + x0) + 0.5, ops.to_float(k * 0 + y0 + y) + 0.5)
-            color = whitted.camera_background(tables, frame.options, ray.direction)
+            color = background.camera_background(tables, frame.options, ray.direction)
             for j in range(min(width - start, crosslane.WIDTH)):
                 for c in range(3):
                     rgba[4 * (y * width + start + j) + c] += crosslane.lane(clear, j) * crosslane.lane(color[c], j)

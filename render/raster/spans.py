@@ -13,7 +13,7 @@ import numpy as np
 from .. import simd
 from ..jit.kernel import helper, noinline_helper
 from ..lanes import ops
-from ..material import bsdf
+from ..material import phong
 from . import fragments, precise_planes, triangle_planes
 from .band_buffer import in_block
 from .meshlet_culling import EVERYWHERE
@@ -100,7 +100,7 @@ def shade_flat_run(shading, shader, group, y, middle, crop, full, rgba):
     even = ops.add(shader.emission, ops.mul(shader.ambient, (sources.ambient[0], sources.ambient[1], sources.ambient[2])))
     for k in range(len(sources.row)):
         cosine = ops.dot(normal, (sources.direction[k, 0], sources.direction[k, 1], sources.direction[k, 2]))
-        even = ops.add(even, ops.mul(bsdf.matt(shader, cosine), (sources.color[k, 0], sources.color[k, 1], sources.color[k, 2])))
+        even = ops.add(even, ops.mul(phong.eval_diffuse(shader, cosine), (sources.color[k, 0], sources.color[k, 1], sources.color[k, 2])))
     red, green, blue = simd.f32x16(even[0]), simd.f32x16(even[1]), simd.f32x16(even[2])
     column, line = in_block(simd.iota(simd.i32x16(0)))
     start = at_pixel(rays.direction, simd.to_f32(column) + np.float32(middle[0]), simd.to_f32(line) + np.float32(y + middle[1]))
@@ -112,9 +112,9 @@ def shade_flat_run(shading, shader, group, y, middle, crop, full, rgba):
         for k in range(len(sources.row)):
             direction = (sources.direction[k, 0], sources.direction[k, 1], sources.direction[k, 2])
             cosine = ops.dot(normal, direction)
-            if bsdf.has_highlight(shader, cosine):
+            if phong.has_highlight(shader, cosine):
                 tint = ops.mul(shader.specular, (sources.color[k, 0], sources.color[k, 1], sources.color[k, 2]))
-                lobe = bsdf.highlight(shader, normal, direction, viewer, cosine)
+                lobe = phong.highlight(shader, normal, direction, viewer, cosine)
                 color = (simd.fma(lobe, tint[0], color[0]), simd.fma(lobe, tint[1], color[1]), simd.fma(lobe, tint[2], color[2]))
         fragments.write_block(fragments.to_rgba_rows(color[0], color[1], color[2], 16, buffer), x, y, crop, full, rgba)
     return last

@@ -1,13 +1,12 @@
-"""Sample numbers: Owen-scrambled Sobol pairs, a function of (pixel, sample, dimension, seed) alone, and pixel filters.
+"""Owen-scrambled Sobol sampler, and importance sampling of pixel filters.
 
-Burley 2020, Practical Hash-based Owen Scrambling (JCGT 9, 4): each dimension pair takes the first two Sobol dimensions with the
-sample index shuffled and the points scrambled by hashes, so that pairs are well spread by themselves and independent of each
-other. All arithmetic is uint32, which wraps alike in numpy and in kernels.
+Burley 2020, Practical Hash-based Owen Scrambling (JCGT 9, 4): each dimension pair uses the first two Sobol dimensions, with a hashed
+shuffle of the sample index and hashed scrambles of the points. So pairs are stratified, and independent of each other. Numbers are a
+function of (pixel, sample, dimension, seed) alone. All arithmetic is uint32, which wraps alike in numpy and in kernels.
 
-Where the number of samples is known beforehand the pixels of a block share one sequence, of which each takes a stretch, in the order of a
-Z-curve: what is missing in one pixel is in its neighbours, and errors are blue noise (Ahmed & Wonka 2020, Screen-Space Blue-Noise
-Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of Pixels). The shuffling of indices, which keeps halves of halves
-together, takes the place of their permutations of quadrants.
+If the number of samples is known, the pixels of a block share one sequence along a Z-curve, a range each (pbrt ZSobolSampler). Errors are
+then blue noise (Ahmed & Wonka 2020, Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of Pixels).
+The index shuffle, which is nested, replaces their permutations of quadrants.
 """
 
 from __future__ import annotations
@@ -28,19 +27,19 @@ from ..types import Lane, Shutter
 TABLE = 4096  # entries of a filter's inverse distribution
 BLOCK_BITS = 6  # blocks of 64 x 64 pixels share a sequence
 SHARED_UP_TO = 18  # log2 of samples a pixel up to which a block's indices fit an int32
-SUBPIXEL = 256.0  # sample positions of what it can draw are multiples of 1/256 pixel, where the rasterizer's arithmetic is exact
+SUBPIXEL = 256.0  # sample positions are multiples of 1/256 pixel, the rasterizer's exact grid
 FILTER_RADIUS = {"box": 0.5, "tent": 1.0, "gaussian": 1.5, "blackman-harris": 1.65}
 FILTERS = tuple(FILTER_RADIUS)
 
-ALONE = -1  # `order` of pixels whose number of samples is not known beforehand
-_MOMENT = 1  # the dimension of a sample's time
-_LENS = 0x10000FFF  # that of where on the lens a ray begins: far from those of surfaces
+ALONE = -1  # `order` of pixels with a sequence each
+_TIME = 1  # dimension of a sample's time
+_LENS = 0x10000FFF  # dimension of the lens position, beyond those of surfaces
 _TO_UNIT = 1.0 / 4294967296.0
-_TO_UNIT24 = 1.0 / 16777216.0  # float32 has no room for more
+_TO_UNIT24 = 1.0 / 16777216.0  # of 24 bits, the precision of float32
 
 
 def _u32(x: Lane) -> Lane:
-    """As uint32, higher bits dropped."""
+    """Convert to uint32 modulo 2³²."""
     return np.asarray(x).astype(np.uint32)
 
 
@@ -49,33 +48,33 @@ def _u32_in_kernels(x):
     return lambda x: simd.to_u32(x)
 
 
-def _times(x: Lane, y: Lane) -> Lane:
+def _multiply(x: Lane, y: Lane) -> Lane:
     """The product modulo 2³²."""
     return _u32(np.multiply(x, y, dtype=np.uint64))
 
 
-@overload(_times, jit_options=HELPER)
-def _times_in_kernels(x, y):
+@overload(_multiply, jit_options=HELPER)
+def _multiply_in_kernels(x, y):
     return lambda x, y: simd.to_u32(x * y)
 
 
-def _plus(x: Lane, y: Lane) -> Lane:
+def _add(x: Lane, y: Lane) -> Lane:
     """The sum modulo 2³²."""
     return _u32(np.add(x, y, dtype=np.uint64))
 
 
-@overload(_plus, jit_options=HELPER)
-def _plus_in_kernels(x, y):
+@overload(_add, jit_options=HELPER)
+def _add_in_kernels(x, y):
     return lambda x, y: simd.to_u32(x + y)
 
 
-def _share(x: Lane, like: Lane) -> Lane:
-    """uint32 as a number in [0, 1), as wide as `like`."""
+def _to_unit_interval(x: Lane, like: Lane) -> Lane:
+    """Convert uint32 to [0, 1), in the type of `like`."""
     return x * _TO_UNIT
 
 
-@overload(_share, jit_options=HELPER)
-def _share_in_kernels(x, like):
+@overload(_to_unit_interval, jit_options=HELPER)
+def _to_unit_interval_in_kernels(x, like):
     if isinstance(like, simd.Vector) and like.bits == 32:
         return lambda x, like: simd.to_f32(simd.to_i32(x >> np.uint32(8))) * _TO_UNIT24
     return lambda x, like: simd.to_f64(x) * _TO_UNIT
@@ -84,14 +83,14 @@ def _share_in_kernels(x, like):
 @helper
 def _hash(x: Lane) -> Lane:
     """A 32-bit integer hash (Wellons' lowbias32)."""
-    x = _times(x ^ (x >> np.uint32(16)), np.uint32(0x7FEB352D))
-    x = _times(x ^ (x >> np.uint32(15)), np.uint32(0x846CA68B))
+    x = _multiply(x ^ (x >> np.uint32(16)), np.uint32(0x7FEB352D))
+    x = _multiply(x ^ (x >> np.uint32(15)), np.uint32(0x846CA68B))
     return x ^ (x >> np.uint32(16))
 
 
 @helper
 def _combine(seed: Lane, value: Lane) -> Lane:
-    return _hash(seed ^ _plus(_times(value, np.uint32(0x9E3779B9)), np.uint32(0x85EBCA6B)))
+    return _hash(seed ^ _add(_multiply(value, np.uint32(0x9E3779B9)), np.uint32(0x85EBCA6B)))
 
 
 @helper
@@ -106,16 +105,16 @@ def _reverse_bits(x: Lane) -> Lane:
 @helper
 def _permute(x: Lane, seed: Lane) -> Lane:
     """The Laine-Karras permutation with Burley's constants: a nested scramble of bits in reversed order."""
-    x = x ^ _times(x, np.uint32(0x3D20ADEA))
-    x = _plus(x, seed)
-    x = _times(x, (seed >> np.uint32(16)) | np.uint32(1))
-    x = x ^ _times(x, np.uint32(0x05526C56))
-    return x ^ _times(x, np.uint32(0x53A22864))
+    x = x ^ _multiply(x, np.uint32(0x3D20ADEA))
+    x = _add(x, seed)
+    x = _multiply(x, (seed >> np.uint32(16)) | np.uint32(1))
+    x = x ^ _multiply(x, np.uint32(0x05526C56))
+    return x ^ _multiply(x, np.uint32(0x53A22864))
 
 
 @helper
 def _sobol_second(index: Lane) -> Lane:
-    """The second Sobol dimension as 32 bits: the index' bits by Pascal's triangle modulo 2, five steps for five bits of place."""
+    """The second Sobol dimension as 32 bits: the index's bits by Pascal's triangle modulo 2, in five steps."""
     x = index
     x = x ^ ((x & np.uint32(0xAAAAAAAA)) >> np.uint32(1))
     x = x ^ ((x & np.uint32(0xCCCCCCCC)) >> np.uint32(2))
@@ -127,45 +126,45 @@ def _sobol_second(index: Lane) -> Lane:
 
 @helper
 def pair(pixel: Lane, sample: Lane, dimension: Lane, seed: int) -> tuple[Lane, Lane]:
-    """Two numbers in [0, 1) for a pixel and sample as `place` gives them, dimension pair and seed."""
+    """Return two numbers in [0, 1) for a pixel and sample of `zorder_index`, dimension pair and seed."""
     high = _hash(_u32(seed >> 32) ^ np.uint32(0x3C6EF372))
     key = _combine(_combine(_hash(_u32(seed) ^ high), _u32(pixel)), _u32(dimension))
     index = _reverse_bits(_permute(_reverse_bits(_u32(sample)), key))
     first = _permute(index, _combine(key, np.uint32(1)))  # the first dimension is the index reversed, scrambled reversed again
     second = _permute(_reverse_bits(_sobol_second(index)), _combine(key, np.uint32(2)))
-    return _share(_reverse_bits(first), pixel), _share(_reverse_bits(second), pixel)
+    return _to_unit_interval(_reverse_bits(first), pixel), _to_unit_interval(_reverse_bits(second), pixel)
 
 
 @helper
 def hashed_pair(pixel: Lane, sample: Lane, dimension: Lane, seed: int) -> tuple[Lane, Lane]:
-    """The same without any order among samples: for the far ends of paths, where good spread is lost anyway."""
+    """Return two independent hashed numbers: for deep path vertices, where stratification gains nothing."""
     high = _hash(_u32(seed >> 32) ^ np.uint32(0x3C6EF372))
     key = _combine(_combine(_combine(_hash(_u32(seed) ^ high), _u32(pixel)), _u32(sample)), _u32(dimension))
-    return _share(key, pixel), _share(_hash(_plus(key, np.uint32(0x9E3779B9))), pixel)
+    return _to_unit_interval(key, pixel), _to_unit_interval(_hash(_add(key, np.uint32(0x9E3779B9))), pixel)
 
 
 def order_of(samples: int) -> int:
-    """What `place` takes where each pixel is given so many samples: log2 of the stretch of a sequence that is a pixel's own."""
+    """Return the `order` of `zorder_index` for so many samples a pixel: log2 of a pixel's range of the sequence."""
     order = max(samples - 1, 0).bit_length()
     return order if order <= SHARED_UP_TO else ALONE
 
 
 @helper
 def zorder_index(x: Lane, y: Lane, sample: Lane, width: int, order: int) -> tuple[Lane, Lane]:
-    """(pixel, sample) as the functions here take them, of a sample of the pixel x, y; ints, as their arguments.
+    """(pixel, sample) of this module's other functions, for a sample of the pixel x, y.
 
-    ALONE: each pixel of a picture of this width has a sequence of its own, without end. Else blocks of pixels share one.
+    With the order ALONE each pixel of a picture of this width has its own infinite sequence; else blocks of pixels share one.
     """
     if order < 0:
         return y * width + x, sample
     low = (1 << BLOCK_BITS) - 1
     block = (y >> BLOCK_BITS) * ((width + low) >> BLOCK_BITS) + (x >> BLOCK_BITS)
-    return block, ((_apart(x & low) | (_apart(y & low) << 1)) << order) | sample
+    return block, ((_interleave(x & low) | (_interleave(y & low) << 1)) << order) | sample
 
 
 @helper
-def _apart(x: Lane) -> Lane:
-    """The lowest eight bits of an int with a zero between each two."""
+def _interleave(x: Lane) -> Lane:
+    """Interleave the lowest eight bits with zeros (Morton code)."""
     x = (x | (x << 4)) & 0x0F0F
     x = (x | (x << 2)) & 0x3333
     return (x | (x << 1)) & 0x5555
@@ -173,9 +172,9 @@ def _apart(x: Lane) -> Lane:
 
 @helper
 def offset(pixel: Lane, sample: Lane, total: int, seed: int, table: NDArray[np.float64]) -> tuple[Lane, Lane]:
-    """Where in (or near) its pixel a sample lies, from the pixel's centre: spread as the filter weighs.
+    """Sample the pixel filter; return the offset from the pixel's center, in pixels.
 
-    One sample in all is the centre. `table` is from `filter_table`.
+    A single sample lies at the center. `table` is from `filter_table`.
     """
     if total <= 1:
         zero = 0.0 * ops.to_float(pixel)
@@ -185,20 +184,20 @@ def offset(pixel: Lane, sample: Lane, total: int, seed: int, table: NDArray[np.f
 
 
 def sample_time(pixel: Lane, sample: Lane, seed: int, shutter: Any) -> Lane | None:
-    """When a sample is taken, as Ray.time; None where nothing moves while the shutter is open."""
-    return shutter.start + pair(pixel, sample, _MOMENT, seed)[0] * shutter.share if isinstance(shutter, Shutter) else None
+    """Return a sample's Ray.time; None in scenes without motion."""
+    return shutter.start + pair(pixel, sample, _TIME, seed)[0] * shutter.share if isinstance(shutter, Shutter) else None
 
 
 @overload(sample_time, jit_options=HELPER)
-def _moment_in_kernels(pixel, sample, seed, shutter):
+def _sample_time_in_kernels(pixel, sample, seed, shutter):
     if shutter.layout:
-        return lambda pixel, sample, seed, shutter: shutter.start + pair(pixel, sample, _MOMENT, seed)[0] * shutter.share
+        return lambda pixel, sample, seed, shutter: shutter.start + pair(pixel, sample, _TIME, seed)[0] * shutter.share
     return lambda pixel, sample, seed, shutter: None
 
 
 @helper
 def sample_lens(pixel: Lane, sample: Lane, seed: int) -> tuple[Lane, Lane]:
-    """Where on a lens of radius 1 a sample's ray begins: evenly over the disk (Shirley & Chiu 1997, which keeps what is near together)."""
+    """Sample a lens of radius 1 uniformly by the concentric map (Shirley & Chiu 1997)."""
     u, v = pair(pixel, sample, _LENS, seed)
     a, b = 2.0 * u - 1.0, 2.0 * v - 1.0
     flat = ops.absolute(a) > ops.absolute(b)
@@ -209,7 +208,7 @@ def sample_lens(pixel: Lane, sample: Lane, seed: int) -> tuple[Lane, Lane]:
 
 
 def filter_weight(name: str, x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How much what lies x pixels from a pixel's centre counts for it, up to a factor; a filter is the product of x's and y's."""
+    """Return the unnormalized 1D filter weight at x pixels from the center; filters are products over x and y."""
     radius = FILTER_RADIUS[name]
     if name == "box":
         weight = np.ones_like(x)
@@ -225,9 +224,9 @@ def filter_weight(name: str, x: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @lru_cache(maxsize=16)
 def filter_table(name: str, on_grid: bool = True) -> NDArray[np.float64]:
-    """(TABLE,) places at even steps of a pixel filter's cumulative distribution, in pixels from the centre.
+    """Return (TABLE,) quantiles of a pixel filter, in pixels from the center.
 
-    On the grid of SUBPIXEL, where the rasterizer has the same; there edges lie up to 1/512 of a pixel off, however many samples there are.
+    With `on_grid` they are multiples of 1/SUBPIXEL as in the rasterizer, and edges are up to 1/512 pixel off for any number of samples.
     box: half a pixel each way; tent: one pixel; gaussian: σ = 0.5 cut at 1.5 pixels; blackman-harris: 1.65 pixels (Harris 1978).
     """
     radius = FILTER_RADIUS[name]
@@ -236,5 +235,5 @@ def filter_table(name: str, on_grid: bool = True) -> NDArray[np.float64]:
     total = np.concatenate([[0.0], np.cumsum((weight[1:] + weight[:-1]) / 2)])
     places = np.interp((np.arange(TABLE) + 0.5) / TABLE, total / total[-1], x)
     made = np.floor(places * SUBPIXEL + 0.5) / SUBPIXEL if on_grid else places
-    made.flags.writeable = False  # all pictures share it
+    made.flags.writeable = False  # shared by all pictures
     return made

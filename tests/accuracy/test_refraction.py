@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from maquette.render.image.image import Image
 from maquette.render.lanes import ops
-from maquette.render.material import bsdf
+from maquette.render.material.fresnel import fresnel as fresnel_in_lanes
+from maquette.render.material.fresnel import refract
 
 from ..backends.views import centres, rgb
 from ..files import write_image
@@ -53,9 +54,9 @@ def ends(image: Image, half: float) -> Array:
 def refracted(d: Any, normal: Any, eta: float) -> Any:
     """The renderer's own, by Snell's law; `normal` is on the incoming side."""
     cosine = np.float64(-ops.dot(d, normal))
-    _, bent, total = bsdf.fresnel(cosine, np.float64(eta))
+    _, bent, total = fresnel_in_lanes(cosine, np.float64(eta))
     assert not total
-    return bsdf.refract(d, normal, cosine, bent, eta)
+    return refract(d, normal, cosine, bent, eta)
 
 
 # --- 24: Fresnel ---------------------------------------------------------------------------------------------------------------------
@@ -63,7 +64,7 @@ def refracted(d: Any, normal: Any, eta: float) -> Any:
 
 def reflectance(cosine: Any, n1: float, n2: float) -> Any:
     """The renderer's own."""
-    return bsdf.fresnel(np.asarray(cosine, float), np.full(np.shape(cosine), n1 / n2))[0]
+    return fresnel_in_lanes(np.asarray(cosine, float), np.full(np.shape(cosine), n1 / n2))[0]
 
 
 def fresnel(angle: float, n1: float, n2: float) -> float:
@@ -100,7 +101,7 @@ def test_the_critical_angle(measured):
     low, high = 0.0, 90.0
     while high - low > 1e-12:
         middle = (low + high) / 2
-        total = bool(bsdf.fresnel(np.float64(math.cos(math.radians(middle))), np.float64(N))[2])
+        total = bool(fresnel_in_lanes(np.float64(math.cos(math.radians(middle))), np.float64(N))[2])
         low, high = (low, middle) if total else (middle, high)
     assert high == pytest.approx(41.8103, abs=5e-5)
     measured.answer(24, "critical angle 41.8103°", "functions", abs(high - math.degrees(math.asin(1 / N))), 1e-6, "°")

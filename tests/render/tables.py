@@ -13,7 +13,8 @@ from maquette.compiler.scene.row_records import CameraData, Input, InstanceData,
 from maquette.render import types
 from maquette.render.accel import intersect, scene_bvh
 from maquette.render.accel.traverse import motion_alpha
-from maquette.render.integrator import whitted
+from maquette.render.integrator import ray_stack, whitted
+from maquette.render.integrator.records import Scene
 from maquette.render.jit.kernel import kernel
 from maquette.render.jit.packed_struct import Handle
 from maquette.render.lanes import crosslane, ops
@@ -133,14 +134,13 @@ def radiance(
     """(rgb (samples, n, 3), alpha (samples, n)) along rays by the numpy lanes; every sample must be finite."""
     n = len(ray.t_min)
     hit = first_hit(tables, ray)
-    stack = whitted.stack_for(options, n)
+    stack = ray_stack.stack_for(options, n)
     rgb, alpha = np.zeros((samples, n, 3)), np.zeros((samples, n))
     pixels = pixel + np.arange(n)
     with np.errstate(all="ignore"):
         for s in range(samples):
-            color, alpha[s], sound = whitted.radiance(
-                tables, intersect.Brute(), light or no_gouraud(tables), options, ray, hit, pixels, np.full(n, s), stack
-            )
+            scene_of = Scene(tables, intersect.Brute(), light or no_gouraud(tables), options)
+            color, alpha[s], sound = whitted.radiance(scene_of, ray, hit, pixels, np.full(n, s), stack)
             assert np.all(sound)
             rgb[s] = np.stack(np.broadcast_arrays(*color, hit.t)[:3], axis=1)
     return rgb, alpha
@@ -152,7 +152,7 @@ def radiance_in_kernel(
     """The same by the compiled integrator through the trees."""
     n = len(ray.t_min)
     rgb, alpha = np.zeros((samples, n, 3)), np.zeros((samples, n))
-    stack = whitted.stack_for(options, crosslane.WIDTH)
+    stack = ray_stack.stack_for(options, crosslane.WIDTH)
     columns = np.stack([*ray.origin, *ray.direction, ray.t_min, ray.t_max])
     frame = Handle(types.Frame(types.View(0, 1, 1), options, np.zeros(1)))
     packed = Handle(tables), Handle(scene_bvh.build(tables)), Handle(light or no_gouraud(tables))  # kept until the kernel is done
@@ -172,13 +172,8 @@ def _each_ray(tables, accel, light, frame, columns, pixel, stack, rgb, alpha):
             origin, direction = (columns[0, k], columns[1, k], columns[2, k]), (columns[3, k], columns[4, k], columns[5, k])
             ray = types.Ray(origin, direction, columns[6, k], columns[7, k], None)
             hit = intersect.closest_hit(accel, tables, ray, ops.bool_like(ray.t_max, True), 1)
-            color, cover, sound = whitted.call(
-                frame.radiance,
-                (
-                    tables, accel, light, frame.options, origin, direction, hit.t, hit.instance, hit.primitive, hit.u, hit.v,
-                    pixel + k, ops.int_like(k, s), stack, None, None,
-                ),
-            )  # fmt: skip
+            number = ops.int_like(k, s)
+            color, cover, sound = whitted.linked_radiance(frame, tables, accel, light, ray, hit, pixel + k, number, stack, None)
             for j in range(min(n - start, crosslane.WIDTH)):
                 alpha[s, start + j] = crosslane.lane(cover, j)
                 for c in range(3):

@@ -14,7 +14,7 @@ from maquette.compiler.plan import plan as planner
 from maquette.compiler.scene.row_records import CameraData, LightData, MeshAttribute, MeshData
 from maquette.lang.schema.elements import MAX_BOUNCES
 from maquette.render.image.image import Image
-from maquette.render.material import bsdf
+from maquette.render.material import bsdf, fresnel
 from maquette.render.types import Tile
 
 from ..render import pictures
@@ -123,7 +123,7 @@ def test_the_terminator_gets_better_with_segments(backend):
 def split(sine: np.ndarray, n: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(reflected, transmitted, total) from inside an index n: R by the shared function, T by Fresnel's amplitudes from its angle."""
     cosine = np.sqrt(np.maximum(1 - sine * sine, 0))
-    share, bent, total = bsdf.fresnel(cosine, np.full_like(cosine, n))
+    share, bent, total = fresnel.fresnel(cosine, np.full_like(cosine, n))
     across, along = 2 * n * cosine / (n * cosine + bent), 2 * n * cosine / (cosine + n * bent)
     through = bent / (n * cosine) * 0.5 * (across**2 + along**2)  # Hecht, Optics, section 4.6.3
     return share, np.where(total, 0.0, through), total

@@ -88,7 +88,7 @@ def test_the_limit_is_put_back(tmp_path):
     (tmp_path / "a.scene").write_text(INSIDE + WALLS.format(0.5), encoding="utf-8")
     plan = planner.make_plan(maquette.load(tmp_path / "a.scene"), ir.Settings(bounces=3, size=(9, 7)))
     renderer = Recorded()
-    cut = bounce_error.measured(renderer, plan, 1, 0.02)
+    cut = bounce_error.measure(renderer, plan, 1, 0.02)
     assert cut == bounce_error.Cut(pytest.approx(0.5, rel=1e-3), 0.0, 0.02, 12)  # pyright: ignore[reportArgumentType]
     assert renderer.limits == [64, 3, 6, 12, 3]
 
@@ -107,9 +107,9 @@ def test_blocks_lie_in_the_crop_and_all_over_it(crop):
 
 def test_strips_have_the_mean_of_theirs():
     one, other = bounce_error.Cut(0.1, 0.03, 0.02, 8), bounce_error.Cut(0.3, 0.04, 0.05, 16)
-    made = bounce_error.joined([one, other], np.array([3.0, 1.0]))
+    made = bounce_error.combine([one, other], np.array([3.0, 1.0]))
     assert made == bounce_error.Cut(pytest.approx(0.15), pytest.approx(np.hypot(0.0225, 0.01)), 0.05, 16)  # pyright: ignore[reportArgumentType]
-    assert bounce_error.joined([one, None], np.array([1.0, 1.0])) is None
+    assert bounce_error.combine([one, None], np.array([1.0, 1.0])) is None
 
 
 def test_the_command_line_says_where_the_limit_is(tmp_path, monkeypatch):

@@ -239,7 +239,7 @@ def test_a_pixel_that_is_noisy_alone_does_not_make_all_others_pay() -> None:
     v = np.ones((64, 64))
     v[30, 30] = 4000.0  # half of the error of the picture, where the neighbours know of nothing
     n = np.full(v.shape, 8)
-    doublings = adaptive_sampling.doublings_for_error(adaptive_sampling.smoothed(v / n, n), n, 1 << 20, 0.3)
+    doublings = adaptive_sampling.doublings_for_error(adaptive_sampling.smooth(v / n, n), n, 1 << 20, 0.3)
     assert doublings[28:33, 28:33].max() > 0
     assert np.count_nonzero(doublings) < 100
 

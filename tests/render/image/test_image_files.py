@@ -188,11 +188,11 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.
 def test_metering_brings_the_log_average_to_middle_grey() -> None:
     rng = np.random.default_rng(2)
     rgba = np.concatenate([np.repeat(rng.lognormal(7, 1, (32, 32, 1)), 3, axis=2), np.ones((32, 32, 1))], axis=2)
-    exposed = rgba[..., 0] * 2.0 ** image_files.metered(rgba)
+    exposed = rgba[..., 0] * 2.0 ** image_files.auto_exposure(rgba)
     assert np.exp(np.log(exposed).mean()) == pytest.approx(0.18, rel=0.004)  # half of 1/100 stop
     rgba[:16] = 0.0  # what is black says nothing about the light
-    assert np.exp(np.log(rgba[16:, :, 0] * 2.0 ** image_files.metered(rgba)).mean()) == pytest.approx(0.18, rel=0.004)
-    assert image_files.metered(np.zeros((4, 4, 4))) == 0.0
+    assert np.exp(np.log(rgba[16:, :, 0] * 2.0 ** image_files.auto_exposure(rgba)).mean()) == pytest.approx(0.18, rel=0.004)
+    assert image_files.auto_exposure(np.zeros((4, 4, 4))) == 0.0
 
 
 def test_other_views_come_from_opencolorio(tmp_path: Path) -> None:

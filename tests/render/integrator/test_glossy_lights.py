@@ -15,6 +15,7 @@ from maquette.render.backends import prepare
 from maquette.render.integrator import glossy_lights
 from maquette.render.light import lights
 from maquette.render.material import bsdf, principled
+from maquette.render.material.shader import evaluate_shader
 from maquette.render.types import NoGlossyLights, Surface, View
 
 from .. import tables as make
@@ -22,7 +23,7 @@ from .. import tables as make
 LAMPS = {
     "rectangle": "area([0.4, 3, 0.3], look_at: [0, 0.2, 0], size: [1.2, 0.5], luminance: 3)",
     "turned": "group(rotate: [20deg, 40deg, -10deg], scale: [1, 1.5, 2]) { area([0.4, 3, 0.3], size: [1, 0.6], look_at: [0, 0, 0]) }",
-    "disk": "area([0.2, 3, 0], look_at: [0, 0, 0], size: 1, luminance: 3, shape: \"disk\")",
+    "disk": 'area([0.2, 3, 0], look_at: [0, 0, 0], size: 1, luminance: 3, shape: "disk")',
     "ball": "sphere(0.6, center: [0.2, 2.5, 0.4], material: emissive(luminance: 2))",
     "sun": "sun(from: [0.2, 1, 0.3], illuminance: 2, angle: 8deg)",
 }
@@ -52,7 +53,7 @@ def prepared(folder: Path, text: str) -> tuple[Any, View]:
 def lit(request, tmp_path) -> tuple[Any, int]:
     """The tables of a scene with a lamp that highlights meet, and its row."""
     tables = tables_of(tmp_path, LAMPS[request.param] + METAL)
-    lamps: Any = glossy_lights.of(tables)
+    lamps: Any = glossy_lights.find_glossy_lights(tables)
     (row,) = lamps.rows
     return tables, int(row)
 
@@ -105,7 +106,7 @@ def test_the_parts_of_what_is_reflected_add_up_and_have_the_density_of_their_sam
     up = tuple(np.repeat([0.0, 1.0, 0.0], n).reshape(3, n))
     viewer = tuple(np.repeat(np.array([0.3, 0.9, 0.1]) / np.linalg.norm([0.3, 0.9, 0.1]), n).reshape(3, n))
     instance = np.full(n, 2)
-    shader = bsdf.evaluate_shader(tables, _point(tables, up, instance))
+    shader = evaluate_shader(tables, _point(tables, up, instance))
     u, v, which = rng.uniform(0.0, 1.0, (3, n))
     direction, share = bsdf.sample_lobe(shader, up, viewer, u, v, which)
     matt, shine, density = bsdf.eval_lobes_pdf(shader, up, direction, viewer)
@@ -169,5 +170,7 @@ def test_polish_under_a_lamp_has_less_noise(tmp_path):
 
 
 def test_scenes_without_microfacets_or_wide_lamps_meet_none(tmp_path):
-    assert isinstance(glossy_lights.of(tables_of(tmp_path, LAMPS["ball"] + "\nsphere(1, material: blinn_phong(#ffffff))")), NoGlossyLights)
-    assert isinstance(glossy_lights.of(tables_of(tmp_path, "point([0, 3, 0], intensity: 4)" + METAL)), NoGlossyLights)
+    assert isinstance(
+        glossy_lights.find_glossy_lights(tables_of(tmp_path, LAMPS["ball"] + "\nsphere(1, material: blinn_phong(#ffffff))")), NoGlossyLights
+    )
+    assert isinstance(glossy_lights.find_glossy_lights(tables_of(tmp_path, "point([0, 3, 0], intensity: 4)" + METAL)), NoGlossyLights)

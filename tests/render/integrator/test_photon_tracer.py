@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from maquette.compiler import ir, load
 from maquette.compiler.plan import plan as planner
-from maquette.render.integrator import photon_tracer
-from maquette.render.light import emitters
-from maquette.render.material import bsdf
+from maquette.render.integrator import photon_aims
+from maquette.render.light import emitter_table
+from maquette.render.material import fresnel
 
 ABOVE = "camera(position: [{x}, 0.05, 0], look_at: [{x}, 0, 0], up: [0, 0, -1], width: {width}, near: 0.01)\nrender(bounces: 8)\n"
 FLOOR = "plane(y: 0, material: lambert({0}))\n"
@@ -38,7 +38,7 @@ def through_a_slab(x, height, thick, n, most=4):
     """
     theta = np.linspace(1e-6, 0.9, 20001)
     inside = np.arcsin(np.sin(theta) / n)
-    r = np.asarray(bsdf.fresnel(np.cos(theta), np.full_like(theta, 1 / n))[0])
+    r = np.asarray(fresnel.fresnel(np.cos(theta), np.full_like(theta, 1 / n))[0])
     found = np.zeros_like(x)
     for k in range(most):
         at = (height - thick) * np.tan(theta) + (2 * k + 1) * thick * np.tan(inside)
@@ -186,8 +186,8 @@ def test_faint_light_takes_few_photons(tmp_path):
     for material, effort in (("glass()", 1.0), ("principled(roughness: 0.1)", 0.01)):
         path.write_text(FLOOR.format(0.8) + f"sphere(0.5, center: [0, 1, 0], material: {material})\npoint([0, 3, 0])\n")
         tables = load.load(path).tables
-        table = emitters.build(tables)
-        aims = photon_tracer.photon_targets(tables, table, photon_tracer.covered(tables, table, False))
+        table = emitter_table.build(tables)
+        aims = photon_aims.photon_targets(tables, table, photon_aims.covered(tables, table, False))
         assert aims is not None
         assert aims.effort == pytest.approx(effort)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from maquette.compiler import ir
 from maquette.render.accel import intersect
-from maquette.render.light import emitters
+from maquette.render.light import emitter_table, emitters
 from maquette.render.types import Ray
 
 from ..chi2 import chi2
@@ -45,7 +45,7 @@ def scenes(tmp_path_factory):
         path = tmp_path_factory.mktemp("emitters") / f"{number}.scene"
         path.write_text(text)
         tables = maquette.load(path).tables
-        made[text] = tables, emitters.build(tables)
+        made[text] = tables, emitter_table.build(tables)
     return made
 
 
@@ -153,7 +153,7 @@ def test_a_disk_gives_the_closed_form(tmp_path, place):
     path.write_text("disk(1, normal: [0, -1, 0], material: emissive(luminance: 1))")
     tables = maquette.load(path).tables
     q, h = place
-    arriving = drawn(tables, emitters.build(tables), (q, -h, 0.0), 200_000)
+    arriving = drawn(tables, emitter_table.build(tables), (q, -h, 0.0), 200_000)
     got = arriving.light[0] * arriving.direction[1]
     whole = h * h + q * q + 1.0
     answer = 0.5 * math.pi * (1.0 - (h * h + q * q - 1.0) / math.sqrt(whole * whole - 4.0 * q * q))
@@ -164,7 +164,7 @@ def test_a_disk_gives_the_closed_form(tmp_path, place):
 def test_scenes_without_such_lights_have_no_marks(tmp_path):
     path = tmp_path / "a.scene"
     path.write_text("sphere(1)\narea([0, 3, 0], size: 1, luminance: 2)\nsphere(0.1, center: [2, 0, 0], material: emissive(luminance: 2))")
-    assert not any(emitters.build(maquette.load(path).tables).wide)
+    assert not any(emitter_table.build(maquette.load(path).tables).wide)
 
 
 def test_what_shines_throws_shadows_where_there_are_no_lamps(tmp_path):

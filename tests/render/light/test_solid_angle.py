@@ -21,7 +21,7 @@ def frame(n=1):
 
 @pytest.mark.parametrize(("a", "b", "d"), [(0.5, 0.5, 0.1), (1.0, 0.3, 0.5), (2.0, 1.0, 1.0), (0.5, 0.5, 0.001)])
 def test_solid_angles(a, b, d):
-    rect = rectangle_solid_angle.seen((np.zeros(1), np.full(1, d), np.zeros(1)), *frame(), np.full(1, a), np.full(1, b))
+    rect = rectangle_solid_angle.spherical_rectangle((np.zeros(1), np.full(1, d), np.zeros(1)), *frame(), np.full(1, a), np.full(1, b))
     assert rect.solid[0] == pytest.approx(closed(a, b, d), rel=1e-10)
 
 
@@ -30,9 +30,11 @@ def test_parts_add_up():
     rng = np.random.default_rng(2)
     way = tuple(rng.uniform(-1, 1, (3, 100)))
     half = np.full(100, 0.6), np.full(100, 0.4)
-    whole = rectangle_solid_angle.seen(way, *frame(100), *half).solid
+    whole = rectangle_solid_angle.spherical_rectangle(way, *frame(100), *half).solid
     parts = [
-        rectangle_solid_angle.seen((way[0] + i * 0.3, way[1], way[2] + j * 0.2), *frame(100), 0.5 * half[0], 0.5 * half[1]).solid
+        rectangle_solid_angle.spherical_rectangle(
+            (way[0] + i * 0.3, way[1], way[2] + j * 0.2), *frame(100), 0.5 * half[0], 0.5 * half[1]
+        ).solid
         for i in (-1, 1) for j in (-1, 1)
     ]  # fmt: skip
     assert np.sum(parts, axis=0) == pytest.approx(whole, rel=1e-8)
@@ -44,13 +46,17 @@ def test_samples_are_even_over_the_solid_angle(way):
     n = 256
     u, v = ((c.ravel() + 0.5) / n for c in np.mgrid[:n, :n])
     ways = tuple(np.full(u.size, c) for c in way)
-    a, b = rectangle_solid_angle.draw(rectangle_solid_angle.seen(ways, *frame(u.size), np.full(u.size, 0.8), np.full(u.size, 0.5)), u, v)
+    a, b = rectangle_solid_angle.sample(
+        rectangle_solid_angle.spherical_rectangle(ways, *frame(u.size), np.full(u.size, 0.8), np.full(u.size, 0.5)), u, v
+    )
     assert max(np.abs(a).max(), np.abs(b).max()) <= 1.0
-    whole = rectangle_solid_angle.seen(way, *((np.array(v[0]), v[1], v[2]) for v in ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0))), 0.8, 0.5).solid
+    whole = rectangle_solid_angle.spherical_rectangle(
+        way, *((np.array(v[0]), v[1], v[2]) for v in ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0))), 0.8, 0.5
+    ).solid
     for i in range(4):
         for j in range(4):
             part = (way[0] + 0.8 * (i - 1.5) / 2, way[1], way[2] + 0.5 * (j - 1.5) / 2)
-            share = rectangle_solid_angle.seen(part, (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.2, 0.125).solid / whole
+            share = rectangle_solid_angle.spherical_rectangle(part, (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.2, 0.125).solid / whole
             inside = (np.floor((a + 1) * 2).clip(0, 3) == i) & (np.floor((b + 1) * 2).clip(0, 3) == j)
             assert inside.mean() == pytest.approx(share, abs=2e-3)
 
@@ -61,7 +67,7 @@ def test_what_is_even_has_no_variance():
     n = 10_000
     u, v = rng.random((2, n))
     way = tuple(np.full(n, c) for c in (0.3, 0.1, 0.2))
-    rect = rectangle_solid_angle.seen(way, *frame(n), np.full(n, 0.8), np.full(n, 0.5))
+    rect = rectangle_solid_angle.spherical_rectangle(way, *frame(n), np.full(n, 0.8), np.full(n, 0.5))
     assert np.ptp(rect.solid) == 0.0
     x, z = way[0] + 0.8 * (2 * u - 1), way[2] + 0.5 * (2 * v - 1)
     by_area = 1.6 * way[1] / (x * x + way[1] ** 2 + z * z) ** 1.5

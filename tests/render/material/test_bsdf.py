@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from maquette.compiler import ir
 from maquette.compiler.scene.row_records import Input, TextureData
 from maquette.render.lanes import ops
-from maquette.render.material import bsdf
+from maquette.render.material import bsdf, fresnel
+from maquette.render.material.shader import evaluate_shader
 from maquette.render.surface import interaction
 
 from .. import tables as make
@@ -26,7 +27,7 @@ def shader(material, prepare=None, color=None):
     """A material's numbers on a plane, seen straight from above."""
     tables = make.scene([(K.PLANE, (), make.matrix(), 0)], materials=[material], prepare=prepare)
     ray = make.rays((0.3, 1, 0.2), (0, -1, 0))
-    return bsdf.evaluate_shader(tables, interaction.make_interaction(tables, ray, make.first_hit(tables, ray)))
+    return evaluate_shader(tables, interaction.make_interaction(tables, ray, make.first_hit(tables, ray)))
 
 
 def hemisphere(n=150):
@@ -106,7 +107,7 @@ def test_reflected_and_refracted_add_up_to_one_about_the_critical_angle(off, n):
     """On one branch: where the root's argument rounds below zero nothing is NaN, all is reflected and nothing refracted."""
     sine = 1 / n + off
     cosine = math.sqrt(max(0.0, 1 - sine * sine))
-    share, bent, total = bsdf.fresnel(np.float64(cosine), np.float64(n))
+    share, bent, total = fresnel.fresnel(np.float64(cosine), np.float64(n))
     assert 0.0 <= share <= 1.0
     assert np.isfinite(bent)
     assert (share == 1.0) if total else (share <= 1.0)
@@ -121,11 +122,11 @@ def test_snells_law(theta, phi, n):
     d = (math.sin(theta) * math.cos(phi), -math.cos(theta), math.sin(theta) * math.sin(phi))
     eta = np.float64(1 / n)
     cosine = np.float64(math.cos(theta))
-    _, bent, total = bsdf.fresnel(cosine, eta)
+    _, bent, total = fresnel.fresnel(cosine, eta)
     if total:
         assert math.sin(theta) / n >= 1 - 1e-12
         return
-    out = bsdf.refract(d, UP, cosine, bent, eta)
+    out = fresnel.refract(d, UP, cosine, bent, eta)
     assert float(ops.length(out)) == pytest.approx(1.0, abs=1e-12)
     assert math.hypot(out[0], out[2]) == pytest.approx(math.sin(theta) / n, abs=1e-12)
     assert out[1] < 0
@@ -134,9 +135,9 @@ def test_snells_law(theta, phi, n):
 
 def test_index_one_goes_straight_on():
     d = ops.normalize((0.3, -0.5, 0.1))
-    share, bent, _ = bsdf.fresnel(-d[1], np.float64(1.0))
+    share, bent, _ = fresnel.fresnel(-d[1], np.float64(1.0))
     assert share == pytest.approx(0.0, abs=1e-30)
-    assert np.allclose(bsdf.refract(d, UP, -d[1], bent, 1.0), d, atol=1e-15)
+    assert np.allclose(fresnel.refract(d, UP, -d[1], bent, 1.0), d, atol=1e-15)
 
 
 # --- inputs ---

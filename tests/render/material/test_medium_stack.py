@@ -34,20 +34,20 @@ def test_a_medium_is_taken_out_once_and_others_keep_their_order(entries, number)
     left = list(entries)
     if number in left:
         left.remove(number)
-    assert [n for n in unpacked(medium_stack.without(packed(entries), np.int64(number))) if n] == left
+    assert [n for n in unpacked(medium_stack.remove(packed(entries), np.int64(number))) if n] == left
 
 
 @given(st.lists(numbers, max_size=medium_stack.DEPTH))
 def test_no_medium_takes_out_nothing(entries):
-    assert medium_stack.without(packed(entries), np.int64(0)) == packed(entries)
+    assert medium_stack.remove(packed(entries), np.int64(0)) == packed(entries)
 
 
 @given(st.lists(numbers, max_size=medium_stack.DEPTH - 1), numbers)
 def test_what_is_entered_is_left_again(entries, number):
-    inside = medium_stack.added(packed(entries), np.int64(number))
+    inside = medium_stack.push(packed(entries), np.int64(number))
     assert unpacked(inside)[0] == number
-    assert int(medium_stack.highest(inside)) == max([*entries, number])
-    assert int(medium_stack.without(inside, np.int64(number))) == int(packed(entries))
+    assert int(medium_stack.top(inside)) == max([*entries, number])
+    assert int(medium_stack.remove(inside, np.int64(number))) == int(packed(entries))
 
 
 def glass(ior, priority=0.0, absorption=0.0):
@@ -66,7 +66,7 @@ def test_media_are_numbered_by_their_priority():
 def test_plain_glass_needs_none():
     tables = make.scene([(K.SPHERE, (1,), make.matrix(), 0)], materials=[glass(1.5)])
     assert principled.tables_for(tables) is tables
-    assert medium_stack.outside(tables, np.zeros(3)) is None
+    assert medium_stack.initial_stack(tables, np.zeros(3)) is None
 
 
 @pytest.mark.parametrize("transport", ["whitted", "path"])
@@ -121,10 +121,10 @@ def test_a_glass_of_water_without_a_gap_of_air():
         front = np.array([True])
 
     in_glass, in_air = packed([2]), packed([])
-    assert float(medium_stack.ratio(in_glass, np.array([1.33]), tables, Point)[0]) == 1.0
-    assert bool(medium_stack.hidden(in_glass, np.array([False]), tables, Point)[0])
-    assert float(medium_stack.ratio(in_air, np.array([1.33]), tables, Point)[0]) == 1.33
+    assert float(medium_stack.relative_ior(in_glass, np.array([1.33]), tables, Point)[0]) == 1.0
+    assert bool(medium_stack.is_ignored(in_glass, np.array([False]), tables, Point)[0])
+    assert float(medium_stack.relative_ior(in_air, np.array([1.33]), tables, Point)[0]) == 1.33
     Point.material, Point.front = np.array([0]), np.array([False])
-    leaving = medium_stack.ratio(packed([2, 1]), np.array([1.5]), tables, Point)  # out of the glass, into the water
+    leaving = medium_stack.relative_ior(packed([2, 1]), np.array([1.5]), tables, Point)  # out of the glass, into the water
     assert float(leaving[0]) == pytest.approx(1.5 / 1.33)
-    assert math.isclose(float(medium_stack.faded(in_air, (1.0, 1.0, 1.0), tables, 5.0)[0]), 1.0)
+    assert math.isclose(float(medium_stack.attenuate(in_air, (1.0, 1.0, 1.0), tables, 5.0)[0]), 1.0)

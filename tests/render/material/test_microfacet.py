@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from maquette.compiler import ir
 from maquette.compiler.scene.row_records import Input, MaterialData
-from maquette.render.integrator import path
+from maquette.render.integrator import path_state
 from maquette.render.lanes import ops
 from maquette.render.material import bsdf, energy_compensation, microfacet, principled, rough_dielectric
-from maquette.render.material.bsdf import Uses
+from maquette.render.material.shader import ONLY, Uses, evaluate_shader
 from maquette.render.sampling import sobol
 from maquette.render.surface import interaction
 
@@ -38,7 +38,7 @@ def point_of(material, inside=False):
     tables = principled.tables_for(make.scene([(K.PLANE, (), placed, 0)], materials=[material]))
     ray = make.rays((0.3, 1, 0.2), (0, -1, 0))
     point = interaction.make_interaction(tables, ray, make.first_hit(tables, ray))
-    return point, bsdf.evaluate_shader(tables, point)
+    return point, evaluate_shader(tables, point)
 
 
 def towards(angle, turn=0.0):
@@ -105,7 +105,7 @@ def whole(name, roughness, cosine):
     c, g = energy_compensation.integrals(cosine, np.full_like(cosine, alpha_coat), 60, 40)
     coat = coat_share * (microfacet.COAT * (c - g) + g)
     highlight = f0 * (e - b) + f90 * b
-    all_, out = microfacet.viewed(lobes, UP, (np.sqrt(1 - cosine**2), cosine, 0 * cosine))
+    all_, out = microfacet.viewer_albedo(lobes, UP, (np.sqrt(1 - cosine**2), cosine, 0 * cosine))
     nodes, weights = np.polynomial.legendre.leggauss(200)
     matt = np.zeros_like(cosine)
     for mu, w in zip(0.5 * (nodes + 1), weights, strict=True):
@@ -135,7 +135,7 @@ def test_tables_are_near_to_their_integrals():
     root, angle = np.meshgrid([0.03, 0.06, 0.1, 0.2, 0.35, 0.7, 1.0], [0.0, 0.6, 1.1, 1.4, 1.5, 1.55])
     alpha, cosine = root.ravel() ** 2, np.cos(angle.ravel())
     for told, true in zip(
-        energy_compensation.seen(energy_compensation.table(), cosine, alpha),
+        energy_compensation.directional_albedo(energy_compensation.table(), cosine, alpha),
         energy_compensation.integrals(cosine, alpha, 60, 40),
         strict=True,
     ):
@@ -179,7 +179,7 @@ def test_light_may_go_either_way(slots):
 )  # fmt: skip
 def test_directions_are_drawn_as_their_density_says(slots, angle):
     taken, shader = scattered(given(**slots), angle, 400, random=True)
-    blunt = (taken.density < bsdf.ONLY) & (taken.direction[1] > 0.0)
+    blunt = (taken.density < ONLY) & (taken.direction[1] > 0.0)
     viewer = towards(angle)
 
     def density(direction):
@@ -194,15 +194,15 @@ def test_a_white_metal_as_rough_as_can_be_gives_back_1_less_ln_2_by_one_bounce()
     """Oracle 22: GGX, F = 1, α = 1, along the normal. With Smith's function for the viewer alone (what visible facets are), it is 1."""
     e, _ = energy_compensation.integrals(np.array(1.0), np.array(1.0))
     assert float(e) == pytest.approx(1.0 - math.log(2.0), abs=1e-4)
-    assert float(energy_compensation.seen(energy_compensation.table(), np.array([1.0]), np.array([1.0]))[0][0]) == pytest.approx(
-        1.0 - math.log(2.0), abs=1e-3
-    )
+    assert float(
+        energy_compensation.directional_albedo(energy_compensation.table(), np.array([1.0]), np.array([1.0]))[0][0]
+    ) == pytest.approx(1.0 - math.log(2.0), abs=1e-3)
 
 
 def test_the_tables_are_what_quadrature_says():
     cosine, alpha = np.meshgrid(np.linspace(0.02, 1.0, 25), np.linspace(0.08, 1.0, 20) ** 2)
     e, b = energy_compensation.integrals(cosine, alpha, 60, 40)
-    found = energy_compensation.seen(energy_compensation.table(), cosine, alpha)
+    found = energy_compensation.directional_albedo(energy_compensation.table(), cosine, alpha)
     assert np.abs(found[0] - e).max() < 0.01
     assert np.abs(found[1] - b).max() < 0.035
 
@@ -260,11 +260,11 @@ def test_rough_glass_loses_nothing(roughness, inside):
 def test_rough_glass_sends_on_no_more_than_it_gets(ratio):
     """By quadrature: what one meeting sends on, and what is tabled as lost to further ones, which come back in full at the most."""
     cosine = np.concatenate([np.geomspace(0.01, 0.1, 6), np.linspace(0.13, 1, 12)])
-    made = rough_dielectric.Tabled(np.zeros(1, np.int64), *rough_dielectric._table(max(ratio, 1 / ratio)))
+    made = rough_dielectric.AlbedoTables(np.zeros(1, np.int64), *rough_dielectric._table(max(ratio, 1 / ratio)))
     row, other = (0, rough_dielectric.ROWS) if ratio > 1 else (rough_dielectric.ROWS, 0)
     nodes, weights = np.polynomial.legendre.leggauss(100)
     for alpha in np.linspace(0.033, 1, 12) ** 2:
-        frost = rough_dielectric.Frost(np.True_, np.asarray(alpha), ratio, (1, 1, 1), row, other, made)
+        frost = rough_dielectric.RoughGlass(np.True_, np.asarray(alpha), ratio, (1, 1, 1), row, other, made)
         lost = rough_dielectric._lost(frost, row, cosine)
         found = rough_dielectric.integral(cosine, np.full_like(cosine, alpha), ratio, 17711, 10946) + lost
         assert found.max() <= 1 + 1e-6, (alpha, cosine[found.argmax()], found.max())
@@ -305,4 +305,4 @@ def test_scenes_without_them_have_none():
     shader = point_of(make.phong(0.5))[1]
     assert shader.lobes is None
     assert shader.frost is None
-    assert path.uses_of(make.scene([(K.PLANE, (), make.matrix(), 0)], materials=[make.phong(0.5)])).glossy is False
+    assert path_state.uses_of(make.scene([(K.PLANE, (), make.matrix(), 0)], materials=[make.phong(0.5)])).glossy is False

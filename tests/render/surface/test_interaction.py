@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from maquette.compiler import ir
 from maquette.compiler.scene.row_records import MeshAttribute
 from maquette.render.accel import intersect
-from maquette.render.integrator import whitted
+from maquette.render.integrator import ray_stack
 from maquette.render.lanes import ops
 from maquette.render.surface import interaction
 
@@ -183,7 +183,7 @@ def test_new_rays_do_not_hit_their_surface(shape, place):
     out *= np.sign(np.sum(out * np.where(seen[:, None], normal, 1.0), axis=1))[:, None]
     out = tuple((out / np.linalg.norm(out, axis=1, keepdims=True)).T)
     with np.errstate(all="ignore"):
-        leaving = whitted.leaving(found, out, np.full(n, np.inf))
+        leaving = ray_stack.spawn_ray(found, out, np.full(n, np.inf))
         again = intersect.occluded(intersect.Brute(), tables, leaving, seen)
     assert not again.any()
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from maquette.compiler import ir
 from maquette.render.accel import primitive_list
-from maquette.render.integrator import wavefront
+from maquette.render.integrator import wave_intersection
 from maquette.render.lanes import ops
 from maquette.render.light import lights
 from maquette.render.surface import interaction, triangle_records
@@ -122,7 +122,7 @@ def test_a_formulas_primitive_is_no_row():
     """A formula's primitive is its spacing, up to 10¹⁵, far beyond any table."""
     scene = SimpleNamespace(tried=SimpleNamespace(records=SimpleNamespace(first=np.array([triangle_records.NONE, -3, 7], np.int32))))
     instance, primitive = np.array([0, 0, 0, 1, 2, -1]), np.array([10**15, 5, -1, 4, 0, -1])
-    assert wavefront._row_of(scene, instance, primitive).tolist() == [-1, -1, -1, 1, 7, -1]  # pyright: ignore[reportPrivateUsage]
+    assert wave_intersection._row_of(scene, instance, primitive).tolist() == [-1, -1, -1, 1, 7, -1]  # pyright: ignore[reportPrivateUsage]
 
 
 def test_large_instances_of_many_are_listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,92 @@
+"""Next event estimation of the path integrator: one sample of one emitter at each surface."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from ..jit.kernel import helper, noinline_helper
+from ..lanes import ops
+from ..light import emitters, light_tree
+from ..light.emitters import Arriving
+from ..material import bsdf, medium_stack
+from ..material.shader import Shader
+from ..surface import interaction, normal_map
+from ..types import Lane, Surface, Tables, Vec
+from .path_emission import mis_weight
+from .path_state import LIGHTS_ALONE, Connection, PathInputs, PathSample, PathState, numbers
+from .photon_coverage import exclude_covered_lobe, photon_covers_mirror
+from .records import ShadingContext
+
+GRAZING = 1e-3  # cosine at an emitter below which shadow rays are shortened no further
+
+
+@helper
+def facing(inputs: PathInputs, point: Surface, shader: Shader) -> Any:
+    """Return a surface's record for light selection, see light_tree.facing."""
+    return light_tree.facing(inputs.emitters.tree.below, point.normal, bsdf.is_rough_glass(shader, ops.bool_like(point.offset, False)))
+
+
+_sample_each, _choose = noinline_helper(emitters.sample), noinline_helper(light_tree.choose)
+
+
+@helper
+def _choose_emitter(
+    tables: Tables, inputs: PathInputs, shading: ShadingContext, path: PathState, here: Lane, lit: Lane, ending: bool, index: PathSample,
+    place: Vec,
+) -> tuple[Lane, Lane, Arriving, Lane, Lane, Lane]:  # fmt: skip
+    """(row, its probability, its sample from a place, where light is sampled, whether BSDF samples find it, whether it casts shadows)."""
+    point, shader = shading.point, shading.shader
+    u, v = numbers(index, 0)
+    table = inputs.emitters
+    zero = ops.full_like(point.offset, 0.0)
+    if len(table.kind) == 1:
+        arriving = emitters.sample(tables, table, 0, place, u, v)
+        is_lamp = table.light[0] >= 0
+        here = (
+            here & (ops.not_(ending) | is_lamp) & ops.not_(lit & is_lamp) & ops.not_(photon_covers_mirror(inputs.covered, 0, path, shader))
+        )
+        weighed, shadows = ops.bool_like(zero, table.weighed[0]), ops.bool_like(zero, table.shadows[0])
+        return 0, zero + 1.0, arriving, here, weighed, shadows
+    row, chance = _choose(table.tree, place, facing(inputs, point, shader), numbers(index, 2)[0])
+    arriving = _sample_each(tables, table, row, place, u, v)
+    lamp = table.light[row] >= 0
+    here = here & (chance > 0.0) & (ops.bool_like(zero, ops.not_(ending)) | lamp) & ops.not_(lit & lamp)
+    here = here & ops.not_(photon_covers_mirror(inputs.covered, row, path, shader))
+    chance = ops.where(chance > 0.0, chance, 1.0)
+    return row, chance, arriving, here, table.weighed[row], table.shadows[row]
+
+
+@helper
+def sample_direct(
+    tables: Tables, inputs: PathInputs, shading: ShadingContext, path: PathState, here: Lane, last: Lane, lit: Lane, ending: bool,
+    index: PathSample,
+) -> Connection:  # fmt: skip
+    """Sample one emitter and return the shadow ray to it.
+
+    Where no ray goes on (`last`) its light counts in full. At the last bounce (`ending`) only lights are sampled, and at surfaces with
+    vertex light (`lit`) only emissive shapes.
+    """
+    point, shader, viewer = shading.point, shading.shader, shading.viewer
+    zero = ops.full_like(point.offset, 0.0)
+    rough = bsdf.is_rough_glass(shader, ops.bool_like(zero, False))
+    place = ops.where3(rough, point.position, interaction.shadow_origin(point))
+    row, chance, arriving, here, weighed, shadows = _choose_emitter(tables, inputs, shading, path, here, lit, ending, index, place)
+    share, density = bsdf.eval_bsdf_pdf(shader, inputs.uses, point.normal, arriving.direction, viewer)
+    share, alone = exclude_covered_lobe(inputs.gleaming, inputs.covered, share, row, path, shading, arriving.direction)
+    factor = 1.0 / (math.pi * chance)
+    above = rough | (ops.dot(arriving.direction, point.geometric) > 0.0)  # BSDF samples do not go below the geometric surface
+    both_ways = weighed & above & ops.not_(last | lit | alone)
+    factor = factor * ops.where(both_ways, mis_weight(arriving.density * chance, density, inputs.weighing, LIGHTS_ALONE), 1.0)
+    given = ops.scale(ops.mul(ops.mul(path.weight, share), arriving.light), factor)
+    given = medium_stack.attenuate(
+        medium_stack.cross_boundary(path.inside, None, tables, point, arriving.direction), given, tables, arriving.distance
+    )
+    origin = interaction.offset_shadow_origin(point, place, arriving.direction)
+    wanted = here & (ops.largest(given) > 0.0)
+    wanted = wanted & bsdf.is_rough_glass(shader, normal_map.mask_behind(tables, point, arriving.direction, wanted))
+    # Emitters do not block their own light: rays end before them by all rounding errors, and by the offset of their origin.
+    short = 64.0 * ops.roundoff(zero) * ops.where(arriving.distance < math.inf, arriving.distance, 0.0) + 2.0 * point.offset
+    reach = ops.maximum(arriving.distance - short / ops.maximum(arriving.cosine, GRAZING), 0.0)
+    distance = ops.where(shadows, reach, -1.0)
+    return Connection(origin, arriving.direction, distance, given, wanted)

@@ -1,0 +1,118 @@
+"""Light that paths hit: emitting surfaces and the background, with multiple importance sampling weights (Veach 1997, §9.2.4)."""
+
+from __future__ import annotations
+
+from ..jit.kernel import helper, noinline_helper
+from ..lanes import ops
+from ..light import emitters, environment_map, light_tree, lights
+from ..light.emitter_table import Emitters
+from ..material.shader import ONLY, Shader
+from ..types import Hit, Lane, Options, Surface, Tables, Vec
+from . import background
+from .path_state import BALANCE, LIT, SURFACES_ALONE, PathInputs, PathState
+from .photon_coverage import photon_covers_emission
+
+
+@helper
+def environment_radiance(
+    tables: Tables, inputs: PathInputs, options: Options, path: PathState, missed: Lane, depth: int
+) -> tuple[Vec, Lane]:  # fmt: skip
+    """(light, loss of alpha) of paths that leave the scene."""
+    zero = 0.0 * path.density
+    light, less = (zero, zero, zero), zero
+    if depth == 0:
+        light = background.camera_background(tables, options, path.direction)
+        return ops.where3(missed, light, (zero, zero, zero)), ops.where(missed, zero + 1.0, zero)
+    light = background.reflected_background(tables, options, path.direction)
+    soft = missed & (path.density < ONLY)
+    if ops.any_lane(soft):
+        seen = _weigh_sky(tables, inputs, path, light)
+        light = ops.where3(soft, seen, light)
+    straight = missed & path.straight
+    if ops.any_lane(straight):
+        light = ops.where3(straight, background.camera_background(tables, options, path.direction), light)
+        less = ops.where(straight, (path.weight[0] + path.weight[1] + path.weight[2]) / 3.0, less)
+    return ops.where3(missed, ops.mul(path.weight, light), (zero, zero, zero)), less
+
+
+@helper
+def _weigh_sky(tables: Tables, inputs: PathInputs, path: PathState, radiance: Vec) -> Vec:
+    """Weigh the skies' radiance for BSDF samples; skies without shadows count 0, as each surface adds their light itself."""
+    zero = 0.0 * path.density
+    if ops.not_(inputs.uses.sky):
+        return (zero, zero, zero)
+    seen = radiance
+    if inputs.uses.open_sky:
+        seen = lights.background(tables, path.direction, lights.SHADOWED)[0]
+    table = inputs.emitters
+    row = environment_map.row_of(table.sky)
+    share = ops.where(path.density > LIT * 8.0, zero + 1.0, 0.0)
+    if row >= 0:
+        density = environment_map.density(table.sky, path.direction)
+        if len(table.kind) > 1:
+            density = density * light_tree.chance(table.tree, ops.int_like(zero, row), path.origin, path.facing)
+        share = share * power_heuristic(path.density, density)
+    return ops.scale(seen, share)
+
+
+@helper
+def emitted_radiance(
+    tables: Tables, inputs: PathInputs, path: PathState, point: Surface, shader: Shader, hit: Hit, here: Lane, lamps_only: bool
+) -> Vec:
+    """Return the emission of surfaces along paths, weighed against light sampling.
+
+    A light's emission counts as direct. An emissive shape is one more surface, which the last bounce does not reach (`lamps_only`).
+    """
+    zero = 0.0 * path.density
+    lit = here & (ops.largest(shader.emission) > 0.0)
+    if ops.not_(ops.any_lane(lit)):
+        return (zero, zero, zero)
+    instance = ops.where(lit, hit.instance, 0)
+    table = inputs.emitters
+    row = table.first[instance]
+    among = lit & (row >= 0)
+    if lamps_only:
+        lit = lit & (tables.instances.light[instance] >= 0)
+    share = zero + 1.0
+    if len(table.kind) == 1:
+        share, dark = _emission_weight(table, 0, path, point, hit.t, inputs.weighing)
+        share, lit = ops.where(among, share, 1.0), lit & ops.not_(among & dark)
+        lit = lit & ops.not_(among & photon_covers_emission(inputs.covered, 0, path))
+    elif len(table.kind) > 1:
+        row = ops.where(among, row + ops.where(among, hit.primitive - table.parts[instance], 0), 0)
+        share, dark = _emission_weight_of_each(table, row, path, point, hit.t, inputs.weighing)
+        share, lit = ops.where(among, share, 1.0), lit & ops.not_(among & dark)
+        lit = lit & ops.not_(among & photon_covers_emission(inputs.covered, row, path))
+    return ops.where3(lit, ops.scale(ops.mul(path.weight, shader.emission), share), (zero, zero, zero))
+
+
+@helper
+def _emission_weight(table: Emitters, row: Lane, path: PathState, point: Surface, t: Lane, weighing: int) -> tuple[Lane, Lane]:
+    """(MIS weight of an emitter that a path hit, whether it hit the side that does not emit)."""
+    density = emitters.density(table, row, path.origin, path.direction, t)
+    if len(table.kind) > 1:
+        density = density * light_tree.chance(table.tree, row, path.origin, path.facing)
+    only = ops.where(path.density >= ONLY, ops.full_like(t, 1.0), 0.0)
+    share = ops.where(path.density <= LIT * 8.0, 0.0, mis_weight(path.density, density, weighing, SURFACES_ALONE))
+    share = ops.where(path.density >= ONLY, 1.0, share)
+    return ops.where(table.weighed[row], share, only), ops.not_(table.both[row] | point.front)
+
+
+_emission_weight_of_each = noinline_helper(_emission_weight)
+
+
+@helper
+def power_heuristic(one: Lane, other: Lane) -> Lane:
+    """Return the power heuristic's weight of the strategy of density `one`."""
+    ratio = other / one
+    return 1.0 / (1.0 + ratio * ratio)
+
+
+@helper
+def mis_weight(one: Lane, other: Lane, weighing: int, alone: int) -> Lane:
+    """Return the MIS weight of the strategy of density `one`, whose index is `alone` if it is used alone."""
+    if weighing == 0:
+        return power_heuristic(one, other)
+    if weighing == BALANCE:
+        return 1.0 / (1.0 + other / one)
+    return ops.full_like(one, 1.0 if weighing == alone else 0.0)

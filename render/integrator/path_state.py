@@ -1,0 +1,109 @@
+"""Records and random numbers of the path integrator."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from ...compiler import ir
+from ..jit.kernel import helper
+from ..lanes import ops
+from ..light.emitter_table import Emitters
+from ..material import principled, rough_dielectric
+from ..material.shader import ONLY, Uses
+from ..sampling import sobol
+from ..types import Lane, Vec
+from . import photon_map
+
+CAMERA_RAY = int(ir.Visibility.CAMERA)
+OTHER_RAY = int(ir.Visibility.REFLECTION)
+FIRST = 8  # random dimension of the first surface: those before are the camera's
+PAIRS = 4  # of random numbers a surface: light, direction, choices, Russian roulette
+LAYERS = 1 << 20  # first dimension of the numbers that let paths pass partly transparent surfaces
+SPREAD = 3  # surfaces of a path whose numbers are Sobol points; beyond them stratification gains nothing
+WEIGHINGS = ("power", "balance", "light", "bsdf")  # MIS heuristics (Veach 1997), or one strategy alone
+BALANCE, LIGHTS_ALONE, SURFACES_ALONE = 1, 2, 3
+GATHERED = 4.0 * ONLY  # density of a specular direction after a diffuse surface: photons carry the light of lights there
+LIT = 1e-18  # density of a direction from a surface with vertex light: its light has been counted
+
+
+class PathState(NamedTuple):
+    """A ray of a path, and the factor of its radiance in the pixel."""
+
+    origin: Vec
+    direction: Vec
+    weight: Vec  # throughput
+    density: Lane  # solid angle density of its direction
+    straight: Lane  # bool: has passed only boundaries of index 1; where it escapes, alpha is lowered
+    inside: Any  # medium stack; None in scenes without media
+    phase: Lane  # kinds of surfaces before it, see photon_map.phase_after
+    facing: Any = None  # its origin's record for light selection, see light_tree.facing
+
+
+class PathSample(NamedTuple):
+    """The key of the random numbers of one surface of a path."""
+
+    pixel: Lane
+    sample: Lane
+    depth: int  # surfaces before it
+    seed: int
+
+
+class Connection(NamedTuple):
+    """A shadow ray to a sample of an emitter, and the radiance it adds if nothing blocks it."""
+
+    origin: Vec
+    direction: Vec
+    distance: Lane  # -1: without a shadow test
+    light: Vec
+    wanted: Lane  # bool
+
+
+class NoVertices(NamedTuple):
+    """No light is computed at vertices."""
+
+
+class PathInputs(NamedTuple):
+    """Inputs of the path integrator beside the tables."""
+
+    emitters: Emitters
+    uses: Uses
+    vertices: Any = NoVertices()  # or VertexLight
+    weighing: int = 0  # index into WEIGHINGS
+    photons: Any = photon_map.NoMaps()  # or photon_map.Maps
+    covered: Any = photon_map.NoMaps()  # or (emitters,) bool: emitters whose light photons carry
+    gleaming: Any = photon_map.NoMaps()  # or (instances,) reflectance of narrow highlights over diffuse surfaces, if photons carry it
+
+
+def uses_of(tables: ir.Tables) -> Uses:
+    """Return which features the materials and lights of a scene use."""
+    values, slot = tables.materials.values, ir.Slot
+    model = tables.materials.model
+
+    sky = ir.is_in(tables.lights.kind, (ir.LightKind.SKY, ir.LightKind.DOME))
+
+    def any_of(*slots: int) -> bool:
+        return bool(values[:, list(slots)].max(initial=0.0) > 0.0)
+
+    return Uses(
+        glossy=any_of(slot.SPECULAR) or bool(ir.is_in(model, principled.MODELS).any()) or rough_dielectric.is_rough(tables),
+        sharp=any_of(slot.REFLECTION, slot.TRANSMISSION) or bool((model == ir.MaterialModel.GLASS).any()) or principled.has_sharp(tables),
+        shines=any_of(slot.EMISSION),
+        ambient=bool((tables.lights.kind == ir.LightKind.AMBIENT).any()),
+        sky=bool((sky & tables.lights.shadows).any()),
+        open_sky=bool((sky & ~tables.lights.shadows).any()),
+    )
+
+
+@helper
+def numbers(index: PathSample, pair: int) -> tuple[Lane, Lane]:
+    """Return a pair of random numbers of a surface, 0 to PAIRS - 1."""
+    dimension = ops.int_like(index.pixel, FIRST + index.depth * PAIRS + pair)
+    if index.depth < SPREAD:
+        return sobol.pair(index.pixel, index.sample, dimension, index.seed)
+    return sobol.hashed_pair(index.pixel, index.sample, dimension, index.seed)
+
+
+@helper
+def alpha_number(index: PathSample, layer: int) -> Lane:
+    """Return the random number that lets a ray pass its `layer`-th partly transparent surface."""
+    return sobol.hashed_pair(index.pixel, index.sample, ops.int_like(index.pixel, LAYERS + index.depth * 1024 + layer), index.seed)[0]

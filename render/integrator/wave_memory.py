@@ -1,0 +1,102 @@
+"""Memory of a wave of paths, and the inputs of the wavefront path tracer."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.extending import overload
+from numpy.typing import NDArray
+
+from .. import simd
+from ..jit.kernel import HELPER, helper, specialize_if_present
+from ..lanes.soa import ROW, keep, keep3, load3
+from ..types import Lane, Vec
+from . import path_reuse
+
+STATE = 11  # rows of a path: origin, direction, weight, density, and its phase, or 1 where it is straight
+ASKED = 10  # rows of a shadow ray: origin, direction, distance, light
+
+
+class WaveMemory(NamedTuple):
+    """A thread's memory of waves, in rows of ROW numbers; `float` is float32 or float64, and `int` as wide."""
+
+    state: Any  # (2 · STATE · ROW,) float: rays of this depth, and those of the next
+    index: Any  # (2 · 3 · ROW,) int: their slot in the wave, pixel (y · width + x) and sample
+    hit: Any  # (3 · ROW,) float: t, u, v of their hits
+    hit_ids: Any  # (3 · ROW,) int: row of the primitive list or -1, instance or -1, primitive
+    shadow: Any  # (ASKED · ROW,) float: shadow rays
+    shadow_slot: Any  # (ROW,) int: the slots of their paths
+    queue: Any  # (ROW,) int64: rays for the BVH
+    light: Any  # (4 · ROW,) float: radiance of each slot, red, green, blue and coverage
+    items: Any  # (4 · ROW,) int: x, y, sample and place in the tile of each slot
+    near: Any  # (ROW,) float: where camera rays begin
+    inside: Any  # (2 · ROW,) int: medium stacks of the rays, in scenes with media
+    facing: Any  # (2 · 3 · ROW,) float: the normals at the origins of rays, in scenes with many lights
+    shared: Any  # path_reuse.Shared or path_reuse.Alone
+
+    @classmethod
+    def of(cls, kind: type, reuses: bool = False) -> WaveMemory:
+        """Allocate memory for waves of float32 or float64; with `reuses`, also for path reuse."""
+        whole = np.int32 if kind == np.float32 else np.int64
+
+        def row(count: int, what: type) -> NDArray[Any]:
+            made = simd.aligned_empty(count * ROW, what)
+            made[:] = 0
+            return made
+
+        return cls(
+            row(2 * STATE, kind), row(2 * 3, whole), row(3, kind), row(3, whole), row(ASKED, kind), row(1, whole), row(1, np.int64),
+            row(4, kind), row(4, whole), row(1, kind), row(2, whole), row(2 * 3, kind),
+            path_reuse.Shared.of(kind) if reuses else path_reuse.Alone(),
+        )  # fmt: skip
+
+
+class NoBvh(NamedTuple):
+    """In place of a BVH, if the primitive list holds the whole scene."""
+
+
+class WaveScene(NamedTuple):
+    """Inputs of the wavefront path tracer."""
+
+    tables: Any  # as narrow as the waves' numbers
+    tried: Any  # primitive_list.Tried
+    light: Any  # path_state.Light
+    trees: bool  # whether there is a BVH
+    low: Any  # (3,) float64: its bounding box; inf: unbounded
+    high: Any
+
+
+@helper
+def _load_medium(outside: Any, plain: Any, memory: Any, at: int, depth: int) -> Lane:
+    return outside if depth == 0 else simd.load(memory.inside, at)
+
+
+@helper
+def _store_medium(inside: Lane, plain: Any, memory: Any, at: int, going: Lane) -> None:
+    keep(memory.inside, at, inside, going)
+
+
+@helper
+def _store_facing(facing: Vec, plain: Any, memory: Any, at: int, going: Lane) -> None:
+    keep3(memory.facing, at, facing, going)
+
+
+store_facing = specialize_if_present(_store_facing)
+
+
+def load_facing(below: Any, memory: Any, at: int) -> Any:
+    raise NotImplementedError
+
+
+@overload(load_facing, jit_options=HELPER)
+def _load_facing_in_kernels(below, memory, at):
+    """Load the normals at the origins of rays; None in scenes with few lights."""
+    if below.layout:
+        return lambda below, memory, at: load3(memory.facing, at, 0, 0)
+    return lambda below, memory, at: None
+
+
+load_medium = specialize_if_present(_load_medium)
+"""(outside, None, memory, at, depth): the medium stacks of rays; `outside` for camera rays, None in scenes without media."""
+store_medium = specialize_if_present(_store_medium)

@@ -1,0 +1,209 @@
+"""Emitter table: one row for each light, emissive shape and triangle of an emissive mesh."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...compiler import ir
+from ...compiler.plan import scene_facts
+from ..lanes import ops
+from . import environment_map, light_tree, lights, shape_solid_angle
+
+POINT, SPOT, DIRECTIONAL, SUN = lights.POINT, lights.SPOT, lights.DIRECTIONAL, lights.SUN
+SKY, DOME, RECTANGLE, DISK, SPHERE = lights.SKY, lights.DOME, lights.RECTANGLE, lights.DISK, lights.SPHERE
+TRIANGLE, TUBE = 20, 21  # a triangle of an emissive mesh, the side of an emissive cylinder; other kinds are those of ir.LightKind
+MOST_TRIANGLES = 1 << 17  # of a mesh whose triangles are sampled; paths still hit larger ones
+_AREAS = (RECTANGLE, DISK, SPHERE)
+_FAR = (DIRECTIONAL, SUN, DOME)
+
+
+class Emitters(NamedTuple):
+    """Emitters in world space; rows without a position stand first."""
+
+    kind: NDArray[np.int32]
+    place: NDArray[np.float64]  # (n, 3) center of a plate or ball, first corner of a triangle, position of a point light
+    side_u: NDArray[np.float64]  # (n, 3) half edges of a plate, radii of a disk; edges of a triangle; column 0: radius of a ball or tube
+    side_v: NDArray[np.float64]  # (n, 3) likewise; of a tube half its length, along its axis
+    normal: NDArray[np.float64]  # (n, 3) of a plate or triangle; axis of a tube; toward a distant light; against the axis of a spot
+    area: NDArray[np.float64]
+    color: NDArray[np.float64]  # (n, 3) radiance, or as ir.Lights.color
+    both: NDArray[np.bool_]  # emits to both sides
+    square: NDArray[np.bool_]  # a rectangle with right angles; a circular disk
+    light: NDArray[np.int32]  # row of ir.Lights, or -1
+    shadows: NDArray[np.bool_]
+    weighed: NDArray[np.bool_]  # BSDF samples can hit it, too: MIS weights apply
+    first: NDArray[np.int32]  # (instances,) first row of an instance, or -1
+    parts: NDArray[np.int32]  # (instances,) the primitive of a hit that belongs to the row `first`
+    tree: light_tree.Tree  # for light selection
+    sky: Any  # environment_map.SkyMap or Even
+    wide: shape_solid_angle.Wide  # shapes that are sampled by solid angle, beside rectangles and balls
+
+
+def build(tables: ir.Tables, moves: bool = False, horizon: NDArray[np.float64] | None = None) -> Emitters:
+    """Build the emitter table of a scene.
+
+    Uniform skies have no row: BSDF samples find them as well as light samples could. With `moves`, instances with keys move; emissive
+    ones have no row. No light comes from below a `horizon`.
+    """
+    rows: list[dict[str, Any]] = []
+    sky = environment_map.build(tables, 0, horizon)
+    if isinstance(sky, environment_map.SkyMap):
+        rows.append(_row(kind=DOME, color=np.full(3, sky.power), light=int(np.flatnonzero(tables.lights.kind == ir.LightKind.DOME)[0]),
+                         weighed=True))  # fmt: skip
+    instances = tables.instances
+    first = np.full(len(instances.geometry), -1, np.int32)
+    parts = np.zeros(len(instances.geometry), np.int32)
+    order = sorted(range(len(tables.lights.kind)), key=lambda k: tables.lights.kind[k] not in _FAR)
+    for k in order:
+        kind = tables.lights.kind[k]
+        if kind in (ir.LightKind.AMBIENT, ir.LightKind.SKY, ir.LightKind.DOME) or not tables.lights.color[k].any():
+            continue
+        if kind in _AREAS:
+            i = int(tables.lights.instance[k])
+            if i >= 0:
+                first[i] = len(rows)
+            rows.append(_light_row(tables, k, i))
+        else:
+            axis = -tables.lights.direction[k] if kind == ir.LightKind.SPOT else tables.lights.direction[k]
+            rows.append(
+                _row(kind=kind, place=tables.lights.position[k], normal=axis, color=tables.lights.color[k], light=k,
+                     shadows=tables.lights.shadows[k])
+            )  # fmt: skip
+    still = ~moves | (tables.transforms.first_key[instances.transform] < 0)
+    for i in np.flatnonzero(_is_emissive(tables) & still & (instances.light < 0)):
+        made = _shape_rows(tables, int(i))
+        if made:
+            first[i], parts[i] = len(rows), made[0].pop("part")
+            rows.extend({name: value for name, value in row.items() if name != "part"} for row in made)
+    return _table(tables, rows, first, parts, sky)
+
+
+def _row(**values: Any) -> dict[str, Any]:
+    nothing = np.zeros(3)
+    base = {"place": nothing, "side_u": nothing, "side_v": nothing, "normal": np.array([0.0, 1.0, 0.0]), "area": 0.0, "both": False,
+            "square": False, "light": -1, "shadows": True, "weighed": False}  # fmt: skip
+    return base | values
+
+
+def _light_row(tables: ir.Tables, k: int, instance: int) -> dict[str, Any]:
+    lit = tables.lights
+    seen = instance >= 0 and bool(tables.instances.visible[instance] & ir.Visibility.REFLECTION)
+    weighed = bool(lit.shadows[k]) and seen
+    matrix = tables.transforms.matrix[lit.transform[k]]
+    flips = bool(tables.transforms.flips[lit.transform[k]])
+    both = lit.kind[k] == ir.LightKind.SPHERE
+    return _surface_row(int(lit.kind[k]), matrix, flips, lit.size[k], lit.color[k], both, light=k, shadows=lit.shadows[k], weighed=weighed)
+
+
+def _surface_row(kind: int, matrix: Any, flips: bool, size: Any, color: Any, both: bool, **more: Any) -> dict[str, Any]:
+    """A rectangle, disk or ball with a transform."""
+    x, z = matrix[:, 0], matrix[:, 2]
+    if kind == SPHERE:
+        radius = float(size[0]) * float(np.linalg.norm(x))
+        return _row(kind=kind, place=matrix[:, 3], side_u=np.array([radius, 0.0, 0.0]), area=4.0 * math.pi * radius**2, color=color,
+                    both=both, **more)  # fmt: skip
+    face = np.array(ops.cross(tuple(z), tuple(x))) * (-1.0 if flips else 1.0)  # np.cross takes ten times as long
+    stretch = math.sqrt(float(face @ face))
+    half = (size[0], size[0]) if kind == DISK else (size[0], size[1])
+    area = stretch * (math.pi * half[0] ** 2 if kind == DISK else 4.0 * half[0] * half[1])
+    square = abs(float(x @ z)) <= 1e-6 * stretch and (kind == RECTANGLE or abs(float(x @ x - z @ z)) <= 1e-6 * stretch)
+    return _row(kind=kind, place=matrix[:, 3], side_u=x * half[0], side_v=z * half[1], normal=face / max(stretch, 1e-300), area=area,
+                color=color, both=both, square=square, **more)  # fmt: skip
+
+
+def _is_emissive(tables: ir.Tables) -> NDArray[np.bool_]:
+    """(instances,) whether the material emits uniformly, without a texture, and is opaque."""
+    m, slot = tables.materials, ir.Slot.EMISSION
+    even = (m.values[:, slot].max(axis=1, initial=0.0) > 0.0) & (m.textures[:, slot] < 0) & ~scene_facts.partial(tables)
+    return even[tables.instances.material] & (tables.instances.visible & ir.Visibility.REFLECTION != 0)
+
+
+def _shape_rows(tables: ir.Tables, i: int) -> list[dict[str, Any]]:
+    """Return the rows of an emissive instance; none for kinds that only BSDF samples find."""
+    instances, geometries, pools = tables.instances, tables.geometries, tables.pools
+    g, row = int(instances.geometry[i]), int(instances.transform[i])
+    matrix, color = tables.transforms.matrix[row], tables.materials.values[instances.material[i], ir.Slot.EMISSION]
+    kinds = {ir.GeometryKind.RECTANGLE: RECTANGLE, ir.GeometryKind.DISK: DISK, ir.GeometryKind.SPHERE: SPHERE}
+    kind, p = int(geometries.kind[g]), geometries.parameters[g]
+    shared = {"color": color, "both": True, "weighed": True}
+    if kind in kinds:
+        even = matrix[:, :3].T @ matrix[:, :3]
+        if kind == ir.GeometryKind.RECTANGLE or np.allclose(even, even[0, 0] * np.eye(3), rtol=0, atol=1e-9 * even[0, 0]):
+            return [_surface_row(kinds[ir.GeometryKind(kind)], matrix, bool(tables.transforms.flips[row]), p[:2], **shared, part=0)]
+        return []
+    if kind == ir.GeometryKind.CYLINDER and p[2] != 0.0:  # without caps the inside is visible, too
+        return _cylinder_rows(matrix, float(p[0]), float(p[1]), shared)
+    first, count = int(geometries.first_triangle[g]), int(geometries.triangle_count[g])
+    if kind != ir.GeometryKind.MESH or not 0 < count <= MOST_TRIANGLES:
+        return []
+    corners = pools.positions[pools.triangles[first : first + count]].astype(np.float64) + geometries.origin[g]
+    corners = corners @ matrix[:, :3].T + matrix[:, 3]
+    u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    face = np.cross(u, v)
+    size = np.linalg.norm(face, axis=1)
+    return [
+        _row(kind=TRIANGLE, place=corners[k, 0], side_u=u[k], side_v=v[k], normal=face[k] / max(size[k], 1e-300), area=0.5 * size[k],
+             **shared, part=first)
+        for k in range(count)
+    ]  # fmt: skip
+
+
+def _cylinder_rows(matrix: Any, radius: float, half: float, shared: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return side, bottom and top of a closed cylinder; none if its transform makes it elliptic or oblique."""
+    even = matrix[:, :3].T @ matrix[:, :3]
+    if not np.allclose(even, np.diag([even[0, 0], even[1, 1], even[0, 0]]), rtol=0, atol=1e-9 * even[0, 0]):
+        return []
+    wide, up = math.sqrt(even[0, 0]) * radius, matrix[:, 1] * half
+    axis = up / np.linalg.norm(up)
+    side = _row(kind=TUBE, place=matrix[:, 3], side_u=np.array([wide, 0.0, 0.0]), side_v=up, normal=axis,
+                area=4.0 * math.pi * wide * float(np.linalg.norm(up)), part=0, **shared)  # fmt: skip
+    caps = [
+        _row(kind=DISK, place=matrix[:, 3] + side * up, side_u=matrix[:, 0] * radius, side_v=matrix[:, 2] * radius, normal=side * axis,
+             area=math.pi * wide**2, square=True, part=0, **shared)
+        for side in (-1.0, 1.0)
+    ]  # fmt: skip
+    return [side, *caps]
+
+
+def _table(tables: ir.Tables, rows: list[dict[str, Any]], first: Any, parts: Any, sky: Any) -> Emitters:
+    columns: dict[str, Any] = {}
+    shapes: dict[str, Any] = dict.fromkeys(("place", "side_u", "side_v", "normal", "color"), (3,))
+    types: dict[str, Any] = {"kind": np.int32, "light": np.int32, "both": bool, "square": bool, "shadows": bool, "weighed": bool}
+    for name in ("kind", "place", "side_u", "side_v", "normal", "area", "color", "both", "square", "light", "shadows", "weighed"):
+        values = [row[name] for row in rows]
+        columns[name] = np.array(values, types.get(name, np.float64)).reshape(-1, *shapes.get(name, ()))
+    disks, triangles, tubes = (
+        shape_solid_angle.HasLights(int(here.sum())) if here.any() else shape_solid_angle.NoLights()
+        for here in ((columns["kind"] == DISK) & columns["square"], columns["kind"] == TRIANGLE, columns["kind"] == TUBE)
+    )
+    wide = shape_solid_angle.Wide(disks, triangles, tubes)
+    return Emitters(**columns, first=first, parts=parts, tree=_build_tree(tables, columns), sky=sky, wide=wide)
+
+
+def _build_tree(tables: ir.Tables, of: dict[str, Any]) -> light_tree.Tree:
+    """Build the light tree over the emitters with a position."""
+    kind, place, u, v = of["kind"], of["place"], of["side_u"], of["side_v"]
+    shown = np.select([kind == SPHERE, kind == TUBE], [0.25, 1.0 / math.pi], 1.0)  # visible share of the area
+    power = of["color"].mean(axis=1) * np.where(of["area"] > 0, of["area"] * shown, 1.0)
+    far = ir.is_in(kind, _FAR)
+    span = np.abs(u) + np.abs(v)
+    span = np.where((kind == DISK)[:, None], np.sqrt(u * u + v * v), span)
+    span = np.where((kind == SPHERE)[:, None], u[:, :1], span)
+    round_ = u[:, :1] * np.sqrt(np.maximum(1.0 - of["normal"] ** 2, 0.0))  # half extents of a circle around an axis
+    span = np.where((kind == TUBE)[:, None], np.abs(v) + round_, span)
+    low, high = place - span, place + span
+    corners = np.stack([place, place + u, place + v])
+    low = np.where((kind == TRIANGLE)[:, None], corners.min(axis=0), low)
+    high = np.where((kind == TRIANGLE)[:, None], corners.max(axis=0), high)
+    spot = kind == SPOT
+    axis = np.where(spot[:, None], -of["normal"], of["normal"])
+    around = of["both"] | (kind == POINT)
+    edge = np.full(len(kind), 0.5 * math.pi)
+    if spot.any():
+        edge[spot] = np.arccos(np.clip(tables.lights.cos_cone[of["light"][spot]], -1.0, 1.0))
+    bounds = light_tree.Bounds(low, high, axis, np.where(around, math.pi, 0.0), edge, power)
+    return light_tree.build(power[far], light_tree.Bounds(*(column[~far] for column in bounds)))

@@ -1,0 +1,142 @@
+"""Shader record: the parameters of a material at one surface point."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from ...compiler import ir
+from ..jit.kernel import helper, specialize_if_present
+from ..lanes import ops
+from ..light import lights
+from ..surface.material_inputs import color_of
+from ..types import Lane, Surface, Tables, Vec
+from . import medium_stack, microfacet, principled, rough_dielectric
+
+AMBIENT = int(ir.Slot.AMBIENT)
+DIFFUSE = int(ir.Slot.DIFFUSE)
+SPECULAR = int(ir.Slot.SPECULAR)
+SHININESS = int(ir.Slot.SHININESS)
+REFLECTION = int(ir.Slot.REFLECTION)
+TRANSMISSION = int(ir.Slot.TRANSMISSION)
+IOR = int(ir.Slot.IOR)
+EMISSION = int(ir.Slot.EMISSION)
+PHONG = int(ir.MaterialModel.PHONG)
+BLINN_PHONG = int(ir.MaterialModel.BLINN_PHONG)
+GLASS = int(ir.MaterialModel.GLASS)
+ONLY = 1e18  # density of a direction without alternative: of mirrors, smooth glass and the camera
+
+
+class Uses(NamedTuple):
+    """Features that a scene's materials and lights use; kernels leave out the others."""
+
+    glossy: bool  # highlights
+    sharp: bool  # mirrors, smooth glass and transmission
+    shines: bool  # emissive materials
+    ambient: bool
+    sky: bool  # skies with shadows
+    open_sky: bool = False  # skies without shadows
+
+
+class Shader(NamedTuple):
+    """Parameters of a material at one point, with textures evaluated."""
+
+    ambient: Vec
+    diffuse: Vec
+    specular: Vec
+    shininess: Lane
+    reflection: Vec
+    transmission: Vec
+    ior: Lane
+    emission: Vec
+    blinn: Lane  # bool: Blinn-Phong instead of Phong
+    normalized: Lane  # bool
+    strength: Lane  # lobe_scale of normalized lobes, else 1
+    glass: Lane  # bool: reflection and transmission by Fresnel's equations
+    lobes: Any  # microfacet.Lobes (the classic lobes of their lanes are 0); None in scenes without
+    frost: Any  # rough_dielectric.Frost; None in scenes without
+
+
+@helper
+def evaluate_shader(tables: Tables, surface: Surface) -> Shader:
+    """Evaluate the material of a surface, for a ray outside of all media."""
+    return evaluate_shader_inside(tables, surface, None)
+
+
+@helper
+def evaluate_shader_inside(tables: Tables, surface: Surface, inside: Any) -> Shader:
+    """Evaluate the material of a surface, for a ray with a medium stack."""
+    return evaluate_shader_filtered(tables, surface, Uses(True, True, True, lights.has_ambient(tables), True), inside)
+
+
+@helper
+def evaluate_shader_filtered(tables: Tables, surface: Surface, uses: Uses, inside: Any) -> Shader:
+    """Evaluate the material of a surface in a scene that uses some features; parameters of the others are 0."""
+    zero = ops.full_like(surface.offset, 0.0)
+    no = ops.bool_like(zero, False)
+    black = (zero, zero, zero)
+    ambient, specular, shininess, blinn, normalized, strength = black, black, zero, no, no, zero + 1.0
+    reflection, transmission, ior, glass, emission = black, black, zero + 1.0, no, black
+    if uses.ambient:
+        ambient = ops.mul(color_of(tables, surface, AMBIENT), surface.color)
+    if uses.glossy:
+        specular = color_of(tables, surface, SPECULAR)
+        shininess = shininess + color_of(tables, surface, SHININESS)[0]
+        blinn = no | (tables.materials.model[surface.material] == BLINN_PHONG)
+        normalized = no | tables.materials.normalized[surface.material]
+        if ops.any_lane(normalized):
+            strength = ops.where(normalized, lobe_scale(blinn, shininess), strength)
+    if uses.sharp:
+        reflection = color_of(tables, surface, REFLECTION)
+        transmission = color_of(tables, surface, TRANSMISSION)
+        ior = zero + ops.maximum(color_of(tables, surface, IOR)[0], 1e-3)
+        glass = no | (tables.materials.model[surface.material] == GLASS)
+        ior = medium_stack.relative_ior(inside, ior, tables, surface)
+        hidden = medium_stack.is_ignored(inside, no, tables, surface)
+        transmission = ops.where3(hidden, (zero + 1.0, zero + 1.0, zero + 1.0), transmission)
+    if uses.shines:
+        emission = color_of(tables, surface, EMISSION)
+    diffuse = ops.mul(color_of(tables, surface, DIFFUSE), surface.color)
+    plain = Shader(
+        ambient, diffuse, specular, shininess, reflection, transmission, ior, emission, blinn, normalized, strength, glass, None, None
+    )
+    plain = _with_lobes(principled.at(tables, surface), plain)
+    return _with_frost(rough_dielectric.at(tables, surface, plain.ior, plain.transmission), plain)
+
+
+@helper
+def _replace_lobes(lobes: microfacet.Lobes, plain: Shader) -> Shader:
+    """Clear the classic lobes in lanes with microfacets, except for perfect mirrors and transmission."""
+    zero = 0.0 * plain.ior
+    black = (zero, zero, zero)
+    here = lobes.here
+    reflection = ops.where3(lobes.sharp, ops.lerp3(lobes.f0, (zero + 1.0, zero + 1.0, zero + 1.0), zero + 0.05), black)
+    return Shader(
+        ops.where3(here, ops.mul(plain.ambient, lobes.base), plain.ambient), ops.where3(here, black, plain.diffuse),
+        ops.where3(here, black, plain.specular), plain.shininess, ops.where3(here, reflection, plain.reflection), plain.transmission,
+        ops.where(here, zero + 1.0, plain.ior), plain.emission, plain.blinn, plain.normalized, plain.strength, plain.glass, lobes, None,
+    )  # fmt: skip
+
+
+_with_lobes = specialize_if_present(_replace_lobes)
+
+
+@helper
+def _replace_glass(frost: rough_dielectric.RoughGlass, plain: Shader) -> Shader:
+    """Clear specular reflection and transmission in lanes with rough glass."""
+    zero = 0.0 * plain.ior
+    here, black = frost.here, (zero, zero, zero)
+    return Shader(
+        plain.ambient, plain.diffuse, plain.specular, plain.shininess, ops.where3(here, black, plain.reflection),
+        ops.where3(here, black, plain.transmission), ops.where(here, zero + 1.0, plain.ior), plain.emission, plain.blinn,
+        plain.normalized, plain.strength, plain.glass & ops.not_(here), plain.lobes, frost,
+    )  # fmt: skip
+
+
+_with_frost = specialize_if_present(_replace_glass)
+
+
+@helper
+def lobe_scale(blinn: Lane, n: Lane) -> Lane:
+    """Return the factor by which a lobe of exponent n reflects k_s at normal incidence."""
+    of_half = (n + 2.0) * (n + 4.0) / (8.0 * (ops.power(2.0, -0.5 * n) + n))
+    return ops.where(blinn, of_half, 0.5 * (n + 2.0))

@@ -200,7 +200,8 @@ def _unoccluded(scene: Scene, point: Surface, sample: LightSample, active: Lane)
 @helper
 def _shadow_by_rays(scene: Scene, point: Surface, sample: LightSample, active: Lane) -> Vec:
     reach = ops.maximum((0.0 * point.offset + sample.distance) - SHADOW_MARGIN * point.offset, 0.0)  # a light's shape does not block it
-    ray = Ray(interaction.offset_shadow_origin(point, sample.origin, sample.direction), sample.direction, 0.0 * point.offset, reach, point.time)
+    origin = interaction.offset_shadow_origin(point, sample.origin, sample.direction)
+    ray = Ray(origin, sample.direction, 0.0 * point.offset, reach, point.time)
     return shadow_rays.attenuate_light(point, scene.accel, scene.tables, sample.light, ray, active, sample.radiance)
 
 

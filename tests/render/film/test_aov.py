@@ -1,4 +1,4 @@
-"""Channels beside the picture: colours of metals, mirrors and glass, and where a formula's root could not be proved."""
+"""Tests of auxiliary channels: albedo of metals, mirrors and glass, and unproven roots of formulas."""
 
 from __future__ import annotations
 

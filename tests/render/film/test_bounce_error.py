@@ -1,4 +1,4 @@
-"""What the limit on bounces cuts off: as much as is known to be missing, where it is said, and nothing changed by asking."""
+"""Tests of the bounce limit's error estimate: known losses, messages, and unchanged pictures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Denoising: only when asked for, nearer to the truth than what it was given, guides as the picture has them, and its absence said."""
+"""Tests of denoising: lower error, guides, and the message without the package."""
 
 from __future__ import annotations
 

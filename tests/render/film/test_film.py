@@ -1,4 +1,4 @@
-"""Filling a picture: the same bits for any number of threads, cancelling, crops, errors asked for, budgets, failures."""
+"""Tests of the film: determinism over threads, cancellation, crops, target errors, budgets and failures."""
 
 from __future__ import annotations
 

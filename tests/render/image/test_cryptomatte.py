@@ -1,4 +1,4 @@
-"""Cryptomatte: the published hash, ids that are plain numbers, shares by rank, and mattes read back from a file by its manifest."""
+"""Tests of Cryptomatte: the published hash, ids, ranks, and mattes read back from a file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pictures to files and back: the sRGB curve, depths, alpha, channels, metadata, metering, and that a file is whole or not there."""
+"""Tests of image files: sRGB, bit depths, alpha, channels, metadata, metering and atomic writes."""
 
 from __future__ import annotations
 

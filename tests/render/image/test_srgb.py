@@ -1,4 +1,4 @@
-"""The 256 codes of light: those of the curve in double precision, bit for bit, at every place where one ends and the next begins."""
+"""Tests of the 8-bit codes against the sRGB curve in double precision, at every threshold."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lamps met along highlights: where samples of lamps go, rays meet them, with the same density; both ways share the light out."""
+"""Tests of glossy_lights: solid angles, densities and MIS of light samples and lobe samples."""
 
 from __future__ import annotations
 

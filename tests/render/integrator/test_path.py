@@ -1,4 +1,4 @@
-"""Paths against closed forms and against each other: closed rooms, both ways of finding light, single against double precision."""
+"""Tests of the path integrator: closed forms, the Whitted integrator, and single against double precision."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What pixels of a block share of their paths: the same light as each for itself, nothing through walls, less error."""
+"""Tests of path reuse: equal light, no leaks through walls, and lower error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Photons against closed forms and against paths that find the same light by chance."""
+"""Tests of photons: closed forms, and paths that find the same light."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Gouraud shading: light at vertices and colours between them, against what shading at each point gives."""
+"""Tests of Gouraud shading against shading at each point."""
 
 from __future__ import annotations
 

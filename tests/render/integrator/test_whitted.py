@@ -1,4 +1,4 @@
-"""The integrator against closed forms: furnaces, mirrors, glass, enclosures, backgrounds; one source in numpy and in kernels."""
+"""Tests of the Whitted integrator: closed forms, and numpy lanes against kernels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Emitters by the solid angle they fill: samples are spread as their density says, add up to closed forms, and hardly stray."""
+"""Tests of emitter sampling by solid angle: densities, closed forms and variance."""
 
 from __future__ import annotations
 

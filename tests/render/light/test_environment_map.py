@@ -1,4 +1,4 @@
-"""Directions of a sky drawn by how bright it is: densities add up to one, samples follow them, and what is even is no emitter."""
+"""Tests of environment map sampling: normalization, densities, and uniform skies without an emitter."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tree over lamps: chances add up to one, are what `choose` does, and no lamp that gives light is never chosen."""
+"""Tests of the light tree: probabilities sum to one, match `choose`, and are nonzero for contributing lights."""
 
 from __future__ import annotations
 

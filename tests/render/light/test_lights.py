@@ -1,4 +1,4 @@
-"""Lights against closed forms: irradiance by quadrature of each light's own sampling, fall-offs, spots, suns and skies."""
+"""Tests of light sampling against closed forms of irradiance."""
 
 from __future__ import annotations
 

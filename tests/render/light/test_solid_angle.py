@@ -1,4 +1,4 @@
-"""Rectangles by their solid angle: closed form, evenness, and the variance that is left where light only comes from one."""
+"""Tests of solid angle sampling of rectangles: closed form, uniformity, and variance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Materials against closed forms: Fresnel, Snell, the lobes' albedos by quadrature, and what happens where they are raised to powers."""
+"""Tests of BSDFs against closed forms: Fresnel, Snell, and albedos of lobes by quadrature."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lists of media, what a boundary between two of them is, and pictures of glass in glass against closed forms."""
+"""Tests of medium stacks: stack operations, boundaries, and pictures of nested glass against closed forms."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Microfacets against what is known of them: energy, reciprocity, that directions are drawn as their density says, and closed forms."""
+"""Tests of microfacet BSDFs: energy, reciprocity, densities and closed forms."""
 
 from __future__ import annotations
 

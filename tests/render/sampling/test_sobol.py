@@ -1,4 +1,4 @@
-"""Sample numbers: as even as Owen-scrambled Sobol points must be, independent of each other, the same in numpy and kernels; filters."""
+"""Tests of the Sobol sampler: stratification, independence, numpy against kernels, and pixel filters."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ def drawn(tmp_path, text: str, samples: int = 1) -> image.Image:
 def test_packets_give_the_shadows_of_single_rays(tmp_path, monkeypatch, thing, lamps):
     text = VIEW + LAMPS[lamps] + "\n" + THINGS[thing]
     by_bundles = drawn(tmp_path, text, 2).channels["rgba"]
-    monkeypatch.setattr(prepare.shadow_rays, "lamps", lambda *of: [])
+    monkeypatch.setattr(prepare.shadow_rays, "select_lights", lambda *of: [])
     one_by_one = drawn(tmp_path, text, 2).channels["rgba"]
     assert int((np.abs(by_bundles - one_by_one).max(axis=2) > 1e-6).sum()) <= 2  # where rays graze what they leave
 

@@ -201,7 +201,7 @@ def test_a_pattern_lies_where_its_matrix_says() -> None:
 def test_what_is_not_carried_is_said_with_its_place(name: str, line: str, said: str, tmp_path: Path) -> None:
     text = f"render(size: [8, 4])\ncamera(position: [0, 1, 4], look_at: [0, 1, 0])\n{line}\n"
     (peer,) = registry.find([name])
-    assert f"{tmp_path / 'scene.scene'}:{said}" in peer.express(*scenes.compiled(tmp_path, text))
+    assert f"{tmp_path / 'scene.scene'}:{said}" in peer.unsupported(*scenes.compiled(tmp_path, text))
 
 
 def test_metals_keep_what_they_reflect_along_the_normal_and_at_grazing_angles() -> None:
@@ -225,14 +225,14 @@ def test_what_the_plan_asks_is_said(tmp_path: Path) -> None:
     text = scenes.VIEW + scenes.FLOOR + scenes.MIRROR + scenes.LAMP
     (mitsuba, povray) = registry.find(["mitsuba", "povray"])
     place = tmp_path / "scene.scene"
-    assert mitsuba.express(*scenes.compiled(tmp_path, text, filter="gaussian")) == [
+    assert mitsuba.unsupported(*scenes.compiled(tmp_path, text, filter="gaussian")) == [
         "the filter gaussian is not carried: Mitsuba cuts its gaussian at four deviations, not three",
         f"{place}:3:23: rays go on at mirrors and glass only: Mitsuba's paths go on at matt surfaces too",
     ]
-    assert mitsuba.express(*scenes.compiled(tmp_path, text, bounces=0)) == [
+    assert mitsuba.unsupported(*scenes.compiled(tmp_path, text, bounces=0)) == [
         f"{place}:4:44: mirrors and glass are black without bounces here, and not in Mitsuba"
     ]
-    assert povray.express(*scenes.compiled(tmp_path, text, bounces=2)) == [
+    assert povray.unsupported(*scenes.compiled(tmp_path, text, bounces=2)) == [
         f"{place}:3:23: matt surfaces light each other here, and not in POV-Ray"
     ]
 

@@ -69,7 +69,8 @@ def test_each_ray_hits_what_it_hits_in_any_order(place, spread, at_edges):
     """In order, rays form packets; shuffled, each is traced alone."""
     rays, accel = aimed(place, spread, at_edges), single(place)
     order = np.random.default_rng(1).permutation(COUNT)
-    shuffled = [x[order] for x in rays]
+    origin, direction, least, most = rays
+    shuffled = (origin[order], direction[order], least[order], most[order])
     hits = ray_queries.closest(accel, *rays)
     assert COUNT // 5 < (hits.instance >= 0).sum() < COUNT
     for one, other in zip(hits, ray_queries.closest(accel, *shuffled), strict=True):
@@ -80,7 +81,7 @@ def test_each_ray_hits_what_it_hits_in_any_order(place, spread, at_edges):
 @pytest.mark.parametrize("n", [1, crosslane.WIDTH, crosslane.WIDTH + 1, 2 * crosslane.WIDTH - 1, 4 * crosslane.WIDTH + 3])
 def test_any_number_of_rays_to_one_mesh(n):
     rays, accel = aimed(np.eye(4), 1e-3, False), single(np.eye(4))
-    one, other = ray_queries.closest(accel, *(x[:n] for x in rays)), ray_queries.closest(accel, *rays)
+    one, other = ray_queries.closest(accel, rays[0][:n], rays[1][:n], rays[2][:n], rays[3][:n]), ray_queries.closest(accel, *rays)
     assert len(one.t) == n
     for a, b in zip(one, other, strict=True):
         np.testing.assert_array_equal(a, b[:n])

@@ -71,7 +71,7 @@ def render(scene: ir.Scene | str | Path, *, plan: Mapping[str, str] | None = Non
 
 def compare(image: Image | str | Path, reference: Image | str | Path) -> Difference:
     """√relMSE and the largest difference between two pictures or files of pictures, in linear light."""
-    from .render.image import image_files, metrics
+    from .render.image import image_reader, metrics
 
-    a, b = (image_files.read(Path(p)) if isinstance(p, str | Path) else p for p in (image, reference))
+    a, b = (image_reader.read(Path(p)) if isinstance(p, str | Path) else p for p in (image, reference))
     return metrics.difference(a.channels["rgba"], b.channels["rgba"])

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..render.image import image_files
+from ..render.image import image_files, image_reader
 from . import limits, mitsuba, report
 from .harness import OURS, Case, Contender, Disagreement, Effort, Missing, Peers, measure
 
@@ -120,7 +120,7 @@ def _povray_version() -> dict[str, str]:
 
 def _pixels(path: Path, linear: bool = False) -> NDArray[np.float64]:
     """The linear colours of a picture. `linear`: the integers of the file are linear, regardless of its metadata."""
-    rgb = np.asarray(image_files.read(path).channels["rgba"][..., :3], dtype=np.float64)
+    rgb = np.asarray(image_reader.read(path).channels["rgba"][..., :3], dtype=np.float64)
     return image_files.encode_srgb(rgb) if linear else rgb
 
 

@@ -26,7 +26,7 @@ def draw(scene: ir.Scene, plan: Plan, progress: Progress | None = None, cancel: 
     Calls `progress(done, total)` in the calling thread. Setting `cancel` ends the work; the picture is then partial, as
     `metadata["partial"]` says. Other metadata: the "seconds" of "build", "compile_kernels" and "render"; samples; the error reached;
     "notes" on effects that the backend does not draw, each (message, table, row); the number of rays "unproved"; "cut", the light lost
-    to the limit on bounces, a bounce_error.Cut, or None if not measured.
+    to the limit on bounces, a bounce_error.Cut, or None if not measured; "exposure", "view" and "transparent" of the plan, for files.
     """
     seconds: dict[str, float] = {}
     width, height = plan["size"]
@@ -56,7 +56,8 @@ def draw(scene: ir.Scene, plan: Plan, progress: Progress | None = None, cancel: 
             denoise.denoise(image, renderer, plan)
     notes = notes_of(scene, plan) + (accumulation.notes(scene, plan) if by_moments else [])
     unproved, cut = _count_unproved(renderer), _measure_bounce_error(renderer, plan, image)
-    image.metadata.update(backend=backend, seconds=seconds, notes=notes, unproved=unproved, cut=cut)
+    shown = {"exposure": plan["exposure"], "view": plan["view"], "transparent": plan["background"] == "transparent"}
+    image.metadata.update(backend=backend, seconds=seconds, notes=notes, unproved=unproved, cut=cut, **shown)
     if mattes is not None:
         image.metadata["attributes"] = mattes.attributes
     return image

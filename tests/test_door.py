@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import maquette
+import numpy as np
 import pytest
 from maquette.compiler.plan.plan import PlanError
 from maquette.lang.diagnostics import Diagnostics, SceneError, sort_diagnostics
+from maquette.render.image import image_files, image_reader
 from maquette.render.image.image import Image
 
 SCENE = """\
@@ -60,3 +63,39 @@ def test_the_name_render_is_the_function() -> None:
 
     assert callable(maquette.render)
     assert callable(render_scene.draw)
+
+
+def test_an_image_is_an_array_and_says_what_it_is(path: Path) -> None:
+    image = maquette.render(path, backend="reference", aov=("depth",))
+    pixels = np.asarray(image)
+    assert pixels.dtype == np.float32
+    np.testing.assert_array_equal(pixels, image.channels["rgba"])
+    assert np.asarray(image, dtype=np.float64).dtype == np.float64
+    assert repr(image) == "<Image 32x24, reference, 1 samples a pixel, channels rgba depth>"
+    assert image._repr_png_().startswith(b"\x89PNG")
+
+
+def test_an_image_is_saved_by_its_name(path: Path, tmp_path: Path) -> None:
+    image = maquette.render(path, backend="reference", aov=("depth",))
+    image.save(tmp_path / "a.exr")
+    image.save(str(tmp_path / "a.png"), exposure=1, bits=16)
+    linear = image_reader.read(tmp_path / "a.exr")
+    np.testing.assert_array_equal(linear.channels["depth"], image.channels["depth"])
+    shown = image_reader.read(tmp_path / "a.png")
+    covered = image.channels["rgba"][..., 3] == 1
+    twice = np.minimum(2 * image.channels["rgba"][covered][:, :3], 1)
+    assert shown.channels["rgba"][covered][:, :3] == pytest.approx(twice, abs=1e-3)
+    with pytest.raises(image_files.FormatError, match=r"cannot tell the picture format of a\.what"):
+        image.save("a.what")
+
+
+def test_the_page_on_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    root = Path(maquette.__file__).resolve().parent
+    (tmp_path / "examples").symlink_to(root / "examples")
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    for block in re.findall(r"```python\n(.*?)```", (root / "docs/python.md").read_text(encoding="utf-8"), re.DOTALL):
+        exec(block, names)
+    printed = capsys.readouterr().out.splitlines()
+    assert printed[0] == "<Image 160x120, ray, 4 samples a pixel, channels rgba>"
+    assert (tmp_path / "hello.png").is_file()

@@ -102,6 +102,7 @@ DOORS = {
     "render/render_scene.py": "a picture loads the backend that draws it",
     "render/backends/prepare.py": "what makes ready for a backend, or for formulas, is loaded where there is a use for it",
     "render/tessellation/view.py": "dual contouring is loaded where there are implicit surfaces",
+    "render/image/image.py": "only a picture that is saved loads OpenImageIO",
     "render/film/aov.py": "only formulas' surfaces that could not be proved need their definition",
     "render/formula/scene_tables.py": "what makes formulas ready is loaded where there are some",
     "render/texture/procedural.py": "tape evaluators are loaded for scenes with patterns",

@@ -9,7 +9,7 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from ...render.image import image_files, metrics
+from ...render.image import image_files, metrics, srgb
 from ...render.image.image import Image
 from .compare import Comparison
 
@@ -66,7 +66,7 @@ def _label(text: str, width: int, size: int) -> NDArray[np.float32]:
     oiio.ImageBufAlgo.fill(strip, (0.0, 0.0, 0.0))
     oiio.ImageBufAlgo.render_text(strip, GAP, LABEL_HEIGHT - 7, text, size, "", (1.0, 1.0, 1.0))
     ink = np.asarray(strip.get_pixels(oiio.FLOAT)).reshape(LABEL_HEIGHT, width, 3)
-    return (BACKGROUND + (1.0 - BACKGROUND) * image_files.decode_srgb(ink)).astype(np.float32)
+    return (BACKGROUND + (1.0 - BACKGROUND) * srgb.decode_srgb(ink)).astype(np.float32)
 
 
 def _text_width(text: str, size: int) -> int:

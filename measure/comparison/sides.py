@@ -15,7 +15,7 @@ from ...compiler import ir
 from ...compiler.plan import plan as planner
 from ...lang.diagnostics import Diagnostic
 from ...render import render_scene
-from ...render.image import image_files
+from ...render.image import image_files, image_reader
 from ...render.image.image import Image
 from ...render.sampling import sobol
 
@@ -92,7 +92,7 @@ class Side:
 
 def read(path: Path) -> Side:
     """The side of a picture file. Raises image_files.FormatError for an unreadable file."""
-    image = image_files.read(path)
+    image = image_reader.read(path)
     try:
         noise = float(image.metadata["about"]["error"])
     except (KeyError, ValueError):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...compiler import ir
 from ...compiler.exporters.povray import scene as povray_scene
 from ...compiler.plan.plan import Plan
-from ...render.image import image_files
+from ...render.image import image_reader
 from ...render.tessellation import scene_meshes
 from ..records import Run, Setting
 from . import process
@@ -76,7 +76,7 @@ def arguments(plan: Plan, across: int) -> list[str]:
 def _read(path: Path, plan: Plan) -> NDArray[np.float32]:
     if not path.is_file():
         raise process.PeerError("POV-Ray wrote no picture")
-    rgb = image_files.read(path).channels["rgba"][..., :3]
+    rgb = image_reader.read(path).channels["rgba"][..., :3]
     x0, y0, x1, y1 = plan["crop"]
     if rgb.shape[:2] != (y1 - y0, x1 - x0):
         rgb = rgb[y0:y1, x0:x1]

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import tempfile
+import webbrowser
 from dataclasses import dataclass, field
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from . import metrics
 
@@ -31,13 +34,56 @@ class Image:
     has), "samples_mean", "error" (estimated √relMSE, None where unknown), "variance" (of the pixels' means, (height, width, 3), inf
     where unknown; None after one sample), "partial", "rays" (from the camera), "issues" (samples left out because they were not finite),
     "threads". render_scene.draw adds "seconds" by stage, "backend", "notes", "unproved", "cut" and "attributes" (file attributes of the
-    channels).
+    channels), and "exposure", "view" and "transparent" for `save`.
+
+    numpy.asarray(image) is the rgba channel: scene-linear, alpha is coverage.
     """
 
     width: int
     height: int
     channels: dict[str, NDArray[np.float32]]
     metadata: dict[str, Any] = field(default_factory=dict)
+
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
+        """(height, width, 4) rgba, for numpy."""
+        return np.array(self.channels["rgba"], dtype=dtype, copy=copy)
+
+    def __repr__(self) -> str:
+        how = [str(self.metadata[key]) for key in ("backend",) if key in self.metadata]
+        how += [f"{self.metadata['samples']:g} samples a pixel"] if "samples" in self.metadata else []
+        return f"<Image {self.width}x{self.height}, {', '.join((*how, f'channels {chr(32).join(self.channels)}'))}>"
+
+    def save(
+        self, path: str | Path, *, exposure: float | Literal["metered"] | None = None, view: str | None = None, bits: int | None = None
+    ) -> None:
+        """Write the picture, or replace a file by it, as a whole. The extension of `path` gives the format.
+
+        An .exr holds every channel, linear and unexposed. Other formats show `exposure` stops (default: the scene's) through `view`
+        with 8 or 16 `bits`. Raises image_files.FormatError for a name, view or depth that does not exist, OSError without a file.
+        """
+        from . import image_files
+
+        path, about = Path(path), self.metadata
+        stops, seen = about.get("exposure", 0.0) if exposure is None else exposure, view or about.get("view", "sRGB")
+        image_files.check(path, (), bits, seen)
+        if stops == "metered":
+            stops = image_files.auto_exposure(self.channels["rgba"])
+        image_files.write(
+            self, path, image_files.Look(float(stops), seen, bits or 8, bool(about.get("transparent"))), {"exposure": float(stops)}
+        )
+
+    def show(self) -> None:
+        """Open the picture in the desktop's viewer, as a temporary PNG file."""
+        path = Path(tempfile.mkdtemp(prefix="maquette-")) / "image.png"
+        self.save(path)
+        webbrowser.open(path.as_uri())
+
+    def _repr_png_(self) -> bytes:
+        """The picture in a notebook."""
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "image.png"
+            self.save(path)
+            return path.read_bytes()
 
     @property
     def luminance(self) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Reading and writing of image files: linear EXR with named channels, and 8 or 16-bit pictures after exposure and view transform."""
+"""Writes image files: linear EXR with named channels, and 8 or 16-bit pictures after exposure and view transform."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import OpenImageIO as oiio
@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from ...compiler.io.replace_file import Replacement, as_utf8
 from . import cryptomatte, metrics, srgb
-from . import image as images
-from .srgb import decode_srgb, encode_srgb
+from .srgb import encode_srgb
 
 LINEAR = (".exr",)
 DEPTHS = {".png": (8, 16), ".tif": (8, 16), ".tiff": (8, 16), ".jpg": (8,), ".jpeg": (8,)}  # bits a channel, by extension
@@ -39,6 +38,19 @@ CHANNEL_NAMES: dict[str, tuple[str, ...]] = {
     **{name: cryptomatte.channel_names(name) for name in cryptomatte.LAYERS},
 }
 LIGHT = "light:"  # prefix of light group channels, which are layers light_NAME in files
+
+
+class Picture(Protocol):
+    """What is written of an Image: see image.Image."""
+
+    @property
+    def width(self) -> int: ...
+    @property
+    def height(self) -> int: ...
+    @property
+    def channels(self) -> dict[str, NDArray[np.float32]]: ...
+    @property
+    def metadata(self) -> dict[str, Any]: ...
 
 
 class FormatError(ValueError):
@@ -71,7 +83,7 @@ def check(path: Path, aov: tuple[str, ...] = (), bits: int | None = None, view: 
         raise FormatError(f"no view is called `{view}`; there are: {', '.join(views())}")
 
 
-def write(picture: images.Image, path: Path, look: Look, about: Mapping[str, str | int | float]) -> None:
+def write(picture: Picture, path: Path, look: Look, about: Mapping[str, str | int | float]) -> None:
     """Write `picture` to `path` atomically, by renaming a temporary file in the same folder.
 
     EXR: float32, scene-linear, unexposed, associated alpha, all channels. Others: exposed, view-transformed, with unassociated alpha if
@@ -96,7 +108,7 @@ class Strips:
     def __enter__(self) -> Strips:
         return self
 
-    def add(self, picture: images.Image) -> None:
+    def add(self, picture: Picture) -> None:
         """Write the next rows."""
         linear = self.path.suffix.lower() in LINEAR
         pixels = _all_channels(picture) if linear else _displayed(picture, self.path, self.look)
@@ -111,7 +123,7 @@ class Strips:
         if not self._target.write_scanlines(begin, begin + picture.height, 0, pixels):
             raise OSError(f"cannot write {self.path}: {self._target.geterror()}")
 
-    def _spec(self, picture: images.Image, pixels: NDArray[Any], linear: bool) -> Any:
+    def _spec(self, picture: Picture, pixels: NDArray[Any], linear: bool) -> Any:
         _, width, channels = pixels.shape
         kind = {np.float32: "float", np.uint8: "uint8", np.uint16: "uint16"}[pixels.dtype.type]
         spec = oiio.ImageSpec(width, self.height, channels, kind)
@@ -162,30 +174,6 @@ def _problem_at_end(path: Path) -> str:
     return ""
 
 
-def read(path: Path) -> images.Image:
-    """Read a picture in any format of OpenImageIO, as scene-linear rgba with associated alpha (1 without an alpha channel).
-
-    Integer files are sRGB with unassociated alpha, float files are linear. Other channels that maquette writes are read, too. metadata:
-    "size" of the whole picture and "crop" in it, "bits" a channel (0 for floats), "alpha": whether it has alpha, and "about": the texts
-    that `write` got. Raises FormatError if the file is missing or not a picture.
-    """
-    wanted = oiio.ImageSpec()
-    wanted.attribute("oiio:UnassociatedAlpha", 1)
-    if not Path(path).is_file():
-        raise FormatError(f"there is no file {path}")
-    source = oiio.ImageInput.open(str(path), wanted)
-    if source is None:
-        raise FormatError(f"{path} is not a picture: {oiio.geterror()}")
-    try:
-        spec = source.spec()
-        pixels = source.read_image(oiio.FLOAT)
-        if pixels is None:
-            raise FormatError(f"{path} cannot be read: {source.geterror()}")
-    finally:
-        source.close()
-    return _as_image(np.asarray(pixels, dtype=np.float32).reshape(spec.height, spec.width, -1), spec)
-
-
 def auto_exposure(rgba: NDArray[np.floating]) -> float:
     """Return the exposure in stops that maps the log-average luminance to middle grey (Reinhard et al. 2002), to 1/100 stop.
 
@@ -204,7 +192,7 @@ def views() -> tuple[str, ...]:
     return ("sRGB", *config.getViewNames(config.getDefaultDisplayName()))
 
 
-def _all_names(picture: images.Image) -> tuple[str, ...]:
+def _all_names(picture: Picture) -> tuple[str, ...]:
     return tuple(name for channel in _ordered(picture) for name in _names_of(channel))
 
 
@@ -212,12 +200,12 @@ def _names_of(channel: str) -> tuple[str, ...]:
     return CHANNEL_NAMES.get(channel) or tuple(f"light_{channel.removeprefix(LIGHT)}.{c}" for c in "RGB")
 
 
-def _all_channels(picture: images.Image) -> NDArray[np.float32]:
+def _all_channels(picture: Picture) -> NDArray[np.float32]:
     parts = [np.asarray(picture.channels[channel], dtype=np.float32) for channel in _ordered(picture)]
     return np.ascontiguousarray(np.concatenate(parts, axis=2))
 
 
-def _place(spec: Any, picture: images.Image) -> None:
+def _place(spec: Any, picture: Picture) -> None:
     """Set the data window to the crop, and the display window to the whole picture."""
     if "crop" in picture.metadata:
         spec.x, spec.y = picture.metadata["crop"][:2]
@@ -225,12 +213,12 @@ def _place(spec: Any, picture: images.Image) -> None:
         spec.full_width, spec.full_height = picture.metadata["size"]
 
 
-def _ordered(picture: images.Image) -> list[str]:
+def _ordered(picture: Picture) -> list[str]:
     known = [channel for channel in CHANNEL_NAMES if channel in picture.channels]
     return known + sorted(channel for channel in picture.channels if channel.startswith(LIGHT))
 
 
-def _displayed(picture: images.Image, path: Path, look: Look) -> NDArray[Any]:
+def _displayed(picture: Picture, path: Path, look: Look) -> NDArray[Any]:
     keep = look.alpha and path.suffix.lower() in WITH_ALPHA
     if look.bits == 8 and look.view == "sRGB":
         rgba = picture.channels["rgba"]
@@ -255,34 +243,3 @@ def _viewed(rgb: NDArray[np.float64], view: str) -> NDArray[np.float64]:
     if shown.has_error:
         raise FormatError(f"the view `{view}` failed: {shown.geterror()}")
     return np.clip(np.asarray(shown.get_pixels(oiio.FLOAT), dtype=np.float64).reshape(rgb.shape), 0.0, 1.0)
-
-
-def _as_image(pixels: NDArray[np.float32], spec: Any) -> images.Image:
-    names = list(spec.channelnames)
-    if all(name in names for name in "RGB"):
-        rgb = pixels[..., [names.index(name) for name in "RGB"]].astype(np.float64)
-    else:
-        rgb = np.repeat(pixels[..., :1], 3, axis=2).astype(np.float64)  # grey
-    alpha = pixels[..., [spec.alpha_channel]].astype(np.float64) if spec.alpha_channel >= 0 else np.ones_like(rgb[..., :1])
-    if spec.format.basetype in (oiio.UINT8, oiio.UINT16):
-        rgb = decode_srgb(rgb) * alpha
-    found = {"rgba": np.concatenate([rgb, alpha], axis=2).astype(np.float32)}
-    for channel, parts in CHANNEL_NAMES.items():
-        if channel not in found and all(part in names for part in parts):
-            found[channel] = pixels[..., [names.index(part) for part in parts]]
-    for part in names:
-        if part.startswith("light_") and part.endswith(".R"):
-            layer = part.removesuffix(".R")
-            found[LIGHT + layer.removeprefix("light_")] = pixels[..., [names.index(f"{layer}.{c}") for c in "RGB"]]
-    return images.Image(spec.width, spec.height, found, _read_about(spec))
-
-
-def _read_about(spec: Any) -> dict[str, Any]:
-    x, y = spec.x - spec.full_x, spec.y - spec.full_y
-    return {
-        "size": (spec.full_width, spec.full_height),
-        "crop": (x, y, x + spec.width, y + spec.height),
-        "alpha": spec.alpha_channel >= 0,
-        "bits": {oiio.UINT8: 8, oiio.UINT16: 16}.get(spec.format.basetype, 0),
-        "about": {a.name.removeprefix(ABOUT): str(a.value) for a in spec.extra_attribs if a.name.startswith(ABOUT)},
-    }

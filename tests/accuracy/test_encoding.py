@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from maquette.compiler import ir
-from maquette.render.image import image_files
+from maquette.render.image import image_files, image_reader, srgb
 from maquette.render.surface import texture_footprint
 
 from ..files import write_image
@@ -161,7 +161,7 @@ def test_the_codes_of_light(measured):
 
 def test_every_code_comes_back_from_light(measured):
     codes = np.arange(256)
-    wrong = np.count_nonzero(np.rint(image_files.encode_srgb(image_files.decode_srgb(codes / 255)) * 255) != codes)
+    wrong = np.count_nonzero(np.rint(image_files.encode_srgb(srgb.decode_srgb(codes / 255)) * 255) != codes)
     measured.answer(37, "sRGB: 256 codes there and back", "functions", wrong, 0, "codes wrong")
 
 
@@ -173,7 +173,7 @@ def test_every_code_comes_back_from_a_picture(tmp_path, measured, backend):
     text = f'{BEFORE}polygon({SQUARE}, uv: [[0, 0], [1, 0], [1, 1], [0, 1]], material: emissive(image("a.png", filter: "nearest")))\n'
     image = rm.picture(tmp_path, text, backend, size=(16, 16))
     image_files.write(image, tmp_path / "b.png", image_files.Look(), {})
-    again = np.rint(image_files.encode_srgb(image_files.read(tmp_path / "b.png").channels["rgba"][..., :3]) * 255)
+    again = np.rint(image_files.encode_srgb(image_reader.read(tmp_path / "b.png").channels["rgba"][..., :3]) * 255)
     measured.answer(37, "sRGB: 256 codes there and back", backend, np.count_nonzero(again[..., 0] != codes[..., 0]), 0, "codes wrong")
 
 

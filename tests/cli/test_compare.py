@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from maquette.cli import render_job
 from maquette.cli.main import cli
-from maquette.render.image import image_files, metrics
+from maquette.render.image import image_files, image_reader, metrics
 from maquette.render.image.image import Image
 
 PIXELS = arrays.arrays(np.float32, (3, 4, 3), elements=st.floats(0, 1000, width=32))
@@ -104,7 +104,7 @@ def test_false_colours_are_white_red_and_blue() -> None:
 
 def test_the_public_compare_takes_files_and_pictures(tmp_path: Path) -> None:
     a, b = saved(tmp_path / "a.exr", flat(1.1)), saved(tmp_path / "b.exr", flat(1.0))
-    assert maquette.compare(a, image_files.read(b)).error == pytest.approx(0.1, rel=1e-3)
+    assert maquette.compare(a, image_reader.read(b)).error == pytest.approx(0.1, rel=1e-3)
 
 
 def test_the_command_prints_figures(tmp_path: Path) -> None:
@@ -145,10 +145,10 @@ def test_the_difference_picture(tmp_path: Path) -> None:
     image[0, 0], image[2, 3] = 1.5, 0.5
     a, b = saved(tmp_path / "a.exr", image), saved(tmp_path / "b.exr", flat(1.0))
     assert run("compare", a, b, "-o", tmp_path / "d.exr")[0] == 0
-    signed = image_files.read(tmp_path / "d.exr").channels["rgba"]
+    signed = image_reader.read(tmp_path / "d.exr").channels["rgba"]
     assert (signed[0, 0, 0], signed[2, 3, 0], signed[1, 1, 0]) == (0.5, -0.5, 0.0)
     assert run("compare", a, b, "-o", tmp_path / "d.png")[0] == 0
-    colours = image_files.read(tmp_path / "d.png").channels["rgba"]
+    colours = image_reader.read(tmp_path / "d.png").channels["rgba"]
     assert colours[0, 0, :3].tolist() == [1, 0, 0]
     assert colours[2, 3, :3].tolist() == [0, 0, 1]
     assert colours[1, 1, :3].tolist() == [1, 1, 1]
@@ -328,16 +328,16 @@ def test_a_picture_without_alpha_has_no_silhouette(tmp_path: Path) -> None:
 
 def test_side_by_side(scene: Path) -> None:
     """Three enlarged panels with labels; the third is red where A is brighter."""
-    image = image_files.read(drawn_to(scene, "a.exr")).channels["rgba"][..., :3].copy()
+    image = image_reader.read(drawn_to(scene, "a.exr")).channels["rgba"][..., :3].copy()
     image[20:, 28:] += 0.5
     saved(Path("b.exr"), image)
     assert run("compare", "b.exr", "a.exr", "-o", "both.png", "--side-by-side")[0] == 0
-    sheet = image_files.read(Path("both.png")).channels["rgba"][..., :3]
+    sheet = image_reader.read(Path("both.png")).channels["rgba"][..., :3]
     times, strip, gap = 8, 22, 4
     assert sheet.shape == (24 * times + strip, 3 * 32 * times + 2 * gap, 3)
     panels = [sheet[strip:, k * (32 * times + gap) :][:, : 32 * times] for k in range(3)]
     np.testing.assert_allclose(
-        panels[1][::times, ::times], np.clip(image_files.read(Path("a.exr")).channels["rgba"][..., :3], 0, 1), atol=0.01
+        panels[1][::times, ::times], np.clip(image_reader.read(Path("a.exr")).channels["rgba"][..., :3], 0, 1), atol=0.01
     )
     np.testing.assert_allclose(panels[2][-1, -1], [1, 0, 0], atol=1e-6)
     np.testing.assert_allclose(panels[2][0, 0], [1, 1, 1], atol=1e-6)

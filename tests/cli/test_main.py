@@ -18,7 +18,7 @@ from maquette.cli import option_types as values
 from maquette.cli.main import PLANNED, cli
 from maquette.compiler import ir
 from maquette.render import render_scene
-from maquette.render.image import image_files
+from maquette.render.image import image_files, image_reader
 from maquette.render.image.image import Image
 
 from ..files import standing_by
@@ -200,7 +200,7 @@ def test_render_writes_a_picture_and_says_so(scene: Path) -> None:
     code, out, err = run("render", scene)
     assert (code, err) == (0, "")
     assert out.startswith("a.png: 32x24, ray, 1 samples a pixel, ")
-    image = image_files.read(Path("a.png"))
+    image = image_reader.read(Path("a.png"))
     assert (image.width, image.height) == (32, 24)
     ball, floor = image.channels["rgba"][12, 16], image.channels["rgba"][22, 2]
     assert ball[0] > 2 * ball[2] > 0  # red
@@ -221,7 +221,7 @@ def test_the_same_picture_by_each_backend(scene: Path, backend: str) -> None:
 
 def test_the_command_line_overrides_the_scene(scene: Path) -> None:
     assert run("render", scene, "--size", "10x8", "-o", "small.png")[0] == 0
-    assert (image_files.read(Path("small.png")).width, image_files.read(Path("small.png")).height) == (10, 8)
+    assert (image_reader.read(Path("small.png")).width, image_reader.read(Path("small.png")).height) == (10, 8)
 
 
 def test_set_changes_the_scene(scene: Path) -> None:
@@ -243,9 +243,9 @@ def test_a_transparent_background_gives_alpha(scene: Path) -> None:
     run("render", scene, "-o", "t.png", "--background", "transparent")
     run("render", scene, "-o", "c.png", "--background", "#ff0000")
     assert [oiio.ImageBuf(name).spec().nchannels for name in ("t.png", "c.png")] == [4, 3]
-    alpha = image_files.read(Path("t.png")).channels["rgba"][..., 3]
+    alpha = image_reader.read(Path("t.png")).channels["rgba"][..., 3]
     assert (alpha[0, 0], alpha[12, 16]) == (0, 1)
-    assert image_files.read(Path("c.png")).channels["rgba"][0, 0].tolist() == [1, 0, 0, 1]
+    assert image_reader.read(Path("c.png")).channels["rgba"][0, 0].tolist() == [1, 0, 0, 1]
 
 
 def test_frames_are_moments(scene: Path) -> None:
@@ -331,7 +331,7 @@ def test_ctrl_c_writes_the_partial_picture(scene: Path) -> None:
     assert process.returncode == 130, err
     assert err == "interrupted: the partial picture is in a.partial.exr\n"
     assert set(out.split()) <= {"begun"}
-    assert image_files.read(Path("a.partial.exr")).channels["rgba"].any()
+    assert image_reader.read(Path("a.partial.exr")).channels["rgba"].any()
     assert not Path("a.png").exists()
 
 
@@ -421,7 +421,7 @@ def test_a_picture_whose_file_cannot_be_written_is_rescued(scene: Path, monkeypa
     monkeypatch.setattr(image_files, "write", write)
     code, _, err = run("render", scene, "-o", "a.png", "--size", "8x6", "--quiet")
     assert (code, err) == (1, "error: no view; its pixels are in a.rescued.exr\n")
-    assert image_files.read(Path("a.rescued.exr")).channels["rgba"].any()
+    assert image_reader.read(Path("a.rescued.exr")).channels["rgba"].any()
 
 
 def test_a_closed_output_is_no_error(scene: Path) -> None:

@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 from maquette.live import watch
-from maquette.render.image import image_files
+from maquette.render.image import image_reader
 
 SCENE = """\
 use "part.scene"
@@ -186,7 +186,7 @@ def test_the_command_follows_a_part_through_an_error(tmp_path: Path) -> None:
     part.write_text("sphere(1, material: lambert(#ff0000))\n", encoding="utf-8")
 
     def colour() -> list[bool]:
-        return [c > 0.05 for c in image_files.read(picture).channels["rgba"][6, 8, :3]]
+        return [c > 0.05 for c in image_reader.read(picture).channels["rgba"][6, 8, :3]]
 
     def said(text: str) -> bool:
         return text in (tmp_path / "log").read_text(encoding="utf-8")

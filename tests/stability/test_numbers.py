@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from maquette.compiler import ir
 from maquette.compiler.scene.builder import SceneBuilder
 from maquette.compiler.scene.row_records import CameraData, Input, MaterialData, TextureData
-from maquette.render.image import image, image_files, metrics
+from maquette.render.image import image, image_files, image_reader, metrics
 from maquette.render.types import Film, Tile
 
 from ..files import write_image
@@ -143,7 +143,7 @@ def written(tmp_path: Path, values: np.ndarray) -> tuple[np.ndarray, str]:
     assert source is not None
     kind = str(source.spec().format)
     source.close()
-    return image_files.read(path).channels["rgba"][0, :, 0], kind
+    return image_reader.read(path).channels["rgba"][0, :, 0], kind
 
 
 def test_values_beyond_half_floats(measured, tmp_path):

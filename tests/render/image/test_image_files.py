@@ -14,7 +14,7 @@ import OpenImageIO as oiio
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from maquette.render.image import image_files
+from maquette.render.image import image_files, image_reader, srgb
 from maquette.render.image.image import Image
 
 ABOUT = {"command": "maquette render a.scene", "version": "1.2.3", "seed": 7, "samples": 16, "backend": "ray", "exposure": 0.5}
@@ -44,7 +44,7 @@ def test_what_a_picture_is_about_comes_back(tmp_path: Path) -> None:
     drawn = Image(2, 1, picture([[[1, 1, 1, 1], [0, 0, 0, 0]]], id=ids).channels, {"size": (10, 8), "crop": (3, 4, 5, 5)})
     image_files.write(drawn, tmp_path / "a.exr", image_files.Look(), ABOUT)
     image_files.write(drawn, tmp_path / "a.png", image_files.Look(bits=16), ABOUT)
-    exr, png = (image_files.read(tmp_path / name) for name in ("a.exr", "a.png"))
+    exr, png = (image_reader.read(tmp_path / name) for name in ("a.exr", "a.png"))
     assert exr.channels["id"].tolist() == ids.tolist()
     assert (exr.metadata["size"], exr.metadata["crop"], exr.metadata["bits"]) == ((10, 8), (3, 4, 5, 5), 0)
     assert (exr.metadata["alpha"], png.metadata["alpha"]) == (True, False)
@@ -55,19 +55,19 @@ def test_what_a_picture_is_about_comes_back(tmp_path: Path) -> None:
 
 def test_all_256_codes_come_back(tmp_path: Path) -> None:
     codes = np.arange(256)
-    grey = image_files.decode_srgb(codes / 255).reshape(16, 16, 1)
+    grey = srgb.decode_srgb(codes / 255).reshape(16, 16, 1)
     rgba = np.concatenate([np.repeat(grey, 3, axis=2), np.ones((16, 16, 1))], axis=2)
     image_files.write(picture(rgba), tmp_path / "codes.png", image_files.Look(), ABOUT)
     _, values = raw(tmp_path / "codes.png")
     assert np.array_equal(values[..., 0].ravel(), codes)
-    again = image_files.read(tmp_path / "codes.png")
+    again = image_reader.read(tmp_path / "codes.png")
     image_files.write(again, tmp_path / "again.png", image_files.Look(), ABOUT)
     assert np.array_equal(raw(tmp_path / "again.png")[1], values)
 
 
 @given(st.floats(0, 1))
 def test_decoding_undoes_encoding(value: float) -> None:
-    assert image_files.decode_srgb(image_files.encode_srgb(np.array([value])))[0] == pytest.approx(value, abs=1e-7)
+    assert srgb.decode_srgb(image_files.encode_srgb(np.array([value])))[0] == pytest.approx(value, abs=1e-7)
 
 
 def test_light_that_is_no_number_is_not_white_noise(tmp_path: Path) -> None:
@@ -98,7 +98,7 @@ def test_png_alpha_is_unassociated_and_only_there_when_asked(tmp_path: Path) -> 
     assert raw(tmp_path / "with.png")[1].tolist() == [[[188, 188, 188, 128], [0, 0, 0, 0]]]
     image_files.write(half, tmp_path / "without.png", image_files.Look(), ABOUT)
     assert raw(tmp_path / "without.png")[1].tolist() == [[[137, 137, 137], [0, 0, 0]]]
-    back = image_files.read(tmp_path / "with.png").channels["rgba"]
+    back = image_reader.read(tmp_path / "with.png").channels["rgba"]
     np.testing.assert_allclose(back[0, 0], [0.2523, 0.2523, 0.2523, 128 / 255], atol=1e-3)
 
 
@@ -138,7 +138,7 @@ def test_exr_is_linear_float_with_named_channels(tmp_path: Path) -> None:
     whole = np.concatenate(list(channels.values()), axis=2)
     for i, name in enumerate(names):
         assert np.array_equal(values[..., list(spec.channelnames).index(name)], whole[..., i]), name
-    assert np.array_equal(image_files.read(tmp_path / "x.exr").channels["rgba"], channels["rgba"])
+    assert np.array_equal(image_reader.read(tmp_path / "x.exr").channels["rgba"], channels["rgba"])
 
 
 def test_a_crop_stands_at_its_place(tmp_path: Path) -> None:
@@ -147,7 +147,7 @@ def test_a_crop_stands_at_its_place(tmp_path: Path) -> None:
     spec, _ = raw(tmp_path / "x.exr")
     assert (spec.x, spec.y, spec.width, spec.height) == (4, 5, 3, 2)
     assert (spec.full_x, spec.full_y, spec.full_width, spec.full_height) == (0, 0, 32, 24)
-    assert image_files.read(tmp_path / "x.exr").width == 3
+    assert image_reader.read(tmp_path / "x.exr").width == 3
 
 
 @pytest.mark.parametrize("suffix", [".exr", ".png", ".tif"])
@@ -165,7 +165,7 @@ def test_metadata_says_how_it_was_made(tmp_path: Path, suffix: str) -> None:
 @pytest.mark.parametrize("suffix", [".exr", ".png", ".jpg", ".tif"])
 def test_one_pixel(tmp_path: Path, suffix: str) -> None:
     image_files.write(picture([[[1.0, 1.0, 1.0, 1.0]]]), tmp_path / f"one{suffix}", image_files.Look(), ABOUT)
-    again = image_files.read(tmp_path / f"one{suffix}")
+    again = image_reader.read(tmp_path / f"one{suffix}")
     assert (again.width, again.height) == (1, 1)
     np.testing.assert_allclose(again.channels["rgba"], 1.0, atol=0.02)
 
@@ -227,17 +227,17 @@ def test_an_unknown_view_is_answered_with_the_known_ones() -> None:
 
 def test_what_is_not_a_picture(tmp_path: Path) -> None:
     with pytest.raises(image_files.FormatError, match="there is no file"):
-        image_files.read(tmp_path / "none.png")
+        image_reader.read(tmp_path / "none.png")
     (tmp_path / "text.png").write_text("no picture", encoding="utf-8")
     with pytest.raises(image_files.FormatError, match=r"text\.png is not a picture"):
-        image_files.read(tmp_path / "text.png")
+        image_reader.read(tmp_path / "text.png")
 
 
 @pytest.mark.parametrize("gain", [2.0**-60, 2.0**60])
 def test_far_from_one_the_numbers_stay(tmp_path: Path, gain: float) -> None:
     values = np.random.default_rng(3).random((4, 4, 4)).astype(np.float32)
     image_files.write(picture(values * gain), tmp_path / "x.exr", image_files.Look(), ABOUT)
-    assert np.array_equal(image_files.read(tmp_path / "x.exr").channels["rgba"], values * np.float32(gain))
+    assert np.array_equal(image_reader.read(tmp_path / "x.exr").channels["rgba"], values * np.float32(gain))
 
 
 @pytest.mark.parametrize("name", ["a.png", "a.tif", "a.exr"])
@@ -247,7 +247,7 @@ def test_a_file_cut_short_is_an_error_and_the_old_one_stays(tmp_path: Path, name
     program = f"""
         import resource, numpy as np
         from pathlib import Path
-        from maquette.render.image import image_files
+        from maquette.render.image import image_files, image_reader
         from maquette.render.image.image import Image
         pixels = np.random.default_rng(0).random((64, 64, 4), dtype=np.float32)
         resource.setrlimit(resource.RLIMIT_FSIZE, (2048, 2048))
@@ -268,4 +268,4 @@ def test_names_and_commands_need_not_be_utf8(tmp_path: Path) -> None:
     image_files.write(picture([[[0.5, 0.5, 0.5, 1]]]), path, image_files.Look(), {**ABOUT, "command": os.fsdecode(b"render a\xff.scene")})
     assert path.is_file()
     path.rename(tmp_path / "a.exr")
-    assert image_files.read(tmp_path / "a.exr").metadata["about"]["command"] == "render a\\xff.scene"
+    assert image_reader.read(tmp_path / "a.exr").metadata["about"]["command"] == "render a\\xff.scene"

@@ -62,6 +62,7 @@ def _names_of(known: Sequence[str], what: str) -> Any:
 @click.option("--repeats", type=click.IntRange(1, 1024), help="Least number of timed renders per setting.")
 @click.option("--threads", type=click.IntRange(1, 1024), help="Number of threads of every renderer. Default: one a core.")
 @click.option("--bounces", type=click.IntRange(0, 64), help="Surface interactions after the first hit, also of the reference.")
+@click.option("--vary", type=click.Choice(("bounces",)), multiple=True, help="Vary a setting that the scene fixes by render(…).")
 @click.option("--keep", type=shared.OUT, help="Save the raw images (.exr) and the reference to this folder.")
 @click.option("--json", "numbers", type=shared.OUT, help="File of all numbers. Default: the name of the first chart, as .json.")
 @click.option("-q", "--quiet", is_flag=True, help="No progress bar, no notes.")
@@ -154,7 +155,12 @@ def _measure(path: Path, metric: str, quiet: bool, given: dict[str, Any]) -> tup
     named = _command_line(source)
     scene, found = source.load({})
     terminal.report(d for d in found.items if not (quiet and d.severity == "note"))
-    settings = ir.Settings(size=given["size"], camera=given["camera"], threads=given["threads"], bounces=given["bounces"])
+    bounces = given["bounces"]
+    if bounces is not None and given["vary"]:
+        raise click.UsageError("--bounces fixes the number of bounces and --vary bounces varies it: give one of them")
+    if not given["vary"] and bounces is None:
+        bounces = scene.settings.bounces
+    settings = ir.Settings(size=given["size"], camera=given["camera"], threads=given["threads"], bounces=bounces)
     wanted = records.Wanted(
         name=named, settings=settings, backends=given["backends"] or BACKENDS, peers=given["peers"], metric=metric,
         budget=given["budget"] or BUDGET, seeds=given["seeds"], repeats=given["repeats"], keep=given["keep"],

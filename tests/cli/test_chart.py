@@ -98,6 +98,19 @@ def test_options_reach_the_engine(folder: Path, asked: list[Any]) -> None:
     assert not (folder / "c.json").exists()
 
 
+@pytest.mark.parametrize(("options", "bounces"), [([], 4), (["--vary", "bounces"], None), (["--bounces", "2"], 2)])
+def test_the_bounces_of_the_scene_are_held(folder: Path, asked: list[Any], options: list[str], bounces: int | None) -> None:
+    (folder / "a.scene").write_text(SCENE + "render(bounces: 4)\n", encoding="utf-8")
+    assert run("chart", "a.scene", "-q", *options)[0] == 0
+    assert asked[1].settings.bounces == bounces
+
+
+def test_bounces_are_fixed_or_varied(folder: Path, asked: list[Any]) -> None:
+    code, _, err = run("chart", "a.scene", "--bounces", "2", "--vary", "bounces")
+    assert code == 2
+    assert "--bounces fixes the number of bounces and --vary bounces varies it: give one of them" in err
+
+
 def test_without_options_all_backends_are_measured_for_a_minute(folder: Path, asked: list[Any]) -> None:
     assert run("chart", "a.scene", "-q")[0] == 0
     assert asked[1] == Wanted("a.scene", ir.Settings(), ("ray", "raster", "reference"), (), "relmse", 60.0, None, None, None)

@@ -70,6 +70,8 @@ def _problem(
             return f"{callee} takes no arguments", ""
         keywords = [n for n in names if n not in positional and n == names[n]]
         takes = f"{callee} takes {len(positional) or 'no'} argument{'s' * (len(positional) != 1)} by position"
+        if isinstance(given.value, float) and positional[:1] == ("color",) and isinstance(assigned.get("color", given).value, float):
+            return takes, f"a colour is one argument: write {callee}(rgb(r, g, b)) or {callee}(#rrggbb)"
         return takes, suggestions.surplus_hint(callee, keywords)
     if name is None:
         return suggestions.argument(callee, given.name or "", names)

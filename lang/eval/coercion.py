@@ -193,7 +193,8 @@ def _direction(value: Value, place: Place, arg: Arg) -> tuple[float, ...]:
 def _scale3(value: Value, place: Place, arg: Arg) -> tuple[float, ...]:
     scale = _one_or(3, _number, "number, or list of three")(value, place, arg)
     if not all(scale):
-        raise Mistake(f"`{arg.name}` cannot be 0")
+        axes = " and ".join(axis for axis, factor in zip("xyz", scale, strict=True) if not factor)
+        raise Mistake(f"`{arg.name}` cannot be 0" + (f" along {axes}" if isinstance(value, tuple) else ""))
     return scale
 
 
@@ -267,6 +268,8 @@ def _material(value: Value, place: Place, arg: Arg) -> Any:
         hint = f"call it: {value.name}(…)"
     elif isinstance(value, str) and isinstance(place.scope.find(value), UserFunction | Entry):
         hint = f"write {value}() without quotes"
+    elif isinstance(value, str):
+        hint = "write lambert(#c83232) for a colour"
     raise _type_error(value, "material", hint)
 
 
@@ -301,6 +304,9 @@ def _rotation(value: Value, place: Place, arg: Arg) -> Any:
     hint = ""
     if isinstance(value, Quantity) and value.dimension == units.ANGLE:
         hint = f"about which axis? write [0, {units.show(value)}, 0] to turn about y"
+    elif isinstance(value, float):
+        degrees = f"{units.show_number(value)}deg"
+        hint = f"write [0, {degrees}, 0] to turn about y, or axis([0, 1, 0], {degrees})"
     raise _type_error(value, "three angles, axis(v, angle) or quaternion(x, y, z, w)", hint)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from itertools import groupby
 from typing import Any, NoReturn
 
 from .. import limits, units
@@ -85,7 +86,7 @@ class Evaluator:
         calls = [k for k, (_, at) in enumerate(trace) if not _of_library(at)]
         if span and _of_library(span) and calls:
             (name, at), inner = trace[calls[0]], trace[calls[0] - 1][1] if calls[0] else span
-            message, span, trace = f"{name}cannot be made with these arguments: {message}", at, trace[calls[0] + 1 :]
+            message, span, trace = f"{name} cannot be made with these arguments: {message}", at, trace[calls[0] + 1 :]
             hint = _parameter_hint(name, self.loader.sources.get(inner.file))
         key = (span, "" if span else message)
         if key not in self._reported:
@@ -420,7 +421,10 @@ def _parameter_hint(name: str, text: str | None) -> str:
 
 
 def _shorten(trace: tuple[tuple[str, Span], ...]) -> tuple[tuple[str, Span], ...]:
-    """A chain of calls of at most MAX_TRACE entries, without its middle."""
+    """A chain of calls of at most MAX_TRACE entries, without its middle; calls that repeat in it are one entry."""
+    runs = [(call, len([*same])) for call, same in groupby(trace)]
+    if len(runs) < len(trace):
+        trace = tuple([(f"{name}, {count} times" if count > 1 else name, span) for (name, span), count in runs])
     if len(trace) <= MAX_TRACE:
         return trace
     head = MAX_TRACE // 2

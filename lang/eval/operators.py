@@ -36,6 +36,8 @@ def bare_number_error(value: float, dimension: Dimension) -> Mistake:
     """The error for a bare number in place of a quantity."""
     number = units.show_number(value)
     write = {units.ANGLE: ("deg", "rad"), units.TIME: ("s",), **{d: (u,) for d, u in units.QUANTITIES.values() if d[3]}}.get(dimension, ())
+    if dimension == units.ANGLE and abs(value) > 2 * math.pi:
+        write = ("deg",)  # more than a turn in radians is not meant
     hint = "write " + " or ".join(number + unit for unit in write) if write else f"give it a unit: {units.symbol(dimension)}"
     return Mistake(f"expected {units.name(dimension)}, got the bare number {number}", hint)
 

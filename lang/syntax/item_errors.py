@@ -17,7 +17,14 @@ _FOREIGN = {  # keywords of other languages at the beginning of a line
     "while": "write for (k in 0..5) { … }; `fold` and `scan` accumulate",
     "elif": "write else if (…) { … }",
     "elseif": "write else if (…) { … }",
+    "module": "write let name(…) = group { … }",
+    "class": "write let name(…) = group { … }",
+    "new": "write the element alone, as in box(1)",
+    "declare": "write let name = …",
+    "#declare": "write let name = …",
+    "local": "write let name = …",
 }
+_WRAPPERS = frozenset("translate rotate scale transform group union difference intersection shell offset".split())
 
 _SOLIDS = {"+": "union", "-": "difference", "*": "intersection", "/": "difference"}  # by operator between two solids
 
@@ -52,6 +59,21 @@ def foreign_word(site: ErrorSite) -> Answer | None:
     start = site.start
     if start in _FOREIGN and site.at == site.first + 1 and start.type == "NAME":
         return f"the language has no `{start}`", _FOREIGN[start], start
+    return None
+
+
+def wrapper_without_braces(site: ErrorSite) -> Answer | None:
+    """`translate(…) sphere(1)`, as in OpenSCAD: what a block holds stands in braces."""
+    start, token = site.start, site.token
+    if start in _WRAPPERS and token.type == "NAME" and site.near(-1) == ")" and site.near(1) == "(" and site.inside() == "":
+        return f"what `{start}` holds is written in braces", f"write {start}(…) {{ {token}(…) }}", token
+    return None
+
+
+def vector_in_angles(site: ErrorSite) -> Answer | None:
+    """`<0, 1, 0>`, as in POV-Ray."""
+    if site.token == "<" and (site.near(1).type == "NUMBER" or (site.near(1) == "-" and site.near(2).type == "NUMBER")):
+        return "a vector is written in brackets", "write [x, y, z] in place of <x, y, z>", site.token
     return None
 
 

@@ -22,6 +22,8 @@ _RULES: tuple[Callable[[ErrorSite], Answer | None], ...] = (
     item_errors.use,
     item_errors.unit,
     item_errors.foreign_word,
+    item_errors.wrapper_without_braces,
+    item_errors.vector_in_angles,
     item_errors.keyword_as_name,
     value_errors.foreign_operator,
     value_errors.decimal_point,

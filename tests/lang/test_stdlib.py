@@ -317,14 +317,14 @@ def test_voxels_are_the_cubes_that_satisfy_the_condition():
         (
             "sphere(1, material: gold(#888888))",
             """\
-t.scene:1:21: error: goldcannot be made with these arguments: cannot raise a colour to a number
+t.scene:1:21: error: gold cannot be made with these arguments: cannot raise a colour to a number
    1 | sphere(1, material: gold(#888888))
      |                     ^^^^ it takes roughness = 0.1""",
         ),
         (
             'let mine(r) = paint(roughness: r)\nsphere(1, material: mine("rough"))',
             """\
-t.scene:1:15: error: paintcannot be made with these arguments: expected number, got the string "rough"
+t.scene:1:15: error: paint cannot be made with these arguments: expected number, got the string "rough"
    1 | let mine(r) = paint(roughness: r)
      |               ^^^^^ it takes color = #e8e4dc, roughness = 0.6
   in mine, called at t.scene:2:21""",
@@ -332,7 +332,7 @@ t.scene:1:15: error: paintcannot be made with these arguments: expected number, 
         (
             'use "std/materials"\nsphere(1, material: materials.clay("red"))',
             """\
-t.scene:2:21: error: materials.claycannot be made with these arguments: expected colour, number or texture, got the string "red"
+t.scene:2:21: error: materials.clay cannot be made with these arguments: expected colour, number or texture, got the string "red"
    2 | sphere(1, material: materials.clay("red"))
      |                     ^^^^^^^^^^^^^^ it takes color = #b5654a""",
         ),

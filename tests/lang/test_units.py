@@ -104,7 +104,7 @@ def test_a_bare_number_beside_a_length_is_in_the_unit_of_the_file() -> None:
         ("1m - 1deg", "cannot subtract a length and an angle"),
         ("1lx < 1nit", "cannot compare an illuminance and a luminance"),
         ("1m == 1kcd", "cannot compare a length and an intensity"),
-        ("30deg + 24", "expected angle, got the bare number 24 | write 24deg or 24rad"),
+        ("30deg + 24", "expected angle, got the bare number 24 | write 24deg"),
         ("2s - 1", "expected time, got the bare number 1 | write 1s"),
         ("800lm + 200", "expected flux, got the bare number 200 | write 200lm"),
         ("1m * 1m + 3", "expected area, got the bare number 3 | give it a unit: m²"),

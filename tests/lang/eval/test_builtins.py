@@ -129,7 +129,7 @@ def test_trigonometry_in_a_function_literal_takes_radians() -> None:
         ("hsv(120, 1, 1)", "expected angle, got the bare number 120 | write 120deg or 120rad; * 1rad makes an angle of a number"),
         ("kelvin(3)", "expected temperature in 800..40000 kelvin, got the bare number 3"),
         ("axis([0, 0, 0], 1deg)", "an axis of length 0 has no direction"),
-        ("axis([0, 1, 0], 90)", "expected angle, got the bare number 90 | write 90deg or 90rad"),
+        ("axis([0, 1, 0], 90)", "expected angle, got the bare number 90 | write 90deg"),
         ("ramp(2, 1)", "a ramp starts at 0 or more and ends after its start"),
         ("[1, 2] + [1]", "cannot add a list of 2 and a list of 1 | `+` adds item by item; write concat(a, b) to join them"),
         ("[1, 2] * [1, 2]", "cannot multiply a list and a list | write dot(a, b) or cross(a, b)"),

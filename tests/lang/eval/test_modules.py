@@ -175,7 +175,7 @@ rotate([0, tilt, 0]) { box(name: shade) }
             "tilt",
             "24",
             "--set tilt:1:12: error: expected angle, got the bare number 24\n"
-            "   1 | let tilt = 24\n     |            ^^ write 24deg or 24rad",
+            "   1 | let tilt = 24\n     |            ^^ write 24deg",
         ),
         ("n", "nought",
          "--set n:1:9: error: there is no `nought` here\n   1 | let n = nought\n     |         ^^^^^^ let, param or use define a name"),

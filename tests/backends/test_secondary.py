@@ -75,5 +75,5 @@ def test_the_plan_says_what_is_traced(tmp_path):
     traced = planner.make_plan(scene, settings, TRACE)
     decided = (traced["raster.secondary_rays"], traced["bounces"], traced["transport"])
     assert decided == ("trace", transport_rules.SPECULAR_BOUNCES, "whitted")
-    with pytest.raises(PlanError, match=r"`raster\.secondary` cannot be half; it can be: none, trace"):
+    with pytest.raises(PlanError, match=r"`raster\.secondary_rays` cannot be half; it can be: none, trace"):
         planner.make_plan(scene, settings, {"raster.secondary_rays": "half"})

@@ -242,6 +242,6 @@ def test_3mf_holds_each_part_in_millimetres(tmp_path):
 def test_what_cannot_be_written_is_said(tmp_path):
     code, said = converted(tmp_path, "plane(y: 0)\n", str(tmp_path / "a.stl"))
     assert code == 1
-    assert "is endless: it is left out" in said
+    assert "is unbounded and is left out" in said
     code, said = converted(tmp_path, PART, str(tmp_path / "a.npz"), "--deviation", "1mm")
     assert code == 2

@@ -271,7 +271,7 @@ def test_static_scenes_plan_no_motion(tmp_path):
         (
             "sphere(1, translate: [time / 1s, 0, 0])\ncamera([0, 0, 5], shutter: 10ms)",
             True,
-            "moving in the 0.01 s of the shutter: 1 thing; each ray has a time",
+            "moving in the 0.01 s of the shutter: 1 object; each ray has a time",
         ),
     ):
         path.write_text(text)

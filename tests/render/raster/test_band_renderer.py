@@ -185,7 +185,7 @@ def test_many_sharp_samples_in_bands_cover_what_they_should():
 
 def test_places_are_not_asked_for_where_samples_are_not_counted():
     scene = tables.scene([(ir.GeometryKind.SPHERE, [0.5], tables.matrix((0, 0, -2)), 0)], camera=CameraData(0, 0.5))
-    with pytest.raises(plan.PlanError, match=r"`raster\.places` cannot be shared; it can be: own"):
+    with pytest.raises(plan.PlanError, match=r"`raster\.sample_positions` cannot be shared; it can be: per_pixel"):
         pictures.picture(scene, overrides={"raster.sample_positions": "shared"}, error=0.1, samples=None)
 
 

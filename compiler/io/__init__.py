@@ -1,4 +1,4 @@
-"""File access policy, cache directories, reading of scene files.
+"""File access policy, cache directories, scene file reader.
 
 May import: lang.
 Begin with `sandbox.py`.

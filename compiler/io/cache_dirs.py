@@ -1,4 +1,4 @@
-"""Where maquette keeps what it has worked out: parser tables, compiled kernels, reference pictures."""
+"""Cache directory of parser tables, compiled kernels and reference pictures."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 def cache_root() -> Path:
-    """The folder for what can be worked out again: MAQUETTE_CACHE, else `maquette` in the user's cache folder."""
+    """The cache directory: MAQUETTE_CACHE, else `maquette` in the user's cache directory."""
     asked = os.environ.get("MAQUETTE_CACHE")
     if asked:
         return Path(asked)
@@ -17,7 +17,7 @@ def cache_root() -> Path:
 
 
 def parser_tables() -> str | None:
-    """The file of the parser's tables; None where there is nowhere to write."""
+    """Path of the cached parser tables; None if the cache directory is not writable."""
     try:
         cache_root().mkdir(parents=True, exist_ok=True)
     except OSError:

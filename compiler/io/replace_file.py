@@ -1,4 +1,4 @@
-"""Replaces a file as a whole: the new one is written beside the old one and renamed over it."""
+"""Atomic file replacement: writes a temporary file beside the target and renames it."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ _numbers = itertools.count()
 
 
 class Replacement:
-    """One new file. It is written at `partial`; `place` puts it at its path.
+    """One new file. The caller writes it at `partial`; `place` renames it to its path.
 
-    The path holds the old file or the new one, never a part. The new file has the permissions of the old one.
-    Where the path is a symbolic link, the link stays and the file that it names is replaced.
-    The name of `partial` is valid UTF-8 even where that of the path is not, and it has the same extension.
+    At any time the path holds the complete old file or the complete new one. The new file gets the permissions of the old one.
+    A symbolic link stays; its target is replaced.
+    The name of `partial` is valid UTF-8 even if the path is not, and has the same extension.
     """
 
     def __init__(self, path: Path) -> None:
@@ -26,7 +26,7 @@ class Replacement:
         self.partial = folder / f".maquette-{os.getpid()}-{next(_numbers)}{suffix}"
 
     def place(self, path: Path, good: bool = True) -> None:
-        """Put the new file at `path`, or remove it where it is not `good`. Raises OSError, and then the old file stays."""
+        """Rename the new file to `path`, or remove it if not `good`. Raises OSError and keeps the old file."""
         target = Path(os.path.realpath(path))
         try:
             if good:
@@ -41,7 +41,7 @@ class Replacement:
 
 
 def replace_file(path: Path, data: bytes) -> None:
-    """Write a file as a whole. Raises OSError, and then the old file stays."""
+    """Write `data` to `path` atomically. Raises OSError and keeps the old file."""
     new = Replacement(path)
     good = False
     try:
@@ -60,5 +60,5 @@ def _is_utf8(text: str) -> bool:
 
 
 def as_utf8(text: str) -> str:
-    """`text` with the bytes of file names that are not UTF-8 written as `\\xff`."""
+    """`text` with bytes that are not UTF-8 (surrogates in file names) escaped as `\\xff`."""
     return os.fsencode(text).decode("utf-8", "backslashreplace")

@@ -1,4 +1,4 @@
-"""Which files a scene may read: those below its own folder, the library, and what `--allow` adds. Lists every file read."""
+"""File access policy: a scene reads files below its own folder, in the library, and below each `--allow` path."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from ...lang.diagnostics import suggest
 
 LIBRARY = Path(__file__).resolve().parents[2] / "stdlib"
 MAX_SOURCE = 16 << 20  # bytes of a .scene file
-MAX_DATA = 2 << 30  # bytes of a mesh, picture or stage
+MAX_DATA = 2 << 30  # bytes of a mesh, image or stage
 
 
 class FileError(Exception):
-    """A file that is not there, or may not be read. The span is added by whoever asked."""
+    """A missing or forbidden file. The caller adds the span."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -23,23 +23,24 @@ class FileError(Exception):
 
 
 class Files:
-    """The files of one scene. Names in a scene are relative to the file they stand in."""
+    """Resolves, checks and records the files that one scene reads. Relative names start at the folder of the file that contains them."""
 
     def __init__(self, root: Path | str, allow: Iterable[Path | str] = ()) -> None:
-        """`root` is the scene's own folder; everything below it may be read, and below each path of `allow`."""
+        """`root` is the scene's folder. Files below `root` and below each path of `allow` are readable."""
         self.root = Path(root).resolve()
         self._allowed = (self.root, LIBRARY, *(Path(a).expanduser().resolve() for a in allow))
         self._read: dict[str, None] = {}
 
     @property
     def read(self) -> tuple[str, ...]:
-        """Every file found so far, in the order first asked for."""
+        """Paths of all files found so far, in order of first use."""
         return tuple(self._read)
 
     def find(self, name: str, folder: Path | str | None = None, what: str = "file", limit: int = MAX_DATA) -> Path:
-        """The file called `name`, seen from `folder` (the scene's own when not said). FileError if it cannot be read.
+        """The path of `name` relative to `folder` (default: the scene's folder).
 
-        What lies outside of the allowed folders is refused before it is looked at, also where a symbolic link leads there.
+        Raises FileError if the file is missing, forbidden or larger than `limit` bytes.
+        Paths outside the allowed folders are refused before they are opened; so are symbolic links to such paths.
         """
         path = self._inside(name, self.root if folder is None else Path(folder))
         try:
@@ -58,7 +59,7 @@ class Files:
         return path
 
     def text(self, name: str, folder: Path | str | None = None, what: str = "file") -> tuple[Path, str]:
-        """The path and text of a source file. FileError if it is not UTF-8."""
+        """The path and text of a source file. Raises FileError if it is not UTF-8."""
         path = self.find(name, folder, what, MAX_SOURCE)
         try:
             data = path.read_bytes()
@@ -67,7 +68,7 @@ class Files:
         return path, decode(data, name)
 
     def allows(self, path: Path | str) -> bool:
-        """Whether a file may be read, wherever its links lead."""
+        """Whether a file may be read after resolution of symbolic links."""
         try:
             resolved = Path(path).resolve()
         except (OSError, ValueError, RuntimeError):
@@ -98,7 +99,10 @@ class Files:
 
 
 def resolved(path: Path) -> Path:
-    """Where a path leads that the user named: a scene reached by a link has the files beside its target. FileError for a circle."""
+    """The target of a path that the user names. A scene opened by a link finds its files beside the link's target.
+
+    Raises FileError for a circle of links.
+    """
     try:
         return path.resolve()
     except (OSError, RuntimeError):
@@ -106,7 +110,7 @@ def resolved(path: Path) -> Path:
 
 
 def decode(data: bytes, name: str) -> str:
-    """The text of a source file; FileError where it is not text."""
+    """The text of a UTF-8 source file. Raises FileError for other data."""
     if b"\0" in data[:65536]:
         raise FileError(f"`{name}` is not a text file")
     try:
@@ -117,7 +121,7 @@ def decode(data: bytes, name: str) -> str:
 
 
 def size(count: int) -> str:
-    """A number of bytes as people read it."""
+    """A number of bytes with a unit, for messages."""
     for unit, step in (("GB", 1 << 30), ("MB", 1 << 20), ("kB", 1 << 10)):
         if count >= step:
             return f"{count / step:.3g} {unit}"

@@ -1,4 +1,4 @@
-"""The text of .scene files for the evaluator, and the folder that each source's own files are looked for in."""
+"""Reader of .scene files: the text of modules, and the folder in which each source looks up its files."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from .sandbox import LIBRARY, FileError, Files
 
 
 class SceneReader:
-    """lang.modules.Reader over Files. `std/…` is the library; everything else is beside the file that uses it."""
+    """Implements lang.modules.Reader with Files. `std/…` is the library; other paths are relative to the importing file."""
 
     def __init__(self, files: Files) -> None:
         self.files = files
-        self._shown: dict[str, str] = {}  # path -> the name to show
-        self._folders: dict[str, Path] = {}  # name shown -> folder
+        self._shown: dict[str, str] = {}  # path -> displayed name
+        self._folders: dict[str, Path] = {}  # displayed name -> folder
 
     def main(self, shown: str, path: Path) -> Source:
-        """The scene itself, at `path` in its own folder, and shown as it was asked for. FileError if it cannot be read."""
+        """The main source at `path`, displayed as `shown`. Raises FileError if it cannot be read."""
         found, text = self.files.text(path.name, what="scene")
         return self._source(shown, found, text)
 
     def scene(self, path: str, importer: str, span: Span) -> Source:
-        """The file that `use "path"` names in the file whose path is `importer`. ReadError if it cannot be used."""
+        """The source that `use "path"` in the file `importer` names. Raises ReadError if it cannot be read."""
         if path.startswith("std/"):
             return self._library(path)
         folder = Path(importer).parent
@@ -36,7 +36,7 @@ class SceneReader:
         return self._source(os.path.normpath(os.path.join(beside, path)), found, text)
 
     def folder(self, shown: str) -> Path | None:
-        """Where the files that a source names are looked for; None where the source is not known."""
+        """The folder for relative names in a source; None for an unknown source."""
         return self._folders.get(shown)
 
     def _library(self, path: str) -> Source:

@@ -1,7 +1,7 @@
-"""Solids with closed meshes among their parts: all parts become triangles, which manifold3d combines.
+"""Mesh CSG: boolean operations on closed triangle meshes, by manifold3d.
 
-Manifold (Lalish and others) is exact about which triangles are left, so that what it makes of closed meshes is closed, whatever touches or
-coincides. Analytic shapes and formulas that stand beside a mesh are contoured first; solids without meshes never come here.
+Manifold (Lalish and others) selects the output triangles exactly: closed meshes give closed meshes, also for touching or coincident
+faces. Analytic shapes and formulas combined with a mesh are contoured first. Solids without meshes do not use this module.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from ..scene.builder import SceneBuilder
 
 Manifold = Any
-FINENESS = 8000  # of its extent, that the triangles of a shape with a closed form are off it at the most
+FINENESS = 8000  # extent / FINENESS is the largest deviation of contoured analytic shapes
 MOST = 128  # cells along an axis
-SHARP = 30.0  # degrees between two faces, from which on the edge between them is seen
+SHARP = 30.0  # degrees; edges with a larger dihedral angle get split normals
 
 
 def of_pieces(builder: SceneBuilder, pieces: Sequence[Piece]) -> tuple[Manifold, bool]:
-    """(the solid of meshes that are closed together, whether they were turned inside out). Raises NoSolid."""
+    """(solid of meshes that are closed together, whether they were inside out). Raises NoSolid for open or non-manifold meshes."""
     positions, triangles, count = [], [], 0
     for piece in pieces:
         corners, faces = builder.triangles(piece.geometry)
@@ -57,19 +57,19 @@ def _have(count: int) -> str:
 
 
 def edges(faces: np.ndarray) -> np.ndarray:
-    """How many triangles each edge has."""
+    """Number of triangles at each edge."""
     sides = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     return np.unique(sides, axis=0, return_counts=True)[1]
 
 
 def volume(positions: np.ndarray, faces: np.ndarray) -> float:
-    """What a closed mesh encloses; below 0 where its triangles face inwards."""
+    """Enclosed volume of a closed mesh; negative if its triangles face inwards."""
     a, b, c = (positions[faces[:, k]] - positions.mean(axis=0) for k in range(3))
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
 
 
 def of_field(tape: Tape, bounds: np.ndarray) -> Manifold:
-    """A field's solid in a box that holds it."""
+    """The solid of a scalar field within a bounding box."""
     made = dual_contouring.within(tape, bounds, float((bounds[1] - bounds[0]).max()) / FINENESS, MOST)
     return _manifold(made.positions, made.triangles)
 
@@ -85,9 +85,10 @@ def _manifold(positions: np.ndarray, faces: np.ndarray) -> Manifold:
 
 
 def simplified(tape: Tape, made: dual_contouring.Contour, tolerance: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """(positions, triangles, how far they are off) of a contour with as few triangles as a tolerance allows: large ones where it is flat.
+    """Simplifies a contour: (positions, triangles, deviation) with as few triangles as `tolerance` allows.
 
-    As it is where it encloses nothing. Where it is off by more than that already, it stays off by as much.
+    Flat regions get large triangles. A contour without volume stays unchanged. A contour that already deviates by more than `tolerance`
+    keeps its deviation.
     """
     left, limit = max(tolerance - made.furthest, 0.5 * tolerance), max(tolerance, made.furthest)
     try:
@@ -105,7 +106,7 @@ def simplified(tape: Tape, made: dual_contouring.Contour, tolerance: float) -> t
 
 
 def combined(kind: str, parts: Sequence[Manifold]) -> Manifold:
-    """union, intersection or difference (the first without all others)."""
+    """Union, intersection or difference (the first part minus all others)."""
     from manifold3d import Manifold, OpType
 
     how = {"union": OpType.Add, "intersection": OpType.Intersect, "difference": OpType.Subtract}[kind]
@@ -113,12 +114,12 @@ def combined(kind: str, parts: Sequence[Manifold]) -> Manifold:
 
 
 def bounds(solid: Manifold) -> np.ndarray:
-    """(2, 3) its box; from inf to −inf where nothing is left."""
+    """(2, 3) bounding box; from inf to −inf for an empty solid."""
     return np.array(solid.bounding_box()).reshape(2, 3)
 
 
 def mesh(solid: Manifold) -> MeshData:
-    """Its triangles, with normals that are smooth but across sharp edges."""
+    """The solid's triangles, with normals smooth except across sharp edges."""
     made = solid.calculate_normals(0, SHARP).to_mesh64(0)
     numbers = np.asarray(made.vert_properties)
     normals = MeshAttribute(numbers[:, 3:6].copy(), ir.Interpolation.VERTEX)

@@ -1,4 +1,4 @@
-"""Meshes of polygons as files hold them, and how they become meshes of triangles."""
+"""Polygon mesh as read from a file, and its conversion to a triangle mesh."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ _Kind = ir.Interpolation
 @dataclass(frozen=True, slots=True, eq=False)
 class PolyMesh:
     """A mesh of faces without holes, counter-clockwise from outside. Attributes count the file's own faces and corners:
-    FACE has a value a polygon, CORNER one for each entry of `indices`."""
+
+    FACE has one value a polygon, CORNER one for each entry of `indices`.
+    """
 
     points: np.ndarray  # (n, 3) float64
     counts: np.ndarray  # (f,) corners of each face
@@ -28,10 +30,11 @@ class PolyMesh:
 
 
 def assemble(mesh: PolyMesh, crease: float = vertex_normals.CREASE, name: str = "") -> tuple[MeshData, int]:
-    """The mesh in triangles, and how many faces were dropped for having no area.
+    """Triangulates a polygon mesh: (mesh, number of faces dropped for zero area).
 
-    Vertices that no triangle uses are left out. Normals that are missing, or are not finite or have no length, are computed: by
-    `groups` where there are some, else smooth but for creases sharper than `crease` radians (0: every face flat).
+    Unused vertices are removed. Missing, non-finite or zero normals are computed. With `groups`, normals are smooth within each
+    smoothing
+    group. Without, they are smooth except across creases sharper than `crease` radians (0: flat faces).
     """
     cut = triangulate.faces(mesh.points, mesh.indices, mesh.counts)
     triangles = np.asarray(mesh.indices)[cut.corners]
@@ -48,7 +51,7 @@ def assemble(mesh: PolyMesh, crease: float = vertex_normals.CREASE, name: str = 
 
 
 def subset(mesh: PolyMesh, faces: np.ndarray) -> PolyMesh:
-    """The mesh with only the faces whose rows are given; vertices stay as they are."""
+    """The mesh with only the faces of the given rows; all vertices stay."""
     counts = np.asarray(mesh.counts, dtype=np.int64)
     firsts = np.cumsum(counts) - counts
     taken = counts[faces]
@@ -65,7 +68,7 @@ def subset(mesh: PolyMesh, faces: np.ndarray) -> PolyMesh:
 
 
 def flipped(mesh: PolyMesh) -> PolyMesh:
-    """The mesh with every face wound the other way round, its corners' values following."""
+    """The mesh with reversed winding; corner attributes follow."""
     counts = np.asarray(mesh.counts, dtype=np.int64)
     firsts = np.cumsum(counts) - counts
     order = np.repeat(2 * firsts + counts - 1, counts) - np.arange(int(counts.sum()))
@@ -79,7 +82,7 @@ def flipped(mesh: PolyMesh) -> PolyMesh:
 
 
 def _compact(triangles: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices that triangles use, and the triangles counted among those."""
+    """Indices of used vertices, and the triangles renumbered to them."""
     seen = np.zeros(count, dtype=bool)
     seen[triangles.reshape(-1)] = True
     if seen.all():
@@ -89,7 +92,7 @@ def _compact(triangles: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]
 
 
 def _spread(given: MeshAttribute | None, cut: triangulate.Cut, used: np.ndarray, triangles: np.ndarray, count: int) -> MeshAttribute | None:
-    """An attribute of polygons as one of triangles."""
+    """Resamples an attribute of polygons to triangles."""
     if given is None or given.interpolation == _Kind.CONSTANT:
         return given
     values = np.asarray(given.values, dtype=np.float32)
@@ -101,7 +104,7 @@ def _spread(given: MeshAttribute | None, cut: triangulate.Cut, used: np.ndarray,
 
 
 def by_vertex(values: np.ndarray, triangles: np.ndarray, count: int) -> MeshAttribute:
-    """Values at corners (3t, width) as values at vertices where all corners of each vertex agree, else as they are."""
+    """Values (3t, width) at corners as VERTEX values where all corners of each vertex agree, else as CORNER values."""
     rows = triangles.reshape(-1)
     at_vertices = np.zeros((count, values.shape[1]), dtype=values.dtype)
     at_vertices[rows] = values
@@ -144,14 +147,14 @@ def _at_corners(given: MeshAttribute, triangles: np.ndarray) -> np.ndarray:
 
 
 def _outlines(mesh: PolyMesh, cut: triangulate.Cut, used: np.ndarray) -> Outlines:
-    """The faces that were drawn, as polygons."""
+    """Outlines of the triangulated faces."""
     drawn, first_triangle, triangle_count = np.unique(cut.faces, return_index=True, return_counts=True)
     kept = subset(PolyMesh(mesh.points, mesh.counts, mesh.indices), drawn)
     renumbered = np.zeros(len(mesh.points), dtype=np.int32)
     renumbered[used] = np.arange(len(used), dtype=np.int32)
     loops = np.stack([np.cumsum(kept.counts) - kept.counts, kept.counts], axis=1)
     polygons = np.stack([np.arange(len(drawn)), np.ones(len(drawn), np.int64), first_triangle, triangle_count], axis=1)
-    # Corners that no triangle uses (collinear ones that ear clipping left out) are not among the vertices: leave them out too.
+    # Collinear corners that ear clipping skipped are not among the vertices: remove them too.
     return _without_unused(renumbered[kept.indices], np.isin(kept.indices, used), loops, polygons)
 
 

@@ -1,4 +1,4 @@
-"""Cuts polygons into triangles: fans where a fan is right, ear clipping (mapbox earcut) for concave faces and faces with holes."""
+"""Polygon triangulation: fans where valid, ear clipping (mapbox earcut) for concave faces and faces with holes."""
 
 from __future__ import annotations
 
@@ -10,23 +10,24 @@ import numpy as np
 
 from ..ir import F64, I32, I64
 
-FLAT = 1e-12  # doubled area over squared extent below which a face or triangle has no area
-FAN_APEXES = 8  # a face with more corners is fanned from its first corner or clipped
+FLAT = 1e-12  # 2 · area / extent² below which a face or triangle counts as degenerate
+FAN_APEXES = 8  # most corners of a face for which every fan apex is tried; larger faces try the first corner only, then ear clipping
 
 
 class Cut(NamedTuple):
-    """Triangles of a mesh's faces. `corners` are rows of the flat list of corners, so that per-corner data follows."""
+    """Triangles of a mesh's faces. `corners` are rows of the flat corner list, so that per-corner data follows."""
 
     corners: I32  # (m, 3)
-    faces: I32  # (m,) the face each triangle comes from, ascending
+    faces: I32  # (m,) source face of each triangle, ascending
     dropped: int  # faces without area or with fewer than three corners
 
 
 def triangulate(points: F64, loops: Sequence[Sequence[int]]) -> I32:
-    """Triangles (m, 3) of one nearly flat polygon: an outline and its holes, as rows of `points` (n, 3).
+    """Triangles (m, 3) of one nearly planar polygon: an outline and its holes, as rows of `points` (n, 3).
 
-    Triangles wind as the outline does. The plane is Newell's (Graphics Gems III, V.5): robust for collinear and
-    repeated corners and the best fit for corners that are not quite in a plane. A polygon without area gives none.
+    Triangles wind like the outline. The plane is Newell's (Graphics Gems III, V.5): robust for collinear and repeated corners, and the
+    best
+    fit for nearly planar corners. A polygon without area gives no triangles.
     """
     outline = np.asarray(loops[0], dtype=np.int64)
     if len(loops) == 1:
@@ -38,7 +39,7 @@ def triangulate(points: F64, loops: Sequence[Sequence[int]]) -> I32:
 def faces(points: F64, indices: I32 | I64, counts: I32 | I64) -> Cut:
     """Triangles of faces without holes: face k has the next counts[k] rows of `indices` as its corners.
 
-    Triangles and faces that a fan covers are cut by array operations, a group for each number of corners.
+    Faces that a fan covers are triangulated by array operations, one group for each corner count.
     """
     points = np.asarray(points, dtype=np.float64)
     counts = np.asarray(counts, dtype=np.int64)
@@ -76,7 +77,7 @@ def newell(shape: F64) -> F64:
 
 
 def _fan(corners: np.ndarray, apex: int) -> np.ndarray:
-    """(k, n-2, 3): triangles of faces with `corners` (k, n) that all have the corner `apex`."""
+    """(k, n-2, 3) fan triangles from the corner `apex` of faces `corners` (k, n)."""
     turned = np.roll(corners, -apex, axis=1)
     first = np.broadcast_to(turned[:, :1], turned[:, 1:-1].shape)
     return np.stack([first, turned[:, 1:-1], turned[:, 2:]], axis=-1)
@@ -85,7 +86,7 @@ def _fan(corners: np.ndarray, apex: int) -> np.ndarray:
 def _fans(
     shape: F64, normal: F64, solid: np.ndarray, rows: np.ndarray, corners: np.ndarray, points: F64, indices: np.ndarray
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Triangles and owners of faces of one size: fans from the first apex that sees the whole face, ears for the rest."""
+    """Triangles and rows of faces of equal size: fans from the first apex that sees the whole face, ear clipping otherwise."""
     n = corners.shape[1]
     made = []
     left = np.flatnonzero(solid)
@@ -107,7 +108,7 @@ def _fans(
 
 
 def _crossing(shape: F64, flat: np.ndarray, extent: F64) -> list[int]:
-    """Rows of faces whose signed area is nothing though their corners span some: figures of eight. They are fanned."""
+    """Rows of self-intersecting faces (figures of eight): zero signed area, non-zero extent. They are fanned."""
     found = []
     for k in np.flatnonzero(flat):
         spokes = shape[k, 1:] - shape[k, 0]
@@ -130,7 +131,7 @@ def _clip(points: F64, loops: list[np.ndarray]) -> I32:
 
 
 def _ears(shape: F64, ends: list[int], normal: F64) -> np.ndarray:
-    """Ear clipping in the plane across `normal`: triangles (m, 3) as rows of `shape`, counter-clockwise about it."""
+    """Ear clipping in the plane perpendicular to `normal`: triangles (m, 3) as rows of `shape`, counter-clockwise about it."""
     axis = normal / np.linalg.norm(normal)
     helper = np.eye(3)[np.argmin(np.abs(axis))]
     u = np.cross(helper, axis)

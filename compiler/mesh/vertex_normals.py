@@ -1,4 +1,4 @@
-"""Normals for meshes that come without: smooth across soft edges, broken at creases."""
+"""Computes vertex and corner normals: smooth across soft edges, split at creases."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ import numpy as np
 
 from ..ir import F32, F64, I32
 
-CREASE = np.radians(44.0)  # a teapot is smooth and an octahedron, a hexagonal prism and a cube have edges
-_CHUNK = 1 << 20  # pairs of faces compared at once
+CREASE = np.radians(44.0)  # keeps a teapot smooth, and the edges of an octahedron, a hexagonal prism and a cube
+_CHUNK = 1 << 20  # face pairs per batch
 
 
 def corner_normals(positions: F64, triangles: I32, crease: float = CREASE, groups: I32 | None = None) -> F32:
     """Unit normals (t, 3, 3) at the corners of `triangles` (t, 3).
 
-    A corner takes the mean of the faces round its vertex that turn from its own face by less than `crease` radians,
-    weighted by their angle there (Thürmer and Wüthrich 1998). With `groups` (t,), those of the same group instead,
-    whatever they turn by; group 0 is flat (the smoothing groups of OBJ files).
+    A corner averages the faces at its vertex whose normals differ from its own face's by less than `crease` radians.
+    Faces are weighted by their angle at the vertex (Thürmer and Wüthrich 1998).
+    With `groups` (t,), a corner averages the faces of its smoothing group (OBJ) at any angle; group 0 is flat.
     """
     if not len(triangles):
         return np.zeros((0, 3, 3), np.float32)
@@ -29,7 +29,7 @@ def corner_normals(positions: F64, triangles: I32, crease: float = CREASE, group
     elif crease >= np.pi:
         result = smooth
     else:
-        # Faces that all lie within half the angle of the vertex' mean lie within the whole angle of each other.
+        # Faces within half the crease angle of the vertex' mean normal are within the whole angle of each other.
         near = np.einsum("ij,ij->i", _unit(smooth), corner_face) >= np.cos(crease / 2)
         rough = np.bincount(vertex[~near], minlength=len(positions)) > 0
         result = smooth
@@ -42,7 +42,7 @@ def corner_normals(positions: F64, triangles: I32, crease: float = CREASE, group
 
 
 def vertex_normals(positions: F64, triangles: I32) -> F32:
-    """Unit normals (v, 3) smooth across every edge; (0, 0, 1) at vertices of no face."""
+    """Unit normals (v, 3) smooth across every edge; (0, 0, 1) at vertices without faces."""
     face, angles = _faces(np.asarray(positions, np.float64), triangles)
     weighted = (face[:, None, :] * angles[..., None]).reshape(-1, 3)
     normals = _unit(_sum_by(triangles.reshape(-1).astype(np.int64), weighted, len(positions)))
@@ -51,7 +51,7 @@ def vertex_normals(positions: F64, triangles: I32) -> F32:
 
 
 def _faces(positions: F64, triangles: I32) -> tuple[F64, F64]:
-    """Unit normals (t, 3) and the angle at each corner (t, 3)."""
+    """Unit face normals (t, 3) and the angle at each corner (t, 3)."""
     corners = positions[triangles]
     edges = _unit(np.roll(corners, -1, axis=1) - corners)
     normal = _unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
@@ -64,19 +64,19 @@ def _sum_by(rows: np.ndarray, values: F64, count: int) -> F64:
 
 
 def _within_groups(vertex: np.ndarray, weighted: F64, groups: np.ndarray) -> F64:
-    """Sums over the corners of the same vertex and group."""
+    """Sums over corners of the same vertex and group."""
     pairs = vertex * (int(groups.max()) + 1) + groups
     _, rows = np.unique(pairs, return_inverse=True)
     return _sum_by(rows, weighted, int(rows.max()) + 1)[rows]
 
 
 def _pairwise(vertex: np.ndarray, weighted: F64, face: F64, least: float) -> F64:
-    """For each corner, the sum over those corners of its vertex whose faces' cosine with its own is at least `least`."""
+    """For each corner, the sum over corners of its vertex whose face normals have a cosine of at least `least` with its own."""
     result = np.zeros_like(weighted)
     order = np.argsort(vertex, kind="stable")
     _, first, size = np.unique(vertex[order], return_index=True, return_counts=True)
     for k in np.unique(size):
-        fans = order[first[size == k][:, None] + np.arange(k)]  # (m, k) corners round a vertex
+        fans = order[first[size == k][:, None] + np.arange(k)]  # (m, k) corners at a vertex
         for start in range(0, len(fans), max(1, _CHUNK // int(k * k))):
             fan = fans[start : start + max(1, _CHUNK // int(k * k))]
             together = np.einsum("mai,mbi->mab", face[fan], face[fan]) >= least

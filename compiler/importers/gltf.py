@@ -1,6 +1,6 @@
-"""Reads glTF 2.0 files: meshes placed by nodes and by EXT_mesh_gpu_instancing, lights, cameras, materials.
+"""Reads glTF 2.0 files: meshes, nodes, EXT_mesh_gpu_instancing, lights, cameras and materials.
 
-Format: glTF 2.0 (Khronos, ISO/IEC 12113:2022), sections named in the functions. What is not drawn is said by name.
+Format: glTF 2.0 (Khronos, ISO/IEC 12113:2022), sections named in the functions. Unsupported features are reported by name.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ MAX_NODES = 200_000
 def read(
     data: bytes, name: str, folder: Path | None, files: Files, builder: SceneBuilder, diagnostics: Diagnostics, as_scene: bool
 ) -> list[Part]:  # fmt: skip
-    """The parts of a glTF file's scene, one for each primitive of each node that shows a mesh; nodes share geometries.
+    """The parts of a glTF scene: one for each primitive of each visible mesh node; nodes share geometries.
 
-    `as_scene`: the file is the scene, and its lights and cameras go to the builder; else they are named as left out.
-    Raises GltfError where nothing can be drawn.
+    With `as_scene`, the file is the scene: its lights and cameras go to the builder. Else they are reported as left out.
+    Raises GltfError if nothing can be drawn.
     """
     container = open_container(data, folder, files)
     try:
@@ -90,7 +90,7 @@ class _Reader:
         return found
 
     def nodes(self) -> Iterator[tuple[dict[str, Any], np.ndarray]]:
-        """The visible nodes of the scene with their matrices (4, 4) to world."""
+        """The visible nodes of the scene with their (4, 4) matrices to world."""
         document = self.container.document
         scenes = document.get("scenes") or [{"nodes": list(range(len(document.get("nodes", ()))))}]
         waiting = [(n, transforms.identity()) for n in reversed(scenes[document.get("scene", 0)].get("nodes", ()))]
@@ -115,7 +115,7 @@ class _Reader:
     # --- meshes ---
 
     def places(self, node: dict[str, Any], matrix: np.ndarray) -> list[np.ndarray]:
-        """Where a node shows its mesh: once, or at each instance of EXT_mesh_gpu_instancing."""
+        """Matrices of a node's mesh: the node's own, or one for each EXT_mesh_gpu_instancing instance."""
         given = node.get("extensions", {}).get("EXT_mesh_gpu_instancing", {}).get("attributes")
         if not given:
             return [matrix]
@@ -140,7 +140,7 @@ class _Reader:
         return self.meshes[index]
 
     def primitive(self, primitive: dict[str, Any], name: str) -> Part | None:
-        """§3.7.2: positions, normals, one set of texture coordinates and colours of a primitive of triangles."""
+        """One triangle primitive (§3.7.2): positions, normals, one set of texture coordinates, colours."""
         mode = primitive.get("mode", TRIANGLES)
         if mode not in (TRIANGLES, STRIP, FAN):
             self.warn("points and lines are not drawn")
@@ -168,7 +168,7 @@ class _Reader:
         mesh = polygon_mesh.PolyMesh(
             points, np.full(len(triangles), 3), triangles.reshape(-1),
             MeshAttribute(given["NORMAL"]) if "NORMAL" in given else None,
-            None if uvs is None else MeshAttribute(np.stack([uvs[:, 0], 1.0 - uvs[:, 1]], axis=1)),  # their v goes down the picture
+            None if uvs is None else MeshAttribute(np.stack([uvs[:, 0], 1.0 - uvs[:, 1]], axis=1)),  # glTF's v points down
             MeshAttribute(colors[:, :3]) if colors is not None else None,
         )  # fmt: skip
         row = None if material is None else self.materials.row(material)
@@ -177,7 +177,7 @@ class _Reader:
     # --- lights and cameras ---
 
     def light(self, light: dict[str, Any], node: dict[str, Any], matrix: np.ndarray) -> None:
-        """KHR_lights_punctual: lux of a directional light, candela of a point or spot; they shine to −z."""
+        """Adds a KHR_lights_punctual light: lux of a directional light, candela of a point or spot light, pointing to −z."""
         if not self.as_scene:
             self.warn("the lights of a mesh file are left out: only a file that is drawn by itself brings its lights")
             return
@@ -206,7 +206,7 @@ class _Reader:
         self.builder.light(made, Span(self.name))
 
     def camera(self, camera: dict[str, Any], node: dict[str, Any], matrix: np.ndarray) -> None:
-        """§3.10: a camera looks to −z of its node."""
+        """Adds a camera (§3.10), which looks along −z of its node."""
         if not self.as_scene:
             self.warn("the cameras of a mesh file are left out: only a file that is drawn by itself brings its cameras")
             return
@@ -240,7 +240,7 @@ def _triple(values: np.ndarray) -> tuple[float, float, float]:
 
 
 def _triangles(order: np.ndarray, mode: int) -> np.ndarray:
-    """(t, 3) of a list, strip or fan (§3.7.2.1)."""
+    """Triangles (t, 3) of a list, strip or fan (§3.7.2.1)."""
     if mode == TRIANGLES:
         return order[: len(order) // 3 * 3].reshape(-1, 3)
     if len(order) < 3:

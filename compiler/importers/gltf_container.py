@@ -1,4 +1,4 @@
-"""Opens glTF 2.0 files, binary (.glb) and text (.gltf): the JSON document, its buffers, and numbers out of accessors.
+"""Opens glTF 2.0 containers, .glb and .gltf: the JSON document, its buffers and accessors.
 
 Format: glTF 2.0 (Khronos, ISO/IEC 12113:2022), sections named in the functions.
 """
@@ -24,12 +24,12 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "
 
 
 class GltfError(Exception):
-    """A glTF file that cannot be read, or a part of one."""
+    """A glTF file that cannot be read, or an invalid part of one."""
 
 
 @dataclass(slots=True)
 class Container:
-    """A document with what it refers to. `binary` is the chunk of a .glb; `folder` holds the files that a .gltf names."""
+    """A glTF document with its buffers. `binary` is the chunk of a .glb; `folder` holds the files that a .gltf references."""
 
     document: dict[str, Any]
     binary: bytes
@@ -52,7 +52,7 @@ class Container:
         return self.files.find(unquote(uri), self.folder, what).read_bytes()
 
     def buffer(self, index: int) -> bytes:
-        """§3.6.1: a buffer is the binary chunk, a file or a data URI."""
+        """The bytes of a buffer (§3.6.1): the binary chunk, a file or a data URI."""
         if index not in self._buffers:
             written = self.document["buffers"][index]
             try:
@@ -68,7 +68,7 @@ class Container:
         return self.buffer(view.get("buffer", 0))[start : start + view["byteLength"]]
 
     def accessor(self, index: int) -> np.ndarray:
-        """(count, width) of an accessor (§3.6.2), whole numbers marked `normalized` as floats. Sparse ones have their changes applied."""
+        """(count, width) values of an accessor (§3.6.2), sparse substitutions applied. `normalized` integers become floats."""
         a = self.document["accessors"][index]
         kind = np.dtype(_TYPES[a["componentType"]])
         width, count = _WIDTHS[a["type"]], int(a["count"])
@@ -98,7 +98,7 @@ class Container:
 
 
 def open_container(data: bytes, folder: Path | None, files: Files) -> Container:
-    """The document in the bytes of a .glb or .gltf file. Raises GltfError."""
+    """Parses the bytes of a .glb or .gltf file. Raises GltfError."""
     if data[:4] == b"glTF":
         return Container(*_chunks(data), folder, files)
     if data.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] != b"{":
@@ -107,7 +107,7 @@ def open_container(data: bytes, folder: Path | None, files: Files) -> Container:
 
 
 def _chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
-    """The JSON document and the binary chunk (§4.4)."""
+    """The JSON document and the binary chunk of a .glb (§4.4)."""
     if len(data) < 20:
         raise GltfError("the glTF file ends early")
     version, _, length, kind = struct.unpack_from("<III4s", data, 4)
@@ -133,4 +133,4 @@ def _document(text: bytes) -> dict[str, Any]:
 
 
 Warn = Callable[[str], None]
-"""Says once what is not drawn."""
+"""Reports each unsupported feature once."""

@@ -1,4 +1,4 @@
-"""Materials and pictures of glTF 2.0 files as `principled`, glass and emissive materials.
+"""Converts glTF 2.0 materials and textures to `principled`, glass and emissive materials.
 
 Format: glTF 2.0 §3.9 and the ratified KHR_materials_… extensions.
 """
@@ -24,14 +24,14 @@ UNDERSTOOD = frozenset(
     "KHR_texture_transform EXT_texture_webp".split()
 )
 _WRAPS = {33071: ir.Wrap.CLAMP, 33648: ir.Wrap.MIRROR, 10497: ir.Wrap.REPEAT}
-_DATA = -2  # all channels of a picture, as numbers
-_LEAST_CUTOFF = 1e-9  # a mask that is cut at 0 is there everywhere
-_WHOLLY_CLEAR = 0.5  # transmission from which a material is glass
+_DATA = -2  # all channels of an image, as data
+_LEAST_CUTOFF = 1e-9  # least alphaCutoff: a mask with cutoff 0 is opaque everywhere
+_WHOLLY_CLEAR = 0.5  # transmission from which a material becomes glass
 
 
 @dataclass(slots=True)
 class Materials:
-    """The rows of a file's materials, made when they are first asked for."""
+    """The material rows of a file, created on first use."""
 
     container: Container
     name: str
@@ -47,7 +47,7 @@ class Materials:
         return self._rows[index]
 
     def uv_set(self, index: int) -> int:
-        """The set of texture coordinates that a material's pictures use; the first where they differ, which is said."""
+        """The set of texture coordinates of a material's textures. Where they differ: the first, with a warning."""
         used = {_uv_set(reference) for reference in _references(self.container.document["materials"][index])}
         if len(used) > 1:
             self.warn("pictures of one material with different sets of texture coordinates all use the first set")
@@ -74,7 +74,7 @@ class Materials:
         return metallic_roughness.material(self._surface(written, base, float(color[3]), extensions))
 
     def _surface(self, written: dict[str, Any], base: Input, alpha: float, extensions: dict[str, Any]) -> metallic_roughness.Surface:
-        """§3.9: base colour, metallic, roughness, emission and, for BLEND and MASK, opacity."""
+        """Base colour, metallic, roughness, emission and, for BLEND and MASK, opacity (§3.9)."""
         pbr = written.get("pbrMetallicRoughness", {})
         packed, mode = pbr.get("metallicRoughnessTexture"), written.get("alphaMode", "OPAQUE")
         whole = mode == "OPAQUE" or (mode == "BLEND" and base.texture == NONE)
@@ -98,7 +98,7 @@ class Materials:
         )  # fmt: skip
 
     def _normal(self, reference: dict[str, Any] | None) -> Input | None:
-        """A normal map, with its strength; None where there is none."""
+        """A normal map with its strength, or None."""
         row = self._texture(reference, _DATA)
         if reference is None or row == NONE:
             return None
@@ -106,7 +106,7 @@ class Materials:
         return Input((strength, strength, 1.0), self.builder.with_levels(row, (2.0, 2.0, 2.0), (-1.0, -1.0, -1.0)))
 
     def _texture(self, reference: dict[str, Any] | None, channel: int = -1) -> int:
-        """The row of a picture that a material refers to: a colour, one of its channels, or all of them as _DATA."""
+        """The texture row of a texture reference: a colour, one `channel`, or all channels as _DATA."""
         if reference is None:
             return NONE
         texture = self.container.document["textures"][reference["index"]]
@@ -122,7 +122,7 @@ class Materials:
         return self.builder.texture(made, Span(self.name))
 
     def _image(self, texture: dict[str, Any], color: bool) -> int:
-        """The row of a texture's image; NONE and a warning where it cannot be read."""
+        """The row of a texture's image; NONE and a warning if it cannot be read."""
         source = texture.get("source", texture.get("extensions", {}).get("EXT_texture_webp", {}).get("source"))
         if source is None:
             known = sorted(texture.get("extensions", {})) or ["nothing"]
@@ -141,7 +141,7 @@ class Materials:
 
 
 def _references(material: dict[str, Any]) -> list[dict[str, Any]]:
-    """A material's references to textures, those of its extensions too."""
+    """Texture references of a material and its extensions."""
     found = []
     for key, value in material.items():
         if isinstance(value, dict):
@@ -154,7 +154,7 @@ def _transform(reference: dict[str, Any]) -> dict[str, Any]:
 
 
 def _uv_set(reference: dict[str, Any]) -> int:
-    """KHR_texture_transform's texCoord stands in place of the reference's own."""
+    """The texture coordinate set; KHR_texture_transform's texCoord overrides the reference's own."""
     return int(_transform(reference).get("texCoord", reference.get("texCoord", 0)))
 
 

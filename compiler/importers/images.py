@@ -1,4 +1,4 @@
-"""Pictures as textures: any file OpenImageIO reads, from disk or from memory, becomes linear float32 r, g, b, a."""
+"""Loads images for textures through OpenImageIO, from disk or memory, as linear float32 r, g, b, a."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from ...lang.diagnostics import Span
 if TYPE_CHECKING:
     from ..scene.builder import SceneBuilder
 
-MAX_TEXELS = 1 << 26  # of one picture: 8192 × 8192, 1 GiB
-MAX_ALL_TEXELS = 1 << 27  # of all pictures of a scene
+MAX_TEXELS = 1 << 26  # of one image: 8192 × 8192, 1 GiB
+MAX_ALL_TEXELS = 1 << 27  # of all images of a scene
 LARGEST = float(np.finfo(np.float32).max)
 SPACES = ("auto", "srgb", "linear")
 
 
 class ImageError(Exception):
-    """A picture that cannot be read. The span is added by whoever asked."""
+    """An image that cannot be read. The caller adds the span."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -32,10 +32,10 @@ class ImageError(Exception):
 
 
 def row(builder: SceneBuilder, path: Path, space: str = "auto", color: bool = True, span: Span | None = None) -> int:
-    """The row of ir.Images with the picture in a file, read once for each space. ImageError if it cannot be read.
+    """The row in ir.Images of an image file, loaded once for each colour space. Raises ImageError.
 
-    `path` was allowed by Files. `space` "auto": stored as sRGB if it holds whole numbers (8 or 16 bit) and is used as a
-    `color`, linear otherwise. What is odd about it is said of `span`.
+    `path` is already allowed by Files. `space` "auto" means sRGB for an 8 or 16 bit integer image used as a `color`, linear otherwise.
+    Warnings refer to `span`.
     """
     return _row(builder, str(path), space, color, lambda: str(path), path.name, span)
 
@@ -43,7 +43,7 @@ def row(builder: SceneBuilder, path: Path, space: str = "auto", color: bool = Tr
 def row_from_bytes(
     builder: SceneBuilder, data: bytes, name: str, space: str = "auto", color: bool = True, span: Span | None = None
 ) -> int:  # fmt: skip
-    """As `row`, for a picture's file held in memory (of a .usdz or .glb); `name` with its ending tells it from others."""
+    """Like `row`, for an image file in memory (from a .usdz or .glb). `name` with its extension identifies the image."""
     return _row(builder, name, space, color, lambda: data, name, span)
 
 
@@ -63,9 +63,9 @@ def _row(builder: SceneBuilder, key: str, space: str, color: bool, source: Any, 
 
 
 def read(source: str | bytes, name: str, space: str = "auto", limit: int = MAX_TEXELS) -> tuple[np.ndarray, int]:
-    """(h, w, 4) float32 linear r, g, b and unassociated alpha, from a path or a file's bytes; how many pixels were not finite.
+    """Decodes a path or a file's bytes: (h, w, 4) float32 linear r, g, b, unassociated alpha; count of non-finite pixels.
 
-    Infinite is the largest number, what is none is 0. ImageError if it cannot be read.
+    Infinite values become the largest float, NaN becomes 0. Raises ImageError.
     """
     import OpenImageIO as oiio
 
@@ -87,7 +87,7 @@ def read(source: str | bytes, name: str, space: str = "auto", limit: int = MAX_T
                 raise ImageError(f"the picture `{name}` is damaged", _reason(picture.geterror()))
         finally:
             picture.close()
-    if pixels.ndim == 4:  # a volume's first slice
+    if pixels.ndim == 4:  # first slice of a volume
         pixels = pixels[0]
     texels = _linear(pixels.reshape(spec.height, spec.width, -1), spec, space)
     odd = int(np.count_nonzero(~np.isfinite(texels).all(axis=2)))
@@ -106,7 +106,7 @@ def _linear(pixels: np.ndarray, spec: Any, space: str) -> np.ndarray:
     alpha_at = spec.alpha_channel if 0 <= spec.alpha_channel < pixels.shape[2] else -1
     colors = [c for c in range(pixels.shape[2]) if c != alpha_at][:3]
     if len(colors) == 2:
-        colors = [*colors, -1]  # two channels and no third: blue is 0
+        colors = [*colors, -1]  # two channels only: blue is 0
     made = np.ones((*pixels.shape[:2], 4), dtype=np.float32)
     table = _decode(np.arange(top + 1) / top, space).astype(np.float32) if whole else None
     for k in range(3):
@@ -133,7 +133,7 @@ def _decode(values: np.ndarray, space: str) -> np.ndarray:
 
 @contextmanager
 def _on_disk(source: str | bytes) -> Iterator[str]:
-    """A path for what may be in memory: a memory file where the system has them, else a temporary one."""
+    """A path for a source: a memory file for bytes where the system supports it, else a temporary file."""
     if isinstance(source, str):
         yield source
     elif hasattr(os, "memfd_create"):
@@ -150,6 +150,6 @@ def _on_disk(source: str | bytes) -> Iterator[str]:
 
 
 def _reason(text: str) -> str:
-    """The first line of a library's message, without memory files' names."""
+    """The first line of a library's message, without names of memory files."""
     line = next((part.strip() for part in text.splitlines() if part.strip()), "")
     return "" if "/proc/self/fd" in line else line

@@ -1,4 +1,4 @@
-"""Reads mesh files of every known format into the builder: one geometry for each material."""
+"""Imports a mesh file by its extension into the builder: one geometry for each material."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ def read(
     source: Path | bytes, name: str, builder: SceneBuilder, diagnostics: Diagnostics, span: Span | None = None, files: Files | None = None,
     as_scene: bool = False,
 ) -> list[Part]:
-    """The parts of a mesh file, none after an error. `name` is shown in messages, and its ending says the format.
+    """The parts of a mesh file; none after an error. `name` is shown in messages; its extension selects the format.
 
-    `span` is where the file is asked for. `files` says which libraries and pictures may be read; left out, those in the file's
-    own folder and below. `as_scene`: the file is the scene, so that its lights and cameras count.
+    `span` is the place of the import. `files` decides which libraries and images may be read (default: those below the file's folder).
+    With `as_scene`, the file is the scene, so its lights and cameras are imported.
     """
     format_ = Path(name).suffix.lower()
     whole = Span(name)
@@ -110,7 +110,7 @@ def _material(
 
 
 def _libraries(found: obj.ObjMesh, folder: Path | None, files: Files, diagnostics: Diagnostics) -> dict[str, mtl.MtlMaterial]:
-    """All materials of an OBJ file's libraries by name; the first library that has a name gives it. A missing one is a warning."""
+    """Materials of an OBJ file's libraries by name; the first library with a name wins. A missing library is a warning."""
     materials: dict[str, mtl.MtlMaterial] = {}
     for text, span in found.libraries:
         if folder is None:
@@ -123,7 +123,7 @@ def _libraries(found: obj.ObjMesh, folder: Path | None, files: Files, diagnostic
 
 
 def _library_paths(text: str, folder: Path, files: Files, diagnostics: Diagnostics, span: Span) -> list[Path]:
-    """The files of one `mtllib` line: its whole text as one name with blanks, else each word of it. A missing one is a warning."""
+    """Files of one `mtllib` line: the whole text as one name with blanks, else each word. A missing file is a warning."""
     words = [quoted or plain for quoted, plain in re.findall(r'"([^"]*)"|(\S+)', text)]
     found: list[Path] = []
 
@@ -143,5 +143,5 @@ def _library_paths(text: str, folder: Path, files: Files, diagnostics: Diagnosti
 
 
 def _shown(path: Path, files: Files) -> str:
-    """A file's name for messages: from the scene's folder on where it lies below it."""
+    """A file's name for messages: relative to the scene's folder if below it."""
     return str(path.relative_to(files.root)) if path.is_relative_to(files.root) else str(path)

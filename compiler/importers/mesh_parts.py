@@ -1,4 +1,4 @@
-"""What a mesh file's readers hand back: parts, each a geometry with its material and place."""
+"""The result record of mesh importers: a geometry with its material and placement."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..scene.builder import NONE, SceneBuilder
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """A geometry of a file with its material (a builder's row, None: the file gives none) and its place in the file (3, 4)."""
+    """A geometry with its material (builder row; None: not given) and its (3, 4) placement in the file."""
 
     geometry: int
     material: int | None
@@ -24,7 +24,7 @@ class Part:
 def add(
     mesh: polygon_mesh.PolyMesh, material: int | None, name: str, builder: SceneBuilder, diagnostics: Diagnostics, span: Span
 ) -> Part | None:
-    """The mesh as a part, or None where no face of it has area. Faces without area are left out with a note."""
+    """Adds the mesh to the builder. None if no face has area. Faces without area are dropped with a note."""
     made, dropped = polygon_mesh.assemble(mesh, name=name)
     if dropped:
         diagnostics.note(f"{dropped} of {len(mesh.counts)} faces have no area: they are left out", span)

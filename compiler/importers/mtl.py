@@ -1,15 +1,16 @@
-"""Reads MTL material libraries and makes the course's materials of them.
+"""Reads MTL material libraries and converts them to materials.
 
 Format: Wavefront's MTL Material Format (Ramey, Rose, Tyerman 1995). Where programs differ from it, these rules hold:
 
-- `d` is opacity and wins over `Tr`. `Tr` is 1 − opacity, but `Tr 1` and `Tr 0` both mean opaque: some programs (MeshLab among
-  them) write opacity there, and nobody writes a thing that cannot be seen.
-- `Ns 0`, or none, has no highlight. `Kd 0 0 0` under a `map_Kd` counts as white. Colours are linear; pictures are sRGB.
-- `Pr`, `Pm`, `Pc` and their maps (Exocortex' PBR extension) make a `principled` material of it. `map_bump` is a height in the mesh's unit,
-  times `-bm`; where its picture's channels differ it is a normal map, as many programs write, and so is `norm`.
-- illum 3, 5 and 8 reflect by `Ks`; 4, 6, 7 and 9 with `Ni` above 1 and a `Kd` of nothing, or `Tf`, are glass. What is half transparent
-  without that is a veil: `Kd` times its opacity, and the rest goes straight through. `map_d` is a picture's opacity: its alpha where
-  it has one, else its first channel; cut-outs, mostly.
+- `d` is opacity and overrides `Tr`. `Tr` is 1 − opacity, but both `Tr 1` and `Tr 0` mean opaque. Some programs (MeshLab among them)
+  write opacity there, and nobody writes an invisible material.
+- `Ns 0`, or no `Ns`, has no highlight. `Kd 0 0 0` with a `map_Kd` counts as white. Colours are linear; images are sRGB.
+- `Pr`, `Pm`, `Pc` and their maps (Exocortex' PBR extension) make a `principled` material.
+- `map_bump` is a height in the mesh's unit, times `-bm`. With an image whose channels differ it is a normal map, as many programs
+  write; so is `norm`.
+- illum 3, 5 and 8 reflect by `Ks`. 4, 6, 7 and 9 with `Ni` above 1 and a black `Kd`, or `Tf`, are glass.
+- A partly transparent material that is not glass has `Kd` times its opacity; the remaining light passes straight through.
+- `map_d` is an opacity map, mostly for cut-outs: its alpha if present, else its first channel.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ _MAPS = {"map_Ka": "Ka", "map_Kd": "Kd", "map_Ks": "Ks", "map_Ke": "Ke", "map_Ns
          "map_RMA": "RMA", "map_ORM": "ORM"}  # fmt: skip
 _PBR = {"Pr", "Pm", "Pc", "RMA", "ORM"}
 DATA = -2
-_PACKED = {"RMA": {"Pr": 0, "Pm": 1}, "ORM": {"Pr": 1, "Pm": 2}}  # which channel of a picture is what
+_PACKED = {"RMA": {"Pr": 0, "Pm": 1}, "ORM": {"Pr": 1, "Pm": 2}}  # channel of each input in a packed map
 _NOT_DRAWN = {
     "map_Tr", "disp", "decal", "refl", "map_refl", "map_aat", "Ps", "aniso", "anisor", "map_Ps",
 }  # fmt: skip
@@ -48,7 +49,7 @@ _CHANNELS = {"r": 0, "g": 1, "b": 2, "m": 3, "l": -1, "z": -1}
 
 @dataclass(slots=True)
 class MapReference:
-    """A picture as a map_… line names it. uv' = scale · uv + offset; value = gain · texel + base."""
+    """Image reference of a map_… line. uv' = scale · uv + offset; value = gain · texel + base."""
 
     file: str
     span: Span
@@ -72,13 +73,13 @@ class MtlMaterial:
 
     @property
     def opacity(self) -> float:
-        """See the rules at the top."""
+        """Opacity by the rules for `d` and `Tr` in the module docstring."""
         opaque = self.numbers.get("d", 1.0 if self.numbers.get("Tr", 0.0) in (0.0, 1.0) else 1.0 - self.numbers["Tr"])
         return min(max(opaque, 0.0), 1.0)
 
 
 def parse(data: bytes, file: str, folder: Path | None, diagnostics: Diagnostics) -> dict[str, MtlMaterial]:
-    """The materials of a library by name. Malformed lines are warnings: the rest of the material counts."""
+    """The materials of a library by name. A malformed line is a warning; the rest of the material counts."""
     text = obj_lexer.as_utf8(data).decode(errors="replace").replace("\x1a", "").replace("\r\n", "\n").replace("\r", "\n")
     found: dict[str, MtlMaterial] = {}
     current: MtlMaterial | None = None
@@ -103,7 +104,7 @@ def parse(data: bytes, file: str, folder: Path | None, diagnostics: Diagnostics)
 
 
 def _line(material: MtlMaterial, keyword: str, rest: str, span: Span) -> str:
-    """Takes one line in; what is wrong with it, or ""."""
+    """Applies one line to a material. Returns an error message, or ""."""
     if keyword in _COLORS:
         color = _color(rest)
         if color is None:
@@ -146,7 +147,7 @@ def _color(text: str) -> Color | None:
 
 
 def map_reference(text: str, span: Span) -> tuple[MapReference | None, str]:
-    """A map_… line's options and file name (which may hold blanks), and what is wrong with them or ""."""
+    """Parses a map_… line: (reference with options and file name, error message or ""). File names may contain blanks."""
     made = MapReference("", span)
     problem = ""
     while text.startswith("-"):
@@ -186,8 +187,11 @@ def _option(made: MapReference, option: str, words: list[str]) -> str:
 
 
 def find(name: str, folder: Path | None, files: Files, what: str) -> Path:
-    """The file that an OBJ or MTL file means by `name`: as written, with its back-slashes turned, in other case, or by its last part
-    beside the file that names it. FileError where there is none."""
+    """Resolves a file name of an OBJ or MTL file.
+
+    Candidates: as written, with backslashes replaced, in other case, or its last component beside the referencing file.
+    Raises FileError if there is none.
+    """
     turned = name.replace("\\", "/").strip()
     failure: FileError | None = None
     for tried in dict.fromkeys((turned, turned.rsplit("/", 1)[-1])):
@@ -200,7 +204,7 @@ def find(name: str, folder: Path | None, files: Files, what: str) -> Path:
 
 
 def _other_case(name: str, folder: Path) -> str:
-    """The name as the disk spells it, where only upper and lower case differ."""
+    """The name with the spelling on disk, if only case differs."""
     at, spelled = folder, []
     for part in name.split("/"):
         if part not in ("", ".", "..") and not (at / part).exists() and at.is_dir():
@@ -211,7 +215,7 @@ def _other_case(name: str, folder: Path) -> str:
 
 
 def row(material: MtlMaterial, builder: SceneBuilder, files: Files, diagnostics: Diagnostics) -> int:
-    """The builder's row of a material. A picture that cannot be read is a warning, and its colour alone counts."""
+    """The builder's row of a material. An unreadable image is a warning; its colour is used alone."""
 
     def texture(key: str, color: bool = True, channel: int = NONE) -> int:
         reference = material.maps.get(key)
@@ -286,7 +290,7 @@ def _principled(
 
 
 def _maps(m: MtlMaterial, texture: Callable[..., int], builder: SceneBuilder) -> dict[ir.Slot, Input]:
-    """What turns a material's normals."""
+    """Normal and bump maps of a material."""
     for key in ("norm", "bump"):
         row = texture(key, color=False)
         if row >= 0 and (key == "norm" or builder.channels_differ(row)):
@@ -300,7 +304,10 @@ def _maps(m: MtlMaterial, texture: Callable[..., int], builder: SceneBuilder) ->
 def picture_row(
     reference: MapReference, folder: Path | None, color: bool, channel: int, builder: SceneBuilder, files: Files, diagnostics: Diagnostics
 ) -> int:
-    """The row of a picture: a colour, a number out of the channel that the file says, or else `channel`, or all of them as DATA."""
+    """The texture row of an image reference: a colour, a channel, or all channels as DATA.
+
+    The channel is that of the file (`-imfchan`), else `channel`.
+    """
     if folder is None:
         diagnostics.warning(f"the picture `{reference.file}` is not read: its mesh has no folder", reference.span)
         return -1

@@ -1,4 +1,4 @@
-"""Reads OBJ files: faces of any shape, groups of faces by material, smoothing groups, vertex colours.
+"""Reads OBJ files: polygons, material groups, smoothing groups, vertex colours.
 
 Format: Wavefront's Object Files, version 3.0 (Appendix B1 of the Advanced Visualizer manual), as written by today's programs.
 """
@@ -24,18 +24,18 @@ _POINTS_AND_LINES = {"p": "points", "l": "lines"}
 
 @dataclass(slots=True)
 class ObjMesh:
-    """What an OBJ file holds. `materials[k]` is the name that faces with material[f] = k ask for, "" for none."""
+    """Content of an OBJ file. `materials[k]` is the name for faces with material[f] = k, "" for none."""
 
     mesh: PolyMesh
     material: np.ndarray  # (f,) rows of materials
     materials: list[str]
     libraries: list[tuple[str, Span]]
-    uses: dict[str, Span]  # where each material is first asked for
+    uses: dict[str, Span]  # first use of each material
 
 
 @dataclass(slots=True)
 class _Problems:
-    """Says each kind of trouble once, at its first line, with how many more there are."""
+    """Reports each kind of problem once, at its first line, with the number of further occurrences."""
 
     file: str
     diagnostics: Diagnostics
@@ -53,7 +53,7 @@ class _Problems:
 
 
 def read(data: bytes, file: str, diagnostics: Diagnostics) -> ObjMesh | None:
-    """The mesh of an OBJ file's text, or None and an error where there is none to be had. `file` is the name to show."""
+    """The mesh of an OBJ file, or None and an error. `file` is the name for messages."""
     lines = obj_lexer.split(data)
     problems = _Problems(file, diagnostics)
     found = _read(lines, file, problems)
@@ -89,7 +89,7 @@ def _read(lines: obj_lexer.Lines, file: str, problems: _Problems) -> ObjMesh | N
 
 @dataclass(slots=True)
 class _State:
-    """What the lines between the faces say; each list holds (row of Lines, value from there on)."""
+    """State-setting lines between faces; each list holds (row of Lines, value from there on)."""
 
     names: list[str] = field(default_factory=lambda: [""])
     material: list[tuple[int, int]] = field(default_factory=list)
@@ -99,7 +99,7 @@ class _State:
 
     @staticmethod
     def at(events: list[tuple[int, int]], rows: np.ndarray) -> np.ndarray:
-        """The value in force at each of `rows`; 0 before the first."""
+        """The value in effect at each of `rows`; 0 before the first."""
         where = np.array([row for row, _ in events])
         values = np.array([0] + [value for _, value in events], dtype=np.int64)
         return values[np.searchsorted(where, rows)]
@@ -132,7 +132,7 @@ class _State:
 
 
 def _vertices(values: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-    """Points (n, 3), and linear colours (n, 3) where `v x y z r g b` gives some (sRGB, as programs that paint vertices write them)."""
+    """Points (n, 3), and linear colours (n, 3) from `v x y z r g b` lines (sRGB, as vertex painting programs write)."""
     points = _columns(values, counts, 3)
     tinted = (counts == 6) | (counts == 7)
     if not tinted.any():
@@ -140,19 +140,19 @@ def _vertices(values: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.nd
     firsts = np.cumsum(counts) - counts
     tints = np.ones((len(counts), 3))
     tints[tinted] = values[firsts[tinted][:, None] + np.arange(3, 6)]
-    if np.nanmax(tints) > 1:  # written as 0 to 255
+    if np.nanmax(tints) > 1:  # in 0 to 255
         tints[tinted] /= 255.0
     return points, linear(tints)
 
 
 def linear(tints: np.ndarray) -> np.ndarray:
-    """Linear colours from sRGB ones, clipped to 0…1."""
+    """Linear colours from sRGB colours, clipped to 0…1."""
     clipped = np.clip(np.nan_to_num(tints), 0.0, 1.0)
     return np.where(clipped <= 0.04045, clipped / 12.92, ((clipped + 0.055) / 1.055) ** 2.4)
 
 
 def _columns(values: np.ndarray, counts: np.ndarray, width: int) -> np.ndarray:
-    """(n, width): the first numbers of each line, 0 where a line has fewer."""
+    """(n, width) first numbers of each line, padded with 0."""
     if len(counts) and (counts == counts[0]).all():
         table = values.reshape(-1, counts[0])[:, :width]
         return np.pad(table, ((0, 0), (0, width - table.shape[1])))
@@ -167,10 +167,10 @@ def _columns(values: np.ndarray, counts: np.ndarray, width: int) -> np.ndarray:
 def _resolved(
     lines: obj_lexer.Lines, faces: obj_lexer.Faces, values: tuple[np.ndarray, ...], problems: _Problems
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Corners as rows from 0 (−1: not written), corner counts, and which faces were kept.
+    """Resolves indices: corners as rows from 0 (−1: absent), corner counts, mask of valid faces.
 
-    A face is left out if one of its vertices does not exist or is not finite; a texture coordinate or normal that does not is as if
-    not written. Negative indices count back from what the file had given so far.
+    A face with a missing or non-finite vertex is dropped. A missing or non-finite texture coordinate or normal counts as absent.
+    Negative indices count back from the elements read so far.
     """
     face_of = np.repeat(np.arange(len(faces.rows)), faces.counts)
     corners = np.full_like(faces.corners, -1)
@@ -194,7 +194,7 @@ def _resolved(
     for at in np.flatnonzero((corners[:, 0] >= 0) & ~finite[corners[:, 0]]) if not finite.all() else ():
         bad_face[face_of[at]] = True
         if ("warning", "malformed") in problems.found:
-            continue  # said already
+            continue  # already reported
         line = int(lines.numbers[faces.rows[face_of[at]]])
         problems.add("warning", "finite", line, f"vertex {corners[at, 0] + 1} of this face is not finite: the face is left out")
     for at in np.flatnonzero(faces.counts < 3):
@@ -205,7 +205,7 @@ def _resolved(
 
 
 def _by_corner(values: np.ndarray, rows: np.ndarray, missing: float) -> MeshAttribute | None:
-    """Values at corners; `missing` where a corner has none; None where no corner has one."""
+    """Values at corners, `missing` where a corner has none. None if no corner has a value."""
     if not len(values) or not (rows >= 0).any():
         return None
     taken = values[rows]

@@ -1,4 +1,4 @@
-"""The numbers of an OBJ file, read by array operations a keyword at a time; lines that resist are read one by one."""
+"""Tokenizes OBJ files by array operations, one keyword at a time; irregular lines are parsed one by one."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ _SPACE[[9, 10, 11, 12, 13, 32]] = True
 _DIGITS = np.zeros(256, dtype=bool)
 _DIGITS[list(b"0123456789+-")] = True
 _SLASH = ord("/")
-NONE = 0  # an index that was not written; OBJ counts from 1
-BAD = np.iinfo(np.int64).min  # an index that is no number
+NONE = 0  # an absent index; OBJ counts from 1
+BAD = np.iinfo(np.int64).min  # an invalid index
 
-Complain = Callable[[int, str], None]  # line number, what is wrong with it
+Complain = Callable[[int, str], None]  # line number, message
 
 
 class Lines(NamedTuple):
-    """An OBJ file cut into lines. `\\r` and continued line ends have become blanks, so that offsets are the file's own."""
+    """An OBJ file split into lines. `\\r` and line continuations are replaced by blanks, so offsets equal those of the file."""
 
     data: bytes
     starts: I64  # offset of each line
-    numbers: I64  # its number in the file, from 1
+    numbers: I64  # line number in the file, from 1
     keys: I64  # its keyword, a row of KEYWORDS, or OTHER, or BLANK
 
     def text(self, row: int) -> bytes:
@@ -41,7 +41,7 @@ OTHER, BLANK = len(KEYWORDS), len(KEYWORDS) + 1
 
 
 class Faces(NamedTuple):
-    """Corners of all faces. Indices are rows from 0, NONE_ROW where not written."""
+    """Corners of all faces."""
 
     rows: I64  # (f,) rows of Lines
     counts: I64  # (f,)
@@ -49,19 +49,19 @@ class Faces(NamedTuple):
 
 
 def as_utf8(data: bytes) -> bytes:
-    """The bytes of a text without byte order mark; UTF-16 with one becomes UTF-8."""
+    """Text bytes without byte order mark; UTF-16 with one is converted to UTF-8."""
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         data = data.decode("utf-16", errors="replace").encode()
     return data.removeprefix(codecs.BOM_UTF8)
 
 
 def without_comment(text: str) -> str:
-    """A name without the `# comment` behind it. A # inside a word belongs to the name."""
+    """A name without a trailing `# comment`. A # inside a word belongs to the name."""
     return re.split(r"(?:^|\s+)#", text, maxsplit=1)[0].strip()
 
 
 def split(data: bytes) -> Lines:
-    """Lines of a file with any line ends, byte order mark or encoding."""
+    """Splits a file into lines, for any line ends, byte order mark or encoding."""
     data = as_utf8(data).replace(b"\x1a", b"")  # Ctrl-Z ends a text in old DOS programs
     data = data.replace(b"\r\n", b" \n").replace(b"\r", b"\n")
     data = re.sub(rb"\\[ \t]*\n", lambda m: b" " * (len(m[0]) - 1) + b"\v", data)
@@ -99,7 +99,7 @@ def _keys(buffer: np.ndarray, starts: I64) -> I64:
 
 
 class Block(NamedTuple):
-    """All lines of one keyword, without it: their text, and their rows."""
+    """The text of all lines of one keyword, without the keyword, and their rows."""
 
     text: np.ndarray  # uint8
     starts: I64
@@ -119,8 +119,10 @@ def block(lines: Lines, key: int) -> Block:
 
 
 def numbers(lines: Lines, key: int, least: int, complain: Complain) -> tuple[F64, I64]:
-    """The numbers of all lines of a keyword, flat, and how many each line has. A line with fewer than `least` or with something
-    that is no number is complained about and read as NaN."""
+    """Numbers of all lines of a keyword, flat, and the count on each line.
+
+    A line with fewer than `least` numbers or an invalid number is reported and read as NaN.
+    """
     of = block(lines, key)
     if not len(of.rows):
         return np.zeros(0), np.zeros(0, np.int64)
@@ -154,7 +156,7 @@ def _floats(words: list[bytes]) -> list[float] | None:
 
 
 def faces(lines: Lines, complain: Complain) -> Faces:
-    """The corners of all faces. A corner that is no index is complained about and BAD."""
+    """Corners of all faces. An invalid index is reported and BAD."""
     of = block(lines, 3)
     if not len(of.rows):
         return Faces(of.rows, np.zeros(0, np.int64), np.zeros((0, 3), np.int64))
@@ -167,7 +169,7 @@ def faces(lines: Lines, complain: Complain) -> Faces:
 
 
 def _corners(text: np.ndarray, words: np.ndarray) -> I64 | None:
-    """(c, 3) corners from well-formed text, or None: v, v/vt, v//vn and v/vt/vn in any mixture."""
+    """(c, 3) corners from well-formed text, else None: v, v/vt, v//vn and v/vt/vn in any mixture."""
     slash = text == _SLASH
     if not (_DIGITS[text] | slash | _SPACE[text]).all():
         return None
@@ -216,7 +218,7 @@ def _index(text: bytes, empty: bool) -> int:
 
 
 def _word_starts(text: np.ndarray) -> I64:
-    """1 where a word begins, else 0."""
+    """1 at the start of each word, else 0."""
     space = _SPACE[text]
     begins = ~space
     begins[1:] &= space[:-1]
@@ -224,7 +226,7 @@ def _word_starts(text: np.ndarray) -> I64:
 
 
 def _parse(text: np.ndarray, dtype: type) -> np.ndarray | None:
-    """All numbers of the text, or None if something there is no number."""
+    """All numbers of the text; None if one is invalid."""
     with warnings.catch_warnings():
         warnings.simplefilter("error", DeprecationWarning)
         try:
@@ -234,7 +236,7 @@ def _parse(text: np.ndarray, dtype: type) -> np.ndarray | None:
 
 
 def others(lines: Lines) -> Iterator[tuple[int, str, str]]:
-    """(row, keyword, rest) of the lines that are neither numbers nor faces."""
+    """(row, keyword, rest) of lines that are neither numbers nor faces."""
     for row in np.flatnonzero(lines.keys == OTHER):
         text = lines.text(int(row)).decode(errors="replace")
         keyword, _, rest = text.partition(" ") if " " in text else text.partition("\t")

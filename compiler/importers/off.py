@@ -1,4 +1,4 @@
-"""Reads OFF files, through trimesh: the mesh format without materials, outlines or packages that a general reader keeps whole."""
+"""Reads OFF files through trimesh, which reads this format without loss: it has no materials, outlines or packages."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ class OffError(Exception):
 
 
 def read(data: bytes) -> PolyMesh:
-    """The mesh of an OFF file, its faces cut into triangles; OffError if there is none."""
+    """The mesh of an OFF file, triangulated. Raises OffError."""
     import trimesh
 
     try:
         mesh = trimesh.load_mesh(io.BytesIO(data), file_type="off", process=False)
         points, faces = np.array(mesh.vertices, np.float64), np.array(mesh.faces, np.int64)
-    except Exception as failure:  # its parser raises whatever it meets
+    except Exception as failure:  # the parser raises exceptions of any type
         raise OffError(f"the OFF file cannot be read: {failure}") from None
     if points.ndim != 2 or points.shape[1] != 3 or faces.ndim != 2 or not len(faces):
         raise OffError("the OFF file holds no faces")

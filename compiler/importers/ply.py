@@ -1,4 +1,4 @@
-"""Reads PLY files, ASCII and binary: polygons, normals, texture coordinates and colours of vertices or faces.
+"""Reads PLY files, ASCII and binary: polygons, normals, texture coordinates, colours of vertices or faces.
 
 Format: the Stanford Polygon File Format (Turk 1994); property names as today's programs write them.
 """
@@ -36,7 +36,7 @@ class PlyError(Exception):
 
 @dataclass(slots=True)
 class _Element:
-    """`properties` are (name, type, type of the count or "" for a scalar)."""
+    """A PLY element. `properties` are (name, type, type of the count or "" for a scalar)."""
 
     name: str
     count: int
@@ -52,7 +52,7 @@ class _Data:
 
 
 def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
-    """The mesh of a PLY file. PlyError if there is none to be had; faces with bad indices are left out with a warning."""
+    """The mesh of a PLY file. Faces with invalid indices are dropped with a warning. Raises PlyError."""
     order, elements, body = _header(data)
     with np.errstate(all="ignore"):
         found = _ascii(body, elements) if order == "ascii" else _binary(body, elements, _ORDERS[order])
@@ -81,13 +81,13 @@ def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
 
 
 def texture_files(data: bytes) -> list[str]:
-    """The pictures that `comment TextureFile NAME` lines of the header name, as MeshLab writes them."""
+    """Image names from `comment TextureFile NAME` lines of the header, as MeshLab writes them."""
     header = data[: max(data.find(b"end_header", 0, MAX_HEADER), 0)].decode(errors="replace")
     return re.findall(r"^comment\s+TextureFile\s+(.+?)\s*$", header, re.MULTILINE)
 
 
 def _not_drawn(elements: list[_Element]) -> list[str]:
-    """Elements with rows, and properties of vertices and faces, that are read and not drawn."""
+    """Names of unsupported elements with rows, and of unsupported vertex and face properties."""
     found = []
     for element in elements:
         if element.count and element.name not in _DRAWN:
@@ -121,7 +121,7 @@ def _stacked(data: _Data, names: Any) -> np.ndarray | None:
 
 
 def _colors(data: _Data) -> np.ndarray | None:
-    """Linear colours from red, green and blue: sRGB, whole numbers to 255 (65535) or floats to 1."""
+    """Linear colours from red, green and blue: sRGB, integers to 255 (65535) or floats to 1."""
     names = next((n for n in (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue")) if n[0] in data.scalars), None)
     tints = _stacked(data, names) if names else None
     if names is None or tints is None:
@@ -167,7 +167,7 @@ def _binary(body: bytes, elements: list[_Element], order: str) -> dict[str, _Dat
 
 
 def _rows_alike(body: bytes, at: int, element: _Element, order: str) -> tuple[_Data, int] | None:
-    """All rows at once, if the lists of all rows are as long as those of the first; else None."""
+    """Reads all rows at once if every row's lists are as long as the first row's; else None."""
     fields: list[Any] = []
     offset = at
     for name, kind, counted in element.properties:
@@ -220,7 +220,7 @@ def _rows_one_by_one(body: bytes, at: int, element: _Element, order: str) -> tup
 
 
 def _ascii(body: bytes, elements: list[_Element]) -> dict[str, _Data]:
-    """Rows of numbers, one a line in principle; read as one stream, as many as each element's properties say."""
+    """Reads ASCII rows as one stream of numbers, as many as each element declares; line ends do not matter."""
     try:
         stream = np.array(body.split(), dtype=np.float64)
     except ValueError:

@@ -1,4 +1,4 @@
-"""Reads STL files, binary and ASCII: a soup of triangles whose equal corners are welded into vertices."""
+"""Reads STL files, binary and ASCII; equal corners are welded into vertices."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from ..mesh.polygon_mesh import PolyMesh
 
 _VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)")
-_NAME = re.compile(rb"^\s*(end)?solid\b[^\r\n]*", re.MULTILINE)  # a name may be any text
+_NAME = re.compile(rb"^\s*(end)?solid\b[^\r\n]*", re.MULTILINE)  # names may contain any text
 _ROW = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _HEADER = 84
 
@@ -20,7 +20,7 @@ class StlError(Exception):
 
 
 def read(data: bytes) -> PolyMesh:
-    """The mesh of an STL file; StlError if there is none. Winding gives the outside, the normals written are not used."""
+    """The mesh of an STL file, oriented by winding; stored normals are ignored. Raises StlError."""
     corners = _binary(data)
     if corners is None:
         corners = _ascii(data)
@@ -34,7 +34,7 @@ def _begins_as_text(data: bytes) -> bool:
 
 
 def _binary(data: bytes) -> np.ndarray | None:
-    """(t, 3, 3), or None if the length is not what a binary file of that many triangles has (some ASCII files fit nothing else)."""
+    """(t, 3, 3) corners; None for an ASCII file: too short, or text whose length does not fit the triangle count."""
     if len(data) < _HEADER:
         return None
     count = int(np.frombuffer(data, "<u4", 1, 80)[0])

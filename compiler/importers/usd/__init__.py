@@ -1,5 +1,5 @@
-"""USD stages to rows of the scene.
+"""Imports USD stages into the scene builder.
 
-May import: compiler.importers and whatever it may import.
+May import: compiler.importers and its imports.
 Begin with `load.py`.
 """

@@ -1,7 +1,7 @@
-"""USD's cameras, and the one that frames a stage without a main camera, as usdrecord does."""
+"""Imports USD cameras; adds a camera that frames a stage without a main camera, as usdrecord does."""
 
 # pyright: reportAttributeAccessIssue=false
-# (usd-core makes its modules' names at run time)
+# (usd-core creates its modules' names at run time)
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from .stage import Opened
 
 FILM = (20.955, 15.2908)  # mm: usdrecord's default camera
 FOCAL = 50.0  # mm
-_TENTH = 0.1  # of a scene unit: what apertures and focal lengths are told in
+_TENTH = 0.1  # scene units in one unit of apertures and focal lengths
 
 
 def camera(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: SceneBuilder) -> int:
-    """The row of a Camera prim under the matrix (4, 4), whose scale does not count but for `unit`, the stage's own."""
+    """The row of a Camera prim under the (4, 4) matrix. Its scale is ignored except for `unit`, the stage's own."""
     lens = UsdGeom.Camera(prim).GetCamera(opened.time)
     width, height = lens.horizontalAperture, lens.verticalAperture
     span = opened.span(prim)
@@ -55,23 +55,24 @@ def camera(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: 
 
 
 def _aperture(lens: Any, unit: float, perspective: bool) -> tuple[float, float]:
-    """Radius of the lens and depth in focus; (0, 1) of a pinhole, which a camera without an f-stop or a distance in focus is."""
+    """Lens radius and focus distance; (0, 1) for a pinhole, that is, without an f-stop or a focus distance."""
     if not (perspective and lens.fStop > 0 and lens.focusDistance > 0):
         return 0.0, 1.0
     return lens.focalLength * _TENTH * unit / (2 * lens.fStop), lens.focusDistance * unit
 
 
 def _shutter(prim: Any, opened: Opened) -> tuple[float, float]:
-    """Seconds from the time that is drawn to where a camera's shutter opens, and those it is open."""
+    """Seconds from the current time to the shutter opening, and the exposure time."""
     begin, end = (stage.number(prim.GetAttribute(f"shutter:{name}"), opened.time) for name in ("open", "close"))
     codes = opened.stage.GetTimeCodesPerSecond()
     return (begin / codes, (end - begin) / codes) if codes > 0 and -math.inf < begin < end < math.inf else (0.0, 0.0)
 
 
 def frame(builder: SceneBuilder) -> np.ndarray | None:
-    """Adds the camera that looks along −z at the bounds of what is drawn (usdAppUtils/frameRecorder.cpp); its place (4, 4).
+    """Adds a camera that looks along −z at the bounds of the drawn geometry (usdAppUtils/frameRecorder.cpp).
 
-    The bounds' half diagonal across fills half the film's width, from in front of the bounds. None where nothing has bounds.
+    Returns its (4, 4) placement; None without bounds. The camera stands in front of the bounds.
+    Their half diagonal across the view fills half the film's width.
     """
     bounds = builder.world_bounds()
     if bounds is None:

@@ -1,7 +1,7 @@
-"""USD's meshes and shapes as geometries of the IR: primvars, holes, orientation, subsets, axes."""
+"""Imports USD meshes and shapes as geometries: primvars, holes, orientation, subsets, axes."""
 
 # pyright: reportAttributeAccessIssue=false
-# (usd-core makes its modules' names at run time)
+# (usd-core creates its modules' names at run time)
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from . import stage
 
 Kind = ir.GeometryKind
 _At = ir.Interpolation
-# From the IR's y to the axis that a shape names.
+# Rotations from the IR's y axis to the axis of a shape.
 _AXES = {
     "Y": np.eye(4),
     "Z": np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]]),
@@ -34,14 +34,14 @@ _SEGMENTS, _RINGS = 48, 12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shape:
-    """A geometry's row and where it stands in its prim's frame (4, 4)."""
+    """A geometry's row and its (4, 4) placement in the prim's frame."""
 
     geometry: int
     matrix: np.ndarray
 
 
 def shape(prim: Any, time: Any, builder: SceneBuilder, span: Span) -> Shape | None:
-    """A prim of one of SHAPES, its schema's fallbacks where nothing is written. None if it has no size."""
+    """Imports a prim of a type in SHAPES, with its schema's fallbacks. None for a shape without extent."""
     name = str(prim.GetTypeName())
 
     def number(attribute: str) -> float:
@@ -77,7 +77,7 @@ def shape(prim: Any, time: Any, builder: SceneBuilder, span: Span) -> Shape | No
 
 
 def _uneven_capsule(bottom: float, top: float, half: float) -> Any:
-    """A capsule of two radii: the smooth hull of two balls, as a mesh about y."""
+    """A capsule of two radii, the convex hull of two spheres, as a mesh about y."""
     slope = math.asin(max(-1.0, min(1.0, (bottom - top) / max(2 * half, 1e-12))))
     low = np.linspace(-math.pi / 2, slope, _RINGS + 1)
     high = np.linspace(slope, math.pi / 2, _RINGS + 1)
@@ -101,21 +101,21 @@ def _uneven_capsule(bottom: float, top: float, half: float) -> Any:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Faces:
-    """A mesh prim read at a time, ready to be cut into the parts that materials ask for."""
+    """A mesh prim at one time, ready to be split by material subset."""
 
     mesh: polygon_mesh.PolyMesh
-    rows: np.ndarray  # rows of the prim's faces that are drawn
-    subdivided: bool  # whether it is the cage of a subdivision surface
+    rows: np.ndarray  # rows of the prim's drawn faces
+    subdivided: bool  # whether it is the control cage of a subdivision surface
 
     def part(self, faces: np.ndarray | None) -> polygon_mesh.PolyMesh:
-        """Those of the prim's `faces` that are drawn (None: all)."""
+        """The mesh of the drawn faces among `faces` (None: all)."""
         if faces is None:
             return self.mesh
         return polygon_mesh.subset(self.mesh, np.flatnonzero(np.isin(self.rows, faces)))
 
 
 def _colors(given: MeshAttribute | None, diagnostics: Diagnostics, span: Span) -> MeshAttribute | None:
-    """Colours whose negative components count as 0, which is said."""
+    """Colours with negative components clamped to 0, with a warning."""
     if given is None or not (given.values < 0).any():
         return given
     diagnostics.warning("this mesh's colours have negative components, which count as 0", span)
@@ -123,10 +123,11 @@ def _colors(given: MeshAttribute | None, diagnostics: Diagnostics, span: Span) -
 
 
 def mesh(prim: Any, time: Any, uv_name: str | None, color_name: str | None, diagnostics: Diagnostics, span: Span) -> Faces | None:
-    """A Mesh prim as polygons counter-clockwise from outside, with the texture coordinates and colours of the primvars named.
+    """A Mesh prim as polygons counter-clockwise from outside, with the texture coordinates and colours of the named primvars.
 
-    Subdivision surfaces are drawn as their cages with smooth normals (as usdrecord at low complexity); other meshes with the
-    normals they have, or flat. None where there is nothing to draw, with a warning where the data contradict each other.
+    Subdivision surfaces become their control cages with smooth normals (as usdrecord at low complexity). Other meshes keep their
+    normals or
+    are flat. None for an empty mesh, with a warning for inconsistent data.
     """
     schema = UsdGeom.Mesh(prim)
     points = stage.numbers(schema.GetPointsAttr(), time, np.float64, 3)
@@ -164,7 +165,7 @@ def mesh(prim: Any, time: Any, uv_name: str | None, color_name: str | None, diag
 
 
 def _smooth(mesh: polygon_mesh.PolyMesh) -> MeshAttribute:
-    """Normals of a whole cage, before it is cut by material."""
+    """Smooth normals of a whole control cage, computed before it is split by material."""
     cut = triangulate.faces(mesh.points, mesh.indices, mesh.counts)
     return MeshAttribute(vertex_normals.vertex_normals(mesh.points, np.asarray(mesh.indices)[cut.corners]))
 
@@ -178,7 +179,7 @@ def _sound(indices: np.ndarray, points: np.ndarray) -> np.ndarray:
 def _normals(
     schema: Any, api: Any, time: Any, points: int, counts: np.ndarray, diagnostics: Diagnostics, span: Span
 ) -> MeshAttribute | None:
-    """primvars:normals, else normals."""
+    """Normals from primvars:normals, else from normals."""
     found = api.GetPrimvar("normals")
     if found and found.HasValue():
         return primvar(api, "normals", time, 3, points, counts, diagnostics, span)
@@ -191,7 +192,7 @@ def _normals(
 def primvar(
     api: Any, name: str, time: Any, width: int, points: int, counts: np.ndarray, diagnostics: Diagnostics, span: Span
 ) -> MeshAttribute | None:
-    """A primvar of a mesh or inherited by it, its indices resolved. None if there is none, with a warning if it does not fit."""
+    """A mesh's own or inherited primvar, indices resolved. None if absent, or if its size does not fit (with a warning)."""
     found = api.FindPrimvarWithInheritance(name)
     if not found or not found.HasValue():
         return None
@@ -228,7 +229,7 @@ def _attribute(
 
 
 def row(faces: Faces, chosen: np.ndarray | None, builder: SceneBuilder, span: Span, name: str) -> int:
-    """The builder's row of the `chosen` faces of a mesh prim (None: all), or NONE where none of them has area."""
+    """The builder's row of the `chosen` faces of a mesh prim (None: all); NONE if no face has area."""
     part = faces.part(chosen)
     if not len(part.counts):
         return NONE

@@ -1,7 +1,7 @@
-"""USD's lights as the IR's: L = intensity · 2^exposure · color · blackbody, as UsdLux defines it."""
+"""Imports USD lights: L = intensity · 2^exposure · color · blackbody, as UsdLux defines it."""
 
 # pyright: reportAttributeAccessIssue=false
-# (usd-core makes its modules' names at run time)
+# (usd-core creates its modules' names at run time)
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from .materials import Materials, asset
 from .stage import Opened
 
 KINDS = ("DistantLight", "SphereLight", "RectLight", "DiskLight", "DomeLight", "DomeLight_1", "CylinderLight")
-# The IR's area lights lie in their frame's y = 0 and shine to +y, USD's in z = 0 and to −z.
+# The IR's area lights lie in y = 0 of their frame and emit to +y; USD's lie in z = 0 and emit to −z.
 _TURNED = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
-_FULL_ANGLE = 90.0  # a cone this wide or wider shapes nothing
+_FULL_ANGLE = 90.0  # degrees; a cone of this angle or more has no effect
 
 
 @dataclass(frozen=True, slots=True)
 class _Light:
-    """A light prim at a time, and what its inputs hold."""
+    """A light prim at one time, with access to its inputs."""
 
     prim: Any
     opened: Opened
     matrix: np.ndarray  # (4, 4) to world
-    unit: float  # world units in one of the stage's own
+    unit: float  # world units per stage unit
 
     def number(self, name: str, fallback: float = 0.0) -> float:
         attribute = self.prim.GetAttribute(f"inputs:{name}") or self.prim.GetAttribute(name)
@@ -49,7 +49,7 @@ class _Light:
         return np.linalg.norm(self.matrix[:3, :3], axis=0)
 
     def radiance(self) -> np.ndarray:
-        """L before any normalisation, (3,)."""
+        """Radiance L before normalization, (3,)."""
         written = stage.numbers(self.prim.GetAttribute("inputs:color"), self.opened.time, np.float64)
         color = np.maximum(written, 0.0) if len(written) == 3 else np.ones(3)
         if self.number("enableColorTemperature"):
@@ -59,10 +59,10 @@ class _Light:
 
 
 def light(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: SceneBuilder, materials: Materials) -> None:
-    """Adds a light prim's light under the matrix (4, 4). `unit` is what the matrix scales the stage by.
+    """Adds the light of a light prim under the (4, 4) matrix. `unit` is the scale of the matrix for stage units.
 
-    What has no counterpart is said by name: cylinders become balls of the same area, cones shape balls and disks only, and
-    textures of area lights, IES profiles, focus and light filters are left out.
+    Unsupported features are reported by name. Cylinders become spheres of equal area; cones shape spheres and disks only.
+    Textures of area lights, IES profiles, focus and light filters are left out.
     """
     it = _Light(prim, opened, matrix, unit)
     kind = str(prim.GetTypeName())
@@ -88,7 +88,7 @@ def light(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: S
 
 
 def mesh_radiance(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, materials: Materials) -> Color | None:
-    """The radiance of a mesh with MeshLightAPI; None of any other prim. Its surface is drawn matt."""
+    """The radiance of a mesh with MeshLightAPI, drawn as a diffuse emitter; None for other prims."""
     if not prim.HasAPI("MeshLightAPI"):
         return None
     it = _Light(prim, opened, matrix, unit)
@@ -104,7 +104,7 @@ def mesh_radiance(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, ma
 
 
 def _casts_shadows(it: _Light, materials: Materials) -> bool:
-    """ShadowAPI's shadow:enable; its other inputs are said."""
+    """Value of ShadowAPI's shadow:enable; its other inputs are reported as unsupported."""
     for name, plain in (("shadow:color", np.zeros(3)), ("shadow:distance", np.full(1, -1.0)), ("shadow:falloff", np.full(1, -1.0))):
         value = stage.numbers(it.prim.GetAttribute(f"inputs:{name}"), it.opened.time, np.float64).reshape(-1)
         if len(value) and not np.array_equal(value, plain):
@@ -114,7 +114,7 @@ def _casts_shadows(it: _Light, materials: Materials) -> bool:
 
 
 def _distant(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials: Materials) -> LightData:
-    """A disk of the sky `angle` across: E = L π sin²(angle/2), or E = L where normalised or a point."""
+    """A directional light of diameter `angle`: E = L π sin²(angle/2), or E = L if normalized or of zero angle."""
     half = math.radians(min(max(it.number("angle", 0.53), 0.0), 360.0)) / 2
     area = math.pi * math.sin(min(half, math.pi / 2)) ** 2
     irradiance = radiance if it.number("normalize") or area == 0 else radiance * area
@@ -136,7 +136,7 @@ def _cylinder(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials
 
 
 def _ball(it: _Light, radiance: np.ndarray, radius: float, area: float, builder: SceneBuilder, materials: Materials) -> LightData | None:
-    """A ball, the point light it is far away (treatAsPoint), or a spot where a cone shapes it."""
+    """A sphere light; a point light for treatAsPoint, a spot light with a shaping cone."""
     size = float(it.scale.mean())
     in_world = radius * size
     if it.number("normalize") and area > 0:
@@ -158,7 +158,7 @@ def _shaped(it: _Light) -> bool:
 
 
 def _spot(it: _Light, intensity: np.ndarray, position: Color) -> LightData:
-    """`softness` is the share of the cone over which the light fades."""
+    """A spot light. `softness` is the fraction of the cone over which intensity falls off."""
     cone = math.radians(max(it.number("shaping:cone:angle", 90.0), 0.0))
     soft = min(max(it.number("shaping:cone:softness"), 0.0), 1.0)
     along = -it.matrix[:3, 2] / max(np.linalg.norm(it.matrix[:3, 2]), 1e-300)
@@ -191,7 +191,7 @@ def _disk(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials: Ma
 
 
 def _dome(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials: Materials) -> LightData | None:
-    """The whole sky; its picture is latitude–longitude, top to the dome's +y."""
+    """A dome light; its image is latitude–longitude with the top at the dome's +y."""
     layout = it.prim.GetAttribute("inputs:texture:format")
     written = str(layout.Get(it.opened.time)) if layout else "automatic"
     value = stage.value(it.prim.GetAttribute("inputs:texture:file"), it.opened.time)
@@ -211,7 +211,7 @@ def _dome(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials: Ma
 
 
 def _pole(it: _Light) -> np.ndarray:
-    """DomeLight_1 may have its pole along z; the older DomeLight's is always y."""
+    """The pole of a dome. DomeLight_1 may have it along z; the older DomeLight has it along y."""
     attribute = it.prim.GetAttribute("poleAxis")
     pole = str(attribute.Get(it.opened.time)) if attribute else "Y"
     if pole == "scene":
@@ -226,7 +226,7 @@ _MAKERS = {
 
 
 def _rigid(matrix: np.ndarray) -> np.ndarray:
-    """The matrix without its scale: z keeps its direction, x as near as can be; right-handed also where the matrix mirrors."""
+    """The matrix without scale: z keeps its direction, x stays as near as possible; right-handed even for a mirroring matrix."""
     made = np.eye(4)
     z = matrix[:3, 2] / max(np.linalg.norm(matrix[:3, 2]), 1e-300)
     x = matrix[:3, 0] - (matrix[:3, 0] @ z) * z

@@ -1,7 +1,7 @@
-"""The door for USD: a stage becomes a scene of its own, or is placed in one."""
+"""Entry points of the USD importer: converts a stage to a scene, or places it in one."""
 
 # pyright: reportAttributeAccessIssue=false
-# (usd-core makes its modules' names at run time)
+# (usd-core creates its modules' names at run time)
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ def scene(
     path: Path, builder: SceneBuilder, *, time: float | None = None, code: float | None = None, variants: Mapping[str, str] | None = None,
     later: float = 0.0,
 ) -> ir.Scene:  # fmt: skip
-    """The scene in a stage. `time` is in seconds from the stage's start, `code` a time code; without either it is read at its earliest;
-    `later` seconds are added to it.
+    """The scene of a stage. `time` is seconds from the stage's start, `code` a time code.
 
-    Cameras are all there, by their paths: the first is main_cam, or one that frames everything as usdrecord does. A stage without
-    lights is lit from that camera. Lengths are the stage's own units. What is wrong goes to the builder's diagnostics.
+    Without either, the earliest time is read. `later` seconds are added.
+    All cameras are imported by path. The first is main_cam, or one that frames everything as usdrecord does.
+    A stage without lights gets a light at that camera. Lengths are in the stage's units. Problems go to the builder's diagnostics.
     """
     opened = open_(path, str(path), builder.diagnostics, None, seconds=time, time=code, variants=variants)
     if opened is None or builder.diagnostics.failed:
@@ -38,7 +38,7 @@ def scene(
     opened.wait(later)
     reports = Reports(path)
     walk = Walk(opened, builder)
-    with np.errstate(all="ignore"):  # what is not finite is found by those who use it
+    with np.errstate(all="ignore"):  # consumers of non-finite values detect them
         walk.run(opened.stage.GetPseudoRoot(), opened.frame, opened.frame)
         walk.place()
         said = _cameras(walk)
@@ -57,9 +57,9 @@ def place(
     builder: SceneBuilder, path: Path, span: Span, matrix: np.ndarray, material: int = -1, prim: str | None = None, name: str = "",
     variants: Mapping[str, str] | None = None,
 ) -> None:  # fmt: skip
-    """Places a stage, or one `prim` of it, in a scene: shapes and lights, in metres, under `matrix` (4, 4). Cameras stay behind.
+    """Places a stage, or one `prim` of it, in a scene: shapes and lights, in metres, under `matrix` (4, 4).
 
-    `material` (a row) is for what has neither a material nor a displayColor; `name` goes before the prims' paths.
+    Cameras are left out. `material` (a row) is for prims without a material and displayColor; `name` prefixes the prims' paths.
     """
     opened = open_(path, str(path), builder.diagnostics, span, variants=variants)
     if opened is None:
@@ -91,7 +91,7 @@ def _first(opened: Opened) -> str:
 
 
 def _cameras(walk: Walk) -> list[str]:
-    """Adds the cameras, the one that is used by default first, and light from there if the stage has none; says what was not in it."""
+    """Adds the cameras, default first, and a light at that camera if the stage has none. Returns notes about the additions."""
     main = UsdUtils.GetPrimaryCameraName()
     cameras = sorted(walk.cameras, key=lambda item: item[0].GetName() != main)
     said, eye = [], None
@@ -111,7 +111,7 @@ def _cameras(walk: Walk) -> list[str]:
 
 
 def _head_light(eye: np.ndarray, builder: SceneBuilder) -> None:
-    """Light from a camera that does not grow weaker with distance; a white matt surface facing it shows 1."""
+    """Adds a light at the camera without distance falloff; a white diffuse surface facing it has value 1."""
     x, y, z = (float(c) for c in eye[:3, 3])
     white = (math.pi, math.pi, math.pi)
     kind, even = ir.FalloffKind.POLYNOMIAL, (1.0, 0.0, 0.0)

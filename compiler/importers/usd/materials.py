@@ -1,10 +1,10 @@
-"""USD's materials: UsdPreviewSurface networks as preview.Surface, with their pictures and primvars.
+"""Imports USD materials: UsdPreviewSurface networks with their textures and primvars.
 
-Node by node after the UsdPreviewSurface Specification, version 2.6.
+Nodes follow the UsdPreviewSurface Specification, version 2.6.
 """
 
 # pyright: reportAttributeAccessIssue=false
-# (usd-core makes its modules' names at run time)
+# (usd-core creates its modules' names at run time)
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _NUMBERS = {
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A UsdUVTexture as wired: its node, the output taken, the primvar that gives its coordinates and their frame."""
+    """A connected UsdUVTexture: node, output, primvar of the texture coordinates, and their frame."""
 
     shader: Any
     output: str
@@ -58,7 +58,7 @@ class Primvar:
 
 @dataclass(frozen=True, slots=True)
 class Network:
-    """A material's surface: for each input of UsdPreviewSurface its value, Picture or Primvar."""
+    """A material's surface: for each input of UsdPreviewSurface a value, Picture or Primvar."""
 
     path: str
     name: str
@@ -66,20 +66,20 @@ class Network:
 
     @property
     def uv_name(self) -> str | None:
-        """The primvar that its pictures take their coordinates from (the diffuse one's where they differ)."""
+        """The primvar of the texture coordinates; where textures differ, that of the diffuse texture."""
         pictures = [given for given in self.inputs.values() if isinstance(given, Picture)]
         return pictures[0].varname if pictures else None
 
     @property
     def color_name(self) -> str | None:
-        """The primvar that is its colour."""
+        """The primvar of the diffuse colour."""
         source = self.inputs.get("diffuseColor")
         return source.name if isinstance(source, Primvar) else None
 
 
 @dataclass(slots=True)
 class Materials:
-    """The materials of one stage, each network read once and each row made once."""
+    """The materials of one stage; each network is read once and each row created once."""
 
     opened: Opened
     builder: SceneBuilder
@@ -88,13 +88,13 @@ class Materials:
     told: set[str] = field(default_factory=set)
 
     def tell(self, message: str, prim: Any) -> None:
-        """A warning, once for each message."""
+        """Emits a warning, once for each message."""
         if message not in self.told:
             self.told.add(message)
             self.builder.diagnostics.warning(message, self.opened.span(prim))
 
     def bound(self, prim: Any) -> Network | None:
-        """The network bound to a prim, full before preview before all-purpose; None without one that is understood."""
+        """The network bound to a prim, by purpose full, then preview, then all-purpose. None if absent or unsupported."""
         api = UsdShade.MaterialBindingAPI(prim)
         material, relation = api.ComputeBoundMaterial(UsdShade.Tokens.full)
         if material and not str(relation.GetName()).startswith("material:binding:full"):
@@ -127,7 +127,7 @@ class Materials:
         return Network(str(prim.GetPath()), str(prim.GetName()), inputs)
 
     def _source(self, given: Any, fallback: Any) -> Any:
-        """What an input comes from: a value, Picture or Primvar, through node graphs and interfaces."""
+        """Source of an input: a value, Picture or Primvar, resolved through node graphs and interfaces."""
         if not given:
             return fallback
         for attribute in given.GetValueProducingAttributes():
@@ -147,7 +147,7 @@ class Materials:
         return fallback
 
     def _node(self, attribute: Any) -> Any:
-        """The shader whose output an attribute is, or None for a value."""
+        """The shader that owns an output attribute; None for a value."""
         shader = UsdShade.Shader(attribute.GetPrim())
         return shader if shader and UsdShade.Output.IsOutput(attribute) else None
 
@@ -156,7 +156,7 @@ class Materials:
         return str(value)
 
     def _coordinates(self, node: Any) -> tuple[str, Any]:
-        """The primvar of a texture's st input, and the frame of the UsdTransform2d nodes on the way: scaled, turned, moved."""
+        """The primvar of a texture's st input, and the frame of the UsdTransform2d nodes between: scaled, rotated, translated."""
         frame = np.eye(3)
         given = node.GetInput("st")
         for _ in range(16):
@@ -185,19 +185,19 @@ class Materials:
     # --- rows ---
 
     def without_negatives(self, color: Color, prim: Any, what: str) -> Color:
-        """A colour whose negative components count as 0, which is said."""
+        """A colour with negative components clamped to 0, with a warning."""
         if min(color) >= 0:
             return color
         self.tell(f"{what} has a negative component, which counts as 0", prim)
         return (max(color[0], 0.0), max(color[1], 0.0), max(color[2], 0.0))
 
     def matt_light(self, color: Color, radiance: Color, name: str) -> int:
-        """The row of a mesh light: matt, with the light's radiance as its emission."""
+        """The row of a mesh light's material: diffuse, with the light's radiance as emission."""
         inputs = {ir.Slot.AMBIENT: Input(color), ir.Slot.DIFFUSE: Input(color), ir.Slot.EMISSION: Input(radiance)}
         return self.builder.material(MaterialData(inputs=inputs, name=name))
 
     def plain(self, color: Color, opacity: float, name: str) -> int:
-        """The row of a prim without a material: matt, in its displayColor."""
+        """The row for a prim without a material: diffuse, in its displayColor."""
         if opacity < 1.0:
             matt, clear = Input(scaled(color, opacity)), Input(scaled(WHITE, 1.0 - opacity))
             inputs = {ir.Slot.AMBIENT: matt, ir.Slot.DIFFUSE: matt, ir.Slot.TRANSMISSION: clear, ir.Slot.IOR: Input.number(1.0)}
@@ -205,7 +205,7 @@ class Materials:
         return self.builder.material(lambert(color, name=name))
 
     def row(self, network: Network, prim: Any, colored: bool) -> int:
-        """The row of a network for a prim, whose primvars it may read. `colored`: the mesh itself carries the colour."""
+        """The row of a network for a prim, whose primvars it may read. `colored`: the mesh has vertex colours."""
         i = network.inputs
         diffuse = Input(WHITE) if colored else self._color(i["diffuseColor"], DEFAULT_COLOR, prim)
         specular = None
@@ -231,7 +231,7 @@ class Materials:
         return Input(self.without_negatives(_rgb(given, fallback), prim, "a colour of this prim's material"))
 
     def _normal(self, source: Any) -> Input | None:
-        """A normal map; None where its picture is not to be had. A file that leaves its colours from 0 to 1 is read as −1 to 1."""
+        """A normal map; None if its image is missing. Without scale and bias, values 0 to 1 are read as −1 to 1."""
         if not isinstance(source, Picture):
             return None
         gain, bias, _ = self._levels(source)
@@ -245,14 +245,14 @@ class Materials:
         return Input(WHITE, texture)
 
     def _holes(self, picture: Picture) -> Input:
-        """Opacity from a picture; its node's fallback where there is none to be had."""
+        """Opacity from a texture; its node's fallback if the image is missing."""
         texture, _ = self._texture(picture)
         if texture != NONE:
             return Input.number(1.0, texture)
         return Input.number(self._levels(picture)[2][_CHANNELS.get(picture.output, 0)])
 
     def _number(self, source: Any, fallback: float, prim: Any) -> Input:
-        """A number, from a picture's channel where one is wired."""
+        """A number, or the channel of a connected texture."""
         if not isinstance(source, Picture):
             return Input.number(self._mean_of(source, fallback, prim))
         texture, _ = self._texture(source, color=False)
@@ -261,7 +261,7 @@ class Materials:
         return Input.number(float(self._levels(source)[2][_CHANNELS.get(source.output, 0)]))
 
     def _mean_of(self, source: Any, fallback: float, prim: Any) -> float:
-        """A number that is the same all over a surface."""
+        """A number that must be constant over the surface."""
         if isinstance(source, Picture):
             self.tell(f"a picture stands where one number is wanted: its fallback is drawn (`{source.shader.GetPath().name}`)", prim)
             return float(self._levels(source)[2][_CHANNELS.get(source.output, 0)])
@@ -274,14 +274,14 @@ class Materials:
         return value if math.isfinite(value) else fallback
 
     def _primvar(self, source: Primvar, prim: Any) -> Any:
-        """A primvar's constant value on a prim, or its mean with a warning where it varies."""
+        """A primvar's constant value on a prim; its mean, with a warning, if it varies."""
         mean, count = primvar_mean(prim, source.name, self.opened.time)
         if count > 1:
             self.tell(f"the primvar `{source.name}` varies over the surface: its mean is drawn", prim)
         return source.fallback if mean is None else mean
 
     def _texture(self, picture: Picture, color: bool = True, whole: bool = False) -> tuple[int, Color]:
-        """A texture's row, or NONE and the node's fallback where there is no picture to be had: a colour, a number, or `whole` data."""
+        """A texture's row: a colour, a number, or `whole` data. NONE and the node's fallback if the image is missing."""
         gain, bias, missing = self._levels(picture)
         found = self._picture(picture)
         if found is None:
@@ -303,7 +303,7 @@ class Materials:
         return self.builder.texture(made, self.opened.span(picture.shader.GetPrim())), WHITE
 
     def _levels(self, picture: Picture) -> tuple[Any, Any, Any]:
-        """scale, bias and fallback of a UsdUVTexture, four floats each."""
+        """Scale, bias and fallback of a UsdUVTexture, four floats each."""
         defaults = {"scale": (1.0,) * 4, "bias": (0.0,) * 4, "fallback": (0.0, 0.0, 0.0, 1.0)}
         found = {k: self._source(picture.shader.GetInput(k), v) for k, v in defaults.items()}
         scale, bias, fallback = (tuple(map(float, v)) if len(v) == 4 else defaults[k] for k, v in found.items())
@@ -315,7 +315,7 @@ class Materials:
 
 @dataclass(frozen=True, slots=True)
 class Asset:
-    """A file that a stage names, on disk or inside of a package."""
+    """A file referenced by a stage, on disk or inside a package."""
 
     path: str
 
@@ -324,7 +324,7 @@ class Asset:
         return self.path.rsplit("/", 1)[-1].rstrip("]")
 
     def source(self) -> str | bytes:
-        """Its path, or its bytes out of the package."""
+        """Its path, or its bytes from the package."""
         if not self.path.endswith("]"):
             return self.path
         opened = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(self.path))
@@ -340,7 +340,7 @@ class Asset:
 
 
 def asset(value: Any, materials: Materials, prim: Any) -> Asset | None:
-    """The file that an asset-valued attribute names, or None and a warning where it names none that is there."""
+    """The file of an asset-valued attribute. None and a warning if it does not exist."""
     written = str(getattr(value, "path", value) or "")
     if not written:
         materials.tell("the texture names no file: its fallback is drawn", prim)

@@ -1,7 +1,7 @@
-"""Opens USD stages: errors as diagnostics, variants chosen, the time to read at, the frame that makes y point up."""
+"""Opens USD stages: errors as diagnostics, variant selection, time, up-axis conversion."""
 
 # pyright: reportAttributeAccessIssue=false
-# (usd-core makes its modules' names at run time)
+# (usd-core creates its modules' names at run time)
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MAX_WARNINGS = 20
 
 @dataclass(slots=True)
 class Opened:
-    """A stage ready to be read. `frame` (4, 4) turns its up axis to y; `time` is a Usd.TimeCode."""
+    """An open stage. `frame` (4, 4) rotates its up axis to y; `time` is a Usd.TimeCode."""
 
     stage: Any
     path: Path
@@ -31,10 +31,10 @@ class Opened:
     time: Any
     frame: np.ndarray
     meters_per_unit: float
-    within: Files | None = None  # what it may read where a .scene uses it; a stage that is rendered itself is the user's choice
+    within: Files | None = None  # limits a stage used by a .scene; None for a stage rendered directly
 
     def wait(self, seconds: float) -> None:
-        """Read it so much later; a stage that is read at its earliest time, from its start."""
+        """Advance the time by `seconds`; a stage read at its earliest time continues from its start."""
         if seconds:
             begin = self.stage.GetStartTimeCode() if self.time == Usd.TimeCode.EarliestTime() else self.time.GetValue()
             self.time = Usd.TimeCode(begin + seconds * self.stage.GetTimeCodesPerSecond())
@@ -43,24 +43,24 @@ class Opened:
         return Span(f"{self.name}<{prim.GetPath()}>")
 
     def fenced_off(self, path: str) -> bool:
-        """Whether a layer or picture (of a package: `x.usdz[y.png]`) is one that the scene using this stage may not read."""
+        """Whether the scene that uses this stage may not read a layer or image (in a package: `x.usdz[y.png]`)."""
         return self.within is not None and not self.within.allows(path.split("[", 1)[0])
 
     @property
     def files(self) -> tuple[str, ...]:
-        """The layers that were read from disk, the stage's own first."""
+        """Paths of the layers read from disk, the root layer first."""
         layers = sorted(layer.realPath for layer in self.stage.GetUsedLayers())
         return tuple(dict.fromkeys(path for path in (self.stage.GetRootLayer().realPath, *layers) if path))
 
 
 def value(attribute: Any, time: Any) -> Any:
-    """An attribute's value; None where there is none, or one of a type that its schema does not have."""
+    """An attribute's value; None if absent, or if its type differs from the schema's."""
     found = attribute.Get(time) if attribute else None
     return None if isinstance(found, Sdf.UnregisteredValue) else found
 
 
 def number(attribute: Any, time: Any, fallback: float = 0.0) -> float:
-    """An attribute's value as a float; `fallback` where it is none."""
+    """An attribute's value as a float; `fallback` if absent."""
     try:
         return float(value(attribute, time))
     except (TypeError, ValueError):
@@ -68,7 +68,7 @@ def number(attribute: Any, time: Any, fallback: float = 0.0) -> float:
 
 
 def numbers(attribute: Any, time: Any, dtype: type, width: int = 0) -> np.ndarray:
-    """An attribute's value as an array (n,) or (n, width), empty where it is none."""
+    """An attribute's value as an array (n,) or (n, width); empty if absent."""
     found = value(attribute, time)
     try:
         made = np.array(found if found is not None else (), dtype=dtype)
@@ -78,7 +78,7 @@ def numbers(attribute: Any, time: Any, dtype: type, width: int = 0) -> np.ndarra
 
 
 def primvar_mean(prim: Any, name: str, time: Any) -> tuple[np.ndarray | None, int]:
-    """The value of a prim's own or inherited primvar, (width,), its mean where it has many, and how many it has; None without one."""
+    """Mean (width,) of a prim's own or inherited primvar, and its number of values; None if absent."""
     found = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name) if name else None
     flat = found.ComputeFlattened(time) if found and found.HasValue() else None
     try:
@@ -93,7 +93,7 @@ def primvar_mean(prim: Any, name: str, time: Any) -> tuple[np.ndarray | None, in
 
 
 class Reports:
-    """Collects what usd-core has to say, which it else prints, as warnings."""
+    """Captures usd-core's messages, which it would print, and emits them as warnings."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -112,8 +112,10 @@ def open_(
     path: Path, name: str, diagnostics: Diagnostics, span: Span | None, *, seconds: float | None = None, time: float | None = None,
     variants: Mapping[str, str] | None = None,
 ) -> Opened | None:  # fmt: skip
-    """The stage in a file, or None and an error. `seconds` count from the stage's start, `time` is a time code; without either it is
-    read at its earliest time, as usdrecord does. `variants` are {"/prim:set": "name"}."""
+    """The stage in a file, or None and an error. `seconds` count from the stage's start, `time` is a time code.
+
+    Without either, the earliest time is read, as usdrecord does. `variants` are {"/prim:set": "name"}.
+    """
     reports = Reports(path)
     whole = span or Span(name)
     try:
@@ -144,7 +146,7 @@ def open_(
 
 
 def _choose(stage: Any, where: str, choice: str, diagnostics: Diagnostics, span: Span) -> None:
-    """Select a variant in the session layer, so that no file changes."""
+    """Select a variant in the session layer; no file changes."""
     path, _, set_name = where.rpartition(":")
     if not Sdf.Path.IsValidPathString(path) or not Sdf.Path(path).IsAbsoluteRootOrPrimPath():
         diagnostics.error(f"`{where}` names no variant set", span, "write --variant /prim:set=name")
@@ -174,14 +176,14 @@ def _listed(what: str, names: list[str]) -> str:
 
 
 def reason(failure: Exception, path: Path) -> str:
-    """The first of usd-core's messages: its lines are `Error in 'function' at line n in file f : 'message'`."""
+    """The first of usd-core's messages. Its lines are `Error in 'function' at line n in file f : 'message'`."""
     lines = str(failure).strip().splitlines() or ["no reason given"]
     first = next((line for line in lines if "Error in" in line), lines[-1])
     return _plain(first.partition(" : '")[2].rstrip("'") or first, path)
 
 
 def _plain(message: str, path: Path) -> str:
-    """A message on one line, with files as seen from the stage's folder and without usd-core's own objects."""
+    """A message on one line, with paths relative to the stage's folder and without usd-core's object names."""
     line = " ".join(message.split())
     line = re.sub(r" \(instantiating stage on stage .*?>\)", "", line)
     line = re.sub(r" matching \S*pxrInternal\S*", "", line)

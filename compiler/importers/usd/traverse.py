@@ -1,7 +1,7 @@
-"""Walks a USD stage and gathers what is drawn: pieces of geometry with materials and places, lights and cameras."""
+"""Traverses a USD stage: collects geometry with materials and transforms, lights and cameras."""
 
 # pyright: reportAttributeAccessIssue=false
-# (usd-core makes its modules' names at run time)
+# (usd-core creates its modules' names at run time)
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .materials import DEFAULT_COLOR, DISPLAY_COLOR, Materials, Network
 from .stage import Opened, numbers, primvar_mean, reason
 
 MAX_INSTANCES = 4_000_000
-MAX_NESTING = 32  # instancers inside of instancers
+MAX_NESTING = 32  # levels of nested point instancers
 _NOT_DRAWN = {
     "Points", "BasisCurves", "NurbsCurves", "HermiteCurves", "NurbsPatch", "TetMesh", "Volume", "ParticleField",
     "ParticleField3DGaussianSplat", "PortalLight", "GeometryLight", "PluginLight",
@@ -31,7 +31,7 @@ _UV_NAMES = ("st", "UVMap", "uv", "map1", "Texture_uv")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Piece:
-    """A geometry with its material in the frame it was gathered for; `prim` is whose it is."""
+    """A geometry with its material and transform. `prim` owns it."""
 
     geometry: int
     material: int
@@ -43,23 +43,23 @@ class Piece:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Here:
-    """What a prim inherits on the way down."""
+    """Inherited state of a prim during traversal."""
 
     matrix: np.ndarray
-    base: np.ndarray  # the frame that !resetXformStack! goes back to
+    base: np.ndarray  # the frame that !resetXformStack! returns to
     purpose: str
     instancers: int = 0
 
 
 @dataclass(slots=True)
 class Walk:
-    """One pass over a stage. `pieces` hold what is drawn by purpose; lights go to the builder as they are met."""
+    """One traversal of a stage. `pieces` holds geometry by purpose; lights go to the builder directly."""
 
     opened: Opened
     builder: SceneBuilder
     unit: float = 1.0
-    material: int = NONE  # of what has none of its own
-    prefix: str = ""  # before the names of instances
+    material: int = NONE  # for prims without a material
+    prefix: str = ""  # prefix of instance names
     pieces: dict[str, list[Piece]] = field(default_factory=lambda: {"default": [], "render": [], "proxy": [], "guide": []})
     cameras: list[tuple[Any, np.ndarray]] = field(default_factory=list)
     materials: Materials = field(init=False)
@@ -72,7 +72,7 @@ class Walk:
         self.materials = Materials(self.opened, self.builder)
 
     def run(self, root: Any, matrix: np.ndarray, base: np.ndarray) -> None:
-        """Gather everything at `root` and below; `matrix` (4, 4) is its parent's place, `base` the world's."""
+        """Traverse `root` and its descendants. `matrix` (4, 4) is its parent's transform, `base` the world's."""
         purpose = "default"
         if not root.IsPseudoRoot():
             imageable = UsdGeom.Imageable(root)
@@ -83,11 +83,11 @@ class Walk:
         self._below(root, _Here(matrix, base, purpose), self.pieces)
 
     def drawn(self) -> list[Piece]:
-        """What is for the eye: default and render, or proxies where there is nothing else."""
+        """Geometry to draw: purposes default and render, or proxy if there is none."""
         return self.pieces["default"] + self.pieces["render"] or self.pieces["proxy"]
 
     def place(self) -> None:
-        """Make instances of all that is drawn."""
+        """Make instances of all drawn geometry."""
         for piece in self.drawn():
             span = self.opened.span(piece.prim)
             row = self.builder.transform(piece.matrix, span)
@@ -95,7 +95,7 @@ class Walk:
             self.builder.instance(InstanceData(piece.geometry, row, material, name=self.prefix + piece.name), span)
 
     def _below(self, root: Any, here: _Here, into: dict[str, list[Piece]]) -> None:
-        """A prim and all below it, without recursion but for instancers."""
+        """Traverse a prim and its descendants; recursive only for point instancers."""
         predicate = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
         waiting = [(root, here)]
         while waiting:
@@ -116,7 +116,7 @@ class Walk:
             waiting += [(child, now) for child in reversed(prim.GetFilteredChildren(predicate))]
 
     def _state(self, prim: Any, above: _Here) -> _Here | None:
-        """What holds at a prim, or None where it is invisible."""
+        """The traversal state of a prim; None if invisible."""
         imageable = UsdGeom.Imageable(prim) if not prim.IsPseudoRoot() else None
         if not imageable:
             return above
@@ -158,7 +158,7 @@ class Walk:
     # --- geometry with its material ---
 
     def _source(self, prim: Any) -> str:
-        """Where a prim's geometry comes from: one path for all native instances."""
+        """Key of a prim's geometry: the prototype's path for native instances."""
         own = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
         return str(own.GetPath())
 
@@ -175,7 +175,7 @@ class Walk:
         return [Piece(shape.geometry, row, matrix @ shape.matrix, prim, str(prim.GetPath()), own)]
 
     def _mesh(self, prim: Any, matrix: np.ndarray) -> list[Piece]:
-        """A mesh's pieces: one for each subset with a material, and the faces in none."""
+        """A mesh's pieces: one for each subset with a material, and one for the remaining faces."""
         subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
         if not subsets:
             return self._part(prim, prim, None, "", matrix)
@@ -213,7 +213,7 @@ class Walk:
         return [Piece(self._geometries[key], row, matrix, prim, str(owner.GetPath()), own)]
 
     def _uv_name(self, prim: Any) -> str | None:
-        """A mesh's texture coordinates where no material names some: for the uv channel."""
+        """The texture coordinates of a mesh whose material names none, for the uv channel."""
         for name in _UV_NAMES:
             attribute = prim.GetAttribute(f"primvars:{name}")
             if attribute and attribute.HasAuthoredValue():
@@ -245,7 +245,7 @@ class Walk:
     # --- point instancers ---
 
     def _instancer(self, instancer: Any, here: _Here, into: dict[str, list[Piece]]) -> None:
-        """Each prototype is gathered once, in its own frame, and placed where the instancer says."""
+        """Collects each prototype once, in its own frame, and places it at each instance."""
         prim, time = instancer.GetPrim(), self.opened.time
         if here.instancers >= MAX_NESTING:
             self.materials.tell("point instancers contain each other", prim)
@@ -279,7 +279,7 @@ class Walk:
             self._spread(gathered, here.matrix @ places[chosen], ids[chosen], prim, into)
 
     def _instance_materials(self, prim: Any) -> list[int]:
-        """A material for each instance of a point instancer that has a displayColor for each; none where it has not."""
+        """Materials of a point instancer with a displayColor for each instance; empty otherwise."""
         found = UsdGeom.PrimvarsAPI(prim).GetPrimvar(DISPLAY_COLOR)
         if not found or not found.HasValue() or str(found.GetInterpolation()) == "constant":
             return []
@@ -294,7 +294,7 @@ class Walk:
         return [rows[color.tobytes()] for color in colors]
 
     def _places(self, instancer: Any, count: int) -> np.ndarray | None:
-        """(n, 4, 4) of the instances that are not masked, without the prototypes' own transforms; None if they do not fit."""
+        """Transforms (n, 4, 4) of the unmasked instances, without the prototypes' own. None for inconsistent data."""
         time, kind = self.opened.time, UsdGeom.PointInstancer
         matrices = instancer.ComputeInstanceTransformsAtTime(time, time, kind.ExcludeProtoXform, kind.ApplyMask)
         if not matrices and count:

@@ -1,4 +1,4 @@
-"""The scene builder: the one place where rows of the IR's tables are made."""
+"""Scene builder: creates the rows of the IR's tables."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from ..io.sandbox import LIBRARY, Files
 from . import shape_bounds, transforms
 from .row_records import BLACK, WHITE, CameraData, Color, Input, InstanceData, LightData, MaterialData, MeshAttribute, MeshData, TextureData
 
-NONE = -1  # the row of what was not accepted; the diagnostics say why
-FARTHEST = 1e100  # coordinates whose squares stay finite
-FARTHEST_PLACE = 1e30  # of a transform: single precision ends at 3.4e38
+NONE = -1  # the row of a rejected item; a diagnostic says why
+FARTHEST = 1e100  # largest coordinate; its square stays finite
+FARTHEST_PLACE = 1e30  # largest coordinate of a transform; single precision ends at 3.4e38
 SPANNED = ("geometries", "instances", "materials", "textures", "lights", "cameras", "settings")
 _EXPECTED = {ir.Interpolation.FACE: "one a triangle", ir.Interpolation.VERTEX: "one a vertex", ir.Interpolation.CORNER: "one a corner"}
 
 
 class SceneBuilder:
-    """Collects rows and returns their indices; `finish` makes the immutable ir.Scene.
+    """Collects rows and returns their indices; `finish` returns the immutable ir.Scene.
 
-    Equal transforms, shapes, textures and materials become one row. Whatever is wrong with a row is a diagnostic, and the
-    row is NONE, which every later method takes and leaves out.
+    Equal transforms, shapes, textures and materials share one row. An invalid row is reported as a diagnostic and becomes NONE.
+    Every method accepts NONE and leaves it out.
     """
 
     def __init__(self, diagnostics: Diagnostics | None = None, files: Files | None = None) -> None:
-        """`files` says what may be read by whoever fills this builder (nothing beyond the library when not given)."""
+        """`files` decides which files may be read while this builder is filled (default: the library only)."""
         self.diagnostics = diagnostics if diagnostics is not None else Diagnostics()
         self.files = files if files is not None else Files(LIBRARY)
         self._matrices: list[np.ndarray] = []
@@ -43,16 +43,16 @@ class SceneBuilder:
         self._tapes: list[Tape] = []
         self._pools: dict[str, list[np.ndarray]] = {name: [] for name in (*ir.Pools._fields, "texels")}
         self._length: dict[str, int] = dict.fromkeys(self._pools, 0)
-        self._colorful: list[bool] = []  # of each picture: whether its channels differ
-        self._holes: list[bool] = []  # of each picture: whether it is not opaque everywhere
+        self._colorful: list[bool] = []  # of each image: whether its channels differ
+        self._holes: list[bool] = []  # of each image: whether some alpha is below 1
         self.transform(np.eye(4))
 
     # --- transforms ---
 
     def transform(self, matrix: np.ndarray, span: Span | None = None) -> int:
-        """The row of a (3, 4) or (4, 4) object-to-world matrix. NONE and a warning if it has no inverse."""
+        """The row of a (3, 4) or (4, 4) object-to-world matrix. NONE and a warning if it is singular."""
         affine = np.ascontiguousarray(np.asarray(matrix, dtype=np.float64)[:3])
-        key = ("transform", (affine + 0.0).tobytes())  # + 0.0: −0 and 0 are the same
+        key = ("transform", (affine + 0.0).tobytes())  # + 0.0: −0 becomes 0
         row = self._known.get(key)
         if row is not None:
             return row
@@ -85,7 +85,7 @@ class SceneBuilder:
         return row
 
     def formula(self, tape: Tape, bounds: np.ndarray, parameters: Sequence[float], span: Span | None = None, name: str = "") -> int:
-        """The row of a formula's surface in a box (2, 3); `parameters` are ir.GeometryKind.FORMULA's without the last."""
+        """The row of an implicit surface in a box (2, 3); `parameters` are those of ir.GeometryKind.FORMULA without the last."""
         numbers = (*map(float, parameters), float(np.abs(bounds).max()))
         row = self.tape(tape)
         columns = (NONE, NONE, NONE, row)
@@ -95,20 +95,20 @@ class SceneBuilder:
         )
 
     def shape(self, geometry: int) -> tuple[ir.GeometryKind, tuple[float, ...], np.ndarray, Tape | None]:
-        """(kind, parameters, bounds, tape of a formula) of a row, for what is made of other shapes."""
+        """(kind, parameters, bounds, tape of a formula) of a geometry row."""
         row = dict(zip(ir.Geometries._fields, self._rows["geometries"][geometry], strict=True))
         tape = self._tapes[row["tape"]] if row["tape"] >= 0 else None
         return ir.GeometryKind(row["kind"]), row["parameters"], np.array(row["bounds"], np.float64), tape
 
     def triangles(self, geometry: int) -> tuple[np.ndarray, np.ndarray]:
-        """(positions (n, 3), triangles (m, 3)) of a mesh's row, in its own frame."""
+        """(positions (n, 3), triangles (m, 3)) of a mesh row, in its own frame."""
         row = dict(zip(ir.Geometries._fields, self._rows["geometries"][geometry], strict=True))
         first, begin = row["first_triangle"], row["first_vertex"]
         triangles = _of(self._pools["triangles"], first, row["triangle_count"])
         return _of(self._pools["positions"], begin, row["vertex_count"]).astype(np.float64) + row["origin"], triangles - begin
 
     def tape(self, tape: Tape) -> int:
-        """The row of a tape; an equal one is shared."""
+        """The row of a tape; equal tapes share one."""
         key = ("tape", tape.structure(), tape.constants.tobytes())
         if key not in self._known:
             results = (*tape.results, *(0,) * (4 - len(tape.results)))
@@ -120,8 +120,10 @@ class SceneBuilder:
         return self._known[key]
 
     def mesh(self, mesh: MeshData, span: Span | None = None, name: str = "") -> int:
-        """The row of a mesh, its positions stored as float32 about `_origin`; an equal mesh is shared. Attributes of
-        a wrong length are left out with a warning; a mesh without triangles is NONE."""
+        """The row of a mesh, its positions stored as float32 relative to `_origin`; equal meshes share one.
+
+        Attributes of wrong length are left out with a warning. A mesh without triangles is NONE.
+        """
         return self.shared(("mesh", _digest(mesh)), lambda: self._mesh(mesh, span, name or mesh.name))
 
     def _mesh(self, mesh: MeshData, span: Span | None, name: str) -> int:
@@ -151,7 +153,7 @@ class SceneBuilder:
         return self._add("geometries", (int(kind), padded, bounds, origin, *ranges, *attributes), span, name)
 
     def _outlines(self, mesh: MeshData, first_vertex: int, first_triangle: int) -> tuple[int, int]:
-        """Adds the mesh's polygons; (first row, count)."""
+        """Adds the mesh's polygons. Returns (first row, count)."""
         first = len(self._rows["polygons"])
         if mesh.outlines is None:
             return first, 0
@@ -181,14 +183,14 @@ class SceneBuilder:
     # --- what is placed, and what it is made of ---
 
     def instance(self, instance: InstanceData, span: Span | None = None) -> int:
-        """Places a geometry. NONE if its geometry or transform is NONE."""
+        """Adds an instance of a geometry. NONE if its geometry or transform is NONE."""
         if instance.geometry < 0 or instance.transform < 0:
             return NONE
         row = (instance.geometry, instance.transform, instance.material, instance.light, instance.visible)
         return self._add("instances", row, span, instance.name)
 
     def material(self, material: MaterialData, span: Span | None = None) -> int:
-        """The row of a material; an equal one of the same name is shared."""
+        """The row of a material; equal materials of the same name share one."""
         values = [[0.0, 0.0, 0.0] for _ in range(ir.SLOTS)]
         values[ir.Slot.IOR][0] = values[ir.Slot.OPACITY][0] = 1.0
         images = [NONE] * ir.SLOTS
@@ -207,7 +209,7 @@ class SceneBuilder:
         return bool(self._rows["materials"][material][ir.Materials._fields.index("textured")])
 
     def texture(self, texture: TextureData, span: Span | None = None) -> int:
-        """The row of a texture; an equal one is shared."""
+        """The row of a texture; equal textures share one."""
         key = ("texture", texture)
         if key not in self._known:
             row = tuple(getattr(texture, column) for column in ir.Textures._fields)
@@ -215,7 +217,7 @@ class SceneBuilder:
         return self._known[key]
 
     def alpha_of(self, texture: int) -> int:
-        """The row of a picture's texture's alpha, in the same place as the texture; NONE where the picture has no alpha to speak of."""
+        """The row of the alpha channel of an image texture, with the same mapping; NONE for an opaque image."""
         if texture < 0:
             return NONE
         row = dict(zip(ir.Textures._fields, self._rows["textures"][texture], strict=True))
@@ -224,17 +226,17 @@ class SceneBuilder:
         return self.texture(TextureData(**{**row, "channel": 3, "gain": WHITE, "bias": BLACK}))
 
     def with_levels(self, texture: int, gain: Color, bias: Color) -> int:
-        """The row of a texture like another, with its values in other levels."""
+        """The row of a copy of a texture with other gain and bias."""
         row = dict(zip(ir.Textures._fields, self._rows["textures"][texture], strict=True))
         return self.texture(TextureData(**{**row, "gain": gain, "bias": bias}))
 
     def channels_differ(self, texture: int) -> bool:
-        """Whether a picture's red, green and blue are not all the same: it holds directions or colours, not heights."""
+        """Whether an image's channels differ: such an image holds directions or colours, not heights."""
         image = self._rows["textures"][texture][ir.Textures._fields.index("image")]
         return image >= 0 and self._colorful[image]
 
     def image(self, texels: np.ndarray, name: str = "") -> int:
-        """The row of a picture: (h, w, 4) linear r, g, b, a, row 0 at the top. Callers share rows by file (see images.py)."""
+        """The row of an image: (h, w, 4) linear r, g, b, a, row 0 at the top. Callers share rows by file (see images.py)."""
         height, width, _ = texels.shape
         row = self._add("images", (self._length["texels"], width, height), None, name)
         self._pool("texels", np.asarray(texels, dtype=np.float32).reshape(-1, 4))
@@ -243,11 +245,11 @@ class SceneBuilder:
         return row
 
     def has_holes(self, image: int) -> bool:
-        """Whether a picture's alpha is anywhere less than 1."""
+        """Whether some alpha of an image is below 1."""
         return image >= 0 and self._holes[image]
 
     def light(self, light: LightData, span: Span | None = None) -> int:
-        """The row of a light; NONE if its transform is."""
+        """The row of a light; NONE if its transform is NONE."""
         if light.transform < 0:
             return NONE
         columns = {**{f.name: getattr(light, f.name) for f in fields(light)}, "instance": NONE}
@@ -255,32 +257,32 @@ class SceneBuilder:
         return self._add("lights", tuple(columns[c] for c in ir.Lights._fields), span, light.name)
 
     def camera(self, camera: CameraData, span: Span | None = None) -> int:
-        """The row of a camera; NONE if its transform is."""
+        """The row of a camera; NONE if its transform is NONE."""
         if camera.transform < 0:
             return NONE
         return self._add("cameras", tuple(getattr(camera, c) for c in ir.Cameras._fields), span, camera.name)
 
     def default_material(self) -> int:
-        """The row of the grey that things without a material are made of."""
+        """The row of the default material, a grey."""
         return self.material(lambert(DEFAULT_ALBEDO, name="default"))
 
     def shared(self, key: Any, make: Callable[[], int]) -> int:
-        """The row made for `key` before, or now by `make`: for what is costly to make, like a file's mesh or picture."""
+        """The row cached under `key`, made by `make` on first use: for costly rows such as a file's mesh or image."""
         if key not in self._known:
             self._known[key] = make()
         return self._known[key]
 
     @property
     def texels(self) -> int:
-        """Texels of all pictures so far."""
+        """Total texels of all images so far."""
         return self._length["texels"]
 
     def bounds(self, geometry: int, matrix: np.ndarray) -> np.ndarray:
-        """(2, 3) a box round a geometry under a matrix; ±inf where it is endless."""
+        """(2, 3) bounds of a geometry under a matrix; ±inf for an unbounded one."""
         return boxes_under(np.array([self._rows["geometries"][geometry][2]]), np.asarray(matrix)[None, :3])[0]
 
     def world_bounds(self) -> np.ndarray | None:
-        """(2, 3) a box round all instances that have an end and are within reach of a camera, or None if there are none."""
+        """(2, 3) bounds of all bounded instances within a camera's reach; None without any."""
         rows = self._rows["instances"]
         if not rows:
             return None
@@ -296,18 +298,20 @@ class SceneBuilder:
         return any(row[2] in emitting for row in self._rows["instances"])
 
     def count(self, table: str) -> int:
-        """How many rows a table has so far."""
+        """Number of rows of a table so far."""
         return len(self._matrices) if table == "transforms" else len(self._rows[table])
 
     # --- the end ---
 
     def asked(self, span: Span) -> None:
-        """Where the scene says how it is to be drawn."""
+        """Record the span of the scene's render settings."""
         self._spans["settings"].append(span)
 
     def finish(self, name: str = "", **about: Any) -> ir.Scene:
         """The scene. `about` are further fields of ir.Scene (settings, photometric, duration, fps, defaults, files, params).
-        Instances without a material get the default one; lights learn which instance is their shape."""
+
+        Instances without a material get the default one. Area lights are linked to the instances of their shapes.
+        """
         rows = dict(self._rows)
         if any(row[2] < 0 for row in rows["instances"]):
             grey = self.default_material()
@@ -347,7 +351,7 @@ class SceneBuilder:
 
 
 def _of(pieces: Sequence[np.ndarray], first: int, count: int) -> np.ndarray:
-    """Rows first … first + count − 1 of a pool, which stand in one of the pieces that were put into it."""
+    """Rows first … first + count − 1 of a pool; they lie in one of the arrays added to it."""
     for piece in pieces:
         if first < len(piece):
             return piece[first : first + count]
@@ -359,13 +363,13 @@ DEFAULT_ALBEDO: Color = (0.8, 0.8, 0.8)
 
 
 def lambert(albedo: Color, texture: int = -1, name: str = "") -> MaterialData:
-    """A matt material: k_a = k_d = the albedo, times a texture."""
+    """A diffuse material: k_a = k_d = albedo, times a texture."""
     matt = Input(albedo, texture)
     return MaterialData(ir.MaterialModel.LAMBERT, {ir.Slot.AMBIENT: matt, ir.Slot.DIFFUSE: matt}, name=name)
 
 
 def _digest(mesh: MeshData) -> bytes:
-    """What tells the content of a mesh from that of others."""
+    """Hash of a mesh's content."""
     digest = hashlib.blake2b(digest_size=16)
     outlines = mesh.outlines
     arrays = [mesh.positions, mesh.triangles] + ([outlines.corners, outlines.loops, outlines.polygons] if outlines else [])
@@ -379,14 +383,16 @@ def _digest(mesh: MeshData) -> bytes:
 
 
 def mesh_bounds(positions: np.ndarray) -> np.ndarray:
-    """(2, 3) float64 lowest and highest corner of the positions (n, 3) that are finite; 0 if there are none."""
+    """(2, 3) float64 bounds of the finite positions (n, 3); 0 without any."""
     finite = positions if np.isfinite(positions).all() else positions[np.isfinite(positions).all(axis=1)]
     return np.stack([finite.min(axis=0), finite.max(axis=0)]).astype(np.float64) if len(finite) else np.zeros((2, 3))
 
 
 def _origin(positions: np.ndarray) -> np.ndarray:
-    """(3,) what a mesh's positions (n, 3) are stored about: the middle of its bounds; where a few corners lie a thousand times as far
-    out as most do, which then would lose their digits, where most are."""
+    """(3,) origin of a mesh's stored positions (n, 3): the center of its bounds.
+
+    With outliers a thousand times as far out as the median vertex, it is the median, so that most vertices keep their precision.
+    """
     bounds = mesh_bounds(positions)
     some = positions[:: max(1, len(positions) // 1024)]
     some = some[np.isfinite(some).all(axis=1)]
@@ -398,7 +404,7 @@ def _origin(positions: np.ndarray) -> np.ndarray:
 
 
 def boxes_under(boxes: np.ndarray, matrices: np.ndarray) -> np.ndarray:
-    """(n, 2, 3) boxes round boxes (n, 2, 3) under matrices (n, 3, 4); ±inf along every axis an endless one reaches into."""
+    """(n, 2, 3) bounds of boxes (n, 2, 3) under matrices (n, 3, 4); ±inf along each axis that an unbounded box extends to."""
     linear, moved = matrices[:, :, :3], matrices[:, :, 3]
     with np.errstate(invalid="ignore"):
         ends = linear[:, :, :, None] * np.swapaxes(boxes, 1, 2)[:, None]  # (n, out, in, low or high)
@@ -407,7 +413,7 @@ def boxes_under(boxes: np.ndarray, matrices: np.ndarray) -> np.ndarray:
 
 
 def _columns(table: str, rows: Sequence[tuple[Any, ...]]) -> Mapping[str, Any]:
-    """Columns by name; those that the rows end before (an image's texels) are not among them."""
+    """Columns by name, without columns that the rows lack (an image's texels)."""
     columns = ir.TABLES[table]._fields  # type: ignore[attr-defined]
     return dict(zip(columns, zip(*rows, strict=True), strict=False))
 

@@ -1,4 +1,4 @@
-"""Check: the state of validating one scene, its tables, repairs and findings."""
+"""Validation state of one scene: its tables, repairs and diagnostics."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Check:
         self.changed.add(table)
 
     def bad(self, table: str, rows: Any, message: str, severity: str = "error", hint: str = "") -> bool:
-        """Report `message` for the rows (a mask), once, at the first of them. Returns whether there are any."""
+        """Report `message` once, at the first of the masked rows. Returns whether there are any."""
         if not np.count_nonzero(rows):
             return False
         where = np.flatnonzero(rows)
@@ -54,7 +54,7 @@ class Check:
         self.errors += 1
 
     def finished(self) -> ir.Scene:
-        """The scene with its repairs; the same object without any."""
+        """The repaired scene; the same object if nothing was repaired."""
         if not self.changed:
             return self.scene
         made = {

@@ -1,4 +1,4 @@
-"""What a scene leaves out: a camera that frames it, and light to see it by. Each is said in a sentence for `explain`."""
+"""Adds a default camera and default lights to a scene without them, each with a sentence for `explain`."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from . import transforms
 from .builder import SceneBuilder
 from .row_records import CameraData, LightData
 
-DIRECTION = (0.55, 0.4, 1.0)  # from what is looked at to the eye: three quarters, a little from above
+DIRECTION = (0.55, 0.4, 1.0)  # from target to eye: three-quarter view, slightly from above
 FOV = math.radians(40)
 MARGIN = 1.08
-SUN = math.pi * 0.75  # with the sky, a white matt surface facing the sun shows 1
+SUN = math.pi * 0.75  # together with the sky, a white diffuse surface facing the sun has value 1
 SUN_FROM = (1.0, 2.0, 1.5)
 SUN_ANGLE = math.radians(0.53)
 SKY = 0.25
 
 
 def add(builder: SceneBuilder, settings: ir.Settings, span: Span | None = None) -> tuple[str, ...]:
-    """Add what is missing to the builder; the sentences that say so. Nothing to draw is a warning, at `span`.
+    """Adds the missing camera and lights; returns the sentences that describe them.
 
-    Where something is wrong, so that the scene will not be drawn, nothing is added.
+    A scene without instances is a warning at `span`. Nothing is added after an error, since the scene will not be drawn.
     """
     said: list[str] = []
     if builder.diagnostics.failed:
@@ -34,7 +34,7 @@ def add(builder: SceneBuilder, settings: ir.Settings, span: Span | None = None) 
         builder.diagnostics.warning("there is nothing to draw: the picture will be empty", span, hint)
     if builder.count("cameras") == 0:
         said.append(_camera(builder, settings))
-    shining = bool(settings.bounces) and builder.shines()  # what shines lights other things only where bounces are followed
+    shining = bool(settings.bounces) and builder.shines()  # emissive surfaces light others only where bounces are traced
     if builder.count("lights") == 0 and not shining:
         builder.light(LightData(ir.LightKind.SUN, (SUN, SUN, SUN), direction=_unit(SUN_FROM), angle=SUN_ANGLE / 2, name="sun"))
         builder.light(LightData(ir.LightKind.SKY, (SKY, SKY, SKY), name="sky"))
@@ -47,9 +47,9 @@ def add(builder: SceneBuilder, settings: ir.Settings, span: Span | None = None) 
 def framing(
     bounds: np.ndarray, fov: float, aspect: float, direction: tuple[float, float, float] = DIRECTION
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Eye and target from which a camera of this vertical `fov` and aspect sees all of a box (2, 3), with a margin.
+    """Eye and target of a camera with vertical `fov` and this aspect that frames a box (2, 3), with a margin.
 
-    The distance is the least from which all eight corners lie inside of the pyramid of vision, plus the margin.
+    The distance is the least for which all eight corners lie inside the view frustum, plus the margin.
     """
     target = bounds.mean(axis=0)
     towards = np.array(_unit(direction))
@@ -69,7 +69,7 @@ def _camera(builder: SceneBuilder, settings: ir.Settings) -> str:
     what = "what is bounded"
     if bounds is None:
         bounds, what = np.array([[-1.0, 0.0, -1.0], [1.0, 2.0, 1.0]]), "the origin, as nothing is bounded"
-    width, height = settings.size or (1, 1)  # for a square when not said: a wider picture shows more
+    width, height = settings.size or (1, 1)  # square by default: a wider picture shows more
     eye, target = framing(bounds, FOV, width / height)
     frame = transforms.looking(tuple(eye), tuple(target), (0.0, 1.0, 0.0))
     assert frame is not None

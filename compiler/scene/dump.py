@@ -1,4 +1,4 @@
-"""The printed form of a scene: stable and compact, for `inspect --ir` and for tests that hold it; and the same as data."""
+"""Dumps a scene as stable, compact text for `inspect --ir` and golden tests, or as plain data."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from .. import ir
 from . import serialize
 
-MAX_ROWS = 1000  # of a table that are written out
+MAX_ROWS = 1000  # most rows of a table to print
 _KINDS: dict[tuple[str, str], type] = {
     ("geometries", "kind"): ir.GeometryKind,
     ("attributes", "interpolation"): ir.Interpolation,
@@ -32,7 +32,7 @@ _MEASURES = {
     ir.GeometryKind.DISK: 1, ir.GeometryKind.CYLINDER: 3, ir.GeometryKind.CONE: 4, ir.GeometryKind.TORUS: 2, ir.GeometryKind.CAPSULE: 2,
     ir.GeometryKind.QUADRIC: 13, ir.GeometryKind.FORMULA: 6,
 }  # fmt: skip
-_QUIET = {  # columns left out where they have this value: what a plain row has
+_QUIET = {  # default values: columns with them are left out
     "geometries": {"origin": 0, "first_vertex": 0, "vertex_count": 0, "first_triangle": 0, "triangle_count": 0, "first_polygon": 0,
                    "polygon_count": 0, "normals": -1, "uvs": -1, "colors": -1, "tape": -1},
     "instances": {"transform": 0, "light": -1, "visible": 7},
@@ -67,7 +67,7 @@ def text(scene: ir.Scene) -> str:
 
 
 def data(scene: ir.Scene) -> dict[str, Any]:
-    """The same as plain data: rows as dicts by column, pools as counts and hashes."""
+    """Plain data: rows as dicts by column, pools as counts and hashes."""
     made: dict[str, Any] = {"scene": scene.name, "hash": serialize.content_hash(scene), **_plain(_about(scene))}
     made["params"] = [_plain(asdict(p)) for p in scene.params]
     made["files"] = list(scene.files)
@@ -88,7 +88,7 @@ def data(scene: ir.Scene) -> dict[str, Any]:
 
 
 def cells(scene: ir.Scene, table: str, row: int) -> dict[str, str]:
-    """One row of a table (no pool) as text by column, without what a plain row has; a material's slots stand for themselves."""
+    """One row of a table (not a pool) as text by column, without default values; material slots are separate entries."""
     found: dict[str, str] = {}
     for column, values in getattr(scene.tables, table)._asdict().items():
         if column in ("texels", "inverse"):
@@ -101,7 +101,7 @@ def cells(scene: ir.Scene, table: str, row: int) -> dict[str, str]:
 
 
 def short_hash(values: np.ndarray) -> str:
-    """Ten digits that tell the content of an array."""
+    """Hash of an array's content, ten digits."""
     return hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest()[:10]
 
 
@@ -120,7 +120,7 @@ def _table(scene: ir.Scene, name: str) -> list[str]:
     columns = getattr(scene.tables, name)._asdict()
     columns.pop("texels", None)
     if name == "transforms":
-        columns.pop("inverse")  # follows from the matrix
+        columns.pop("inverse")  # derived from the matrix
     count = len(next(iter(columns.values())))
     if not count:
         return []
@@ -154,14 +154,14 @@ def _pool_lines(name: str, columns: dict[str, np.ndarray]) -> list[str]:
 
 
 def _cell(scene: ir.Scene, table: str, column: str, value: Any, row: int) -> str:
-    """`column=value`, or nothing where it is what a plain row has."""
+    """`column=value`, or "" for a default value."""
     if table == "geometries" and column == "parameters":
         used = _MEASURES[ir.GeometryKind(int(scene.tables.geometries.kind[row]))]
         return f"parameters={_value(value[:used])}" if used else ""
     if table == "materials" and column in ("values", "textures"):
         return " ".join(_slots(column, value))
     if table == "materials" and column == "textured":
-        return ""  # the textures say so
+        return ""  # implied by the textures
     quiet = _QUIET.get(table, {}).get(column)
     if quiet is not None and _same(value, quiet):
         return ""
@@ -170,7 +170,7 @@ def _cell(scene: ir.Scene, table: str, column: str, value: Any, row: int) -> str
 
 
 def _same(value: Any, quiet: Any) -> bool:
-    """Whether all of a value is what a plain row has, NaN being NaN."""
+    """Whether all of a value equals the default, with NaN equal to NaN."""
     a, b = np.asarray(value, dtype=np.float64), np.asarray(quiet, dtype=np.float64)
     return bool(np.all((a == b) | (np.isnan(a) & np.isnan(b))))
 
@@ -205,7 +205,7 @@ def _value(value: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """numpy and tuples as JSON has them; numbers that are not finite as null."""
+    """numpy values and tuples as JSON types; non-finite numbers as null."""
     if isinstance(value, dict):
         return {key: _plain(v) for key, v in value.items()}
     if isinstance(value, np.ndarray | tuple | list):

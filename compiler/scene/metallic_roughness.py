@@ -1,4 +1,4 @@
-"""Metallic–roughness surfaces (UsdPreviewSurface 2.6, glTF 2.0, MTL's PBR extension) as `principled` rows."""
+"""Metallic–roughness surfaces (UsdPreviewSurface 2.6, glTF 2.0, MTL's PBR extension) as `principled` materials."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ HALF, GLASS, FINE = Input.number(0.5), Input.number(1.5), Input.number(0.01)
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """Any input may have a texture. `specular` is the reflectance along the normal; None: from `ior` and `metallic`."""
+    """A metallic–roughness surface. Any input may have a texture.
+
+    `specular` is the reflectance along the normal (F0); None: from `ior` and `metallic`.
+    """
 
     diffuse: Input = GREY
     metallic: Input = NOTHING
@@ -26,17 +29,21 @@ class Surface:
     coat: Input = NOTHING
     coat_roughness: Input = FINE
     occlusion: Input = ALL
-    normal: Input | None = None  # a texture of directions, its factor strengths
-    bump: Input | None = None  # a texture of heights, its factor metres
+    normal: Input | None = None  # normal map, its factor the strength
+    bump: Input | None = None  # height map, its factor in metres
     opacity: float = 1.0
-    holes: Input | None = None  # opacity that varies over the surface, or is cut at `threshold`: in place of `opacity`
+    holes: Input | None = None  # opacity map or cut-out at `threshold`; replaces `opacity`
     threshold: float = 0.0
     name: str = ""
 
 
 def material(surface: Surface) -> MaterialData:
-    """The row. What is not opaque lets straight through 1 − opacity of what its highlight lets in: highlights stay, as on glass. Where
-    there are `holes`, nothing of it stays."""
+    """The `principled` material of a surface.
+
+    With opacity below 1, light passes straight through: 1 − opacity of the light that its highlight transmits. Highlights stay, as on
+    glass.
+    Where `holes` is 0, the whole surface vanishes, highlights too.
+    """
     s = surface
     opacity = min(max(s.opacity, 0.0), 1.0)
     inputs = {
@@ -66,6 +73,6 @@ def material(surface: Surface) -> MaterialData:
 
 
 def _share(given: Input) -> Input:
-    """A number held from 0 to 1; a texture's factor may be any."""
+    """A number clamped to 0…1; a texture's factor is not clamped."""
     value: Color = given.value if given.texture >= 0 else (min(max(given.value[0], 0.0), 1.0), 0.0, 0.0)
     return Input(value, given.texture)

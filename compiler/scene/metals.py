@@ -1,8 +1,8 @@
-"""Metals by their measured indices of refraction: what each reflects, as linear Rec.709 under daylight.
+"""Reflectance of metals from measured complex indices of refraction, as linear Rec.709 under D65.
 
-n + ik of gold, silver and copper: Johnson and Christy 1972, Optical Constants of the Noble Metals; of iron, titanium, chromium and nickel:
-Johnson and Christy 1974, Optical constants of transition metals; of aluminium: Rakić 1995, Algorithm for the determination of intrinsic
-optical constants of metal films. Taken from refractiveindex.info's database (public domain, CC0).
+n + ik of gold, silver and copper: Johnson and Christy 1972, Optical Constants of the Noble Metals. Of iron, titanium, chromium and
+nickel: Johnson and Christy 1974, Optical constants of transition metals. Of aluminium: Rakić 1995, Algorithm for the determination of
+intrinsic optical constants of metal films. Data from refractiveindex.info's database (public domain, CC0).
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ MEASURED: dict[str, tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...
         (2.57, 2.69, 2.82, 2.95, 3.09, 3.25, 3.42, 3.61, 3.80, 4.02, 4.26, 4.50, 4.73),
     ),
 }  # fmt: skip
-ALIASES = {"steel": "iron", "chrome": "chromium"}  # steel is iron but for a hundredth or two
-LOWEST = 1.0 / 7.0  # cosine at which metals reflect least (render/material/principled.py)
+ALIASES = {"steel": "iron", "chrome": "chromium"}  # steel equals iron within 1 or 2 %
+LOWEST = 1.0 / 7.0  # cosine at which the reflectance of metals is least (render/material/principled.py)
 
 # CIE standard illuminant D65, 380 to 780 nm by 10 (CIE 15:2004, table T.1).
 _D65 = (
@@ -67,9 +67,9 @@ _REC709 = np.array([[3.2404542, -1.5371385, -0.4985314], [-0.9692660, 1.8760108,
 
 @cache
 def reflectance(name: str) -> tuple[Color, Color]:
-    """(f0, edge) of a metal: its reflectance along the normal, and what is left of Schlick's law at LOWEST.
+    """(f0, edge) of a metal: its reflectance along the normal, and the factor that scales Schlick's law at LOWEST.
 
-    Both are integrated over wavelengths, so that each colour is right at both angles; negative or more than 1 is cut off.
+    Both are integrated over wavelengths, so each colour is exact at both angles. Values are clipped to 0…1.
     """
     waves = np.arange(380.0, 781.0, 5.0)
     n, k = index(name, waves)
@@ -81,13 +81,13 @@ def reflectance(name: str) -> tuple[Color, Color]:
 
 
 def index(name: str, waves: F64) -> tuple[F64, F64]:
-    """(n, k) of a metal at wavelengths in nm, straight between those measured."""
+    """(n, k) of a metal at wavelengths in nm, linearly interpolated."""
     at, n, k = MEASURED[ALIASES.get(name, name)]
     return np.interp(waves, at, n), np.interp(waves, at, k)
 
 
 def conductor(n: F64, k: F64, cosine: float) -> F64:
-    """Fresnel's reflectance of a conductor in air for unpolarised light (Born and Wolf, Principles of Optics, §14.2), from n and k."""
+    """Fresnel reflectance of a conductor in air for unpolarised light (Born and Wolf, Principles of Optics, §14.2)."""
     inside = np.sqrt((n + 1j * k) ** 2 - (1.0 - cosine * cosine))
     across = (cosine - inside) / (cosine + inside)
     square = (n + 1j * k) ** 2
@@ -96,14 +96,14 @@ def conductor(n: F64, k: F64, cosine: float) -> F64:
 
 
 def color_of(waves: F64, spectrum: F64) -> F64:
-    """(3,) linear Rec.709 of a reflectance under D65; 1 everywhere is white, exactly."""
+    """(3,) linear Rec.709 of a reflectance spectrum under D65; a constant 1 is exactly white."""
     light = np.interp(waves, np.arange(380.0, 781.0, 10.0), _D65)
     matching = _matching(waves) * light
     return (_REC709 @ (matching @ spectrum)) / (_REC709 @ matching.sum(axis=1))
 
 
 def _matching(waves: F64) -> F64:
-    """(3, n) CIE 1931 colour matching functions by Wyman, Sloan and Shirley 2013 (Simple Analytic Approximations)."""
+    """(3, n) CIE 1931 colour matching functions, approximation by Wyman, Sloan and Shirley 2013 (Simple Analytic Approximations)."""
 
     def bump(middle: float, below: float, above: float) -> F64:
         away = (waves - middle) * np.where(waves < middle, below, above)

@@ -1,8 +1,8 @@
-"""Motion while a shutter is open: a scene compiled at several moments becomes one whose transforms have keys.
+"""Motion blur: merges a scene compiled at several times into one scene with transform keys.
 
-A key is a transform taken apart into where it goes, how it turns and how it stretches (Shoemake and Duff 1992, Matrix Animation and
-Polar Decomposition), so that what turns keeps its size on the way. Keys lie evenly between the shutter's opening and its closing, as many
-as it takes until the moments between them come out right.
+A key is a transform decomposed into translation, rotation and stretch (Shoemake and Duff 1992, Matrix Animation and Polar
+Decomposition). Rotating objects thus keep their size between keys. Keys are evenly spaced between shutter opening and closing. Their
+number doubles until the interpolated transforms match those at probe times.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from .. import ir
 
 F64 = NDArray[np.float64]
 MOST_STEPS = 64  # between keys: 128 half turns
-PROBES = (0.3819, 0.8393)  # where keys are tried: not on any of them
-CLOSE = 1e-3  # of a thing's size, that its corners may be off between keys
-NEARLY = 1.0 - 1e-9  # cosine of half a turn between keys below which they are joined along a circle, not a line
+PROBES = (0.3819, 0.8393)  # probe times as fractions of the shutter interval; they never coincide with keys
+CLOSE = 1e-3  # largest corner error between keys, relative to the object's size
+NEARLY = 1.0 - 1e-9  # cosine of half the rotation between keys: slerp below, linear interpolation above
 
 
 def shutters(scene: ir.Scene) -> tuple[float, float]:
-    """Seconds from a scene's moment to where the first of its cameras' shutters opens and to where the last one closes."""
+    """Seconds from a scene's time to the first shutter opening and to the last shutter closing of its cameras."""
     cameras = scene.tables.cameras
     of = cameras.shutter > 0.0
     if not of.any():
@@ -34,9 +34,9 @@ def shutters(scene: ir.Scene) -> tuple[float, float]:
 
 
 def blurred(scene: ir.Scene, at: Callable[[float], ir.Scene | None], found: Diagnostics) -> ir.Scene:
-    """The scene with keys for what moves while its shutters are open; `at(seconds)` is the scene so long after its moment.
+    """The scene with keys for all transforms that change while its shutters are open.
 
-    What changes but for its place is drawn as it is at that moment, and a warning says so.
+    `at(seconds)` compiles the scene at an offset from its time. Other changes are drawn as at the scene's time, with a warning.
     """
     start, end = shutters(scene)
     length = end - start
@@ -83,7 +83,7 @@ def _comparable(a: ir.Scene, b: ir.Scene) -> bool:
 
 
 class _Placed:
-    """What may move in a scene: its instances, then its cameras, each a row."""
+    """The movable rows of a scene: its instances, then its cameras."""
 
     def __init__(self, scene: ir.Scene) -> None:
         self.scene = scene
@@ -94,12 +94,12 @@ class _Placed:
         self.corners = np.stack([whole[:, [k & 1, k >> 1 & 1, k >> 2], [0, 1, 2]] for k in range(8)], axis=1)  # (n, 8, 3)
 
     def of(self, scene: ir.Scene) -> F64:
-        """(n, 3, 4) the places in a scene."""
+        """Transforms (n, 3, 4) of these rows in a scene."""
         t = scene.tables
         return t.transforms.matrix[np.concatenate([t.instances.transform, t.cameras.transform])]
 
     def with_keys(self, parts: list[tuple[F64, F64, F64]], count: int) -> ir.Scene:
-        """The scene, where each row that moves has a transform of its own with keys."""
+        """The scene in which each moving row has its own transform with keys."""
         t = self.scene.tables
         rows = np.concatenate([t.instances.transform, t.cameras.transform])
         moving = [k for k, of in enumerate(parts) if any(np.ptp(part, axis=0).any() for part in of) and _keeps_its_side(of[2])]
@@ -122,14 +122,16 @@ class _Placed:
 
 
 def _keeps_its_side(stretch: F64) -> bool:
-    """Whether a thing is never flattened between keys (linear ones have a determinant that may change sign only through 0)."""
+    """Whether the stretch never becomes singular between keys (if interpolated linearly, its determinant changes sign only through 0)."""
     signs = np.sign(np.linalg.det(stretch))
     return bool((signs == signs[0]).all() and signs[0] != 0)
 
 
 def taken_apart(matrices: F64) -> tuple[F64, F64, F64]:
-    """Places (k, 3, 4) of one thing at k keys as moves (k, 3), unit quaternions (k, 4) x y z w, each near the one before, and stretches
-    (k, 3, 3) that come first: matrix = [R S | move]."""
+    """Decomposes the transforms (k, 3, 4) of one object at k keys: matrix = [R S | move].
+
+    Returns moves (k, 3), unit quaternions (k, 4) x y z w, each nearest to its predecessor, and stretches S (k, 3, 3).
+    """
     linear = matrices[:, :, :3]
     u, _, v = np.linalg.svd(linear)
     turn = u @ v
@@ -140,14 +142,14 @@ def taken_apart(matrices: F64) -> tuple[F64, F64, F64]:
     for k in range(1, len(q)):
         if q[k] @ q[k - 1] < 0:
             q[k] = -q[k]
-    same = np.abs(np.diff(matrices[:, :, :3], axis=0)).max(axis=(1, 2), initial=0.0) == 0  # what does not turn has equal keys
+    same = np.abs(np.diff(matrices[:, :, :3], axis=0)).max(axis=(1, 2), initial=0.0) == 0  # without rotation, keys are exactly equal
     for k in np.flatnonzero(same):
         q[k + 1], stretch[k + 1] = q[k], stretch[k]
     return matrices[:, :, 3].copy(), q, stretch
 
 
 def _quaternion(r: F64) -> F64:
-    """x, y, z, w of a rotation matrix: the largest of the four first (Shepperd 1978)."""
+    """x, y, z, w of a rotation matrix, from the largest component (Shepperd 1978)."""
     trace = np.trace(r)
     four = np.array([*(2 * np.diag(r) - trace), trace])
     k = int(np.argmax(four))
@@ -174,7 +176,7 @@ def rotations(q: F64) -> F64:
 
 
 def between(parts: tuple[F64, F64, F64], share: float) -> F64:
-    """(3, 4) the place at a share of the time between the first and the last key."""
+    """The interpolated transform (3, 4) at a fraction of the time between first and last key."""
     move, turn, stretch = parts
     at = share * (len(move) - 1)
     k = min(int(at), len(move) - 2)
@@ -190,7 +192,7 @@ def between(parts: tuple[F64, F64, F64], share: float) -> F64:
 
 
 def _right(parts: list[tuple[F64, F64, F64]], placed: _Placed, scene: ir.Scene, share: float) -> bool:
-    """Whether keys give the places of a moment between them."""
+    """Whether the interpolated transforms match a scene at a time between keys."""
     true = placed.of(scene)
     for k, wanted in enumerate(true):
         made = between(parts[k], share)
@@ -202,7 +204,7 @@ def _right(parts: list[tuple[F64, F64, F64]], placed: _Placed, scene: ir.Scene, 
 
 
 def _say_what_changes(scene: ir.Scene, others: list[ir.Scene], found: Diagnostics) -> None:
-    """Warnings for what changes but for its place."""
+    """Warns of changes other than transforms."""
     end = "while the shutter is open: it is drawn as it is at the opening"
     for table, columns, what in _ONLY_MOVES:
         for row in _changed(scene, others, table, columns):
@@ -224,7 +226,7 @@ def _changed(scene: ir.Scene, others: list[ir.Scene], table: str, columns: tuple
 
 
 def _shapes(scene: ir.Scene) -> list[tuple[object, ...]]:
-    """What tells the shape of each instance from another."""
+    """A comparable description of each instance's shape."""
     g, pools = scene.tables.geometries, scene.tables.pools
     known: dict[int, tuple[object, ...]] = {}
     formulas = hash(tuple(column.tobytes() for column in scene.tables.tapes))

@@ -83,7 +83,7 @@ class MaterialData:
     normalized: bool = False
     name: str = ""
     threshold: float = 0.0  # see ir.Materials
-    first: int = -1  # rows of a BLEND's materials
+    first: int = -1  # material rows of a BLEND
     second: int = -1
 
 
@@ -131,7 +131,7 @@ class CameraData:
     """Columns of ir.Cameras. `transform` is a row from SceneBuilder.transform."""
 
     transform: int
-    extent: float  # tan of half the field of view, or half the extent in metres, along `fit`
+    extent: float  # tan of half the field of view, or half the width or height in metres, along `fit`
     projection: ir.Projection = ir.Projection.PERSPECTIVE
     fit: ir.Fit = ir.Fit.VERTICAL
     aspect: float = 0.0
@@ -148,7 +148,7 @@ class CameraData:
 
 @dataclass(frozen=True, slots=True)
 class InstanceData:
-    """Rows from the builder; a geometry or transform of -1 (refused) makes no instance. `light`: the light whose shape this is."""
+    """Rows from the builder; a geometry or transform of -1 makes no instance. `light`: the light that has this shape."""
 
     geometry: int
     transform: int = 0
@@ -160,7 +160,7 @@ class InstanceData:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Piece:
-    """A geometry of a shape, in the frame of the element. `material` -1: the element's."""
+    """A geometry of a shape, in the frame of the shape. `material` -1: the shape's."""
 
     geometry: int
     matrix: np.ndarray  # (4, 4)

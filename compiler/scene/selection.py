@@ -11,17 +11,17 @@ import numpy as np
 from ...lang.diagnostics import suggest
 from .. import ir
 
-SHOWN = 12  # names in a message
+SHOWN = 12  # names listed in a message
 
 
 class SelectionError(ValueError):
-    """A name that no instance has, or a selection of nothing. The message lists names."""
+    """An unknown name or an empty selection. The message lists names."""
 
 
 def select(scene: ir.Scene, only: Sequence[str] = (), without: Sequence[str] = ()) -> ir.Scene:
-    """The scene with the instances that `only` names (all where it is empty) and `without` does not. Lights stay.
+    """The scene with the instances that match `only` (all if it is empty) and not `without`. Lights stay.
 
-    A name stands for itself and all below it: `gear` for `gear.rim`, `/a` for `/a/b`. `*` and `?` stand for any characters.
+    A name matches itself and its descendants: `gear` matches `gear.rim`, `/a` matches `/a/b`. `*` and `?` match any characters.
     Raises SelectionError.
     """
     names = [*scene.names.instances]
@@ -46,7 +46,7 @@ def select(scene: ir.Scene, only: Sequence[str] = (), without: Sequence[str] = (
 
 
 def _named(names: list[str], patterns: Sequence[str]) -> np.ndarray:
-    """Which of `names` some pattern stands for."""
+    """Mask of the `names` that some pattern matches."""
     found = np.zeros(len(names), dtype=bool)
     for pattern in patterns:
         matches = [any(fnmatchcase(name, p) for p in (pattern, f"{pattern}.*", f"{pattern}/*", f"{pattern}[[]*")) for name in names]

@@ -1,4 +1,4 @@
-"""Saves a scene's tables to an .npz file and reads them back. No pickle: arrays, and JSON for what is beside them."""
+"""Saves a scene to an .npz file and loads it: tables as arrays, the rest as JSON, no pickle."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MAX_BYTES = 8 << 30  # of all arrays together
 
 
 def save(scene: ir.Scene, path: Path | str) -> None:
-    """Write a scene to `path`, whole or not at all. OSError if the disk will not."""
+    """Write a scene to `path` atomically. Raises OSError."""
     path = Path(path)
     arrays = {f"{table}.{column}": values for table, column, values in columns(scene)}
     arrays |= {f"spans.{table}": rows for table, rows in scene.spans.rows.items()}
@@ -45,7 +45,7 @@ def save(scene: ir.Scene, path: Path | str) -> None:
 
 
 def load(path: Path | str) -> ir.Scene:
-    """The scene in a file that `save` wrote, not validated. SceneError if it is no such file, or damaged."""
+    """The scene from a file written by `save`, not validated. Raises SceneError for a damaged or foreign file."""
     try:
         with zipfile.ZipFile(path) as archive:
             total = sum(entry.file_size for entry in archive.infolist())
@@ -66,7 +66,7 @@ def load(path: Path | str) -> ir.Scene:
 
 
 def content_hash(scene: ir.Scene) -> str:
-    """SHA-256 of what a scene draws: its tables, names and settings, not where they came from."""
+    """SHA-256 of a scene's drawn content: tables, names and settings, without source positions."""
     digest = hashlib.sha256()
     for table, column, values in columns(scene):
         digest.update(f"{table}.{column} {values.dtype.str} {values.shape}\n".encode())
@@ -77,7 +77,7 @@ def content_hash(scene: ir.Scene) -> str:
 
 
 def columns(scene: ir.Scene) -> list[tuple[str, str, np.ndarray]]:
-    """(table, column, values) of all tables, in their order."""
+    """(table, column, values) of all tables, in table order."""
     return [
         (table, column, values) for table in ir.TABLES for column, values in getattr(scene.tables, table)._asdict().items()
     ]  # fmt: skip
@@ -138,5 +138,5 @@ def _param(data: dict[str, Any]) -> ParamInfo:
 
 
 def _tuples(value: Any) -> Any:
-    """JSON's lists as the tuples they were."""
+    """JSON lists converted back to tuples."""
     return tuple(_tuples(v) for v in value) if isinstance(value, list) else value

@@ -13,7 +13,7 @@ Kind = ir.GeometryKind
 
 
 def of(kind: int, parameters: Sequence[float]) -> np.ndarray:
-    """(2, 3) lowest and highest corner of a shape other than a mesh; ±inf where it is endless."""
+    """(2, 3) bounds of a shape other than a mesh; ±inf for an unbounded shape."""
     if kind == Kind.QUADRIC:
         return quadric(parameters)
     half = np.array(_half(kind, parameters), dtype=np.float64)
@@ -44,10 +44,10 @@ def _half(kind: int, p: Sequence[float]) -> tuple[float, float, float]:
 
 
 def quadric(p: Sequence[float]) -> np.ndarray:
-    """Bounds of a quadric cut by its box, tight where it is an ellipsoid.
+    """Bounds of a quadric clipped to its box; tight for an ellipsoid.
 
-    xᵀQx + 2bᵀx + J = 0 with Q definite is the ellipsoid about c = −Q⁻¹b with half extents √(k (Q⁻¹)ᵢᵢ), k = bᵀQ⁻¹b − J
-    (the extreme of a linear form on an ellipsoid, by Lagrange). Empty where k has the other sign: then bounds are the middle alone.
+    xᵀQx + 2bᵀx + J = 0 with definite Q is the ellipsoid with center c = −Q⁻¹b and half extents √(k (Q⁻¹)ᵢᵢ), k = bᵀQ⁻¹b − J. These are
+    the extremes of linear forms on the ellipsoid, by Lagrange. For k of the opposite sign it is empty, and its bounds are the center.
     """
     a, b, c, d, e, f, g, h, i, j = p[:10]
     cut = np.array([-np.array(p[10:13]), np.array(p[10:13])])
@@ -61,6 +61,6 @@ def quadric(p: Sequence[float]) -> np.ndarray:
     inverse = np.linalg.inv(q)
     center = -inverse @ linear
     squares = (linear @ inverse @ linear - j) * np.diag(inverse)
-    extent = np.sqrt(np.maximum(squares, 0.0)) * (1 + 1e-9)  # the roots of rays at the rim round outwards
+    extent = np.sqrt(np.maximum(squares, 0.0)) * (1 + 1e-9)  # conservative for rounded ray roots at the silhouette
     low, high = np.maximum(center - extent, cut[0]), np.minimum(center + extent, cut[1])
     return np.stack([np.minimum(low, high), high])

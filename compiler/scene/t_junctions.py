@@ -1,7 +1,7 @@
-"""Corners of a mesh that lie on another triangle's edge (T-junctions): seams that rounding opens, so that rays and samples go through.
+"""Detects T-junctions of a mesh: vertices on another triangle's edge, where rounding opens cracks for rays and samples.
 
-Of a closed mesh each edge is there in both directions. What is left over has triangles on one side only, and where a corner lies on such
-an edge, its neighbour along the border and the edge's own end go the same way from a corner that both share.
+In a closed mesh each edge occurs in both directions. The remaining edges form the border. Where a vertex lies on a border edge, its
+border edge and the other edge leave a common vertex in the same direction.
 """
 
 from __future__ import annotations
@@ -9,18 +9,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-BESIDE = 1e-5  # of the longer edge: so near to it a corner counts as on it
-ULPS = 4.0  # or so many roundings of float32 coordinates
-_AWAY = 4  # edges of the border that leave a corner, that are compared with each other
+BESIDE = 1e-5  # distance tolerance, relative to the longer edge
+ULPS = 4.0  # distance tolerance in units of float32 rounding of the coordinates
+_AWAY = 4  # border edges at a vertex that are compared with each other
 
 
 def count(positions: NDArray[np.float32], triangles: NDArray[np.int32]) -> int:
-    """How many corners lie on an edge that does not know them; positions (n, 3) finite, triangles (m, 3) rows of them."""
+    """Number of vertices that lie on another triangle's edge. `positions` (n, 3) are finite; `triangles` (m, 3) are their rows."""
     border = _open_edges(triangles.astype(np.int64), len(positions))
     if not len(border):
         return 0
     used, ends = np.unique(border, return_inverse=True)
-    places, same = np.unique(positions[used], axis=0, return_inverse=True)  # seams of normals or coordinates have corners twice
+    places, same = np.unique(positions[used], axis=0, return_inverse=True)  # merges vertices split at seams of normals or coordinates
     border = _open_edges(same.reshape(-1)[ends.reshape(-1, 2)], len(places))
     if len(border) < 3:
         return 0
@@ -34,13 +34,13 @@ def count(positions: NDArray[np.float32], triangles: NDArray[np.int32]) -> int:
 
 
 def _open_edges(faces: NDArray[np.int64], n: int) -> NDArray[np.int64]:
-    """(k, 2) the directed edges of faces, or edges (m, 2), that are not there the other way round as often."""
+    """(k, 2) directed edges of faces, or of edges (m, 2), that outnumber their reverses."""
     a, b = (faces[:, 0], faces[:, 1]) if faces.shape[1] == 2 else (faces.ravel(), np.roll(faces, -1, axis=1).ravel())
     low, high = np.minimum(a, b), np.maximum(a, b)
     key, sign = low * n + high, np.where(a < b, 1, np.where(a > b, -1, 0))
     with np.errstate(over="ignore"):
         mixed = (key ^ (key >> 29)) * np.int64(-7046029254386353131)
-        if int(np.sum((mixed ^ (mixed >> 32)) * sign)) == 0:  # closed, most likely: without sorting
+        if int(np.sum((mixed ^ (mixed >> 32)) * sign)) == 0:  # closed, most likely: skip the sort
             return np.zeros((0, 2), np.int64)
     order = np.argsort(key, kind="stable")
     key, sign = key[order], sign[order]
@@ -52,7 +52,7 @@ def _open_edges(faces: NDArray[np.int64], n: int) -> NDArray[np.int64]:
 
 
 def _on(place: NDArray[np.float64], short: NDArray[np.int64], long: NDArray[np.int64], near: float) -> NDArray[np.int64]:
-    """The far ends of those edges `short` that lie on the edges `long` from the same corner."""
+    """End vertices of the edges `short` that lie on the edges `long` from the same vertex."""
     shared = short[:, 0] == long[:, 0]
     short, long = short[shared], long[shared]
     a = place[short[:, 0]]

@@ -1,4 +1,4 @@
-"""Transforms in float64: 4×4 matrices on column vectors, composed at compile time so that nothing is lost later."""
+"""4×4 transforms in float64 on column vectors, composed at compile time to keep precision."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from ...lang.elements import AxisAngle, Euler, Quaternion, Rotation
 
 Matrix = np.ndarray  # (4, 4) float64; inverse() also takes the upper (3, 4)
-SINGULAR = 1e-13  # |det| below this share of the product of the columns' lengths is flat
+SINGULAR = 1e-13  # a |det| below this fraction of the product of column lengths counts as singular
 
 
 def identity() -> Matrix:
@@ -18,19 +18,19 @@ def identity() -> Matrix:
 
 
 def translation(by: Sequence[float]) -> Matrix:
-    """Moves by (x, y, z) metres."""
+    """Translation by (x, y, z) metres."""
     made = np.eye(4)
     made[:3, 3] = by
     return made
 
 
 def scaling(by: Sequence[float]) -> Matrix:
-    """Stretches by three factors along the axes."""
+    """Scaling by three factors along the axes."""
     return np.diag([*by, 1.0])
 
 
 def rotation(turn: Rotation) -> Matrix:
-    """The matrix of an Euler, axis–angle or quaternion rotation. ValueError if its axis or quaternion is 0."""
+    """The matrix of an Euler, axis–angle or quaternion rotation. Raises ValueError for a zero axis or quaternion."""
     made = np.eye(4)
     if isinstance(turn, Euler):
         made[:3, :3] = _euler(*turn.angles)
@@ -42,7 +42,7 @@ def rotation(turn: Rotation) -> Matrix:
 
 
 def from_rows(rows: Sequence[Sequence[float]] | np.ndarray) -> Matrix:
-    """A matrix from three or four rows of four numbers. ValueError if the fourth row is not 0 0 0 1 (a projection)."""
+    """A matrix from three or four rows of four numbers. Raises ValueError if the fourth row is not 0 0 0 1 (a projection)."""
     made = np.eye(4)
     given = np.array(rows, dtype=np.float64)
     if given.shape not in ((3, 4), (4, 4)):
@@ -54,7 +54,7 @@ def from_rows(rows: Sequence[Sequence[float]] | np.ndarray) -> Matrix:
 
 
 def place(translate: Sequence[float] | None, rotate: Rotation | None, scale: Sequence[float] | None) -> Matrix:
-    """Scaled, then rotated, then translated: T · R · S."""
+    """T · R · S: scales first, then rotates, then translates."""
     made = np.eye(4)
     if rotate is not None:
         made = rotation(rotate)
@@ -66,9 +66,9 @@ def place(translate: Sequence[float] | None, rotate: Rotation | None, scale: Seq
 
 
 def inverse(matrix: Matrix) -> np.ndarray | None:
-    """The (3, 4) inverse of an affine matrix (its first three rows count), or None if it is flat or not finite.
+    """The (3, 4) inverse of an affine matrix (only its first three rows are used); None if singular or not finite.
 
-    Cofactors over the determinant; flat is judged against the columns' lengths, so that tiny and stretched things pass.
+    Cofactors over the determinant. Singularity is relative to the column lengths, so tiny and stretched matrices pass.
     """
     (a, b, c, x), (d, e, f, y), (g, h, i, z) = matrix[:3].tolist()
     ei, fg, dh = e * i - f * h, f * g - d * i, d * h - e * g
@@ -86,7 +86,7 @@ def inverse(matrix: Matrix) -> np.ndarray | None:
 
 
 def looking(position: Sequence[float], target: Sequence[float], up: Sequence[float]) -> Matrix | None:
-    """The frame of an eye at `position`: −z towards `target`, y as near to `up` as can be. None if the two points are one."""
+    """Look-at frame of an eye at `position`: −z towards `target`, y nearest to `up`. None if both points coincide."""
     backward = unit(np.subtract(position, target, dtype=np.float64))
     if backward is None:
         return None
@@ -94,9 +94,9 @@ def looking(position: Sequence[float], target: Sequence[float], up: Sequence[flo
 
 
 def facing(position: Sequence[float], direction: Sequence[float], up: Sequence[float] | None = None) -> Matrix | None:
-    """The frame of something flat at `position` whose +y is `direction`; its −z is as near to `up` as can be. None if the direction is 0.
+    """The frame of a flat shape at `position` with +y along `direction` and −z nearest to `up`. None if `direction` is 0.
 
-    Without `up`, the shortest turn that takes +y to the direction, so that a frame facing +y is not turned at all.
+    Without `up`, the smallest rotation from +y to `direction`, so a frame facing +y is the identity.
     """
     normal = unit(np.asarray(direction, dtype=np.float64))
     if normal is None:
@@ -111,7 +111,7 @@ def facing(position: Sequence[float], direction: Sequence[float], up: Sequence[f
 
 
 def unit(v: np.ndarray) -> np.ndarray | None:
-    """v at length 1, or None if it has none. Scaled first, so that tiny and huge vectors keep their direction."""
+    """The normalized v; None for a zero vector. Scaled first, so that tiny and huge vectors keep their direction."""
     largest = float(np.max(np.abs(v)))
     if not 0.0 < largest < math.inf:
         return None
@@ -120,7 +120,7 @@ def unit(v: np.ndarray) -> np.ndarray | None:
 
 
 def unscaled(matrix: np.ndarray) -> Matrix:
-    """The frame of a camera without scale: −z as it looks, x as near as can be, right-handed."""
+    """The unscaled frame of a camera: −z unchanged in direction, x nearest to its own, right-handed."""
     made = np.eye(4)
     z = matrix[:3, 2] / max(float(np.linalg.norm(matrix[:3, 2])), 1e-300)
     y = matrix[:3, 1] - (matrix[:3, 1] @ z) * z
@@ -130,7 +130,7 @@ def unscaled(matrix: np.ndarray) -> Matrix:
 
 
 def points(matrix: Matrix, at: np.ndarray) -> np.ndarray:
-    """(n, 3) points moved by a matrix."""
+    """Points (n, 3) transformed by a matrix."""
     return at @ matrix[:3, :3].T + matrix[:3, 3]
 
 
@@ -144,7 +144,7 @@ def _frame(other: np.ndarray, axis: int, along: np.ndarray, position: Sequence[f
 
 
 def _perpendicular(axis: np.ndarray, up: Sequence[float]) -> np.ndarray:
-    """The unit vector square to `axis` nearest to `up`; where up lies along the axis, nearest to −z, then x."""
+    """The unit vector perpendicular to `axis` nearest to `up`; if `up` is parallel to it, nearest to −z, then x."""
     for candidate in (up, (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)):
         wanted = unit(np.asarray(candidate, dtype=np.float64))
         if wanted is None:
@@ -152,23 +152,23 @@ def _perpendicular(axis: np.ndarray, up: Sequence[float]) -> np.ndarray:
         across = wanted - (wanted @ axis) * axis
         if math.sqrt(float(across @ across)) > 1e-9:
             across /= math.sqrt(float(across @ across))
-            across -= (across @ axis) * axis  # once more: takes out what rounding left along the axis
+            across -= (across @ axis) * axis  # once more: removes the rounding residue along the axis
             return across / math.sqrt(float(across @ across))
     raise AssertionError("−z and x cannot both lie along one axis")
 
 
 def _shortest_turn(normal: np.ndarray) -> np.ndarray:
-    """The rotation that takes +y to a unit vector by the smallest angle (about x where it points to −y)."""
+    """The smallest rotation from +y to a unit vector (about x if it is −y)."""
     x, y, z = normal.tolist()
     across = math.hypot(x, z)
     if y < 0 and across < 1e-290:
         return np.diag([1.0, -1.0, -1.0])
-    k, a, b = (1.0 - y, x / across, z / across) if y < 0 else (1.0 / (1.0 + y), x, z)  # the same, each where nothing cancels
+    k, a, b = (1.0 - y, x / across, z / across) if y < 0 else (1.0 / (1.0 + y), x, z)  # equal, each free of cancellation
     return np.array([[1 - k * a * a, x, -k * a * b], [-x, y, -z], [-k * a * b, z, 1 - k * b * b]])
 
 
 def _euler(ax: float, ay: float, az: float) -> np.ndarray:
-    """About the fixed x, then y, then z axis: Rz · Ry · Rx."""
+    """Rotation about the fixed x, then y, then z axis: Rz · Ry · Rx."""
     (cx, cy, cz), (sx, sy, sz) = zip(*((math.cos(t), math.sin(t)) for t in (ax, ay, az)), strict=True)
     return np.array(
         [

@@ -1,7 +1,7 @@
-"""The one validator between every front end and every backend: after it, no backend raises on a scene.
+"""Validates a scene between front ends and backends: no backend raises on a validated scene.
 
-What cannot be repaired is an error; what can is repaired, counted and said once. Checks go from the shape of the tables, to the
-references between them, to the numbers in them; meshes come last (validate_meshes.py).
+Unrepairable faults are errors; repairable ones are repaired, counted and reported once. Checks cover the structure of the tables, then
+references, then numbers; meshes come last (validate_meshes.py).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from .check import Check
 Kind = ir.GeometryKind
 Light = ir.LightKind
 ALL_VISIBLE = 7
-MAX_SIZE = 65536  # pixels of a picture, each way
+MAX_SIZE = 65536  # pixels of a picture, in width or height
 _REFERENCES = (  # table, column, table it points into, whether -1 is allowed
     ("geometries", "normals", "attributes", True),
     ("geometries", "uvs", "attributes", True),
@@ -59,13 +59,13 @@ _FINITE = (
     ("cameras", "opening"), ("cameras", "shutter"), ("cameras", "lens"),
     ("cameras", "focus"), ("keys", "move"), ("keys", "turn"), ("keys", "stretch"),
 )  # fmt: skip
-_APART = {"pools": (), "images": ("texels",)}  # columns with a length of their own; () is all of them
+_APART = {"pools": (), "images": ("texels",)}  # columns with their own length; () means all
 
 
 def validate(scene: ir.Scene, diagnostics: Diagnostics | None = None) -> tuple[ir.Scene, Diagnostics]:
-    """The scene, repaired where it can be, and what was found. With an error among it the scene must not be drawn. Never raises."""
+    """The scene with repairs, and the diagnostics. A scene with errors must not be drawn. Never raises."""
     found = diagnostics if diagnostics is not None else Diagnostics()
-    with np.errstate(all="ignore"):  # whatever numbers stand in the tables
+    with np.errstate(all="ignore"):  # the tables may hold any numbers
         return _validate(Check(scene, found)), found
 
 
@@ -83,7 +83,7 @@ def _validate(check: Check) -> ir.Scene:
 
 
 def _structure(check: Check) -> None:
-    """Columns have their type and shape and, in one table, one length; names and spans go with rows."""
+    """Columns have their type and shape and, within one table, equal length; names and spans match the rows."""
     for table, columns in check.tables.items():
         apart = _APART.get(table)
         lengths = set()
@@ -114,7 +114,7 @@ def _structure(check: Check) -> None:
 
 
 def _references(check: Check) -> None:
-    """Every index points at a row, every kind is one of its kinds, every range lies in its pool."""
+    """Every index refers to a row, every kind is valid, every range lies in its pool."""
     for table, column, target, optional in _REFERENCES:
         values = check.tables[table][column]
         if not len(values):
@@ -146,13 +146,13 @@ def _references(check: Check) -> None:
 
 
 def _inside(first: np.ndarray, count: np.ndarray, length: int) -> np.ndarray:
-    """Whether ranges lie in a pool; in int64, so that nothing wraps round."""
+    """Whether ranges lie in a pool; computed in int64 to avoid overflow."""
     start, size = first.astype(np.int64), count.astype(np.int64)
     return (start >= 0) & (size >= 0) & (start <= length) & (size <= length - start)
 
 
 def _numbers(check: Check) -> None:
-    """Numbers are finite, and transforms have the inverse they say."""
+    """Numbers are finite, and stored inverses match their transforms."""
     for table, column in _FINITE:
         values = check.tables[table][column]
         if not len(values):
@@ -176,7 +176,7 @@ def _transforms(check: Check) -> None:
     if check.bad("transforms", flat, "it flattens to nothing (no inverse)"):
         return
     inverses = table["inverse"]
-    # One of the two products is free of what a stretched matrix does to rounding.
+    # One of the two products is unaffected by the rounding of a stretched matrix.
     products = (inverses[:, :, :3] @ linear, linear @ inverses[:, :, :3])
     off = np.minimum(*(np.abs(product - np.eye(3)).max(axis=(1, 2), initial=0.0) for product in products))
     moved = (inverses[:, :, :3] @ matrices[:, :, 3:])[:, :, 0] + inverses[:, :, 3]
@@ -219,7 +219,7 @@ def _meaning(check: Check) -> None:
     _settings(check)
 
 
-_POSITIVE: dict[int, tuple[tuple[int, ...], tuple[int, ...]]] = {  # parameters that are above 0, and those that are 0 or more
+_POSITIVE: dict[int, tuple[tuple[int, ...], tuple[int, ...]]] = {  # parameters that must be above 0, and those that must be 0 or more
     Kind.SPHERE: ((0,), ()), Kind.BOX: ((0, 1, 2), ()), Kind.RECTANGLE: ((0, 1), ()), Kind.DISK: ((0,), ()), Kind.CYLINDER: ((0, 1), ()),
     Kind.CONE: ((2,), (0, 1)), Kind.TORUS: ((0, 1), ()), Kind.CAPSULE: ((0,), (1,)), Kind.QUADRIC: ((10, 11, 12), ()),
     Kind.FORMULA: ((5,), (0, 4)),
@@ -324,7 +324,7 @@ def _settings(check: Check) -> None:
 
 
 def _without_empty_instances(check: Check) -> None:
-    """Leave out instances of meshes that have no triangles left."""
+    """Removes instances of meshes that have no triangles left."""
     geometries, instances = check.tables["geometries"], check.tables["instances"]
     empty = (geometries["kind"] == Kind.MESH) & (geometries["triangle_count"] == 0)
     keep = ~empty[instances["geometry"]]

@@ -1,4 +1,4 @@
-"""The validator's part about meshes: triangles that are none are dropped, and what hangs on them follows."""
+"""Validates meshes: drops degenerate triangles with their attributes and outlines."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from .. import ir
 from . import t_junctions
 from .check import Check, Columns
 
-FLAT = 1e-12  # doubled area over squared longest edge below which a triangle is a line
-SEARCHED = 1 << 18  # triangles, up to which a mesh is searched for corners on edges: 0.1 s
+FLAT = 1e-12  # 2 · area / longest edge² below which a triangle is degenerate
+SEARCHED = 1 << 18  # largest mesh, in triangles, to search for T-junctions: 0.1 s
 _WIDTHS = {"normals": 3, "uvs": 2, "colors": 3}
 
 
 def validate(check: Check) -> None:
-    """Check meshes, drop degenerate triangles, and put attributes, outlines and bounds right."""
+    """Check meshes, drop degenerate triangles, and repair attributes, outlines and bounds."""
     table = check.tables["geometries"]
     meshes = np.flatnonzero(table["kind"] == ir.GeometryKind.MESH)
     if not len(meshes):
@@ -46,7 +46,7 @@ def _say(check: Check, counts: np.ndarray, verbs: tuple[str, str], what: str) ->
 
 
 def _faulty(check: Check, row: int, first: int, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Masks of a mesh's triangles that name absent vertices, and that have no area."""
+    """Masks of a mesh's triangles with invalid vertices, and of those without area."""
     table, pools = check.tables["geometries"], check.tables["pools"]
     triangles = pools["triangles"][first : first + count]
     low, high = int(table["first_vertex"][row]), int(table["first_vertex"][row]) + int(table["vertex_count"][row])
@@ -63,7 +63,7 @@ def _faulty(check: Check, row: int, first: int, count: int) -> tuple[np.ndarray,
 
 
 def _attributes(check: Check, meshes: np.ndarray) -> None:
-    """Attributes have the width and the number of values their mesh needs; those that have not are left out."""
+    """Attributes have the width and length their mesh needs; others are removed."""
     table, attributes = check.tables["geometries"], check.tables["attributes"]
     if not len(attributes["width"]):
         return
@@ -84,7 +84,7 @@ def _attributes(check: Check, meshes: np.ndarray) -> None:
 
 
 def _drop(check: Check, meshes: np.ndarray, keep: np.ndarray) -> None:
-    """Take triangles out of the pool; ranges, outlines and values of faces and corners follow."""
+    """Remove triangles from the pool, with their ranges, outlines, and face and corner values."""
     table, pools = check.tables["geometries"], check.tables["pools"]
     before = np.concatenate([[0], np.cumsum(keep)])
     first, count = table["first_triangle"].copy(), table["triangle_count"].copy()
@@ -131,7 +131,7 @@ def _thin(check: Check, row: int, name: str, width: int, keep: np.ndarray) -> No
 
 
 def _outlines(check: Check, meshes: np.ndarray) -> None:
-    """A mesh whose polygons point outside of it is drawn by its triangles alone."""
+    """A mesh with invalid outlines loses them and keeps its triangles."""
     table, pools, polygons = check.tables["geometries"], check.tables["pools"], check.tables["polygons"]
     wrong = np.zeros(len(table["kind"]), dtype=bool)
     for row in meshes:
@@ -154,20 +154,20 @@ def _outlines_inside(table: Columns, pools: Columns, polygons: Columns, row: int
     if (used[:, 0] < 0).any() or (used[:, 1] < 0).any() or (used.sum(axis=1) > len(pools["corners"])).any():
         return False
     if used[:, 1].sum() > 4 * len(pools["corners"]) + 4:
-        return False  # loops over the same corners again and again
+        return False  # loops that reuse the same corners
     corners = pools["corners"][_spread(used[:, 0], used[:, 1])]
     low = int(table["first_vertex"][row])
     return bool(((corners >= low) & (corners < low + int(table["vertex_count"][row]))).all())
 
 
 def _spread(first: np.ndarray, count: np.ndarray) -> np.ndarray:
-    """The rows of ranges, one after the other."""
+    """The rows of all ranges, concatenated."""
     ends = np.cumsum(count)
     return np.repeat(first - (ends - count), count) + np.arange(int(ends[-1]) if len(ends) else 0)
 
 
 def _positions(check: Check) -> None:
-    """Vertices that are not finite belong to no triangle any more: put them at the origin."""
+    """Moves non-finite vertices, which no triangle uses any more, to the origin."""
     positions = check.tables["pools"]["positions"]
     bad = ~np.isfinite(positions).all(axis=1)
     if bad.any():
@@ -194,7 +194,7 @@ def _bounds(check: Check, meshes: np.ndarray) -> None:
 
 
 def _junctions(check: Check, meshes: np.ndarray) -> None:
-    """Say where corners lie on edges that do not know them: rounding opens a crack there. Large meshes are not searched."""
+    """Reports T-junctions, where rounding opens cracks. Large meshes are not searched."""
     table, pools = check.tables["geometries"], check.tables["pools"]
     found = np.zeros(len(table["kind"]), dtype=np.int64)
     for row in meshes:

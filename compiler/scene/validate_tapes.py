@@ -1,4 +1,4 @@
-"""The validator's checks of tapes: their ranges, operations and operands, so that whoever runs one can trust it."""
+"""Validates tapes: ranges, operations and operands, so that tapes run without checks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _ARITY = np.array([arity(op) for op in Op])
 
 
 def validate(check: Check) -> None:
-    """Every tape lies in the pools, its rows use earlier values and its own finite constants, and it has 1 to 4 results."""
+    """Every tape lies in the pools, uses only earlier values and its own finite constants, and has 1 to 4 results."""
     table, pools = check.tables["tapes"], check.tables["pools"]
     code, constants = pools["code"], pools["constants"]
     wrong = np.zeros(len(table["first"]), bool)

@@ -1,4 +1,4 @@
-"""Writes a scene as files of other programs.
+"""Exports a scene to the file formats of other programs.
 
 May import: compiler.ir, scene, plan.
 Begin with `common.py`.

@@ -1,4 +1,4 @@
-"""What exporters share: what they return, with all they cannot carry and its place; triangles and pictures as other programs take them."""
+"""Common parts of the exporters: the export result with its losses, transforms, cameras, triangles and textures."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ class Shell(NamedTuple):
     triangles: NDArray[np.int32]  # (m, 3)
     normals: F64 | None = None  # (n, 3)
     uvs: F64 | None = None  # (n, 2)
-    metric: F64 | None = None  # (m, 2) metres, in the instance's frame, that one unit of u and of v spans on each triangle
+    metric: F64 | None = None  # (m, 2) metres in the instance's frame per unit of u and of v, on each triangle
     colors: F64 | None = None  # (n, 3) linear
 
 
 Tessellate = Callable[[int], tuple[F64, NDArray[np.int32], F64, F64, F64]]
-"""Triangles for an instance (a row) of a shape that a format does not have: positions, triangles, normals, uvs, metric as in Shell."""
+"""Tessellates an instance (a row) whose shape a format lacks: positions, triangles, normals, uvs, metric as in Shell."""
 
 
 @dataclass(eq=False)
 class Export:
-    """A scene in another program's words: the main file's text, and the files beside it by name.
+    """An exported scene: the main file's text, and the other files by name.
 
-    `found` holds a warning for each thing the format cannot carry, with the fix, and a note for what it carries otherwise.
+    `found` has a warning with a fix for each feature that the format lacks, and a note for each feature in another form.
     """
 
     scene: ir.Scene
@@ -47,40 +47,40 @@ class Export:
     found: list[Diagnostic] = field(default_factory=list)
 
     def cannot(self, message: str, table: str = "", row: int = -1, hint: str = "") -> None:
-        """Say what is lost, once."""
+        """Report a loss, once."""
         self._say("warning", message, table, row, hint)
 
     def without_opacity(self) -> None:
-        """Say which materials' opacity is lost."""
+        """Report the materials whose opacity is lost."""
         used = self.scene.tables.instances.material
         for row in np.unique(used[scene_facts.partial(self.scene.tables)[used]]):
             self.cannot("opacity is not carried: what has one is wholly there", "materials", int(row))
 
     def tessellated(self, kind: ir.GeometryKind, instance: int, triangles: int, tolerance: float) -> None:
-        """Say that a shape is carried as triangles, where they are not the same."""
+        """Report that a shape is exported as triangles, unless the triangles are exact."""
         if kind not in (ir.GeometryKind.BOX, ir.GeometryKind.RECTANGLE):
             self.note(f"a {kind.name.lower()} is carried as {triangles} triangles, {tolerance:g} pixels off at most", "instances", instance)
 
     def carried(self, texture: int) -> int:
-        """A row of Textures, or -1, after saying so, of one that only formulas tell."""
+        """A row of Textures; -1, with a report, for a texture defined by formulas."""
         if texture >= 0 and self.scene.tables.textures.kind[texture] == ir.TextureKind.FORMULA:
             self.cannot("a pattern is not carried: it is white", "textures", texture)
             return -1
         return texture
 
     def note(self, message: str, table: str = "", row: int = -1) -> None:
-        """Say what is carried in another form, once."""
+        """Report a feature exported in another form, once."""
         self._say("note", message, table, row, "")
 
     def save(self, path: Path) -> None:
-        """Write the main file to `path` and the others beside it. OSError if the disk will not."""
+        """Write the main file to `path` and the other files beside it. Raises OSError."""
         for name, data in self.files.items():
             (path.parent / name).write_bytes(data)
         path.write_text(self.text, encoding="utf-8")
 
     @property
     def lost(self) -> list[str]:
-        """What the format cannot carry, each with its place; empty where the export is faithful."""
+        """The features that the format lacks, each with its place; empty for a faithful export."""
         return [f"{d.span}: {d.message}" if d.span else d.message for d in self.found if d.severity == "warning"]
 
     def _say(self, severity: str, message: str, table: str, row: int, hint: str) -> None:
@@ -90,8 +90,8 @@ class Export:
 
 
 def number(value: float) -> str:
-    """A number that reads back as the same float32, and nearly the same float64."""
-    return f"{float(value) + 0.0:.12g}"  # + 0: no -0
+    """A number as text that reads back as the same float32, and nearly the same float64."""
+    return f"{float(value) + 0.0:.12g}"  # + 0: −0 becomes 0
 
 
 def numbers(values: Any, separator: str = ", ") -> str:
@@ -102,7 +102,7 @@ def numbers(values: Any, separator: str = ", ") -> str:
 
 
 def world(tables: ir.Tables, instance: int) -> F64:
-    """(4, 4) from an instance's own frame to the world."""
+    """(4, 4) object-to-world matrix of an instance."""
     return square(tables.transforms.matrix[tables.instances.transform[instance]])
 
 
@@ -114,7 +114,7 @@ def square(matrix: Any) -> F64:
 
 
 def even_scale(matrix: F64) -> float | None:
-    """By how much a transform (4, 4) or (3, 4) enlarges, where it does so alike in all directions; else None."""
+    """The scale factor of a uniformly scaling transform (4, 4) or (3, 4); else None."""
     linear = matrix[:3, :3]
     gram = linear.T @ linear
     square_scale = float(np.trace(gram)) / 3.0
@@ -124,12 +124,12 @@ def even_scale(matrix: F64) -> float | None:
 
 
 def mean_scale(matrix: F64) -> float:
-    """The mean length of a transform's axes: by how much a cell of a texture is taken to be enlarged."""
+    """The mean length of a transform's axes: the scale factor applied to texture cells."""
     return float(np.linalg.norm(matrix[:3, :3], axis=0).mean())
 
 
 def reach(tables: ir.Tables) -> tuple[F64, float]:
-    """(middle, radius) of a ball about everything that has an end, the eye and the lamps."""
+    """(center, radius) of a bounding sphere of all bounded instances, the camera and the lights."""
     points = [square(tables.transforms.matrix[row])[:3, 3] for row in tables.cameras.transform.tolist()]
     for i, g in enumerate(tables.instances.geometry.tolist()):
         low, high = tables.geometries.bounds[g]
@@ -147,15 +147,15 @@ def reach(tables: ir.Tables) -> tuple[F64, float]:
 
 
 class Eye(NamedTuple):
-    """A camera in the world. A picture's point is `position + forward + x right + y up` (perspective), x and y from -1 to 1."""
+    """A camera in world space. A point of the picture is `position + forward + x right + y up` (perspective), x and y in -1…1."""
 
     position: F64
-    right: F64  # to the picture's right edge from its middle, at distance 1; orthographic: in metres
+    right: F64  # from the picture's center to its right edge, at distance 1; orthographic: in metres
     up: F64
     forward: F64  # unit
-    shift: F64  # (2,) of the middle, in halves of the picture: of `right` and `up`
+    shift: F64  # (2,) of the center, in half pictures: in units of `right` and `up`
     perspective: bool
-    regular: bool  # right, up and forward at right angles to each other, and pixels square
+    regular: bool  # right, up and forward are orthogonal, and pixels are square
 
 
 def eye(scene: ir.Scene, camera: int, size: tuple[int, int]) -> Eye:
@@ -178,7 +178,7 @@ def eye(scene: ir.Scene, camera: int, size: tuple[int, int]) -> Eye:
 
 
 def mesh(tables: ir.Tables, g: int) -> Shell:
-    """A geometry of the kind MESH with its normals (flipped to its faces' side), coordinates and colours, indexed where it can be."""
+    """A MESH geometry with normals (flipped to its faces' side), coordinates and colours, indexed where possible."""
     geometries, pools = tables.geometries, tables.pools
     first, count = int(geometries.first_triangle[g]), int(geometries.triangle_count[g])
     start, vertices = int(geometries.first_vertex[g]), int(geometries.vertex_count[g])
@@ -202,7 +202,7 @@ def mesh(tables: ir.Tables, g: int) -> Shell:
 
 
 def at_corners(tables: ir.Tables, row: int, triangles: NDArray[np.int32]) -> F64:
-    """(triangles, 3, width) values of an attribute at the corners of triangles (of local vertex numbers)."""
+    """Values (triangles, 3, width) of an attribute at the corners of triangles (local vertex numbers)."""
     attributes, count = tables.attributes, len(triangles)
     how, width, first = attributes.interpolation[row], int(attributes.width[row]), int(attributes.first[row])
     if how == ir.Interpolation.CONSTANT:
@@ -226,7 +226,7 @@ def _corner_numbers(count: int) -> NDArray[np.int32]:
 
 
 def metric_of(positions: F64, triangles: NDArray[np.int32], uvs: F64) -> F64:
-    """(m, 2) metres that one unit of u and of v spans on each triangle; 1 where its coordinates have no area. uvs: (m, 3, 2)."""
+    """(m, 2) metres per unit of u and of v on each triangle; 1 for degenerate coordinates. uvs: (m, 3, 2)."""
     a, b, c = (positions[triangles[:, k]] for k in range(3))
     e1, e2 = b - a, c - a
     d1, d2 = uvs[:, 1] - uvs[:, 0], uvs[:, 2] - uvs[:, 0]
@@ -238,9 +238,9 @@ def metric_of(positions: F64, triangles: NDArray[np.int32], uvs: F64) -> F64:
 
 
 def plane(x: float, z: float, radius: float) -> Shell:
-    """An endless plane as a square about (x, z) that ends 10⁵ `radius` away, u = x and v = -z as the plane has them.
+    """An infinite plane as a square grid about (x, z) that ends 10⁵ `radius` away; u = x and v = -z as on the plane.
 
-    Its lines stand ever farther apart, so that coordinates near the middle keep their digits in float32.
+    The grid spacing grows with distance, so that coordinates near the center keep their precision in float32.
     """
     steps = radius * 10.0 ** np.arange(1, 6)
     line = np.concatenate([-steps[::-1], [0.0], steps])
@@ -256,7 +256,7 @@ def plane(x: float, z: float, radius: float) -> Shell:
 
 
 def flipped(shell: Shell) -> Shell:
-    """The same with each triangle turned over, for a frame that mirrors."""
+    """The shell with reversed winding, for a mirroring frame."""
     return shell._replace(triangles=np.ascontiguousarray(shell.triangles[:, ::-1]))
 
 
@@ -264,14 +264,14 @@ def flipped(shell: Shell) -> Shell:
 
 
 def texture_place(tables: ir.Tables, row: int) -> F64:
-    """(3, 3) from a surface's u, v to the texture's s, t."""
+    """(3, 3) matrix from a surface's u, v to the texture's s, t."""
     frame = np.eye(3)
     frame[:2] = tables.textures.frame[row]
     return frame
 
 
 def with_cells(tables: ir.Tables, row: int, shell: Shell, scale: float) -> Shell:
-    """`shell` with the cells of a checker or stripes for coordinates: a cell is 1 long. `scale` enlarges the shell in the world."""
+    """`shell` with coordinates in cells of a checker or stripes, one unit a cell. `scale` is the shell's scale to world."""
     count = len(shell.triangles)
     uvs = np.zeros((count, 3, 2)) if shell.uvs is None else shell.uvs[shell.triangles]
     frame = texture_place(tables, row)
@@ -287,7 +287,7 @@ def with_cells(tables: ir.Tables, row: int, shell: Shell, scale: float) -> Shell
 
 
 def cell_colors(tables: ir.Tables, row: int, constant: F64) -> tuple[F64, F64]:
-    """The two colours of a checker or stripes as a material's input has them."""
+    """The two colours of a checker or stripes as values of a material's input."""
     textures = tables.textures
     pair = []
     for color in (textures.color_a[row], textures.color_b[row]):
@@ -298,7 +298,7 @@ def cell_colors(tables: ir.Tables, row: int, constant: F64) -> tuple[F64, F64]:
 
 
 def picture(tables: ir.Tables, row: int, constant: F64) -> NDArray[np.float32]:
-    """(height, width, 3) an image texture's pixels as a material's input has them: gain, bias and constant worked in."""
+    """(height, width, 3) pixels of an image texture as values of a material's input: gain, bias and constant applied."""
     textures, images = tables.textures, tables.images
     image = int(textures.image[row])
     texels = pixels(images, image)
@@ -308,13 +308,13 @@ def picture(tables: ir.Tables, row: int, constant: F64) -> NDArray[np.float32]:
 
 
 def pixels(images: ir.Images, image: int) -> NDArray[np.float32]:
-    """(height, width, 4) linear, from the top."""
+    """(height, width, 4) linear pixels of an image, from the top."""
     first, width, height = int(images.first[image]), int(images.width[image]), int(images.height[image])
     return images.texels[first : first + width * height].reshape(height, width, 4)
 
 
 def follows_uv(tables: ir.Tables, row: int, kind: int) -> bool:
-    """Whether a texture's place is the surface's own u, v, on a shape of a kind (on spheres and boxes two more mappings are the same)."""
+    """Whether a texture uses the surface's own u, v on a kind of shape (two more mappings equal it on spheres and boxes)."""
     mapping = tables.textures.mapping[row]
     same = (ir.TextureMapping.LATLONG, ir.GeometryKind.SPHERE), (ir.TextureMapping.BOX, ir.GeometryKind.BOX)
     return bool(mapping == ir.TextureMapping.UV) or (mapping, kind) in same

@@ -1,4 +1,4 @@
-"""Triangles as files for other programs and for printers: .stl, .obj, .ply and .3mf."""
+"""Writes triangle meshes for other programs and for 3D printing: .stl, .obj, .ply and .3mf."""
 
 from __future__ import annotations
 
@@ -11,32 +11,32 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
-SINGLE = (".stl", ".ply")  # which hold numbers in single precision
-PRINTED = (".stl", ".3mf")  # in millimetres and with z up, as printers' programs take them; the others are in metres, y up
+SINGLE = (".stl", ".ply")  # formats in single precision
+PRINTED = (".stl", ".3mf")  # formats in millimetres with z up, as 3D printing programs expect; the others are in metres, y up
 _MM = 1000.0
 
 
 class Part(NamedTuple):
-    """One thing, in the world: metres, counter-clockwise from outside."""
+    """One object in world space: metres, counter-clockwise from outside."""
 
     name: str
     positions: NDArray[np.float64]  # (n, 3)
     triangles: NDArray[np.int64]  # (m, 3)
-    deviation: float  # metres its triangles are off the true surface at the most
-    open_edges: int  # without a triangle on either side
+    deviation: float  # largest distance of its triangles from the true surface, in metres
+    open_edges: int  # edges with a triangle on one side only
 
 
-APART = 2.0**-20  # of the largest coordinate: by so much, or a little more, edges that touch are pulled apart
-WELDED = 2.0**-23  # of it: corners nearer than this become one
+APART = 2.0**-20  # of the largest coordinate: least distance by which touching edges are separated
+WELDED = 2.0**-23  # of the largest coordinate: corners nearer than this are merged
 _TURNS = 4
-FAR = 64.0  # times a thing's extent: from so far away single precision no longer holds it
+FAR = 64.0  # distance from the origin, in object extents, from which single precision is insufficient
 
 
 def separated(parts: Sequence[Part], ending: str) -> tuple[list[Part], int]:
-    """(parts of which no edge lies where another does, on how many edges it still does).
+    """Separates touching edges: (parts, number of edges that still coincide).
 
-    Programs tell corners of files apart by where they are, in single precision or so: an edge along which two things touch, or one touches
-    itself, has four triangles there. Its corners go inwards by a millionth.
+    Programs identify corners by position, in about single precision. An edge along which two objects touch, or one touches itself, thus
+    has four triangles. Its corners move inwards by a millionth.
     """
     parts = list(parts)
     low, high = _box(parts)
@@ -57,7 +57,7 @@ def separated(parts: Sequence[Part], ending: str) -> tuple[list[Part], int]:
 
 
 def _crowded(parts: Sequence[Part], middle: NDArray[np.float64], reach: float) -> list[NDArray[np.bool_]]:
-    """For each part (m, 3) which of its triangles' sides another triangle has in the same direction, as files have corners."""
+    """For each part, mask (m, 3) of triangle sides that another triangle has in the same direction, after rounding as in the file."""
     positions, triangles = _joined(parts)
     _, place = np.unique(np.round((positions - middle) / (WELDED * reach)).astype(np.int64), axis=0, return_inverse=True)
     sides = place.reshape(-1)[triangles]
@@ -68,7 +68,7 @@ def _crowded(parts: Sequence[Part], middle: NDArray[np.float64], reach: float) -
 
 
 def _normals(part: Part) -> NDArray[np.float64]:
-    """(n, 3) at each corner, by the areas of the triangles around it."""
+    """(n, 3) vertex normals, weighted by triangle area."""
     a, b, c = (part.positions[part.triangles[:, k]] for k in range(3))
     faces = np.cross(b - a, c - a)
     total = np.stack([sum(np.bincount(part.triangles[:, k], faces[:, i], len(part.positions)) for k in range(3)) for i in range(3)], axis=1)
@@ -76,7 +76,7 @@ def _normals(part: Part) -> NDArray[np.float64]:
 
 
 def centred(parts: Sequence[Part]) -> tuple[list[Part], NDArray[np.float64] | None]:
-    """(parts, by how much they were moved to the origin, if they are too far from it for single precision)."""
+    """(parts, offset by which they were moved to the origin; None if single precision suffices in place)."""
     low, high = _box(parts)
     if max(np.abs(low).max(), np.abs(high).max()) <= FAR * (high - low).max():
         return list(parts), None
@@ -90,14 +90,14 @@ def _box(parts: Sequence[Part]) -> tuple[NDArray[np.float64], NDArray[np.float64
 
 
 def encoded(parts: Sequence[Part], ending: str) -> bytes:
-    """The file of an ending in `WRITERS`."""
+    """The content of a file with an extension in `WRITERS`."""
     if ending in PRINTED:
         parts = [part._replace(positions=part.positions[:, [0, 2, 1]] * [_MM, -_MM, _MM]) for part in parts]
     return WRITERS[ending](parts)
 
 
 def _stl(parts: Sequence[Part]) -> bytes:
-    """Binary: 80 bytes, a count, and for each triangle its normal, its corners and two bytes of nothing."""
+    """Binary STL: 80 bytes, a count, and for each triangle its normal, its corners and two zero bytes."""
     corners = np.concatenate([part.positions[part.triangles] for part in parts])
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(normal, axis=1, keepdims=True)
@@ -135,7 +135,7 @@ def _ply(parts: Sequence[Part]) -> bytes:
 
 
 def _3mf(parts: Sequence[Part]) -> bytes:
-    """The 3MF core: a zip archive of a model in XML, an object for each part."""
+    """3MF core: a zip archive with an XML model, one object for each part."""
     objects, items = [], []
     for number, part in enumerate(parts, 1):
         vertices = "".join(f'<vertex x="{x:.12g}" y="{y:.12g}" z="{z:.12g}"/>' for x, y, z in part.positions.tolist())

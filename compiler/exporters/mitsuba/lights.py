@@ -1,4 +1,4 @@
-"""Lights as Mitsuba's emitters. Units agree: intensity in cd, irradiance in lx, radiance in nit, scene-linear."""
+"""Exports lights as Mitsuba emitters. Units agree: intensity in cd, irradiance in lx, radiance in nit, scene-linear."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .shapes import Shapes
 from .xml import Node, node, rgb, value, vector
 
 SUN_DISTANCE = 1e4  # radii of the scene
-SPOT_PIXELS = 1024  # across the picture that shapes a spot's edge
+SPOT_PIXELS = 1024  # width of the image that shapes a spot's falloff
 WIDEST_SPOT = np.radians(80.0)
 _AREA = (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)
 
@@ -44,7 +44,7 @@ def lights(out: Export, plan: Plan, shapes: Shapes) -> list[Node]:
 
 
 def _area(out: Export, shapes: Shapes, row: int, blocks: NDArray[np.bool_]) -> list[Node]:
-    """An area light; `blocks` as light_shapes.blocking, or true where there is nothing to block."""
+    """An area light. `blocks`: result of light_shapes.blocking, or true if there is nothing to block."""
     tables = out.scene.tables
     instance = int(tables.lights.instance[row])
     if instance < 0:
@@ -69,7 +69,7 @@ def _lamp(out: Export, name: str, row: int) -> Node:
 
 
 def _spot(out: Export, name: str, row: int, color: F64) -> Node:
-    """A spot whose edge is a picture: Mitsuba's own falls off evenly over the angle, ours by smoothstep of the cosine."""
+    """A spot light with its falloff as a texture: Mitsuba's is linear in the angle, ours is smoothstep of the cosine."""
     lights = out.scene.tables.lights
     cone = float(np.arccos(np.clip(lights.cos_cone[row], -1.0, 1.0)))
     if cone > WIDEST_SPOT:
@@ -85,7 +85,7 @@ def _spot(out: Export, name: str, row: int, color: F64) -> Node:
 
 
 def spot_picture(cone: float, cos_cone: float, cos_full: float) -> np.ndarray:
-    """(n, n, 3) a spot's strength over the square about its cone, on a plane across its axis."""
+    """(n, n, 3) relative intensity of a spot over the square about its cone, on a plane perpendicular to its axis."""
     place = ((np.arange(SPOT_PIXELS) + 0.5) / SPOT_PIXELS * 2.0 - 1.0) * np.tan(cone)
     cosine = 1.0 / np.sqrt(1.0 + place[:, None] ** 2 + place[None] ** 2)
     t = np.clip((cosine - cos_cone) / max(cos_full - cos_cone, 1e-12), 0.0, 1.0)
@@ -93,7 +93,7 @@ def spot_picture(cone: float, cos_cone: float, cos_full: float) -> np.ndarray:
 
 
 def _far(out: Export, plan: Plan, shapes: Shapes, row: int) -> Node:
-    """Light from one direction; a sun with a size is a bright disk far away, which must not be seen."""
+    """A directional light. A sun with angular size is a bright, distant disk, which must not be visible to the camera."""
     tables = out.scene.tables
     direction, angle = tables.lights.direction[row], float(tables.lights.angle[row])
     if tables.lights.kind[row] == ir.LightKind.DIRECTIONAL or angle <= 0.0:
@@ -104,7 +104,7 @@ def _far(out: Export, plan: Plan, shapes: Shapes, row: int) -> Node:
         out.cannot("the sun's disk is in the picture in Mitsuba, and not here", "lights", row, "angle: 0deg")
     distance = SUN_DISTANCE * shapes.radius
     if (tables.geometries.kind == ir.GeometryKind.PLANE).any():
-        distance = 1e6 * shapes.radius  # beyond where the plane ends
+        distance = 1e6 * shapes.radius  # beyond the end of planes
     frame = np.eye(4)
     frame[:3, :3] = frame_along(-direction) * [distance * np.tan(angle), distance * np.tan(angle), 1.0]
     frame[:3, 3] = shapes.middle + distance * direction
@@ -126,7 +126,7 @@ def _in_view(seen: common.Eye, direction: F64, angle: float) -> bool:
 
 
 def _sky(out: Export, plan: Plan, name: str, shining: list[int]) -> list[Node]:
-    """Skies add up to one constant; a dome's picture is an envmap. Mitsuba has room for one of them."""
+    """Skies and a dome: skies add up to one constant emitter, a dome becomes an envmap. Mitsuba supports one environment emitter."""
     tables = out.scene.tables
     skies = [row for row in shining if tables.lights.kind[row] in (ir.LightKind.SKY, ir.LightKind.DOME)]
     pictures = [row for row in skies if tables.lights.kind[row] == ir.LightKind.DOME and tables.lights.image[row] >= 0]
@@ -149,8 +149,10 @@ def _sky(out: Export, plan: Plan, name: str, shining: list[int]) -> list[Node]:
 
 
 def envmap_rows(pixels: np.ndarray) -> np.ndarray:
-    """A latitude-longitude picture with rows where Mitsuba has them: the first and last at the poles, two for each of ours, between
-    which it interpolates to the same."""
+    """Resamples a latitude–longitude image to Mitsuba's rows: first and last at the poles, two for each of ours.
+
+    Mitsuba interpolates between rows, which gives the same values.
+    """
     below = np.concatenate([pixels, pixels[-1:]])
     above = np.concatenate([pixels[:1], pixels])
     rows = np.empty((2 * len(pixels) + 1, *pixels.shape[1:]), np.float32)
@@ -159,7 +161,7 @@ def envmap_rows(pixels: np.ndarray) -> np.ndarray:
 
 
 def frame_along(axis: F64) -> F64:
-    """(3, 3) a rotation that takes +z to a unit axis."""
+    """(3, 3) rotation from +z to a unit axis."""
     side = np.eye(3)[int(np.argmin(np.abs(axis)))]
     x = np.cross(side, axis)
     x = x / np.linalg.norm(x)

@@ -1,4 +1,4 @@
-"""Materials as Mitsuba's BSDFs, with normal and bump maps. It has no Phong lobe and no ambient light."""
+"""Exports materials as Mitsuba BSDFs, with normal and bump maps. Mitsuba has no Phong lobe and no ambient light."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .xml import Node, node, rgb, value
 MIRROR, GLASS, EMISSIVE = ir.MaterialModel.MIRROR, ir.MaterialModel.GLASS, ir.MaterialModel.EMISSIVE
 METAL, BLEND = ir.MaterialModel.METAL, ir.MaterialModel.BLEND
 PRINCIPLED = (ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR)
-ROUGH = 0.3  # roughness from which light that bounces between facets is more than a hundredth of what a metal reflects
+ROUGH = 0.3  # roughness from which interreflection between microfacets exceeds 1 % of a metal's reflectance
 _WRAPS = {ir.Wrap.REPEAT: "repeat", ir.Wrap.CLAMP: "clamp", ir.Wrap.MIRROR: "mirror"}
 _MAPS = (ir.Slot.NORMAL, ir.Slot.BUMP)
 _SLOTS = {
@@ -27,15 +27,15 @@ _MATT = (ir.Slot.DIFFUSE, ir.Slot.REFLECTION, ir.Slot.EMISSION, *_MAPS)
 
 
 class Look(NamedTuple):
-    """How an instance's surface is written."""
+    """Exported surface of an instance."""
 
     bsdf: Node
     emission: Node | None  # radiance
-    texture: int  # row of Textures whose coordinates its mesh must have, or -1
+    texture: int  # row of Textures for which the mesh needs coordinates, or -1
 
 
 class Materials:
-    """Looks of materials, each written once; pictures go to the export's files."""
+    """BSDFs of materials, each created once; images are added to the export's files."""
 
     def __init__(self, out: Export, name: str) -> None:
         self.out, self.name, self.tables = out, name, out.scene.tables
@@ -44,7 +44,7 @@ class Materials:
         self._pictures: dict[tuple[int, bytes], str] = {}
 
     def look(self, material: int, colored: bool, spoken: int) -> Look:
-        """The look of a material on a mesh with or without vertex colours; `spoken` is an instance for messages."""
+        """The surface of a material on a mesh with or without vertex colours. `spoken` is an instance for messages."""
         key = (material, colored)
         if key not in self._looks:
             self._check(material, colored, spoken)
@@ -91,7 +91,7 @@ class Materials:
             out.cannot("what glass absorbs inside is not carried", "materials", material)
 
     def _texture(self, material: int) -> int:
-        """The texture that says which coordinates the mesh gets."""
+        """The texture for which the mesh gets coordinates."""
         tables = self.tables
         made_of = [material]
         while blends := [k for k in made_of if tables.materials.model[k] == BLEND]:
@@ -108,7 +108,7 @@ class Materials:
         return rows[0] if rows else -1
 
     def _bsdf(self, material: int, colored: bool) -> Node:
-        """A material with what turns its normals round it."""
+        """A material's BSDF inside its normal and bump map BSDFs."""
         made = self._plain(material, colored)
         textures = self.tables.materials.textures
         if (row := self.out.carried(int(textures[material, ir.Slot.NORMAL]))) >= 0:
@@ -164,7 +164,7 @@ class Materials:
         return made.with_(*inputs)
 
     def _alpha(self, material: int) -> Node:
-        """The width of facets, roughness squared."""
+        """Microfacet distribution width alpha: roughness squared."""
         row = self.out.carried(int(self.tables.materials.textures[material, ir.Slot.ROUGHNESS]))
         if row >= 0:
             self.out.cannot("a texture of roughness is carried as its mean", "textures", row)
@@ -172,7 +172,7 @@ class Materials:
         return value("alpha", max(float(self._constant(material, ir.Slot.ROUGHNESS)[0]) * scale, 0.01) ** 2)
 
     def _number(self, name: str, material: int, slot: ir.Slot) -> Node:
-        """A number, or a picture's."""
+        """A float parameter or a texture."""
         row = self.out.carried(int(self.tables.materials.textures[material, slot]))
         factor = float(self._constant(material, slot)[0])
         if row >= 0 and self.tables.textures.kind[row] == ir.TextureKind.IMAGE:
@@ -180,10 +180,10 @@ class Materials:
         return value(name, factor)
 
     def _mix(self, material: int, mirror: float, matt: float, colored: bool) -> Node:
-        """k_d and k_r at once: a blend of two, each divided by its own share.
+        """k_d and k_r together: a blend of two BSDFs, each divided by its weight.
 
-        Mitsuba 3.9 weighs what the mirror sees as if it were matt (its blendbsdf loses that the sample was discrete): measured, a fifth
-        less than each alone. So the two are not the same.
+        Mitsuba 3.9 weights light seen by the mirror as if it were diffuse (its blendbsdf loses that the sample was discrete). Measured:
+        a fifth darker than each BSDF alone. So the two renderers differ.
         """
         self.out.cannot(
             "k_d and k_r at once are not carried: in Mitsuba's blend of a matt surface and a mirror, light arrives weaker in the mirror",
@@ -211,7 +211,7 @@ class Materials:
         return self._color("radiance", material, ir.Slot.EMISSION)
 
     def _color(self, name: str, material: int, slot: ir.Slot, scale: float = 1.0) -> Node:
-        """A material's input: an rgb, a bitmap or a checkerboard."""
+        """A material input as an rgb, a bitmap or a checkerboard."""
         tables = self.tables
         constant = self._constant(material, slot) * scale
         row = self.out.carried(int(tables.materials.textures[material, slot]))
@@ -231,7 +231,7 @@ class Materials:
         return np.clip(color, 0.0, 1.0)
 
     def _bitmap(self, name: str, row: int, constant: F64, levels: bool = False) -> Node:
-        """A picture; with `levels` one of directions, from 0 to 1 as Mitsuba wants them."""
+        """A bitmap; with `levels` a normal map with values from 0 to 1, as Mitsuba expects."""
         textures = self.tables.textures
         wraps = int(textures.wrap_u[row]), int(textures.wrap_v[row])
         if wraps[0] != wraps[1] or wraps[0] not in _WRAPS:
@@ -250,7 +250,10 @@ def _named_color(scale: float) -> tuple[Node, ...]:
 
 
 def indices_of(f0: F64, edge: F64) -> tuple[F64, F64]:
-    """(n, k) of conductors that reflect f0 along the normal and `edge` of Schlick's law at metals.LOWEST: the nearest of a fine grid."""
+    """(n, k) of conductors with reflectance f0 along the normal and factor `edge` of Schlick's law at metals.LOWEST.
+
+    Nearest entry of a fine grid.
+    """
     n = np.geomspace(0.01, 6.0, 400)
     found = np.zeros((2, 3))
     for channel in range(3):

@@ -1,7 +1,7 @@
-"""A scene as Mitsuba 3 reads it: XML, with meshes (PLY) and pictures (EXR) beside it.
+"""Exports a scene as Mitsuba 3 XML, with meshes (PLY) and images (EXR) beside it.
 
-What each plugin means: https://mitsuba.readthedocs.io/en/stable/src/plugin_reference.html. Mitsuba's cameras look down +z with +x to
-the left, its rectangles and disks face +z, and v = 0 is the top row of a picture.
+Plugin reference: https://mitsuba.readthedocs.io/en/stable/src/plugin_reference.html. Mitsuba's cameras look along +z with +x to the
+left. Its rectangles and disks face +z. v = 0 is the top row of an image.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from .xml import Node, node, value
 FILTERS = {"box": "box", "tent": "tent"}
 SAMPLER = "multijitter"
 NO_ROULETTE = 1 << 20  # a depth that no path reaches
-NEAR = 1e-4  # metres; a camera must have some
+NEAR = 1e-4  # metres; Mitsuba requires a near distance
 FAR = 1e7
 
 
 def write(scene: ir.Scene, plan: Plan, name: str, tessellate: common.Tessellate) -> Export:
-    """`scene` as the plan would draw it. Files beside the XML are called `name`.0.ply and so on.
+    """Exports `scene` with the settings of `plan`. Files beside the XML are called `name`.0.ply and so on.
 
-    `tessellate` gives triangles for shapes that Mitsuba lacks. What it cannot carry is in `found`.
+    `tessellate` gives triangles for shapes that Mitsuba lacks. Losses are in `found`.
     """
     out = Export(scene)
     _check_plan(out, plan)
@@ -63,8 +63,10 @@ def _check_plan(out: Export, plan: Plan) -> None:
 
 
 def _check_inside_glass(out: Export, plan: Plan) -> None:
-    """Eyes and lights in glass: Mitsuba scales radiance by the square of the index where it enters, ours does not (the two agree where
-    it comes from outside and leaves again)."""
+    """Reports cameras and lights inside glass.
+
+    Mitsuba scales radiance by the squared index at entry, ours does not. Both agree if light enters from outside and leaves again.
+    """
     tables = out.scene.tables
     glass = tables.materials.model[tables.instances.material] == ir.MaterialModel.GLASS
     places = [("cameras", plan["camera"], tables.transforms.matrix[tables.cameras.transform[plan["camera"]], :, 3])]
@@ -83,7 +85,7 @@ def _check_inside_glass(out: Export, plan: Plan) -> None:
 
 
 def _integrator(out: Export, plan: Plan) -> Node:
-    """A path's length in Mitsuba counts its edges: the eye's, one for each bounce, and the last to a light."""
+    """The path integrator. Mitsuba's max_depth counts edges: the camera's, one for each bounce, and the last to a light."""
     sky = np.isin(out.scene.tables.lights.kind, (ir.LightKind.SKY, ir.LightKind.DOME)).any()
     hidden = bool(sky) and plan["background"] == "transparent"
     if hidden and (out.scene.tables.instances.light >= 0).any():
@@ -108,7 +110,7 @@ def _sensor(out: Export, plan: Plan) -> Node:
     position = seen.position
     if seen.perspective:
         frame = common.square(np.stack([left, up, seen.forward, position], axis=1))
-        # the offsets are shares of the picture's width and height; +x to the right of the picture, +y down
+        # the offsets are fractions of the picture's width and height; +x to the right, +y down
         lens = float(scene.tables.cameras.lens[camera])
         more: dict[str, Any] = {"principal_point_offset_x": float(seen.shift[0] / 2), "principal_point_offset_y": float(-seen.shift[1] / 2)}
         if lens > 0.0:
@@ -121,7 +123,7 @@ def _sensor(out: Export, plan: Plan) -> Node:
         )  # fmt: skip
     else:
         position = position + seen.shift[0] * seen.right + seen.shift[1] * seen.up
-        back = max(-near, 0.0)  # with a negative near it sees what lies behind it, too
+        back = max(-near, 0.0)  # a negative near distance sees objects behind the camera too
         frame = common.square(np.stack([left * half_x, up * half_x, seen.forward, position - back * seen.forward], axis=1))
         sensor = node("sensor", "orthographic", near_clip=max(near, NEAR), far_clip=far + back if np.isfinite(far) else FAR, to_world=frame)
     return sensor.with_(_film(plan), node("sampler", SAMPLER, sample_count=int(plan["samples"]), seed=int(plan["seed"]) & 0x7FFFFFFF))
@@ -135,5 +137,5 @@ def _film(plan: Plan) -> Node:
             film = film.with_(value(name, size))
     chosen = FILTERS.get(plan["filter"], "box")
     if chosen != "box":
-        film = film.with_(value("sample_border", True))  # light from just outside of the picture falls in, as here
+        film = film.with_(value("sample_border", True))  # the filter includes samples just outside the picture, as here
     return film.with_(node("rfilter", chosen))

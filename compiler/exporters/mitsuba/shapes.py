@@ -1,4 +1,4 @@
-"""Instances as Mitsuba's shapes: spheres, boxes, disks, rectangles and cylinders as they are, all others as meshes (PLY)."""
+"""Exports instances as Mitsuba shapes: spheres, boxes, disks, rectangles and cylinders natively, others as meshes (PLY)."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from ..common import F64, Export, Shell
 from .materials import Look, Materials
 from .xml import Node, node, vector
 
-TURN = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # from the x, y plane and +z to the x, z plane and +y
+TURN = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # rotates the x, y plane and +z to the x, z plane and +y
 _CLOSED = (ir.GeometryKind.SPHERE, ir.GeometryKind.BOX, ir.GeometryKind.TORUS, ir.GeometryKind.CAPSULE)
-_CAPPED = {ir.GeometryKind.CYLINDER: 2, ir.GeometryKind.CONE: 3}  # the column of parameters that says so
+_CAPPED = {ir.GeometryKind.CYLINDER: 2, ir.GeometryKind.CONE: 3}  # parameter column of the cap flag
 _EVERYWHERE = ir.Visibility.CAMERA | ir.Visibility.SHADOW | ir.Visibility.REFLECTION
 
 
 class Shapes:
-    """The shapes of a scene, and the materials they use."""
+    """The shapes of a scene with their materials."""
 
     def __init__(self, out: Export, plan: Plan, name: str, tessellate: common.Tessellate) -> None:
         self.out, self.plan, self.name, self.tessellate = out, plan, name, tessellate
@@ -28,7 +28,7 @@ class Shapes:
         self._meshes: dict[tuple[int | float, ...], str] = {}
 
     def nodes(self) -> list[Node]:
-        """Shapes in the order of the instances, but those of lights: `of_light` has them."""
+        """Shapes in instance order, without those of lights, which `of_light` gives."""
         seen = np.flatnonzero(self.tables.instances.light < 0).tolist()
         return [shape for i in seen for shape in self.of(i)]
 
@@ -50,7 +50,7 @@ class Shapes:
         return [shape.with_(*inside) for shape in shapes]
 
     def of_light(self, i: int, radiance: Node) -> list[Node]:
-        """The shape of an area light: black, with the light on its front."""
+        """The shape of an area light: black, emitting from its front."""
         black = self.materials.look(int(self.tables.instances.material[i]), False, i).bsdf
         g = int(self.tables.instances.geometry[i])
         shapes = self._native(i, g)
@@ -71,7 +71,7 @@ class Shapes:
     # --- shapes Mitsuba has ---
 
     def _native(self, i: int, g: int) -> list[Node] | None:
-        """The shape where Mitsuba has it under this transform; None where it does not."""
+        """The native Mitsuba shape under this transform; None if there is none."""
         kind, p = self.tables.geometries.kind[g], self.tables.geometries.parameters[g]
         matrix = common.world(self.tables, i)
         scale = common.even_scale(matrix)
@@ -108,7 +108,7 @@ class Shapes:
         flat = bool(tables.materials.shading[material] == ir.Shading.FLAT)
         turned = bool(tables.transforms.flips[tables.instances.transform[i]])
         sized = look.texture >= 0 and tables.textures.kind[look.texture] != ir.TextureKind.IMAGE
-        shared = tables.geometries.kind[g] == ir.GeometryKind.MESH  # other shapes are as fine as the pixels they cover
+        shared = tables.geometries.kind[g] == ir.GeometryKind.MESH  # other shapes are tessellated by their size on screen
         scale = common.mean_scale(matrix) if sized else 0.0
         key = (g, look.texture, flat, turned, material if colored else -1, -1 if shared else i, scale)
         if key not in self._meshes:
@@ -125,7 +125,7 @@ class Shapes:
         return node("shape", "ply", filename=self._meshes[key], face_normals=self._faceted(g, flat), to_world=matrix)
 
     def _faceted(self, g: int, flat: bool) -> bool:
-        """Whether faces keep their own normals: Mitsuba makes up smooth ones for a mesh without any."""
+        """Whether the mesh has face normals: Mitsuba computes smooth normals for a mesh without any."""
         geometries = self.tables.geometries
         return flat or bool(geometries.kind[g] == ir.GeometryKind.MESH and geometries.normals[g] < 0)
 
@@ -147,7 +147,7 @@ class Shapes:
         return shell
 
     def _placed(self, shell: Shell, texture: int, i: int, g: int, matrix: F64) -> Shell:
-        """The shell with the coordinates its texture wants; v down, in cells of two for a checkerboard."""
+        """The shell with the coordinates of its texture; v down, scaled by half for a checkerboard (two cells a unit)."""
         if texture < 0:
             return shell._replace(uvs=None)
         tables = self.tables
@@ -164,12 +164,12 @@ class Shapes:
 
 
 def _right_handed(matrix: F64) -> F64:
-    """The same place of a shape that is alike on both sides of its x = 0, by a transform that does not mirror."""
+    """The same placement by a non-mirroring transform, for a shape symmetric about its x = 0."""
     return matrix @ np.diag([-1.0, 1.0, 1.0, 1.0]) if np.linalg.det(matrix[:3, :3]) < 0 else matrix
 
 
 def _square(matrix: F64) -> bool:
-    """Whether a transform keeps the axes at right angles."""
+    """Whether a transform keeps the axes orthogonal."""
     gram = matrix[:3, :3].T @ matrix[:3, :3]
     return bool(np.abs(gram - np.diag(np.diag(gram))).max() <= 1e-9 * np.diag(gram).max())
 
@@ -179,7 +179,7 @@ def _point(name: str, at: F64) -> Node:
 
 
 def ply(shell: Shell) -> bytes:
-    """A binary PLY: positions, then normals, u, v and colours (color_r, color_g, color_b) where there are any; triangles."""
+    """A binary PLY: positions, then optional normals, u, v and colours (color_r, color_g, color_b); triangles."""
     named: list[tuple[str, F64]] = [(axis, shell.positions[:, k]) for k, axis in enumerate("xyz")]
     for names, values in (("nx ny nz", shell.normals), ("u v", shell.uvs), ("r g b", shell.colors)):
         if values is not None:

@@ -1,4 +1,4 @@
-"""Elements of Mitsuba's XML, typed by their Python values."""
+"""Mitsuba XML elements, typed by their Python values."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..common import number, numbers
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """One element with its attributes and children."""
+    """One XML element with attributes and children."""
 
     tag: str
     attributes: dict[str, str]
@@ -34,7 +34,7 @@ class Node:
 
 
 def node(tag: str, kind: str, name: str = "", **given: Any) -> Node:
-    """A plugin: `<tag type="kind">` with `given` for its parameters; `name` is what its parent calls it."""
+    """A plugin element `<tag type="kind">` with parameters `given`; `name` is its name in the parent."""
     attributes = {"type": kind} | ({"name": name} if name else {})
     return Node(tag, attributes, tuple(value(key, v) for key, v in given.items()))
 

@@ -1,4 +1,4 @@
-"""Materials as POV-Ray's pigments and finishes: the course's equations are its own, but a highlight there has no colour."""
+"""Exports materials as POV-Ray pigments and finishes. Equations agree, but POV-Ray's highlights have no colour."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ _HIGHLIGHTS = {ir.MaterialModel.PHONG: ("phong", "phong_size"), ir.MaterialModel
 
 
 class Look(NamedTuple):
-    """How a material is written, but its pigment."""
+    """Exported material without its pigment."""
 
     finish: str
-    more: list[str]  # lines of the object: its interior
+    more: list[str]  # interior lines of the object
     glass: bool
 
 
 class Finishes:
-    """Materials, and the pictures they use."""
+    """Finishes of materials, and the images they use."""
 
     def __init__(self, out: Export, plan: Plan, name: str) -> None:
         self.out, self.plan, self.name, self.tables = out, plan, name, out.scene.tables
@@ -33,7 +33,7 @@ class Finishes:
         self._pictures: dict[tuple[int, bytes], str] = {}
 
     def texture_of(self, material: int) -> int:
-        """The texture of a material's pigment, or -1."""
+        """The texture row of a material's pigment, or -1."""
         model = self.tables.materials.model[material]
         if model == ir.MaterialModel.MIRROR:
             return -1
@@ -49,7 +49,7 @@ class Finishes:
         return self.tables.materials.values[material, slot]
 
     def pigment(self, material: int) -> str:
-        """A colour, a checker or a picture; PLACE stands where its place on a surface is written."""
+        """A colour, a checker or an image; PLACE marks the position of its surface mapping."""
         constant = self._value(material, self._slot(material))
         clear = " filter 1" if self.tables.materials.model[material] == ir.MaterialModel.GLASS else ""
         row = self.texture_of(material)
@@ -95,7 +95,7 @@ class Finishes:
         return Look(self._opaque(material, model, instance), [], False)
 
     def _check(self, material: int, model: ir.MaterialModel) -> None:
-        """What POV-Ray has no microfacets for."""
+        """Reports microfacet features that POV-Ray lacks."""
         names = {
             ir.MaterialModel.PRINCIPLED: "principled", ir.MaterialModel.PRINCIPLED_SPECULAR: "principled", ir.MaterialModel.METAL: "metal",
             ir.MaterialModel.BLEND: "blend",
@@ -123,7 +123,7 @@ class Finishes:
         return f"finish {{ {' '.join(words)} }}"
 
     def _ambient(self, material: int) -> F64:
-        """k_a L_a over the pigment, which POV-Ray multiplies by."""
+        """k_a L_a divided by the pigment, by which POV-Ray multiplies."""
         m, wanted = self.tables.materials, self._value(material, ir.Slot.AMBIENT) * self.ambient
         matt = self._value(material, ir.Slot.DIFFUSE)
         if not wanted.any():
@@ -148,6 +148,6 @@ class Finishes:
 
 
 def ppm(pixels: np.ndarray) -> bytes:
-    """A binary PPM of 16 bits a channel from (height, width, 3) linear pixels from the top, cut to 0 … 1."""
+    """A binary PPM with 16 bits a channel from (height, width, 3) linear pixels from the top, clipped to 0…1."""
     height, width = pixels.shape[:2]
     return f"P6\n{width} {height}\n65535\n".encode() + np.rint(np.clip(pixels, 0.0, 1.0) * 65535.0).astype(">u2").tobytes()

@@ -1,7 +1,8 @@
-"""A scene as POV-Ray 3.7 reads it: one .pov, with pictures (16-bit PPM) beside it. Whitted scenes: lamps without extent, mirrors, glass.
+"""Exports a scene for POV-Ray 3.7: one .pov with images (16-bit PPM) beside it.
 
-Coordinates are the scene's own: the camera's `right` makes the frame right-handed. POV-Ray's surfaces give light colour · pigment ·
-(diffuse cosine + phong lobe), which are the course's equations with the light's I = E⊥/π, so lamps are written divided by π.
+The target is Whitted ray tracing: lights without extent, mirrors, glass.
+Coordinates are the scene's own: the camera's `right` makes the frame right-handed. POV-Ray surfaces reflect light colour · pigment ·
+(diffuse cosine + phong lobe). These are our equations with the light's I = E⊥/π, so lights are divided by π.
 https://www.povray.org/documentation/3.7.0/
 """
 
@@ -17,7 +18,7 @@ from .materials import Finishes
 from .shapes import bracket, objects
 
 FADE = 1e-4  # metres: POV-Ray's 2 / (1 + (d / fade)²) is 1/d² to (fade / d)²
-FAR = 1e5  # radii of the scene: where light from afar starts
+FAR = 1e5  # radii of the scene: distance of directional lights
 _SOFT = {
     ir.LightKind.SKY: "a sky lights nothing in POV-Ray", ir.LightKind.DOME: "a dome lights nothing in POV-Ray",
     ir.LightKind.RECTANGLE: "an area light is not carried", ir.LightKind.DISK: "an area light is not carried",
@@ -26,9 +27,9 @@ _SOFT = {
 
 
 def write(scene: ir.Scene, plan: Plan, name: str, tessellate: common.Tessellate) -> Export:
-    """`scene` as the plan would draw it. Pictures beside it are called `name`.0.ppm and so on.
+    """Exports `scene` with the settings of `plan`. Images beside it are called `name`.0.ppm and so on.
 
-    `tessellate` gives triangles for shapes with pictures on them. What POV-Ray cannot carry is in `found`.
+    `tessellate` gives triangles for textured shapes. Losses are in `found`.
     """
     out = Export(scene)
     _check_plan(out, plan)

@@ -1,4 +1,4 @@
-"""Instances as POV-Ray's objects: analytic shapes as they are, meshes and shapes with pictures on them as mesh2."""
+"""Exports instances as POV-Ray objects: analytic shapes natively, meshes and textured shapes as mesh2."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def bracket(values: Any) -> str:
 
 
 def objects(out: Export, plan: Plan, finishes: Finishes, tessellate: common.Tessellate) -> list[str]:
-    """All instances, each an object with its texture and place."""
+    """All instances, each an object with texture and transform."""
     tables, made = out.scene.tables, []
     for i, light in enumerate(tables.instances.light.tolist()):
         if light < 0:
@@ -59,7 +59,7 @@ class _Object:
         texture_lines = ["  texture {", f"    {mapping}pigment {{ {pigment} }}", f"    {look.finish}", "  }"]
         lines = [f"{head} {{", *body, *texture_lines, *look.more, place, *flags, "}"]
         if look.glass and self.tables.instances.visible[self.i] & ir.Visibility.SHADOW:
-            # shadow rays stop at glass here, and go through it there: a twin that is seen by them alone stands in its place
+            # our shadow rays stop at glass, POV-Ray's pass: a copy visible to shadow rays only stops them
             lines += [f"{head} {{", *body, "  pigment { rgb 0 }", place, "  no_image no_reflection", "}"]
         return ["\n".join(lines)]
 
@@ -107,7 +107,7 @@ class _Object:
         raise AssertionError(kind)
 
     def _quadric(self, p: list[float]) -> tuple[str, list[str]]:
-        """A … J stand in another order there: x² y² z², xy xz yz, x y z, 1."""
+        """A quadric. POV-Ray orders A … J as x² y² z², xy xz yz, x y z, 1."""
         a, b, c, d, e, f, g, h, i, j = p[:10]
         text = f"{bracket([a, b, c])}, {bracket([d, f, e])}, {bracket([g, h, i])}, {number(j)}"
         half = np.array(p[10:13])
@@ -139,12 +139,12 @@ class _Object:
         if texture >= 0 and shell.uvs is not None:
             body.append(_list("uv_vectors", shell.uvs))
         body.append(_list("face_indices", shell.triangles))
-        return "mesh2", [*body, "  inside_vector <0.1234, 1, 0.0567>"]  # glass must know which side is out
+        return "mesh2", [*body, "  inside_vector <0.1234, 1, 0.0567>"]  # inside test, required for glass
 
     # --- textures ---
 
     def _place(self, texture: int) -> str:
-        """Where a pigment lies: on a mesh its coordinates say so; on a plane a matrix takes x, z to cells or to the picture."""
+        """The mapping of a pigment: coordinates on a mesh; on a plane a matrix from x, z to cells or to the image."""
         if self.kind != ir.GeometryKind.PLANE:
             return ""
         tables = self.tables
@@ -158,16 +158,16 @@ class _Object:
 
 
 def pattern_matrix(frame: F64) -> str:
-    """The `matrix` that lays a pattern over x, z of a plane so that (frame · (x, -z, 1), 0.5) is the pattern's point."""
+    """The `matrix` that maps a pattern onto a plane's x, z: (frame · (x, -z, 1), 0.5) is the pattern's point."""
     take = np.eye(4)
     take[:2, 0], take[:2, 2], take[:2, 3] = frame[:2, 0], -frame[:2, 1], frame[:2, 2]
     take[1, 1] = 0.0
     take[2] = [0.0, 1.0, 0.0, 0.5]
-    if abs(np.linalg.det(take[:3, :3])) < 1e-12:  # stripes: all of the second axis lies in one cell
+    if abs(np.linalg.det(take[:3, :3])) < 1e-12:  # stripes: the whole second axis lies in one cell
         across = np.array([take[0, 2], 0.0, -take[0, 0]])
         take[1, :3] = across * 1e-9
     back = np.linalg.inv(take)
-    return f"matrix <{', '.join(f'{v + 0.0:.17g}' for v in back[:3].T.ravel())}>"  # all digits: POV-Ray inverts it again
+    return f"matrix <{', '.join(f'{v + 0.0:.17g}' for v in back[:3].T.ravel())}>"  # all digits: POV-Ray inverts the matrix again
 
 
 def _axis(y: float) -> str:
@@ -179,7 +179,7 @@ def _open(capped: float) -> str:
 
 
 def _list(name: str, rows: Any) -> str:
-    """`name { count, <…>, <…> }`, a row a line."""
+    """`name { count, <…>, <…> }`, one item a line."""
     array = np.asarray(rows)
     shown = (f"<{', '.join(map(str, row))}>" for row in array.tolist())
     if array.dtype.kind == "f":

@@ -43,7 +43,7 @@ def separated(parts: Sequence[Part], ending: str) -> tuple[list[Part], int]:
     middle = np.zeros(3) if ending in SINGLE else 0.5 * (low + high)
     reach = float(np.maximum(high - middle, middle - low).max())
     for turn in range(_TURNS):
-        found = _crowded(parts, middle, reach)
+        found = _coincident_sides(parts, middle, reach)
         if not any(mask.any() for mask in found):
             return parts, 0
         step = APART * reach * 4.0**turn
@@ -53,10 +53,10 @@ def separated(parts: Sequence[Part], ending: str) -> tuple[list[Part], int]:
                 moved = part.positions.copy()
                 moved[corners] -= step * _normals(part)[corners]
                 parts[i] = part._replace(positions=moved)
-    return parts, sum(int(mask.sum()) for mask in _crowded(parts, middle, reach)) // 2
+    return parts, sum(int(mask.sum()) for mask in _coincident_sides(parts, middle, reach)) // 2
 
 
-def _crowded(parts: Sequence[Part], middle: NDArray[np.float64], reach: float) -> list[NDArray[np.bool_]]:
+def _coincident_sides(parts: Sequence[Part], middle: NDArray[np.float64], reach: float) -> list[NDArray[np.bool_]]:
     """For each part, mask (m, 3) of triangle sides that another triangle has in the same direction, after rounding as in the file."""
     positions, triangles = _joined(parts)
     _, place = np.unique(np.round((positions - middle) / (WELDED * reach)).astype(np.int64), axis=0, return_inverse=True)

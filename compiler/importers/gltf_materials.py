@@ -26,7 +26,7 @@ UNDERSTOOD = frozenset(
 _WRAPS = {33071: ir.Wrap.CLAMP, 33648: ir.Wrap.MIRROR, 10497: ir.Wrap.REPEAT}
 _DATA = -2  # all channels of an image, as data
 _LEAST_CUTOFF = 1e-9  # least alphaCutoff: a mask with cutoff 0 is opaque everywhere
-_WHOLLY_CLEAR = 0.5  # transmission from which a material becomes glass
+_GLASS_TRANSMISSION = 0.5  # transmission from which a material becomes glass
 
 
 @dataclass(slots=True)
@@ -64,7 +64,7 @@ class Materials:
         if "KHR_materials_unlit" in extensions:
             return MaterialData(ir.MaterialModel.LAMBERT, {ir.Slot.DIFFUSE: Input(BLACK), ir.Slot.EMISSION: base}, name=title)
         transmission = extensions.get("KHR_materials_transmission", {})
-        if transmission.get("transmissionFactor", 0.0) >= _WHOLLY_CLEAR:
+        if transmission.get("transmissionFactor", 0.0) >= _GLASS_TRANSMISSION:
             if transmission.get("transmissionTexture") or pbr.get("roughnessFactor", 1.0) > 0.1:
                 self.warn("transmission is drawn as clear glass: without its picture and roughness")
             ior = float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5))

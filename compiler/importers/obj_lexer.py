@@ -129,11 +129,11 @@ def numbers(lines: Lines, key: int, least: int, complain: Complain) -> tuple[F64
     counts = np.add.reduceat(_word_starts(of.text), of.starts)
     values = _parse(of.text, np.float64)
     if values is None or len(values) != counts.sum() or (counts < least).any():
-        return _numbers_slowly(lines, of.rows, key, least, complain)
+        return _numbers_by_line(lines, of.rows, key, least, complain)
     return values, counts
 
 
-def _numbers_slowly(lines: Lines, rows: I64, key: int, least: int, complain: Complain) -> tuple[F64, I64]:
+def _numbers_by_line(lines: Lines, rows: I64, key: int, least: int, complain: Complain) -> tuple[F64, I64]:
     values: list[float] = []
     counts = np.zeros(len(rows), dtype=np.int64)
     for k, row in enumerate(rows):
@@ -164,7 +164,7 @@ def faces(lines: Lines, complain: Complain) -> Faces:
     counts = np.add.reduceat(words, of.starts)
     corners = _corners(of.text, words)
     if corners is None:
-        return _faces_slowly(lines, of.rows, complain)
+        return _faces_by_line(lines, of.rows, complain)
     return Faces(of.rows, counts, corners)
 
 
@@ -193,7 +193,7 @@ def _corners(text: np.ndarray, words: np.ndarray) -> I64 | None:
     return corners
 
 
-def _faces_slowly(lines: Lines, rows: I64, complain: Complain) -> Faces:
+def _faces_by_line(lines: Lines, rows: I64, complain: Complain) -> Faces:
     counts = np.zeros(len(rows), dtype=np.int64)
     corners: list[list[int]] = []
     for k, row in enumerate(rows):

@@ -62,7 +62,7 @@ def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
     listed = next((faces.lists[n] for n in ("vertex_indices", "vertex_index") if n in faces.lists), None) if faces else None
     if faces is None or listed is None or not len(listed[0]):
         raise PlyError("the PLY file has no faces: clouds of points and triangle strips are not drawn")
-    points = _stacked(vertices, "xyz")
+    points = _stack(vertices, "xyz")
     assert points is not None
     counts, indices = listed[0], listed[1].astype(np.int64)
     owner = np.repeat(np.arange(len(counts)), counts)
@@ -100,7 +100,7 @@ def _not_drawn(elements: list[_Element]) -> list[str]:
 def _mesh(
     points: np.ndarray, counts: np.ndarray, indices: np.ndarray, kept: np.ndarray, owner: np.ndarray, vertices: _Data, faces: _Data
 ) -> PolyMesh:
-    uvs = next((uv for names in _UV_NAMES if (uv := _stacked(vertices, names)) is not None), None)
+    uvs = next((uv for names in _UV_NAMES if (uv := _stack(vertices, names)) is not None), None)
     uv = None if uvs is None else MeshAttribute(np.nan_to_num(uvs))
     corner_uvs = faces.lists.get("texcoord")
     if corner_uvs is not None and np.array_equal(corner_uvs[0], 2 * counts):
@@ -109,12 +109,12 @@ def _mesh(
     tint = None if color is None else MeshAttribute(color)
     if tint is None and (color := _colors(faces)) is not None:
         tint = MeshAttribute(color[kept], ir.Interpolation.FACE)
-    normals = _stacked(vertices, ("nx", "ny", "nz"))
+    normals = _stack(vertices, ("nx", "ny", "nz"))
     normal = None if normals is None else MeshAttribute(normals)
     return PolyMesh(points, counts[kept], indices[kept[owner]], normal, uv, tint)
 
 
-def _stacked(data: _Data, names: Any) -> np.ndarray | None:
+def _stack(data: _Data, names: Any) -> np.ndarray | None:
     if any(name not in data.scalars for name in names):
         return None
     return np.stack([data.scalars[name].astype(np.float64) for name in names], axis=1)
@@ -123,7 +123,7 @@ def _stacked(data: _Data, names: Any) -> np.ndarray | None:
 def _colors(data: _Data) -> np.ndarray | None:
     """Linear colours from red, green and blue: sRGB, integers to 255 (65535) or floats to 1."""
     names = next((n for n in (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue")) if n[0] in data.scalars), None)
-    tints = _stacked(data, names) if names else None
+    tints = _stack(data, names) if names else None
     if names is None or tints is None:
         return None
     kind = data.scalars[names[0]].dtype
@@ -216,7 +216,7 @@ def _rows_one_by_one(body: bytes, at: int, element: _Element, order: str) -> tup
                 at += kind.itemsize * length
     except ValueError:
         raise PlyError(f"the PLY file ends in the middle of its `{element.name}` rows") from None
-    return _gathered(element, values), at
+    return _gather(element, values), at
 
 
 def _ascii(body: bytes, elements: list[_Element]) -> dict[str, _Data]:
@@ -247,11 +247,11 @@ def _ascii(body: bytes, elements: list[_Element]) -> dict[str, _Data]:
                     raise PlyError(f"the PLY file ends in the middle of its `{element.name}` rows")
                 values[name].append(stream[at : at + length])
                 at += length
-        found[element.name] = _gathered(element, values)
+        found[element.name] = _gather(element, values)
     return found
 
 
-def _gathered(element: _Element, values: dict[str, list[Any]]) -> _Data:
+def _gather(element: _Element, values: dict[str, list[Any]]) -> _Data:
     data = _Data()
     for name, kind, counted in element.properties:
         joined = _typed(np.concatenate(values[name]) if values[name] else np.zeros(0), kind)

@@ -104,8 +104,8 @@ class SceneBuilder:
         """(positions (n, 3), triangles (m, 3)) of a mesh row, in its own frame."""
         row = dict(zip(ir.Geometries._fields, self._rows["geometries"][geometry], strict=True))
         first, begin = row["first_triangle"], row["first_vertex"]
-        triangles = _of(self._pools["triangles"], first, row["triangle_count"])
-        return _of(self._pools["positions"], begin, row["vertex_count"]).astype(np.float64) + row["origin"], triangles - begin
+        triangles = _pool_rows(self._pools["triangles"], first, row["triangle_count"])
+        return _pool_rows(self._pools["positions"], begin, row["vertex_count"]).astype(np.float64) + row["origin"], triangles - begin
 
     def tape(self, tape: Tape) -> int:
         """The row of a tape; equal tapes share one."""
@@ -180,7 +180,7 @@ class SceneBuilder:
         self._pool("values", values.reshape(-1))
         return row
 
-    # --- what is placed, and what it is made of ---
+    # --- instances, materials, lights, cameras ---
 
     def instance(self, instance: InstanceData, span: Span | None = None) -> int:
         """Adds an instance of a geometry. NONE if its geometry or transform is NONE."""
@@ -301,7 +301,7 @@ class SceneBuilder:
         """Number of rows of a table so far."""
         return len(self._matrices) if table == "transforms" else len(self._rows[table])
 
-    # --- the end ---
+    # --- result ---
 
     def asked(self, span: Span) -> None:
         """Record the span of the scene's render settings."""
@@ -350,7 +350,7 @@ class SceneBuilder:
         return np.concatenate(self._pools[name]) if self._pools[name] else ()
 
 
-def _of(pieces: Sequence[np.ndarray], first: int, count: int) -> np.ndarray:
+def _pool_rows(pieces: Sequence[np.ndarray], first: int, count: int) -> np.ndarray:
     """Rows first … first + count − 1 of a pool; they lie in one of the arrays added to it."""
     for piece in pieces:
         if first < len(piece):

@@ -32,7 +32,7 @@ _MEASURES = {
     ir.GeometryKind.DISK: 1, ir.GeometryKind.CYLINDER: 3, ir.GeometryKind.CONE: 4, ir.GeometryKind.TORUS: 2, ir.GeometryKind.CAPSULE: 2,
     ir.GeometryKind.QUADRIC: 13, ir.GeometryKind.FORMULA: 6,
 }  # fmt: skip
-_QUIET = {  # default values: columns with them are left out
+_DEFAULTS = {  # default values: columns with them are left out
     "geometries": {"origin": 0, "first_vertex": 0, "vertex_count": 0, "first_triangle": 0, "triangle_count": 0, "first_polygon": 0,
                    "polygon_count": 0, "normals": -1, "uvs": -1, "colors": -1, "tape": -1},
     "instances": {"transform": 0, "light": -1, "visible": 7},
@@ -162,7 +162,7 @@ def _cell(scene: ir.Scene, table: str, column: str, value: Any, row: int) -> str
         return " ".join(_slots(column, value))
     if table == "materials" and column == "textured":
         return ""  # implied by the textures
-    quiet = _QUIET.get(table, {}).get(column)
+    quiet = _DEFAULTS.get(table, {}).get(column)
     if quiet is not None and _same(value, quiet):
         return ""
     shown = _shown(table, column, value)

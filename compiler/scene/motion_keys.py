@@ -54,8 +54,8 @@ def blurred(scene: ir.Scene, at: Callable[[float], ir.Scene | None], found: Diag
         if not _comparable(scene, moment(share)):
             found.warning("things come or go while the shutter is open: nothing blurs", hint="keep their number, and move or hide them")
             return scene
-    _say_what_changes(scene, [moment(share) for share in (0.0, *PROBES, 1.0)], found)
-    placed = _Placed(scene)
+    _warn_of_other_changes(scene, [moment(share) for share in (0.0, *PROBES, 1.0)], found)
+    placed = _MovableRows(scene)
     if not any(np.abs(placed.of(moment(share)) - placed.of(scene)).max(initial=0.0) > 0 for share in (0.0, *PROBES, 1.0)):
         return scene
     steps = 1
@@ -65,13 +65,13 @@ def blurred(scene: ir.Scene, at: Callable[[float], ir.Scene | None], found: Diag
             found.warning("things come or go while the shutter is open: nothing blurs", hint="keep their number, and move or hide them")
             return scene
         parts = [taken_apart(m) for m in np.stack([placed.of(key) for key in keys], axis=1)]
-        if steps >= MOST_STEPS or all(_right(parts, placed, moment(share), share) for share in PROBES):
+        if steps >= MOST_STEPS or all(_keys_match(parts, placed, moment(share), share) for share in PROBES):
             break
         steps *= 2
     return placed.with_keys(parts, steps + 1)
 
 
-_ONLY_MOVES = (  # table, columns that do not blur, what is said
+_NOT_BLURRED = (  # table, columns without motion blur, message
     ("lights", ("color", "position", "direction", "size", "cos_cone", "angle"), "this light moves or changes"),
     ("materials", ("values",), "this material changes"),
     ("cameras", ("extent", "shift"), "this camera's lens changes"),
@@ -82,7 +82,7 @@ def _comparable(a: ir.Scene, b: ir.Scene) -> bool:
     return all(len(getattr(a.tables, t)[0]) == len(getattr(b.tables, t)[0]) for t in ("instances", "cameras"))
 
 
-class _Placed:
+class _MovableRows:
     """The movable rows of a scene: its instances, then its cameras."""
 
     def __init__(self, scene: ir.Scene) -> None:
@@ -102,7 +102,7 @@ class _Placed:
         """The scene in which each moving row has its own transform with keys."""
         t = self.scene.tables
         rows = np.concatenate([t.instances.transform, t.cameras.transform])
-        moving = [k for k, of in enumerate(parts) if any(np.ptp(part, axis=0).any() for part in of) and _keeps_its_side(of[2])]
+        moving = [k for k, of in enumerate(parts) if any(np.ptp(part, axis=0).any() for part in of) and _stays_regular(of[2])]
         first = len(t.keys.move) + count * np.arange(len(moving))
         old = rows[moving]
         more = {
@@ -121,7 +121,7 @@ class _Placed:
         return replace(self.scene, tables=tables)
 
 
-def _keeps_its_side(stretch: F64) -> bool:
+def _stays_regular(stretch: F64) -> bool:
     """Whether the stretch never becomes singular between keys (if interpolated linearly, its determinant changes sign only through 0)."""
     signs = np.sign(np.linalg.det(stretch))
     return bool((signs == signs[0]).all() and signs[0] != 0)
@@ -191,7 +191,7 @@ def between(parts: tuple[F64, F64, F64], share: float) -> F64:
     return np.concatenate([linear, ((1 - f) * move[k] + f * move[k + 1])[:, None]], axis=1)
 
 
-def _right(parts: list[tuple[F64, F64, F64]], placed: _Placed, scene: ir.Scene, share: float) -> bool:
+def _keys_match(parts: list[tuple[F64, F64, F64]], placed: _MovableRows, scene: ir.Scene, share: float) -> bool:
     """Whether the interpolated transforms match a scene at a time between keys."""
     true = placed.of(scene)
     for k, wanted in enumerate(true):
@@ -203,10 +203,10 @@ def _right(parts: list[tuple[F64, F64, F64]], placed: _Placed, scene: ir.Scene, 
     return True
 
 
-def _say_what_changes(scene: ir.Scene, others: list[ir.Scene], found: Diagnostics) -> None:
+def _warn_of_other_changes(scene: ir.Scene, others: list[ir.Scene], found: Diagnostics) -> None:
     """Warns of changes other than transforms."""
     end = "while the shutter is open: it is drawn as it is at the opening"
-    for table, columns, what in _ONLY_MOVES:
+    for table, columns, what in _NOT_BLURRED:
         for row in _changed(scene, others, table, columns):
             found.warning(f"{what} {end}", scene.spans.at(table, row))
     shapes = [_shapes(s) for s in (scene, *others)]

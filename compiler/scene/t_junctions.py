@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 BESIDE = 1e-5  # distance tolerance, relative to the longer edge
 ULPS = 4.0  # distance tolerance in units of float32 rounding of the coordinates
-_AWAY = 4  # border edges at a vertex that are compared with each other
+_EDGES_COMPARED = 4  # border edges at a vertex that are compared with each other
 
 
 def count(positions: NDArray[np.float32], triangles: NDArray[np.int32]) -> int:
@@ -28,8 +28,8 @@ def count(positions: NDArray[np.float32], triangles: NDArray[np.int32]) -> int:
     both = both[np.argsort(both[:, 0], kind="stable")]
     place = places.astype(np.float64)
     near = ULPS * 2.0**-23 * float(np.abs(place).max())
-    found = [_on(place, both[:-k], both[k:], near) for k in range(1, _AWAY)]
-    found += [_on(place, both[k:], both[:-k], near) for k in range(1, _AWAY)]
+    found = [_ends_on_edges(place, both[:-k], both[k:], near) for k in range(1, _EDGES_COMPARED)]
+    found += [_ends_on_edges(place, both[k:], both[:-k], near) for k in range(1, _EDGES_COMPARED)]
     return len(np.unique(np.concatenate(found)))
 
 
@@ -51,7 +51,7 @@ def _open_edges(faces: NDArray[np.int64], n: int) -> NDArray[np.int64]:
     return np.where(left[:, None] > 0, edges, edges[:, ::-1])
 
 
-def _on(place: NDArray[np.float64], short: NDArray[np.int64], long: NDArray[np.int64], near: float) -> NDArray[np.int64]:
+def _ends_on_edges(place: NDArray[np.float64], short: NDArray[np.int64], long: NDArray[np.int64], near: float) -> NDArray[np.int64]:
     """End vertices of the edges `short` that lie on the edges `long` from the same vertex."""
     shared = short[:, 0] == long[:, 0]
     short, long = short[shared], long[shared]

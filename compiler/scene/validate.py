@@ -59,7 +59,7 @@ _FINITE = (
     ("cameras", "opening"), ("cameras", "shutter"), ("cameras", "lens"),
     ("cameras", "focus"), ("keys", "move"), ("keys", "turn"), ("keys", "stretch"),
 )  # fmt: skip
-_APART = {"pools": (), "images": ("texels",)}  # columns with their own length; () means all
+_OWN_LENGTH = {"pools": (), "images": ("texels",)}  # columns with their own length; () means all
 
 
 def validate(scene: ir.Scene, diagnostics: Diagnostics | None = None) -> tuple[ir.Scene, Diagnostics]:
@@ -74,7 +74,7 @@ def _validate(check: Check) -> ir.Scene:
         step(check)
         if check.errors:
             return check.scene
-    _meaning(check)
+    _value_ranges(check)
     validate_meshes.validate(check)
     validate_tapes.validate(check)
     if not check.errors:
@@ -85,7 +85,7 @@ def _validate(check: Check) -> ir.Scene:
 def _structure(check: Check) -> None:
     """Columns have their type and shape and, within one table, equal length; names and spans match the rows."""
     for table, columns in check.tables.items():
-        apart = _APART.get(table)
+        apart = _OWN_LENGTH.get(table)
         lengths = set()
         for column, values in columns.items():
             dtype, shape = ir.column_type(table, column)
@@ -210,7 +210,7 @@ def _keys(check: Check) -> None:
         check.bad("transforms", (np.arange(len(first)) == row) & ((signs != signs[0]).any() or signs[0] == 0), "it flattens on its way")
 
 
-def _meaning(check: Check) -> None:
+def _value_ranges(check: Check) -> None:
     _keys(check)
     _shapes(check)
     _materials(check)

@@ -36,7 +36,7 @@ def validate(check: Check) -> None:
     _outlines(check, meshes)
     _positions(check)
     _bounds(check, meshes)
-    _junctions(check, meshes)
+    _t_junctions(check, meshes)
 
 
 def _say(check: Check, counts: np.ndarray, verbs: tuple[str, str], what: str) -> None:
@@ -93,7 +93,7 @@ def _drop(check: Check, meshes: np.ndarray, keep: np.ndarray) -> None:
         if not keep[start:end].all():
             for name, width in _WIDTHS.items():
                 if table[name][row] >= 0:
-                    _thin(check, int(row), name, width, keep[start:end])
+                    _filter_attribute(check, int(row), name, width, keep[start:end])
         first[row], count[row] = before[start], before[end] - before[start]
     check.set("geometries", "first_triangle", first)
     check.set("geometries", "triangle_count", count)
@@ -106,7 +106,7 @@ def _drop(check: Check, meshes: np.ndarray, keep: np.ndarray) -> None:
         check.set("polygons", "triangle_count", (before[end] - before[start]).astype(np.int32))
 
 
-def _thin(check: Check, row: int, name: str, width: int, keep: np.ndarray) -> None:
+def _filter_attribute(check: Check, row: int, name: str, width: int, keep: np.ndarray) -> None:
     """Give a mesh a new attribute without the values of dropped faces or corners."""
     attributes, pools = check.tables["attributes"], check.tables["pools"]
     old = int(check.tables["geometries"][name][row])
@@ -193,7 +193,7 @@ def _bounds(check: Check, meshes: np.ndarray) -> None:
         check.set("geometries", "bounds", np.where(wrong[:, None, None], right, bounds))
 
 
-def _junctions(check: Check, meshes: np.ndarray) -> None:
+def _t_junctions(check: Check, meshes: np.ndarray) -> None:
     """Reports T-junctions, where rounding opens cracks. Large meshes are not searched."""
     table, pools = check.tables["geometries"], check.tables["pools"]
     found = np.zeros(len(table["kind"]), dtype=np.int64)

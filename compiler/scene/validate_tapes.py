@@ -19,20 +19,20 @@ def validate(check: Check) -> None:
     for row in range(len(wrong)):
         first, count, begin, numbers, named = (int(table[name][row]) for name in _COLUMNS)
         inside = 0 <= first <= first + count <= len(code) and 0 <= begin <= begin + numbers <= len(constants) and 1 <= named <= 4
-        wrong[row] = not inside or not _sound(code[first : first + count], numbers, table["results"][row, :named])
+        wrong[row] = not inside or not _valid_code(code[first : first + count], numbers, table["results"][row, :named])
     check.bad("tapes", wrong, "its code does not hold together")
     if not wrong.any():
         surfaces = set(check.tables["geometries"]["tape"].tolist())
-        check.bad("tapes", np.array([row in surfaces and _wide(table, pools, row) for row in range(len(wrong))], bool), _WIDE)
+        check.bad("tapes", np.array([row in surfaces and _too_wide(table, pools, row) for row in range(len(wrong))], bool), _TOO_WIDE)
     check.bad(
         "tapes", ~wrong & np.array([not _finite(table, constants, row) for row in range(len(wrong))], bool), "a number of it is not finite"
     )
 
 
-_WIDE = f"it needs more than {MOST_LIVE} values at a time"
+_TOO_WIDE = f"it needs more than {MOST_LIVE} values at a time"
 
 
-def _wide(table: dict[str, np.ndarray], pools: dict[str, np.ndarray], row: int) -> bool:
+def _too_wide(table: dict[str, np.ndarray], pools: dict[str, np.ndarray], row: int) -> bool:
     first, count = int(table["first"][row]), int(table["count"][row])
     results = tuple(table["results"][row, : int(table["result_count"][row])].tolist())
     return count > MOST_LIVE and most_live(Tape(pools["code"][first : first + count], np.zeros(0), results)) > MOST_LIVE
@@ -41,7 +41,7 @@ def _wide(table: dict[str, np.ndarray], pools: dict[str, np.ndarray], row: int) 
 _COLUMNS = ("first", "count", "first_constant", "constant_count", "result_count")
 
 
-def _sound(code: np.ndarray, numbers: int, results: np.ndarray) -> bool:
+def _valid_code(code: np.ndarray, numbers: int, results: np.ndarray) -> bool:
     if ((code[:, 0] < 0) | (code[:, 0] >= len(_ARITY))).any():
         return False
     used = np.arange(3) < _ARITY[code[:, 0]][:, None]

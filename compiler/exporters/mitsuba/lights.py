@@ -36,9 +36,9 @@ def lights(out: Export, plan: Plan, shapes: Shapes) -> list[Node]:
         elif kind == ir.LightKind.AMBIENT:
             out.cannot("ambient light is not carried: Mitsuba has none", "lights", row)
         elif kind in (ir.LightKind.POINT, ir.LightKind.SPOT):
-            made.append(_lamp(out, shapes.name, row))
+            made.append(_point_light(out, shapes.name, row))
         elif kind in (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN):
-            made.append(_far(out, plan, shapes, row))
+            made.append(_directional(out, plan, shapes, row))
     made += _sky(out, plan, shapes.name, shining)
     return made
 
@@ -55,7 +55,7 @@ def _area(out: Export, shapes: Shapes, row: int, blocks: NDArray[np.bool_]) -> l
     return shapes.of_light(instance, rgb("radiance", tables.lights.color[row]))
 
 
-def _lamp(out: Export, name: str, row: int) -> Node:
+def _point_light(out: Export, name: str, row: int) -> Node:
     lights = out.scene.tables.lights
     color = lights.color[row]
     a, b, c = lights.coefficients[row]
@@ -92,7 +92,7 @@ def spot_picture(cone: float, cos_cone: float, cos_full: float) -> np.ndarray:
     return np.repeat((t * t * (3.0 - 2.0 * t))[..., None], 3, axis=2).astype(np.float32)
 
 
-def _far(out: Export, plan: Plan, shapes: Shapes, row: int) -> Node:
+def _directional(out: Export, plan: Plan, shapes: Shapes, row: int) -> Node:
     """A directional light. A sun with angular size is a bright, distant disk, which must not be visible to the camera."""
     tables = out.scene.tables
     direction, angle = tables.lights.direction[row], float(tables.lights.angle[row])

@@ -86,9 +86,9 @@ def _lights(out: Export, plan: Plan) -> list[str]:
         if kind in _SOFT and (matt or not plain_sky):
             out.cannot(f"{_SOFT[kind]}: it draws lamps without extent", "lights", row)
         elif kind in (ir.LightKind.POINT, ir.LightKind.SPOT):
-            made.append(_lamp(out, row))
+            made.append(_point_light(out, row))
         elif kind in (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN):
-            made.append(_far(out, row))
+            made.append(_directional(out, row))
     background = plan["background"] if not isinstance(plan["background"], str) else sky
     if plan["background"] == "transparent" and sky.any():
         out.cannot("a transparent background is not carried where a sky is seen in mirrors", hint="--background sky")
@@ -97,7 +97,7 @@ def _lights(out: Export, plan: Plan) -> list[str]:
     return [f"background {{ rgb {bracket(background)} }}", *made]
 
 
-def _lamp(out: Export, row: int) -> str:
+def _point_light(out: Export, row: int) -> str:
     lights = out.scene.tables.lights
     color, fade = lights.color[row] / np.pi, f" fade_power 2 fade_distance {common.number(FADE)}"
     a, b, c = lights.coefficients[row]
@@ -118,7 +118,7 @@ def _lamp(out: Export, row: int) -> str:
     return _light_source(out, row, lights.position[row], color, fade + spot)
 
 
-def _far(out: Export, row: int) -> str:
+def _directional(out: Export, row: int) -> str:
     lights = out.scene.tables.lights
     if lights.kind[row] == ir.LightKind.SUN and lights.angle[row] > 0.0:
         out.cannot("a sun's size is not carried: POV-Ray draws lamps without extent", "lights", row, "angle: 0deg")

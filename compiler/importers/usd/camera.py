@@ -20,7 +20,7 @@ from .stage import Opened
 
 FILM = (20.955, 15.2908)  # mm: usdrecord's default camera
 FOCAL = 50.0  # mm
-_TENTH = 0.1  # scene units in one unit of apertures and focal lengths
+_LENS_UNIT = 0.1  # scene units in one unit of apertures and focal lengths
 
 
 def camera(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: SceneBuilder) -> int:
@@ -44,7 +44,7 @@ def camera(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: 
     return builder.camera(
         CameraData(
             builder.transform(transforms.unscaled(matrix), span),
-            height / (2 * lens.focalLength) if perspective else height * _TENTH / 2 * unit,
+            height / (2 * lens.focalLength) if perspective else height * _LENS_UNIT / 2 * unit,
             ir.Projection.PERSPECTIVE if perspective else ir.Projection.ORTHOGRAPHIC,
             aspect=width / height, near=max(near, 0.0) if perspective else near, far=far,
             shift=(lens.horizontalApertureOffset / width, lens.verticalApertureOffset / height),
@@ -58,7 +58,7 @@ def _aperture(lens: Any, unit: float, perspective: bool) -> tuple[float, float]:
     """Lens radius and focus distance; (0, 1) for a pinhole, that is, without an f-stop or a focus distance."""
     if not (perspective and lens.fStop > 0 and lens.focusDistance > 0):
         return 0.0, 1.0
-    return lens.focalLength * _TENTH * unit / (2 * lens.fStop), lens.focusDistance * unit
+    return lens.focalLength * _LENS_UNIT * unit / (2 * lens.fStop), lens.focusDistance * unit
 
 
 def _shutter(prim: Any, opened: Opened) -> tuple[float, float]:

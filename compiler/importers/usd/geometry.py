@@ -140,7 +140,7 @@ def mesh(prim: Any, time: Any, uv_name: str | None, color_name: str | None, diag
         return None
     subdivided = schema.GetSubdivisionSchemeAttr().Get(time) != UsdGeom.Tokens.none
     api = UsdGeom.PrimvarsAPI(prim)
-    sound = _sound(indices, points)
+    sound = _valid_indices(indices, points)
     given = None if subdivided else _normals(schema, api, time, len(points), counts, diagnostics, span)
     whole = polygon_mesh.PolyMesh(
         points, counts, indices, given,
@@ -170,7 +170,7 @@ def _smooth(mesh: polygon_mesh.PolyMesh) -> MeshAttribute:
     return MeshAttribute(vertex_normals.vertex_normals(mesh.points, np.asarray(mesh.indices)[cut.corners]))
 
 
-def _sound(indices: np.ndarray, points: np.ndarray) -> np.ndarray:
+def _valid_indices(indices: np.ndarray, points: np.ndarray) -> np.ndarray:
     inside = (indices >= 0) & (indices < len(points))
     inside[inside] = np.isfinite(points[indices[inside]]).all(axis=1)
     return inside

@@ -42,7 +42,7 @@ class Piece:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Here:
+class _Inherited:
     """Inherited state of a prim during traversal."""
 
     matrix: np.ndarray
@@ -80,7 +80,7 @@ class Walk:
                 self.builder.diagnostics.warning("this prim is invisible: nothing of it is drawn", self.opened.span(root))
                 return
             purpose = str(imageable.ComputePurpose()) if imageable else purpose
-        self._below(root, _Here(matrix, base, purpose), self.pieces)
+        self._below(root, _Inherited(matrix, base, purpose), self.pieces)
 
     def drawn(self) -> list[Piece]:
         """Geometry to draw: purposes default and render, or proxy if there is none."""
@@ -94,7 +94,7 @@ class Walk:
             material = piece.material if piece.material != NONE else self.material
             self.builder.instance(InstanceData(piece.geometry, row, material, name=self.prefix + piece.name), span)
 
-    def _below(self, root: Any, here: _Here, into: dict[str, list[Piece]]) -> None:
+    def _below(self, root: Any, here: _Inherited, into: dict[str, list[Piece]]) -> None:
         """Traverse a prim and its descendants; recursive only for point instancers."""
         predicate = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
         waiting = [(root, here)]
@@ -115,7 +115,7 @@ class Walk:
                 continue
             waiting += [(child, now) for child in reversed(prim.GetFilteredChildren(predicate))]
 
-    def _state(self, prim: Any, above: _Here) -> _Here | None:
+    def _state(self, prim: Any, above: _Inherited) -> _Inherited | None:
         """The traversal state of a prim; None if invisible."""
         imageable = UsdGeom.Imageable(prim) if not prim.IsPseudoRoot() else None
         if not imageable:
@@ -131,9 +131,9 @@ class Walk:
             if local[3, 3] not in (0.0, 1.0):
                 local = local / local[3, 3]  # homogeneous coordinates
             matrix = (base if xformable.GetResetXformStack() else matrix) @ local
-        return _Here(matrix, base, purpose, above.instancers)
+        return _Inherited(matrix, base, purpose, above.instancers)
 
-    def _prim(self, prim: Any, kind: str, here: _Here, into: dict[str, list[Piece]]) -> None:
+    def _prim(self, prim: Any, kind: str, here: _Inherited, into: dict[str, list[Piece]]) -> None:
         if kind == "Mesh":
             into.setdefault(here.purpose, []).extend(self._mesh(prim, here.matrix))
         elif kind in geometry_module.SHAPES:
@@ -149,7 +149,7 @@ class Walk:
         elif kind and not prim.IsA(Usd.Typed):
             self.materials.tell(f"`{kind}` is not known: it is not drawn", prim)
 
-    def _light(self, prim: Any, here: _Here) -> None:
+    def _light(self, prim: Any, here: _Inherited) -> None:
         if here.instancers:
             self.materials.tell("lights inside of point instancers are not drawn", prim)
         elif transforms.inverse(here.matrix) is not None:
@@ -244,7 +244,7 @@ class Walk:
 
     # --- point instancers ---
 
-    def _instancer(self, instancer: Any, here: _Here, into: dict[str, list[Piece]]) -> None:
+    def _instancer(self, instancer: Any, here: _Inherited, into: dict[str, list[Piece]]) -> None:
         """Collects each prototype once, in its own frame, and places it at each instance."""
         prim, time = instancer.GetPrim(), self.opened.time
         if here.instancers >= MAX_NESTING:
@@ -274,7 +274,7 @@ class Walk:
             if not len(chosen) or not prototype:
                 continue
             gathered: dict[str, list[Piece]] = {}
-            inside = _Here(np.eye(4), np.eye(4), here.purpose, here.instancers + 1)
+            inside = _Inherited(np.eye(4), np.eye(4), here.purpose, here.instancers + 1)
             self._below(prototype, inside, gathered)
             self._spread(gathered, here.matrix @ places[chosen], ids[chosen], prim, into)
 

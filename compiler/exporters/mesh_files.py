@@ -57,7 +57,7 @@ def separated(parts: Sequence[Part], ending: str) -> tuple[list[Part], int]:
 
 
 def _coincident_sides(parts: Sequence[Part], middle: NDArray[np.float64], reach: float) -> list[NDArray[np.bool_]]:
-    """For each part, mask (m, 3) of triangle sides that another triangle has in the same direction, after rounding as in the file."""
+    """For each part, mask (m, 3) of triangle sides shared in the same direction by another triangle, rounded as in the file."""
     positions, triangles = _joined(parts)
     _, place = np.unique(np.round((positions - middle) / (WELDED * reach)).astype(np.int64), axis=0, return_inverse=True)
     sides = place.reshape(-1)[triangles]

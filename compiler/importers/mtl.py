@@ -64,6 +64,8 @@ class MapReference:
 
 @dataclass(slots=True)
 class MtlMaterial:
+    """One material of a library, with its lines by keyword."""
+
     name: str
     span: Span
     folder: Path | None

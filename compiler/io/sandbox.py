@@ -23,7 +23,7 @@ class FileError(Exception):
 
 
 class Files:
-    """Resolves, checks and records the files that one scene reads. Relative names start at the folder of the file that contains them."""
+    """Resolves, checks and records the files that one scene reads. Names are relative to the file that contains them."""
 
     def __init__(self, root: Path | str, allow: Iterable[Path | str] = ()) -> None:
         """`root` is the scene's folder. Files below `root` and below each path of `allow` are readable."""

@@ -122,7 +122,7 @@ class _MovableRows:
 
 
 def _stays_regular(stretch: F64) -> bool:
-    """Whether the stretch never becomes singular between keys (if interpolated linearly, its determinant changes sign only through 0)."""
+    """Whether the stretch is regular at all keys, with determinants of the same sign: a change of sign passes through 0."""
     signs = np.sign(np.linalg.det(stretch))
     return bool((signs == signs[0]).all() and signs[0] != 0)
 

@@ -89,6 +89,8 @@ class MaterialData:
 
 @dataclass(frozen=True, slots=True)
 class TextureData:
+    """Columns of ir.Textures. `image` is a row from SceneBuilder.image."""
+
     kind: ir.TextureKind
     image: int = -1
     tape: int = -1

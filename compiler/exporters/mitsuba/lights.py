@@ -126,7 +126,7 @@ def _in_view(seen: common.Eye, direction: F64, angle: float) -> bool:
 
 
 def _sky(out: Export, plan: Plan, name: str, shining: list[int]) -> list[Node]:
-    """Skies and a dome: skies add up to one constant emitter, a dome becomes an envmap. Mitsuba supports one environment emitter."""
+    """The environment emitter, of which Mitsuba supports one: the sum of the skies as a constant, or a dome as an envmap."""
     tables = out.scene.tables
     skies = [row for row in shining if tables.lights.kind[row] in (ir.LightKind.SKY, ir.LightKind.DOME)]
     pictures = [row for row in skies if tables.lights.kind[row] == ir.LightKind.DOME and tables.lights.image[row] >= 0]

@@ -52,6 +52,8 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class Primvar:
+    """A primvar read by a material."""
+
     name: str
     fallback: Any
 

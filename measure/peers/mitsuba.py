@@ -54,7 +54,8 @@ class Mitsuba:
         with tempfile.TemporaryDirectory(prefix="maquette-mitsuba-") as folder:
             made = mitsuba_scene.write(scene, plan, "scene", scene_meshes.make_tessellator(scene, plan))
             made.save(Path(folder) / "scene.xml")
-            process.run("Mitsuba", [sys.executable, str(RUNNER), "scene.xml", "out.npz", json.dumps(asked)], Path(folder), _environment())
+            command = [sys.executable, "-P", str(RUNNER), "scene.xml", "out.npz", json.dumps(asked)]  # -P: this file is not `mitsuba`
+            process.run("Mitsuba", command, Path(folder), _environment())
             with np.load(Path(folder) / "out.npz", allow_pickle=False) as data:
                 about = json.loads(str(data["about"]))
                 return Run(data["rgb"], about["seconds"], float(about["cpu"]), seed)

@@ -180,7 +180,7 @@ class Job:
         self.files = tuple(Path(file) for file in scene.files)
         plan = make_plan(scene, self.settings, self.overrides)
         check_output(path, plan["aov"], self.bits, plan["view"])
-        parts = _strip_plans(plan)
+        parts = _strip_plans(plan, path)
         self._report(found.items)
         self._report(plan_warnings(scene, plan))
         self.laps.end("read")
@@ -244,7 +244,8 @@ class Job:
         from ..render.image import image_files
         from ..render.image.image import Image
 
-        look, about = self._encoding(plan, plan["exposure"])
+        metered = plan["exposure"] == "metered"  # of a file that holds linear light
+        look, about = self._encoding(plan, 0.0 if metered else plan["exposure"])
         _, y0, _, y1 = plan["crop"]
         metadata: list[dict[str, Any]] = []
         with image_files.Strips(path, look, about, y1 - y0) as file:
@@ -279,12 +280,13 @@ class Job:
         terminal.report(new)
 
 
-def _strip_plans(plan: Plan) -> list[Plan]:
+def _strip_plans(plan: Plan, path: Path) -> list[Plan]:
     """The plan, or the plans of its strips for a picture larger than memory. Raises UsageError for options that exclude strips."""
     from ..render import large_images
+    from ..render.image import image_files
 
     parts = large_images.strip_plans(plan)
-    if len(parts) > 1 and (why := large_images.refusal(plan)):
+    if len(parts) > 1 and (why := large_images.refusal(plan, exposed=path.suffix.lower() not in image_files.LINEAR)):
         raise click.UsageError(f"a picture of {plan['size'][0]} by {plan['size'][1]} pixels is rendered in strips: {why}")
     return parts
 

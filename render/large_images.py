@@ -35,11 +35,11 @@ def strip_plans(plan: Plan) -> list[Plan]:
     return [_with_values(plan, crop=(x0, top, x1, end), budget=plan["budget"] * (end - top) / (y1 - y0)) for top, end in ends]
 
 
-def refusal(plan: Plan) -> str:
-    """The message why a plan cannot be rendered in strips; "" if it can."""
+def refusal(plan: Plan, exposed: bool = True) -> str:
+    """The message why a plan cannot be rendered in strips to a file that shows light `exposed`; "" if it can."""
     if plan["denoise"]:
         return "denoising needs the whole picture: leave it out"
-    if plan["exposure"] == "metered":
+    if exposed and plan["exposure"] == "metered":
         return "metering needs the whole picture: give --exposure"
     return ""
 

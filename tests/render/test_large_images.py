@@ -89,6 +89,7 @@ def test_what_needs_the_whole_picture_is_refused(folder, small):
     assert code == 2
     assert "a picture of 80 by 150 pixels is rendered in strips: metering needs the whole picture: give --exposure" in said
     assert not (folder / "a.png").exists()
+    assert run("-o", "a.exr", "--samples", 1)[0] == 0  # linear light needs no exposure
 
 
 def test_an_interrupted_picture_is_kept_aside(folder, small, monkeypatch):

@@ -31,7 +31,7 @@ def draw(tmp_path):
     def run(text, samples=16, seed=0, size=(32, 32), threads=1, crop=None, **plan):
         path = tmp_path / "a.scene"
         path.write_text(text, encoding="utf-8")
-        plan = {name.replace("_", "."): value for name, value in plan.items()}
+        plan = {name.replace("_", ".", 1): value for name, value in plan.items()}
         image = maquette.render(
             path, size=size, samples=samples, seed=seed, backend="ray", filter="box", threads=threads, plan=plan, crop=crop
         )
@@ -49,7 +49,7 @@ def test_it_is_the_light_that_each_pixel_finds_for_itself(draw, lamp, more, prec
     text = ROOM + more + LAMPS[lamp] + "render(bounces: 3)\n"
 
     def runs(how, first):
-        pictures = np.stack([draw(text, seed=first + k, precision=precision, transport_reuse=how) for k in range(8)])
+        pictures = np.stack([draw(text, seed=first + k, precision=precision, transport_path_reuse=how) for k in range(8)])
         return pictures.reshape(8, 4, 8, 4, 8, 3).mean(axis=(2, 4))
 
     shared, alone = runs("blocks", 1), runs("none", 101)
@@ -62,7 +62,9 @@ def test_it_is_the_light_that_each_pixel_finds_for_itself(draw, lamp, more, prec
 @pytest.mark.parametrize("lamp", LAMPS)
 def test_single_pixels_are_nearer_to_the_answer(draw, lamp):
     text = ROOM + LAMPS[lamp] + "render(bounces: 3)\n"
-    error = [np.stack([draw(text, seed=k, transport_reuse=how) for k in range(6)]).var(axis=0, ddof=1).mean() for how in ("blocks", "none")]
+    error = [
+        np.stack([draw(text, seed=k, transport_path_reuse=how) for k in range(6)]).var(axis=0, ddof=1).mean() for how in ("blocks", "none")
+    ]
     assert error[0] < 0.5 * error[1]
 
 
@@ -102,7 +104,6 @@ def test_the_plan_says_where(tmp_path):
         path.write_text(text, encoding="utf-8")
         scene = load.load(path)
         return planner.make_plan(scene, scene.settings)
-
 
     text = ROOM + LAMPS["point"] + "render(bounces: 3)\n"
     assert decided(text)["transport.path_reuse"] == "blocks"

@@ -43,6 +43,9 @@ class Commands(click.Group):
             named = f"{error.filename}: {error.strerror}" if error.filename else str(error)
             click.echo(f"error: {named}", err=True)
             ctx.exit(1)
+        except MemoryError:
+            click.echo("error: not enough memory for this picture: give a smaller --size, or fewer channels by --aov", err=True)
+            ctx.exit(1)
         except Exception as error:
             if os.environ.get("MAQUETTE_TRACEBACK"):
                 raise

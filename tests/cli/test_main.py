@@ -474,6 +474,15 @@ def test_no_colours_without_a_terminal(scene: Path) -> None:
     assert "\x1b" not in done.stderr + done.stdout
 
 
+def test_too_little_memory_is_said(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def inspect(*_: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr("maquette.cli.terminal.inspect", inspect)
+    message = "error: not enough memory for this picture: give a smaller --size, or fewer channels by --aov\n"
+    assert run("inspect", scene) == (1, "", message)
+
+
 def test_a_fault_of_our_own_is_no_traceback(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("maquette.cli.terminal.inspect", lambda _: 1 / 0)
     code, out, err = run("inspect", scene)

@@ -77,9 +77,10 @@ def read(source: str | bytes, name: str, space: str = "auto", limit: int = MAX_T
             raise ImageError(f"cannot read the picture `{name}`", _reason(oiio.geterror()))
         try:
             spec = picture.spec()
-            if spec.width * spec.height * max(1, spec.depth) > limit:
+            width, height = max(spec.width, spec.full_width), max(spec.height, spec.full_height)
+            if width * height * max(1, spec.depth) > limit:
                 raise ImageError(
-                    f"the picture `{name}` is too big: {spec.width} by {spec.height} pixels",
+                    f"the picture `{name}` is too big: {width} by {height} pixels",
                     f"at most {MAX_TEXELS:,} in one and {MAX_ALL_TEXELS:,} in all pictures of a scene",
                 )
             pixels = picture.read_image(0, 0, 0, min(spec.nchannels, 4), _stored_type(spec))
@@ -89,9 +90,21 @@ def read(source: str | bytes, name: str, space: str = "auto", limit: int = MAX_T
             picture.close()
     if pixels.ndim == 4:  # first slice of a volume
         pixels = pixels[0]
-    texels = _linear(pixels.reshape(spec.height, spec.width, -1), spec, space)
+    texels = _in_display_window(_linear(pixels.reshape(spec.height, spec.width, -1), spec, space), spec)
     odd = int(np.count_nonzero(~np.isfinite(texels).all(axis=2)))
     return np.nan_to_num(texels, copy=False, nan=0.0, posinf=LARGEST, neginf=0.0), odd
+
+
+def _in_display_window(texels: np.ndarray, spec: Any) -> np.ndarray:
+    """The pixels of the display window, of an EXR whose data window is another: clear where there are no data."""
+    x, y, width, height = spec.x - spec.full_x, spec.y - spec.full_y, spec.full_width, spec.full_height
+    if (x, y, width, height) == (0, 0, spec.width, spec.height) or width <= 0 or height <= 0:
+        return texels
+    made = np.zeros((height, width, 4), dtype=np.float32)
+    left, top, right, bottom = max(x, 0), max(y, 0), min(x + spec.width, width), min(y + spec.height, height)
+    if left < right and top < bottom:
+        made[top:bottom, left:right] = texels[top - y : bottom - y, left - x : right - x]
+    return made
 
 
 def _stored_type(spec: Any) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 from maquette.compiler.importers import images
 from maquette.compiler.scene import builder as scene_builder
@@ -109,3 +110,25 @@ def test_rows_are_shared_by_file_and_space(tmp_path: Path) -> None:
     assert images.row(builder, path, color=False) == images.row(builder, path, "linear") == 1
     assert images.row_from_bytes(builder, path.read_bytes(), "robot.usdz[a.png]") == 2
     assert builder.finish().names.images == (str(path), str(path), "robot.usdz[a.png]")
+
+
+@pytest.mark.parametrize(
+    ("window", "expected"),
+    [
+        ((0, 0, 2, 4), [[1, 1, 0, 0]] * 4),  # the left half has data
+        ((1, 2, 2, 1), [[0] * 4, [0] * 4, [0, 1, 1, 0], [0] * 4]),
+        ((-2, -1, 8, 6), [[1] * 4] * 4),  # overscan is cut
+        ((9, 9, 2, 2), [[0] * 4] * 4),
+    ],
+)
+def test_the_data_window_of_an_exr_lies_in_its_display_window(tmp_path, window, expected):
+    x, y, width, height = window
+    spec = oiio.ImageSpec(width, height, 3, "float")
+    spec.x, spec.y, spec.full_x, spec.full_y, spec.full_width, spec.full_height = x, y, 0, 0, 4, 4
+    out = oiio.ImageOutput.create(str(tmp_path / "a.exr"))
+    assert out.open(str(tmp_path / "a.exr"), spec)
+    assert out.write_image(np.ones((height, width, 3), np.float32))
+    out.close()
+    texels, _ = images.read(str(tmp_path / "a.exr"), "a.exr")
+    assert texels[..., 0].tolist() == expected
+    assert texels[..., 3].tolist() == expected

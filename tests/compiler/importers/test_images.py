@@ -126,6 +126,7 @@ def test_the_data_window_of_an_exr_lies_in_its_display_window(tmp_path, window, 
     spec = oiio.ImageSpec(width, height, 3, "float")
     spec.x, spec.y, spec.full_x, spec.full_y, spec.full_width, spec.full_height = x, y, 0, 0, 4, 4
     out = oiio.ImageOutput.create(str(tmp_path / "a.exr"))
+    assert out is not None
     assert out.open(str(tmp_path / "a.exr"), spec)
     assert out.write_image(np.ones((height, width, 3), np.float32))
     out.close()

@@ -163,10 +163,10 @@ def _prepare_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame
 
 def _compile_tiles(threads: int, accel: Handle, packed: Handle, frames: Handle, kind: type, reuses: bool) -> None:
     """Start compiling the kernel that draws tiles, in the background; see compile_process.py."""
-    from ..integrator import wavefront, wavefront_blocks
+    from ..integrator import wavefront
 
     none, film = np.zeros((0, 0), np.int64), Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64))
-    made = wavefront_blocks.draw_tile if reuses else wavefront.draw_tile
+    made = wavefront.draw_tile_in_blocks if reuses else wavefront.draw_tile
     compile_process.compile_in_background(
         threads, made, accel, packed, frames, Tile(0, 0, 0, 0), none, none, 1, film, _workspace_type(kind, reuses)
     )

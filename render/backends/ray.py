@@ -89,11 +89,11 @@ class Renderer:
         """Add samples first … first + count - 1, (h, w) each, of the pixels of a tile to the film."""
         p = self.prepared
         if p.paths is not None:
-            from ..integrator import wave_memory, wavefront, wavefront_blocks
+            from ..integrator import wave_memory, wavefront
 
             if not hasattr(self._workspaces, "wavefront"):
                 self._workspaces.wavefront = Handle(wave_memory.WaveMemory.of(p.paths, self.reuses))
-            drawn = wavefront_blocks.draw_tile if self.reuses else wavefront.draw_tile
+            drawn = wavefront.draw_tile_in_blocks if self.reuses else wavefront.draw_tile
             drawn(p.accel, self.packed, self.frame, tile, first, count, total, film, self._workspaces.wavefront)
             return
         workspace = self._primed(tile, first, count, total) if self.primes else Handle(Workspace.of(p.options))

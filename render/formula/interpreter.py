@@ -19,15 +19,16 @@ import llvmlite.binding as llvm
 from llvmlite import ir
 
 from ...compiler.formula.opcodes import Op, arity
+from ...compiler.formula.tape import INPUTS
 from ..jit import cache_key, compile_process, kernel_cache
 from ..simd import target as simd_target
-from ..simd.llvm_expr import I64
-from . import point_interpreter
-from .llvm_math import INTERPRETER, LANES, POINTER, ROW, SINGLE, VectorMath, load, store
+from ..simd.llvm_expr import F64, I64, Value
+from .llvm_math import BYTES, DIRECT, INTERPRETER, LANES, POINTER, ROW, SINGLE, VectorMath, load, store
 from .loop_codegen import over_rows, over_vectors
 from .op_codegen import EMITTERS, LARGEST_PART, NEAREST, SCALE, WIDTHS, emit_scaled, form_of
 
 PARTS = 8  # vectors of a constant
+POINT = "direct"  # the program of patterns
 UNKNOWN, KNOWN = 256, 257
 """Registers, in float32, of −∞ and ∞, and of known bounds of the result, which decide operands of minima and maxima."""
 SHIFTS = {"gradients": 1, "points32": 5}
@@ -99,6 +100,34 @@ def _operand(b: Any, program: str, name: Any, registers: Any, constants: Any, st
     return parts
 
 
+def _point_module() -> ir.Module:
+    """LLVM code of the interpreter of unprepared tapes from the IR, for patterns, which are evaluated once at a point.
+
+    Its arguments are (code, rows, constants, registers): rows of four int32 (op, a, b, c), a register for each of x, y, z and each row.
+    """
+    made = ir.Module(f"maquette.{POINT}")
+
+    def row(b: Any, op: Op, numbers: list[Any], arguments: Any) -> None:
+        constants, registers = arguments[2:]
+        given = [[_point_operand(b, name, constants, registers)] for name in numbers[1 : 1 + arity(op)]]
+        (value,) = EMITTERS["points"](VectorMath(b), op, given, ir.Constant(I64, 0))
+        out = b.add(numbers[0], ir.Constant(I64, INPUTS))
+        store(b, registers, b.mul(out, ir.Constant(I64, BYTES)), value)
+
+    over_rows(made, f"tape_{POINT}", DIRECT, 4, row)
+    return made
+
+
+def _point_operand(b: Any, name: Any, constants: Any, registers: Any) -> Value:
+    """Load a register, or broadcast a constant."""
+    zero = ir.Constant(I64, 0)
+    constant = b.icmp_signed("<", name, zero)
+    register = load(b, registers, b.mul(b.select(constant, zero, name), ir.Constant(I64, BYTES)))
+    place = b.gep(b.bitcast(constants, F64.as_pointer()), [b.not_(name)])
+    number = b.load(b.select(constant, place, b.bitcast(registers, F64.as_pointer())))  # for a register, an unused load
+    return Value(b, b.select(constant, Value(b, number, "f", 64).splat(LANES).raw, register.raw), "f", 64)
+
+
 # --- object files and addresses ------------------------------------------------------------------------------------------
 
 _engines: dict[str, Any] = {}
@@ -136,7 +165,7 @@ def _engine(program: str) -> Any:
     try:
         code = path.read_bytes()
     except OSError:
-        module = point_interpreter.module() if program == point_interpreter.NAME else module_of(program)
+        module = _point_module() if program == POINT else module_of(program)
         code = target(1).emit_object(optimize(str(module)))  # level 2 takes twice the compile time and renders no faster
         _write(path, code)
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))

@@ -20,7 +20,7 @@ BRANCH_WORD = 8  # first word of the state that holds branch numbers
 ROW = 8  # int32 numbers of an instruction
 INTERPRETER = ir.FunctionType(ir.VoidType(), [POINTER, I64, POINTER, POINTER, POINTER, I64])
 """Arguments: code, rows, registers, constants, state, number of vectors."""
-DIRECT = ir.FunctionType(ir.VoidType(), [POINTER, I64, POINTER, POINTER])  # code, rows, constants, registers; see point_interpreter.py
+DIRECT = ir.FunctionType(ir.VoidType(), [POINTER, I64, POINTER, POINTER])  # code, rows, constants, registers; see interpreter.py
 CODE = ir.FunctionType(ir.VoidType(), [POINTER, POINTER, POINTER])  # of a compiled tape: x y z, constants, out
 ROWS = ir.FunctionType(ir.VoidType(), [POINTER, POINTER, POINTER, I64])  # of many vectors: all x, y and z, constants, out, their number
 

@@ -1,4 +1,4 @@
-"""Analytic shapes, instance transforms and bounds: intersection, normals, uv.
+"""Analytic shapes, instance transforms, bounds and polygon clipping.
 
 May import: render.types, simd, jit, lanes.
 Begin with `analytic_shapes.py`.

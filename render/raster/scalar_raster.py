@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
+from ..geometry import clipping
 from ..jit.kernel import helper, kernel
 from ..types import Tile
-from . import clipping, coverage
+from . import coverage
 from .view_geometry import COLUMNS, to_clip
 
 NO_LINE = -(1 << 62)  # no row of samples

@@ -43,9 +43,9 @@ llvm.add_symbol(_SYMBOL, ctypes.addressof(_slot))
 def link(tables: ir.Tables) -> None:
     """Link the evaluator of patterns, if the scene has any."""
     if (tables.textures.kind == FORMULA).any():
-        from ..formula import interpreter, point_interpreter  # other scenes do not load these
+        from ..formula import interpreter  # other scenes do not load these
 
-        _slot[0] = interpreter.address(point_interpreter.NAME)
+        _slot[0] = interpreter.address(interpreter.POINT)
 
 
 # --- over a footprint --------------------------------------------------------------------------------------------
@@ -187,7 +187,7 @@ def _of_register_kernel(registers, name, like):
 
 @intrinsic
 def _run(typingctx, code, first, rows, constants, begin, registers):
-    """Evaluate the rows of a tape; see formula/point_interpreter.py."""
+    """Evaluate the rows of a tape; see formula/interpreter.py."""
 
     def place(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> Any:
         data = make_array(kind)(context, builder, array).data

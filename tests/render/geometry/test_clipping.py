@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from maquette.render.raster import clipping
+from maquette.render.geometry import clipping
 
 RIGHT = np.array([[-1.0, 0.0, 1.0]])  # keeps x <= 1 of rows (x, y, 1)
 

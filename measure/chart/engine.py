@@ -140,7 +140,8 @@ class _Measurement:
 
     def _reference(self) -> Reference:
         seconds = REFERENCE_SHARE * (self.deadline - time.perf_counter())
-        return reference.make(self.scene, self.light, seconds, TARGET_SAMPLES, lambda share: self._report_progress(), self.cancel)
+        effort = reference.Effort(seconds, TARGET_SAMPLES, lambda share: self._report_progress(), self.cancel)
+        return reference.make(self.scene, self.light, effort)
 
     # --- measuring ------------------------------------------------------------------------------------------------------
 

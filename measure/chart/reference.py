@@ -18,6 +18,7 @@ import zipfile
 import zlib
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,15 @@ SAVE_INTERVAL = 30.0  # seconds
 _UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error)
 
 Progress = Callable[[float], None]  # the completed share of the work
+
+
+class Effort(NamedTuple):
+    """How much work a reference may take."""
+
+    seconds: float  # about, at most
+    aim: int  # samples a pixel
+    progress: Progress
+    cancel: threading.Event
 
 
 class Accumulation:
@@ -71,16 +81,8 @@ class Accumulation:
         return Reference(whole.mean[..., :3], whole.variance[..., :3] / whole.count, description, every, seeds, whole.mean[..., 3], (a, b))
 
 
-def make(
-    scene: ir.Scene,
-    light: ReferenceLight,
-    seconds: float,
-    aim: int,
-    progress: Progress,
-    cancel: threading.Event,
-    folder: Path | None = None,
-) -> Reference:
-    """The reference of a scene, from at most about `seconds` of work and `aim` samples a pixel. `folder` defaults to the user's cache.
+def make(scene: ir.Scene, light: ReferenceLight, effort: Effort, folder: Path | None = None) -> Reference:
+    """The reference of a scene. `folder` defaults to the user's cache.
 
     Raises NothingMeasured if even the shortest reference would take longer, runs.Cancelled.
     """
@@ -90,7 +92,7 @@ def make(
         return _constant(plan, known)
     path = (default_folder() if folder is None else folder) / f"{cache_name(scene, plan)}.npz"
     run = load(path, _shape(plan)) or Accumulation(0)
-    _extend(run, scene, light, seconds, aim, progress, cancel, path)
+    _extend(run, scene, light, effort, path)
     return run.reference(light.how)
 
 
@@ -155,20 +157,12 @@ def _shape(plan: Plan) -> tuple[int, int, int]:
     return y1 - y0, x1 - x0, 4
 
 
-def _extend(
-    run: Accumulation,
-    scene: ir.Scene,
-    light: ReferenceLight,
-    seconds: float,
-    aim: int,
-    progress: Progress,
-    cancel: threading.Event,
-    path: Path,
-) -> None:
-    """Add seeds up to `aim` or the end of the time. Saves to `path` on the way, so that an interruption loses little."""
+def _extend(run: Accumulation, scene: ir.Scene, light: ReferenceLight, effort: Effort, path: Path) -> None:
+    """Add seeds up to the aim or the end of the time. Saves to `path` on the way, so that an interruption loses little."""
+    seconds, aim, progress, cancel = effort
     began = saved = time.perf_counter()
     if run.samples == 0:
-        run.samples = _samples_per_seed(scene, light, seconds, aim, cancel)
+        run.samples = _samples_per_seed(scene, light, effort)
     longest, before = 0.0, run.count
     try:
         while run.count * run.samples < aim or run.count < MIN_SEEDS:
@@ -187,17 +181,17 @@ def _extend(
             save(run, path)
 
 
-def _samples_per_seed(scene: ir.Scene, light: ReferenceLight, seconds: float, aim: int, cancel: threading.Event) -> int:
+def _samples_per_seed(scene: ir.Scene, light: ReferenceLight, effort: Effort) -> int:
     """The samples of a seed, a power of two, with which TARGET_SEEDS fit. Raises NothingMeasured if MIN_SEEDS do not fit."""
-    began = time.perf_counter()
-    _render(scene, light, MIN_SAMPLES, FIRST_SEED - 1, cancel)
+    seconds, began = effort.seconds, time.perf_counter()
+    _render(scene, light, MIN_SAMPLES, FIRST_SEED - 1, effort.cancel)
     spent = time.perf_counter() - began
     if spent * MIN_SEEDS > seconds:
         raise NothingMeasured(
             f"a reference of {MIN_SEEDS} times {MIN_SAMPLES} samples alone would take {spent * MIN_SEEDS:.3g} s of the "
             f"{seconds:.3g} s there are for it: give a longer --budget or a smaller --size"
         )
-    affordable = min((seconds - spent) / (spent / MIN_SAMPLES), float(aim)) / TARGET_SEEDS
+    affordable = min((seconds - spent) / (spent / MIN_SAMPLES), float(effort.aim)) / TARGET_SEEDS
     return int(np.clip(2 ** math.floor(math.log2(max(affordable, 1.0))), MIN_SAMPLES, MAX_SAMPLES))
 
 

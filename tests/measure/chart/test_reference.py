@@ -35,7 +35,7 @@ def load(text: str, folder: Path) -> ir.Scene:
 
 def made(scene: ir.Scene, folder: Path, aim: int = 256, seconds: float = DAY, settings: ir.Settings = SETTINGS) -> Reference:
     light = reference_light.choose(scene, settings)
-    return reference.make(scene, light, seconds, aim, lambda share: None, threading.Event(), folder / "kept")
+    return reference.make(scene, light, reference.Effort(seconds, aim, lambda share: None, threading.Event()), folder / "kept")
 
 
 def kept(folder: Path) -> list[Path]:
@@ -152,7 +152,7 @@ def test_a_stop_keeps_what_there_is(scene: ir.Scene, tmp_path: Path) -> None:
             cancel.set()
 
     with pytest.raises(runs.Cancelled):
-        reference.make(scene, light, DAY, 256, progress, cancel, tmp_path / "kept")
+        reference.make(scene, light, reference.Effort(DAY, 256, progress, cancel), tmp_path / "kept")
     assert told == sorted(told)
     (path,) = kept(tmp_path)
     found = reference.load(path, (14, 20, 4))

@@ -12,6 +12,7 @@ from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
+from ..compiler.io.replace_file import replace_file
 from ..render.simd.target import cores
 from . import harness
 
@@ -98,9 +99,7 @@ def write(section: Section, path: Path = RESULTS, machine: str | None = None) ->
         sections[one.key] = render(one, machine if machine is not None else machine_line())
     rank = {key: k for k, key in enumerate(ORDER)}
     keys = sorted(sections, key=lambda key: (rank.get(key.split(" ")[0], len(ORDER)), key))
-    part = path.with_suffix(".part")
-    part.write_text("\n\n".join([HEAD.strip(), *(sections[key].strip() for key in keys)]) + "\n", encoding="utf-8")
-    part.replace(path)
+    replace_file(path, ("\n\n".join([HEAD.strip(), *(sections[key].strip() for key in keys)]) + "\n").encode())
 
 
 def read(path: Path) -> dict[str, str]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ...lang.diagnostics import Diagnostic
 from .. import ir
+from ..io.replace_file import replace_file
 from ..plan import scene_facts
 
 BLACK = np.zeros(3)
@@ -75,8 +76,8 @@ class Export:
     def save(self, path: Path) -> None:
         """Write the main file to `path` and the other files beside it. Raises OSError."""
         for name, data in self.files.items():
-            (path.parent / name).write_bytes(data)
-        path.write_text(self.text, encoding="utf-8")
+            replace_file(path.parent / name, data)
+        replace_file(path, self.text.encode())
 
     @property
     def lost(self) -> list[str]:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import shutil
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-
-_numbers = itertools.count()
 
 
 class Replacement:
@@ -23,7 +22,7 @@ class Replacement:
         target = Path(os.path.realpath(path))
         folder = target.parent if _is_utf8(str(target.parent)) else Path(tempfile.gettempdir())
         suffix = target.suffix if _is_utf8(target.suffix) else ""
-        self.partial = folder / f".maquette-{os.getpid()}-{next(_numbers)}{suffix}"
+        self.partial = folder / f".maquette-{os.urandom(6).hex()}{suffix}"
 
     def place(self, path: Path, good: bool = True) -> None:
         """Rename the new file to `path`, or remove it if not `good`. Raises OSError and keeps the old file."""
@@ -40,15 +39,21 @@ class Replacement:
             self.partial.unlink(missing_ok=True)
 
 
-def replace_file(path: Path, data: bytes) -> None:
-    """Write `data` to `path` atomically. Raises OSError and keeps the old file."""
-    new = Replacement(path)
-    good = False
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Replace `path` atomically by the file that the block writes at the yielded path. An error keeps the old file."""
+    new, good = Replacement(path), False
     try:
-        new.partial.write_bytes(data)
+        yield new.partial
         good = True
     finally:
         new.place(path, good)
+
+
+def replace_file(path: Path, data: bytes) -> None:
+    """Write `data` to `path` atomically. Raises OSError and keeps the old file."""
+    with replacing(path) as partial:
+        partial.write_bytes(data)
 
 
 def _is_utf8(text: str) -> bool:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import tempfile
 import zipfile
 import zlib
 from dataclasses import asdict, fields
@@ -17,6 +15,7 @@ import numpy as np
 from ...lang.diagnostics import Diagnostic, SceneError, Span
 from ...lang.elements import ParamInfo
 from .. import ir
+from ..io.replace_file import replacing
 from ..io.sandbox import size
 
 VERSION = 3
@@ -34,14 +33,8 @@ def save(scene: ir.Scene, path: Path | str) -> None:
     arrays = {f"{table}.{column}": values for table, column, values in columns(scene)}
     arrays |= {f"spans.{table}": rows for table, rows in scene.spans.rows.items()}
     arrays["about"] = np.frombuffer(json.dumps(_about(scene)).encode("utf-8"), dtype=np.uint8)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            np.savez(file, allow_pickle=False, **arrays)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    with replacing(path) as partial, partial.open("wb") as file:
+        np.savez(file, allow_pickle=False, **arrays)
 
 
 def load(path: Path | str) -> ir.Scene:

@@ -10,8 +10,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import os
-import tempfile
 import threading
 import time
 import zipfile
@@ -25,6 +23,7 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...compiler.io import cache_dirs
+from ...compiler.io.replace_file import replacing
 from ...compiler.plan.plan import Plan
 from ...compiler.scene import serialize
 from ...render.jit import cache_key
@@ -124,14 +123,9 @@ def save(run: Accumulation, path: Path) -> None:
     """Write an accumulation atomically and delete the oldest files beyond CACHE_BYTES. A disk error is ignored."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}")
-        try:
-            with os.fdopen(handle, "wb") as file:
-                arrays = {f"{part}{k}": getattr(h, part) for k, h in enumerate(run.halves) for part in ("count", "mean", "squares")}
-                np.savez(file, samples=run.samples, **arrays)
-            os.replace(name, path)
-        finally:
-            Path(name).unlink(missing_ok=True)
+        arrays = {f"{part}{k}": getattr(h, part) for k, h in enumerate(run.halves) for part in ("count", "mean", "squares")}
+        with replacing(path) as partial, partial.open("wb") as file:
+            np.savez(file, samples=run.samples, **arrays)
         _prune(path)
     except OSError:
         return

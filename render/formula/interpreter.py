@@ -11,6 +11,7 @@ sixteen lanes share these words.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from llvmlite import ir
 
 from ...compiler.formula.opcodes import Op, arity
 from ...compiler.formula.tape import INPUTS
+from ...compiler.io.replace_file import replace_file
 from ..jit import cache_key, compile_process, kernel_cache
 from ..simd import target as simd_target
 from ..simd.llvm_expr import F64, I64, Value
@@ -181,12 +183,8 @@ def _sources() -> str:
 
 def _write(path: Path, code: bytes) -> None:
     """Write a file atomically; without a writable folder the next process compiles again."""
-    part = path.with_suffix(f".{id(code):x}.part")
-    try:
-        part.write_bytes(code)
-        part.replace(path)
-    except OSError:
-        part.unlink(missing_ok=True)
+    with suppress(OSError):
+        replace_file(path, code)
 
 
 def target(opt: int = 2) -> Any:

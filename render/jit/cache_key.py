@@ -10,13 +10,12 @@ from __future__ import annotations
 import ast
 import hashlib
 import json
-import os
-import tempfile
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ...compiler.io import cache_dirs
+from ...compiler.io.replace_file import replace_file
 
 ROOT = Path(__file__).resolve().parents[2]
 _PACKAGES = ("compiler", "lang", "render")
@@ -103,10 +102,7 @@ def _write(file: Path, rows: dict[str, list[Any]]) -> None:
     """Replace the file as a whole; without a writable folder the next process parses again."""
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=file.parent, prefix=".sources")
-        with os.fdopen(handle, "w", encoding="utf-8") as stream:
-            json.dump({"form": _FORMAT, "modules": rows}, stream)
-        Path(name).replace(file)
+        replace_file(file, json.dumps({"form": _FORMAT, "modules": rows}).encode())
     except OSError:
         return
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import tempfile
 import threading
 from collections import OrderedDict
 from pathlib import Path
@@ -16,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ....compiler.io.replace_file import replacing
 from ...jit import cache_key, kernel_cache
 from . import refit, wide_bvh
 from .wide_bvh import LEAF, NODE, WIDTH, Wide
@@ -108,15 +108,9 @@ def write(file: Path, made: Wide) -> None:
             room -= other.stat().st_size
             if room < 0:
                 other.unlink()
-        handle, name = tempfile.mkstemp(dir=file.parent)
-        try:
-            with os.fdopen(handle, "wb") as stream:
-                stream.write(_numbers(len(made.nodes), len(made.leaves)))
-                for part in made:
-                    stream.write(np.ascontiguousarray(part).data.cast("B"))
-            os.replace(name, file)
-        except BaseException:
-            os.unlink(name)
-            raise
+        with replacing(file) as partial, partial.open("wb") as stream:
+            stream.write(_numbers(len(made.nodes), len(made.leaves)))
+            for part in made:
+                stream.write(np.ascontiguousarray(part).data.cast("B"))
     except OSError:
         return

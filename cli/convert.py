@@ -95,9 +95,9 @@ def _write_triangles(scene: ir.Scene, output: Path, ending: str, tolerance: floa
         raise click.ClickException("the scene has no bounded surface to write")
     moved = None
     if ending in mesh_files.SINGLE:
-        parts, moved = mesh_files.centred(parts)
-    parts, crowded = mesh_files.separated(parts, ending)
-    replace_file(output, mesh_files.encoded(parts, ending))
+        parts, moved = mesh_files.center(parts)
+    parts, crowded = mesh_files.separate(parts, ending)
+    replace_file(output, mesh_files.encode(parts, ending))
     count = sum(len(part.triangles) for part in parts)
     off = max(part.deviation for part in parts)
     leaks = sum(part.open_edges for part in parts)

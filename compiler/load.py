@@ -92,7 +92,7 @@ def _blurred(scene: ir.Scene, at: Callable[[float, Diagnostics], ir.Scene], foun
             return None
         return made
 
-    return motion_keys.blurred(scene, later, found)
+    return motion_keys.add_motion(scene, later, found)
 
 
 class Stopwatch:

@@ -103,7 +103,7 @@ class Options(NamedTuple):
     layers: int = 0  # partly transparent surfaces a ray passes before stochastic alpha; 0: all surfaces are opaque
     environment: Any = SecondaryRays()  # or AmbientEnvironment
     maps: Any = ShadowRays()  # or shadow_map.Maps
-    lamps: Any = NoGlossyLights()  # or glossy_lights.GlossyLights
+    glossy_lights: Any = NoGlossyLights()  # or glossy_lights.GlossyLights
 
 
 class VertexLight(NamedTuple):

@@ -256,7 +256,7 @@ def plane(x: float, z: float, radius: float) -> Shell:
     return Shell(positions, triangles, normals, positions[:, [0, 2]] * [1.0, -1.0], np.ones((len(triangles), 2)))
 
 
-def flipped(shell: Shell) -> Shell:
+def flip(shell: Shell) -> Shell:
     """The shell with reversed winding, for a mirroring frame."""
     return shell._replace(triangles=np.ascontiguousarray(shell.triangles[:, ::-1]))
 
@@ -264,7 +264,7 @@ def flipped(shell: Shell) -> Shell:
 # --- textures ------------------------------------------------------------------------------------------------------------
 
 
-def texture_place(tables: ir.Tables, row: int) -> F64:
+def texture_matrix(tables: ir.Tables, row: int) -> F64:
     """(3, 3) matrix from a surface's u, v to the texture's s, t."""
     frame = np.eye(3)
     frame[:2] = tables.textures.frame[row]
@@ -275,7 +275,7 @@ def with_cells(tables: ir.Tables, row: int, shell: Shell, scale: float) -> Shell
     """`shell` with coordinates in cells of a checker or stripes, one unit a cell. `scale` is the shell's scale to world."""
     count = len(shell.triangles)
     uvs = np.zeros((count, 3, 2)) if shell.uvs is None else shell.uvs[shell.triangles]
-    frame = texture_place(tables, row)
+    frame = texture_matrix(tables, row)
     st = uvs @ frame[:2, :2].T + frame[:2, 2]
     size = float(tables.textures.size[row])
     metric = np.ones((count, 2)) if shell.metric is None else shell.metric

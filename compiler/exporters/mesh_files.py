@@ -26,13 +26,13 @@ class Part(NamedTuple):
     open_edges: int  # edges with a triangle on one side only
 
 
-APART = 2.0**-20  # of the largest coordinate: least distance by which touching edges are separated
+MIN_SEPARATION = 2.0**-20  # of the largest coordinate: least distance by which touching edges are separated
 WELDED = 2.0**-23  # of the largest coordinate: corners nearer than this are merged
 _TURNS = 4
 FAR = 64.0  # distance from the origin, in object extents, from which single precision is insufficient
 
 
-def separated(parts: Sequence[Part], ending: str) -> tuple[list[Part], int]:
+def separate(parts: Sequence[Part], ending: str) -> tuple[list[Part], int]:
     """Separates touching edges: (parts, number of edges that still coincide).
 
     Programs identify corners by position, in about single precision. An edge along which two objects touch, or one touches itself, thus
@@ -46,7 +46,7 @@ def separated(parts: Sequence[Part], ending: str) -> tuple[list[Part], int]:
         found = _coincident_sides(parts, middle, reach)
         if not any(mask.any() for mask in found):
             return parts, 0
-        step = APART * reach * 4.0**turn
+        step = MIN_SEPARATION * reach * 4.0**turn
         for i, (part, mask) in enumerate(zip(parts, found, strict=True)):
             corners = np.unique(part.triangles[mask.any(axis=1)])
             if len(corners):
@@ -75,7 +75,7 @@ def _normals(part: Part) -> NDArray[np.float64]:
     return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300)
 
 
-def centred(parts: Sequence[Part]) -> tuple[list[Part], NDArray[np.float64] | None]:
+def center(parts: Sequence[Part]) -> tuple[list[Part], NDArray[np.float64] | None]:
     """(parts, offset by which they were moved to the origin; None if single precision suffices in place)."""
     low, high = _box(parts)
     if max(np.abs(low).max(), np.abs(high).max()) <= FAR * (high - low).max():
@@ -89,7 +89,7 @@ def _box(parts: Sequence[Part]) -> tuple[NDArray[np.float64], NDArray[np.float64
     return ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
 
 
-def encoded(parts: Sequence[Part], ending: str) -> bytes:
+def encode(parts: Sequence[Part], ending: str) -> bytes:
     """The content of a file with an extension in `WRITERS`."""
     if ending in PRINTED:
         parts = [part._replace(positions=part.positions[:, [0, 2, 1]] * [_MM, -_MM, _MM]) for part in parts]

@@ -22,7 +22,7 @@ from .interval_arithmetic import (
     subtract,
     up,
 )
-from .interval_semantics import NOISE_CURVE, choices, chosen, given, interval, log, middles, periods
+from .interval_semantics import NOISE_CURVE, branch_choices, choices, interval, log, middles, periods, select_operands
 from .opcodes import Op
 from .point_semantics import Number, noise
 
@@ -44,9 +44,9 @@ def slope_intervals(m: Any, op: int, boxes: list[Interval], value: Interval, tur
         case Op.NEGATE:
             return [negate(d) for d in turns[0]]
         case Op.MIN | Op.MAX:
-            return [either(m, *given(choices(m, op, a, boxes[1]), turns[0][k], turns[1][k])) for k in ways]
+            return [either(m, *select_operands(choices(m, op, a, boxes[1]), turns[0][k], turns[1][k])) for k in ways]
         case Op.CHOOSE:
-            first, second = chosen(m, a)
+            first, second = branch_choices(m, a)
             found = [either(m, first, turns[1][k], second, turns[2][k]) for k in ways]
             return [_unless(m, first | second, d) for d in found]
         case Op.FLOOR | Op.CEIL | Op.SIGN:

@@ -55,7 +55,7 @@ def choices(m: Any, op: int, a: Interval, b: Interval, c: Any = None) -> tuple[N
     return (a[0] > b[1]) | (a[0] != a[0]), (b[0] > a[1]) | (b[0] != b[0])
 
 
-def chosen(m: Any, a: Interval) -> tuple[Number, Number]:
+def branch_choices(m: Any, a: Interval) -> tuple[Number, Number]:
     """Where CHOOSE takes its first branch, or its second, over the whole box of its condition."""
     return a[1] <= 0.0, (a[0] > 0.0) | (a[0] != a[0])
 
@@ -139,7 +139,7 @@ def _atan(m: Any, op: int, a: Interval, *_: Any) -> Interval:
 
 
 def _choose(m: Any, op: int, a: Interval, b: Any, c: Any) -> Interval:
-    first, second = chosen(m, a)
+    first, second = branch_choices(m, a)
     no_b, no_c = b[0] != b[0], c[0] != c[0]
     if not m.forks:  # the branch that is undefined may be taken
         m.undefined(~(first | second) & (no_b | no_c))
@@ -163,7 +163,7 @@ def fillet_slack(m: Any, a: Interval, b: Interval, radius: Interval) -> Number:
     return m.where((p > 0.0) & (q > 0.0), slack, 0.0 * slack)
 
 
-def given(known: tuple[Number, Number], a: Any, b: Any) -> tuple[Any, ...]:
+def select_operands(known: tuple[Number, Number], a: Any, b: Any) -> tuple[Any, ...]:
     return known[0], a, known[1], b
 
 

@@ -20,7 +20,7 @@ from ..io.sandbox import Files
 from ..mesh import polygon_mesh
 from ..scene import transforms
 from ..scene.builder import SceneBuilder
-from ..scene.row_records import CameraData, LightData, MeshAttribute, scaled
+from ..scene.row_records import CameraData, LightData, MeshAttribute, scale_color
 from . import gltf_materials
 from .gltf_container import Container, GltfError, open_container
 from .mesh_parts import Part, add
@@ -182,7 +182,7 @@ class _Reader:
             self.warn("the lights of a mesh file are left out: only a file that is drawn by itself brings its lights")
             return
         r, g, b = light.get("color", (1.0, 1.0, 1.0))
-        color = scaled((max(r, 0.0), max(g, 0.0), max(b, 0.0)), max(float(light.get("intensity", 1.0)), 0.0))
+        color = scale_color((max(r, 0.0), max(g, 0.0), max(b, 0.0)), max(float(light.get("intensity", 1.0)), 0.0))
         axis = matrix[:3, 2] / max(float(np.linalg.norm(matrix[:3, 2])), 1e-300)
         backward, forward = _triple(axis), _triple(-axis)
         position, kind, name = _triple(matrix[:3, 3]), light.get("type"), node.get("name") or light.get("name", "")

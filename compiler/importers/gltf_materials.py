@@ -15,7 +15,7 @@ from .. import ir
 from ..io.sandbox import FileError
 from ..scene import metallic_roughness
 from ..scene.builder import NONE, SceneBuilder
-from ..scene.row_records import BLACK, Input, MaterialData, TextureData, scaled
+from ..scene.row_records import BLACK, Input, MaterialData, TextureData, scale_color
 from . import images
 from .gltf_container import Container, GltfError, Warn
 
@@ -89,7 +89,7 @@ class Materials:
             Input.number(float(pbr.get("metallicFactor", 1.0)), self._texture(packed, 2)),
             Input.number(float(pbr.get("roughnessFactor", 1.0)), self._texture(packed, 1)),
             Input.number(float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5))),
-            emissive=Input(scaled((r, g, b), strength), self._texture(written.get("emissiveTexture"))),
+            emissive=Input(scale_color((r, g, b), strength), self._texture(written.get("emissiveTexture"))),
             coat=Input.number(float(coat.get("clearcoatFactor", 0.0))),
             coat_roughness=Input.number(float(coat.get("clearcoatRoughnessFactor", 0.0))),
             occlusion=Input.number(1.0, self._texture(occlusion, 0)) if occlusion else metallic_roughness.ALL,

@@ -25,7 +25,7 @@ from .. import ir
 from ..io.sandbox import FileError, Files
 from ..scene import metallic_roughness
 from ..scene.builder import NONE, SceneBuilder
-from ..scene.row_records import BLACK, WHITE, Color, Input, MaterialData, TextureData, scaled
+from ..scene.row_records import BLACK, WHITE, Color, Input, MaterialData, TextureData, scale_color
 from . import images, obj_lexer
 
 REFLECTING = (3, 5, 8)
@@ -253,9 +253,9 @@ def _data(m: MtlMaterial, texture: Callable[..., int], builder: SceneBuilder) ->
         emissive = Input(WHITE if map_ke >= 0 and ke == BLACK else ke, map_ke)
     if not _PBR.isdisjoint({*m.numbers, *m.maps}):
         return _principled(m, texture, Input(kd, map_kd), emissive, opacity, inputs)
-    inputs[ir.Slot.DIFFUSE] = Input(scaled(kd, opacity), map_kd)
+    inputs[ir.Slot.DIFFUSE] = Input(scale_color(kd, opacity), map_kd)
     map_ka = texture("Ka")
-    inputs[ir.Slot.AMBIENT] = Input(scaled(ka, opacity), map_ka if map_ka >= 0 else map_kd)
+    inputs[ir.Slot.AMBIENT] = Input(scale_color(ka, opacity), map_ka if map_ka >= 0 else map_kd)
     if emissive != metallic_roughness.DARK:
         inputs[ir.Slot.EMISSION] = emissive
     model = ir.MaterialModel.LAMBERT
@@ -268,7 +268,7 @@ def _data(m: MtlMaterial, texture: Callable[..., int], builder: SceneBuilder) ->
         inputs[ir.Slot.REFLECTION] = Input(ks, texture("Ks"))
     if opacity < 1.0:
         model = ir.MaterialModel.BLINN_PHONG
-        inputs[ir.Slot.TRANSMISSION] = Input(scaled(tint, 1.0 - opacity))
+        inputs[ir.Slot.TRANSMISSION] = Input(scale_color(tint, 1.0 - opacity))
         inputs[ir.Slot.IOR] = Input.number(1.0)
     return MaterialData(model, inputs, name=m.name)
 
@@ -297,7 +297,7 @@ def _maps(m: MtlMaterial, texture: Callable[..., int], builder: SceneBuilder) ->
         row = texture(key, color=False)
         if row >= 0 and (key == "norm" or builder.channels_differ(row)):
             whole = texture(key, color=False, channel=DATA)
-            return {ir.Slot.NORMAL: Input(WHITE, builder.with_levels(whole, scaled(WHITE, 2.0), scaled(WHITE, -1.0)))}
+            return {ir.Slot.NORMAL: Input(WHITE, builder.with_levels(whole, scale_color(WHITE, 2.0), scale_color(WHITE, -1.0)))}
         if row >= 0:
             return {ir.Slot.BUMP: Input.number(m.maps[key].height, row)}
     return {}
@@ -324,6 +324,6 @@ def picture_row(
         channel = reference.channel if reference.channel >= 0 or color else 0
     made = TextureData(
         ir.TextureKind.IMAGE, picture, wrap_u=wrap, wrap_v=wrap, channel=max(channel, -1), frame=frame,
-        gain=scaled(WHITE, reference.gain), bias=scaled(WHITE, reference.base),
+        gain=scale_color(WHITE, reference.gain), bias=scale_color(WHITE, reference.base),
     )  # fmt: skip
     return builder.texture(made, reference.span)

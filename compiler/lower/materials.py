@@ -17,7 +17,7 @@ from ..importers import images
 from ..importers.images import ImageError
 from ..io.sandbox import FileError
 from ..scene import metals
-from ..scene.row_records import BLACK, WHITE, Color, Input, MaterialData, TextureData, multiplied, scaled
+from ..scene.row_records import BLACK, WHITE, Color, Input, MaterialData, TextureData, multiply_colors, scale_color
 from .context import Context
 
 Slot = ir.Slot
@@ -93,7 +93,7 @@ class Materials:
             return MaterialData(ir.MaterialModel.GLASS, inputs)
         if kind == "emissive":
             color = self._color(args["color"])
-            shining = Input(scaled(color.value, args["luminance"]), color.texture)
+            shining = Input(scale_color(color.value, args["luminance"]), color.texture)
             return MaterialData(ir.MaterialModel.EMISSIVE, {Slot.EMISSION: shining})
         shading = _SHADING[args["shading"]]
         if kind == "principled":
@@ -143,7 +143,7 @@ class Materials:
             Slot.METALLIC: self._number(args["metallic"]),
             Slot.COAT: self._number(args["clearcoat"]),
             Slot.COAT_ROUGHNESS: self._number(args["clearcoat_roughness"]),
-            Slot.EMISSION: Input(scaled(color.value, args["luminance"]), color.texture),
+            Slot.EMISSION: Input(scale_color(color.value, args["luminance"]), color.texture),
         }
         if args["specular"] is None:
             return MaterialData(ir.MaterialModel.PRINCIPLED, inputs, shading)
@@ -154,7 +154,7 @@ class Materials:
         f0, edge = metals.reflectance(args["kind"])
         color = self._color(args["color"])
         inputs = {
-            Slot.SPECULAR: Input(multiplied(f0, color.value), color.texture),
+            Slot.SPECULAR: Input(multiply_colors(f0, color.value), color.texture),
             Slot.EDGE: Input(edge),
             Slot.ROUGHNESS: self._number(args["roughness"]),
         }
@@ -190,7 +190,7 @@ class Materials:
         if key not in self._rows:
             data = self._texture(element, color, directions)
             if data is not None and directions:
-                data = replace(data, gain=scaled(WHITE, 2.0), bias=scaled(WHITE, -1.0))
+                data = replace(data, gain=scale_color(WHITE, 2.0), bias=scale_color(WHITE, -1.0))
             if data is not None and alpha and self._lowering.builder.has_holes(data.image):
                 data = replace(data, channel=3)
             self._rows[key] = -1 if data is None else self._lowering.builder.texture(data, element.span)

@@ -100,7 +100,7 @@ def _bodies(lowering: Context, element: Element, matrix: np.ndarray) -> list[Bod
 def _mesh(lowering: Context, element: Element, pieces: list[Piece]) -> Body:
     """A closed mesh as a body."""
     try:
-        made, inside_out = mesh_csg.of_pieces(lowering.builder, pieces)
+        made, inside_out = mesh_csg.manifold_of_pieces(lowering.builder, pieces)
     except NoSolid as reason:
         hint = "close it (most modelling programs have a repair for printing), or draw it beside the solid"
         lowering.error(element, f"`{element.kind}` cannot be a part of a solid: {reason}", hint)
@@ -207,7 +207,7 @@ def _of_meshes(lowering: Context, element: Element, bodies: list[Body]) -> Body:
     if element.args["round"]:
         lowering.error(element, "a solid with a mesh in it has no round edges", "leave out `round`, or make a formula of the mesh's shape")
         raise _Refused
-    made = mesh_csg.combined(element.kind, [_triangles(lowering, element, body, bodies) for body in bodies])
+    made = mesh_csg.combine(element.kind, [_triangles(lowering, element, body, bodies) for body in bodies])
     return Body(_no_field, mesh_csg.bounds(made), made)
 
 
@@ -299,7 +299,7 @@ def _repeat(lowering: Context, element: Element, body: Body) -> Body:
     step, count = np.array(element.args["step"]), element.args["count"]
     if body.mesh is not None:
         copies = [_placed(body, transforms.translation(tuple(k * step))).mesh for k in range(count)]
-        made = mesh_csg.combined("union", copies)
+        made = mesh_csg.combine("union", copies)
         return Body(_no_field, mesh_csg.bounds(made), made)
     if count > MOST_COPIES:
         lowering.error(
@@ -323,7 +323,7 @@ def _mirror(lowering: Context, element: Element, body: Body) -> Body:
     turned = np.eye(4)
     turned[:3, :3] -= 2 * np.outer(normal, normal)
     if body.mesh is not None:
-        made = mesh_csg.combined("union", [body.mesh, _placed(body, turned).mesh])
+        made = mesh_csg.combine("union", [body.mesh, _placed(body, turned).mesh])
         return Body(_no_field, mesh_csg.bounds(made), made)
 
     def field(b: Builder, point: Point) -> int:

@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
 Manifold = Any
 FINENESS = 8000  # extent / FINENESS is the largest deviation of contoured analytic shapes
-MOST = 128  # cells along an axis
+MAX_CELLS = 128  # cells along an axis
 SHARP = 30.0  # degrees; edges with a larger dihedral angle get split normals
 
 
-def of_pieces(builder: SceneBuilder, pieces: Sequence[Piece]) -> tuple[Manifold, bool]:
+def manifold_of_pieces(builder: SceneBuilder, pieces: Sequence[Piece]) -> tuple[Manifold, bool]:
     """(solid of meshes that are closed together, whether they were inside out). Raises NoSolid for open or non-manifold meshes."""
     positions, triangles, count = [], [], 0
     for piece in pieces:
@@ -70,7 +70,7 @@ def volume(positions: np.ndarray, faces: np.ndarray) -> float:
 
 def of_field(tape: Tape, bounds: np.ndarray) -> Manifold:
     """The solid of a scalar field within a bounding box."""
-    made = dual_contouring.within(tape, bounds, float((bounds[1] - bounds[0]).max()) / FINENESS, MOST)
+    made = dual_contouring.within(tape, bounds, float((bounds[1] - bounds[0]).max()) / FINENESS, MAX_CELLS)
     return _manifold(made.positions, made.triangles)
 
 
@@ -84,7 +84,7 @@ def _manifold(positions: np.ndarray, faces: np.ndarray) -> Manifold:
     return made
 
 
-def simplified(tape: Tape, made: dual_contouring.Contour, tolerance: float) -> tuple[np.ndarray, np.ndarray, float]:
+def simplify(tape: Tape, made: dual_contouring.Contour, tolerance: float) -> tuple[np.ndarray, np.ndarray, float]:
     """Simplifies a contour: (positions, triangles, deviation) with as few triangles as `tolerance` allows.
 
     Flat regions get large triangles. A contour without volume stays unchanged. A contour that already deviates by more than `tolerance`
@@ -105,7 +105,7 @@ def simplified(tape: Tape, made: dual_contouring.Contour, tolerance: float) -> t
     return made.positions, made.triangles, made.furthest
 
 
-def combined(kind: str, parts: Sequence[Manifold]) -> Manifold:
+def combine(kind: str, parts: Sequence[Manifold]) -> Manifold:
     """Union, intersection or difference (the first part minus all others)."""
     from manifold3d import Manifold, OpType
 

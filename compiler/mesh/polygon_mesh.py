@@ -67,7 +67,7 @@ def subset(mesh: PolyMesh, faces: np.ndarray) -> PolyMesh:
     return PolyMesh(mesh.points, taken, np.asarray(mesh.indices)[corners], of(mesh.normals), of(mesh.uvs), of(mesh.colors), groups)
 
 
-def flipped(mesh: PolyMesh) -> PolyMesh:
+def flip(mesh: PolyMesh) -> PolyMesh:
     """The mesh with reversed winding; corner attributes follow."""
     counts = np.asarray(mesh.counts, dtype=np.int64)
     firsts = np.cumsum(counts) - counts

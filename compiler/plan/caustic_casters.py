@@ -14,7 +14,7 @@ from .. import ir
 from . import scene_facts
 
 SMALL = 0.3  # steradians as seen from a caster, below which paths hit a light too seldom (one in twenty of a hemisphere)
-POLISHED = 0.54  # roughness up to which a metal or glass casts caustics; its square is below render/material/microfacet.POLISHED
+MAX_CAUSTIC_ROUGHNESS = 0.54  # of a metal or glass that casts caustics; its square is below microfacet.MAX_REFLECTION_ALPHA
 BRIGHT = 0.1  # specular reflectance of Phong lobes, below which path tracing suffices: they have no Fresnel increase
 PEAK, FAINT_PEAK = 8.0, 200.0  # least value of a lobe's peak over that of a diffuse lobe, times 8; of faint lobes
 COAT = 0.04  # reflectance of a coat at normal incidence; as render/material/microfacet.COAT
@@ -47,7 +47,7 @@ def sharp_materials(tables: ir.Tables) -> np.ndarray:
 def polished_materials(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: polished metals and frosted glass; a blend counts as its parts."""
     m, slot = tables.materials, ir.Slot
-    polished = (m.values[:, slot.ROUGHNESS, 0] <= POLISHED) | (m.textures[:, slot.ROUGHNESS] >= 0)
+    polished = (m.values[:, slot.ROUGHNESS, 0] <= MAX_CAUSTIC_ROUGHNESS) | (m.textures[:, slot.ROUGHNESS] >= 0)
     metallic = (m.values[:, slot.METALLIC, 0] >= 1.0) | (m.textures[:, slot.METALLIC] >= 0) | (m.model == ir.MaterialModel.METAL)
     found = ir.is_in(m.model, _LAYERED) & polished & metallic
     frosted = (m.values[:, slot.ROUGHNESS, 0] > 0.0) | (m.textures[:, slot.ROUGHNESS] >= 0)
@@ -57,7 +57,7 @@ def polished_materials(tables: ir.Tables) -> np.ndarray:
     return found
 
 
-def gleam(tables: ir.Tables) -> np.ndarray:
+def narrow_highlights(tables: ir.Tables) -> np.ndarray:
     """(materials,) largest reflectance of bright, narrow highlights over a diffuse base; 0 without. A blend has that of its parts."""
     m, slot = tables.materials, ir.Slot
 
@@ -65,7 +65,7 @@ def gleam(tables: ir.Tables) -> np.ndarray:
         return np.where(m.textures[:, which] >= 0, textured, m.values[:, which].max(axis=1, initial=0.0))
 
     def reflects(f0: np.ndarray, rough: np.ndarray) -> np.ndarray:
-        return np.where((rough <= POLISHED) & (4.0 * rough**4 <= f0), f0, 0.0)
+        return np.where((rough <= MAX_CAUSTIC_ROUGHNESS) & (4.0 * rough**4 <= f0), f0, 0.0)
 
     ior = np.maximum(m.values[:, slot.IOR, 0], 1e-3)
     boundary = np.where(m.textures[:, slot.IOR] >= 0, 1.0, ((ior - 1.0) / (ior + 1.0)) ** 2)
@@ -87,7 +87,7 @@ def gleam(tables: ir.Tables) -> np.ndarray:
 def gains(tables: ir.Tables) -> np.ndarray:
     """(instances,) approximate reflectance of caustic casters: 1, less for highlights over a diffuse base; 0 for others."""
     whole = (sharp_materials(tables) | polished_materials(tables))[tables.instances.material]
-    part = gleam(tables)[tables.instances.material]
+    part = narrow_highlights(tables)[tables.instances.material]
     return np.where(whole, 1.0, np.maximum(part, FAINT)) * gathering(tables)
 
 
@@ -99,7 +99,7 @@ def matt_materials(tables: ir.Tables) -> np.ndarray:
     return matt & ~ir.is_in(m.model, (ir.MaterialModel.MIRROR,))
 
 
-def balls(tables: ir.Tables) -> tuple[np.ndarray, np.ndarray]:
+def bounding_spheres(tables: ir.Tables) -> tuple[np.ndarray, np.ndarray]:
     """((instances, 3) centres, (instances,) radii) of bounding spheres in the world; radius inf for unbounded shapes."""
     instances = tables.instances
     matrix, kind = tables.transforms.matrix[instances.transform], tables.geometries.kind[instances.geometry]
@@ -120,19 +120,20 @@ def gathering(tables: ir.Tables) -> np.ndarray:
     """(instances,) bool: caustic casters, which reflect or refract light in narrow lobes."""
     seen = tables.instances.visible & ir.Visibility.REFLECTION != 0
     whole = sharp_materials(tables) | polished_materials(tables)
-    found, gleaming = whole[tables.instances.material], gleam(tables) > 0.0
-    if gleaming.any():
-        found = found | (gleaming[tables.instances.material] & np.isfinite(balls(tables)[1]))  # photons cannot be aimed at unbounded shapes
+    found, narrow = whole[tables.instances.material], narrow_highlights(tables) > 0.0
+    if narrow.any():
+        bounded = np.isfinite(bounding_spheres(tables)[1])  # photons cannot be aimed at unbounded shapes
+        found = found | (narrow[tables.instances.material] & bounded)
     return found & seen
 
 
-def lamps(tables: ir.Tables, all_sizes: bool = False) -> tuple[np.ndarray, np.ndarray]:
+def caustic_lights(tables: ir.Tables, all_sizes: bool = False) -> tuple[np.ndarray, np.ndarray]:
     """((lights,), (instances,)) bool: lights and emissive instances that are small as seen from casters, or of `all_sizes`.
 
     Lights without shadows pass through casters, and lights without inverse-square falloff are not physical: neither counts.
     """
     lit = tables.lights
-    centre, radius = balls(tables)
+    centre, radius = bounding_spheres(tables)
     mirrors = gathering(tables)
     small = math.inf if all_sizes else SMALL
     chosen = ir.is_in(lit.kind, LAMPS) & lit.shadows & (lit.color.max(axis=1, initial=0.0) > 0.0)
@@ -173,13 +174,13 @@ def carrier(tables: ir.Tables, transport: str, backend: str, moves: bool) -> tup
         return "paths", "the ray backend alone traces photons", chance
     if moves:
         return "paths", "objects move: photons and paths have different times", chance
-    small, shining = lamps(tables)
-    endless = ~np.isfinite(balls(tables)[1][mirrors])
+    small, shining = caustic_lights(tables)
+    endless = ~np.isfinite(bounding_spheres(tables)[1][mirrors])
     if endless.any() and (ir.is_in(tables.lights.kind, FAR) & small).any():
         return "paths", "an unbounded shape reflects a light at infinity: photons cannot be aimed at it", chance
     count = int(small.sum() + shining.sum())
     if not count:
-        possible = any(found.any() for found in lamps(tables, all_sizes=True))
+        possible = any(found.any() for found in caustic_lights(tables, all_sizes=True))
         reason = "all lights are large as seen from caustic casters: paths hit them"
         return "paths", reason, CARRIERS if possible else chance
     lights = "1 small light" if count == 1 else f"{count} small lights"

@@ -89,7 +89,7 @@ def current_names(overrides: Mapping[str, str]) -> tuple[dict[str, str], tuple[s
     return current, tuple(notes)
 
 
-def overridden(decision: Decision, text: str) -> Decision:
+def override(decision: Decision, text: str) -> Decision:
     """A decision with the value that a user wrote. Raises PlanError."""
     if decision.fixed:
         raise PlanError(f"`{decision.name}` is set by {decision.fixed}")

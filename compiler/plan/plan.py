@@ -8,7 +8,7 @@ from dataclasses import replace
 from ...lang.diagnostics import suggest
 from .. import ir
 from . import picture_rules, raster_rules, scene_rules, transport_rules
-from .decision import Decision, Plan, PlanError, Rule, current_names, overridden
+from .decision import Decision, Plan, PlanError, Rule, current_names, override
 
 UNSEEN = 0.02  # of a place's light, that may be missing where no error was asked for
 
@@ -44,7 +44,7 @@ def make_plan(scene: ir.Scene, settings: ir.Settings, overrides: Mapping[str, st
     for rule in RULES:
         decision = rule(scene, asked, plan)
         if decision.name in left:
-            decision = overridden(decision, left.pop(decision.name))
+            decision = override(decision, left.pop(decision.name))
         decided[decision.name] = decision
     for name in left:
         hint = suggest(name, decided) or "`maquette explain` lists them"

@@ -8,7 +8,7 @@ import numpy as np
 
 from .. import ir
 
-POLISHED = 0.3  # roughness below which the highlight of a dielectric shows recognizable reflections
+MAX_REFLECTION_ROUGHNESS = 0.3  # roughness below which the highlight of a dielectric shows recognizable reflections
 
 
 def ground(tables: ir.Tables) -> int:
@@ -86,8 +86,8 @@ def glossy_materials(scene: ir.Scene) -> np.ndarray:
     def may_be(wanted: Callable[[np.ndarray], np.ndarray], which: int) -> np.ndarray:
         return wanted(m.values[:, which, 0]) | (m.textures[:, which] >= 0)
 
-    polished = may_be(lambda x: x < POLISHED, slot.ROUGHNESS) | may_be(lambda x: x > 0.0, slot.METALLIC)
-    polished |= may_be(lambda x: x > 0.0, slot.COAT) & may_be(lambda x: x < POLISHED, slot.COAT_ROUGHNESS)
+    polished = may_be(lambda x: x < MAX_REFLECTION_ROUGHNESS, slot.ROUGHNESS) | may_be(lambda x: x > 0.0, slot.METALLIC)
+    polished |= may_be(lambda x: x > 0.0, slot.COAT) & may_be(lambda x: x < MAX_REFLECTION_ROUGHNESS, slot.COAT_ROUGHNESS)
     principled = ir.is_in(m.model, (ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR))
     frosted = (m.model == ir.MaterialModel.GLASS) & may_be(lambda x: x > 0.0, slot.ROUGHNESS)
     return (m.model == ir.MaterialModel.METAL) | (principled & polished) | frosted

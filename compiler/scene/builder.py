@@ -79,7 +79,7 @@ class SceneBuilder:
         key = ("geometry", kind, numbers)
         row = self._known.get(key)
         if row is None:
-            bounds = shape_bounds.of(kind, numbers)
+            bounds = shape_bounds.bounds_of(kind, numbers)
             row = self._geometry(kind, numbers, bounds, np.zeros(3), (0,) * 6, (NONE,) * 4, span, name)
             self._known[key] = row
         return row

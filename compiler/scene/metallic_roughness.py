@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from .. import ir
-from .row_records import BLACK, WHITE, Color, Input, MaterialData, scaled
+from .row_records import BLACK, WHITE, Color, Input, MaterialData, scale_color
 
 GREY = Input((0.18, 0.18, 0.18))
 DARK = Input(BLACK)
@@ -61,7 +61,7 @@ def material(surface: Surface) -> MaterialData:
     if s.emissive.value != BLACK:
         inputs[ir.Slot.EMISSION] = s.emissive
     if opacity < 1.0:
-        inputs[ir.Slot.TRANSMISSION] = Input(scaled(WHITE, 1.0 - opacity))
+        inputs[ir.Slot.TRANSMISSION] = Input(scale_color(WHITE, 1.0 - opacity))
     if s.normal is not None:
         inputs[ir.Slot.NORMAL] = s.normal
     if s.bump is not None:

@@ -21,7 +21,7 @@ F64 = NDArray[np.float64]
 MOST_STEPS = 64  # between keys: 128 half turns
 PROBES = (0.3819, 0.8393)  # probe times as fractions of the shutter interval; they never coincide with keys
 CLOSE = 1e-3  # largest corner error between keys, relative to the object's size
-NEARLY = 1.0 - 1e-9  # cosine of half the rotation between keys: slerp below, linear interpolation above
+SLERP_THRESHOLD = 1.0 - 1e-9  # cosine of half the rotation between keys: slerp below, linear interpolation above
 
 
 def shutters(scene: ir.Scene) -> tuple[float, float]:
@@ -33,7 +33,7 @@ def shutters(scene: ir.Scene) -> tuple[float, float]:
     return float(cameras.opening[of].min()), float((cameras.opening + cameras.shutter)[of].max())
 
 
-def blurred(scene: ir.Scene, at: Callable[[float], ir.Scene | None], found: Diagnostics) -> ir.Scene:
+def add_motion(scene: ir.Scene, at: Callable[[float], ir.Scene | None], found: Diagnostics) -> ir.Scene:
     """The scene with keys for all transforms that change while its shutters are open.
 
     `at(seconds)` compiles the scene at an offset from its time. Other changes are drawn as at the scene's time, with a warning.
@@ -64,7 +64,7 @@ def blurred(scene: ir.Scene, at: Callable[[float], ir.Scene | None], found: Diag
         if not all(_comparable(scene, key) for key in keys):
             found.warning("things come or go while the shutter is open: nothing blurs", hint="keep their number, and move or hide them")
             return scene
-        parts = [taken_apart(m) for m in np.stack([placed.of(key) for key in keys], axis=1)]
+        parts = [decompose(m) for m in np.stack([placed.of(key) for key in keys], axis=1)]
         if steps >= MOST_STEPS or all(_keys_match(parts, placed, moment(share), share) for share in PROBES):
             break
         steps *= 2
@@ -127,7 +127,7 @@ def _stays_regular(stretch: F64) -> bool:
     return bool((signs == signs[0]).all() and signs[0] != 0)
 
 
-def taken_apart(matrices: F64) -> tuple[F64, F64, F64]:
+def decompose(matrices: F64) -> tuple[F64, F64, F64]:
     """Decomposes the transforms (k, 3, 4) of one object at k keys: matrix = [R S | move].
 
     Returns moves (k, 3), unit quaternions (k, 4) x y z w, each nearest to its predecessor, and stretches S (k, 3, 3).
@@ -175,14 +175,14 @@ def rotations(q: F64) -> F64:
     )
 
 
-def between(parts: tuple[F64, F64, F64], share: float) -> F64:
+def interpolate(parts: tuple[F64, F64, F64], share: float) -> F64:
     """The interpolated transform (3, 4) at a fraction of the time between first and last key."""
     move, turn, stretch = parts
     at = share * (len(move) - 1)
     k = min(int(at), len(move) - 2)
     f = at - k
     cosine = float(np.clip(turn[k] @ turn[k + 1], -1, 1))
-    if cosine < NEARLY:
+    if cosine < SLERP_THRESHOLD:
         angle = math.acos(cosine)
         q = (math.sin((1 - f) * angle) * turn[k] + math.sin(f * angle) * turn[k + 1]) / math.sin(angle)
     else:
@@ -195,7 +195,7 @@ def _keys_match(parts: list[tuple[F64, F64, F64]], placed: _MovableRows, scene: 
     """Whether the interpolated transforms match a scene at a time between keys."""
     true = placed.of(scene)
     for k, wanted in enumerate(true):
-        made = between(parts[k], share)
+        made = interpolate(parts[k], share)
         off = (made - wanted)[:, :3] @ placed.corners[k].T + (made - wanted)[:, 3:]
         size = wanted[:, :3] @ placed.corners[k].T
         if not np.linalg.norm(off, axis=0).max() <= CLOSE * np.linalg.norm(np.ptp(size, axis=1)):

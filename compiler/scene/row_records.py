@@ -18,12 +18,12 @@ ALL_RAYS = int(ir.Visibility.CAMERA | ir.Visibility.SHADOW | ir.Visibility.REFLE
 NO_SHADOW = int(ir.Visibility.CAMERA | ir.Visibility.REFLECTION)
 
 
-def scaled(color: Color, factor: float) -> Color:
+def scale_color(color: Color, factor: float) -> Color:
     """A colour times a number."""
     return (color[0] * factor, color[1] * factor, color[2] * factor)
 
 
-def multiplied(one: Color, other: Color) -> Color:
+def multiply_colors(one: Color, other: Color) -> Color:
     """Two colours, component by component."""
     return (one[0] * other[0], one[1] * other[1], one[2] * other[2])
 

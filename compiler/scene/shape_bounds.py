@@ -12,7 +12,7 @@ from .. import ir
 Kind = ir.GeometryKind
 
 
-def of(kind: int, parameters: Sequence[float]) -> np.ndarray:
+def bounds_of(kind: int, parameters: Sequence[float]) -> np.ndarray:
     """(2, 3) bounds of a shape other than a mesh; ±inf for an unbounded shape."""
     if kind == Kind.QUADRIC:
         return quadric(parameters)

@@ -250,7 +250,7 @@ def _shapes(check: Check) -> None:
     analytic = np.flatnonzero((kinds != Kind.MESH) & ~formulas & good)
     right = bounds.copy()
     for row in analytic:
-        right[row] = shape_bounds.of(int(kinds[row]), parameters[row].tolist())
+        right[row] = shape_bounds.bounds_of(int(kinds[row]), parameters[row].tolist())
     wrong = ~((bounds[:, 0] <= right[:, 0]) & (bounds[:, 1] >= right[:, 1])).all(axis=1)
     wrong[kinds == Kind.MESH] = False
     if check.bad("geometries", wrong, "its bounds did not hold it: computed again", "warning"):

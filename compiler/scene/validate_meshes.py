@@ -11,7 +11,7 @@ from . import t_junctions
 from .check import Check, Columns
 
 FLAT = 1e-12  # 2 · area / longest edge² below which a triangle is degenerate
-SEARCHED = 1 << 18  # largest mesh, in triangles, to search for T-junctions: 0.1 s
+MAX_SEARCHED_TRIANGLES = 1 << 18  # largest mesh, in triangles, to search for T-junctions: 0.1 s
 _WIDTHS = {"normals": 3, "uvs": 2, "colors": 3}
 
 
@@ -199,7 +199,7 @@ def _t_junctions(check: Check, meshes: np.ndarray) -> None:
     found = np.zeros(len(table["kind"]), dtype=np.int64)
     for row in meshes:
         count = int(table["triangle_count"][row])
-        if 2 <= count <= SEARCHED:
+        if 2 <= count <= MAX_SEARCHED_TRIANGLES:
             low, first = int(table["first_vertex"][row]), int(table["first_triangle"][row])
             corners = pools["positions"][low : low + int(table["vertex_count"][row])]
             found[row] = t_junctions.count(corners, pools["triangles"][first : first + count] - low)

@@ -52,7 +52,7 @@ def closest(
     return hits
 
 
-def unproved(accel: Handle, origin: ArrayLike, direction: ArrayLike, t_min: ArrayLike, t_max: ArrayLike) -> NDArray[np.bool_]:
+def find_unproved(accel: Handle, origin: ArrayLike, direction: ArrayLike, t_min: ArrayLike, t_max: ArrayLike) -> NDArray[np.bool_]:
     """(n,) whether some interval before a ray's hit could not be proved free of roots of a formula.
 
     The BVH counts such intervals for all rays; batches with a count are halved. No other thread may trace through this BVH meanwhile.

@@ -136,7 +136,7 @@ def _prepare_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame
     kind = np.float32 if plan["precision"] == "float32" else np.float64
     lit = tables.lights.kind
     near = not ir.is_in(lit, (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN, ir.LightKind.DOME)).any() and not plan["motion_blur"]
-    tried, inside = primitive_list.build(tables, near, plan["motion_blur"])
+    primitives, inside = primitive_list.build(tables, near, plan["motion_blur"])
     accel = Handle(wave_memory.NoBvh())
     if not inside.all():
         brute, closed = plan["accelerator"] == "brute_force", plan["implicit_surfaces"] == "closed_form"
@@ -147,7 +147,7 @@ def _prepare_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame
         low, high = np.full(3, -np.inf), np.full(3, np.inf)
     light = _path_light(tables, plan, Handle(tables), None, Handle(frame))
     light, aims = _add_photons(tables, plan, light, kind) if plan["transport.caustics"] == "photons" else (light, None)
-    scene = wave_memory.WaveScene(_cast(tables, kind), _cast(tried, kind), _cast(light, kind), not inside.all(), low, high)
+    scene = wave_memory.WaveScene(_cast(tables, kind), _cast(primitives, kind), _cast(light, kind), not inside.all(), low, high)
     packed, frames, tracer = Handle(scene), Handle(_cast(frame, kind)), None
     if not inside.all() or aims is not None:
         _compile_tiles(threads, accel, packed, frames, kind, plan["transport.path_reuse"] == "blocks")
@@ -183,13 +183,13 @@ def _add_photons(tables: ir.Tables, plan: Plan, light: Any, kind: type) -> tuple
     """(path light with photon maps, photon targets); the light unchanged and None if no light reaches a gathering surface."""
     from ..integrator import photon_aims, photon_map
 
-    covered = photon_aims.covered(tables, light.emitters, plan.decisions["transport.caustics"].overridden)
-    aims = photon_aims.photon_targets(tables, light.emitters, covered)
+    photon_emitters = photon_aims.carried_by_photons(tables, light.emitters, plan.decisions["transport.caustics"].overridden)
+    aims = photon_aims.photon_targets(tables, light.emitters, photon_emitters)
     if aims is None:
         return light, None
-    gains = caustic_casters.gains(tables) * (caustic_casters.gleam(tables) > 0.0)[tables.instances.material]
-    gleaming = gains if gains.any() else photon_map.NoMaps()
-    return light._replace(photons=photon_map.empty(kind), covered=covered, gleaming=gleaming), aims
+    gains = caustic_casters.gains(tables) * (caustic_casters.narrow_highlights(tables) > 0.0)[tables.instances.material]
+    caustic_reflectance = gains if gains.any() else photon_map.NoMaps()
+    return light._replace(photons=photon_map.empty(kind), photon_emitters=photon_emitters, caustic_reflectance=caustic_reflectance), aims
 
 
 def _path_light(tables: ir.Tables, plan: Plan, packed: Any, accel: Any, frame: Any) -> Any:
@@ -259,5 +259,5 @@ def options_of(plan: Plan, tables: ir.Tables) -> Options:
         ground=ground,
         layers=ALPHA_LAYERS if plan["opacity"] else 0,
         color=Float3(*(float(c) for c in background)) if colored else Float3(0.0, 0.0, 0.0),
-        lamps=NoGlossyLights() if plan["transport"] == "path" else glossy_lights.find_glossy_lights(tables),
+        glossy_lights=NoGlossyLights() if plan["transport"] == "path" else glossy_lights.find_glossy_lights(tables),
     )

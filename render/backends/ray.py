@@ -143,7 +143,7 @@ class Renderer:
         """Whether the absence of a nearer implicit-surface hit is unproved, by ray; counted by a BVH of this thread's own."""
         if not hasattr(self._workspaces, "counting"):
             self._workspaces.counting = ray_queries.build(self.prepared.tables, closed=self.closed)
-        return ray_queries.unproved(self._workspaces.counting, *_stack_rays(ray), ray.t_min, ray.t_max)
+        return ray_queries.find_unproved(self._workspaces.counting, *_stack_rays(ray), ray.t_min, ray.t_max)
 
 
 def _stack_rays(ray: Ray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

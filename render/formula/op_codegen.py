@@ -74,7 +74,7 @@ def _record_choice(m: VectorMath, op: Op, operands: list[Any], choice: Any) -> N
     """Record which operand of a choice is irrelevant."""
     if op not in CHOICES:
         return
-    known = interval_semantics.chosen(m, operands[0]) if op == Op.CHOOSE else interval_semantics.choices(m, op, *operands)
+    known = interval_semantics.branch_choices(m, operands[0]) if op == Op.CHOOSE else interval_semantics.choices(m, op, *operands)
     if m.result:  # of a minimum that goes into the result by minima, an operand above the result is irrelevant; likewise of maxima
         low, high = m.result
         one, two = (p[0] > high if op == Op.MIN else p[1] < low for p in operands)

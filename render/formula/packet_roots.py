@@ -246,11 +246,11 @@ def write_hits(trace: Traversal, ray: Lane, direction: Vec, at: Lane, off: Lane,
         crosslane.store_row(hits.u, begin, u)
         crosslane.store_row(hits.v, begin, v)
     else:
-        crosslane.put_at(hits.t, column, (trace.start + at) / packet.exact[8 * SPACED + ray], mask)
-        crosslane.put_at(hits.instance, column, number, mask)
-        crosslane.put_at(hits.spacing, column, units, mask)
-        crosslane.put_at(hits.u, column, u, mask)
-        crosslane.put_at(hits.v, column, v, mask)
+        crosslane.scatter_masked(hits.t, column, (trace.start + at) / packet.exact[8 * SPACED + ray], mask)
+        crosslane.scatter_masked(hits.instance, column, number, mask)
+        crosslane.scatter_masked(hits.spacing, column, units, mask)
+        crosslane.scatter_masked(hits.u, column, u, mask)
+        crosslane.scatter_masked(hits.v, column, v, mask)
     bit, rest = ops.int_like(at, 1) << (ray & (VECTOR - 1)), mask
     while ops.any_lane(rest):
         first, here = crosslane.uniform_group(ray & -VECTOR, rest)

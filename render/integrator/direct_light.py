@@ -111,7 +111,7 @@ def _add_light(total: Vec, scene: Scene, shading: ShadingContext, light: int, ac
     u, v = _sample_numbers(scene, point, light, sampler)
     origin = _light_origin(scene, point, shader, light)
     arriving = lights.sample(tables, light, origin, u, v)
-    share = glossy_lights.reflected(options.lamps, shader, tables, light, point.normal, arriving, shading.viewer, active)
+    share = glossy_lights.reflected(options.glossy_lights, shader, tables, light, point.normal, arriving, shading.viewer, active)
     given = ops.scale(ops.mul(share, arriving.irradiance), 1.0 / np.pi)
     medium = medium_stack.cross_boundary(shading.inside, None, tables, point, arriving.direction)
     given = medium_stack.attenuate(medium, given, tables, arriving.distance)
@@ -129,21 +129,21 @@ def _add_along_lobes(total: Vec, scene: Scene, shading: ShadingContext, active: 
         u, v = sobol.pair(sampler.pixel, sampler.sample, sampler.key * LIGHT_DIMENSIONS * 2 + 1, options.seed)
         which = lobe_number(scene, shader, sampler)
         direction, share = bsdf.sample_lobe(shader, point.normal, shading.viewer, u, v, which)
-        total = _add_lobe_lights(options.lamps, total, scene, shading, glossy, direction, share)
+        total = _add_lobe_lights(options.glossy_lights, total, scene, shading, glossy, direction, share)
         total = background.add_glossy_environment(options.environment, total, scene, point, shader, glossy, direction, share)
     return total
 
 
 @helper
 def _add_hit_lights(
-    lamps: Any, total: Vec, scene: Scene, shading: ShadingContext, active: Lane, direction: Vec, share: Vec
+    sources: Any, total: Vec, scene: Scene, shading: ShadingContext, active: Lane, direction: Vec, share: Vec
 ) -> Vec:  # fmt: skip
     """Add the light of lights that a direction of a glossy lobe hits, weighted against the samples of those lights."""
     tables, point, shader = scene.tables, shading.point, shading.shader
     _, _, density = bsdf.eval_lobes_pdf(shader, point.normal, direction, shading.viewer)
     visible = _faces(scene, point, shader, direction, active)
-    for k in range(len(lamps.rows)):
-        light = lamps.rows[k]
+    for k in range(len(sources.rows)):
+        light = sources.rows[k]
         origin = _light_origin(scene, point, shader, light)
         distance, solid, bright = glossy_lights.intersect_lights(tables, light, origin, direction)
         color = (tables.lights.color[light, 0], tables.lights.color[light, 1], tables.lights.color[light, 2])

@@ -45,7 +45,7 @@ def _reflected(shader: Shader, tables: Tables, light: int, normal: Vec, arriving
 
 @helper
 def _weighted_reflected(
-    lamps: Any, shader: Shader, tables: Tables, light: int, normal: Vec, arriving: Arriving, viewer: Vec, active: Lane
+    found: Any, shader: Shader, tables: Tables, light: int, normal: Vec, arriving: Arriving, viewer: Vec, active: Lane
 ) -> Vec:  # fmt: skip
     """`bsdf.reflected` of a light sample, with the MIS weight against lobe samples."""
     glossy = active & bsdf.is_glossy(shader)

@@ -44,7 +44,10 @@ def _choose_emitter(
         arriving = emitters.sample(tables, table, 0, place, u, v)
         is_lamp = table.light[0] >= 0
         here = (
-            here & (ops.not_(ending) | is_lamp) & ops.not_(lit & is_lamp) & ops.not_(photon_covers_mirror(inputs.covered, 0, path, shader))
+            here
+            & (ops.not_(ending) | is_lamp)
+            & ops.not_(lit & is_lamp)
+            & ops.not_(photon_covers_mirror(inputs.photon_emitters, 0, path, shader))
         )
         weighed, shadows = ops.bool_like(zero, table.weighed[0]), ops.bool_like(zero, table.shadows[0])
         return 0, zero + 1.0, arriving, here, weighed, shadows
@@ -52,7 +55,7 @@ def _choose_emitter(
     arriving = _sample_each(tables, table, row, place, u, v)
     lamp = table.light[row] >= 0
     here = here & (chance > 0.0) & (ops.bool_like(zero, ops.not_(ending)) | lamp) & ops.not_(lit & lamp)
-    here = here & ops.not_(photon_covers_mirror(inputs.covered, row, path, shader))
+    here = here & ops.not_(photon_covers_mirror(inputs.photon_emitters, row, path, shader))
     chance = ops.where(chance > 0.0, chance, 1.0)
     return row, chance, arriving, here, table.weighed[row], table.shadows[row]
 
@@ -73,7 +76,7 @@ def sample_direct(
     place = ops.where3(rough, point.position, interaction.shadow_origin(point))
     row, chance, arriving, here, weighed, shadows = _choose_emitter(tables, inputs, shading, path, here, lit, ending, index, place)
     share, density = bsdf.eval_bsdf_pdf(shader, inputs.uses, point.normal, arriving.direction, viewer)
-    share, alone = exclude_covered_lobe(inputs.gleaming, inputs.covered, share, row, path, shading, arriving.direction)
+    share, alone = exclude_covered_lobe(inputs.caustic_reflectance, inputs.photon_emitters, share, row, path, shading, arriving.direction)
     factor = 1.0 / (math.pi * chance)
     above = rough | (ops.dot(arriving.direction, point.geometric) > 0.0)  # BSDF samples do not go below the geometric surface
     both_ways = weighed & above & ops.not_(last | lit | alone)

@@ -115,7 +115,7 @@ def _continue(
     after_matt = (path.density < ONLY) | (path.density > 2.0 * ONLY)
     density = ops.where((density >= ONLY) & after_matt, GATHERED, density)
     inside = medium_stack.cross_boundary(path.inside, None, tables, point, scattered.direction)
-    covered = photon_covers_lobe(inputs.gleaming, point, shader)
+    covered = photon_covers_lobe(inputs.caustic_reflectance, point, shader)
     phase = photon_map.phase_after(inputs.photons, path.phase, shader, scattered.density >= ONLY, covered)
     on_surface = bsdf.is_rough_glass(shader, scattered.density >= ONLY)
     place = ops.where3(on_surface, point.position, interaction.shadow_origin(point))  # the origin of shadow rays: both ways see the same

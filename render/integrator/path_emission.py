@@ -57,11 +57,11 @@ def _weigh_sky(tables: Tables, inputs: PathInputs, path: PathState, radiance: Ve
 
 @helper
 def emitted_radiance(
-    tables: Tables, inputs: PathInputs, path: PathState, point: Surface, shader: Shader, hit: Hit, here: Lane, lamps_only: bool
+    tables: Tables, inputs: PathInputs, path: PathState, point: Surface, shader: Shader, hit: Hit, here: Lane, lights_only: bool
 ) -> Vec:
     """Return the emission of surfaces along paths, weighed against light sampling.
 
-    A light's emission counts as direct. An emissive shape is one more surface, which the last bounce does not reach (`lamps_only`).
+    A light's emission counts as direct. An emissive shape is one more surface, which the last bounce does not reach (`lights_only`).
     """
     zero = 0.0 * path.density
     lit = here & (ops.largest(shader.emission) > 0.0)
@@ -71,18 +71,18 @@ def emitted_radiance(
     table = inputs.emitters
     row = table.first[instance]
     among = lit & (row >= 0)
-    if lamps_only:
+    if lights_only:
         lit = lit & (tables.instances.light[instance] >= 0)
     share = zero + 1.0
     if len(table.kind) == 1:
         share, dark = _emission_weight(table, 0, path, point, hit.t, inputs.weighing)
         share, lit = ops.where(among, share, 1.0), lit & ops.not_(among & dark)
-        lit = lit & ops.not_(among & photon_covers_emission(inputs.covered, 0, path))
+        lit = lit & ops.not_(among & photon_covers_emission(inputs.photon_emitters, 0, path))
     elif len(table.kind) > 1:
         row = ops.where(among, row + ops.where(among, hit.primitive - table.parts[instance], 0), 0)
         share, dark = _emission_weight_of_each(table, row, path, point, hit.t, inputs.weighing)
         share, lit = ops.where(among, share, 1.0), lit & ops.not_(among & dark)
-        lit = lit & ops.not_(among & photon_covers_emission(inputs.covered, row, path))
+        lit = lit & ops.not_(among & photon_covers_emission(inputs.photon_emitters, row, path))
     return ops.where3(lit, ops.scale(ops.mul(path.weight, shader.emission), share), (zero, zero, zero))
 
 

@@ -16,7 +16,7 @@ from .. import simd
 from ..accel import intersect, primitive_hits
 from ..jit.kernel import HELPER, helper, noinline_helper, specialize_if_present
 from ..lanes import crosslane, ops
-from ..lanes.soa import ROW, add, gather3, load3, store3
+from ..lanes.soa import ROW, gather3, load3, scatter_add, store3
 from ..light import lights
 from ..types import Lane, Surface, Vec
 from .path_state import OTHER_RAY, PathState
@@ -86,14 +86,14 @@ def add_light(shared: Any, light: Any, slot: Lane, sent: Vec, mask: Lane, depth:
 @overload(add_light, jit_options=HELPER)
 def _add_light_in_kernels(shared, light, slot, sent, mask, depth):
     if not shared.layout:
-        return lambda shared, light, slot, sent, mask, depth: add(light, slot, sent, mask)
+        return lambda shared, light, slot, sent, mask, depth: scatter_add(light, slot, sent, mask)
 
     def own(shared, light, slot, sent, mask, depth):
         if depth == 1:  # emission, which the other pixels sample themselves
             albedo = gather3(shared.rows, 0, ALBEDO, ops.where(mask, slot, 0))
-            add(shared.rows, slot + OWN * ROW, ops.mul(albedo, sent), mask)
+            scatter_add(shared.rows, slot + OWN * ROW, ops.mul(albedo, sent), mask)
         else:
-            add(light, slot, sent, mask)
+            scatter_add(light, slot, sent, mask)
 
     return own
 
@@ -163,7 +163,7 @@ def _weigh(accel: Any, scene: Any, memory: Any, shadows: bool, block: int, j: in
             if shadows and ops.any_lane(asked):
                 origin = load3(rows, 0, FIRST, block + i)
                 direction, reach = _towards(origin, place)
-                blocked = asked & primitive_hits.blocked(scene.tried.between, origin, direction, reach)
+                blocked = asked & primitive_hits.blocked(scene.primitives.between, origin, direction, reach)
                 terms = ops.where(blocked, 0.0, terms)
                 if scene.trees:
                     inside = asked & ops.not_(blocked) & enters(scene, origin, direction, reach)

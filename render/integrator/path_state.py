@@ -70,8 +70,8 @@ class PathInputs(NamedTuple):
     vertices: Any = NoVertices()  # or VertexLight
     weighing: int = 0  # index into WEIGHINGS
     photons: Any = photon_map.NoMaps()  # or photon_map.Maps
-    covered: Any = photon_map.NoMaps()  # or (emitters,) bool: emitters whose light photons carry
-    gleaming: Any = photon_map.NoMaps()  # or (instances,) reflectance of narrow highlights over diffuse surfaces, if photons carry it
+    photon_emitters: Any = photon_map.NoMaps()  # or (emitters,) bool: emitters whose light photons carry
+    caustic_reflectance: Any = photon_map.NoMaps()  # or (instances,) reflectance of narrow highlights that photons carry
 
 
 def uses_of(tables: ir.Tables) -> Uses:

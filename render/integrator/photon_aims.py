@@ -33,9 +33,9 @@ class Aims(NamedTuple):
     effort: float  # factor of the number of photons: faint light needs fewer for the same noise, by the square of the reflectance
 
 
-def covered(tables: ir.Tables, table: Emitters, all_sizes: bool) -> NDArray[np.bool_]:
+def carried_by_photons(tables: ir.Tables, table: Emitters, all_sizes: bool) -> NDArray[np.bool_]:
     """(emitters,) whether photons carry an emitter's light."""
-    lamps, shining = caustic_casters.lamps(tables, all_sizes)
+    lamps, shining = caustic_casters.caustic_lights(tables, all_sizes)
     found = np.zeros(len(table.kind), bool)
     light = table.light >= 0
     found[light] = lamps[table.light[light]] & (table.kind[light] != emitter_table.DOME)
@@ -49,13 +49,13 @@ def covered(tables: ir.Tables, table: Emitters, all_sizes: bool) -> NDArray[np.b
 
 def photon_targets(tables: ir.Tables, table: Emitters, chosen: NDArray[np.bool_]) -> Aims | None:
     """Return the aims of chosen emitters; None if they light no caster."""
-    centre, radius = caustic_casters.balls(tables)
+    centre, radius = caustic_casters.bounding_spheres(tables)
     mirrors = caustic_casters.gathering(tables)
     centre, radius, gain = _merge(centre[mirrors], radius[mirrors], caustic_casters.gains(tables)[mirrors])
     flux = np.where(chosen[:, None], _flux(tables, table, centre, radius) * gain, 0.0)
     if not flux.any():
         return None
-    known, bounds = caustic_casters.balls(tables)
+    known, bounds = caustic_casters.bounding_spheres(tables)
     ends = np.concatenate([known[np.isfinite(bounds)], table.place])
     reach = 4.0 * float(np.abs(ends).max(initial=1.0) + bounds[np.isfinite(bounds)].max(initial=1.0))
     flux = np.where(flux > 0.0, np.maximum(flux, 1e-3 * flux.max(axis=1, keepdims=True)), 0.0)

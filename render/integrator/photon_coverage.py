@@ -21,64 +21,64 @@ from .path_state import PathState
 from .records import ShadingContext
 
 
-def photon_covers_emission(covered: Any, row: Any, path: PathState) -> Lane:
+def photon_covers_emission(photon_emitters: Any, row: Any, path: PathState) -> Lane:
     """Where photons carry the light of an emitter's row that a path hits."""
     return np.zeros(np.shape(path.density), bool)
 
 
 @overload(photon_covers_emission, jit_options=HELPER)
-def _emission_in_kernels(covered, row, path):
-    if isinstance(covered, types.Array):
-        return lambda covered, row, path: ((path.density > 2.0 * ONLY) | (path.phase > photon_map.CLEAN)) & covered[row]
-    return lambda covered, row, path: ops.bool_like(path.density, False)
+def _emission_in_kernels(photon_emitters, row, path):
+    if isinstance(photon_emitters, types.Array):
+        return lambda photon_emitters, row, path: ((path.density > 2.0 * ONLY) | (path.phase > photon_map.CLEAN)) & photon_emitters[row]
+    return lambda photon_emitters, row, path: ops.bool_like(path.density, False)
 
 
-def photon_covers_mirror(covered: Any, row: Any, path: PathState, shader: Shader) -> Lane:
+def photon_covers_mirror(photon_emitters: Any, row: Any, path: PathState, shader: Shader) -> Lane:
     """Where photons carry the light of an emitter's row that a metal reflects to the diffuse surface before it on a path."""
     return np.zeros(np.shape(path.density), bool)
 
 
 @overload(photon_covers_mirror, jit_options=HELPER)
-def _mirror_in_kernels(covered, row, path, shader):
-    if isinstance(covered, types.Array):
-        return lambda covered, row, path, shader: (path.phase >= photon_map.CLEAN) & bsdf.is_polished(shader) & covered[row]
-    return lambda covered, row, path, shader: ops.bool_like(path.density, False)
+def _mirror_in_kernels(photon_emitters, row, path, shader):
+    if isinstance(photon_emitters, types.Array):
+        return lambda photon_emitters, row, path, shader: (path.phase >= photon_map.CLEAN) & bsdf.is_polished(shader) & photon_emitters[row]
+    return lambda photon_emitters, row, path, shader: ops.bool_like(path.density, False)
 
 
-def photon_covers_lobe(gleaming: Any, point: Surface, shader: Shader) -> Lane:
+def photon_covers_lobe(caustic_reflectance: Any, point: Surface, shader: Shader) -> Lane:
     """Where photons carry the light of small lights that a highlight reflects; paths carry that of the diffuse part under it."""
     return np.zeros(np.shape(point.offset), bool)
 
 
 @overload(photon_covers_lobe, jit_options=HELPER)
-def _lobe_in_kernels(gleaming, point, shader):
-    if isinstance(gleaming, types.Array):
-        return lambda gleaming, point, shader: (gleaming[point.instance] > 0.0) & bsdf.has_bright_narrow_lobe(shader)
-    return lambda gleaming, point, shader: ops.bool_like(point.offset, False)
+def _lobe_in_kernels(caustic_reflectance, point, shader):
+    if isinstance(caustic_reflectance, types.Array):
+        return lambda caustic_reflectance, point, shader: (caustic_reflectance[point.instance] > 0.0) & bsdf.has_bright_narrow_lobe(shader)
+    return lambda caustic_reflectance, point, shader: ops.bool_like(point.offset, False)
 
 
 def exclude_covered_lobe(
-    gleaming: Any, covered: Any, share: Vec, row: Any, path: PathState, shading: ShadingContext, direction: Vec
+    caustic_reflectance: Any, photon_emitters: Any, share: Vec, row: Any, path: PathState, shading: ShadingContext, direction: Vec
 ) -> Any:  # fmt: skip
     """(BSDF share of a light sample without the lobes that photons carry, whether light sampling alone finds the rest)."""
     return share, np.zeros(np.shape(path.density), bool)
 
 
 @overload(exclude_covered_lobe, jit_options=HELPER)
-def _exclude_in_kernels(gleaming, covered, share, row, path, shading, direction):
-    if isinstance(gleaming, types.Array):
-        return lambda gleaming, covered, share, row, path, shading, direction: _exclude(
-            gleaming, covered, share, row, path, shading, direction
+def _exclude_in_kernels(caustic_reflectance, photon_emitters, share, row, path, shading, direction):
+    if isinstance(caustic_reflectance, types.Array):
+        return lambda caustic_reflectance, photon_emitters, share, row, path, shading, direction: _exclude(
+            caustic_reflectance, photon_emitters, share, row, path, shading, direction
         )
-    return lambda gleaming, covered, share, row, path, shading, direction: (share, ops.bool_like(path.density, False))
+    return lambda caustic_reflectance, photon_emitters, share, row, path, shading, direction: (share, ops.bool_like(path.density, False))
 
 
 @helper
 def _exclude(
-    gleaming: Any, covered: Any, share: Vec, row: Any, path: PathState, shading: ShadingContext, direction: Vec
+    caustic_reflectance: Any, photon_emitters: Any, share: Vec, row: Any, path: PathState, shading: ShadingContext, direction: Vec
 ) -> tuple[Vec, Lane]:  # fmt: skip
     point, shader = shading.point, shading.shader
-    alone = (path.phase >= photon_map.CLEAN) & covered[row] & photon_covers_lobe(gleaming, point, shader)
+    alone = (path.phase >= photon_map.CLEAN) & photon_emitters[row] & photon_covers_lobe(caustic_reflectance, point, shader)
     if ops.any_lane(alone):
         share = ops.where3(alone, bsdf.eval_diffuse(shader, point.normal, direction, shading.viewer), share)
     return share, alone

@@ -21,7 +21,7 @@ from ..jit import thread_pool
 from ..jit.kernel import HELPER, helper, kernel, noinline_helper
 from ..jit.packed_struct import Handle
 from ..lanes import crosslane, ops
-from ..lanes.soa import PAD, ROW, SIZE, keep, keep3, load3
+from ..lanes.soa import PAD, ROW, SIZE, compress_store, compress_store3, load3
 from ..light import lights
 from ..material import bsdf, medium_stack, rough_dielectric
 from ..material.shader import ONLY, Shader, evaluate_shader_filtered
@@ -151,10 +151,10 @@ def _emit_stage(scene, frame, aims, memory, number, first, n, share):
         numbers = ops.int_like(index, number)
         ray, power = emit(scene.tables, scene.light.emitters, aims, numbers, index, frame.options.seed)
         going = simd.first_lanes(n - i, like) & (ops.largest(power) > 0.0)
-        keep3(memory.state, kept, ray.origin, going)
-        keep3(memory.state, 3 * ROW + kept, ray.direction, going)
-        keep3(memory.state, 6 * ROW + kept, ops.scale(power, share), going)
-        keep3(memory.index, kept, (ops.int_like(index, 0), numbers, index), going)
+        compress_store3(memory.state, kept, ray.origin, going)
+        compress_store3(memory.state, 3 * ROW + kept, ray.direction, going)
+        compress_store3(memory.state, 6 * ROW + kept, ops.scale(power, share), going)
+        compress_store3(memory.index, kept, (ops.int_like(index, 0), numbers, index), going)
         kept += simd.count(going)
     return kept
 
@@ -177,7 +177,7 @@ def _scatter_stage(scene, frame, memory, source, n, depth, origin, stored, kept)
             continue
         power = medium_stack.attenuate(inside, power, tables, ops.where(here, hit.t, 0.0))
         time = sobol.sample_time(number, index, seed, frame.shutter)
-        point, hit = surface_at(tables, scene.tried.records, start, direction, hit, piece, here, time)
+        point, hit = surface_at(tables, scene.primitives.records, start, direction, hit, piece, here, time)
         point = normal_map.apply_maps(tables, _part(tables, point, number, index, depth, seed), hit, direction)
         shader = evaluate_shader_filtered(tables, point, light.uses, inside)
         matt = bsdf.has_matt(shader)
@@ -195,7 +195,7 @@ def _scatter_stage(scene, frame, memory, source, n, depth, origin, stored, kept)
         first = here & ops.not_(bent | thrown)
         bounce = Bounce(scattered.direction, weight, chance)
         (to, weight, chance), thrown_by_lobe = _sample_covered_lobe(
-            light.gleaming, bounce, point, shader, direction, (u, v, which), first
+            light.caustic_reflectance, bounce, point, shader, direction, (u, v, which), first
         )
         metal = metal | thrown_by_lobe
         bent = bent | (thrown & matt & ops.not_(sharp))
@@ -207,37 +207,37 @@ def _scatter_stage(scene, frame, memory, source, n, depth, origin, stored, kept)
         bent = bent | ops.not_(thrown)
         weight = ops.mul(power, ops.scale(weight, 1.0 / ops.maximum(chance, lights.TINY)))
         flags = ops.where(bent, BENT, 0) | ops.where(spread, SPREAD, 0) | ops.where(thrown, THROWN, 0)
-        keep3(memory.state, target + going_on, interaction.offset_origin(point, to), going)
-        keep3(memory.state, target + 3 * ROW + going_on, to, going)
-        keep3(memory.state, target + 6 * ROW + going_on, weight, going)
-        keep3(memory.index, (1 - source) * 3 * ROW + going_on, (ops.to_int(flags) + 0 * number, number, index), going)
+        compress_store3(memory.state, target + going_on, interaction.offset_origin(point, to), going)
+        compress_store3(memory.state, target + 3 * ROW + going_on, to, going)
+        compress_store3(memory.state, target + 6 * ROW + going_on, weight, going)
+        compress_store3(memory.index, (1 - source) * 3 * ROW + going_on, (ops.to_int(flags) + 0 * number, number, index), going)
         inside = medium_stack.cross_boundary(inside, None, tables, point, to)
         store_medium(inside, None, memory, (1 - source) * ROW + going_on, going)
         going_on += simd.count(going)
     return going_on, kept
 
 
-def _sample_covered_lobe(gleaming: Any, plain: Any, *of: Any) -> Any:
+def _sample_covered_lobe(caustic_reflectance: Any, plain: Any, *of: Any) -> Any:
     raise NotImplementedError
 
 
 @overload(_sample_covered_lobe, jit_options=HELPER)
-def _sample_covered_lobe_in_kernels(gleaming, plain, *of):
+def _sample_covered_lobe_in_kernels(caustic_reflectance, plain, *of):
     """(bounce, where a highlight reflects the photon first); compiled only in scenes with such highlights."""
-    if isinstance(gleaming, types.Array):
-        return lambda gleaming, plain, *of: _sample_lobe(gleaming, plain, *of)
-    return lambda gleaming, plain, *of: (plain, ops.bool_like(plain.chance, False))
+    if isinstance(caustic_reflectance, types.Array):
+        return lambda caustic_reflectance, plain, *of: _sample_lobe(caustic_reflectance, plain, *of)
+    return lambda caustic_reflectance, plain, *of: (plain, ops.bool_like(plain.chance, False))
 
 
 @helper
 def _sample_lobe(
-    gleaming: Any, plain: Bounce, point: Surface, shader: Shader, arriving: Vec, numbers: tuple[Lane, Lane, Lane], first: Lane
+    caustic_reflectance: Any, plain: Bounce, point: Surface, shader: Shader, arriving: Vec, numbers: tuple[Lane, Lane, Lane], first: Lane
 ) -> tuple[Bounce, Lane]:  # fmt: skip
     """Sample the highlight alone: paths find the light of the diffuse part.
 
     The aims send fewer photons here, by their gain; reflected photons make up for it.
     """
-    here = first & photon_covers_lobe(gleaming, point, shader)
+    here = first & photon_covers_lobe(caustic_reflectance, point, shader)
     direction, weight, chance = plain
     if ops.any_lane(here):
         u, v, which = numbers
@@ -246,7 +246,9 @@ def _sample_lobe(
         zero = 0.0 * chance
         share = ops.where3(ops.dot(to, point.geometric) > 0.0, share, (zero, zero, zero))
         direction, weight = ops.where3(here, to, direction), ops.where3(here, share, weight)
-        chance = ops.where(here, ops.minimum(ops.largest(share) / ops.maximum(gleaming[point.instance], lights.TINY), 1.0), chance)
+        chance = ops.where(
+            here, ops.minimum(ops.largest(share) / ops.maximum(caustic_reflectance[point.instance], lights.TINY), 1.0), chance
+        )
     return Bounce(direction, weight, chance), here
 
 
@@ -299,10 +301,10 @@ def _store(stored: Any, kept: int, lands: Lane, spread: Lane, point: Surface, di
     _store3(stored, 3 * space + kept, ops.negate(direction), lands)
     _store3(stored, 6 * space + kept, power, lands)
     _store3(stored, 9 * space + kept, normal, lands)
-    keep(stored, 12 * space + kept, ops.where(spread, -1.0 + 0.0 * place[0], 1.0), lands)
+    compress_store(stored, 12 * space + kept, ops.where(spread, -1.0 + 0.0 * place[0], 1.0), lands)
 
 
 @helper
 def _store3(stored: Any, at: int, v: Vec, lands: Lane) -> None:
     for k in range(3):
-        keep(stored, at + k * stored.shape[1], v[k], lands)
+        compress_store(stored, at + k * stored.shape[1], v[k], lands)

@@ -126,9 +126,9 @@ def _push(stack: Any, waiting: Lane, point: Surface, ray: RayState, going: Lane,
     active = going & (ops.largest(ray.weight) > MIN_WEIGHT)
     if ops.any_lane(active):
         origin = spawn_ray(point, ray.direction, point.offset).origin
-        crosslane.put3(stack, waiting, 0, origin, active)
-        crosslane.put3(stack, waiting, 3, ray.direction, active)
-        crosslane.put3(stack, waiting, 6, ray.weight, active)
+        crosslane.stack_store3(stack, waiting, 0, origin, active)
+        crosslane.stack_store3(stack, waiting, 3, ray.direction, active)
+        crosslane.stack_store3(stack, waiting, 6, ray.weight, active)
         crosslane.stack_store(stack, waiting, 9, ops.to_float(ray.left - 1), active)
         crosslane.stack_store(stack, waiting, 10, ray.kind, active)
         crosslane.stack_store(stack, waiting, 11, ops.to_float((ray.key * BRANCHES + 1 + branch) & _KEYS), active)
@@ -140,7 +140,11 @@ def _push(stack: Any, waiting: Lane, point: Surface, ray: RayState, going: Lane,
 @helper
 def pop(stack: Any, place: Lane, time: Any) -> tuple[Ray, Vec, Lane, Lane, Lane]:
     """(ray, weight, bounces left, kind, key) of the stack's entry at `place`."""
-    origin, direction, weight = crosslane.take3(stack, place, 0), crosslane.take3(stack, place, 3), crosslane.take3(stack, place, 6)
+    origin, direction, weight = (
+        crosslane.stack_load3(stack, place, 0),
+        crosslane.stack_load3(stack, place, 3),
+        crosslane.stack_load3(stack, place, 6),
+    )
     zero = 0.0 * origin[0]
     ray = Ray(origin, direction, zero, zero + np.inf, time)
     left, key = ops.to_int(crosslane.stack_load(stack, place, 9)), ops.to_int(crosslane.stack_load(stack, place, 11))

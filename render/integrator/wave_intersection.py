@@ -37,7 +37,7 @@ def intersect_stage(accel, scene, frame, memory, source, n, depth):
         near, far = 0.0 * like, 0.0 * like + np.inf
         if depth == 0:
             near, far = simd.load(memory.near, i), simd.load(memory.hit, i)
-        t, piece, a, b = primitive_hits.closest(scene.tried.seen, origin, direction, near, far)
+        t, piece, a, b = primitive_hits.closest(scene.primitives.seen, origin, direction, near, far)
         simd.store(memory.hit, i, t)
         simd.store(memory.hit, ROW + i, a)
         simd.store(memory.hit, 2 * ROW + i, b)
@@ -72,7 +72,7 @@ def intersect_stage(accel, scene, frame, memory, source, n, depth):
 @helper
 def _row_of(scene: Any, instance: Lane, primitive: Lane) -> Lane:
     """The row of triangle_records.Records of a hit in the BVH, or -1; the primitive of an implicit surface numbers its root."""
-    first = scene.tried.records.first[ops.maximum(instance, 0)]
+    first = scene.primitives.records.first[ops.maximum(instance, 0)]
     return ops.where(first == triangle_records.NONE, -1, first + primitive)
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from .. import simd
 from ..jit.kernel import HELPER, helper, specialize_if_present
-from ..lanes.soa import ROW, keep, keep3, load3
+from ..lanes.soa import ROW, compress_store, compress_store3, load3
 from ..types import Lane, Vec
 from . import path_reuse
 
@@ -60,7 +60,7 @@ class WaveScene(NamedTuple):
     """Inputs of the wavefront path tracer."""
 
     tables: Any  # as narrow as the waves' numbers
-    tried: Any  # primitive_list.Tried
+    primitives: Any  # primitive_list.PrimitiveList
     light: Any  # path_state.Light
     trees: bool  # whether there is a BVH
     low: Any  # (3,) float64: its bounding box; inf: unbounded
@@ -74,12 +74,12 @@ def _load_medium(outside: Any, plain: Any, memory: Any, at: int, depth: int) -> 
 
 @helper
 def _store_medium(inside: Lane, plain: Any, memory: Any, at: int, going: Lane) -> None:
-    keep(memory.inside, at, inside, going)
+    compress_store(memory.inside, at, inside, going)
 
 
 @helper
 def _store_facing(facing: Vec, plain: Any, memory: Any, at: int, going: Lane) -> None:
-    keep3(memory.facing, at, facing, going)
+    compress_store3(memory.facing, at, facing, going)
 
 
 store_facing = specialize_if_present(_store_facing)

@@ -16,7 +16,7 @@ from .. import camera, simd
 from ..accel import intersect, primitive_hits
 from ..jit.kernel import HELPER, helper, kernel, noinline_helper
 from ..lanes import crosslane, ops
-from ..lanes.soa import ROW, SIZE, add, gather3, keep, keep3, load3, store3
+from ..lanes.soa import ROW, SIZE, compress_store, compress_store3, gather3, load3, scatter_add, store3
 from ..material import medium_stack
 from ..material.shader import ONLY
 from ..sampling import sobol
@@ -205,7 +205,7 @@ def _shade_stage(scene, frame, memory, source, n, depth):
             if ops.not_(ops.any_lane(here)):
                 continue
         time = sobol.sample_time(pixel, sample, options.seed, frame.shutter)
-        point, hit = surface_at(tables, scene.tried.records, path.origin, path.direction, hit, piece, here, time)
+        point, hit = surface_at(tables, scene.primitives.records, path.origin, path.direction, hit, piece, here, time)
         sent, connection, onward, going = shade_vertex(tables, light, options, path, hit, point, here, pixel, sample, depth)
         bright = here & (ops.largest(sent) > 0.0)
         if ops.any_lane(bright):
@@ -216,12 +216,12 @@ def _shade_stage(scene, frame, memory, source, n, depth):
             _push_shadow_ray(memory, asked, slot, connection)
             asked += simd.count(wanted)
         if ops.any_lane(going):
-            keep3(memory.state, target + kept, onward.origin, going)
-            keep3(memory.state, target + 3 * ROW + kept, onward.direction, going)
-            keep3(memory.state, target + 6 * ROW + kept, onward.weight, going)
-            keep(memory.state, target + 9 * ROW + kept, onward.density, going)
-            keep(memory.state, target + 10 * ROW + kept, ops.where(onward.straight, 1.0, onward.phase), going)
-            keep3(memory.index, (1 - source) * 3 * ROW + kept, (slot, pixel, sample), going)
+            compress_store3(memory.state, target + kept, onward.origin, going)
+            compress_store3(memory.state, target + 3 * ROW + kept, onward.direction, going)
+            compress_store3(memory.state, target + 6 * ROW + kept, onward.weight, going)
+            compress_store(memory.state, target + 9 * ROW + kept, onward.density, going)
+            compress_store(memory.state, target + 10 * ROW + kept, ops.where(onward.straight, 1.0, onward.phase), going)
+            compress_store3(memory.index, (1 - source) * 3 * ROW + kept, (slot, pixel, sample), going)
             store_medium(onward.inside, None, memory, (1 - source) * ROW + kept, going)
             store_facing(onward.facing, None, memory, (1 - source) * 3 * ROW + kept, going)
             kept += simd.count(going)
@@ -231,11 +231,11 @@ def _shade_stage(scene, frame, memory, source, n, depth):
 @helper
 def _push_shadow_ray(memory: Any, asked: int, slot: Lane, connection: Connection) -> None:
     wanted = connection.wanted
-    keep3(memory.shadow, asked, connection.origin, wanted)
-    keep3(memory.shadow, 3 * ROW + asked, connection.direction, wanted)
-    keep(memory.shadow, 6 * ROW + asked, connection.distance, wanted)
-    keep3(memory.shadow, 7 * ROW + asked, connection.light, wanted)
-    keep(memory.shadow_slot, asked, slot, wanted)
+    compress_store3(memory.shadow, asked, connection.origin, wanted)
+    compress_store3(memory.shadow, 3 * ROW + asked, connection.direction, wanted)
+    compress_store(memory.shadow, 6 * ROW + asked, connection.distance, wanted)
+    compress_store3(memory.shadow, 7 * ROW + asked, connection.light, wanted)
+    compress_store(memory.shadow_slot, asked, slot, wanted)
 
 
 @noinline_helper
@@ -250,13 +250,13 @@ def _shadow_stage(accel, scene, frame, memory, n):
         distance = simd.load(memory.shadow, 6 * ROW + i)
         lit = simd.first_lanes(n - i, like)
         if options.shadows:
-            lit = lit & ops.not_(primitive_hits.blocked(scene.tried.blocking, origin, direction, distance))
+            lit = lit & ops.not_(primitive_hits.blocked(scene.primitives.blocking, origin, direction, distance))
             if scene.trees:
                 inside = lit & (distance > 0.0) & enters(scene, origin, direction, distance)
                 queued += queue_up(memory, queued, i, inside)
                 lit = lit & ops.not_(inside)
         if ops.any_lane(lit):
-            add(memory.light, ops.where(lit, simd.load(memory.shadow_slot, i), 0), load3(memory.shadow, 0, 7, i), lit)
+            scatter_add(memory.light, ops.where(lit, simd.load(memory.shadow_slot, i), 0), load3(memory.shadow, 0, 7, i), lit)
     pad(memory, queued)
     wide = simd.load(memory.queue, 0)
     for j in range(0, queued, _WIDTH64):

@@ -302,12 +302,12 @@ def _stack_store(stack, place, field, value, mask):
     return write
 
 
-def put_at(array: Any, place: Lane, value: Lane, mask: Lane) -> None:
+def scatter_masked(array: Any, place: Lane, value: Lane, mask: Lane) -> None:
     """Scatter to array[place] in the lanes of a mask; places differ between lanes."""
     array[np.broadcast_to(place, np.shape(mask))[mask]] = np.broadcast_to(value, np.shape(mask))[mask]
 
 
-@overload(put_at, jit_options=HELPER)
+@overload(scatter_masked, jit_options=HELPER)
 def _put_at(array, place, value, mask):
     if _is_vector(mask):
         return lambda array, place, value, mask: simd.scatter(array, place, value, mask)
@@ -332,7 +332,7 @@ def _stack_load(stack, place, field):
 
 
 @helper
-def put3(stack: Any, place: Lane, field: int, value: Vec, mask: Lane) -> None:
+def stack_store3(stack: Any, place: Lane, field: int, value: Vec, mask: Lane) -> None:
     """Store a 3D vector to three stack fields."""
     stack_store(stack, place, field, value[0], mask)
     stack_store(stack, place, field + 1, value[1], mask)
@@ -340,7 +340,7 @@ def put3(stack: Any, place: Lane, field: int, value: Vec, mask: Lane) -> None:
 
 
 @helper
-def take3(stack: Any, place: Lane, field: int) -> Vec:
+def stack_load3(stack: Any, place: Lane, field: int) -> Vec:
     """Load a 3D vector from three stack fields."""
     return stack_load(stack, place, field), stack_load(stack, place, field + 1), stack_load(stack, place, field + 2)
 

@@ -30,21 +30,21 @@ def store3(rows: Any, base: int, row: int, i: int, v: Vec) -> None:
 
 
 @helper
-def keep(rows: Any, at: int, x: Lane, mask: Lane) -> None:
+def compress_store(rows: Any, at: int, x: Lane, mask: Lane) -> None:
     """Compress the lanes of a mask and store them from `at` on; overwrites the elements behind them in the row."""
     simd.store(rows, at, simd.compress(x, mask))
 
 
 @helper
-def keep3(rows: Any, at: int, v: Vec, mask: Lane) -> None:
-    """`keep` for a vector of 3D vectors in three rows."""
-    keep(rows, at, v[0], mask)
-    keep(rows, at + ROW, v[1], mask)
-    keep(rows, at + 2 * ROW, v[2], mask)
+def compress_store3(rows: Any, at: int, v: Vec, mask: Lane) -> None:
+    """`compress_store` for a vector of 3D vectors in three rows."""
+    compress_store(rows, at, v[0], mask)
+    compress_store(rows, at + ROW, v[1], mask)
+    compress_store(rows, at + 2 * ROW, v[2], mask)
 
 
 @helper
-def add(rows: Any, slot: Lane, light: Vec, mask: Lane) -> None:
+def scatter_add(rows: Any, slot: Lane, light: Vec, mask: Lane) -> None:
     """Add light to the radiance of the paths in a mask; each path occurs in one lane only."""
     for k in range(3):
         at = slot + k * ROW

@@ -19,7 +19,7 @@ from ..types import Lane, Surface, Vec
 from . import fresnel, microfacet, phong, rough_dielectric
 from .shader import ONLY, Shader, Uses
 
-POLISHED = 0.3  # greatest α of a metal that casts caustics
+MAX_CAUSTIC_ALPHA = 0.3  # greatest α of a metal that casts caustics
 BRIGHT, PEAK, FAINT_PEAK = caustic_casters.BRIGHT, caustic_casters.PEAK, caustic_casters.FAINT_PEAK
 
 
@@ -62,14 +62,14 @@ has_base = specialize_if_present(_has_base)
 
 @helper
 def is_polished(shader: Shader) -> Lane:
-    """Whether all its lobes are narrow: metals and glass of α up to POLISHED."""
-    return rough_dielectric.is_fine(shader.frost, _are_narrow(shader.lobes, ops.bool_like(shader.ior, False)), POLISHED)
+    """Whether all its lobes are narrow: metals and glass of α up to MAX_CAUSTIC_ALPHA."""
+    return rough_dielectric.is_fine(shader.frost, _are_narrow(shader.lobes, ops.bool_like(shader.ior, False)), MAX_CAUSTIC_ALPHA)
 
 
 @helper
 def _narrow(lobes: microfacet.Lobes, plain: Lane) -> Lane:
-    alone = (ops.largest(lobes.base) <= 0.0) & ((lobes.coat <= 0.0) | (lobes.coat_alpha <= POLISHED))
-    return lobes.here & ops.not_(lobes.sharp) & alone & (lobes.alpha <= POLISHED)
+    alone = (ops.largest(lobes.base) <= 0.0) & ((lobes.coat <= 0.0) | (lobes.coat_alpha <= MAX_CAUSTIC_ALPHA))
+    return lobes.here & ops.not_(lobes.sharp) & alone & (lobes.alpha <= MAX_CAUSTIC_ALPHA)
 
 
 _are_narrow = specialize_if_present(_narrow)
@@ -89,8 +89,8 @@ def has_bright_narrow_lobe(shader: Shader) -> Lane:
 
 @helper
 def _bright(lobes: microfacet.Lobes, plain: Lane) -> Lane:
-    bright = (lobes.alpha <= POLISHED) & (4.0 * lobes.alpha * lobes.alpha <= ops.largest(lobes.f0))
-    coated = (lobes.coat_alpha <= POLISHED) & (4.0 * lobes.coat_alpha * lobes.coat_alpha <= microfacet.COAT * lobes.coat)
+    bright = (lobes.alpha <= MAX_CAUSTIC_ALPHA) & (4.0 * lobes.alpha * lobes.alpha <= ops.largest(lobes.f0))
+    coated = (lobes.coat_alpha <= MAX_CAUSTIC_ALPHA) & (4.0 * lobes.coat_alpha * lobes.coat_alpha <= microfacet.COAT * lobes.coat)
     found = ops.not_(lobes.sharp) & (ops.largest(lobes.base) > 0.0) & (bright | coated)
     return ops.where(lobes.here, found, plain)
 

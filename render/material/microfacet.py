@@ -24,7 +24,7 @@ from ..types import Lane, Vec
 from . import energy_compensation
 
 SHARP = 1e-3  # α below which a highlight is specular
-POLISHED = scene_facts.POLISHED**2  # α below which a highlight shows surroundings
+MAX_REFLECTION_ALPHA = scene_facts.MAX_REFLECTION_ROUGHNESS**2  # α below which a highlight shows surroundings
 METALLIC = 0.1  # reflectance at normal incidence above that of dielectrics: of an index of 1.92
 COAT = 0.04  # reflectance of a coat at normal incidence: index 1.5
 GRAZING = 50.0  # times f0 is the greatest f90: a material of f0 = 0 has no highlight
@@ -362,7 +362,7 @@ def _sample_all(
 
 @helper
 def _glossy(lobes: Lobes, plain: Lane) -> Lane:
-    polished = (lobes.alpha < POLISHED) | ((lobes.coat > 0.0) & (lobes.coat_alpha < POLISHED))
+    polished = (lobes.alpha < MAX_REFLECTION_ALPHA) | ((lobes.coat > 0.0) & (lobes.coat_alpha < MAX_REFLECTION_ALPHA))
     return ops.where(lobes.here, polished | (ops.largest(lobes.f0) > METALLIC), plain)
 
 

@@ -49,7 +49,7 @@ class Layered(NamedTuple):
     second: Any
     albedo: Any  # energy_compensation.Albedo, or Smooth
     tangents: Any  # normal_map.Tangents or Untilted
-    frosted: Any  # rough_dielectric.Tabled or Clear
+    rough_glass: Any  # rough_dielectric.Tabled or Clear
     media: Any  # medium_stack.Media or Air
     blended: Any  # blend.Blended or Plain
 

@@ -78,12 +78,12 @@ def is_rough(tables: ir.Tables) -> bool:
 
 def at(tables: Tables, surface: Surface, ior: Lane, tint: Vec) -> RoughGlass | None:
     """Return the rough glass of a surface; None in scenes without any. `ior` is inside over outside."""
-    return _at(tables, surface, ior, tint) if isinstance(getattr(tables.materials, "frosted", None), AlbedoTables) else None
+    return _at(tables, surface, ior, tint) if isinstance(getattr(tables.materials, "rough_glass", None), AlbedoTables) else None
 
 
 @overload(at, jit_options=HELPER)
 def _at_in_kernels(tables, surface, ior, tint):
-    found = tables.field("materials.frosted") if isinstance(tables, HandleType) else None
+    found = tables.field("materials.rough_glass") if isinstance(tables, HandleType) else None
     if found is not None and found[1] != ():
         return lambda tables, surface, ior, tint: _at(tables, surface, ior, tint)
     return lambda tables, surface, ior, tint: None
@@ -96,10 +96,10 @@ def _at(tables: Tables, surface: Surface, ior: Lane, tint: Vec) -> RoughGlass:
     alpha = roughness * roughness
     ratio = ops.where(surface.front, ior, 1.0 / ior)
     here = (materials.model[surface.material] == GLASS) & (alpha >= microfacet.SHARP) & (ops.absolute(ratio - 1.0) > SAME)
-    first = ops.to_int(materials.frosted.of[surface.material]) * (2 * ROWS)
+    first = ops.to_int(materials.rough_glass.of[surface.material]) * (2 * ROWS)
     inner = ops.where(surface.front, 0, ROWS)
     alpha = ops.maximum(alpha, microfacet.SHARP)
-    return RoughGlass(here, alpha, ops.where(here, ratio, 1.5), tint, first + inner, first + (ROWS - inner), materials.frosted)
+    return RoughGlass(here, alpha, ops.where(here, ratio, 1.5), tint, first + inner, first + (ROWS - inner), materials.rough_glass)
 
 
 # --- energy compensation -------------------------------------------------------------------------------------------------

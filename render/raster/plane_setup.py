@@ -110,8 +110,8 @@ def project(projection: Any, i: int, corners: Corners) -> ScreenTriangles:
     """Project sixteen triangles of instance i."""
     # The first corner relative to its pixel, in float64; edges are short and need only float32.
     low, high = corner_to_pixel(projection, i, low_half(corners.a)), corner_to_pixel(projection, i, high_half(corners.a))
-    px, py = simd.joined(low[0], high[0]), simd.joined(low[1], high[1])
-    ax, ay, depth = simd.joined(low[2], high[2]), simd.joined(low[3], high[3]), simd.joined(low[4], high[4])
+    px, py = simd.concatenate(low[0], high[0]), simd.concatenate(low[1], high[1])
+    ax, ay, depth = simd.concatenate(low[2], high[2]), simd.concatenate(low[3], high[3]), simd.concatenate(low[4], high[4])
     x1, y1, d1 = edge_to_pixel(projection, i, corners.e1, px, py)
     x2, y2, d2 = edge_to_pixel(projection, i, corners.e2, px, py)
     one, zero = simd.f32x16(1.0), simd.f32x16(0.0)

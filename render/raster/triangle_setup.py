@@ -108,9 +108,9 @@ def transform_vertices(projection: Any, pattern: Any, meshlets: Any, i: int, m: 
     for k in range(0, meshlets.vertices[m], 16):
         ax, ay, ak = snap_vertices(projection, meshlets, i, first + k)
         bx, by, bk = snap_vertices(projection, meshlets, i, first + k + 8)
-        x, y = simd.joined(ax, bx), simd.joined(ay, by)
+        x, y = simd.concatenate(ax, bx), simd.concatenate(ay, by)
         north, south, west = simd.minimum(north, y), simd.maximum(south, y), simd.minimum(west, x)
-        rows = simd.transpose((x, y, simd.float_bits(simd.joined(ak, bk)), zero))
+        rows = simd.transpose((x, y, simd.float_bits(simd.concatenate(ak, bk)), zero))
         simd.store_aligned(band.vertices, 4 * k, rows[0])
         simd.store_aligned(band.vertices, 4 * k + 16, rows[1])
         simd.store_aligned(band.vertices, 4 * k + 32, rows[2])

@@ -19,7 +19,7 @@ from .functions import (
     sqrt, trailing_zeros, trunc,
 )
 from .shuffles import (
-    high_half, joined, lane, low_half, max_of, min_of, sum_of, transpose, with_lane,
+    high_half, concatenate, lane, low_half, max_of, min_of, sum_of, transpose, with_lane,
 )
 from .elementary import acos, asin, atan, atan2, cos, exp, hypot, log, power, sin, sincos, tan
 from .gather_scatter import compress, compress_store, gather, gather_rows, scatter, scatter_rows, store_rows

@@ -103,7 +103,7 @@ def _lower_half(x: types.Type, half: int) -> Lowering:
 
 
 @intrinsic
-def joined(typingctx, low, high):
+def concatenate(typingctx, low, high):
     """Concatenate two vectors."""
     if not isinstance(low, Vector) or low != high:
         return None

@@ -110,7 +110,7 @@ def _local_mesh(tables: ir.Tables, g: int, tolerance: float) -> _LocalMesh:
     if kind == _KIND.FORMULA:
         tape = load_tape(tables, int(geometries.tape[g]))
         made = implicit_surfaces.contour(tables, g, CONTOUR_SHARE * tolerance, True)
-        return _LocalMesh(*mesh_csg.simplified(tape, made, tolerance), made.missing)
+        return _LocalMesh(*mesh_csg.simplify(tape, made, tolerance), made.missing)
     mesh = analytic_shapes.tessellate(kind, geometries.parameters[g].tolist(), tolerance)
     exact = kind in (_KIND.BOX, _KIND.RECTANGLE)
     return _LocalMesh(mesh.positions[:, :3], mesh.triangles.astype(np.int64), 0.0 if exact else tolerance)

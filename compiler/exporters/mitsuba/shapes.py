@@ -121,7 +121,7 @@ class Shapes:
             if flat:
                 shell = shell._replace(normals=None)
             self._meshes[key] = f"{self.name}.{len(self.out.files)}.ply"
-            self.out.files[self._meshes[key]] = ply(common.flipped(shell) if turned else shell)
+            self.out.files[self._meshes[key]] = ply(common.flip(shell) if turned else shell)
         return node("shape", "ply", filename=self._meshes[key], face_normals=self._faceted(g, flat), to_world=matrix)
 
     def _faceted(self, g: int, flat: bool) -> bool:
@@ -157,7 +157,7 @@ class Shapes:
         if tables.textures.kind[texture] != ir.TextureKind.IMAGE:
             cells = common.with_cells(tables, texture, shell, common.mean_scale(matrix))
             return cells._replace(uvs=None if cells.uvs is None else cells.uvs / 2)
-        frame = common.texture_place(tables, texture)
+        frame = common.texture_matrix(tables, texture)
         uvs = np.zeros((len(shell.positions), 2)) if shell.uvs is None else shell.uvs
         st = uvs @ frame[:2, :2].T + frame[:2, 2]
         return shell._replace(uvs=np.stack([st[:, 0], 1.0 - st[:, 1]], axis=1))

@@ -131,7 +131,7 @@ class _Object:
         if texture >= 0 and self.tables.textures.kind[texture] != ir.TextureKind.IMAGE:
             shell = common.with_cells(self.tables, texture, shell, common.mean_scale(self.matrix))
         elif texture >= 0 and shell.uvs is not None:
-            frame = common.texture_place(self.tables, texture)
+            frame = common.texture_matrix(self.tables, texture)
             shell = shell._replace(uvs=shell.uvs @ frame[:2, :2].T + frame[:2, 2])
         body = [_list("vertex_vectors", shell.positions)]
         if shell.normals is not None:
@@ -148,7 +148,7 @@ class _Object:
         if self.kind != ir.GeometryKind.PLANE:
             return ""
         tables = self.tables
-        frame = common.texture_place(tables, texture)  # of u = x, v = -z
+        frame = common.texture_matrix(tables, texture)  # of u = x, v = -z
         if tables.textures.kind[texture] != ir.TextureKind.IMAGE:
             size = float(tables.textures.size[texture])
             frame[:2] *= common.mean_scale(self.matrix) / size if size > 0.0 else 8.0

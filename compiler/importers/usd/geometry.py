@@ -158,7 +158,7 @@ def mesh(prim: Any, time: Any, uv_name: str | None, color_name: str | None, diag
     rows = np.flatnonzero(drawn)
     kept = whole if drawn.all() else polygon_mesh.subset(whole, rows)
     if schema.GetOrientationAttr().Get(time) == UsdGeom.Tokens.leftHanded:
-        kept = polygon_mesh.flipped(kept)
+        kept = polygon_mesh.flip(kept)
     if subdivided:
         kept = replace(kept, normals=_smooth(kept))
     return Faces(kept, rows, subdivided)

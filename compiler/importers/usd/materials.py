@@ -20,7 +20,7 @@ from ....lang.diagnostics import Span
 from ... import ir
 from ...scene import metallic_roughness
 from ...scene.builder import NONE, SceneBuilder, lambert
-from ...scene.row_records import WHITE, Color, Input, MaterialData, TextureData, scaled
+from ...scene.row_records import WHITE, Color, Input, MaterialData, TextureData, scale_color
 from .. import images
 from .stage import Opened, primvar_mean, value
 
@@ -201,7 +201,7 @@ class Materials:
     def plain(self, color: Color, opacity: float, name: str) -> int:
         """The row for a prim without a material: diffuse, in its displayColor."""
         if opacity < 1.0:
-            matt, clear = Input(scaled(color, opacity)), Input(scaled(WHITE, 1.0 - opacity))
+            matt, clear = Input(scale_color(color, opacity)), Input(scale_color(WHITE, 1.0 - opacity))
             inputs = {ir.Slot.AMBIENT: matt, ir.Slot.DIFFUSE: matt, ir.Slot.TRANSMISSION: clear, ir.Slot.IOR: Input.number(1.0)}
             return self.builder.material(MaterialData(ir.MaterialModel.BLINN_PHONG, inputs, name=name))
         return self.builder.material(lambert(color, name=name))

@@ -226,7 +226,7 @@ def _span(items: Any, begin: int, end: int) -> Lane:
 def center_of(box: Lane) -> Lane:
     """The doubled center of a box, as a box."""
     middle = simd.low_half(box) - simd.high_half(box)
-    return simd.joined(middle, simd.f32x4(0.0) - middle)
+    return simd.concatenate(middle, simd.f32x4(0.0) - middle)
 
 
 @helper

@@ -164,7 +164,7 @@ def _compute_piece(mesh: Any, items: Any, piece: int, around: Any) -> None:
         low, high = simd.minimum(a, simd.minimum(b, c)), simd.maximum(a, simd.maximum(b, c))
         low = simd.with_lane(low, binned_sah.NUMBER, simd.bits_float(np.int32(i | binned_sah.TAG)))
         high = simd.with_lane(simd.f32x4(0.0) - high, binned_sah.COUNT - 4, np.float32(1.0))
-        box = simd.joined(low, high)
+        box = simd.concatenate(low, high)
         simd.store(items, i * 8, box)
         whole, span = simd.minimum(whole, box), simd.minimum(span, binned_sah.center_of(box))
     simd.store(around, piece * 16, whole)

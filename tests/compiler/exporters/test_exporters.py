@@ -138,7 +138,7 @@ def test_meshes_keep_their_corners(tmp_path: Path) -> None:
         b"ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
     )
     assert data.endswith(b"\x03" + np.array([0, 1, 2], "<i4").tobytes())
-    turned = common.flipped(shell)
+    turned = common.flip(shell)
     assert turned.triangles.tolist() == [[2, 1, 0]]
 
 

@@ -181,7 +181,7 @@ def test_fewer_triangles_within_the_tolerance(tape, flat, size):
     """Flat faces become a few large ones; the solid stays closed, its holes stay holes, its edges sharp."""
     tolerance = 2e-3
     made = dual_contouring.within(tape, CUBE, 0.75 * tolerance)
-    positions, triangles, furthest = mesh_csg.simplified(tape, made, tolerance)
+    positions, triangles, furthest = mesh_csg.simplify(tape, made, tolerance)
     fewer = made._replace(positions=positions, triangles=triangles)
     assert made.furthest <= furthest <= tolerance
     assert len(triangles) < (0.35 if flat else 0.8) * len(made.triangles)

@@ -47,7 +47,7 @@ def moved(tables: ir.Tables, seed: int, keys: int = 3, share: float = 0.7) -> ir
             made[:3, 3] += random.uniform(-1.5, 1.5, 3)
             places.append(made)
         first[row], count[row] = sum(len(p[0]) for p in parts), keys
-        parts.append(motion_keys.taken_apart(np.stack(places)[:, :3]))
+        parts.append(motion_keys.decompose(np.stack(places)[:, :3]))
     columns = [np.concatenate([p[k] for p in parts]) for k in range(3)]
     table = ir.table_of("transforms", {**tables.transforms._asdict(), "first_key": first, "keys": count})
     return tables._replace(transforms=table, keys=ir.table_of("keys", dict(zip(ir.Keys._fields, columns, strict=True))))
@@ -97,13 +97,13 @@ def trace_kernels(tables: ir.Tables, ray: Ray, brute: bool = False) -> tuple[np.
 def test_decomposition_and_composition_are_inverse(seed):
     random = np.random.default_rng(seed)
     places = random.normal(size=(2, 3, 4)) * 10.0 ** random.uniform(-3, 3)
-    parts = motion_keys.taken_apart(places)
+    parts = motion_keys.decompose(places)
     for k in (0, 1):
-        np.testing.assert_allclose(motion_keys.between(parts, float(k)), places[k], rtol=0, atol=1e-13 * np.abs(places).max())
+        np.testing.assert_allclose(motion_keys.interpolate(parts, float(k)), places[k], rtol=0, atol=1e-13 * np.abs(places).max())
     keys = ir.Keys(*parts)
     shares = random.uniform(0, 1, 5)
     made = np.stack(instance_transform.interpolate_keys(keys, 0, np.full(5, 2), shares), axis=1).reshape(-1, 3, 4)
-    wanted = np.stack([motion_keys.between(parts, s) for s in shares])
+    wanted = np.stack([motion_keys.interpolate(parts, s) for s in shares])
     np.testing.assert_allclose(made, wanted, rtol=0, atol=1e-12 * np.abs(places).max())
 
 
@@ -115,7 +115,7 @@ def test_rotation_is_uniform_and_keeps_the_size(angle):
     for share in (0.25, 0.5, 0.9):
         wanted = transforms.rotation(AxisAngle(axis, share * angle))[:3]
         np.testing.assert_allclose(
-            motion_keys.between(motion_keys.taken_apart(places), share), wanted, atol=1e-15 if angle < 0.01 else 4e-15
+            motion_keys.interpolate(motion_keys.decompose(places), share), wanted, atol=1e-15 if angle < 0.01 else 4e-15
         )
 
 

@@ -134,8 +134,8 @@ def pictures(made: Any, view: View, samples: int) -> tuple[np.ndarray, np.ndarra
     y, x = np.mgrid[0 : view.height, 0 : view.width].reshape(2, -1) + 0.5
     ray = camera.generate_pinhole_ray(made.tables, view, x, y)
     both = []
-    for lamps in (made.options.lamps, NoGlossyLights()):
-        options = made.options._replace(lamps=lamps, environment=types.SecondaryRays(), bounces=0)
+    for found in (made.options.glossy_lights, NoGlossyLights()):
+        options = made.options._replace(glossy_lights=found, environment=types.SecondaryRays(), bounces=0)
         both.append(make.radiance_in_kernel(made.tables, ray, options, samples)[0])
     return both[0], both[1]
 

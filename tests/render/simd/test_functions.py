@@ -138,7 +138,7 @@ def _across(x, out):
     for k in range(8):
         out[3 + k] = simd.lane(v, 7 - k)
     simd.store(out, 11, simd.with_lane(v, 2, 100))
-    simd.store(out, 19, simd.joined(simd.high_half(v), simd.low_half(v)))
+    simd.store(out, 19, simd.concatenate(simd.high_half(v), simd.low_half(v)))
     simd.store(out, 27, simd.iota(v))
 
 

@@ -20,7 +20,7 @@ from ..io.sandbox import Files
 from ..mesh import polygon_mesh
 from ..scene import transforms
 from ..scene.builder import SceneBuilder
-from ..scene.row_records import CameraData, LightData, MeshAttribute, scale_color
+from ..scene.row_records import WHITE, CameraData, LightData, MeshAttribute, as_color, nonnegative, scale_color
 from . import gltf_materials
 from .gltf_container import Container, GltfError, open_container
 from .mesh_parts import Part, add
@@ -181,11 +181,10 @@ class _Reader:
         if not self.as_scene:
             self.warn("the lights of a mesh file are left out: only a file that is drawn by itself brings its lights")
             return
-        r, g, b = light.get("color", (1.0, 1.0, 1.0))
-        color = scale_color((max(r, 0.0), max(g, 0.0), max(b, 0.0)), max(float(light.get("intensity", 1.0)), 0.0))
+        color = scale_color(nonnegative(as_color(light.get("color", WHITE))), max(float(light.get("intensity", 1.0)), 0.0))
         axis = matrix[:3, 2] / max(float(np.linalg.norm(matrix[:3, 2])), 1e-300)
-        backward, forward = _triple(axis), _triple(-axis)
-        position, kind, name = _triple(matrix[:3, 3]), light.get("type"), node.get("name") or light.get("name", "")
+        backward, forward = as_color(axis), as_color(-axis)
+        position, kind, name = as_color(matrix[:3, 3]), light.get("type"), node.get("name") or light.get("name", "")
         if "range" in light:
             self.warn("ranges of lights are not drawn: their light reaches any distance")
         if kind == "directional":
@@ -232,11 +231,6 @@ def _local(node: dict[str, Any]) -> np.ndarray:
         return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
     rotation = Quaternion(*map(float, node["rotation"])) if any(node.get("rotation") or ()) else None
     return transforms.place(node.get("translation"), rotation, node.get("scale"))
-
-
-def _triple(values: np.ndarray) -> tuple[float, float, float]:
-    x, y, z = (float(v) for v in values)
-    return (x, y, z)
 
 
 def _triangles(order: np.ndarray, mode: int) -> np.ndarray:

@@ -25,7 +25,7 @@ from .. import ir
 from ..io.sandbox import FileError, Files
 from ..scene import metallic_roughness
 from ..scene.builder import NONE, SceneBuilder
-from ..scene.row_records import BLACK, WHITE, Color, Input, MaterialData, TextureData, scale_color
+from ..scene.row_records import BLACK, WHITE, Color, Input, MaterialData, TextureData, nonnegative, scale_color
 from . import images, obj_lexer
 
 REFLECTING = (3, 5, 8)
@@ -111,7 +111,7 @@ def _line(material: MtlMaterial, keyword: str, rest: str, span: Span) -> str:
         color = _color(rest)
         if color is None:
             return f"`{keyword}` wants three numbers (spectra and CIE XYZ are not read)"
-        material.colors[keyword] = (max(color[0], 0.0), max(color[1], 0.0), max(color[2], 0.0))
+        material.colors[keyword] = nonnegative(color)
         if min(color) < 0:
             return f"material `{material.name}`: `{keyword}` has a negative component, which counts as 0"
     elif keyword in _NUMBERS:

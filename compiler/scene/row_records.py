@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,6 +16,17 @@ WHITE: Color = (1.0, 1.0, 1.0)
 PLAIN_FRAME = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 ALL_RAYS = int(ir.Visibility.CAMERA | ir.Visibility.SHADOW | ir.Visibility.REFLECTION)
 NO_SHADOW = int(ir.Visibility.CAMERA | ir.Visibility.REFLECTION)
+
+
+def as_color(values: Iterable[float]) -> Color:
+    """Three numbers of any kind as a colour, point or direction."""
+    r, g, b = (float(v) for v in values)
+    return (r, g, b)
+
+
+def nonnegative(color: Color) -> Color:
+    """A colour with 0 in place of negative components."""
+    return (max(color[0], 0.0), max(color[1], 0.0), max(color[2], 0.0))
 
 
 def scale_color(color: Color, factor: float) -> Color:

@@ -15,7 +15,7 @@ from pxr import UsdGeom, UsdLux
 from ....lang.diagnostics import Span
 from ... import ir
 from ...scene.builder import SceneBuilder
-from ...scene.row_records import Color, LightData
+from ...scene.row_records import Color, LightData, as_color
 from .. import images
 from . import stage
 from .materials import Materials, asset
@@ -100,7 +100,7 @@ def mesh_radiance(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, ma
         materials.tell("mesh lights are not normalized by their area", prim)
     if not _casts_shadows(it, materials):
         materials.tell("mesh lights cast shadows", prim)
-    return _color(radiance)
+    return as_color(radiance)
 
 
 def _casts_shadows(it: _Light, materials: Materials) -> bool:
@@ -120,7 +120,7 @@ def _distant(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials:
     irradiance = radiance if it.number("normalize") or area == 0 else radiance * area
     towards = it.matrix[:3, 2] / max(np.linalg.norm(it.matrix[:3, 2]), 1e-300)
     kind = ir.LightKind.SUN if half > 0 else ir.LightKind.DIRECTIONAL
-    return LightData(kind, _color(irradiance), direction=_color(towards), angle=min(half, math.radians(89)), name=_name(it))
+    return LightData(kind, as_color(irradiance), direction=as_color(towards), angle=min(half, math.radians(89)), name=_name(it))
 
 
 def _sphere(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials: Materials) -> LightData | None:
@@ -144,13 +144,13 @@ def _ball(it: _Light, radiance: np.ndarray, radius: float, area: float, builder:
     intensity = radiance * math.pi * in_world**2
     if it.number("treatAsPoint") and it.number("normalize"):
         intensity = it.radiance() / 4 * it.unit**2
-    position = _color(it.matrix[:3, 3])
+    position = as_color(it.matrix[:3, 3])
     if _shaped(it):
         return _spot(it, intensity, position)
     if it.number("treatAsPoint") or in_world <= 0:
-        return LightData(ir.LightKind.POINT, _color(intensity), position=position, name=_name(it))
+        return LightData(ir.LightKind.POINT, as_color(intensity), position=position, name=_name(it))
     row = builder.transform(_rigid(it.matrix), it.span)
-    return LightData(ir.LightKind.SPHERE, _color(radiance), position=position, transform=row, size=(in_world, 0.0), name=_name(it))
+    return LightData(ir.LightKind.SPHERE, as_color(radiance), position=position, transform=row, size=(in_world, 0.0), name=_name(it))
 
 
 def _shaped(it: _Light) -> bool:
@@ -163,7 +163,7 @@ def _spot(it: _Light, intensity: np.ndarray, position: Color) -> LightData:
     soft = min(max(it.number("shaping:cone:softness"), 0.0), 1.0)
     along = -it.matrix[:3, 2] / max(np.linalg.norm(it.matrix[:3, 2]), 1e-300)
     return LightData(
-        ir.LightKind.SPOT, _color(intensity), position=position, direction=_color(along), cos_cone=math.cos(cone),
+        ir.LightKind.SPOT, as_color(intensity), position=position, direction=as_color(along), cos_cone=math.cos(cone),
         cos_full=math.cos(cone * (1.0 - soft)), name=_name(it),
     )  # fmt: skip
 
@@ -176,7 +176,7 @@ def _rect(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials: Ma
     if _shaped(it):
         materials.tell("cones shape balls and disks only: this light shines into its whole side", it.prim)
     row = builder.transform(_rigid(it.matrix) @ _TURNED, it.span)
-    return LightData(ir.LightKind.RECTANGLE, _color(radiance), transform=row, size=(width / 2, height / 2), name=_name(it))
+    return LightData(ir.LightKind.RECTANGLE, as_color(radiance), transform=row, size=(width / 2, height / 2), name=_name(it))
 
 
 def _disk(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials: Materials) -> LightData | None:
@@ -185,9 +185,9 @@ def _disk(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials: Ma
     if it.number("normalize") and area > 0:
         radiance = radiance / (area / it.unit**2)
     if _shaped(it):
-        return _spot(it, radiance * area, _color(it.matrix[:3, 3]))
+        return _spot(it, radiance * area, as_color(it.matrix[:3, 3]))
     row = builder.transform(_rigid(it.matrix) @ _TURNED, it.span)
-    return LightData(ir.LightKind.DISK, _color(radiance), transform=row, size=(radius, 0.0), name=_name(it))
+    return LightData(ir.LightKind.DISK, as_color(radiance), transform=row, size=(radius, 0.0), name=_name(it))
 
 
 def _dome(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials: Materials) -> LightData | None:
@@ -205,9 +205,9 @@ def _dome(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials: Ma
         except images.ImageError as failure:
             builder.diagnostics.warning(failure.message, it.span, failure.hint)
     if image < 0:
-        return LightData(ir.LightKind.SKY, _color(radiance), name=_name(it))
+        return LightData(ir.LightKind.SKY, as_color(radiance), name=_name(it))
     row = builder.transform(_rigid(it.matrix @ _pole(it)), it.span)
-    return LightData(ir.LightKind.DOME, _color(radiance), transform=row, image=image, name=_name(it))
+    return LightData(ir.LightKind.DOME, as_color(radiance), transform=row, image=image, name=_name(it))
 
 
 def _pole(it: _Light) -> np.ndarray:
@@ -235,11 +235,6 @@ def _rigid(matrix: np.ndarray) -> np.ndarray:
     made[:3, 0], made[:3, 1], made[:3, 2] = x, np.cross(z, x), z
     made[:3, 3] = matrix[:3, 3]
     return made
-
-
-def _color(values: Any) -> Color:
-    r, g, b = (float(v) for v in values)
-    return (r, g, b)
 
 
 def _name(it: _Light) -> str:

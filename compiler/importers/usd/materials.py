@@ -20,7 +20,7 @@ from ....lang.diagnostics import Span
 from ... import ir
 from ...scene import metallic_roughness
 from ...scene.builder import NONE, SceneBuilder, lambert
-from ...scene.row_records import WHITE, Color, Input, MaterialData, TextureData, scale_color
+from ...scene.row_records import WHITE, Color, Input, MaterialData, TextureData, nonnegative, scale_color
 from .. import images
 from .stage import Opened, primvar_mean, value
 
@@ -191,7 +191,7 @@ class Materials:
         if min(color) >= 0:
             return color
         self.tell(f"{what} has a negative component, which counts as 0", prim)
-        return (max(color[0], 0.0), max(color[1], 0.0), max(color[2], 0.0))
+        return nonnegative(color)
 
     def matt_light(self, color: Color, radiance: Color, name: str) -> int:
         """The row of a mesh light's material: diffuse, with the light's radiance as emission."""

@@ -41,7 +41,7 @@ SECTIONS = {
 }
 UNITS_ACROSS_FILES = """\
 `unit mm` sets the unit of bare lengths for one file. A bare number keeps the unit of the file that it is written in: in
-`unit mm`, `part.post(at: [10, 20, 30])` places the post at 10 mm, 20 mm, 30 mm, whatever the unit of the part's file. A factor that
+`unit mm`, `part.post(at: [10, 20, 30])` places the post at 10 mm, 20 mm, 30 mm, for any unit of the part's file. A factor that
 multiplies bare lengths of the part is declared as a number: `let post(scale: number = 1) = …`, and a list of factors as a `list`."""
 
 _ANGLE_TYPES = ("angle",)

@@ -55,7 +55,7 @@ class Export:
         """Report the materials whose opacity is lost."""
         used = self.scene.tables.instances.material
         for row in np.unique(used[scene_facts.partial(self.scene.tables)[used]]):
-            self.cannot("opacity is not carried: what has one is wholly there", "materials", int(row))
+            self.cannot("opacity is not carried: the surface is opaque there", "materials", int(row))
 
     def tessellated(self, kind: ir.GeometryKind, instance: int, triangles: int, tolerance: float) -> None:
         """Report that a shape is exported as triangles, unless the triangles are exact."""

@@ -84,7 +84,7 @@ class _Reader:
         used = {*document.get("extensionsUsed", ()), *document.get("extensionsRequired", ())}
         others = sorted(e for e in map(str, used) if e not in _UNDERSTOOD and not e.startswith("KHR_materials_") and e not in _COMPRESSED)
         if others:
-            self.warn(f"the glTF file uses what is not built: {', '.join(others)}")
+            self.warn(f"the glTF file uses extensions that are not built: {', '.join(others)}")
         if not found and not self.diagnostics.failed:
             raise GltfError("the glTF file shows no mesh")
         return found

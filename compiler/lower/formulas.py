@@ -51,7 +51,7 @@ def implicit(lowering: Context, element: Element) -> list[Piece]:
     if within is not None:
         if not sheet and bounding_box.is_full(tape, bounds, values):
             hint = "give `within` more room, or write a box or sphere"
-            lowering.warn(element, "all within these bounds is inside: what is drawn is their own box or ball", hint)
+            lowering.warn(element, "all points within these bounds are inside: the picture shows the box or ball itself", hint)
         ball = np.array(within[2]) / unit
         wider = bounds if sheet else _wider(bounds)
         tight = bounding_box.shrink_bounds(sheet_field(tape) if sheet else tape, bounds, wider)
@@ -76,7 +76,7 @@ def implicit_piece(lowering: Context, element: Element, tape: Tape, bounds: np.n
     """A field's surface in a box; nothing, after a diagnostic, if it needs more registers than evaluators have."""
     live = most_live(tape)
     if live > MOST_LIVE:
-        hint = "so large a sum of things that hang together is drawn in parts: write several of them"
+        hint = "this formula is too large for one surface: write several"
         return lowering.refuse(
             element, f"the formula needs {live:,} values at a time, and there is room for {MOST_LIVE}", hint
         )

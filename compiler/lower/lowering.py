@@ -41,7 +41,7 @@ def _lower(document: Document, builder: SceneBuilder, folder: Folder | None) -> 
     settings = cameras.settings(lowering, document.settings.get("render"), document.cameras)
     if lowering.unsampled is not None and not settings.bounces:
         hint = "render(bounces: 1) or more; area lights and round spheres are sampled without"
-        builder.diagnostics.note("this shines, but lights other things only where bounces are followed", lowering.unsampled.span, hint)
+        builder.diagnostics.note("this emits light, but lights other objects only with bounces", lowering.unsampled.span, hint)
     animate = document.settings.get("animate")
     return builder.finish(
         document.name,

@@ -66,7 +66,7 @@ def framing(
 
 def _camera(builder: SceneBuilder, settings: ir.Settings) -> str:
     bounds = builder.world_bounds()
-    what = "what is bounded"
+    what = "the bounded objects"
     if bounds is None:
         bounds, what = np.array([[-1.0, 0.0, -1.0], [1.0, 2.0, 1.0]]), "the origin, as nothing is bounded"
     width, height = settings.size or (1, 1)  # square by default: a wider picture shows more

@@ -21,6 +21,7 @@ F64 = NDArray[np.float64]
 MOST_STEPS = 64  # between keys: 128 half turns
 PROBES = (0.3819, 0.8393)  # probe times as fractions of the shutter interval; they never coincide with keys
 CLOSE = 1e-3  # largest corner error between keys, relative to the object's size
+NOT_COMPARABLE = "objects appear or vanish while the shutter is open: nothing blurs", None, "keep their number, and move or hide them"
 SLERP_THRESHOLD = 1.0 - 1e-9  # cosine of half the rotation between keys: slerp below, linear interpolation above
 
 
@@ -52,7 +53,7 @@ def add_motion(scene: ir.Scene, at: Callable[[float], ir.Scene | None], found: D
 
     for share in (0.0, *PROBES, 1.0):
         if not _comparable(scene, moment(share)):
-            found.warning("things come or go while the shutter is open: nothing blurs", hint="keep their number, and move or hide them")
+            found.warning(*NOT_COMPARABLE)
             return scene
     _warn_of_other_changes(scene, [moment(share) for share in (0.0, *PROBES, 1.0)], found)
     placed = _MovableRows(scene)
@@ -62,7 +63,7 @@ def add_motion(scene: ir.Scene, at: Callable[[float], ir.Scene | None], found: D
     while True:
         keys = [moment(k / steps) for k in range(steps + 1)]
         if not all(_comparable(scene, key) for key in keys):
-            found.warning("things come or go while the shutter is open: nothing blurs", hint="keep their number, and move or hide them")
+            found.warning(*NOT_COMPARABLE)
             return scene
         parts = [decompose(m) for m in np.stack([placed.of(key) for key in keys], axis=1)]
         if steps >= MOST_STEPS or all(_keys_match(parts, placed, moment(share), share) for share in PROBES):

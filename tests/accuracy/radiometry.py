@@ -18,7 +18,7 @@ EVERY = ("ray", "raster", "reference")
 TRACERS = ("ray", "reference")  # the backends that follow reflected, refracted and diffuse rays
 SINGLE = 1e-5  # relative, of pictures in single precision
 EXPECTED = (  # said of scenes that are meant so
-    "this shines, but lights other things only where bounces are followed",
+    "this emits light, but lights other objects only with bounces",
 )
 
 Array = NDArray[np.float64]

@@ -19,7 +19,7 @@ from . import scenes
 
 BACKENDS = ("reference", "ray", "raster")
 EXPECTED = (  # said of scenes that are meant so
-    "this shines, but lights other things only where bounces are followed",
+    "this emits light, but lights other objects only with bounces",
     "there is nothing to draw: the picture will be empty",
 )
 

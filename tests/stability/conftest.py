@@ -17,7 +17,7 @@ from maquette.render.image.image import Image
 from . import places
 
 EXPECTED = (  # said of scenes that are meant so
-    "this shines, but lights other things only where bounces are followed",
+    "this emits light, but lights other objects only with bounces",
     "there is nothing to draw: the picture will be empty",
 )
 

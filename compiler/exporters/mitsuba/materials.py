@@ -84,7 +84,7 @@ class Materials:
         if model in PRINCIPLED:
             out.cannot("`principled` is carried as Mitsuba's, whose matt part and coat are others", "materials", material)
         if model in (METAL, GLASS) and rough:
-            out.cannot("light that bounces between facets is not carried: what is rough is darker in Mitsuba", "materials", material)
+            out.cannot("light that bounces between facets is not carried: rough surfaces are darker in Mitsuba", "materials", material)
         if model == METAL and m.textures[material, ir.Slot.SPECULAR] >= 0:
             out.cannot("a texture of a metal's colour is not carried", "materials", material)
         if model == GLASS and self._constant(material, ir.Slot.ABSORPTION).max() > 0:

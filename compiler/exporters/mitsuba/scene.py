@@ -81,7 +81,7 @@ def _check_inside_glass(out: Export, plan: Plan) -> None:
         for table, row, place in places:
             p = inverse @ [*place, 1.0]
             if np.all((low < p) & (p < high)):
-                out.cannot("what shines or looks from inside of glass is not carried: Mitsuba scales its light by the index", table, row)
+                out.cannot("a light or a camera inside glass is not carried: Mitsuba scales its light by the index", table, row)
 
 
 def _integrator(out: Export, plan: Plan) -> Node:

@@ -66,7 +66,7 @@ class Shapes:
         if kind not in _CLOSED and not (capped is not None and geometries.parameters[g, capped] > 0):
             self.out.cannot("what shines on both sides here shines on its front only in Mitsuba", "instances", i)
         if not self.plan["interreflection"]:
-            self.out.cannot("what shines of itself lights other things in Mitsuba, here only with bounces", "instances", i, "--bounces 1")
+            self.out.cannot("emissive surfaces light others in Mitsuba, here only with bounces", "instances", i, "--bounces 1")
 
     # --- shapes Mitsuba has ---
 

@@ -84,7 +84,7 @@ def _lights(out: Export, plan: Plan) -> list[str]:
         if plain_sky:
             sky = sky + lights.color[row]
         if kind in _SOFT and (matt or not plain_sky):
-            out.cannot(f"{_SOFT[kind]}: it draws lamps without extent", "lights", row)
+            out.cannot(f"{_SOFT[kind]}: it draws lights without extent", "lights", row)
         elif kind in (ir.LightKind.POINT, ir.LightKind.SPOT):
             made.append(_point_light(out, row))
         elif kind in (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN):
@@ -121,7 +121,7 @@ def _point_light(out: Export, row: int) -> str:
 def _directional(out: Export, row: int) -> str:
     lights = out.scene.tables.lights
     if lights.kind[row] == ir.LightKind.SUN and lights.angle[row] > 0.0:
-        out.cannot("a sun's size is not carried: POV-Ray draws lamps without extent", "lights", row, "angle: 0deg")
+        out.cannot("a sun's size is not carried: POV-Ray draws lights without extent", "lights", row, "angle: 0deg")
     middle, radius = common.reach(out.scene.tables)
     at = middle + lights.direction[row] * radius * FAR
     return _light_source(out, row, at, lights.color[row] / np.pi, f" parallel point_at {bracket(middle)}")

@@ -116,11 +116,11 @@ class Materials:
         if not shader:
             others = [o.GetBaseName() for o in material.GetSurfaceOutputs() if o.HasConnectedSource()]
             what = f"only surfaces that are not drawn ({', '.join(others)})" if others else "no surface"
-            self.tell(f"the material has {what}: its things show their displayColor", prim)
+            self.tell(f"the material has {what}: its prims show their displayColor", prim)
             return None
         kind = shader.GetIdAttr().Get()
         if kind != "UsdPreviewSurface":
-            self.tell(f"the surface shader `{kind}` is not drawn: its things show their displayColor", prim)
+            self.tell(f"the surface shader `{kind}` is not drawn: its prims show their displayColor", prim)
             return None
         inputs = {name: self._source(shader.GetInput(name), fallback) for name, fallback in _FALLBACKS.items()}
         moved = shader.GetInput("displacement")

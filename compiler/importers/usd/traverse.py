@@ -108,7 +108,7 @@ class Walk:
                 elif now is not None:
                     self._prim(prim, kind, now, into)
             except Tf.ErrorException as failure:
-                message = f"this prim, and what is below it, is left out: {reason(failure, self.opened.path)}"
+                message = f"this prim and its descendants are left out: {reason(failure, self.opened.path)}"
                 self.builder.diagnostics.warning(message, self.opened.span(prim))
                 continue
             if now is None or kind == "PointInstancer":

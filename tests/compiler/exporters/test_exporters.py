@@ -183,10 +183,10 @@ def test_a_pattern_lies_where_its_matrix_says() -> None:
         ),
         (
             "mitsuba", "sphere(1, material: glass())\npoint(position: [0, 0.1, 0])",
-            "4:1: what shines or looks from inside of glass is not carried: Mitsuba scales its light by the index",
+            "4:1: a light or a camera inside glass is not carried: Mitsuba scales its light by the index",
         ),
-        ("povray", "sun(angle: 1deg)", "3:1: a sun's size is not carried: POV-Ray draws lamps without extent"),
-        ("povray", "sphere(1)\nsky()", "4:1: a sky lights nothing in POV-Ray: it draws lamps without extent"),
+        ("povray", "sun(angle: 1deg)", "3:1: a sun's size is not carried: POV-Ray draws lights without extent"),
+        ("povray", "sphere(1)\nsky()", "4:1: a sky lights nothing in POV-Ray: it draws lights without extent"),
         (
             "povray", "sphere(1, material: phong(#808080, specular: #ff0000))",
             "3:21: a highlight's colour is not carried: POV-Ray's has the light's",
@@ -194,7 +194,7 @@ def test_a_pattern_lies_where_its_matrix_says() -> None:
         ("povray", "sphere(1, material: phong(#808080, normalized: true))", "3:21: a normalized highlight is not carried"),
         ("povray", 'sphere(1, material: metal("gold"))', "3:21: `metal` is not carried: POV-Ray has no microfacets: its colour alone is"),
         ("mitsuba", 'sphere(1, material: metal("gold", roughness: 0.5))',
-            "3:21: light that bounces between facets is not carried: what is rough is darker in Mitsuba"),
+            "3:21: light that bounces between facets is not carried: rough surfaces are darker in Mitsuba"),
         ("povray", "sphere(1, material: phong(#808080, transmission: 0.5))", "3:21: k_t is not carried: in POV-Ray it weakens k_d"),
     ],
 )  # fmt: skip

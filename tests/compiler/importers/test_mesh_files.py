@@ -433,7 +433,7 @@ def test_a_gltf_with_a_file_and_a_data_uri(tmp_path):
     ("change", "expected"),
     [
         ({"animations": [{}]}, "animations are not drawn: the nodes stand where the file places them"),
-        ({"extensionsUsed": ["EXT_new", "KHR_mesh_quantization"]}, "the glTF file uses what is not built: EXT_new"),
+        ({"extensionsUsed": ["EXT_new", "KHR_mesh_quantization"]}, "the glTF file uses extensions that are not built: EXT_new"),
         ({"materials": [{"extensions": {"KHR_materials_sheen": {}}}]}, "of materials, KHR_materials_sheen are not drawn"),
         ({"textures": [{"extensions": {"KHR_texture_basisu": {"source": 0}}}],
           "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]},

@@ -59,7 +59,7 @@ def test_more_values_at_a_time_than_there_is_room_for(tmp_path):
     waves = [[f"sin({k} * x + y)" for k in range(first, first + 20)] for first in range(1, 300, 20)]
     one, other = (" + ".join(f"({sign.join(row)})" for row in waves) for sign in (" + ", " - "))
     text = f"implicit(|x, y, z| ({one}) * ({other}) <= z, within: 1)"
-    hint = "so large a sum of things that hang together is drawn in parts: write several of them"
+    hint = "this formula is too large for one surface: write several"
     assert refused(tmp_path, text) == [f"the formula needs 306 values at a time, and there is room for 256 ({hint})"]
 
 
@@ -188,7 +188,7 @@ def test_nothing_left_is_said(tmp_path):
 
 def test_bounds_that_lie_in_a_solid_are_warned_about(tmp_path):
     solid = "implicit(|x, y, z| x^4 + y^4 + z^4 <= 1, within: {})"
-    assert loaded(tmp_path, solid.format(0.1))[1] == ["all within these bounds is inside: what is drawn is their own box or ball"]
+    assert loaded(tmp_path, solid.format(0.1))[1] == ["all points within these bounds are inside: the picture shows the box or ball itself"]
     assert loaded(tmp_path, solid.format(0.9))[1] == []
 
 

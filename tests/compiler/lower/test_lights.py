@@ -188,7 +188,7 @@ def test_other_emissive_shapes_shine_without_being_sampled(compiled, said, text:
     assert len(scene.tables.lights.kind) == 0
     assert scene.defaults == ()  # there is light: none is added
     assert said(text + BALL) == (
-        "a.scene:1:1: note: this shines, but lights other things only where bounces are followed\n"
+        "a.scene:1:1: note: this emits light, but lights other objects only with bounces\n"
         f"   1 | {text}\n     | {'^' * len(text)} render(bounces: 1) or more; area lights and round spheres are sampled without"
     )
 

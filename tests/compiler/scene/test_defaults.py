@@ -64,7 +64,7 @@ def test_a_plane_alone_is_seen_from_near_the_origin(compiled) -> None:
 
 def test_the_sentences(compiled) -> None:
     assert compiled("box(2)").defaults == (
-        "camera: the scene has none; one at [2.347, 1.707, 4.267] with a fov of 40deg frames what is bounded",
+        "camera: the scene has none; one at [2.347, 1.707, 4.267] with a fov of 40deg frames the bounded objects",
         "sun: the scene has no light; one from [1, 2, 1.5] with 2.356 lx",
         "sky: the scene has no light; an even one of 0.25 nit",
     )

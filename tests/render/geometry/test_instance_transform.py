@@ -304,7 +304,7 @@ def test_missing_blur_is_reported(tmp_path):
         "sphere(1 + time / 1s)": "this changes its shape while the shutter is open: it is drawn as it is at the opening",
         "sphere(1)\npoint([time / 1s, 3, 0])": "this light moves or changes while the shutter is open: it is drawn as it is at the opening",
         "sphere(1, material: lambert(time / 1s))": "this material changes while the shutter is open: it is drawn as it is at the opening",
-        "for (k in 0..floor(time / 10ms)) { sphere(1) }": "things come or go while the shutter is open: nothing blurs",
+        "for (k in 0..floor(time / 10ms)) { sphere(1) }": "objects appear or vanish while the shutter is open: nothing blurs",
     }
     for text, message in texts.items():
         path.write_text(text + "\ncamera([0, 0, 5], shutter: 100ms)\n")

@@ -257,7 +257,7 @@ def test_what_is_not_drawn(tmp_path, inputs, nodes, expected):
 def test_unknown_surfaces_show_the_display_colour(tmp_path):
     text = stage("", "", "color3f[] primvars:displayColor = [(1, 0, 0)]").replace("UsdPreviewSurface", "Fancy")
     scene, messages = read(tmp_path, text)
-    assert messages == ["x.usda</m>: warning: the surface shader `Fancy` is not drawn: its things show their displayColor"]
+    assert messages == ["x.usda</m>: warning: the surface shader `Fancy` is not drawn: its prims show their displayColor"]
     assert slot(scene, "DIFFUSE") == [1, 0, 0]
 
 
@@ -309,7 +309,7 @@ def test_pictures_inside_of_a_package(tmp_path):
 def test_a_material_with_other_surfaces_only(tmp_path):
     text = stage("").replace("token outputs:surface.connect", "token outputs:mtlx:surface.connect")
     assert read(tmp_path, text)[1] == [
-        "x.usda</m>: warning: the material has only surfaces that are not drawn (mtlx:surface): its things show their displayColor"
+        "x.usda</m>: warning: the material has only surfaces that are not drawn (mtlx:surface): its prims show their displayColor"
     ]
 
 

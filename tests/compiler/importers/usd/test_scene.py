@@ -414,7 +414,7 @@ def test_a_transform_that_cannot_be_read_takes_its_prim_away(tmp_path):
     """
     scene, messages = read(tmp_path, text)
     assert scene.names.instances == ("/c",)
-    assert messages[0].startswith("x.usda</a>: warning: this prim, and what is below it, is left out: ")
+    assert messages[0].startswith("x.usda</a>: warning: this prim and its descendants are left out: ")
 
 
 @pytest.mark.parametrize("far", ["1e308", "-1e40"])

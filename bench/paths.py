@@ -117,7 +117,7 @@ def _scene_of(name: str, folder: Path, quick: bool, peers: Peers) -> tuple[str, 
         filled, title = folder / "knot.ply", f"{2 * rings[0] * rings[1]:,} triangles in the box"
         meshes.write_ply(filled, meshes.knot(*rings))
     sides = [
-        our_renderer(functools.partial(_decide, _scene(filled))),
+        our_renderer(functools.partial(_decide, build_scene(filled))),
         *_available(peers, functools.partial(mitsuba_renderer, filled, mitsuba.LLVM)),
     ]
     return title, sides, functools.partial(_available, peers, functools.partial(mitsuba_renderer, filled, "scalar_rgb"))
@@ -171,7 +171,7 @@ def our_renderer(decide: Callable[..., tuple[ir.Scene, plan.Plan]]) -> Renderer:
     return Renderer(OURS, draw, lambda rgba: np.asarray(rgba[..., :3], np.float64), draw_to)
 
 
-def _scene(filled: Path | None) -> ir.Scene:
+def build_scene(filled: Path | None) -> ir.Scene:
     if filled is None:
         return load(SCENES / "cornell.scene")
     kept = [line for line in (SCENES / "cornell.scene").read_text(encoding="utf-8").splitlines() if not line.startswith("box(")]

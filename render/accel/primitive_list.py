@@ -83,7 +83,7 @@ def build(tables: ir.Tables, hull: bool, moves: bool = False) -> tuple[Primitive
     if moves:
         stays &= tables.transforms.first_key[instances.transform] < 0
     boxes = world_bounds(tables)
-    eligible, many = _eligible(tables, boxes)
+    eligible, many = eligible_primitives(tables, boxes)
     for i in np.flatnonzero(stays & eligible).tolist():
         found = _primitives_of(tables, i)
         if found:
@@ -125,7 +125,7 @@ def _make_primitives(listed: list[tuple[int, _Primitive]], rows: list[int]) -> P
     )
 
 
-def _eligible(tables: ir.Tables, boxes: Rows) -> tuple[NDArray[np.bool_], bool]:
+def eligible_primitives(tables: ir.Tables, boxes: Rows) -> tuple[NDArray[np.bool_], bool]:
     """((instances,) candidates of the list, whether the instances are so many that only large ones are candidates)."""
     geometry = tables.instances.geometry
     small = (tables.geometries.kind == ir.GeometryKind.MESH) & (tables.geometries.triangle_count <= MESH_TRIANGLES)
@@ -178,11 +178,11 @@ def _hull_points(tables: ir.Tables, inside: NDArray[np.bool_], listed: list[tupl
             return None
         found.append(piece.corners)
     found.append(tables.lights.position[ir.is_in(tables.lights.kind, (ir.LightKind.POINT, ir.LightKind.SPOT))])
-    found.append(_light_corners(tables))
+    found.append(light_corners(tables))
     return np.concatenate(found)
 
 
-def _light_corners(tables: ir.Tables) -> Rows:
+def light_corners(tables: ir.Tables) -> Rows:
     """Corners of the bounds of area lights, (n, 3)."""
     lit = tables.lights
     wide = ir.is_in(lit.kind, (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE))

@@ -145,7 +145,7 @@ def address(program: str) -> int:
 
 def compile_missing(threads: int) -> None:
     """Compile missing interpreters in another process, from the last one on, if there are several."""
-    missing = [program for program in WIDTHS if program not in _engines and not _path(program).exists()]
+    missing = [program for program in WIDTHS if program not in _engines and not object_file(program).exists()]
     if len(missing) > SEVERAL:
         compile_process.run_in_background(threads, compile_programs, tuple(reversed(missing)))
 
@@ -153,16 +153,17 @@ def compile_missing(threads: int) -> None:
 def compile_programs(programs: tuple[str, ...]) -> None:
     """Compile the programs that are not on disk yet."""
     for program in programs:
-        if not _path(program).exists():
+        if not object_file(program).exists():
             address(program)
 
 
-def _path(program: str) -> Path:
+def object_file(program: str) -> Path:
+    """The object file of a program's interpreter in the cache."""
     return kernel_cache.CACHE / f"tape_{program}-{_sources()}.o"
 
 
 def _engine(program: str) -> Any:
-    path = _path(program)
+    path = object_file(program)
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target())
     try:
         code = path.read_bytes()

@@ -18,7 +18,7 @@ INF = math.inf
 
 
 @helper
-def _ordered_roots(a: Lane, b: Lane, c: Lane, discriminant: Lane) -> tuple[Lane, Lane]:
+def ordered_roots(a: Lane, b: Lane, c: Lane, discriminant: Lane) -> tuple[Lane, Lane]:
     """Roots of a t² - 2 b t + c = 0, lower first; NaN where the discriminant (b² - a c) is negative."""
     root = ops.sqrt(discriminant)
     q = ops.where(b < 0.0, b - root, b + root)
@@ -42,7 +42,7 @@ def sphere_interval(radius: Lane, origin: Vec, direction: Vec) -> tuple[Lane, La
     distance = ops.sqrt(x * x + y * y + z * z)
     away = ops.sqrt(ops.dot(origin, origin))
     discriminant = a * (radius - distance) * (radius + distance)
-    lo, hi = _ordered_roots(a, b, (away - radius) * (away + radius), discriminant)
+    lo, hi = ordered_roots(a, b, (away - radius) * (away + radius), discriminant)
     hit = discriminant >= 0.0
     return ops.where(hit, lo, INF), ops.where(hit, hi, -INF)
 
@@ -76,7 +76,7 @@ def _side_roots(middle: Lane, slope: Lane, origin: Vec, direction: Vec) -> tuple
     discriminant = (reach - side) * (reach + side)
     # steeper than the cone: a line through the apex touches both halves, and only rounding makes D negative
     discriminant = ops.where((a < 0.0) & (discriminant < 0.0), 0.0, discriminant)
-    lo, hi = _ordered_roots(a, b, c, discriminant)
+    lo, hi = ordered_roots(a, b, c, discriminant)
     return lo + shift, hi + shift, a, c
 
 
@@ -163,7 +163,7 @@ def quadric(parameters, g: Lane, origin: Vec, direction: Vec, t_min: Lane, t_max
     c = quadric_value(parameters, g, o)
     b = -0.5 * ops.dot(quadric_gradient(parameters, g, o), direction)
     a = _quadratic_part(parameters, g, direction)  # not from values, whose constant term would cancel it
-    lo, hi = _ordered_roots(a, b, c, b * b - a * c)
+    lo, hi = ordered_roots(a, b, c, b * b - a * c)
     lo = ops.where(_in_box(parameters, g, o, direction, lo), lo + shift, INF)
     hi = ops.where(_in_box(parameters, g, o, direction, hi), hi + shift, INF)
     return nearest(lo, hi, t_min, t_max)

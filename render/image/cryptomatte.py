@@ -76,7 +76,7 @@ class Mattes:
         for name, ids in self._ids.items():
             distinct, which = np.unique(ids, return_inverse=True)
             label = np.where(seen >= 0, which[np.maximum(seen, 0)], len(distinct))
-            out[name][...] = _ranked(label, distinct).reshape(out[name].shape)
+            out[name][...] = rank(label, distinct).reshape(out[name].shape)
 
     @property
     def attributes(self) -> dict[str, str]:
@@ -91,7 +91,7 @@ class Mattes:
         return said
 
 
-def _ranked(label: NDArray[np.int64], ids: NDArray[np.float32]) -> NDArray[np.float32]:
+def rank(label: NDArray[np.int64], ids: NDArray[np.float32]) -> NDArray[np.float32]:
     """(pixels, 2 · RANKS) ids and coverages of each pixel by falling coverage; label (n, pixels) is len(ids) for misses."""
     n, pixels = label.shape
     here = np.unique(label)

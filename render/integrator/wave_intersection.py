@@ -64,13 +64,13 @@ def intersect_stage(accel, scene, frame, memory, source, n, depth):
         simd.scatter(memory.hit, k + ROW, from_search(hit.u, near), nearer)
         simd.scatter(memory.hit, k + 2 * ROW, from_search(hit.v, near), nearer)
         instance, primitive = from_search(hit.instance, wide), from_search(hit.primitive, wide)
-        simd.scatter(memory.hit_ids, k, _row_of(scene, instance, primitive), nearer)
+        simd.scatter(memory.hit_ids, k, row_of(scene, instance, primitive), nearer)
         simd.scatter(memory.hit_ids, k + ROW, instance, nearer)
         simd.scatter(memory.hit_ids, k + 2 * ROW, primitive, nearer)
 
 
 @helper
-def _row_of(scene: Any, instance: Lane, primitive: Lane) -> Lane:
+def row_of(scene: Any, instance: Lane, primitive: Lane) -> Lane:
     """The row of triangle_records.Records of a hit in the BVH, or -1; the primitive of an implicit surface numbers its root."""
     first = scene.primitives.records.first[ops.maximum(instance, 0)]
     return ops.where(first == triangle_records.NONE, -1, first + primitive)

@@ -111,11 +111,11 @@ def serve() -> None:
         import_module(each)
     if cache == str(kernel_cache.CACHE):
         owner = import_module(module)
-        _find_kernel(owner, name).compile(arguments) if compiles else getattr(owner, name)(*arguments)
+        find_kernel(owner, name).compile(arguments) if compiles else getattr(owner, name)(*arguments)
     os._exit(0)
 
 
-def _find_kernel(module: Any, name: str) -> Any:
+def find_kernel(module: Any, name: str) -> Any:
     """The kernel of a function name: the attribute itself, or the kernel of the KernelPointer made of that function."""
     found = getattr(module, name)
     if hasattr(found, "py_func"):

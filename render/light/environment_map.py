@@ -140,7 +140,7 @@ def _search(table: Any, row: Lane, count: int, u: Lane) -> Lane:
 
 
 @helper
-def _sample(sky: SkyMap, u: Lane, v: Lane) -> tuple[Vec, Lane]:
+def sample_map(sky: SkyMap, u: Lane, v: Lane) -> tuple[Vec, Lane]:
     """(direction, density) sampled by two numbers in [0, 1)."""
     height, width = sky.density.shape[0], sky.columns.shape[1] - 1
     all_rows = ops.int_like(u, 0)
@@ -178,7 +178,7 @@ def sample(sky: Any, tables: Tables, u: Lane, v: Lane) -> tuple[Vec, Vec, Lane]:
 
 @helper
 def _sample_radiance(sky: SkyMap, tables: Tables, u: Lane, v: Lane) -> tuple[Vec, Vec, Lane]:
-    direction, density = _sample(sky, u, v)
+    direction, density = sample_map(sky, u, v)
     return direction, lights.background(tables, direction, lights.SHADOWED)[0], density
 
 

@@ -183,7 +183,7 @@ def layers(lobes: Lobes) -> Layers:
 
 
 @helper
-def _under(lobes: Lobes, all_: Layers, out: Albedos, into: Albedos) -> Vec:
+def diffuse_under_layers(lobes: Lobes, all_: Layers, out: Albedos, into: Albedos) -> Vec:
     """The diffuse reflectance for two directions: of the base, and of multiple scattering."""
     coats = (1.0 - out.coat) * (1.0 - into.coat)
     least = 1.0 - ops.maximum(out.coat, into.coat)
@@ -236,7 +236,7 @@ def eval_lobes(lobes: Lobes, normal: Vec, to_light: Vec, to_viewer: Vec, out: Al
         coat = lobes.coat * math.pi * cos_in * strength * smith_visibility(cos_out, cos_in, lobes.coat_alpha) * _coat_fresnel(along)
         coat_density = strength * 0.5 / (cos_out + _reach(cos_out, lobes.coat_alpha))
     cos_lit = ops.where(lit, cos_in, zero)
-    matt = ops.scale(_under(lobes, all_, out, into), cos_lit)
+    matt = ops.scale(diffuse_under_layers(lobes, all_, out, into), cos_lit)
     return LobeValues(matt, ops.scale(fresnel(lobes, along), shine), coat, cos_lit * (1.0 / math.pi), density, coat_density)
 
 
@@ -282,7 +282,7 @@ def _matt_share(lobes: Lobes, plain: Vec, normal: Vec, to_light: Vec, to_viewer:
     all_, out = viewer_albedo(lobes, normal, to_viewer)
     into = directional_albedo(lobes, ops.clip(cosine, LEAST, 1.0), all_.bounced)
     zero = 0.0 * cosine
-    matt = ops.where3(cosine > 0.0, _under(lobes, all_, out, into), (zero, zero, zero))
+    matt = ops.where3(cosine > 0.0, diffuse_under_layers(lobes, all_, out, into), (zero, zero, zero))
     return ops.where3(lobes.here, matt, plain)
 
 

@@ -67,7 +67,7 @@ def tables_of(tables: ir.Tables) -> AlbedoTables | Clear:
     if not (rough & scene_facts.used_materials(tables)).any():
         return Clear()
     indices, of = np.unique(np.where(rough, m.values[:, IOR, 0], 1.5), return_inverse=True)
-    made = [_table(float(index)) for index in indices]
+    made = [albedo_table(float(index)) for index in indices]
     return AlbedoTables(of.ravel().astype(np.int64), np.concatenate([t[0] for t in made]), np.concatenate([t[1] for t in made]))
 
 
@@ -106,7 +106,7 @@ def _at(tables: Tables, surface: Surface, ior: Lane, tint: Vec) -> RoughGlass:
 
 
 @helper
-def _lost(frost: RoughGlass, row: Lane, cosine: Lane) -> Lane:
+def lost_share(frost: RoughGlass, row: Lane, cosine: Lane) -> Lane:
     """1 − E at a cosine, on the side whose rows begin at `row`."""
     below, y = energy_compensation.row_of(frost.alpha, ROWS)
     column = energy_compensation.column_of(ops.clip(cosine, 0.0, 1.0), frost.alpha) * (COLUMNS - 1.0)
@@ -118,7 +118,7 @@ def _lost(frost: RoughGlass, row: Lane, cosine: Lane) -> Lane:
 
 
 @helper
-def _means(frost: RoughGlass) -> tuple[Lane, Lane, Lane]:
+def mean_lost_shares(frost: RoughGlass) -> tuple[Lane, Lane, Lane]:
     """(mean loss on this side, on the other, transmitted share of the loss)."""
     below, y = energy_compensation.row_of(frost.alpha, ROWS)
     one, two = row_gather.four_at(frost.table.mean, frost.row + below), row_gather.four_at(frost.table.mean, frost.row + below + 1)
@@ -156,9 +156,9 @@ def eval_both_sides(frost: RoughGlass, normal: Vec, to_light: Vec, to_viewer: Ve
     per_solid = ops.where(above, 0.25 * turned, (1.0 - turned) * ops.absolute(out) * squeezed)
     single = 4.0 * math.pi * cos_in * strength * microfacet.smith_visibility(cos_out, cos_in, frost.alpha) * per_solid
     seen = 2.0 * strength / (cos_out + _reach(cos_out, frost.alpha)) * per_solid
-    lost = _lost(frost, frost.row, cos_out)
-    mean, mean_other, through = _means(frost)
-    lost_in = ops.where(above, _lost(frost, frost.row, cos_in), _lost(frost, frost.other, cos_in))
+    lost = lost_share(frost, frost.row, cos_out)
+    mean, mean_other, through = mean_lost_shares(frost)
+    lost_in = ops.where(above, lost_share(frost, frost.row, cos_in), lost_share(frost, frost.other, cos_in))
     side = ops.where(above, 1.0 - through, through)
     again = lost * lost_in * side / ops.maximum(ops.where(above, mean, mean_other), LEAST)
     total = single + cos_in * again
@@ -177,8 +177,8 @@ def _reach(cosine: Lane, alpha: Lane) -> Lane:
 def _sample(frost: RoughGlass, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane) -> tuple[Vec, Lane]:
     """(direction, whether it lies on the intended side); `which` from 0 to 1 chooses the event."""
     cos_out = ops.clip(ops.dot(normal, to_viewer), LEAST, 1.0)
-    lost = _lost(frost, frost.row, cos_out)
-    through = _means(frost)[2]
+    lost = lost_share(frost, frost.row, cos_out)
+    through = mean_lost_shares(frost)[2]
     half = microfacet.sample_visible_normal(normal, to_viewer, frost.alpha, u, v)
     out = ops.clip(ops.dot(half, to_viewer), LEAST, 1.0)
     turned = reflectance(out, frost.ratio)
@@ -270,7 +270,7 @@ eta = specialize_if_present(_relative_index)  # index of this side over the othe
 # --- tabulation ----------------------------------------------------------------------------------------------------------
 
 
-def _table(index: float) -> tuple[F64, F64]:
+def albedo_table(index: float) -> tuple[F64, F64]:
     """(each, mean) of a glass of this index."""
     alpha = energy_compensation.alphas(ROWS)
     cosine = energy_compensation.cosines(alpha, COLUMNS)

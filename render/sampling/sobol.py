@@ -113,7 +113,7 @@ def _permute(x: Lane, seed: Lane) -> Lane:
 
 
 @helper
-def _sobol_second(index: Lane) -> Lane:
+def sobol_second(index: Lane) -> Lane:
     """The second Sobol dimension as 32 bits: the index's bits by Pascal's triangle modulo 2, in five steps."""
     x = index
     x = x ^ ((x & np.uint32(0xAAAAAAAA)) >> np.uint32(1))
@@ -131,7 +131,7 @@ def pair(pixel: Lane, sample: Lane, dimension: Lane, seed: int) -> tuple[Lane, L
     key = _combine(_combine(_hash(_u32(seed) ^ high), _u32(pixel)), _u32(dimension))
     index = _reverse_bits(_permute(_reverse_bits(_u32(sample)), key))
     first = _permute(index, _combine(key, np.uint32(1)))  # the first dimension is the index reversed, scrambled reversed again
-    second = _permute(_reverse_bits(_sobol_second(index)), _combine(key, np.uint32(2)))
+    second = _permute(_reverse_bits(sobol_second(index)), _combine(key, np.uint32(2)))
     return _to_unit_interval(_reverse_bits(first), pixel), _to_unit_interval(_reverse_bits(second), pixel)
 
 

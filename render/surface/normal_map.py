@@ -183,12 +183,12 @@ def _apply_maps(tables: Tables, point: Surface, hit: Hit, direction: Vec) -> Sur
         normal = ops.where3(turned, ops.normalize(ops.in_basis(along, across, outward, x, y, z)), normal)
     if ops.any_lane(bumped):
         normal = ops.where3(bumped, _apply_bump(tables, point, hit, s, t, place, normal), normal)
-    normal = _bend_to_viewer(ops.scale(normal, side), point.geometric, ops.negate(direction))
+    normal = bend_to_viewer(ops.scale(normal, side), point.geometric, ops.negate(direction))
     return _turned_to(point, ops.where3(turned | bumped, normal, point.normal))
 
 
 @helper
-def _bend_to_viewer(normal: Vec, geometric: Vec, viewer: Vec) -> Vec:
+def bend_to_viewer(normal: Vec, geometric: Vec, viewer: Vec) -> Vec:
     """The normal, bent so that it mirrors the view direction to this side of the surface."""
     mirrored = ops.reflect(ops.negate(viewer), normal)
     height = ops.dot(mirrored, geometric)

@@ -79,7 +79,7 @@ def with_pyramids(tables: ir.Tables, view: View, samples: int, further: bool) ->
     images = tables.images
     key = id(images.texels)
     if key not in _made or _made[key][0]() is not images.texels:
-        _made[key] = weakref.ref(images.texels, lambda _: _made.pop(key, None)), _pyramids(images)
+        _made[key] = weakref.ref(images.texels, lambda _: _made.pop(key, None)), build_pyramids(images)
     made = _made[key][1]
     ray = camera.generate_pinhole_ray(tables, view, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]))
     start, direction = (np.stack([np.broadcast_to(c, 3) for c in vector], axis=1) for vector in (ray.origin, ray.direction))
@@ -109,7 +109,8 @@ def _footprint_type(names: tuple[str, ...]) -> Any:
     return namedtuple("Kept", names)(*[1] * len(names))
 
 
-def _pyramids(images: ir.Images) -> Pyramids:
+def build_pyramids(images: ir.Images) -> Pyramids:
+    """The mip pyramids of a scene's images, in tables for kernels."""
     count = len(images.width)
     first = np.zeros((count, LEVELS), np.int64)
     width, height = np.ones((count, LEVELS), np.int32), np.ones((count, LEVELS), np.int32)

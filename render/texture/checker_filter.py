@@ -60,11 +60,11 @@ def _first_color_share(checker: Lane, x: Lane, y: Lane, spans: Any) -> Lane:
         across, up = ops.floor_int(x), ops.floor_int(y)
         cell = ops.where(checker, across + up, across)
         return ops.where((cell & 1) == 0, 1.0 + 0.0 * x, 0.0)
-    return _mean_share(checker, x, y, spans)
+    return mean_share(checker, x, y, spans)
 
 
 @noinline_helper
-def _mean_share(checker: Lane, x: Lane, y: Lane, spans: Any) -> Lane:
+def mean_share(checker: Lane, x: Lane, y: Lane, spans: Any) -> Lane:
     """Mean share over a parallelogram around x, y."""
     px, py, qx, qy = spans
     p_long, q_long = ops.absolute(px) + ops.absolute(py), ops.absolute(qx) + ops.absolute(qy)

@@ -81,7 +81,7 @@ def test_a_seam_is_not_seen(draw_on, tmp_path: Path, backend: str):
 def test_smaller_sizes_keep_the_mean(width: int, height: int, seed: int):
     texels = np.random.default_rng(seed).random((width * height, 4)).astype(np.float32)
     images = ir.Images(np.zeros(1, np.int64), np.array([width], np.int32), np.array([height], np.int32), texels)
-    made = texture_footprint._pyramids(images)
+    made = texture_footprint.build_pyramids(images)
     last = made.levels[0] - 1
     assert (made.level_width[0, last], made.level_height[0, last]) == (1, 1)
     for level in range(last + 1):

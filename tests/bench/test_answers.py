@@ -180,7 +180,7 @@ def test_time_to_an_error_is_read_between_points_alone() -> None:
 def test_the_mesh_in_the_box_is_the_same_in_its_file(tmp_path: Path) -> None:
     mesh = meshes.knot(20, 6)
     meshes.write_ply(tmp_path / "knot.ply", mesh)
-    scene = paths._scene(tmp_path / "knot.ply")
+    scene = paths.build_scene(tmp_path / "knot.ply")
     assert scene.tables.geometries.triangle_count.tolist().count(240) == 1
-    assert len(scene.tables.instances.geometry) == len(paths._scene(None).tables.instances.geometry) - 1
+    assert len(scene.tables.instances.geometry) == len(paths.build_scene(None).tables.instances.geometry) - 1
     assert dataclasses.asdict(scene.settings)["samples"] is None

@@ -163,7 +163,7 @@ def ours_of(a: float, b: float, c: float) -> tuple[float, float]:
     one = np.ones(1)
     half = -0.5 * b
     with np.errstate(all="ignore"):
-        low, high = round_shapes._ordered_roots(a * one, half * one, c * one, (half * half - a * c) * one)
+        low, high = round_shapes.ordered_roots(a * one, half * one, c * one, (half * half - a * c) * one)
     return float(low[0]), float(high[0])
 
 

@@ -62,17 +62,18 @@ def bytes_of(n: int) -> int:
 
 def build_over_triangles(mesh: Mesh, threads: int, memory: Scratch) -> Handle:
     """Build the BVH over the triangles of a mesh."""
-    return _run_workers(_allocate(mesh, len(mesh.triangles), memory), threads)
+    return _run_workers(allocate_state(mesh, len(mesh.triangles), memory), threads)
 
 
 def build_over_items(items: NDArray[np.float32], around: NDArray[np.float32], threads: int, memory: Scratch) -> Handle:
     """Build the BVH over items (n, 8), each a leaf, whose box and span are `around` (2, 8)."""
-    growth = _allocate(Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)), len(items), memory)
+    growth = allocate_state(Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)), len(items), memory)
     growth.tree.items[:], growth.tree.boxes[:2], growth.ready[0] = items, around, 1
     return _run_workers(growth, threads)
 
 
-def _allocate(mesh: Mesh, n: int, memory: Scratch) -> BuildState:
+def allocate_state(mesh: Mesh, n: int, memory: Scratch) -> BuildState:
+    """The state of a build of n triangles, with memory for the deepest tree."""
     found = len(mesh.triangles)
     most = 2 * (n // PART) * (binned_sah.DEEPEST + n.bit_length()) + 1  # each level splits at most n // PART nodes
     growth = BuildState(

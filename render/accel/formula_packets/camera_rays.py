@@ -55,7 +55,7 @@ class CameraPackets:
         self.geometries = [int(bvh.instance_rows[i, 2]) for i in self.instances]
         surfaces = {g: Handle(packet_state.allocate(bvh.forms, int(bvh.forms.of[g]))) for g in set(self.geometries)}
         self.surface_states = [surfaces[g] for g in self.geometries]
-        buffers = _allocate(np.zeros((0, 0), np.int64), workspace, bool(lights), black)
+        buffers = allocate_packets(np.zeros((0, 0), np.int64), workspace, bool(lights), black)
         for handle, inverse in zip(self.surface_states, self.inverses, strict=True):  # compiles or loads kernels before a picture starts
             packets.trace(handle, buffers.rays, 0, 0, inverse, _hit_columns(buffers.primed, 0))
         self._find_hidden_lights(packed, buffers)
@@ -103,11 +103,15 @@ class CameraPackets:
     def _uniform_buffers(self, count: NDArray[np.int64]) -> TileBuffers:
         rounds = int(count.flat[0]) if count.size else 0
         if (count != rounds).any():
-            return _allocate(count, self.workspace, bool(self.lights), self.black)
+            return allocate_packets(count, self.workspace, bool(self.lights), self.black)
         key = (*count.shape, rounds, len(self.lights) > 0)
         if key not in self.buffers:
             spare = _reuse(key)
-            made = _allocate(count, self.workspace, key[-1], self.black) if spare is None else _rebind(self.workspace, spare, self.black)
+            made = (
+                allocate_packets(count, self.workspace, key[-1], self.black)
+                if spare is None
+                else _rebind(self.workspace, spare, self.black)
+            )
             self.buffers[key] = made
         return self.buffers[key]
 
@@ -135,7 +139,8 @@ def _rebind(workspace: Any, buffers: TileBuffers, black: bool) -> TileBuffers:
     return buffers._replace(primed=primed, workspace=Handle(workspace._replace(primed=primed)))
 
 
-def _allocate(count: NDArray[np.int64], workspace: Any, lights: bool, black: bool) -> TileBuffers:
+def allocate_packets(count: NDArray[np.int64], workspace: Any, lights: bool, black: bool) -> TileBuffers:
+    """Memory for the packets of a tile with `count` (h, w) samples a pixel."""
     rows, columns = count.shape
     rounds = int(count.max(initial=0))
     y, x = _pixel_order(rows, columns)

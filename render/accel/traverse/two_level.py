@@ -159,7 +159,7 @@ def _intersect_mesh_instance(
 @noinline_helper
 def _intersect_mesh(accel, g, root, o, d, t_min, t_max, nearest, any_hit):
     """(t, triangle, u, v) of the first hits with mesh g, whose BVH starts at `root`; hits beyond `nearest` are not needed."""
-    rays, active = _enter_mesh(accel, g, o, d, t_min, t_max, ops.minimum(nearest, t_max))
+    rays, active = enter_mesh(accel, g, o, d, t_min, t_max, ops.minimum(nearest, t_max))
     if active == 0:
         return packet_nodes.no_hits(rays.enters)
     coherent = PACKETS and packet.is_coherent(active, d, rays.box)
@@ -172,7 +172,7 @@ def _intersect_mesh(accel, g, root, o, d, t_min, t_max, nearest, any_hit):
 
 
 @helper
-def _enter_mesh(accel: Any, g: int, o: Vec, d: Vec, t_min: Lane, t_max: Lane, until: Lane) -> tuple[MeshRays, int]:
+def enter_mesh(accel: Any, g: int, o: Vec, d: Vec, t_min: Lane, t_max: Lane, until: Lane) -> tuple[MeshRays, int]:
     """(rays prepared for mesh g, bits of those that enter its box)."""
     box = ray_box.local_ray(o, d)
     enters = ray_box.intersect_box(row_gather.eight_at(accel.boxes, g, 0), box, t_min, until)

@@ -103,7 +103,7 @@ def count_packets(accel, origin, direction, least, most):
         o = ops.sub(o, (accel.origin[0, 0], accel.origin[0, 1], accel.origin[0, 2]))
         d = affine.transform_vector(accel.inverse, 0, crosslane.load_rows3(direction, start))
         t_max = crosslane.load_row(most, start)
-        rays, active = two_level._enter_mesh(accel, 0, o, d, crosslane.load_row(least, start), t_max, t_max)
+        rays, active = two_level.enter_mesh(accel, 0, o, d, crosslane.load_row(least, start), t_max, t_max)
         if packet.is_coherent(active, d, rays.box):
             found += packet_nodes.intersect_mesh_packet(accel, 0, accel.instance_rows[0, 4], rays, active, False)[4]
         else:

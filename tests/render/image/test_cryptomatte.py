@@ -51,7 +51,7 @@ def test_a_layers_key_is_as_published() -> None:
 def test_ranks_fall_and_nothing_has_no_id() -> None:
     ids = np.array([cryptomatte.id_of(n) for n in "abc"], np.uint32).view(np.float32)
     label = np.array([[0, 3, 2], [1, 3, 2], [1, 3, 3], [1, 3, 0]])
-    found = cryptomatte._ranked(label, ids).reshape(3, cryptomatte.RANKS, 2)
+    found = cryptomatte.rank(label, ids).reshape(3, cryptomatte.RANKS, 2)
     assert found[0, :2].tolist() == [[ids[1], 0.75], [ids[0], 0.25]]
     assert not found[1].any()
     assert found[2, :2].tolist() == [[ids[2], 0.5], [ids[0], 0.25]]

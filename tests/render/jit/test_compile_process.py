@@ -88,8 +88,8 @@ assert all(process.poll() is not None for process in compile_process._running)
 def test_kernels_are_found_by_the_names_of_their_functions() -> None:
     from maquette.render.integrator import wavefront, whitted
 
-    assert compile_process._find_kernel(wavefront, "draw_tile") is wavefront.draw_tile
-    assert compile_process._find_kernel(whitted, "_radiance") is whitted.linked.kernel
+    assert compile_process.find_kernel(wavefront, "draw_tile") is wavefront.draw_tile
+    assert compile_process.find_kernel(whitted, "_radiance") is whitted.linked.kernel
     assert isinstance(whitted.linked, function_pointer.KernelPointer)
 
 

@@ -56,7 +56,7 @@ def test_densities_add_up_to_one(sky_of, text):
 def test_samples_have_the_density_that_is_told(sky_of, size):
     sky = sky_of(bright(*size))
     u, v = np.random.default_rng(1).random((2, 20_000))
-    direction, told = environment_map._sample(sky, u, v)
+    direction, told = environment_map.sample_map(sky, u, v)
     assert np.sqrt(np.sum(np.square(direction), axis=0)) == pytest.approx(1.0, abs=1e-12)
     same = np.isclose(told, environment_map.density(sky, direction), rtol=1e-9)
     assert same.mean() > 0.9999  # at the edges of cells rounding may choose the next
@@ -80,7 +80,7 @@ def test_nothing_is_drawn_from_below_the_horizon(sky_of):
     up = np.array([0.0, 1.0, 0.0])
     sky = sky_of(bright(), horizon=up)
     u, v = np.random.default_rng(1).random((2, 20_000))
-    assert environment_map._sample(sky, u, v)[0][1].min() > -0.2
+    assert environment_map.sample_map(sky, u, v)[0][1].min() > -0.2
 
 
 def test_a_tilted_plate_gets_what_a_brute_force_integral_says(tmp_path):

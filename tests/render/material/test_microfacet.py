@@ -109,7 +109,11 @@ def whole(name, roughness, cosine):
     nodes, weights = np.polynomial.legendre.leggauss(200)
     matt = np.zeros_like(cosine)
     for mu, w in zip(0.5 * (nodes + 1), weights, strict=True):
-        matt += w * mu * microfacet._under(lobes, all_, out, microfacet.directional_albedo(lobes, np.asarray(mu), all_.bounced))[0]
+        matt += (
+            w
+            * mu
+            * microfacet.diffuse_under_layers(lobes, all_, out, microfacet.directional_albedo(lobes, np.asarray(mu), all_.bounced))[0]
+        )
     return coat + (1 - coat) * highlight + matt
 
 
@@ -260,17 +264,17 @@ def test_rough_glass_loses_nothing(roughness, inside):
 def test_rough_glass_sends_on_no_more_than_it_gets(ratio):
     """By quadrature: what one meeting sends on, and what is tabled as lost to further ones, which come back in full at the most."""
     cosine = np.concatenate([np.geomspace(0.01, 0.1, 6), np.linspace(0.13, 1, 12)])
-    made = rough_dielectric.AlbedoTables(np.zeros(1, np.int64), *rough_dielectric._table(max(ratio, 1 / ratio)))
+    made = rough_dielectric.AlbedoTables(np.zeros(1, np.int64), *rough_dielectric.albedo_table(max(ratio, 1 / ratio)))
     row, other = (0, rough_dielectric.ROWS) if ratio > 1 else (rough_dielectric.ROWS, 0)
     nodes, weights = np.polynomial.legendre.leggauss(100)
     for alpha in np.linspace(0.033, 1, 12) ** 2:
         frost = rough_dielectric.RoughGlass(np.True_, np.asarray(alpha), ratio, (1, 1, 1), row, other, made)
-        lost = rough_dielectric._lost(frost, row, cosine)
+        lost = rough_dielectric.lost_share(frost, row, cosine)
         found = rough_dielectric.integral(cosine, np.full_like(cosine, alpha), ratio, 17711, 10946) + lost
         assert found.max() <= 1 + 1e-6, (alpha, cosine[found.argmax()], found.max())
         assert found.min() >= 0.99, (alpha, cosine[found.argmin()], found.min())
-        mean = weights @ (0.5 * (nodes + 1) * rough_dielectric._lost(frost, row, 0.5 * (nodes + 1)))
-        assert mean <= float(rough_dielectric._means(frost)[0])
+        mean = weights @ (0.5 * (nodes + 1) * rough_dielectric.lost_share(frost, row, 0.5 * (nodes + 1)))
+        assert mean <= float(rough_dielectric.mean_lost_shares(frost)[0])
 
 
 @sides

@@ -85,7 +85,7 @@ def test_the_second_sobol_dimension_by_its_direction_numbers():
                 expected ^= v
             left >>= 1
             v ^= v >> 1
-        assert int(sobol._sobol_second(np.uint64(index))) == expected
+        assert int(sobol.sobol_second(np.uint64(index))) == expected
 
 
 @kernel

@@ -130,7 +130,7 @@ def test_no_normal_mirrors_the_viewer_into_the_surface():
     normal = ops.normalize(tuple(n))
     up = (np.zeros(500), np.ones(500), np.zeros(500))
     viewer = ops.normalize((rng.normal(size=500), np.abs(rng.normal(size=500)) * 0.3 + 1e-3, rng.normal(size=500)))
-    made = normal_map._bend_to_viewer(normal, up, viewer)
+    made = normal_map.bend_to_viewer(normal, up, viewer)
     mirrored = ops.reflect(ops.negate(viewer), made)
     assert (mirrored[1] >= np.minimum(viewer[1], normal_map.CLEAR) * 0.99).all()
     assert (ops.dot(made, viewer) > 0).all()

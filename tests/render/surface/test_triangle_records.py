@@ -122,7 +122,7 @@ def test_a_formulas_primitive_is_no_row():
     """A formula's primitive is its spacing, up to 10¹⁵, far beyond any table."""
     scene = SimpleNamespace(tried=SimpleNamespace(records=SimpleNamespace(first=np.array([triangle_records.NONE, -3, 7], np.int32))))
     instance, primitive = np.array([0, 0, 0, 1, 2, -1]), np.array([10**15, 5, -1, 4, 0, -1])
-    assert wave_intersection._row_of(scene, instance, primitive).tolist() == [-1, -1, -1, 1, 7, -1]  # pyright: ignore[reportPrivateUsage]
+    assert wave_intersection.row_of(scene, instance, primitive).tolist() == [-1, -1, -1, 1, 7, -1]  # pyright: ignore[reportPrivateUsage]
 
 
 def test_large_instances_of_many_are_listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -130,7 +130,7 @@ def test_large_instances_of_many_are_listed(tmp_path: Path, monkeypatch: pytest.
     tables = scene_of(tmp_path, MANY + "\nbox([2, 2, 1], center: [0, 1, -2])\nbox(0.5)\nplane(translate: [0, -1, 0])").tables
     quick, inside = primitive_list.build(tables, True)
     every = np.ones(len(tables.instances.geometry), bool)
-    monkeypatch.setattr(primitive_list, "_eligible", lambda tables, boxes: (every, False))
+    monkeypatch.setattr(primitive_list, "eligible_primitives", lambda tables, boxes: (every, False))
     slow, also = primitive_list.build(tables, True)
     assert np.array_equal(inside, also)
     assert 4 <= np.count_nonzero(inside) <= 6
@@ -148,7 +148,7 @@ sphere(0.4, center: [1, 2, 1], material: emissive(luminance: 3))
 
 def test_lights_lie_between_their_corners(tmp_path: Path) -> None:
     tables = scene_of(tmp_path, LAMPS).tables
-    corners = primitive_list._light_corners(tables)
+    corners = primitive_list.light_corners(tables)
     u, v = np.random.default_rng(2).uniform(0, 1, (2, 4000))
     origin = tuple(np.full(4000, x) for x in (0.1, 0.4, 2.5))
     met = []

@@ -21,7 +21,7 @@ def summed(checker: bool, x: Array, y: Array, p: tuple[float, float], q: tuple[f
 
 def mean(checker: bool, x: Array, y: Array, p: tuple[float, float], q: tuple[float, float]) -> Array:
     one = np.ones(x.shape, x.dtype)
-    found = checker_filter._mean_share(np.full(x.shape, checker), x, y, (p[0] * one, p[1] * one, q[0] * one, q[1] * one))
+    found = checker_filter.mean_share(np.full(x.shape, checker), x, y, (p[0] * one, p[1] * one, q[0] * one, q[1] * one))
     assert ((found >= 0) & (found <= 1)).all()
     return found
 

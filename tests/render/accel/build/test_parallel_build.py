@@ -111,7 +111,7 @@ def test_a_waiting_thread_yields_and_resumes_its_task() -> None:
     items[:, binned_sah.COUNT], items[:, 0], items[:, 4] = 1.0, np.arange(9), -np.arange(9)
     items.view(np.int32)[:, binned_sah.NUMBER] = np.arange(9) | binned_sah.TAG
     with arena.arena(parallel_build.bytes_of(9)) as memory:
-        growth = parallel_build._allocate(Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)), 9, memory)
+        growth = parallel_build.allocate_state(Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)), 9, memory)
         growth.tree.items[:], growth.tree.boxes[:2] = items, binned_sah.bounds_of(items)
         shared, mine = parallel_build.Handle(growth), np.full(1, -1)
         assert not parallel_build.build_worker(shared, mine)

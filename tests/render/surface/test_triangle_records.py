@@ -120,9 +120,9 @@ def test_records_match_interactions(tmp_path: Path, name: str, how: str) -> None
 
 def test_a_formulas_primitive_is_no_row():
     """A formula's primitive is its spacing, up to 10¹⁵, far beyond any table."""
-    scene = SimpleNamespace(tried=SimpleNamespace(records=SimpleNamespace(first=np.array([triangle_records.NONE, -3, 7], np.int32))))
+    scene = SimpleNamespace(primitives=SimpleNamespace(records=SimpleNamespace(first=np.array([triangle_records.NONE, -3, 7], np.int32))))
     instance, primitive = np.array([0, 0, 0, 1, 2, -1]), np.array([10**15, 5, -1, 4, 0, -1])
-    assert wave_intersection.row_of(scene, instance, primitive).tolist() == [-1, -1, -1, 1, 7, -1]  # pyright: ignore[reportPrivateUsage]
+    assert wave_intersection.row_of(scene, instance, primitive).tolist() == [-1, -1, -1, 1, 7, -1]
 
 
 def test_large_instances_of_many_are_listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 # The function `render` below has the name of the package render/. Importing that package here, first, settles which one
 # `maquette.render` is: the function. `from maquette.render import …` goes by sys.modules and finds the package.
 from . import render as _package  # noqa: F401
+from .lang.distribution import VERSION
 
 if TYPE_CHECKING:
     from .compiler import ir
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = ["__version__", "compare", "load", "render"]
 
-__version__ = "0.1.0"
+__version__ = VERSION
 
 
 def load(

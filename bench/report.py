@@ -13,6 +13,7 @@ from importlib import metadata
 from pathlib import Path
 
 from ..compiler.io.replace_file import replace_file
+from ..lang.distribution import VERSION
 from ..render.simd.target import cores
 from . import harness
 
@@ -131,7 +132,7 @@ def version_of(*packages: str) -> dict[str, str]:
     found = {}
     for name in packages:
         try:
-            found[name] = metadata.version(name)
+            found[name] = VERSION if name == harness.OURS else metadata.version(name)
         except metadata.PackageNotFoundError:
             continue
         if name == harness.OURS and (commit := _commit()):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..lang.distribution import install_command
 from ..lang.schema.elements import MAX_BOUNCES
 from . import option_types as values
 from . import render_job as jobs
@@ -80,7 +81,7 @@ _PICTURE = {
         help="Additional channels of an .exr: depth,normal,position,albedo,uv,id,variance,samples,cryptomatte,lights,light:NAME,issues.",
     ),
     "denoise": click.option(
-        "--denoise", is_flag=True, default=None, help="Remove noise with Open Image Denoise (pip install maquette[denoise])."
+        "--denoise", is_flag=True, default=None, help=f"Remove noise with Open Image Denoise ({install_command('denoise')})."
     ),
     "tolerance": click.option(
         "--tolerance", type=click.FloatRange(0, min_open=True), metavar="PIXELS",

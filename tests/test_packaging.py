@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import tomllib
@@ -9,6 +10,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from maquette.lang import distribution
 
 ROOT = Path(__file__).resolve().parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -48,11 +50,23 @@ def test_every_dependency_is_pinned() -> None:
         assert name in pinned, f"{requirement} has no version in constraints.txt"
 
 
+def test_the_distribution_has_one_name() -> None:
+    assert PROJECT["project"]["name"] == distribution.NAME
+    assert PROJECT["project"]["scripts"] == {"maquette": "maquette.cli.main:main"}
+    files = (path for path in ROOT.rglob("*") if path.suffix in (".md", ".py") and path != Path(__file__))
+    pages = [path for path in files if path.relative_to(ROOT).parts[0][0] != "." and path.relative_to(ROOT).parts[0] != "build"]
+    wrong = re.compile(r"pip install[^\n`#]*\bmaquette\b(?!-render)")  # another program on the package index
+    assert [path.name for path in pages if wrong.search(path.read_text(encoding="utf-8"))] == []
+    extras = PROJECT["project"]["optional-dependencies"]
+    written = {extra for path in pages for extra in re.findall(r"maquette-render\[(\w+)\]", path.read_text(encoding="utf-8"))}
+    assert written <= set(extras)
+
+
 @pytest.mark.long
 def test_a_wheel_installs_a_command_that_works_anywhere(tmp_path: Path) -> None:
     run = [sys.executable, "-m", "pip"]
     subprocess.run([*run, "wheel", "-q", "--no-deps", "-w", str(tmp_path), str(ROOT)], check=True)
-    (wheel,) = tmp_path.glob("maquette-*.whl")
+    (wheel,) = tmp_path.glob("maquette_render-*.whl")
     names = set(zipfile.ZipFile(wheel).namelist())
     data = [*ROOT.glob("stdlib/*.scene"), *ROOT.glob("lang/*/*.lark"), ROOT / "py.typed", ROOT / "cli/main.py", ROOT / "cli/render_job.py"]
     assert {f"maquette/{path.relative_to(ROOT).as_posix()}" for path in data} <= names

@@ -6,6 +6,7 @@ import importlib.util
 import math
 
 from ...lang.diagnostics import suggest
+from ...lang.distribution import install_command
 from .. import ir
 from .channels import CHANNELS, CRYPTOMATTES, LIGHT, REST, is_channel
 from .decision import Decision, Plan, PlanError, Rule
@@ -163,7 +164,7 @@ def _denoise(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     if not asked.denoise:
         return Decision("denoise", False, "not asked for: noise shows the error of a picture", fixed="--denoise")
     if importlib.util.find_spec("pyoidn") is None:
-        raise PlanError("denoising takes the package pyoidn, which is not installed: pip install maquette[denoise]")
+        raise PlanError(f"denoising takes the package pyoidn, which is not installed: {install_command('denoise')}")
     return Decision("denoise", True, "asked for: Open Image Denoise, guided by albedo and normals", fixed="--denoise")
 
 

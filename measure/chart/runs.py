@@ -18,11 +18,12 @@ from typing import Any
 
 from ...compiler import ir
 from ...compiler.plan import plan as planner
+from ...lang.distribution import VERSION
 from ...render import render_scene
 from ...render.simd.target import cores
 from ..records import Run, Setting
 
-VERSIONED_PACKAGES = ("maquette", "numpy", "numba", "flip-evaluator")
+VERSIONED_PACKAGES = ("numpy", "numba", "flip-evaluator")
 
 
 class Cancelled(Exception):
@@ -76,7 +77,7 @@ def machine(settings: ir.Settings) -> str:
 
 def versions() -> dict[str, str]:
     """Versions of the packages that the figures depend on."""
-    return {"python": platform.python_version(), **{name: metadata.version(name) for name in VERSIONED_PACKAGES}}
+    return {"python": platform.python_version(), "maquette": VERSION, **{name: metadata.version(name) for name in VERSIONED_PACKAGES}}
 
 
 def _processor() -> str:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from importlib import metadata
 from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
+from ...lang.distribution import VERSION
 from ...render.image import image_files, metrics, srgb
 from ...render.image.image import Image
 from .compare import Comparison
@@ -76,5 +76,5 @@ def _text_width(text: str, size: int) -> int:
 def _save(rgb: NDArray[np.float32], path: Path) -> None:
     rgba = np.concatenate([rgb, np.ones_like(rgb[..., :1])], axis=2).astype(np.float32)
     image_files.write(
-        Image(rgb.shape[1], rgb.shape[0], {"rgba": rgba}, {}), path, image_files.Look(), {"version": metadata.version("maquette")}
+        Image(rgb.shape[1], rgb.shape[0], {"rgba": rgba}, {}), path, image_files.Look(), {"version": VERSION}
     )

@@ -1,6 +1,6 @@
 """Denoising with Intel's Open Image Denoise, guided by albedo and normals.
 
-The package pyoidn (`pip install maquette[denoise]`) contains the library; only this module loads it. Alpha is unchanged.
+The package pyoidn (extra `denoise`) contains the library; only this module loads it. Alpha is unchanged.
 """
 
 from __future__ import annotations

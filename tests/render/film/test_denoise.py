@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -64,7 +65,8 @@ def test_guides_are_what_is_seen_first(scene) -> None:
 
 def test_without_its_package_it_says_what_to_install(scene, monkeypatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(planner.PlanError, match=r"takes the package pyoidn, which is not installed: pip install maquette\[denoise\]"):
+    message = "denoising takes the package pyoidn, which is not installed: pip install maquette-render[denoise]"
+    with pytest.raises(planner.PlanError, match=f"^{re.escape(message)}$"):
         maquette.render(scene, denoise=True)
 
 

@@ -13,7 +13,7 @@ from .. import ir
 from ..mesh import polygon_mesh, triangulate
 from ..scene import transforms
 from ..scene.row_records import MeshAttribute, MeshData, Outlines, Piece
-from . import formulas, solids
+from . import formulas, solids, sweeps
 from .context import Context
 
 Kind = ir.GeometryKind
@@ -206,6 +206,8 @@ _SHAPES: dict[str, Callable[[Context, Element], list[Piece]]] = {
     "polygon": _polygon,
     "mesh": _mesh,
     "implicit": formulas.implicit,
+    "revolve": sweeps.revolve,
+    "extrude": sweeps.extrude,
     **dict.fromkeys(solids.KINDS, solids.solid),
 }
 KINDS = frozenset(_SHAPES)

@@ -105,6 +105,16 @@ def simplify(tape: Tape, made: dual_contouring.Contour, tolerance: float) -> tup
     return made.positions, made.triangles, made.furthest
 
 
+def triangulate(loops: Sequence[np.ndarray]) -> np.ndarray:
+    """Triangles (m, 3) of plane loops (n, 2), outlines counter-clockwise and holes clockwise, as rows of all points in order.
+
+    Every point is a corner of a triangle, also one between two on a line, so that sides meet the loops without gaps.
+    """
+    import manifold3d
+
+    return np.asarray(manifold3d.triangulate([np.ascontiguousarray(loop, np.float64) for loop in loops])).astype(np.int64)
+
+
 def combine(kind: str, parts: Sequence[Manifold]) -> Manifold:
     """Union, intersection or difference (the first part minus all others)."""
     from manifold3d import Manifold, OpType

@@ -365,6 +365,7 @@ def _within(value: Value, place: Place, arg: Arg) -> Any:
 
 
 _point = _exactly(3, _length, "list of three lengths", "write [x, y, z]")
+_point2 = _exactly(2, _length, "list of two lengths", "write [x, y]")
 
 _CONVERTERS: dict[str, Item] = {
     "number": _number,
@@ -390,6 +391,8 @@ _CONVERTERS: dict[str, Item] = {
     "numbers": _list_of(_number, "list of numbers"),
     "points": _list_of(_point, "list of points"),
     "point_lists": _list_of(_list_of(_point, "list of points"), "list of lists of points"),
+    "points2": _list_of(_point2, "list of points"),
+    "point2_lists": _list_of(_list_of(_point2, "list of points"), "list of lists of points"),
     "vectors3": _list_of(_exactly(3, _number, "list of three numbers"), "list of lists of three numbers"),
     "vectors2": _list_of(_exactly(2, _number, "list of two numbers"), "list of lists of two numbers"),
     "faces": _list_of(_list_of(_index, "list of whole numbers"), "list of lists of whole numbers"),

@@ -160,7 +160,6 @@ _PLANNED = {
     "surface": "surfaces.parametric(|u, v| [x, y, z])",
     "bezier": "surfaces.bezier([[…], …])",
     "nurbs": "surfaces.nurbs([[…], …])",
-    "revolve": "surfaces.revolved([[r, y], …])",
     "voxels": "surfaces.voxels(|x, y, z| …)",
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from .argument_types import REQUIRED, Arg, Entry
@@ -16,6 +17,17 @@ _SHAPE = (Arg("material", "material", None, "its material; inherited from the en
 _CENTER = Arg("center", "point", (0.0, 0.0, 0.0), "its center")
 _RADIUS = Arg("radius", "length", 1.0, "radius", above=0.0)
 _CAPPED = Arg("capped", "bool", True, "whether disks close its ends", keyword=True)
+_KIND = Arg(
+    "kind",
+    "choice",
+    "linear",
+    "curve of its points: straight lines, cubic Bézier pieces, or a spline through them (catmull_rom) or near them (bspline)",
+    choices=("linear", "bezier", "catmull_rom", "bspline"),
+    keyword=True,
+)
+_CREASE = Arg(
+    "crease", "angle", math.radians(30), "angle between faces from which an edge is sharp", minimum=0.0, maximum=math.pi, keyword=True
+)
 
 
 def _shape(name: str, doc: str, *args: Arg, **more: Any) -> Entry:
@@ -141,7 +153,30 @@ SHAPES = (
         ),
         example="implicit(|x, y, z| x^4 + y^4 + z^4 <= 1)",
     ),
-    *_planned("shape", "heightfield", "surface", "bezier", "nurbs", "subdivision", "curve", "revolve", "extrude", "voxels"),
+    _shape(
+        "revolve",
+        "a profile turned about the y axis",
+        Arg("profile", "points2", REQUIRED, "points [radius, y] in order around the area"),
+        Arg("angle", "angle", 2 * math.pi, "angle of the turn, from +x towards -z", above=0.0, maximum=2 * math.pi),
+        _KIND,
+        Arg("closed", "bool", True, "whether the last point joins the first, which makes a solid; else a surface", keyword=True),
+        _CREASE,
+        example="revolve([[0, 0], [0.5, 0], [0.3, 1], [0, 1]])",
+    ),
+    _shape(
+        "extrude",
+        "a prism: a profile drawn along the y axis",
+        Arg("profile", "points2", REQUIRED, "points [x, z] in order around the area"),
+        Arg("height", "length", 1.0, "its height, from y = 0", above=0.0),
+        Arg("holes", "point2_lists", None, "the points of each hole", keyword=True),
+        Arg("twist", "angle", 0.0, "turn of the top about the y axis, counter-clockwise from above", keyword=True),
+        Arg("taper", "numbers2", (1.0, 1.0), "size of the top over that of the base, in x and z; 0: a point", minimum=0.0, keyword=True),
+        Arg("centered", "bool", False, "whether its middle is at y = 0, not its base", keyword=True),
+        _KIND,
+        _CREASE,
+        example="extrude([[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]], 0.5)",
+    ),
+    *_planned("shape", "heightfield", "surface", "bezier", "nurbs", "subdivision", "curve", "voxels"),
 )
 
 _ROUND = Arg("round", "length", 0.0, "radius of the fillets where surfaces of its children intersect", minimum=0.0, keyword=True)

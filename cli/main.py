@@ -7,6 +7,7 @@ import io
 import json
 import os
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -120,10 +121,11 @@ def render(
 @cli.command()
 @click.argument("scenes", type=shared.FILE, nargs=-1, required=True)
 @shared.scene_options
+@click.option("--strict", is_flag=True, help="Count warnings as errors: among them everything that a file has and is not drawn.")
 @click.option("--json", "as_json", is_flag=True, help="Print all diagnostics as a JSON list.")
-@shared.examples("maquette check room.scene", "maquette check examples/*.scene --json")
+@shared.examples("maquette check room.scene", "maquette check examples/*.scene --json", "maquette check robot.usdz --strict")
 @click.pass_context
-def check(ctx: click.Context, scenes: tuple[Path, ...], as_json: bool, **given: Any) -> None:
+def check(ctx: click.Context, scenes: tuple[Path, ...], strict: bool, as_json: bool, **given: Any) -> None:
     """Report errors and warnings in SCENES without rendering."""
     failed, data = False, []
     for path in scenes:
@@ -132,6 +134,8 @@ def check(ctx: click.Context, scenes: tuple[Path, ...], as_json: bool, **given: 
             diagnostics = tuple(found.items)
         except SceneError as error:
             diagnostics = error.diagnostics
+        if strict:
+            diagnostics = tuple(replace(d, severity="error") if d.severity == "warning" else d for d in diagnostics)
         errors = sum(d.severity == "error" for d in diagnostics)
         failed = failed or errors > 0
         if as_json:

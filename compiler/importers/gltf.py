@@ -21,15 +21,12 @@ from ..mesh import polygon_mesh
 from ..scene import transforms
 from ..scene.builder import SceneBuilder
 from ..scene.row_records import WHITE, CameraData, LightData, MeshAttribute, as_color, nonnegative, scale_color
-from . import gltf_materials
+from . import gltf_materials, gltf_tables
 from .gltf_container import Container, GltfError, open_container
 from .mesh_parts import Part, add
 
 __all__ = ["GltfError", "read"]
 
-_UNDERSTOOD = gltf_materials.UNDERSTOOD | {
-    "KHR_mesh_quantization", "EXT_mesh_gpu_instancing", "KHR_lights_punctual", "KHR_node_visibility",
-}  # fmt: skip
 _COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
 TRIANGLES, STRIP, FAN = 4, 5, 6
 MAX_NODES = 200_000
@@ -66,6 +63,7 @@ class _Reader:
 
     def parts(self) -> list[Part]:
         document = self.container.document
+        gltf_tables.report(document, self.warn)
         found: list[Part] = []
         for node, matrix in self.nodes():
             if "mesh" in node:
@@ -81,10 +79,6 @@ class _Reader:
                 self.camera(document["cameras"][node["camera"]], node, matrix)
         if document.get("animations"):
             self.warn("animations are not drawn: the nodes stand where the file places them")
-        used = {*document.get("extensionsUsed", ()), *document.get("extensionsRequired", ())}
-        others = sorted(e for e in map(str, used) if e not in _UNDERSTOOD and not e.startswith("KHR_materials_") and e not in _COMPRESSED)
-        if others:
-            self.warn(f"the glTF file uses extensions that are not built: {', '.join(others)}")
         if not found and not self.diagnostics.failed:
             raise GltfError("the glTF file shows no mesh")
         return found
@@ -120,8 +114,6 @@ class _Reader:
         if not given:
             return [matrix]
         columns = {key: self.container.accessor(index) for key, index in given.items()}
-        if others := sorted(set(columns) - {"TRANSLATION", "ROTATION", "SCALE"}):
-            self.warn(f"of instances, {', '.join(others)} are not drawn")
         count = min(len(column) for column in columns.values())
 
         def row(name: str, k: int) -> list[float] | None:
@@ -145,8 +137,7 @@ class _Reader:
         if mode not in (TRIANGLES, STRIP, FAN):
             self.warn("points and lines are not drawn")
             return None
-        if packed := next((e for e in _COMPRESSED if e in primitive.get("extensions", {})), None):
-            self.warn(f"meshes compressed by {packed} are not read: they are left out")
+        if any(e in primitive.get("extensions", {}) for e in _COMPRESSED):
             return None
         if primitive.get("targets"):
             self.warn("morph targets are not drawn")
@@ -185,8 +176,6 @@ class _Reader:
         axis = matrix[:3, 2] / max(float(np.linalg.norm(matrix[:3, 2])), 1e-300)
         backward, forward = as_color(axis), as_color(-axis)
         position, kind, name = as_color(matrix[:3, 3]), light.get("type"), node.get("name") or light.get("name", "")
-        if "range" in light:
-            self.warn("ranges of lights are not drawn: their light reaches any distance")
         if kind == "directional":
             made = LightData(ir.LightKind.DIRECTIONAL, color, direction=backward, name=name)
         elif kind == "point":

@@ -15,14 +15,10 @@ from .. import ir
 from ..io.sandbox import FileError
 from ..scene import metallic_roughness
 from ..scene.builder import NONE, SceneBuilder
-from ..scene.row_records import BLACK, Input, MaterialData, TextureData, scale_color
+from ..scene.row_records import BLACK, WHITE, Input, MaterialData, TextureData, scale_color
 from . import images
 from .gltf_container import Container, GltfError, Warn
 
-UNDERSTOOD = frozenset(
-    "KHR_materials_unlit KHR_materials_emissive_strength KHR_materials_ior KHR_materials_clearcoat KHR_materials_transmission "
-    "KHR_texture_transform EXT_texture_webp".split()
-)
 _WRAPS = {33071: ir.Wrap.CLAMP, 33648: ir.Wrap.MIRROR, 10497: ir.Wrap.REPEAT}
 _DATA = -2  # all channels of an image, as data
 _LEAST_CUTOFF = 1e-9  # least alphaCutoff: a mask with cutoff 0 is opaque everywhere
@@ -55,8 +51,6 @@ class Materials:
 
     def _material(self, written: dict[str, Any]) -> MaterialData:
         extensions = written.get("extensions", {})
-        if others := sorted(set(extensions) - UNDERSTOOD):
-            self.warn(f"of materials, {', '.join(others)} are not drawn")
         pbr = written.get("pbrMetallicRoughness", {})
         color, picture = pbr.get("baseColorFactor", (1.0, 1.0, 1.0, 1.0)), self._texture(pbr.get("baseColorTexture"))
         base = Input((color[0], color[1], color[2]), picture)
@@ -65,8 +59,8 @@ class Materials:
             return MaterialData(ir.MaterialModel.LAMBERT, {ir.Slot.DIFFUSE: Input(BLACK), ir.Slot.EMISSION: base}, name=title)
         transmission = extensions.get("KHR_materials_transmission", {})
         if transmission.get("transmissionFactor", 0.0) >= _GLASS_TRANSMISSION:
-            if transmission.get("transmissionTexture") or pbr.get("roughnessFactor", 1.0) > 0.1:
-                self.warn("transmission is drawn as clear glass: without its picture and roughness")
+            if pbr.get("roughnessFactor", 1.0) > 0.1:
+                self.warn("transmission is drawn as clear glass: without its roughness")
             ior = float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5))
             return MaterialData(ir.MaterialModel.GLASS, {ir.Slot.TRANSMISSION: base, ir.Slot.IOR: Input.number(max(ior, 1.0))}, name=title)
         if transmission.get("transmissionFactor", 0.0) > 0:
@@ -81,9 +75,7 @@ class Materials:
         holes = None if whole else Input.number(alpha, self.builder.alpha_of(base.texture))
         strength = float(extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0))
         r, g, b = written.get("emissiveFactor", (0.0, 0.0, 0.0))
-        occlusion, coat = written.get("occlusionTexture"), extensions.get("KHR_materials_clearcoat", {})
-        if any("Texture" in key for key in coat):
-            self.warn("pictures of a clearcoat are not drawn")
+        coat = extensions.get("KHR_materials_clearcoat", {})
         return metallic_roughness.Surface(
             base,
             Input.number(float(pbr.get("metallicFactor", 1.0)), self._texture(packed, 2)),
@@ -92,10 +84,18 @@ class Materials:
             emissive=Input(scale_color((r, g, b), strength), self._texture(written.get("emissiveTexture"))),
             coat=Input.number(float(coat.get("clearcoatFactor", 0.0))),
             coat_roughness=Input.number(float(coat.get("clearcoatRoughnessFactor", 0.0))),
-            occlusion=Input.number(1.0, self._texture(occlusion, 0)) if occlusion else metallic_roughness.ALL,
+            occlusion=self._occlusion(written.get("occlusionTexture")),
             normal=self._normal(written.get("normalTexture")), opacity=alpha if mode == "BLEND" and holes is None else 1.0, holes=holes,
             threshold=max(float(written.get("alphaCutoff", 0.5)), _LEAST_CUTOFF) if mode == "MASK" else 0.0, name=written.get("name", ""),
         )  # fmt: skip
+
+    def _occlusion(self, reference: dict[str, Any] | None) -> Input:
+        """The occlusion picture with its strength: 1 + strength · (texel − 1)."""
+        row = self._texture(reference, 0)
+        strength = 1.0 if reference is None else float(reference.get("strength", 1.0))
+        if row != NONE and strength != 1.0:
+            row = self.builder.with_levels(row, scale_color(WHITE, strength), scale_color(WHITE, 1.0 - strength))
+        return Input.number(1.0, row)
 
     def _normal(self, reference: dict[str, Any] | None) -> Input | None:
         """A normal map with its strength, or None."""

@@ -75,16 +75,9 @@ def light(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: S
         return
     if (stage.numbers(prim.GetAttribute("inputs:color"), opened.time, np.float64) < 0).any():
         builder.diagnostics.warning("this light's colour has a negative component, which counts as 0", it.span)
-    for name, what in (("shaping:ies:file", "IES profiles"), ("texture:file", "textures of area lights")):
-        attribute = prim.GetAttribute(f"inputs:{name}")
-        value = None if kind.startswith("Dome") else stage.value(attribute, opened.time)
-        if getattr(value, "path", ""):
-            materials.tell(f"{what} are not drawn", prim)
-    if it.number("shaping:focus"):
-        materials.tell("the focus of shaped lights is not drawn", prim)
     made = _MAKERS[kind](it, radiance, builder, materials)
     if made is not None:
-        builder.light(replace(made, shadows=_casts_shadows(it, materials)), it.span)
+        builder.light(replace(made, shadows=_casts_shadows(it)), it.span)
 
 
 def mesh_radiance(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, materials: Materials) -> Color | None:
@@ -98,17 +91,13 @@ def mesh_radiance(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, ma
         return None
     if it.number("normalize"):
         materials.tell("mesh lights are not normalized by their area", prim)
-    if not _casts_shadows(it, materials):
+    if not _casts_shadows(it):
         materials.tell("mesh lights cast shadows", prim)
     return as_color(radiance)
 
 
-def _casts_shadows(it: _Light, materials: Materials) -> bool:
-    """Value of ShadowAPI's shadow:enable; its other inputs are reported as unsupported."""
-    for name, plain in (("shadow:color", np.zeros(3)), ("shadow:distance", np.full(1, -1.0)), ("shadow:falloff", np.full(1, -1.0))):
-        value = stage.numbers(it.prim.GetAttribute(f"inputs:{name}"), it.opened.time, np.float64).reshape(-1)
-        if len(value) and not np.array_equal(value, plain):
-            materials.tell(f"`{name}` of lights is not drawn", it.prim)
+def _casts_shadows(it: _Light) -> bool:
+    """Value of ShadowAPI's shadow:enable."""
     enabled = stage.value(it.prim.GetAttribute("inputs:shadow:enable"), it.opened.time)
     return enabled is not False
 

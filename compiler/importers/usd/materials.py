@@ -22,7 +22,9 @@ from ...scene import metallic_roughness
 from ...scene.builder import NONE, SceneBuilder, lambert
 from ...scene.row_records import WHITE, Color, Input, MaterialData, TextureData, nonnegative, scale_color
 from .. import images
-from .stage import Opened, primvar_mean, value
+from . import stage
+from .audit import Audit
+from .stage import Opened, Warnings, primvar_mean
 
 DISPLAY_COLOR = "displayColor"
 DEFAULT_COLOR: Color = (0.18, 0.18, 0.18)
@@ -87,13 +89,16 @@ class Materials:
     builder: SceneBuilder
     networks: dict[str, Network | None] = field(default_factory=dict)
     bindings: dict[tuple[str, str], Any] = field(default_factory=dict)
-    told: set[str] = field(default_factory=set)
+    warnings: Warnings = field(init=False)
+    audit: Audit = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.warnings = Warnings(self.opened, self.builder.diagnostics)
+        self.audit = Audit(self.warnings)
 
     def tell(self, message: str, prim: Any) -> None:
         """Emits a warning, once for each message."""
-        if message not in self.told:
-            self.told.add(message)
-            self.builder.diagnostics.warning(message, self.opened.span(prim))
+        self.warnings.tell(message, prim)
 
     def bound(self, prim: Any) -> Network | None:
         """The network bound to a prim, by purpose full, then preview, then all-purpose. None if absent or unsupported."""
@@ -123,9 +128,10 @@ class Materials:
             self.tell(f"the surface shader `{kind}` is not drawn: its prims show their displayColor", prim)
             return None
         inputs = {name: self._source(shader.GetInput(name), fallback) for name, fallback in _FALLBACKS.items()}
-        moved = shader.GetInput("displacement")
-        if moved and (moved.HasConnectedSource() or bool(value(moved.GetAttr(), self.opened.time))):
-            self.tell("displacement is not drawn", prim)
+        self.audit.shader(shader.GetPrim(), kind)
+        for name, found in (("displacement", material.ComputeDisplacementSource()[0]), ("volume", material.ComputeVolumeSource()[0])):
+            if found and found.GetPath() != shader.GetPath():
+                self.tell(f"the {name} of materials is not drawn", prim)
         return Network(str(prim.GetPath()), str(prim.GetName()), inputs)
 
     def _source(self, given: Any, fallback: Any) -> Any:
@@ -135,10 +141,11 @@ class Materials:
         for attribute in given.GetValueProducingAttributes():
             node = self._node(attribute)
             if node is None:
-                found = value(attribute, self.opened.time)
+                found = stage.value(attribute, self.opened.time)
                 return fallback if found is None else found
             kind = str(node.GetIdAttr().Get())
             output = str(attribute.GetName()).rpartition(":")[2]
+            self.audit.shader(node.GetPrim(), kind)
             if kind == "UsdUVTexture":
                 varname, frame = self._coordinates(node)
                 return Picture(node, output, varname, frame)
@@ -167,6 +174,7 @@ class Materials:
             if source is None:
                 return "st", _rows(frame)
             kind = str(source.GetIdAttr().Get())
+            self.audit.shader(source.GetPrim(), kind)
             if kind == "UsdTransform2d":
                 frame = frame @ self._transform2d(source)
                 given = source.GetInput("in")

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +51,20 @@ class Opened:
         """Paths of the layers read from disk, the root layer first."""
         layers = sorted(layer.realPath for layer in self.stage.GetUsedLayers())
         return tuple(dict.fromkeys(path for path in (self.stage.GetRootLayer().realPath, *layers) if path))
+
+
+@dataclass(slots=True)
+class Warnings:
+    """Emits warnings at prims, once for each message."""
+
+    opened: Opened
+    diagnostics: Diagnostics
+    told: set[str] = field(default_factory=set)
+
+    def tell(self, message: str, prim: Any) -> None:
+        if message not in self.told:
+            self.told.add(message)
+            self.diagnostics.warning(message, self.opened.span(prim))
 
 
 def value(attribute: Any, time: Any) -> Any:

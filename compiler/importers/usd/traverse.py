@@ -21,10 +21,6 @@ from .stage import Opened, numbers, primvar_mean, reason
 
 MAX_INSTANCES = 4_000_000
 MAX_NESTING = 32  # levels of nested point instancers
-_NOT_DRAWN = {
-    "Points", "BasisCurves", "NurbsCurves", "HermiteCurves", "NurbsPatch", "TetMesh", "Volume", "ParticleField",
-    "ParticleField3DGaussianSplat", "PortalLight", "GeometryLight", "PluginLight",
-}  # fmt: skip
 CAGES = "subdivision surfaces, as meshes are that do not say otherwise, are drawn as their cages with smooth normals"
 _UV_NAMES = ("st", "UVMap", "uv", "map1", "Texture_uv")
 
@@ -67,6 +63,7 @@ class Walk:
     _faces: dict[Any, geometry_module.Faces | None] = field(default_factory=dict)
     _count: int = 0
     _told_cages: bool = False
+    _audited: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         self.materials = Materials(self.opened, self.builder)
@@ -104,6 +101,7 @@ class Walk:
                 now = self._state(prim, above)
                 kind = str(prim.GetTypeName())
                 if now is not None and kind == "PointInstancer":
+                    self._audit_once(prim, kind)
                     self._instancer(UsdGeom.PointInstancer(prim), now, into)
                 elif now is not None:
                     self._prim(prim, kind, now, into)
@@ -134,6 +132,7 @@ class Walk:
         return _Inherited(matrix, base, purpose, above.instancers)
 
     def _prim(self, prim: Any, kind: str, here: _Inherited, into: dict[str, list[Piece]]) -> None:
+        self._audit_once(prim, kind)
         if kind == "Mesh":
             into.setdefault(here.purpose, []).extend(self._mesh(prim, here.matrix))
         elif kind in geometry_module.SHAPES:
@@ -142,12 +141,13 @@ class Walk:
             self.cameras.append((prim, here.matrix))
         elif kind in lights.KINDS:
             self._light(prim, here)
-        elif kind == "SkelRoot":
-            self.materials.tell("skinned meshes are drawn in their rest pose", prim)
-        elif kind in _NOT_DRAWN:
-            self.materials.tell(f"{kind} is not drawn", prim)
-        elif kind and not prim.IsA(Usd.Typed):
-            self.materials.tell(f"`{kind}` is not known: it is not drawn", prim)
+
+    def _audit_once(self, prim: Any, kind: str) -> None:
+        """Report what is not drawn of a prim, once for all instances of a prototype. Materials are reported where they are bound."""
+        source = self._source(prim)
+        if source not in self._audited and kind not in ("Material", "Shader", "NodeGraph"):
+            self._audited.add(source)
+            self.materials.audit.prim(prim, kind)
 
     def _light(self, prim: Any, here: _Inherited) -> None:
         if here.instancers:

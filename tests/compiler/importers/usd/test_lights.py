@@ -144,7 +144,7 @@ def test_a_dome_s_picture_and_pole(tmp_path, prim, up, pole):
         ('def PortalLight "l" {}', "x.usda</l>: warning: PortalLight is not drawn"),
         ('def SphereLight "l" { float inputs:intensity = inf\n}',
          "x.usda</l>: warning: this light's strength is not finite: it is left out"),
-        ('def RectLight "l" { asset inputs:texture:file = @a.png@\n}', "x.usda</l>: warning: textures of area lights are not drawn"),
+        ('def RectLight "l" { asset inputs:texture:file = @a.png@\n}', "x.usda</l>: warning: `texture:file` of RectLight is not drawn"),
         ('def RectLight "l" (prepend apiSchemas = ["ShapingAPI"]) { float inputs:shaping:cone:angle = 20\n}',
          "x.usda</l>: warning: cones shape balls and disks only: this light shines into its whole side"),
         ('def DomeLight "l" { asset inputs:texture:file = @gone.png@\n}',

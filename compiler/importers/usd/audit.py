@@ -1,0 +1,82 @@
+"""Reports what a stage has that is not drawn: prim types, applied schemas, authored properties, shaders and their inputs."""
+
+# pyright: reportAttributeAccessIssue=false
+# (usd-core creates its modules' names at run time)
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from pxr import UsdShade
+
+from . import tables
+from .stage import Warnings
+
+# Values that equal what is drawn, of properties that are not drawn otherwise; the schema's fallback is one as well.
+_DRAWN_VALUES: dict[str, tuple[str, ...]] = {
+    "model:drawMode": ("default", "inherited"),
+    "inputs:texture:format": ("automatic", "latlong"),
+    "colorSpace:name": ("lin_rec709_scene", "lin_rec709", "lin_srgb", "srgb_rec709_scene"),
+}
+
+
+@dataclass(slots=True)
+class Audit:
+    """Looks up each prim in the tables."""
+
+    warnings: Warnings
+    _known: dict[tuple[str, ...], tuple[tuple[str, str], ...]] = field(default_factory=dict)
+
+    def prim(self, prim: Any, kind: str) -> None:
+        """Report what is not drawn of a prim: its type, else its applied schemas and its authored properties."""
+        if kind and (message := tables.PRIM_TYPES.report(kind if tables.PRIM_TYPES.find(kind) else f"`{kind}`", kind)):
+            self.warnings.tell(message, prim)
+            return
+        for schema in prim.GetPrimTypeInfo().GetAppliedAPISchemas():
+            name = str(schema).partition(":")[0]
+            if message := tables.API_SCHEMAS.report(f"the applied schema `{name}`", name):
+                self.warnings.tell(message, prim)
+        self._properties(prim, kind)
+
+    def shader(self, node: Any, kind: str) -> None:
+        """Report the inputs of a shader that are not drawn."""
+        for given in UsdShade.Shader(node).GetInputs():
+            message = tables.INPUTS.report(f"the input `{given.GetBaseName()}` of {kind}", str(given.GetBaseName()))
+            if message and self._matters(node, str(given.GetFullName())):
+                self.warnings.tell(message, node)
+
+    def _properties(self, prim: Any, kind: str) -> None:
+        names = tuple(map(str, prim.GetAuthoredPropertyNames()))
+        key = (kind, *names)
+        if key not in self._known:
+            self._known[key] = tuple((name, message) for name in names if (message := _report(name, kind)))
+        for name, message in self._known[key]:
+            if self._matters(prim, name):
+                self.warnings.tell(message, prim)
+
+    def _matters(self, prim: Any, name: str) -> bool:
+        """Whether a property has a value other than the one that is drawn."""
+        relation = prim.GetRelationship(name)
+        if relation:
+            return bool(relation.GetTargets())
+        attribute = prim.GetAttribute(name)
+        if attribute.HasAuthoredConnections():
+            return True
+        found = attribute.Get(self.warnings.opened.time)
+        if found is None or str(found) in _DRAWN_VALUES.get(name, ()):
+            return False
+        if not attribute.IsCustom() and str(found) == str(prim.GetPrimDefinition().GetAttributeFallbackValue(name)):
+            return False
+        if attribute.GetTypeName().type.typeName == "SdfAssetPath":
+            return bool(found.path)
+        return not attribute.GetTypeName().isArray or np.size(found) > 0
+
+
+def _report(name: str, kind: str) -> str:
+    """The warning for a property of a prim type; "" for one that is drawn, without effect, or outside of all schemas."""
+    found = tables.PROPERTIES.find(f"{kind}.{name}", name)
+    if found is None and not name.startswith("inputs:"):
+        return ""  # data of the user
+    return tables.PROPERTIES.report(f"`{name.removeprefix('inputs:')}` of {kind or 'a prim without a type'}", f"{kind}.{name}", name)

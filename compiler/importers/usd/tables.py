@@ -1,0 +1,153 @@
+"""Tables of USD: prim types, applied API schemas, properties and shaders, and what is drawn of each.
+
+Schemas: OpenUSD 26.11. `tests/compiler/importers/usd/test_tables.py` compares the tables with usd-core's schema registry.
+"""
+
+from __future__ import annotations
+
+from ..understood import Table
+
+PRIM_TYPES = Table(
+    "Prim types",
+    drawn={
+        "Xform Scope": "transform, visibility and purpose of what is below",
+        "Mesh": "polygons; subdivision surfaces are drawn as their cages with smooth normals",
+        "GeomSubset": "a material for some faces of a mesh",
+        "Cube Sphere Cylinder Cylinder_1 Cone Capsule Capsule_1 Plane": "exact shapes; a Capsule_1 of two radii is a mesh",
+        "PointInstancer": "each prototype is one geometry, placed by instances",
+        "Camera": "perspective and orthographic",
+        "DistantLight SphereLight RectLight DiskLight DomeLight DomeLight_1": "lights of these shapes",
+        "CylinderLight": "a ball of the same area",
+        "Material Shader NodeGraph": "networks of UsdPreviewSurface",
+        "SkelRoot": "meshes in their rest pose",
+    },
+    no_effect={
+        "Skeleton SkelAnimation": "read by the meshes that they deform",
+        "Backdrop": "layout of a node editor",
+        "SpatialAudio": "sound",
+        "Physics*": "simulation",
+        "RenderSettings RenderProduct RenderVar RenderPass": "read where they apply",
+        "Field3DAsset OpenVDBAsset": "read by a Volume",
+        "BlendShape": "read by the meshes that they deform",
+        "LODDistanceHeuristic LODScreenSizeHeuristic": "read by LODRootAPI",
+    },
+    not_drawn={
+        "Points BasisCurves NurbsCurves HermiteCurves NurbsPatch TetMesh": "",
+        "Volume ParticleField ParticleField3DGaussianSplat": "",
+        "PortalLight GeometryLight PluginLight LightFilter PluginLightFilter": "",
+        "GenerativeProcedural": "its program is not run",
+    },
+)
+
+API_SCHEMAS = Table(
+    "Applied API schemas",
+    drawn={
+        "MaterialBindingAPI": "direct, by collection, and by purpose",
+        "CollectionAPI": "of material bindings",
+        "LightAPI ShadowAPI ShapingAPI": "see the properties",
+        "MeshLightAPI": "a mesh that emits light",
+        "NodeDefAPI": "the identifier of a shader",
+        "VisibilityAPI": "visibility by purpose",
+        "GeomModelAPI MotionAPI ColorSpaceAPI": "see the properties",
+    },
+    no_effect={
+        "Physics*": "simulation",
+        "Physx*": "simulation (NVIDIA PhysX)",
+        "ListAPI LightListAPI": "cached lists of lights; the stage itself is traversed",
+        "HydraPrimAPI HydraRenderPassAPI": "hints for Hydra",
+        "AssetPreviewsAPI AuthorshipAPI ClaimsAPI": "data about the asset",
+        "SemanticsLabelsAPI SemanticsAPI": "labels",
+        "NodeGraphNodeAPI SceneGraphPrimAPI AccessibilityAPI": "user interfaces",
+        "RiMaterialAPI RiSplineAPI StatementsAPI": "RenderMan alone",
+        "ColorSpaceDefinitionAPI": "read by ColorSpaceAPI",
+    },
+    not_drawn={
+        "SkelBindingAPI": "the mesh is drawn in its rest pose",
+        "BackPlateAPI": "",
+        "CoordSysAPI": "",
+        "HydraGenerativeProceduralAPI": "its program is not run",
+        "LODRootAPI LODOverrideAPI": "every level of detail is drawn",
+        "VolumeLightAPI": "",
+        "ParticleField*": "",
+    },
+)
+
+PROPERTIES = Table(
+    "Properties",
+    drawn={
+        "xformOp:* xformOpOrder visibility purpose renderVisibility proxyVisibility guideVisibility": "every prim",
+        "points faceVertexCounts faceVertexIndices holeIndices subdivisionScheme normals orientation": "Mesh",
+        "elementType familyName indices": "GeomSubset",
+        "axis size radius height width length radiusBottom radiusTop": "shapes",
+        "protoIndices prototypes positions orientations orientationsf scales ids invisibleIds": "PointInstancer",
+        "primvars:*": "displayColor, displayOpacity, normals, and the primvars that a material reads",
+        "projection horizontalAperture verticalAperture horizontalApertureOffset verticalApertureOffset focalLength": "Camera",
+        "clippingRange fStop focusDistance shutter:open shutter:close exposure": "Camera",
+        "inputs:color inputs:intensity inputs:exposure inputs:diffuse inputs:normalize": "lights",
+        "inputs:enableColorTemperature inputs:colorTemperature": "lights",
+        "inputs:angle inputs:radius inputs:length inputs:width inputs:height treatAsPoint": "lights",
+        "inputs:texture:file": "DomeLight",
+        "DomeLight_1.poleAxis": "",
+        "inputs:shadow:enable": "ShadowAPI",
+        "inputs:shaping:cone:angle inputs:shaping:cone:softness": "SphereLight and DiskLight as spot lights",
+        "info:id info:implementationSource outputs:*": "shaders and materials",
+        "material:binding*": "every prim",
+    },
+    no_effect={
+        "extent": "bounds are computed",
+        "doubleSided": "both sides are always drawn",
+        "proxyPrim": "purposes decide what is drawn",
+        "collection:* colorSpaceDefinition:*": "read where they are named",
+        "stereoRole": "one camera draws a picture",
+        "guideRadius": "the size of a symbol",
+        "light:shaderId light:materialSyncMode": "",
+        "lightList lightList:cacheBehavior": "",
+        "ui:* physics:* authorship:* semantics:* accessibility:* hydra:*": "",
+        "coordSys:* inputs:ri:*": "RenderMan alone",
+        "primvars:ri:* primvars:arnold:*": "other renderers",
+        "skel:*": "reported by SkelBindingAPI",
+        "model:cardGeometry model:cardTexture* model:cardVisibility model:drawModeColor model:applyDrawMode": "read by model:drawMode",
+        "extentsHint": "bounds are computed",
+        "GenerativeProcedural.proceduralSystem Skeleton.* SkelAnimation.* BlendShape.*": "reported by the type",
+        "userProperties:*": "data of the user",
+    },
+    not_drawn={
+        "velocities accelerations angularVelocities motion:*": "motion comes from time samples",
+        "model:drawMode": "the geometry of the model is drawn",
+        "colorSpace:name": "colours are linear with the primaries of sRGB",
+        "Mesh.creaseIndices Mesh.creaseLengths Mesh.creaseSharpnesses Mesh.cornerIndices Mesh.cornerSharpnesses": "",
+        "Mesh.interpolateBoundary Mesh.faceVaryingLinearInterpolation Mesh.triangleSubdivisionRule": "",
+        "clippingPlanes exposure:iso exposure:time exposure:fStop exposure:responsivity": "",
+        "inputs:specular light:filters portals inputs:texture:format treatAsLine RectLight.inputs:texture:file": "",
+        "collection:lightLink:* collection:shadowLink:* collection:lightLink collection:shadowLink": "",
+        "inputs:shadow:color inputs:shadow:distance inputs:shadow:falloff inputs:shadow:falloffGamma": "",
+        "inputs:shaping:focus inputs:shaping:focusTint": "",
+        "inputs:shaping:ies:file inputs:shaping:ies:angleScale inputs:shaping:ies:normalize": "",
+    },
+)
+
+SHADERS = Table(
+    "Shaders",
+    drawn={
+        "UsdPreviewSurface": "see the inputs",
+        "UsdUVTexture": "with wrap modes, scale, bias, fallback and colour space",
+        "UsdTransform2d": "",
+        "UsdPrimvarReader_float UsdPrimvarReader_float2 UsdPrimvarReader_float3 UsdPrimvarReader_float4": "",
+        "UsdPrimvarReader_int UsdPrimvarReader_string UsdPrimvarReader_normal UsdPrimvarReader_point UsdPrimvarReader_vector": "",
+    },
+    not_drawn={"UsdPrimvarReader_matrix": "", "HwPrimvar_1 HwUvTexture_1 HwPtexTexture_1 HwFieldReader_*": "", "ND_*": "MaterialX"},
+)
+
+INPUTS = Table(
+    "Inputs of shaders",
+    drawn={
+        "diffuseColor emissiveColor useSpecularWorkflow specularColor metallic roughness clearcoat clearcoatRoughness": "UsdPreviewSurface",
+        "opacity opacityThreshold ior normal occlusion": "UsdPreviewSurface",
+        "file st wrapS wrapT fallback scale bias sourceColorSpace": "UsdUVTexture",
+        "in rotation translation": "UsdTransform2d",
+        "varname": "UsdPrimvarReader",
+    },
+    not_drawn={"displacement": "", "opacityMode": ""},
+)
+
+TABLES = (PRIM_TYPES, API_SCHEMAS, PROPERTIES, SHADERS, INPUTS)

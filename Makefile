@@ -50,8 +50,11 @@ $(1)/%.png: examples/%.$(2) $$(INPUTS) | $$(STAMP)
 endef
 $(foreach folder,$(DEMO) examples,$(foreach kind,$(KINDS),$(eval $(call rule,$(folder),$(kind)))))
 
-reference: $(STAMP)  ## write docs/reference.md from the schema again
+reference: $(STAMP)  ## write docs/reference.md from the schema again, and the pages of file formats from the readers' tables
 	@mkdir -p build && $(BIN)/python -m maquette.lang.reference_page > build/reference.md && mv build/reference.md docs/reference.md
+	@for name in usd gltf meshes; do \
+	  $(BIN)/python -m maquette.compiler.format_pages $$name > build/$$name.md && mv build/$$name.md docs/$$name.md || exit; \
+	done
 
 charts: $(PEERS)  ## measure the charts of docs/charts.md again, peers too: half an hour on a quiet machine
 	@mkdir -p docs/charts

@@ -38,6 +38,7 @@ MAY_IMPORT = {
     "compiler.exporters.mitsuba": "compiler.exporters",
     "compiler.exporters.povray": "compiler.exporters",
     "compiler.load": "compiler.lower",
+    "compiler.format_pages": "compiler.importers.usd",
     "render.types": "compiler.ir",
     "render.simd": "",
     "render.jit": "compiler.io render.simd",

@@ -49,9 +49,9 @@ def read(
         if format_ == ".ply":
             return _ply(data, name, folder, builder, files, diagnostics)
         if format_ == ".stl":
-            return _parts(stl.read(data), Path(name).stem, builder, diagnostics, whole)
+            return _parts(stl.read(data, diagnostics, whole), Path(name).stem, builder, diagnostics, whole)
         if format_ == ".off":
-            return _parts(off.read(data), Path(name).stem, builder, diagnostics, whole)
+            return _parts(off.read(data, diagnostics, whole), Path(name).stem, builder, diagnostics, whole)
         return gltf.read(data, name, folder, files, builder, diagnostics, as_scene)
     except (ply.PlyError, stl.StlError, gltf.GltfError, off.OffError) as failure:
         diagnostics.error(str(failure), whole)

@@ -26,7 +26,7 @@ from ..io.sandbox import FileError, Files
 from ..scene import metallic_roughness
 from ..scene.builder import NONE, SceneBuilder
 from ..scene.row_records import BLACK, WHITE, Color, Input, MaterialData, TextureData, nonnegative, scale_color
-from . import images, obj_lexer
+from . import images, mesh_tables, obj_lexer
 
 REFLECTING = (3, 5, 8)
 REFRACTING = (4, 6, 7, 9)
@@ -39,9 +39,6 @@ _MAPS = {"map_Ka": "Ka", "map_Kd": "Kd", "map_Ks": "Ks", "map_Ke": "Ke", "map_Ns
 _PBR = {"Pr", "Pm", "Pc", "RMA", "ORM"}
 DATA = -2
 _PACKED = {"RMA": {"Pr": 0, "Pm": 1}, "ORM": {"Pr": 1, "Pm": 2}}  # channel of each input in a packed map
-_NOT_DRAWN = {
-    "map_Tr", "disp", "decal", "refl", "map_refl", "map_aat", "Ps", "aniso", "anisor", "map_Ps",
-}  # fmt: skip
 _OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-clamp": 1, "-texres": 1, "-imfchan": 1, "-type": 1, "-bm": 1, "-boost": 1, "-mm": 2}
 _VECTOR_OPTIONS = ("-s", "-o", "-t")
 _CHANNELS = {"r": 0, "g": 1, "b": 2, "m": 3, "l": -1, "z": -1}
@@ -115,19 +112,21 @@ def _line(material: MtlMaterial, keyword: str, rest: str, span: Span) -> str:
         if min(color) < 0:
             return f"material `{material.name}`: `{keyword}` has a negative component, which counts as 0"
     elif keyword in _NUMBERS:
-        number = _number(rest.split("#")[0].replace("-halo", "").strip())
+        plain = rest.split("#")[0]
+        number = _number(plain.replace("-halo", "").strip())
         if number is None:
             return f"`{keyword}` wants a number"
         material.numbers[keyword] = number
+        return "`d -halo` is drawn without the halo" if "-halo" in plain else ""
     elif keyword in _MAPS:
         reference, problem = map_reference(rest, span)
         if reference is not None:
             material.maps[_MAPS[keyword]] = reference
         return f"`{keyword}`: {problem}" if problem else ""
-    elif keyword in _NOT_DRAWN:
-        return f"`{keyword}` is not drawn"
-    else:
+    elif mesh_tables.MTL.find(keyword) is None:
         return f"MTL has no keyword `{keyword[:40]}`: the line is left out"
+    else:
+        return mesh_tables.MTL.report(f"`{keyword}`", keyword)
     return ""
 
 
@@ -183,8 +182,8 @@ def _option(made: MapReference, option: str, words: list[str]) -> str:
         made.channel = _CHANNELS.get(words[0], -1)
     elif option == "-bm":
         made.height = values[0]
-    elif option in ("-t", "-boost"):
-        return f"the option `{option}` is not drawn"
+    elif words != ["off"] and any(n != 0 for n in numbers):
+        return mesh_tables.MTL_OPTIONS.report(f"the option `{option}`", option)
     return ""
 
 

@@ -13,13 +13,7 @@ from ...lang.diagnostics import Diagnostics, Span
 from .. import ir
 from ..mesh.polygon_mesh import PolyMesh
 from ..scene.row_records import MeshAttribute
-from . import obj_lexer
-
-_CURVES = frozenset(
-    "vp cstype deg bmat step curv curv2 surf parm trim hole scrv sp end con bsp bzp cdc cdp res mg ctech stech shadow_obj trace_obj "
-    "call csh maplib usemap c_interp d_interp lod bevel".split()
-)
-_POINTS_AND_LINES = {"p": "points", "l": "lines"}
+from . import mesh_tables, obj_lexer
 
 
 @dataclass(slots=True)
@@ -121,13 +115,10 @@ class _State:
                 state.libraries.append((rest, Span(file, line, 1, line, len("mtllib ") + len(rest) + 1)))
             elif keyword == "s":
                 state.smoothing.append((row, int(rest) if rest.isdecimal() and len(rest) < 10 else 0))
-            elif keyword in _POINTS_AND_LINES:
-                problems.add("warning", keyword, line, f"{_POINTS_AND_LINES[keyword]} (`{keyword}`) are not drawn")
-            elif keyword in _CURVES:
-                problems.add("warning", keyword, line, f"`{keyword}` (free-form curves and display attributes) is not drawn")
-            elif keyword not in ("o", "g"):
-                shown = keyword[:40]
-                problems.add("warning", "keyword", line, f"OBJ has no keyword `{shown}`: the line is left out")
+            elif mesh_tables.OBJ.find(keyword) is None:
+                problems.add("warning", "keyword", line, f"OBJ has no keyword `{keyword[:40]}`: the line is left out")
+            elif message := mesh_tables.OBJ.report(f"`{keyword}`", keyword):
+                problems.add("warning", keyword, line, message)
         return state
 
 

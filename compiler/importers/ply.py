@@ -15,6 +15,7 @@ from ...lang.diagnostics import Diagnostics, Span
 from .. import ir
 from ..mesh.polygon_mesh import PolyMesh
 from ..scene.row_records import MeshAttribute
+from . import mesh_tables
 from .obj import linear
 
 _TYPES = {
@@ -23,10 +24,6 @@ _TYPES = {
 }  # fmt: skip
 _ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": ""}
 _UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
-_DRAWN = {
-    "vertex": {"x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "diffuse_red", "diffuse_green", "diffuse_blue"}.union(*_UV_NAMES),
-    "face": {"vertex_indices", "vertex_index", "texcoord", "red", "green", "blue", "diffuse_red", "diffuse_green", "diffuse_blue"},
-}
 MAX_HEADER = 1 << 16
 
 
@@ -75,8 +72,8 @@ def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
     if not kept.all():
         lost = int(np.count_nonzero(~kept))
         diagnostics.warning(f"{lost} of {len(kept)} faces use vertices that do not exist or are not finite: they are left out", span)
-    if ignored := _not_drawn(elements):
-        diagnostics.note(f"the PLY file has data that is not drawn: {', '.join(ignored)}", span)
+    if ignored := _not_drawn(elements, found):
+        diagnostics.warning(f"the PLY file has data that is not drawn: {', '.join(ignored)}", span)
     return _mesh(points, counts, indices, kept, owner, vertices, faces)
 
 
@@ -86,14 +83,18 @@ def texture_files(data: bytes) -> list[str]:
     return re.findall(r"^comment\s+TextureFile\s+(.+?)\s*$", header, re.MULTILINE)
 
 
-def _not_drawn(elements: list[_Element]) -> list[str]:
-    """Names of unsupported elements with rows, and of unsupported vertex and face properties."""
+def _not_drawn(elements: list[_Element], data: dict[str, _Data]) -> list[str]:
+    """Names of the elements and properties that are not drawn. An alpha that is opaque everywhere counts as drawn."""
     found = []
-    for element in elements:
-        if element.count and element.name not in _DRAWN:
+    for element in (e for e in elements if e.count):
+        if mesh_tables.PLY.report("", element.name):
             found.append(f"element `{element.name}`")
-        elif element.count:
-            found += [f"`{name}` of `{element.name}`" for name, _, _ in element.properties if name not in _DRAWN[element.name]]
+            continue
+        names = [name for name, _, _ in element.properties if mesh_tables.PLY.report("", f"{element.name}.{name}")]
+        alpha = data[element.name].scalars.get("alpha")
+        if alpha is not None and (alpha >= (np.iinfo(alpha.dtype).max if alpha.dtype.kind in "iu" else 1.0)).all():
+            names.remove("alpha")
+        found += [f"`{name}` of `{element.name}`" for name in names]
     return found
 
 

@@ -7,7 +7,11 @@ import re
 
 import numpy as np
 
+from ...lang.diagnostics import Diagnostics, Span
+from .. import ir
 from ..mesh.polygon_mesh import PolyMesh
+from ..scene.row_records import MeshAttribute
+from .obj import linear
 
 _VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)")
 _NAME = re.compile(rb"^\s*(end)?solid\b[^\r\n]*", re.MULTILINE)  # names may contain any text
@@ -19,14 +23,44 @@ class StlError(Exception):
     """An STL file that cannot be read."""
 
 
-def read(data: bytes) -> PolyMesh:
+def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
     """The mesh of an STL file, oriented by winding; stored normals are ignored. Raises StlError."""
-    corners = _binary(data)
-    if corners is None:
+    found = _binary(data)
+    colors = None
+    if found is None:
         corners = _ascii(data)
-    corners = corners[np.isfinite(corners).all(axis=(1, 2))]
+    else:
+        with np.errstate(invalid="ignore"):  # signalling NaN
+            corners = found["corners"].astype(np.float64)
+        colors = _colors(data[:80], found["attribute"], diagnostics, span)
+    sound = np.isfinite(corners).all(axis=(1, 2))
+    if not sound.all():
+        lost = int(np.count_nonzero(~sound))
+        diagnostics.warning(f"{lost} of {len(sound)} triangles have corners that are not finite: they are left out", span)
+    corners = corners[sound]
     points, rows = np.unique(corners.reshape(-1, 3) + 0.0, axis=0, return_inverse=True)
-    return PolyMesh(points, np.full(len(corners), 3), rows.reshape(-1))
+    tints = None if colors is None else MeshAttribute(colors[sound], ir.Interpolation.FACE)
+    return PolyMesh(points, np.full(len(corners), 3), rows.reshape(-1), colors=tints)
+
+
+def _colors(header: bytes, attribute: np.ndarray, diagnostics: Diagnostics, span: Span) -> np.ndarray | None:
+    """Linear colours (t, 3) from the attribute bytes, 5 bits a channel; None without colours.
+
+    VisCAM and SolidView set bit 15 of a coloured triangle and store red in bits 10 to 14. Magics writes `COLOR=` and the solid's colour
+    to the header, clears bit 15 of a coloured triangle and stores red in bits 0 to 4.
+    """
+    at = header.find(b"COLOR=")
+    low, middle, high = (((attribute >> shift) & 31) / 31.0 for shift in (0, 5, 10))
+    if 0 <= at <= 70:
+        own = (attribute >> 15) == 0
+        whole = np.frombuffer(header, np.uint8, 3, at + 6) / 255.0
+        return linear(np.where(own[:, None], np.stack([low, middle, high], axis=1), whole))
+    own = (attribute >> 15) == 1
+    if own.any():
+        return np.where(own[:, None], linear(np.stack([high, middle, low], axis=1)), 1.0)
+    if attribute.any():
+        diagnostics.warning("the attribute bytes of the triangles are no colours: they are left out", span)
+    return None
 
 
 def _begins_as_text(data: bytes) -> bool:
@@ -34,7 +68,7 @@ def _begins_as_text(data: bytes) -> bool:
 
 
 def _binary(data: bytes) -> np.ndarray | None:
-    """(t, 3, 3) corners; None for an ASCII file: too short, or text whose length does not fit the triangle count."""
+    """Rows (t,) of _ROW; None for an ASCII file: too short, or text whose length does not fit the triangle count."""
     if len(data) < _HEADER:
         return None
     count = int(np.frombuffer(data, "<u4", 1, 80)[0])
@@ -44,8 +78,7 @@ def _binary(data: bytes) -> np.ndarray | None:
         if solid:
             return None
         raise StlError(f"the STL file ends early: it promises {count} triangles and holds {held}")
-    with np.errstate(invalid="ignore"):  # signalling NaN
-        return np.frombuffer(data, _ROW, count, _HEADER)["corners"].astype(np.float64)
+    return np.frombuffer(data, _ROW, count, _HEADER)
 
 
 def _ascii(data: bytes) -> np.ndarray:

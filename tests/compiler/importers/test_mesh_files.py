@@ -7,7 +7,7 @@ import struct
 import numpy as np
 import pytest
 from maquette.compiler import ir, load
-from maquette.compiler.importers import mesh_files
+from maquette.compiler.importers import mesh_files, mtl
 from maquette.compiler.io.sandbox import Files
 from maquette.compiler.scene.builder import SceneBuilder
 from maquette.lang.diagnostics import Diagnostics
@@ -49,7 +49,7 @@ end_header
 """
 
 
-QUALITY = "a.ply: note: the PLY file has data that is not drawn: `quality` of `face`"
+QUALITY = "a.ply: warning: the PLY file has data that is not drawn: `quality` of `face`"
 
 
 def ply(order, faces, index="int"):
@@ -168,7 +168,7 @@ def test_what_is_not_drawn_of_a_ply_is_named():
     _, parts, messages = read(data, "a.ply")
     assert len(parts) == 1
     assert messages == [
-        "a.ply: note: the PLY file has data that is not drawn: `confidence` of `vertex`, `u0` of `vertex`, `alpha` of `vertex`",
+        "a.ply: warning: the PLY file has data that is not drawn: `confidence` of `vertex`, `u0` of `vertex`, `alpha` of `vertex`",
         "a.ply: warning: the picture `t.png` is not drawn: the PLY file has no texture coordinates",
     ]
 
@@ -232,6 +232,47 @@ def test_the_name_of_an_stl_may_be_any_text(name):
 )  # fmt: skip
 def test_broken_stl(data, expected):
     assert read(data, "a.stl")[2] == [expected]
+
+
+@pytest.mark.parametrize(
+    ("header", "attributes", "expected"),
+    [
+        (b"", [0x8000 | 31 << 10, 0x8000 | 31], [[1, 0, 0], [0, 0, 1]]),  # VisCAM: bit 15 set, red in the high bits
+        (b"", [0x8000 | 31 << 5, 0], [[0, 1, 0], [1, 1, 1]]),
+        (b"COLOR=\xff\xff\x00\xff", [31, 0x8000], [[1, 0, 0], [1, 1, 0]]),  # Magics: bit 15 clear, red in the low bits
+    ],
+)
+def test_stl_colors(header, attributes, expected):
+    rows = np.zeros(2, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]))
+    rows["corners"] = SQUARE[[[0, 1, 2], [0, 2, 3]]]
+    rows["attribute"] = attributes
+    scene, _, messages = read(header.ljust(80, b" ") + struct.pack("<I", 2) + rows.tobytes(), "a.stl")
+    assert messages == []
+    assert np.allclose(tables.attribute(scene.tables, "colors", 0)[:, 0], expected)
+
+
+def test_stl_attributes_that_are_no_colours(tmp_path):
+    rows = np.zeros(2, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]))
+    rows["corners"] = SQUARE[[[0, 1, 2], [0, 2, 3]]]
+    rows["attribute"] = 7
+    rows["corners"][1, 0, 0] = np.nan
+    _, _, messages = read(b" " * 80 + struct.pack("<I", 2) + rows.tobytes(), "a.stl")
+    assert messages == [
+        "a.stl: warning: the attribute bytes of the triangles are no colours: they are left out",
+        "a.stl: warning: 1 of 2 triangles have corners that are not finite: they are left out",
+    ]
+
+
+def test_off_colours_are_named():
+    text = b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2 255 0 0\n"
+    assert read(text, "a.off")[2] == ["a.off: warning: the colours, normals and texture coordinates of OFF files are not drawn"]
+
+
+def test_mtl_halo_and_options_are_named(tmp_path):
+    (tmp_path / "m.mtl").write_text("newmtl m\nd -halo 0.5\nmap_Kd -cc on -boost 2 -blendu off p.png\n")
+    found = Diagnostics()
+    mtl.parse((tmp_path / "m.mtl").read_bytes(), "m.mtl", tmp_path, found)
+    assert [d.message for d in found.items] == ["`d -halo` is drawn without the halo", "`map_Kd`: the option `-cc` is not drawn"]
 
 
 # --- GLB ---
@@ -514,8 +555,7 @@ SAMPLES = {  # triangles, materials that the file names
 
 NAMED = {  # what is said of them
     "obj_cube_usemtl/cube_usemtl.obj": ["warning"],  # its library lacks one material
-    "ply_float_colors/float-color.ply": ["note"],  # alpha
-    "ply_fuze/fuze.ply": ["note", "warning"],  # alpha; its picture has another name
+    "ply_fuze/fuze.ply": ["warning"],  # its picture has another name
 }
 
 

@@ -149,8 +149,8 @@ FORMS = ": v, v/vt, v//vn or v/vt/vn, whole numbers"
         (SQUARE + "v nan 0 0\nf 1 2 3\nf 1 2 5\n", ["x.obj:7:1: warning: vertex 5 of this face is not finite: the face is left out"]),
         (SQUARE + "f 1 2 3\nf 1 2\n", ["x.obj:6:1: warning: a face needs 3 corners or more, this one has 2: it is left out"]),
         (SQUARE + "f 1 2 3\nl 1 2\nl 2 3\np 1\n", [
-            "x.obj:6:1: warning: lines (`l`) are not drawn; so is 1 more line", "x.obj:8:1: warning: points (`p`) are not drawn"]),
-        (SQUARE + "f 1 2 3\ncurv 0 1 1 2\n", ["x.obj:6:1: warning: `curv` (free-form curves and display attributes) is not drawn"]),
+            "x.obj:6:1: warning: `l` is not drawn: lines; so is 1 more line", "x.obj:8:1: warning: `p` is not drawn: points"]),
+        (SQUARE + "f 1 2 3\ncurv 0 1 1 2\n", ["x.obj:6:1: warning: `curv` is not drawn: free-form curves and surfaces"]),
         (SQUARE + "f 1 2 3\nf 1 2 2\n", ["x.obj: note: 1 of 2 faces have no area: they are left out"]),
         ("mtllib none.mtl\nusemtl red\n" + SQUARE + "f 1 2 3\n", [
             "x.obj:1:1: warning: the material library `none.mtl` is not read: its mesh has no folder"]),
@@ -254,7 +254,6 @@ def test_mirror_and_glass(tmp_path):
         ("Tr 0", 1),
         ("d 0.5\nTr 1", 0.5),
         ("Tr 0.9\nd 1", 1),
-        ("d -halo 0.5", 0.5),
         ("d 7", 1),
     ],
 )

@@ -66,7 +66,8 @@ def test_no_row_is_stale():
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ('def Mesh "m" (prepend apiSchemas = ["OddAPI"]) {}', "x.usda</m>: warning: the applied schema `OddAPI` is not known: it is not drawn"),
+        ('def Mesh "m" (prepend apiSchemas = ["OddAPI"]) {}',
+            "x.usda</m>: warning: the applied schema `OddAPI` is not known: it is not drawn"),
         ('def Camera "c" { float exposure:time = 2 }', "x.usda</c>: warning: `exposure:time` of Camera is not drawn"),
         ('def Camera "c" { float exposure:time = 1 }', None),  # the schema's fallback
         ('def SphereLight "l" { float inputs:specular = 0.5 }', "x.usda</l>: warning: `specular` of SphereLight is not drawn"),
@@ -78,7 +79,7 @@ def test_no_row_is_stale():
     ],
 )  # fmt: skip
 def test_what_is_not_drawn_is_said_by_name(tmp_path, text, expected):
-    messages = [m for m in read(tmp_path, text + '\ndef Cube "shown" {}')[1]]
+    messages = read(tmp_path, text + '\ndef Cube "shown" {}')[1]
     assert messages == ([] if expected is None else [expected])
 
 

@@ -1,0 +1,88 @@
+"""Tables of OBJ, MTL, PLY, STL and OFF: statements, options and properties, and what is drawn of each.
+
+Formats: Wavefront's Object Files 3.0 and MTL Material Format (Ramey, Rose, Tyerman 1995), Turk's PLY (1994).
+"""
+
+from __future__ import annotations
+
+from .understood import Table
+
+OBJ = Table(
+    "OBJ statements",
+    drawn={
+        "v vt vn f": "polygons; `v x y z r g b` has a colour",
+        "usemtl mtllib": "a part for each material",
+        "s": "smoothing groups",
+    },
+    no_effect={
+        "o g": "names",
+        "bevel c_interp d_interp lod": "display attributes",
+        "shadow_obj trace_obj": "names of stand-ins for shadows and reflections",
+    },
+    not_drawn={
+        "p": "points",
+        "l": "lines",
+        "vp cstype deg bmat step curv curv2 surf parm trim hole scrv sp end con ctech stech": "free-form curves and surfaces",
+        "bsp bzp cdc cdp res": "patches of version 2.11",
+        "mg": "merging groups of free-form surfaces",
+        "call csh": "no other file is read and no command is run",
+        "maplib usemap": "maps of version 2",
+        "t": "tags of subdivision surfaces",
+    },
+)
+
+MTL = Table(
+    "MTL statements",
+    drawn={
+        "newmtl Kd Ka Ks Ns Ni d Tr Tf Ke illum": "see compiler/importers/mtl.py for the rules where programs differ",
+        "Pr Pm Pc Pcr": "the PBR extension: roughness, metallic, clear coat",
+        "map_Kd map_Ka map_Ks map_Ke map_Ns map_d map_opacity map_bump map_Bump bump norm map_Kn map_Pr map_Pm map_RMA map_ORM": "pictures",
+    },
+    no_effect={"sharpness": "of reflection maps", "map_aat": "pictures are always filtered"},
+    not_drawn={
+        "map_Tr disp decal refl map_refl map_disp": "",
+        "Ps map_Ps aniso anisor map_aniso map_anisor map_Pc map_Pcr": "",
+        "Km map_Km": "",
+    },
+)
+
+MTL_OPTIONS = Table(
+    "Options of MTL pictures",
+    drawn={"-s -o -mm -bm -clamp -imfchan": "scale, offset, range, bump multiplier, clamping, channel"},
+    no_effect={"-texres -blendu -blendv": "pictures are always filtered", "-type": "of reflection maps"},
+    not_drawn={"-t -boost -cc": ""},
+)
+
+PLY = Table(
+    "PLY elements and properties",
+    drawn={
+        "vertex vertex.x vertex.y vertex.z vertex.nx vertex.ny vertex.nz": "",
+        "vertex.red vertex.green vertex.blue vertex.diffuse_red vertex.diffuse_green vertex.diffuse_blue": "",
+        "vertex.s vertex.t vertex.u vertex.v vertex.texture_u vertex.texture_v vertex.texture_s vertex.texture_t": "",
+        "face face.vertex_indices face.vertex_index face.texcoord": "",
+        "face.red face.green face.blue face.diffuse_red face.diffuse_green face.diffuse_blue": "",
+        "comment.TextureFile": "the first picture",
+    },
+    no_effect={"comment.* obj_info": "text"},
+    not_drawn={
+        "vertex.alpha face.alpha": "colours are opaque",
+        "vertex.quality vertex.confidence face.quality face.flags vertex.flags": "measurements",
+        "edge tristrips material": "",
+        "face.texnumber": "the first picture is drawn",
+        "multi_texture_vertex multi_texture_face range_grid camera": "",
+    },
+)
+
+STL = Table(
+    "STL content",
+    drawn={"triangles": "equal corners are one vertex", "attribute bytes": "colours as VisCAM, SolidView and Magics write them"},
+    no_effect={"header name": "text", "normals": "the winding decides"},
+)
+
+OFF = Table(
+    "OFF content",
+    drawn={"vertices faces": "read through trimesh"},
+    not_drawn={"colours normals": "of COFF, NOFF and STOFF files, and of faces"},
+)
+
+TABLES = (OBJ, MTL, MTL_OPTIONS, PLY, STL, OFF)

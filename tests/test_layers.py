@@ -83,12 +83,14 @@ LATE = {
     "pyoidn": "an extra, for who asks for pictures without noise",
     "rich": "only a terminal sees colours",
     "trimesh": "only OFF files need it, and it takes half a second",
+    "uharfbuzz": "only text needs it",
 }
 # Libraries that one file alone may import: everything else goes through it. That file is loaded when a picture of it is wanted.
 ONE_FILE = {
     "matplotlib": "measure/report/plot.py",
     "flip_evaluator": "measure/errors.py",
     "manifold3d": "compiler/mesh/mesh_csg.py",
+    "uharfbuzz": "compiler/importers/fonts.py",
 }
 # Files whose functions open the next stage's door when it is reached, so that `--help` and `check` stay quick.
 DOORS = {

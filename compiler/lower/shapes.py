@@ -13,7 +13,7 @@ from .. import ir
 from ..mesh import polygon_mesh, triangulate
 from ..scene import transforms
 from ..scene.row_records import MeshAttribute, MeshData, Outlines, Piece
-from . import formulas, solids, sweeps
+from . import formulas, solids, sweeps, texts
 from .context import Context
 
 Kind = ir.GeometryKind
@@ -208,6 +208,7 @@ _SHAPES: dict[str, Callable[[Context, Element], list[Piece]]] = {
     "implicit": formulas.implicit,
     "revolve": sweeps.revolve,
     "extrude": sweeps.extrude,
+    "text": texts.text,
     **dict.fromkeys(solids.KINDS, solids.solid),
 }
 KINDS = frozenset(_SHAPES)

@@ -115,6 +115,16 @@ def triangulate(loops: Sequence[np.ndarray]) -> np.ndarray:
     return np.asarray(manifold3d.triangulate([np.ascontiguousarray(loop, np.float64) for loop in loops])).astype(np.int64)
 
 
+def union_of_outlines(contours: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Simple polygons (n, 2) of the area that contours wind around: outlines counter-clockwise, holes clockwise."""
+    import manifold3d
+
+    if not contours:
+        return []
+    area = manifold3d.CrossSection([np.ascontiguousarray(contour, np.float64) for contour in contours], manifold3d.FillRule.NonZero)
+    return [np.asarray(loop) for loop in area.to_polygons()]
+
+
 def combine(kind: str, parts: Sequence[Manifold]) -> Manifold:
     """Union, intersection or difference (the first part minus all others)."""
     from manifold3d import Manifold, OpType

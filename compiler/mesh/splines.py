@@ -57,6 +57,12 @@ def polyline(points: F64, kind: str, closed: bool, tolerance: float, turn: float
     return np.concatenate(made if closed else [*made, last])
 
 
+def points_after_first(piece: F64, tolerance: float) -> F64:
+    """The points (m, d) after the first of the polyline of one Bézier piece."""
+    steps = _steps(piece, tolerance, math.inf)
+    return _at(piece, np.arange(1, steps + 1) / steps)
+
+
 def _distinct(points: F64, closed: bool) -> F64:
     """The points without repetitions of the one before."""
     before = np.roll(points, 1, axis=0)

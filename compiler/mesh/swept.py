@@ -159,6 +159,16 @@ def _add_caps(faces: Faces, caps: list[tuple[F64, I64, I64]], pointed: bool) -> 
         faces.add(top[triangles], uv[triangles])
 
 
+def sheet(loops: Sequence[F64]) -> PolyMesh:
+    """The area of a profile in y = 0, seen from +y."""
+    triangles = mesh_csg.triangulate(loops)
+    flat = np.concatenate(list(loops))
+    uv = (flat - flat.min(axis=0)) / profiles.extent(flat)
+    faces = Faces()
+    faces.add(triangles, uv[triangles])
+    return faces.mesh(np.stack([flat[:, 0], np.zeros(len(flat)), -flat[:, 1]], axis=1))
+
+
 def _cells(loops: Sequence[F64], sweep: Sweep) -> tuple[int, float]:
     """(layers, greatest length of a piece of an edge) that keep sides that are not flat within the tolerance of their triangles.
 

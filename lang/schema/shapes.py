@@ -176,6 +176,27 @@ SHAPES = (
         _CREASE,
         example="extrude([[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]], 0.5)",
     ),
+    _shape(
+        "text",
+        "letters in the plane z = 0, read from +z, and extruded to z = `depth`",
+        Arg("string", "string", REQUIRED, r"the text; \n begins a line"),
+        Arg("size", "length", 1.0, "height of a capital letter", above=0.0),
+        Arg("depth", "length", None, "depth of the letters; 0: flat; default: a fifth of `size`", minimum=0.0),
+        Arg("font", "string", "DejaVu Sans", "a font of the package, or a file (.ttf, .otf, .ttc) relative to the scene", keyword=True),
+        Arg("align", "choice", "left", "what stands at x = 0, of each line", choices=("left", "center", "right"), keyword=True),
+        Arg(
+            "vertical",
+            "choice",
+            "baseline",
+            "what stands at y = 0: the baseline of the first line, or of the last (bottom), or top or center of the capitals",
+            choices=("baseline", "bottom", "center", "top"),
+            keyword=True,
+        ),
+        Arg("spacing", "number", 1.0, "distance of letters, times that of the font", above=0.0, keyword=True),
+        Arg("line_spacing", "number", 1.0, "distance of lines, times that of the font", above=0.0, keyword=True),
+        _CREASE,
+        example='text("maquette", size: 20cm, depth: 4cm, align: "center")',
+    ),
     *_planned("shape", "heightfield", "surface", "bezier", "nurbs", "subdivision", "curve", "voxels"),
 )
 

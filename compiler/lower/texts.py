@@ -1,0 +1,68 @@
+"""Lowers `text` to a mesh of its letters."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ...lang import file_types
+from ...lang.diagnostics import suggest
+from ...lang.elements import Element
+from ..importers import fonts
+from ..io.sandbox import LIBRARY, FileError
+from ..mesh import polygon_mesh, swept
+from ..scene import transforms
+from ..scene.row_records import Piece
+from .context import Context
+
+DEPTH = 0.2  # of the size, by default
+
+
+def text(lowering: Context, element: Element) -> list[Piece]:
+    """The letters of a text; nothing, after a diagnostic, if there are none."""
+    args = element.args
+    path = _font_file(lowering, element)
+    if path is None:
+        return []
+    try:
+        font = fonts.Font(path)
+    except fonts.FontError as failure:
+        return lowering.refuse(element, str(failure), "write the name of a TrueType or OpenType file")
+    layout = fonts.Layout(args["align"], args["vertical"], args["spacing"], args["line_spacing"])
+    loops, missing = font.outlines(args["string"], layout)
+    if missing:
+        message = f"the font `{args['font']}` has no glyph for {fonts.describe(missing)}"
+        lowering.warn(element, message, "take another font, or leave them out")
+    if not loops:
+        lowering.warn(element, "this text has no visible letter: nothing is drawn")
+        return []
+    size, depth = args["size"], args["depth"]
+    depth = DEPTH * size if depth is None else depth
+    loops = [loop * size for loop in loops]
+    mesh = swept.extrude(loops, swept.Sweep(0.0, depth)) if depth else swept.sheet(loops)
+    data, _ = polygon_mesh.assemble(_upright(mesh), args["crease"])
+    return [Piece(lowering.builder.mesh(data, element.span), transforms.identity())]
+
+
+def _upright(mesh: polygon_mesh.PolyMesh) -> polygon_mesh.PolyMesh:
+    """A prism along y turned to stand along z, its profile in x and y."""
+    points = mesh.points[:, [0, 2, 1]] * (1.0, -1.0, 1.0)
+    return polygon_mesh.PolyMesh(points, mesh.counts, mesh.indices, mesh.normals, mesh.uvs)
+
+
+def _font_file(lowering: Context, element: Element) -> Path | None:
+    """The file of a font, which a scene gives by name or as a file; None after a diagnostic."""
+    name = element.args["font"]
+    known = {shipped.casefold(): file for shipped, file in fonts.SHIPPED.items()}
+    if name.casefold() in known:
+        return LIBRARY / "fonts" / known[name.casefold()]
+    if not name.casefold().endswith(file_types.FONT):
+        near = suggest(name, fonts.SHIPPED)
+        listed = ", ".join(f'"{shipped}"' for shipped in fonts.SHIPPED)
+        hint = near or f'write {listed}, or the name of a file: font: "fonts/name.ttf"'
+        lowering.error(element, f"there is no font `{name}`", hint)
+        return None
+    try:
+        return lowering.files.find(name, lowering.folder(element), "font")
+    except FileError as failure:
+        lowering.error(element, failure.message, failure.hint)
+        return None

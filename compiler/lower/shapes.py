@@ -208,6 +208,7 @@ _SHAPES: dict[str, Callable[[Context, Element], list[Piece]]] = {
     "implicit": formulas.implicit,
     "revolve": sweeps.revolve,
     "extrude": sweeps.extrude,
+    "curve": sweeps.curve,
     "text": texts.text,
     **dict.fromkeys(solids.KINDS, solids.solid),
 }

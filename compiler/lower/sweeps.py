@@ -1,4 +1,4 @@
-"""Lowers shapes that are swept from points: `revolve` and `extrude`."""
+"""Lowers shapes that are swept from points: `revolve`, `extrude` and `curve`."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ import math
 import numpy as np
 
 from ...lang.elements import Element
-from ..mesh import polygon_mesh, profiles, swept
+from ..mesh import polygon_mesh, profiles, splines, swept, tubes
 from ..scene import transforms
 from ..scene.row_records import Piece
 from .context import Context
 
+MOST_TURN = math.radians(8)  # of a tube's path from one section to the next
 WHOLE = 1 - 1e-12  # of a turn, from which a revolved profile closes
 
 
@@ -60,6 +61,58 @@ def extrude(lowering: Context, element: Element) -> list[Piece]:
         return _piece(lowering, element, swept.extrude(loops, sweep))
     except profiles.ProfileError as unfit:
         return lowering.refuse(element, str(unfit), unfit.hint)
+
+
+def curve(lowering: Context, element: Element) -> list[Piece]:
+    """A tube along a curve; nothing, after a diagnostic, if there is none."""
+    args = element.args
+    points, closed = np.array(args["points"]).reshape(-1, 3), args["closed"]
+    fault, hint = _unfit_radii(args["radius"], len(points), closed)
+    if fault:
+        return lowering.refuse(element, fault, hint)
+    radii = np.broadcast_to(np.array(args["radius"]), len(points))
+    same = (points[1:] == points[:-1]).all(axis=1) & (radii[1:] != radii[:-1])
+    if same.any():
+        first = int(np.flatnonzero(same)[0]) + 1
+        return lowering.refuse(element, f"points {first} and {first + 1} are the same and have two radii", "move one of them a little")
+    if not len(points):
+        return lowering.refuse(element, "a curve has two points or more, got 0")
+    tolerance = (profiles.extent(points) + 2 * float(radii.max())) / profiles.FINENESS
+    try:
+        line = splines.polyline(np.column_stack([points, radii]), args["kind"], closed, tolerance, MOST_TURN)
+        line = _without_repetitions(line, closed)
+        sides = swept.sides(float(radii.max()), tolerance)
+        made = tubes.tube(line[:, :3], np.maximum(line[:, 3], 0.0), closed, args["caps"], sides)
+    except (splines.SplineError, tubes.TubeError) as unfit:
+        return lowering.refuse(element, str(unfit), unfit.hint)
+    if made.fold is not None:
+        message = f"the tube folds into itself near {profiles.show(made.fold)}: its bend is tighter than its radius"
+        lowering.warn(element, message, "a smaller radius, or a wider bend")
+    return _piece(lowering, element, made.mesh)
+
+
+def _unfit_radii(radii: tuple[float, ...], count: int, closed: bool) -> tuple[str, str]:
+    """What is wrong with the radii of a curve of `count` points, and what to write; empty if nothing is."""
+    if len(radii) not in (1, count):
+        return f"the curve has {count} points and {len(radii)} radii", "give one radius for each point, or one for all"
+    if len(radii) == 1 and not radii[0]:
+        return "`radius` must be more than 0, got 0", ""
+    inner = radii if closed else radii[1:-1]
+    if len(radii) > 1 and not all(inner):
+        number = radii.index(0.0, 0 if closed else 1) + 1
+        return f"radius {number} is 0", "a closed tube has no tip" if closed else "a tip is at an end: only the first and the last may be 0"
+    if not any(radii):
+        return "the radii of both ends are 0: the tube has no volume", "give one of them a radius"
+    return "", ""
+
+
+def _without_repetitions(line: np.ndarray, closed: bool) -> np.ndarray:
+    """The points of a polyline without those that are too near to the one before for a direction. Raises SplineError if one is left."""
+    near = np.linalg.norm(line[:, :3] - np.roll(line[:, :3], 1, axis=0), axis=1) <= 1e-9 * np.ptp(line[:, :3], axis=0).max()
+    near[0] &= closed
+    if np.count_nonzero(~near) < (3 if closed else 2):
+        raise splines.SplineError("the points are the same: a curve has two different ones or more")
+    return line[~near]
 
 
 def _piece(lowering: Context, element: Element, mesh: polygon_mesh.PolyMesh) -> list[Piece]:

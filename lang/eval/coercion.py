@@ -364,6 +364,10 @@ def _within(value: Value, place: Place, arg: Arg) -> Any:
     return tuple(-h for h in half), half, none
 
 
+def _lengths(value: Value, place: Place, arg: Arg) -> tuple[float, ...]:
+    return _list_of(_length, "length, or list of lengths")(value if isinstance(value, tuple) else (value,), place, arg)
+
+
 _point = _exactly(3, _length, "list of three lengths", "write [x, y, z]")
 _point2 = _exactly(2, _length, "list of two lengths", "write [x, y]")
 
@@ -391,6 +395,7 @@ _CONVERTERS: dict[str, Item] = {
     "numbers": _list_of(_number, "list of numbers"),
     "points": _list_of(_point, "list of points"),
     "point_lists": _list_of(_list_of(_point, "list of points"), "list of lists of points"),
+    "lengths": _lengths,
     "points2": _list_of(_point2, "list of points"),
     "point2_lists": _list_of(_list_of(_point2, "list of points"), "list of lists of points"),
     "vectors3": _list_of(_exactly(3, _number, "list of three numbers"), "list of lists of three numbers"),

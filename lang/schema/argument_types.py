@@ -37,6 +37,7 @@ TYPES = {
     "numbers": "a list of plain numbers",
     "points": "a list of points",
     "point_lists": "a list of lists of points",
+    "lengths": "a length, or a list of lengths",
     "points2": "a list of points of a plane, two lengths each",
     "point2_lists": "a list of lists of points of a plane",
     "vectors3": "a list of three-number vectors",

@@ -177,6 +177,17 @@ SHAPES = (
         example="extrude([[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]], 0.5)",
     ),
     _shape(
+        "curve",
+        "a round tube along a curve of points",
+        Arg("points", "points", REQUIRED, "the points of the curve"),
+        Arg("radius", "lengths", REQUIRED, "radius of the tube, or one for each point; 0 at an end makes a tip", minimum=0.0),
+        _KIND,
+        Arg("closed", "bool", False, "whether the curve returns to its first point", keyword=True),
+        Arg("caps", "choice", "flat", "its ends", choices=("flat", "round", "open"), keyword=True),
+        _CREASE,
+        example='curve([[0, 0, 0], [1, 1, 0], [2, 0, 0], [3, 1, 1]], 0.1, kind: "catmull_rom")',
+    ),
+    _shape(
         "text",
         "letters in the plane z = 0, read from +z, and extruded to z = `depth`",
         Arg("string", "string", REQUIRED, r"the text; \n begins a line"),
@@ -197,7 +208,7 @@ SHAPES = (
         _CREASE,
         example='text("maquette", size: 20cm, depth: 4cm, align: "center")',
     ),
-    *_planned("shape", "heightfield", "surface", "bezier", "nurbs", "subdivision", "curve", "voxels"),
+    *_planned("shape", "heightfield", "surface", "bezier", "nurbs", "subdivision", "voxels"),
 )
 
 _ROUND = Arg("round", "length", 0.0, "radius of the fillets where surfaces of its children intersect", minimum=0.0, keyword=True)

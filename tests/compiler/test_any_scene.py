@@ -55,6 +55,7 @@ def value(arg: argument_types.Arg, rng: random.Random) -> str:
         "numbers": lambda: several(rng.choice((1, 4, 10, 10))),
         "points": lambda: lists(3, 0, 1, 3, 3, 4, 5),
         "point_lists": lambda: f"[{lists(3, 3)}]",
+        "lengths": lambda: rng.choice((n(), several(2), several(4))),
         "points2": lambda: lists(2, 0, 1, 3, 4, 7),
         "point2_lists": lambda: f"[{lists(2, 3, 4)}]",
         "vectors3": lambda: lists(3, 3, 4),

@@ -11,10 +11,12 @@ import click
 
 from ..compiler.io.replace_file import replace_file
 from ..lang.diagnostics import suggest
+from ..render.film.progress import Progress
 from . import common_options as shared
 from . import option_types as values
 from . import render_job as jobs
 from . import terminal
+from .progress import Display
 
 if TYPE_CHECKING:
     from ..measure.records import Chart
@@ -65,7 +67,7 @@ def _names_of(known: Sequence[str], what: str) -> Any:
 @click.option("--vary", type=click.Choice(("bounces",)), multiple=True, help="Vary a setting that the scene fixes by render(…).")
 @click.option("--keep", type=shared.OUT, help="Save the raw images (.exr) and the reference to this folder.")
 @click.option("--json", "numbers", type=shared.OUT, help="File of all numbers. Default: the name of the first chart, as .json.")
-@click.option("-q", "--quiet", is_flag=True, help="No progress bar, no notes.")
+@click.option("-q", "--quiet", is_flag=True, help="No progress, no notes.")
 @shared.examples(
     "maquette chart room.scene -o room.svg",
     "maquette chart room.scene -o room.html -o room.png --size 200x150 --backends ray,raster --budget 5min",
@@ -165,10 +167,9 @@ def _measure(path: Path, metric: str, quiet: bool, given: dict[str, Any]) -> tup
         name=named, settings=settings, backends=given["backends"] or BACKENDS, peers=given["peers"], metric=metric,
         budget=given["budget"] or BUDGET, seeds=given["seeds"], repeats=given["repeats"], keep=given["keep"],
     )  # fmt: skip
-    with terminal.Progress(quiet) as progress, jobs.catch_interrupt() as cancel:
-        progress.begin("measuring")
+    with Display(quiet) as display, jobs.catch_interrupt() as cancel:
         try:
-            measured = engine.measure(scene, wanted, progress, cancel)
+            measured = engine.measure(scene, wanted, lambda done, total: display(Progress("measuring", done / total)), cancel)
         except planner.PlanError as error:
             raise click.UsageError(str(error)) from None
         except records.NothingMeasured as error:

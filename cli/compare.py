@@ -17,6 +17,7 @@ from . import compare_report as reports
 from . import option_types as values
 from . import render_job as jobs
 from . import terminal
+from .progress import Display
 
 if TYPE_CHECKING:
     from ..compiler import ir
@@ -94,7 +95,7 @@ def _convert(kind: click.ParamType, value: str, where: str, param: click.Paramet
 @click.option("--threshold", type=values.LIMIT, help="Exit with 1 if the metric is above this: 1%, or 0 for identical.")
 @click.option("--metric", type=click.Choice(tuple(FIGURES)), help="Metric of --threshold. Default: relmse.")
 @click.option("--json", "as_json", is_flag=True, help="Print all figures as JSON.")
-@click.option("-q", "--quiet", is_flag=True, help="No progress bar.")
+@click.option("-q", "--quiet", is_flag=True, help="No progress.")
 @shared.scene_options
 @shared.picture_options_except("aov", "view")
 @shared.examples(
@@ -261,13 +262,9 @@ def _check_sizes(paths: tuple[Path, Path], ready: list[Side | None], plans: list
 
 def _draw(name: str, scene: ir.Scene, plan: Plan, letter: str, quiet: bool) -> Side:
     from ..measure.comparison import sides
-    from ..render.jit import kernel_cache
 
-    with terminal.Progress(quiet) as progress, jobs.catch_interrupt() as cancel:
-        progress.begin(
-            f"rendering {letter} ({plan['backend']})", "compiling kernels (first run only)" if kernel_cache.is_empty() else ""
-        )
-        side = sides.render(scene, plan, name, progress, cancel)
+    with Display(quiet, f"{letter} ({plan['backend']})") as display, jobs.catch_interrupt() as cancel:
+        side = sides.render(scene, plan, name, display, cancel)
     if side.image.metadata["partial"]:
         raise KeyboardInterrupt
     return side

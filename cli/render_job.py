@@ -26,6 +26,7 @@ from ..lang.diagnostics import Diagnostic, Diagnostics, SceneError, Span
 from ..lang.schema.elements import MAX_BOUNCES
 from . import option_types as values
 from . import terminal
+from .progress import Display
 
 if TYPE_CHECKING:
     from ..compiler import ir
@@ -136,11 +137,12 @@ class Job:
     exposure: float | None = None  # metered at the first picture
     reported: set[Diagnostic] = field(default_factory=set)
     laps: Laps = field(default_factory=Laps)  # of the last picture
+    display: Display = field(default_factory=lambda: Display(quiet=True))  # of the last picture
 
     def run(self, frames: tuple[int, ...] | None) -> list[dict[str, Any]]:
         """Render all pictures. Returns the statistics of each (`--stats`). Raises KeyboardInterrupt after a partial one."""
         if frames is None:
-            return [self._summarize(self.output, self._picture(self.output, {}, "rendering"))]
+            return [self._summarize(self.output, self._picture(self.output, {}))]
         pictures = []
         for i, (number, moment) in enumerate(zip(frames, self.source.moments(frames), strict=True), 1):
             path = values.frame_path(self.output, number)
@@ -160,7 +162,7 @@ class Job:
         self.exposure = None
         self.reported.clear()
         try:
-            return self._picture(self.output, {}, "rendering")
+            return self._picture(self.output, {})
         except SceneError as error:
             terminal.report(error.diagnostics)
             named = (Path(d.span.file) for d in error.diagnostics if d.span)
@@ -169,13 +171,17 @@ class Job:
             click.echo(f"error: {error.format_message()}", err=True)
         return None
 
-    def _picture(self, path: Path, moment: Mapping[str, float], what: str) -> dict[str, Any]:
+    def _picture(self, path: Path, moment: Mapping[str, float], what: str = "") -> dict[str, Any]:
         """Render and write one picture. Returns its statistics. Raises KeyboardInterrupt after a partial one."""
+        with Display(self.quiet, what) as self.display:
+            return self._shown_picture(path, moment)
+
+    def _shown_picture(self, path: Path, moment: Mapping[str, float]) -> dict[str, Any]:
         seconds: dict[str, float] = dict.fromkeys(STAGES, 0.0)
         self.laps = Laps()
         with measure_time(seconds, "import"):
             from ..render import render_scene
-            from ..render.jit import kernel_cache
+        self.display.stage("reading")
         scene, found = self.source.load(seconds, **moment)
         self.files = tuple(Path(file) for file in scene.files)
         plan = make_plan(scene, self.settings, self.overrides)
@@ -184,12 +190,11 @@ class Job:
         self._report(found.items)
         self._report(plan_warnings(scene, plan))
         self.laps.end("read")
-        with terminal.Progress(self.quiet) as progress, catch_interrupt() as cancel:
-            progress.begin(what, "compiling kernels (first run only)" if kernel_cache.is_empty() else "")
+        with catch_interrupt() as cancel:
             if len(parts) > 1:
-                image = self._render_strips(scene, plan, parts, path, progress, cancel)
+                image = self._render_strips(scene, plan, parts, path, cancel)
             else:
-                image = render_scene.draw(scene, plan, progress, cancel)
+                image = render_scene.draw(scene, plan, self.display, cancel)
         for name, value in image.metadata["seconds"].items():
             seconds[name] = seconds.get(name, 0.0) + value
         self.laps.end("draw")
@@ -200,11 +205,13 @@ class Job:
         partial = bool(image.metadata.get("partial"))
         if partial:
             path = _partial(path, len(parts) > 1)
+        self.display.stage("writing")
         if len(parts) == 1:
             with measure_time(seconds, "write"):
                 self._write(image, path, plan)
         self.laps.end("write")
         if partial:
+            self.display.hide()
             click.echo(f"interrupted: the partial picture is in {path}", err=True)
             raise KeyboardInterrupt
         return self._figures(scene, plan, image, seconds)
@@ -217,6 +224,7 @@ class Job:
             if self.exposure is None:
                 self.exposure = image_files.auto_exposure(image.channels["rgba"])
                 if not self.quiet and path.suffix.lower() not in image_files.LINEAR:
+                    self.display.hide()
                     click.echo(f"exposure: metered, {self.exposure:g} ev (--exposure {self.exposure:g} fixes it)", err=True)
             exposure = self.exposure
         look, about = self._encoding(plan, exposure)
@@ -238,7 +246,7 @@ class Job:
         }  # fmt: skip
         return look, about
 
-    def _render_strips(self, scene: ir.Scene, plan: Plan, parts: list[Plan], path: Path, progress: Any, cancel: Any) -> Image:
+    def _render_strips(self, scene: ir.Scene, plan: Plan, parts: list[Plan], path: Path, cancel: Any) -> Image:
         """Render and write a picture in strips, for one larger than memory. Returns its metadata without pixels."""
         from ..render import large_images
         from ..render.image import image_files
@@ -249,7 +257,7 @@ class Job:
         _, y0, _, y1 = plan["crop"]
         metadata: list[dict[str, Any]] = []
         with image_files.Strips(path, look, about, y1 - y0) as file:
-            for image in large_images.draw_strips(scene, parts, progress, cancel):
+            for image in large_images.draw_strips(scene, parts, self.display, cancel):
                 file.add(image)
                 metadata.append(image.metadata)
             if cancel.is_set():
@@ -277,6 +285,8 @@ class Job:
         """Print the diagnostics that no earlier frame printed; without notes if quiet."""
         new = [d for d in found if d not in self.reported and not (self.quiet and d.severity == "note")]
         self.reported.update(new)
+        if new:
+            self.display.hide()
         terminal.report(new)
 
 

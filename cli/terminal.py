@@ -1,4 +1,4 @@
-"""Terminal output: diagnostics with source lines, the progress bar, tables."""
+"""Terminal output: diagnostics with source lines, tables."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import os
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType, TracebackType
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -67,40 +67,6 @@ def _print_coloured(d: diagnostics.Diagnostic, text: str) -> None:
         shown.append("\n")
         shown.append(line, style=style if line.partition("| ")[2].lstrip(" ").startswith("^") else "")
     Console(stderr=True, highlight=False, soft_wrap=True).print(shown)
-
-
-class Progress:
-    """A progress bar on stderr, if that is a terminal. Call `begin`, then the object with (done, total)."""
-
-    def __init__(self, quiet: bool) -> None:
-        self._bar: Any = None
-        self._task: Any = None
-        self._what = ""
-        if not quiet and supports_color(sys.stderr):
-            from rich import progress as bars
-            from rich.console import Console
-
-            columns = (bars.TextColumn("{task.description}"), bars.BarColumn(), bars.TaskProgressColumn(), bars.TimeRemainingColumn())
-            self._bar = bars.Progress(*columns, console=Console(stderr=True), transient=True)
-
-    def __enter__(self) -> Progress:
-        if self._bar:
-            self._bar.start()
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        if self._bar:
-            self._bar.stop()
-
-    def begin(self, what: str, until_first: str = "") -> None:
-        """Start the bar. It shows `until_first` in place of `what` before the first progress."""
-        self._what = what
-        if self._bar:
-            self._task = self._bar.add_task(until_first or what, total=None)
-
-    def __call__(self, done: float, total: float) -> None:
-        if self._bar:
-            self._bar.update(self._task, completed=done, total=total, description=self._what if done else None)
 
 
 def table(headings: Sequence[str], rows: Iterable[Sequence[str]], marked: Iterable[bool] = ()) -> None:

@@ -12,18 +12,18 @@ from ..compiler.plan.plan import Plan
 from . import types
 from .backends import accumulation, light_groups, prepare
 from .film import bounce_error, film
+from .film.progress import Progress, Report
 from .image import cryptomatte
 from .image.image import Image
-from .jit import kernel_cache
+from .jit import compile_events, kernel_cache
 
-Progress = Callable[[int, int], None]  # tiles done, total
 MISSING_LIGHT = 0.02  # share of a pixel's light that the limit on bounces may leave out, unless an error was asked for
 
 
-def draw(scene: ir.Scene, plan: Plan, progress: Progress | None = None, cancel: threading.Event | None = None) -> Image:
+def draw(scene: ir.Scene, plan: Plan, report: Report | None = None, cancel: threading.Event | None = None) -> Image:
     """Render a validated scene under a plan.
 
-    Calls `progress(done, total)` in the calling thread. Setting `cancel` ends the work; the picture is then partial, as
+    Calls `report` in the calling thread. Setting `cancel` ends the work; the picture is then partial, as
     `metadata["partial"]` says. Other metadata: the "seconds" of "build", "compile_kernels" and "render"; samples; the error reached;
     "notes" on effects that the backend does not draw, each (message, table, row); the number of rays "unproved"; "cut", the light lost
     to the limit on bounces, a bounce_error.Cut, or None if not measured; "exposure", "view" and "transparent" of the plan, for files.
@@ -32,6 +32,9 @@ def draw(scene: ir.Scene, plan: Plan, progress: Progress | None = None, cancel: 
     width, height = plan["size"]
     view = types.View(plan["camera"], width, height)
     backend = plan["backend"]
+    tell = report or (lambda _: None)
+    tell(Progress("building"))
+    compile_events.expect(_expected_kernels(scene, plan))
     with kernel_cache.timed(seconds, "build"):
         backend_of, notes_of = _backend(backend)
 
@@ -47,13 +50,15 @@ def draw(scene: ir.Scene, plan: Plan, progress: Progress | None = None, cancel: 
         layers = [name for name in plan["aov"] if name in cryptomatte.LAYERS]
         mattes = cryptomatte.Mattes(scene, layers) if layers else None
     with kernel_cache.timed(seconds, "render"):
-        image = film.run(renderer, plan, view, progress, cancel, mattes)
+        image = film.run(renderer, plan, view, report, cancel, mattes)
         if lit:
             renderer.put(image)
         if plan["denoise"]:
             from .film import denoise  # loads pyoidn
 
+            tell(Progress("denoising"))
             denoise.denoise(image, renderer, plan)
+    tell(Progress("finishing"))
     notes = notes_of(scene, plan) + (accumulation.notes(scene, plan) if by_moments else [])
     unproved, cut = _count_unproved(renderer), _measure_bounce_error(renderer, plan, image)
     shown = {"exposure": plan["exposure"], "view": plan["view"], "transparent": plan["background"] == "transparent"}
@@ -61,6 +66,16 @@ def draw(scene: ir.Scene, plan: Plan, progress: Progress | None = None, cancel: 
     if mattes is not None:
         image.metadata["attributes"] = mattes.attributes
     return image
+
+
+def _expected_kernels(scene: ir.Scene, plan: Plan) -> int:
+    """About how many kernels a picture of this kind needs, to say how far their compilation is."""
+    if plan["backend"] == "reference":
+        return 2
+    count = 10 if plan["backend"] == "raster" else 6 if plan["transport"] == "path" else 5
+    kinds = scene.tables.geometries.kind
+    meshes, formulas = (bool((kinds == kind).any()) for kind in (ir.GeometryKind.MESH, ir.GeometryKind.FORMULA))
+    return count + 3 * meshes + 5 * formulas
 
 
 def _measure_bounce_error(renderer: Any, plan: Plan, image: Image) -> bounce_error.Cut | None:

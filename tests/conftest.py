@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+os.environ["MAQUETTE_PROGRESS"] = "off"  # stderr does not depend on how long kernels compile
 ROOT = Path(__file__).resolve().parent.parent
 ASSETS = Path(os.environ.get("MAQUETTE_ASSETS") or ROOT.parent / "shared" / "assets")
 

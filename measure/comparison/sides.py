@@ -15,6 +15,7 @@ from ...compiler import ir
 from ...compiler.plan import plan as planner
 from ...lang.diagnostics import Diagnostic
 from ...render import render_scene
+from ...render.film.progress import Report
 from ...render.image import image_files, image_reader
 from ...render.image.image import Image
 from ...render.sampling import sobol
@@ -109,11 +110,11 @@ def render(
     scene: ir.Scene,
     plan: planner.Plan,
     name: str = "",
-    progress: render_scene.Progress | None = None,
+    report: Report | None = None,
     cancel: threading.Event | None = None,
 ) -> Side:
     """Render a scene with a plan of `make_plan`. metadata["partial"] of the image is true if `cancel` ended it."""
-    image = render_scene.draw(scene, plan, progress, cancel)
+    image = render_scene.draw(scene, plan, report, cancel)
     notes = tuple(Diagnostic("note", message, scene.spans.at(table, row)) for message, table, row in image.metadata["notes"])
     return Side(name or scene.name, image, _noise(plan, image), scene, plan, notes)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -164,6 +165,19 @@ class Decline:
         known = (after > 0.0) & (before > after)
         slope = np.log2(np.divide(before, after, out=np.ones_like(before), where=known), where=known, out=np.ones_like(before))
         return 1.0 / (2.0 ** (1.0 + self.BELIEVED * (np.clip(slope, 1.0, self.STEEPEST) - 1.0)) - 1.0)
+
+
+def expected_samples(rounds: Sequence[tuple[int, float]], excess: float) -> float:
+    """Return how many samples a picture is expected to have when its relative error squared has fallen by the share `excess`.
+
+    `rounds` are the samples and the relative errors squared so far, which fall as a power of the samples: that of the last two rounds.
+    """
+    samples, now = rounds[-1]
+    power = 1.0
+    before, then = rounds[-2] if len(rounds) > 1 else (samples, now)
+    if samples > before and now > 0.0:
+        power = min(max(math.log(max(then / now, 1.0)) / math.log(samples / before), 0.2), 1.5)
+    return samples * max(1.0 - excess, 1e-9) ** (-1.0 / power)
 
 
 def excess(relative: Map, error: float) -> float:

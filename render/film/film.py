@@ -24,13 +24,15 @@ from ..simd import target
 from ..types import Film, FirstHits, Tile, View
 from . import accumulate, adaptive_sampling, aov
 from .accumulate import PixelErrors, PixelSums
+from .progress import Progress, Report
 
 TILE = 32  # pixels
 FIRST = 16  # samples a pixel before the first error estimate
 CALL = 64  # samples a pixel of a tile between checks for cancellation and deadline
 
+ESTIMATE = 2.0  # seconds between estimates of the error that callers are told
+
 Counts = NDArray[np.int64]
-Progress = Callable[[int, int], None]
 
 
 class Renderer(Protocol):
@@ -115,18 +117,18 @@ class Whole(Protocol):
 
 
 def run(
-    renderer: Renderer, plan: Plan, view: View, progress: Progress | None = None, cancel: threading.Event | None = None,
+    renderer: Renderer, plan: Plan, view: View, report: Report | None = None, cancel: threading.Event | None = None,
     mattes: Mattes | None = None,
 ) -> image.Image:  # fmt: skip
     """Render plan["crop"] of a picture to plan["samples"], or until plan["error"] or plan["budget"] ends it.
 
-    `progress(done, total)` in tiles is called from this thread; `mattes` are for the channels crypto_….
+    `report` is called from this thread; `mattes` are for the channels crypto_….
     Setting `cancel` ends the work; the partial picture is returned, with metadata["partial"]. An exception in a worker is raised here.
     """
     if renderer.whole is not None:
-        return _in_pieces(renderer, renderer.whole, plan, view, progress, cancel or threading.Event(), mattes)
+        return _in_pieces(renderer, renderer.whole, plan, view, report, cancel or threading.Event(), mattes)
     started = time.perf_counter()
-    canvas = _Canvas(renderer, plan, cancel or threading.Event(), progress, mattes)
+    canvas = _Canvas(renderer, plan, cancel or threading.Event(), report, mattes)
     if decision.adaptive(plan):
         canvas.adaptive(plan["error"], started + plan["budget"])
     else:
@@ -144,7 +146,7 @@ def tiles(crop: tuple[int, int, int, int], side: int = TILE) -> list[Tile]:
 
 
 def _in_pieces(
-    renderer: Renderer, whole: Whole, plan: Plan, view: View, progress: Progress | None, cancel: threading.Event, mattes: Mattes | None
+    renderer: Renderer, whole: Whole, plan: Plan, view: View, report: Report | None, cancel: threading.Event, mattes: Mattes | None
 ) -> image.Image:  # fmt: skip
     """Render a `Whole` picture; other channels are rendered by tiles."""
     x0, y0, x1, y1 = crop = tuple(plan["crop"])
@@ -155,11 +157,13 @@ def _in_pieces(
     extra = tiles(crop) if names else []
     total = len(whole.jobs) + len(extra)
 
-    def report(_: Any, found: int) -> None:
+    samples = int(plan["samples"])
+
+    def count(_: Any, found: int) -> None:
         nonlocal done, issues
         done, issues = done + 1, issues + found
-        if progress is not None:
-            progress(done, total)
+        if report is not None:
+            report(Progress("rendering", done / total, samples * done / total, samples))
 
     def beside(tile: Tile) -> int:
         window = slice(tile.y0 - y0, tile.y1 - y0), slice(tile.x0 - x0, tile.x1 - x0)
@@ -168,9 +172,8 @@ def _in_pieces(
 
     parts: Any = ((whole.draw, whole.jobs), (beside, extra))
     for draw, jobs in parts:
-        thread_pool.parallel_for(draw, jobs, threads, cancel, report)
+        thread_pool.parallel_for(draw, jobs, threads, cancel, count)
     whole.finish()
-    samples = int(plan["samples"])
     if "samples" in channels:
         channels["samples"][...] = samples
     about: dict[str, Any] = {
@@ -202,10 +205,10 @@ class _Canvas:
     """A picture that is being rendered."""
 
     def __init__(
-        self, renderer: Renderer, plan: Plan, cancel: threading.Event, progress: Progress | None, mattes: Mattes | None = None
+        self, renderer: Renderer, plan: Plan, cancel: threading.Event, report: Report | None, mattes: Mattes | None = None
     ) -> None:  # fmt: skip
         self.mattes = mattes
-        self.renderer, self.cancel, self.progress = renderer, cancel, progress
+        self.renderer, self.cancel, self.report = renderer, cancel, report
         self.crop = tuple(plan["crop"])
         self.names = tuple(plan["aov"])
         self.most = int(plan["samples"])
@@ -223,7 +226,9 @@ class _Canvas:
         self.drawn = dict.fromkeys(self.tiles, 0)  # samples of all pixels
         self.spent = 0  # samples of all finished tiles
         self._local = threading.local()
-        self.shown = 0  # tiles at the last call of `progress`
+        self.settled = not decision.adaptive(plan)
+        self.error: float | None = None  # √relMSE so far, for `report`
+        self.estimate_at = time.perf_counter() + ESTIMATE
 
     def fixed(self) -> None:
         """Render with the same number of samples for every pixel."""
@@ -291,18 +296,21 @@ class _Canvas:
                 self._draw(tile, part, np.full(part.samples.shape, goal))
             self._draw_extras(tile)
 
-        whole = first * whole_sums.samples.size
+        whole = math.inf  # samples at the end, unknown before the first estimate
+        rounds: list[tuple[int, float]] = []  # samples and mean of `relative`
         if self.renderer.round is not None:
-            self.renderer.refresh(whole)
+            self.renderer.refresh(first * whole_sums.samples.size)
 
         def share() -> float:
-            return self.spent / whole if math.isinf(deadline) else (time.perf_counter() - began) / (deadline - began)
+            return max(self.spent / whole, (time.perf_counter() - began) / (deadline - began))
 
-        self._work(begin, self.tiles, lambda: 0.5 * share())
+        self._work(begin, self.tiles, share)
         blocks = adaptive_sampling.Blocks(self.crop, self.renderer.block)
         while self.most > 1 and not self.cancel.is_set() and (now := time.perf_counter()) < deadline:
             relative = blocks.means(self._relative())
             excess = adaptive_sampling.excess(relative, error) if error > 0.0 else 1.0
+            rounds.append((self.spent, float(np.mean(relative))))
+            self.error = math.sqrt(rounds[-1][1])
             if excess <= 0.0:
                 break
             pace = self.spent / (now - began)
@@ -320,7 +328,9 @@ class _Canvas:
                 window = self._window(tile)
                 self._double(tile, whole_sums.window(window), goals[window], deadline)
 
-            whole = int(goals.sum())
+            if error > 0.0:
+                expected = adaptive_sampling.expected_samples(rounds, excess)
+                whole = max(int(goals.sum()), min(expected, self.most * self.samples.size))
             self._work(draw, more, share)
 
     def _double(self, tile: Tile, part: PixelSums, goals: Counts, deadline: float) -> None:
@@ -373,31 +383,39 @@ class _Canvas:
         x0, y0 = self.crop[:2]
         return slice(tile.y0 - y0, tile.y1 - y0), slice(tile.x0 - x0, tile.x1 - x0)
 
-    def _relative(self) -> NDArray[np.float64]:
-        """(h, w) variance / (value² + ε²) of all pixels, ε as in metrics.root_relmse; sets `least`, ε²."""
+    def _relative(self, passing: bool = False) -> NDArray[np.float64]:
+        """(h, w) variance / (value² + ε²) of all pixels, ε as in metrics.root_relmse; sets `least`, ε², unless `passing`."""
         rgba = self.channels["rgba"]
         mean = np.einsum("ijk->k", rgba, dtype=np.float64) / (rgba.size // rgba.shape[-1])
         luminance = float(mean[:3] @ metrics.LUMINANCE)
-        self.least = max((metrics.EPSILON * luminance) ** 2, float(np.finfo(np.float64).tiny))
+        least = max((metrics.EPSILON * luminance) ** 2, float(np.finfo(np.float64).tiny))
+        if not passing:
+            self.least = least
         out = np.empty(self.samples.shape)
-        accumulate.relative_error(self.variance, self.value, rgba, self.samples, self.decline.shares(), self.least, out)
+        accumulate.relative_error(self.variance, self.value, rgba, self.samples, self.decline.shares(), least, out)
         return out
 
     def _work(self, draw: Callable[[Tile], None], jobs: Sequence[Tile], fraction: Callable[[], float]) -> None:
         """Render tiles on all threads, and report the `fraction` done after each; the first exception is raised here."""
         known = dict(self.drawn)
 
-        def report(tile: Tile, _: None) -> None:
+        def count(tile: Tile, _: None) -> None:
             self.spent += self.drawn[tile] - known[tile]
             self._report(fraction())
 
-        thread_pool.parallel_for(draw, jobs, self.threads, self.cancel, report)
+        thread_pool.parallel_for(draw, jobs, self.threads, self.cancel, count)
 
     def _report(self, fraction: float) -> None:
-        done = int(min(fraction, 1.0) * len(self.tiles) + 1e-9)
-        if self.progress is not None and done > self.shown:
-            self.progress(done, len(self.tiles))
-            self.shown = done
+        if self.report is None:
+            return
+        if self.settled and self.most > 1 and time.perf_counter() > self.estimate_at:
+            began = time.perf_counter()
+            relative = self._relative(passing=True)
+            known = relative[np.isfinite(relative)]
+            self.error = math.sqrt(float(np.mean(known))) if known.size else None
+            self.estimate_at = 20.0 * time.perf_counter() - 19.0 * began + ESTIMATE  # takes at most 5 % of the time
+        samples = self.spent / (self.width * self.height)
+        self.report(Progress("rendering", min(fraction, 1.0), samples, self.most if self.settled else 0, self.error))
 
     def finish(self, view: View) -> image.Image:
         """Return the picture with its metadata."""
@@ -405,6 +423,7 @@ class _Canvas:
         error = None
         if self.most > 1 and np.isfinite(self.variance).all():
             error = math.sqrt(float(np.mean(self._relative())))
+        self.error = error
         if not partial:
             self._report(1.0)
         rays = int(self.samples.sum() if self.most > 1 else np.count_nonzero(self.samples))

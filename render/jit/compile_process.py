@@ -19,7 +19,7 @@ import numba
 from numba import types
 
 from ..simd import target
-from . import function_pointer, kernel_cache
+from . import compile_events, function_pointer, kernel_cache
 
 _BEGIN = "import importlib, pickle, sys; sys.path[:], name = pickle.load(sys.stdin.buffer); importlib.import_module(name).serve()"
 _PACKAGE = __name__.partition(".")[0]
@@ -85,7 +85,9 @@ def wait(function: Any, kinds: Any) -> None:
     """Wait for the process that compiles a kernel, if there is one."""
     process = _compiling.pop((function, kinds), None) if _compiling else None
     if process is not None:
-        process.wait()
+        if process.poll() is None:
+            with compile_events.compiling(f"{function.__module__.partition('.')[2]}~{function.__qualname__}"):
+                process.wait()
         _close(process)
 
 

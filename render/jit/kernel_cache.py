@@ -14,7 +14,7 @@ import sys
 import time
 import uuid
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ from numba.core.runtime.nrt import rtsys
 
 from ...compiler.io import cache_dirs
 from ..simd import target
-from . import cache_key
+from . import cache_key, compile_events
 
 _KEEP = 3  # caches of other machines or Numba versions that are not removed
 _FORMAT = "3"  # of the files in the cache
@@ -57,12 +57,6 @@ CACHE = _prepare_cache()
 config.CACHE_DIR = str(CACHE)  # pyright: ignore[reportAttributeAccessIssue]
 LOOKUP_HOOKS: list[Callable[[Any, Any], None]] = []
 """Functions called with a kernel's function and types before each look-up on disk."""
-
-
-def is_empty() -> bool:
-    """Return whether the disk has no kernel of this version, so that the first picture waits for the compiler."""
-    names = (path.stem.partition("~") for path in CACHE.glob("*.nbi"))
-    return not any(rest.endswith(cache_key.key(module)) for module, _, rest in names)
 
 
 def is_cached(dispatcher: Any, kinds: tuple[types.Type, ...]) -> bool:
@@ -156,6 +150,7 @@ class KernelCache(FunctionCache):
         module = function.__module__.partition(".")[2] or function.__module__
         self._module, self._name = module, f"{module}~{function.__qualname__}".replace("<locals>", "local")
         self._cache_path = str(CACHE)
+        self._compiling = ExitStack()  # from a look-up in vain to the new code
         self._cache_file = KernelFiles(self._cache_path, f"{self._name}-{cache_key.key(function.__module__)}", _FORMAT)
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
@@ -168,6 +163,8 @@ class KernelCache(FunctionCache):
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Write a compiled kernel. On a full or read-only disk the kernel serves this process alone."""
+        self._compiling.close()
+        compile_events.ready()
         with suppress(OSError):
             super().save_overload(sig, data)
 
@@ -176,7 +173,12 @@ class KernelCache(FunctionCache):
             wait(self._py_func, sig)
         rtsys.initialize(target_context)
         with self._guard_against_spurious_io_errors():
-            return self._load_overload(sig, target_context)
+            found = self._load_overload(sig, target_context)
+            if found is None:
+                self._compiling.enter_context(compile_events.compiling(self._name))
+            else:
+                compile_events.ready()
+            return found
 
 
 def _digest_of_types(sig: Any) -> str:

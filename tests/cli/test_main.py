@@ -320,8 +320,8 @@ def test_stats_replace_neither_scene_nor_picture(scene: Path, command: str, file
 
 
 def test_ctrl_c_writes_the_partial_picture(scene: Path) -> None:
-    tell = "t.Progress.__call__ = lambda self, done, total: print('begun', flush=True)"
-    code = f"from maquette.cli import main, terminal as t; {tell}; main.main()"
+    tell = "p.Display.__call__ = lambda self, reached: reached.share > 0 and print('begun', flush=True)"
+    code = f"from maquette.cli import main, progress as p; {tell}; main.main()"
     command = [sys.executable, "-c", code, "render", "a.scene", "--backend", "reference", "--size", "600", "--samples", "1024"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stdout is not None

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from maquette.render.film import adaptive_sampling, film
+from maquette.render.film.progress import Progress
 from maquette.render.image import image, metrics
 from maquette.render.types import Film, Tile, View
 
@@ -133,9 +134,9 @@ def test_cancelling_returns_what_is_done() -> None:
     cancel = threading.Event()
     seen = []
 
-    def progress(done: int, total: int) -> None:
-        seen.append((done, total))
-        if done == 3:
+    def progress(reached: Progress) -> None:
+        seen.append(reached.share)
+        if len(seen) == 3:
             cancel.set()
 
     picture = draw(Painter(wait=0.002), progress, cancel, aov=("depth",), threads=2)
@@ -147,7 +148,7 @@ def test_cancelling_returns_what_is_done() -> None:
     assert np.all(picture.channels["rgba"][~drawn] == 0.0)
     some = drawn & (picture.channels["rgba"][..., 0] == whole.channels["rgba"][..., 0])
     assert some.sum() >= 3 * 6 * 32  # the tiles that were finished; one being drawn may have fewer samples
-    assert seen[-1][0] < seen[-1][1]
+    assert 0.0 < seen[-1] < 1.0
 
 
 def test_cancelling_beforehand_draws_nothing() -> None:
@@ -171,7 +172,7 @@ def test_a_failure_in_a_worker_is_raised_here_and_ends_the_work() -> None:
 
 
 def test_an_interruption_here_ends_the_workers() -> None:
-    def progress(done: int, total: int) -> None:
+    def progress(reached: Progress) -> None:
         raise KeyboardInterrupt
 
     before = threading.active_count()
@@ -183,19 +184,42 @@ def test_an_interruption_here_ends_the_workers() -> None:
 
 
 @pytest.mark.parametrize("asked", [{}, {"error": 0.03, "samples": 4096}, {"budget": 0.3, "samples": 100_000}])
-def test_progress_grows_to_the_whole_in_the_callers_thread(asked: dict[str, Any]) -> None:
+def test_progress_is_told_in_the_callers_thread(asked: dict[str, Any]) -> None:
     seen, threads = [], set()
 
-    def progress(done: int, total: int) -> None:
-        seen.append((done, total))
+    def progress(reached: Progress) -> None:
+        seen.append(reached)
         threads.add(threading.current_thread())
 
-    draw(progress=progress, **asked)
-    total = len(film.tiles((0, 0, *SIZE)))
-    assert seen == sorted(set(seen))
-    assert seen[-1] == (total, total)
-    assert {t for _, t in seen} == {total}
+    picture = draw(progress=progress, **asked)
+    shares, samples = [p.share for p in seen], [p.samples for p in seen]
+    assert len(seen) >= len(film.tiles((0, 0, *SIZE)))
+    assert {p.stage for p in seen} == {"rendering"}
+    assert {p.most for p in seen} == {0 if asked else picture.metadata["samples"]}
+    assert min(shares) >= 0.0
+    assert shares[-1] == 1.0
+    assert shares == sorted(shares) or "error" in asked
+    assert samples == sorted(samples)
+    assert samples[-1] == pytest.approx(picture.metadata["samples_mean"])
+    assert seen[-1].error == picture.metadata["error"]
     assert threads == {threading.current_thread()}
+
+
+def test_the_error_so_far_is_told_and_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(film, "ESTIMATE", 0.0)
+    seen: list[Progress] = []
+    picture = draw(Painter(wait=0.002), seen.append, samples=256)
+    np.testing.assert_array_equal(picture.channels["rgba"], draw(samples=256).channels["rgba"])
+    told = [p.error for p in seen[len(seen) // 2 :]]
+    assert all(error == pytest.approx(picture.metadata["error"], rel=0.5) for error in told)
+
+
+def test_expected_samples_follow_the_last_two_rounds() -> None:
+    expect = adaptive_sampling.expected_samples
+    assert expect([(100, 0.04)], 0.75) == pytest.approx(400)  # variance falls as 1 / n
+    assert expect([(100, 0.08), (200, 0.02)], 0.75) == pytest.approx(200 * 4 ** (1 / 1.5))  # faster than believed
+    assert expect([(100, 0.08), (400, 0.04)], 0.75) == pytest.approx(400 * 4**2)
+    assert expect([(100, 0.08), (100, 0.08)], 0.5) == pytest.approx(200)
 
 
 def root_relmse(picture: image.Image) -> float:

@@ -232,7 +232,7 @@ def test_what_no_turn_has_drawn_is_empty(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(band_scheduler, "CALL_SECONDS", 1e-9)
     prepared, decided, view = a_mesh_in_bands()
     cancel = threading.Event()
-    cut = film.run(raster.Renderer(prepared, decided, view), decided, view, lambda done, total: cancel.set(), cancel)
+    cut = film.run(raster.Renderer(prepared, decided, view), decided, view, lambda reached: cancel.set(), cancel)
     rows = np.flatnonzero((cut.channels["rgba"][..., 3] > 0.0).any(axis=1) | (cut.channels["rgba"][..., 0] > 0.0).any(axis=1))
     assert cut.metadata["partial"]
     assert rows.min() == 0

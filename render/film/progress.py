@@ -1,0 +1,28 @@
+"""How far the rendering of a picture is, as told to callers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+
+class Progress(NamedTuple):
+    """What is being done, and what is reached."""
+
+    stage: str
+    """"building", "rendering", "denoising" or "finishing"."""
+
+    share: float = 0.0
+    """Of the samples that the stage will take, 0 to 1; 0 while it is unknown; where an error is asked for an estimate, which may fall."""
+
+    samples: float = 0.0
+    """Mean samples a pixel so far."""
+
+    most: int = 0
+    """Samples a pixel if their number is fixed; 0: an error or a time ends the rendering."""
+
+    error: float | None = None
+    """√relMSE so far; None while it is unknown."""
+
+
+Report = Callable[[Progress], None]

@@ -13,7 +13,7 @@ from .. import ir
 from ..mesh import polygon_mesh, triangulate
 from ..scene import transforms
 from ..scene.row_records import MeshAttribute, MeshData, Outlines, Piece
-from . import formulas, solids, sweeps, texts
+from . import formulas, heightfields, solids, sweeps, texts
 from .context import Context
 
 Kind = ir.GeometryKind
@@ -209,6 +209,7 @@ _SHAPES: dict[str, Callable[[Context, Element], list[Piece]]] = {
     "revolve": sweeps.revolve,
     "extrude": sweeps.extrude,
     "curve": sweeps.curve,
+    "heightfield": heightfields.heightfield,
     "text": texts.text,
     **dict.fromkeys(solids.KINDS, solids.solid),
 }

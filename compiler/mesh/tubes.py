@@ -36,6 +36,7 @@ def tube(path: F64, radii: F64, closed: bool, caps: str, sides: int) -> Tube:
 
     A radius of 0 at an end makes a tip. u runs round, v along the path. Raises TubeError for corners that turn back.
     """
+    _check_corners(path, closed)
     if closed:
         path, radii = _divided(path, radii)
     ways, lengths = _legs(path, closed)
@@ -60,17 +61,21 @@ def _legs(path: F64, closed: bool) -> tuple[F64, F64]:
     return legs / lengths[:, None], lengths
 
 
-def _rings(path: F64, radii: F64, closed: bool, ways: F64, lengths: F64, sides: int) -> F64:
-    """(n, sides, 3) the section of the tube at each point, in the plane that halves its corner."""
-    arriving = np.concatenate([ways[-1:] if closed else ways[:1], ways])[: len(path)]
-    leaving = ways if closed else np.concatenate([ways, ways[-1:]])
-    turns = (arriving * leaving).sum(axis=1)
-    if turns.min() < math.cos(SHARPEST):
-        at = path[int(np.argmin(turns))]
+def _check_corners(path: F64, closed: bool) -> None:
+    ways, _ = _legs(path, closed)
+    turns = (ways * np.roll(ways, 1, axis=0)).sum(axis=1)[0 if closed else 1 :]
+    if len(turns) and turns.min() < math.cos(SHARPEST):
+        at = path[int(np.argmin(turns)) + (0 if closed else 1)]
         degrees = math.degrees(math.acos(max(-1.0, float(turns.min()))))
         where = ", ".join(f"{float(c) + 0.0:.4g}" for c in at)
         hint = 'add a point beside the corner, or write kind: "catmull_rom"'
         raise TubeError(f"the curve turns back by {degrees:.0f}° at [{where}] m: no corner joins these tubes", hint)
+
+
+def _rings(path: F64, radii: F64, closed: bool, ways: F64, lengths: F64, sides: int) -> F64:
+    """(n, sides, 3) the section of the tube at each point, in the plane that halves its corner."""
+    arriving = np.concatenate([ways[-1:] if closed else ways[:1], ways])[: len(path)]
+    leaving = ways if closed else np.concatenate([ways, ways[-1:]])
     frames = _transported(arriving)
     angle = 2 * math.pi * np.arange(sides) / sides + np.zeros((len(path), 1))
     if closed:

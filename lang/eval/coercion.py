@@ -341,6 +341,18 @@ def _formula(value: Value, place: Place, arg: Arg) -> Any:
     raise _type_error(value, "formula |x, y, z| …", hint)
 
 
+def _heights(value: Value, place: Place, arg: Arg) -> Any:
+    """The name of a picture's file, a formula of x and z, or rows of heights in metres."""
+    if isinstance(value, str):
+        return value
+    if isinstance(value, Closure | UserFunction):
+        return place.scope.evaluator.formula(value, place.scope, place.span)
+    if isinstance(value, tuple):
+        return _list_of(_list_of(_length, "list of lengths"), "list of lists of lengths")(value, place, arg)
+    hint = "write the name of its file alone" if category(value) == "texture" else ""
+    raise _type_error(value, "file of a picture, formula |x, z| … or list of rows", hint)
+
+
 def _within(value: Value, place: Place, arg: Arg) -> Any:
     """Bounds in metres: (lowest corner, highest corner, (x, y, z, radius) of a sphere or zeros)."""
     none = (0.0, 0.0, 0.0, 0.0)
@@ -403,6 +415,7 @@ _CONVERTERS: dict[str, Item] = {
     "faces": _list_of(_list_of(_index, "list of whole numbers"), "list of lists of whole numbers"),
     "falloff": _falloff,
     "formula": _formula,
+    "heights": _heights,
     "within": _within,
     "pixels": _exactly(2, _pixel, "[width, height] in pixels", "write [width, height]"),
     "strings": _list_of(_string, "list of strings"),

@@ -44,6 +44,7 @@ TYPES = {
     "vectors2": "a list of two-number vectors",
     "faces": "a list of lists of whole numbers from 0",
     "falloff": "[constant, linear, quadratic] or ramp(start, end)",
+    "heights": "the file of a picture, a formula |x, z| …, or rows of lengths",
     "formula": "a formula |x, y, z| …",
     "pixels": "[width, height] whole numbers",
     "within": "a length, three lengths, two corners, or a sphere or box",

@@ -208,7 +208,23 @@ SHAPES = (
         _CREASE,
         example='text("maquette", size: 20cm, depth: 4cm, align: "center")',
     ),
-    *_planned("shape", "heightfield", "surface", "bezier", "nurbs", "subdivision", "voxels"),
+    _shape(
+        "heightfield",
+        "heights over a rectangle of the plane y = 0 about the origin",
+        Arg(
+            "heights",
+            "heights",
+            REQUIRED,
+            "a picture's file (black is 0, white is `height`), a formula |x, z| … in the file's unit, or rows of heights;"
+            " the first row is at -z, each runs towards +x",
+        ),
+        Arg("size", "size2", (1.0, 1.0), "its extent along x and z", above=0.0),
+        Arg("height", "length", 1.0, "height of white, for a picture", above=0.0),
+        Arg("steps", "int", 256, "cells along the longer side, for a formula", minimum=1, maximum=2048, keyword=True),
+        Arg("base", "length", None, "depth of a base below y = 0, which makes a solid; default: a surface", above=0.0, keyword=True),
+        example="heightfield(|x, z| 0.1 * noise(4 * x, 0, 4 * z), size: [2, 1])",
+    ),
+    *_planned("shape", "surface", "bezier", "nurbs", "subdivision", "voxels"),
 )
 
 _ROUND = Arg("round", "length", 0.0, "radius of the fillets where surfaces of its children intersect", minimum=0.0, keyword=True)

@@ -56,6 +56,7 @@ def value(arg: argument_types.Arg, rng: random.Random) -> str:
         "points": lambda: lists(3, 0, 1, 3, 3, 4, 5),
         "point_lists": lambda: f"[{lists(3, 3)}]",
         "lengths": lambda: rng.choice((n(), several(2), several(4))),
+        "heights": lambda: rng.choice(('"a.png"', lists(2, 2, 3), lists(1, 2), "[]", "|x, z| x * z", "|x| 1 / x")),
         "points2": lambda: lists(2, 0, 1, 3, 4, 7),
         "point2_lists": lambda: f"[{lists(2, 3, 4)}]",
         "vectors3": lambda: lists(3, 3, 4),

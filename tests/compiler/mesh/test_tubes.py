@@ -167,6 +167,8 @@ BACK = 'add a point beside the corner, or write kind: "catmull_rom"'
         ("curve([[0, 0, 0], [1, 0, 0], [0, 0.1, 0]], 1cm)",
          "error: the curve turns back by 174° at [1, 0, 0] m: no corner joins these tubes",
          BACK),
+        ("curve([[0, 0, 0], [1, 0, 0], [2, 0, 0]], 1cm, closed: true)",
+         "error: the curve turns back by 180° at [0, 0, 0] m: no corner joins these tubes", BACK),
         ("curve([[0, 0, 0], [1, 0, 0], [1, 0.3, 0], [0, 0.3, 0]], 0.5)",
          "warning: the tube folds into itself near [1, 0, 0] m: its bend is tighter than its radius", "a smaller radius, or a wider bend"),
         ("curve([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 3, 0], [5, 5, 5]], 0.1, kind: \"bezier\")",

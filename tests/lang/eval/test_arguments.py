@@ -116,6 +116,8 @@ def probe(monkeypatch: pytest.MonkeyPatch) -> Any:
         ("point_lists", "[[[100, 0, 0]]]", (((1, 0, 0),),)),
         ("lengths", "50", (0.5,)),
         ("lengths", "[50, 2m]", (0.5, 2)),
+        ("heights", '"a.png"', "a.png"),
+        ("heights", "[[0, 50], [1m, 2m]]", ((0, 0.5), (1, 2))),
         ("points2", "[[0, 2m], [100, 0]]", ((0, 2), (1, 0))),
         ("point2_lists", "[[[100, 1mm]]]", (((1, 0.001),),)),
         ("vectors3", "[[1, 2, 3]]", ((1, 2, 3),)),

@@ -188,9 +188,7 @@ def _command_line(source: jobs.Source) -> str:
         words += ["--time", f"{source.time:g}s"]
     for folder in source.allow:
         words += ["--allow", str(folder)]
-    for name, value in source.variants.items():
-        words += ["--variant", f"{name}={value}"]
-    return shlex.join(words)
+    return shlex.join([*words, *source.stage.words()])
 
 
 def _draw(measured: Chart, path: Path) -> None:

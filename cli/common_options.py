@@ -65,6 +65,16 @@ scene_options = options(
     click.option("--time", "at", type=values.SECONDS, help="Time in an animation: 2s."),
     click.option("--allow", type=click.Path(exists=True, path_type=Path), multiple=True, help="Allow reading files below this folder."),
     click.option("--variant", "variants", type=values.VARIANT, multiple=True, callback=_pairs, help="Select a USD variant."),
+    click.option("--purposes", type=values.PURPOSES, help="USD purposes drawn beside default: render,proxy,guide. Default: render."),
+    click.option("--mask", type=values.CHANNELS, help="Read only these prims of a USD stage, and what they use: /World/Chair,/World/Lamp."),
+    click.option("--complexity", type=values.COMPLEXITY, help="Refinement of USD subdivision surfaces: low, medium, high or veryhigh."),
+    click.option("--no-default-light", is_flag=True, help="Add no light to a USD stage without lights."),
+    click.option(
+        "--conform", type=click.Choice(["vertical", "horizontal", "expand", "crop"]),
+        help="What a USD camera keeps of its film in a picture of another aspect. Default: vertical.",
+    ),
+    click.option("--render-settings", metavar="PRIM", help="RenderSettings or RenderProduct prim. Default: the one that the stage names."),
+    click.option("--session-layer", type=FILE, help="USD layer whose values go over those of the stage."),
 )
 _PICTURE = {
     "backend": click.option("--backend", type=click.Choice(["auto", "ray", "raster", "reference"]), help="Rendering backend."),
@@ -108,7 +118,14 @@ picture_options = picture_options_except()
 
 def source_of(scene: Path, given: dict[str, Any]) -> jobs.Source:
     """The source of the options of `scene_options`, which are removed from `given`."""
-    return jobs.Source(scene, given.pop("sets"), given.pop("at"), given.pop("allow"), given.pop("variants"))
+    from ..compiler.importers.stage_options import StageOptions
+
+    of_stage = {name: given.pop(name) for name in ("variants", "purposes", "conform", "render_settings", "session_layer")}
+    stage = StageOptions(
+        **of_stage, mask=given.pop("mask") or (), complexity=given.pop("complexity") or 0, default_light=not given.pop("no_default_light"),
+        size=given.get("size"),
+    )  # fmt: skip
+    return jobs.Source(scene, given.pop("sets"), given.pop("at"), given.pop("allow"), stage)
 
 
 def read_options(scene: Path, given: dict[str, Any]) -> tuple[jobs.Source, ir.Settings, dict[str, str]]:

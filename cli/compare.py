@@ -32,8 +32,9 @@ FIGURES = {
     "noise": "the difference over what noise alone makes", "significance": "the difference of the means in standard errors",
 }  # fmt: skip
 OF_SCENES = (  # parameters that need a scene
-    "sets", "at", "allow", "variants", "backend", "size", "camera", "samples", "error", "budget", "bounces", "seed", "threads", "crop",
-    "background", "plan_values",
+    "sets", "at", "allow", "variants", "purposes", "mask", "complexity", "no_default_light", "conform", "render_settings",
+    "session_layer", "backend", "size", "camera", "samples", "error", "budget", "bounces", "seed", "threads", "crop", "background",
+    "plan_values",
 )  # fmt: skip
 SHARES = ("relmse", "flip", "bias")  # shown in per cent
 

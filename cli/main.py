@@ -91,7 +91,7 @@ def cli() -> None:
 @click.argument("scene", type=shared.FILE)
 @click.option("-o", "--output", type=shared.OUT, help="Picture file: .exr, .png, .tif or .jpg. Default: SCENE.png in this folder.")
 @shared.scene_options
-@click.option("--frames", type=values.FRAMES, help="Frames: 1..24, 1..240x10 or 1,5,10, written to out.####.png.")
+@click.option("--frames", type=values.FRAMES, help="Frames: 1..24, 1..240x10, 1,5,10 or all, written to out.####.png.")
 @shared.picture_options
 @click.option("--bits", type=click.Choice(["8", "16"]), help="Bits per channel of .png and .tif. Default: 8.")
 @click.option("--stats", type=shared.OUT, help="Write times, rays, error, plan and warnings to this JSON file.")
@@ -103,10 +103,10 @@ def cli() -> None:
     "maquette render robot.usdz -o robot.png --size 960x540 --backend raster",
 )
 def render(
-    scene: Path, output: Path | None, frames: tuple[int, ...] | None, bits: str | None, stats: Path | None, quiet: bool, **given: Any
+    scene: Path, output: Path | None, frames: tuple[float, ...] | None, bits: str | None, stats: Path | None, quiet: bool, **given: Any
 ) -> None:
     """Render SCENE to a picture."""
-    if frames and given["at"] is not None:
+    if frames is not None and given["at"] is not None:
         raise click.UsageError("--time and --frames exclude each other")
     source, settings, overrides = shared.read_options(scene, given)
     output = output or Path(f"{scene.stem}.png")

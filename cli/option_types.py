@@ -112,20 +112,47 @@ def exposure(text: str) -> float:
     return value
 
 
-def frames(text: str) -> tuple[int, ...]:
-    """`1..24`, `1..240x10` or `1,5,10`."""
-    message = "frames are written 1..24, 1..240x10 or 1,5,10"
-    match = re.fullmatch(r"(-?\d+)\.\.(-?\d+)(?:x(\d+))?", text)
-    if match:
-        first, last, step = int(match[1]), int(match[2]), int(match[3] or 1)
-        if last < first or step < 1:
+_FRAME = r"(-?(?:\d+(?:\.\d+)?|\.\d+))"
+
+
+def frames(text: str) -> tuple[float, ...]:
+    """`1..24`, `1..240x10`, `1:10x0.5` (as usdrecord), `1,5,10` or mixtures; () for `all`."""
+    message = "frames are written 1..24, 1..240x10, 1,5,10 or all"
+    found: list[float] = []
+    for item in text.split(",") if text != "all" else ():
+        match = re.fullmatch(rf"{_FRAME}(?:(?:\.\.|:){_FRAME}(?:x{_FRAME})?)?", item.strip())
+        if not match:
+            raise ValueError(message)
+        first, last, step = float(match[1]), float(match[2] or match[1]), float(match[3] or 1)
+        if last < first or step <= 0:
             raise ValueError(f"{message}, upwards")
-        if (last - first) // step >= MAX_FRAMES:
+        count = math.floor((last - first) / step + 1e-9) + 1
+        if len(found) + count > MAX_FRAMES:
             raise ValueError(f"at most {MAX_FRAMES} frames at a time")
-        return tuple(range(first, last + 1, step))
-    if re.fullmatch(r"-?\d+(,-?\d+)*", text):
-        return tuple(dict.fromkeys(int(n) for n in text.split(",")))
-    raise ValueError(message)
+        found += [round(first + k * step, 9) for k in range(count)]
+    return tuple(dict.fromkeys(found))
+
+
+def purposes(text: str) -> tuple[str, ...]:
+    """Comma-separated purposes of USD."""
+    found = tuple(name.strip() for name in text.split(","))
+    if not found or any(name not in ("default", "render", "proxy", "guide") for name in found):
+        raise ValueError("purposes are default, render, proxy and guide, as in default,render")
+    return found
+
+
+def complexity(text: str) -> int:
+    """A level of subdivision: a name of usdrecord, or its number, 1.0 to 1.6 (0.1 a level)."""
+    names = {"low": 0, "medium": 1, "high": 2, "veryhigh": 3}
+    if text in names:
+        return names[text]
+    try:
+        level = round((float(text) - 1.0) * 10)
+    except (ValueError, OverflowError):
+        level = -1
+    if not 0 <= level <= 6:
+        raise ValueError("a complexity is low, medium, high or veryhigh, or a number from 1.0 to 1.6")
+    return level
 
 
 def crop(text: str) -> tuple[int, int, int, int]:
@@ -170,13 +197,23 @@ def variant(text: str) -> tuple[str, str]:
     return assignment(text)
 
 
-def frame_path(path: Path, frame: int) -> Path:
-    """The file of one frame: `out.####.png` -> `out.0007.png`; a name without # gets four digits before its extension."""
-    marks = re.search(r"#+", path.name)
+def frame_path(path: Path, frame: float) -> Path:
+    """The file of one frame: `out.####.png` and `out.FRAME.png` become `out.0007.png`, `out.##.##.png` becomes `out.07.50.png`.
+
+    A name without either gets the number before its extension. A fraction keeps the digits it needs.
+    """
+    marks = re.search(r"(#+)(?:\.(#+))?|FRAME", path.name)
     if not marks:
-        return path.with_name(f"{path.stem}.{frame:04d}{path.suffix}")
-    digits = f"{frame:0{len(marks[0])}d}"
+        return path.with_name(f"{path.stem}.{_digits(frame, 4, 0)}{path.suffix}")
+    digits = _digits(frame, len(marks[1] or "####"), len(marks[2] or ""))
     return path.with_name(path.name[: marks.start()] + digits + path.name[marks.end() :])
+
+
+def _digits(frame: float, whole: int, decimals: int) -> str:
+    """A frame number with at least this many digits before and after the point."""
+    fraction = f"{abs(frame) % 1:.9f}"[2:].rstrip("0").ljust(decimals, "0")
+    sign = "-" if frame < 0 else ""
+    return f"{sign}{int(abs(frame)):0{max(whole - len(sign), 1)}d}{f'.{fraction}' if fraction else ''}"
 
 
 SIZE = Value("WxH", size)
@@ -186,6 +223,8 @@ SECONDS = Value("time", seconds)
 DURATION = Value("time", duration)
 EXPOSURE = Value("ev", exposure)
 FRAMES = Value("frames", frames)
+PURPOSES = Value("names", purposes)
+COMPLEXITY = Value("level", complexity)
 CROP = Value("x0,y0,x1,y1", crop)
 BACKGROUND = Value("background", background)
 CHANNELS = Value("names", channels)

@@ -30,6 +30,7 @@ from .progress import Display
 
 if TYPE_CHECKING:
     from ..compiler import ir
+    from ..compiler.importers.stage_options import StageOptions
     from ..compiler.plan.plan import Plan
     from ..render.film.bounce_error import Cut
     from ..render.image.image import Image
@@ -45,7 +46,7 @@ class Source:
     sets: Mapping[str, str]
     time: float | None
     allow: tuple[Path, ...]
-    variants: Mapping[str, str]
+    stage: StageOptions
 
     def load(self, seconds: dict[str, float], time: float | None = None, code: float | None = None) -> tuple[ir.Scene, Diagnostics]:
         """The scene at `time` seconds or at a USD time code (default: --time), and its diagnostics. Raises SceneError."""
@@ -54,12 +55,27 @@ class Source:
 
         found = Diagnostics()
         scene = load.load(
-            self.path, sets=self.sets, time=self.time if time is None else time, code=code, allow=self.allow, variants=self.variants,
-            diagnostics=found, seconds=seconds,
+            self.path, sets=self.sets, time=self.time if time is None else time, code=code, allow=self.allow, variants=self.stage.variants,
+            stage=self.stage, diagnostics=found, seconds=seconds,
         )  # fmt: skip
         return scene, found
 
-    def moments(self, frames: tuple[int, ...]) -> list[dict[str, float]]:
+    def frames(self, asked: tuple[float, ...]) -> tuple[float, ...]:
+        """The frames asked for; for `all`, which is (), those from the start to the end of the stage or animation."""
+        if asked:
+            return asked
+        if self.path.suffix.lower() in file_types.USD:
+            from ..compiler.importers.usd import stage
+
+            found = stage.time_codes(self.path)
+        else:
+            scene, _ = self.load({})
+            found = (0.0, scene.duration * scene.fps) if scene.duration else None
+        if found is None:
+            raise click.UsageError(f"{self.path} has no range of frames: name them, as in --frames 1..24")
+        return tuple(found[0] + k for k in range(int(found[1] - found[0] + 1e-6) + 1))
+
+    def moments(self, frames: tuple[float, ...]) -> list[dict[str, float]]:
         """The arguments of `load` for each frame: time codes for a USD stage, else times at the frame rate of the scene."""
         if self.path.suffix.lower() in file_types.USD:
             return [{"code": float(number)} for number in frames]
@@ -139,14 +155,15 @@ class Job:
     laps: Laps = field(default_factory=Laps)  # of the last picture
     display: Display = field(default_factory=lambda: Display(quiet=True))  # of the last picture
 
-    def run(self, frames: tuple[int, ...] | None) -> list[dict[str, Any]]:
+    def run(self, frames: tuple[float, ...] | None) -> list[dict[str, Any]]:
         """Render all pictures. Returns the statistics of each (`--stats`). Raises KeyboardInterrupt after a partial one."""
         if frames is None:
             return [self._summarize(self.output, self._picture(self.output, {}))]
         pictures = []
+        frames = self.source.frames(frames)
         for i, (number, moment) in enumerate(zip(frames, self.source.moments(frames), strict=True), 1):
             path = values.frame_path(self.output, number)
-            pictures.append(self._summarize(path, self._picture(path, moment, f"frame {number} ({i} of {len(frames)})")))
+            pictures.append(self._summarize(path, self._picture(path, moment, f"frame {number:g} ({i} of {len(frames)})")))
         return pictures
 
     def _summarize(self, path: Path, figures: dict[str, Any]) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from ..lang.diagnostics import Diagnostics, Span, suggest
 from ..lang.eval import evaluator
 from ..lang.syntax import lexer
 from . import ir
+from .importers.stage_options import StageOptions
 from .io import cache_dirs, source_files
 from .io.sandbox import FileError, Files, resolved
 from .lower import lowering
@@ -31,6 +33,7 @@ def load(
     code: float | None = None,
     allow: Sequence[Path | str] = (),
     variants: Mapping[str, str] | None = None,
+    stage: StageOptions | None = None,
     diagnostics: Diagnostics | None = None,
     seconds: dict[str, float] | None = None,
 ) -> ir.Scene:
@@ -38,7 +41,7 @@ def load(
 
     `sets` are values of params as text; `time` is in seconds (None: the file's own default, 0 in a .scene); `code` is a USD
     stage's time code, in place of `time`; `allow` are folders the scene may read beside its own; `variants` choose among a
-    stage's ({"/prim:set": "name"}).
+    stage's ({"/prim:set": "name"}); `stage` has its other options.
     Warnings are added to `diagnostics`, the time each stage took to `seconds`. Raises SceneError with everything found.
     """
     found = diagnostics if diagnostics is not None else Diagnostics()
@@ -50,14 +53,15 @@ def load(
         real = resolved(path)
         files = Files(real.parent, allow)
         files.find(real.name, what="scene" if suffix in file_types.SCENE else "file")
-        _refuse_unused(suffix, str(path), sets, time, code, variants, found)
+        options = replace(stage or StageOptions(), variants=variants or {})
+        _refuse_unused(suffix, str(path), sets, time, code, options, found)
         if suffix in file_types.SCENE:
             start = time or 0.0
             scene = _scene(path, real, files, sets or {}, start, found, watch)
             scene = _blurred(scene, lambda later, said: _scene(path, real, files, sets or {}, start + later, said, watch), found)
         elif suffix in file_types.USD:
-            scene = _stage(path, files, (time, code), variants or {}, found, watch)
-            scene = _blurred(scene, lambda later, said: _stage(path, files, (time, code), variants or {}, said, watch, later), found)
+            scene = _stage(path, files, (time, code), options, found, watch)
+            scene = _blurred(scene, lambda later, said: _stage(path, files, (time, code), options, said, watch, later), found)
         elif suffix in file_types.MESH:
             scene = _mesh(path, real, files, found, watch)
         elif suffix in file_types.SAVED:
@@ -131,13 +135,13 @@ def _scene(path: Path, real: Path, files: Files, sets: Mapping[str, str], time: 
 
 
 def _stage(
-    path: Path, files: Files, moment: tuple[float | None, float | None], variants: Mapping[str, str], found: Diagnostics, watch: Stopwatch,
+    path: Path, files: Files, moment: tuple[float | None, float | None], options: StageOptions, found: Diagnostics, watch: Stopwatch,
     later: float = 0.0,
 ) -> ir.Scene:  # fmt: skip
     with watch.stage("import"), np.errstate(all="ignore"):
         from .importers.usd import load as usd_load
 
-        return usd_load.scene(path, SceneBuilder(found, files), time=moment[0], code=moment[1], variants=variants, later=later)
+        return usd_load.scene(path, SceneBuilder(found, files), time=moment[0], code=moment[1], options=options, later=later)
 
 
 def _mesh(path: Path, real: Path, files: Files, found: Diagnostics, watch: Stopwatch) -> ir.Scene:
@@ -159,11 +163,14 @@ def _mesh(path: Path, real: Path, files: Files, found: Diagnostics, watch: Stopw
 
 def _refuse_unused(
     suffix: str, name: str, sets: Mapping[str, str] | None, time: float | None, code: float | None,
-    variants: Mapping[str, str] | None, found: Diagnostics,
+    options: StageOptions, found: Diagnostics,
 ) -> None:  # fmt: skip
     """Report settings that this kind of file does not support."""
-    if variants and suffix not in file_types.USD:
+    if options.variants and suffix not in file_types.USD:
         found.error("only USD stages have variants", Span(name), "leave out --variant")
+    if suffix not in file_types.USD:
+        for option in options.given():
+            found.error(f"only USD stages have {option.replace('-', ' ')}", Span(name), f"leave out --{option}")
     if code is not None and suffix not in file_types.USD:
         found.error("only USD stages have time codes", Span(name), "give the time in seconds")
     if suffix not in file_types.SCENE:

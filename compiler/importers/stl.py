@@ -33,7 +33,7 @@ def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
         with np.errstate(invalid="ignore"):  # signalling NaN
             corners = found["corners"].astype(np.float64)
         colors = _colors(data[:80], found["attribute"], diagnostics, span)
-    sound = np.isfinite(corners).all(axis=(1, 2))
+    sound = np.asarray(np.isfinite(corners).all(axis=(1, 2)))
     if not sound.all():
         lost = int(np.count_nonzero(~sound))
         diagnostics.warning(f"{lost} of {len(sound)} triangles have corners that are not finite: they are left out", span)

@@ -21,8 +21,8 @@ SUN_ANGLE = math.radians(0.53)
 SKY = 0.25
 
 
-def add(builder: SceneBuilder, settings: ir.Settings, span: Span | None = None) -> tuple[str, ...]:
-    """Adds the missing camera and lights; returns the sentences that describe them.
+def add(builder: SceneBuilder, settings: ir.Settings, span: Span | None = None, lights: bool = True) -> tuple[str, ...]:
+    """Adds the missing camera and, with `lights`, the missing lights; returns the sentences that describe them.
 
     A scene without instances is a warning at `span`. Nothing is added after an error, since the scene will not be drawn.
     """
@@ -35,7 +35,7 @@ def add(builder: SceneBuilder, settings: ir.Settings, span: Span | None = None) 
     if builder.count("cameras") == 0:
         said.append(_camera(builder, settings))
     shining = bool(settings.bounces) and builder.shines()  # emissive surfaces light others only where bounces are traced
-    if builder.count("lights") == 0 and not shining:
+    if lights and builder.count("lights") == 0 and not shining:
         builder.light(LightData(ir.LightKind.SUN, (SUN, SUN, SUN), direction=_unit(SUN_FROM), angle=SUN_ANGLE / 2, name="sun"))
         builder.light(LightData(ir.LightKind.SKY, (SKY, SKY, SKY), name="sky"))
         x, y, z = SUN_FROM

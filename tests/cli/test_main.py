@@ -124,8 +124,8 @@ def test_planned_commands_say_so(name: str) -> None:
         (("--budget", "3m"), "Invalid value for '--budget': '3m': a time is written 20s, 500ms or 2min"),
         (("--budget", "0s"), "Invalid value for '--budget': '0s': a budget is more than 0 seconds"),
         (("--time", "1deg"), "Invalid value for '--time': '1deg': a time is written 20s, 500ms or 2min"),
-        (("--frames", "5..1"), "Invalid value for '--frames': '5..1': frames are written 1..24, 1..240x10 or 1,5,10, upwards"),
-        (("--frames", "1-5"), "Invalid value for '--frames': '1-5': frames are written 1..24, 1..240x10 or 1,5,10"),
+        (("--frames", "5..1"), "Invalid value for '--frames': '5..1': frames are written 1..24, 1..240x10, 1,5,10 or all, upwards"),
+        (("--frames", "1-5"), "Invalid value for '--frames': '1-5': frames are written 1..24, 1..240x10, 1,5,10 or all"),
         (("--crop", "0,0,10"), "Invalid value for '--crop': '0,0,10': a crop is written x0,y0,x1,y1, in pixels from the top left"),
         (("--crop", "9,0,3,4"), "Invalid value for '--crop': '9,0,3,4': a crop has x0 < x1 and y0 < y1"),
         (("--background", "red"), "Invalid value for '--background': 'red': a background is sky, transparent or a colour like #87b5e0"),
@@ -182,6 +182,9 @@ def test_values() -> None:
     assert values.frames("1..10x4") == (1, 5, 9)
     assert values.frames("-2..1") == (-2, -1, 0, 1)
     assert values.frames("1,5,10,5") == (1, 5, 10)
+    assert values.frames("1:10x4") == (1, 5, 9)  # as usdrecord writes them
+    assert values.frames("1:2x0.25,7.5") == (1, 1.25, 1.5, 1.75, 2, 7.5)
+    assert values.frames("all") == ()
     assert values.background("#fff") == pytest.approx((1, 1, 1))
     assert values.assignment("text=a=b") == ("text", "a=b")
     assert values.variant("/robot:colour=red") == ("/robot:colour", "red")
@@ -191,6 +194,9 @@ def test_frames_are_numbered() -> None:
     assert values.frame_path(Path("a/out.####.png"), 7) == Path("a/out.0007.png")
     assert values.frame_path(Path("out##.exr"), 123) == Path("out123.exr")
     assert values.frame_path(Path("out.png"), 7) == Path("out.0007.png")
+    assert values.frame_path(Path("FRAME/out_FRAME.png"), 7) == Path("FRAME/out_0007.png")
+    assert values.frame_path(Path("out.###.##.png"), 7.5) == Path("out.007.50.png")
+    assert values.frame_path(Path("out.###.png"), -7.25) == Path("out.-07.25.png")
 
 
 # --- render ----------------------------------------------------------------------------------------------------------------

@@ -16,6 +16,7 @@ from ...scene import transforms
 from ...scene.builder import SceneBuilder
 from ...scene.row_records import CameraData
 from . import stage
+from .render_settings import Asked
 from .stage import Opened
 
 FILM = (20.955, 15.2908)  # mm: usdrecord's default camera
@@ -23,8 +24,11 @@ FOCAL = 50.0  # mm
 _LENS_UNIT = 0.1  # scene units in one unit of apertures and focal lengths
 
 
-def camera(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: SceneBuilder) -> int:
-    """The row of a Camera prim under the (4, 4) matrix. Its scale is ignored except for `unit`, the stage's own."""
+def camera(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: SceneBuilder, asked: Asked) -> int:
+    """The row of a Camera prim under the (4, 4) matrix. Its scale is ignored except for `unit`, the stage's own.
+
+    For a picture of another aspect than the film, `asked.conform` says what is kept.
+    """
     lens = UsdGeom.Camera(prim).GetCamera(opened.time)
     width, height = lens.horizontalAperture, lens.verticalAperture
     span = opened.span(prim)
@@ -32,26 +36,51 @@ def camera(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: 
     if not (width > 0 and height > 0) or (perspective and not lens.focalLength > 0):
         builder.diagnostics.warning("this camera has no aperture or focal length: it is left out", span)
         return -1
-    if len(lens.clippingPlanes):
-        builder.diagnostics.warning("clipping planes are not drawn", span)
     near, far = lens.clippingRange.min * unit, lens.clippingRange.max * unit
     if not near < far:
         builder.diagnostics.warning("this camera's clipping range is empty: it clips nothing", span)
         near, far = 0.0, math.inf
     opening, shutter = _shutter(prim, opened)
     radius, focus = _aperture(lens, unit, perspective)
-    exposure = stage.number(prim.GetAttribute("exposure"), opened.time)
+    if not asked.motion_blur:
+        opening, shutter = 0.0, 0.0
+    if not asked.depth_of_field:
+        radius, focus = 0.0, 1.0
+    exposure = math.log2(max(UsdGeom.Camera(prim).ComputeLinearExposureScale(opened.time), 1e-30))
+    fit, wide, high = _conformed(width, height, asked)
+    kept = wide if fit == ir.Fit.HORIZONTAL else high
     return builder.camera(
         CameraData(
             builder.transform(transforms.unscaled(matrix), span),
-            height / (2 * lens.focalLength) if perspective else height * _LENS_UNIT / 2 * unit,
-            ir.Projection.PERSPECTIVE if perspective else ir.Projection.ORTHOGRAPHIC,
+            kept / (2 * lens.focalLength) if perspective else kept * _LENS_UNIT / 2 * unit,
+            ir.Projection.PERSPECTIVE if perspective else ir.Projection.ORTHOGRAPHIC, fit=fit,
             aspect=width / height, near=max(near, 0.0) if perspective else near, far=far,
-            shift=(lens.horizontalApertureOffset / width, lens.verticalApertureOffset / height),
+            shift=(lens.horizontalApertureOffset / wide, lens.verticalApertureOffset / high),
             exposure=exposure or math.nan, opening=opening, shutter=shutter, lens=radius, focus=focus, name=str(prim.GetPath()),
         ),
         span,
     )  # fmt: skip
+
+
+def _conformed(width: float, height: float, asked: Asked) -> tuple[ir.Fit, float, float]:
+    """The side of a film that is kept, and the film's sides in the aspect of the picture (UsdRender's aspectRatioConformPolicy)."""
+    film = width / height
+    picture = asked.size[0] / asked.size[1] if asked.size else film
+    wider = picture > film
+    if asked.conform == "horizontal" or (asked.conform == "expand" and not wider) or (asked.conform == "crop" and wider):
+        return ir.Fit.HORIZONTAL, width, width / picture
+    return ir.Fit.VERTICAL, height * picture, height
+
+
+def tell_conform(prim: Any, opened: Opened, builder: SceneBuilder, asked: Asked) -> None:
+    """A note where a picture's aspect is not that of its camera's film, and nobody says what is kept."""
+    lens = UsdGeom.Camera(prim).GetCamera(opened.time)
+    if asked.size and asked.conform is None and lens.verticalAperture > 0:
+        picture, film = asked.size[0] / asked.size[1], lens.horizontalAperture / lens.verticalAperture
+        if abs(asked.size[0] - film * asked.size[1]) > 1:
+            effect = "its sides show more" if picture > film else "its sides are cut off"
+            message = f"the picture's aspect {picture:.4g} is not the film's {film:.4g}: the film's height is kept, {effect}"
+            builder.diagnostics.note(message, opened.span(prim), "--conform vertical, horizontal, expand or crop says what is kept")
 
 
 def _aperture(lens: Any, unit: float, perspective: bool) -> tuple[float, float]:

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,51 +17,54 @@ from ... import ir
 from ...scene import defaults
 from ...scene.builder import SceneBuilder
 from ...scene.row_records import LightData
-from . import camera
+from ..stage_options import StageOptions
+from . import camera, render_settings
 from .stage import Opened, Reports, open_
 from .traverse import Walk
 
 
 def scene(
-    path: Path, builder: SceneBuilder, *, time: float | None = None, code: float | None = None, variants: Mapping[str, str] | None = None,
+    path: Path, builder: SceneBuilder, *, time: float | None = None, code: float | None = None, options: StageOptions | None = None,
     later: float = 0.0,
 ) -> ir.Scene:  # fmt: skip
     """The scene of a stage. `time` is seconds from the stage's start, `code` a time code.
 
     Without either, the earliest time is read. `later` seconds are added.
-    All cameras are imported by path. The first is main_cam, or one that frames everything as usdrecord does.
+    All cameras are imported by path. The first is that of the RenderSettings, main_cam, or one that frames everything as usdrecord does.
     A stage without lights gets a light at that camera. Lengths are in the stage's units. Problems go to the builder's diagnostics.
     """
-    opened = open_(path, str(path), builder.diagnostics, None, seconds=time, time=code, variants=variants)
+    options = options or StageOptions()
+    opened = open_(path, str(path), builder.diagnostics, None, seconds=time, time=code, options=options)
+    asked = render_settings.Asked() if opened is None else render_settings.read(opened, options, builder)
     if opened is None or builder.diagnostics.failed:
         return builder.finish(str(path))
     opened.wait(later)
     reports = Reports(path)
-    walk = Walk(opened, builder)
+    walk = Walk(opened, builder, purposes=asked.purposes, complexity=options.complexity)
     with np.errstate(all="ignore"):  # consumers of non-finite values detect them
         walk.run(opened.stage.GetPseudoRoot(), opened.frame, opened.frame)
         walk.place()
-        said = _cameras(walk)
-    said += defaults.add(builder, ir.Settings())
+        asked = _with_camera(asked, walk)
+        said = _cameras(walk, asked, options.default_light)
+    said += defaults.add(builder, ir.Settings(), lights=options.default_light)
     reports.tell(builder.diagnostics, Span(opened.name))
     stage = opened.stage
     codes = stage.GetTimeCodesPerSecond()
     duration = (stage.GetEndTimeCode() - stage.GetStartTimeCode()) / codes if stage.HasAuthoredTimeCodeRange() and codes > 0 else None
     return builder.finish(
-        str(path), duration=duration or None, fps=stage.GetFramesPerSecond(), defaults=tuple(said),
+        str(path), settings=asked.settings(), duration=duration or None, fps=stage.GetFramesPerSecond(), defaults=tuple(said),
         files=tuple(dict.fromkeys((*opened.files, *builder.files.read))),
     )  # fmt: skip
 
 
 def place(
     builder: SceneBuilder, path: Path, span: Span, matrix: np.ndarray, material: int = -1, prim: str | None = None, name: str = "",
-    variants: Mapping[str, str] | None = None,
 ) -> None:  # fmt: skip
     """Places a stage, or one `prim` of it, in a scene: shapes and lights, in metres, under `matrix` (4, 4).
 
     Cameras are left out. `material` (a row) is for prims without a material and displayColor; `name` prefixes the prims' paths.
     """
-    opened = open_(path, str(path), builder.diagnostics, span, variants=variants)
+    opened = open_(path, str(path), builder.diagnostics, span)
     if opened is None:
         return
     opened.within = builder.files
@@ -90,21 +93,31 @@ def _first(opened: Opened) -> str:
     return f"it has {', '.join(names[:12])}" if names else "it has none at all"
 
 
-def _cameras(walk: Walk) -> list[str]:
+def _with_camera(asked: render_settings.Asked, walk: Walk) -> render_settings.Asked:
+    """The settings without a camera that the stage lacks, with a warning."""
+    if asked.camera is None or any(str(prim.GetPath()) == asked.camera for prim, _ in walk.cameras):
+        return asked
+    walk.builder.diagnostics.warning(f"the render settings name the camera `{asked.camera}`, which is not there", Span(walk.opened.name))
+    return replace(asked, camera=None)
+
+
+def _cameras(walk: Walk, asked: render_settings.Asked, with_light: bool) -> list[str]:
     """Adds the cameras, default first, and a light at that camera if the stage has none. Returns notes about the additions."""
     main = UsdUtils.GetPrimaryCameraName()
-    cameras = sorted(walk.cameras, key=lambda item: item[0].GetName() != main)
+    cameras = sorted(walk.cameras, key=lambda item: (str(item[0].GetPath()) != asked.camera, item[0].GetName() != main))
     said, eye = [], None
-    if cameras and cameras[0][0].GetName() == main:
+    if cameras and (asked.camera or cameras[0][0].GetName() == main):
         eye = cameras[0][1]
     else:
         eye = camera.frame(walk.builder)
         if eye is not None:
             x, y, z = (f"{c:.4g}" for c in eye[:3, 3])
             said.append(f"camera: none is called {main}; one at [{x}, {y}, {z}] frames everything, as usdrecord does")
+    if said == [] and cameras:
+        camera.tell_conform(cameras[0][0], walk.opened, walk.builder, asked)
     for prim, matrix in cameras:
-        camera.camera(prim, matrix, walk.unit, walk.opened, walk.builder)
-    if eye is not None and not walk.builder.count("lights"):
+        camera.camera(prim, matrix, walk.unit, walk.opened, walk.builder, asked)
+    if with_light and eye is not None and not walk.builder.count("lights"):
         _head_light(eye, walk.builder)
         said.append("light: the stage has none; it is lit from its first camera, as usdrecord does")
     return said

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,9 +15,11 @@ from pxr import Sdf, Tf, Usd, UsdGeom, UsdUtils
 
 from ....lang.diagnostics import Diagnostics, Span, suggest
 from ...io.sandbox import Files
+from ..stage_options import StageOptions
 
 Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # −90° about x
 MAX_WARNINGS = 20
+_TIME_ROUNDING = 0.005  # time codes: less than three digits of a second hold
 
 
 @dataclass(slots=True)
@@ -124,16 +125,17 @@ class Reports:
 
 def open_(
     path: Path, name: str, diagnostics: Diagnostics, span: Span | None, *, seconds: float | None = None, time: float | None = None,
-    variants: Mapping[str, str] | None = None,
+    options: StageOptions | None = None,
 ) -> Opened | None:  # fmt: skip
     """The stage in a file, or None and an error. `seconds` count from the stage's start, `time` is a time code.
 
-    Without either, the earliest time is read, as usdrecord does. `variants` are {"/prim:set": "name"}.
+    Without either, the earliest time is read, as usdrecord does.
     """
+    options = options or StageOptions()
     reports = Reports(path)
     whole = span or Span(name)
     try:
-        stage = Usd.Stage.Open(str(path))
+        stage = _open(path, options, diagnostics, whole)
     except Tf.ErrorException as failure:
         why = reason(failure, path)
         at = re.match(rf"{re.escape(path.name)}:(\d+):(\d+): (.*)", why, re.DOTALL)
@@ -145,18 +147,53 @@ def open_(
     finally:
         reports.tell(diagnostics, whole)
     if stage is None:
-        diagnostics.error(f"cannot read the stage `{path.name}`", whole)
+        if not diagnostics.failed:
+            diagnostics.error(f"cannot read the stage `{path.name}`", whole)
         return None
-    for where, choice in (variants or {}).items():
+    for where, choice in options.variants.items():
         _choose(stage, where, choice, diagnostics, whole)
     code = Usd.TimeCode.EarliestTime()
     if seconds is not None:
-        code = Usd.TimeCode(stage.GetStartTimeCode() + seconds * stage.GetTimeCodesPerSecond())
+        code = Usd.TimeCode(_near_whole(stage.GetStartTimeCode() + seconds * stage.GetTimeCodesPerSecond()))
     if time is not None:
         code = Usd.TimeCode(time)
     frame = Z_UP if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z else np.eye(4)
     meters = UsdGeom.GetStageMetersPerUnit(stage)
     return Opened(stage, path, name, code, frame, meters if meters > 0 else 1.0)
+
+
+def _open(path: Path, options: StageOptions, diagnostics: Diagnostics, span: Span) -> Any:
+    """The stage of a layer, with its session layer and population mask. None after an error."""
+    bad = [p for p in options.mask if not (Sdf.Path.IsValidPathString(p) and Sdf.Path(p).IsAbsoluteRootOrPrimPath())]
+    if bad:
+        diagnostics.error(f"`{bad[0]}` is no path of a prim", span, "write --mask /World/Chair")
+        return None
+    root = Sdf.Layer.FindOrOpen(str(path))
+    if root is None:
+        return None
+    session = Sdf.Layer.FindOrOpen(str(options.session_layer)) if options.session_layer else Sdf.Layer.CreateAnonymous(".usda")
+    if session is None:
+        diagnostics.error(f"cannot read the session layer `{options.session_layer}`", span)
+        return None
+    if not options.mask:
+        return Usd.Stage.Open(root, session)
+    stage = Usd.Stage.OpenMasked(root, session, Usd.StagePopulationMask(list(options.mask)))
+    for p in options.mask:
+        if not stage.GetPrimAtPath(p):
+            diagnostics.warning(f"the stage has no prim `{p}`, which --mask names", span)
+    stage.ExpandPopulationMask()  # materials, prototypes and other targets
+    return stage
+
+
+def _near_whole(code: float) -> float:
+    """A time code without the rounding of the seconds that it was computed from, which would fall beside a held sample."""
+    return float(round(code)) if abs(code - round(code)) < _TIME_ROUNDING else code
+
+
+def time_codes(path: Path) -> tuple[float, float] | None:
+    """The start and end time codes of a stage; None without authored ones."""
+    stage = Usd.Stage.Open(str(path), Usd.Stage.LoadNone)
+    return (stage.GetStartTimeCode(), stage.GetEndTimeCode()) if stage.HasAuthoredTimeCodeRange() else None
 
 
 def _choose(stage: Any, where: str, choice: str, diagnostics: Diagnostics, span: Span) -> None:

@@ -49,13 +49,18 @@ class _Inherited:
 
 @dataclass(slots=True)
 class Walk:
-    """One traversal of a stage. `pieces` holds geometry by purpose; lights go to the builder directly."""
+    """One traversal of a stage. `pieces` holds geometry by purpose; lights go to the builder directly.
+
+    `purposes` are drawn beside default; None: render, or proxy where there is nothing else.
+    """
 
     opened: Opened
     builder: SceneBuilder
     unit: float = 1.0
     material: int = NONE  # for prims without a material
     prefix: str = ""  # prefix of instance names
+    purposes: tuple[str, ...] | None = None
+    complexity: int = 0  # refinements of subdivision surfaces
     pieces: dict[str, list[Piece]] = field(default_factory=lambda: {"default": [], "render": [], "proxy": [], "guide": []})
     cameras: list[tuple[Any, np.ndarray]] = field(default_factory=list)
     materials: Materials = field(init=False)
@@ -80,8 +85,19 @@ class Walk:
         self._below(root, _Inherited(matrix, base, purpose), self.pieces)
 
     def drawn(self) -> list[Piece]:
-        """Geometry to draw: purposes default and render, or proxy if there is none."""
-        return self.pieces["default"] + self.pieces["render"] or self.pieces["proxy"]
+        """Geometry to draw, by purpose. Other geometry is reported in a note."""
+        shown = ("default", *(p for p in self.purposes or ("render",) if p != "default"))
+        found = [piece for purpose in shown for piece in self.pieces.get(purpose, ())]
+        if not found and self.purposes is None:
+            shown = ("proxy",)
+            found = self.pieces["proxy"]
+        for purpose, pieces in self.pieces.items():
+            if pieces and purpose not in shown:
+                are = "prim of the purpose {} is" if len(pieces) == 1 else "prims of the purpose {} are"
+                message = f"{len(pieces)} {are.format(purpose)} not drawn"
+                hint = f"--purposes {','.join(shown)},{purpose} draws them too"
+                self.builder.diagnostics.note(message, self.opened.span(pieces[0].prim), hint)
+        return found
 
     def place(self) -> None:
         """Make instances of all drawn geometry."""
@@ -122,6 +138,8 @@ class Walk:
             return None
         authored = imageable.GetPurposeAttr()
         purpose = str(authored.Get()) if authored.HasAuthoredValue() else above.purpose
+        if purpose in ("render", "proxy") and imageable.ComputeEffectiveVisibility(purpose, self.opened.time) == UsdGeom.Tokens.invisible:
+            return None
         matrix, base = above.matrix, above.base
         xformable = UsdGeom.Xformable(prim)
         if xformable:
@@ -132,6 +150,8 @@ class Walk:
         return _Inherited(matrix, base, purpose, above.instancers)
 
     def _prim(self, prim: Any, kind: str, here: _Inherited, into: dict[str, list[Piece]]) -> None:
+        if here.purpose == "guide" and "guide" not in (self.purposes or ()):
+            return
         self._audit_once(prim, kind)
         if kind == "Mesh":
             into.setdefault(here.purpose, []).extend(self._mesh(prim, here.matrix))

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from maquette.compiler import ir
+from maquette.compiler.importers.stage_options import StageOptions
 from maquette.compiler.importers.usd import load as usd_load
 from maquette.compiler.io.sandbox import Files
 from maquette.compiler.scene.builder import SceneBuilder
@@ -123,7 +124,7 @@ def test_references_and_variants(tmp_path):
     scene, messages = read(tmp_path, text)
     assert messages == []
     assert kinds(scene) == ["SPHERE", "SPHERE"]
-    assert kinds(read(tmp_path, text, variants={"/v:shape": "box"})[0]) == ["SPHERE", "BOX"]
+    assert kinds(read(tmp_path, text, options=StageOptions(variants={"/v:shape": "box"}))[0]) == ["SPHERE", "BOX"]
     assert [f.rsplit("/", 1)[-1] for f in scene.files] == ["x.usda", "part.usda"]
 
 
@@ -138,7 +139,7 @@ def test_references_and_variants(tmp_path):
 )
 def test_wrong_variants(tmp_path, where, choice, expected):
     text = 'def Xform "v" (prepend variantSets = "shape") { variantSet "shape" = { "box" { def Cube "s" {} } } }'
-    assert read(tmp_path, text, variants={where: choice})[1] == [expected]
+    assert read(tmp_path, text, options=StageOptions(variants={where: choice}))[1] == [expected]
 
 
 def test_a_missing_reference_is_a_warning(tmp_path):

@@ -1,0 +1,108 @@
+"""Reads RenderSettings and RenderProduct prims: resolution, camera, purposes, conform policy, crop and switches of the camera."""
+
+# pyright: reportAttributeAccessIssue=false
+# (usd-core creates its modules' names at run time)
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pxr import Sdf, UsdRender
+
+from ....lang.diagnostics import Span
+from ... import ir
+from ...scene.builder import SceneBuilder
+from ..stage_options import CONFORM, StageOptions
+from . import stage
+from .stage import Opened
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What a stage asks of its pictures. Options of the command line precede it."""
+
+    size: tuple[int, int] | None = None
+    camera: str | None = None
+    purposes: tuple[str, ...] | None = None
+    conform: str | None = None  # key of CONFORM; None: not given, vertical
+    crop: tuple[int, int, int, int] | None = None
+    depth_of_field: bool = True
+    motion_blur: bool = True
+
+    def settings(self) -> ir.Settings:
+        return ir.Settings(size=self.size, camera=self.camera, crop=self.crop)
+
+
+def read(opened: Opened, options: StageOptions, builder: SceneBuilder) -> Asked:
+    """The settings of the prim named by the options, else by the stage's renderSettingsPrimPath; defaults without one."""
+    whole = Span(opened.name)
+    path = options.render_settings or str(opened.stage.GetMetadata("renderSettingsPrimPath") or "")
+    if not path:
+        return _over(Asked(), options)
+    prim = opened.stage.GetPrimAtPath(path) if Sdf.Path.IsValidPathString(path) else None
+    if not prim or not prim.IsA(UsdRender.SettingsBase):
+        message = f"`{path}` is no RenderSettings or RenderProduct prim"
+        if options.render_settings:
+            known = [str(p.GetPath()) for p in opened.stage.TraverseAll() if p.IsA(UsdRender.SettingsBase)]
+            builder.diagnostics.error(message, whole, f"the stage has {', '.join(known[:12])}" if known else "the stage has none")
+        else:
+            builder.diagnostics.warning(f"{message}: the renderSettingsPrimPath of the stage has no effect", whole)
+        return _over(Asked(), options)
+    return _over(_of(prim, opened, builder), options)
+
+
+def _over(asked: Asked, options: StageOptions) -> Asked:
+    """The settings with the options of the command line over them."""
+    size = options.size or asked.size
+    crop = asked.crop if size == asked.size else None
+    purposes = options.purposes or asked.purposes
+    return Asked(size, asked.camera, purposes, options.conform or asked.conform, crop, asked.depth_of_field, asked.motion_blur)
+
+
+def _of(prim: Any, opened: Opened, builder: SceneBuilder) -> Asked:
+    settings, products = prim, []
+    if prim.IsA(UsdRender.Settings):
+        products = [opened.stage.GetPrimAtPath(target) for target in UsdRender.Settings(prim).GetProductsRel().GetTargets()]
+        products = [p for p in products if p]
+    first = products[0] if products else prim
+    if len(products) > 1:
+        builder.diagnostics.warning(f"only the first of {len(products)} render products is drawn: {first.GetPath()}", opened.span(prim))
+    sources = [p for p in (first, settings) if p]  # a product's authored values precede its settings'
+
+    def value(name: str) -> Any:
+        for source in sources:
+            attribute = source.GetAttribute(name)
+            if attribute and attribute.HasAuthoredValue():
+                return stage.value(attribute, opened.time)
+        return None
+
+    variables = UsdRender.Product(first).GetOrderedVarsRel().GetTargets() if first.IsA(UsdRender.Product) else []
+    if variables:
+        names = ", ".join(target.name for target in variables)
+        builder.diagnostics.note(f"render variables are channels of an .exr, asked for by --aov: {names}", opened.span(first))
+    cameras = next((found for s in sources if (found := UsdRender.SettingsBase(s).GetCameraRel().GetTargets())), [])
+    resolution = value("resolution")
+    size = (int(resolution[0]), int(resolution[1])) if resolution is not None and min(resolution) > 0 else None
+    policy = str(value("aspectRatioConformPolicy") or "expandAperture")
+    kept = next((name for name, of in CONFORM.items() if of == policy), None)
+    if kept is None:
+        builder.diagnostics.warning(f"the aspectRatioConformPolicy `{policy}` is drawn as expandAperture", opened.span(prim))
+    purposes = settings.GetAttribute("includedPurposes")
+    wanted = tuple(map(str, purposes.Get() or ())) if purposes and purposes.HasAuthoredValue() else None
+    return Asked(
+        size, str(cameras[0]) if cameras else None, wanted, kept or "expand", _crop(value("dataWindowNDC"), size),
+        depth_of_field=not value("disableDepthOfField"), motion_blur=not (value("disableMotionBlur") or value("instantaneousShutter")),
+    )  # fmt: skip
+
+
+def _crop(window: Any, size: tuple[int, int] | None) -> tuple[int, int, int, int] | None:
+    """The pixels whose centers lie in dataWindowNDC (left, bottom, right, top in 0…1); None for the whole picture."""
+    if window is None or size is None:
+        return None
+    left, bottom, right, top = np.clip(np.array(window, np.float64), 0.0, 1.0)
+    width, height = size
+    x0, x1, y0, y1 = (int(np.ceil(v - 0.5)) for v in (left * width, right * width, (1 - top) * height, (1 - bottom) * height))
+    whole = (0, 0, width, height)
+    return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 and (x0, y0, x1, y1) != whole else None

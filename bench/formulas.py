@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import types
 
 from ..compiler.formula import numpy_interpreter, solid_fields
 from ..compiler.formula.builder import Builder
@@ -22,6 +21,7 @@ from ..render.formula import intersect, numpy_reference, packet_state, packets, 
 from ..render.formula.tables import Forms
 from ..render.jit.kernel import kernel
 from ..render.jit.packed_struct import Handle
+from ..render.jit.value_types import INT64
 from ..render.lanes import crosslane
 from ..render.lanes.kinds import FLOAT, VEC
 from . import report
@@ -231,7 +231,7 @@ def trace(forms, address, origin, direction, t, spacing, u, v):
 
 def _linked() -> int:
     nothing = Handle(scene_surfaces.of_surfaces([]))
-    return intersect.first_hit.link(nothing.numba_type, types.int64, VEC, VEC, FLOAT, FLOAT)
+    return intersect.first_hit.link(nothing.type, INT64, VEC, VEC, FLOAT, FLOAT)
 
 
 def _view_rotation() -> np.ndarray:

@@ -11,14 +11,14 @@ import math
 from typing import Any
 
 import numpy as np
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..compiler import ir
 from .geometry import instance_transform
-from .jit.kernel import HELPER, helper
+from .jit.kernel import helper
 from .lanes import affine, ops
 from .sampling import sobol
+from .simd.registration import overload
 from .types import Lane, Panorama, Pinhole, Ray, Tables, ThinLens, Vec, View
 
 PERSPECTIVE = int(ir.Projection.PERSPECTIVE)
@@ -84,7 +84,7 @@ def generate_ray(tables: Tables, view: View, lens: Any, x: Lane, y: Lane, pixel:
     return panorama_ray(tables, view, lens, x, y, time) if isinstance(lens, Panorama) else generate_pinhole_ray(tables, view, x, y, time)
 
 
-@overload(generate_ray, jit_options=HELPER)
+@overload(generate_ray)
 def _generate_ray_in_kernels(tables, view, lens, x, y, pixel, sample, seed, time):
     fields = tuple(name for name, _, _ in lens.layout)
     if fields == ThinLens._fields:

@@ -113,6 +113,9 @@ DOORS = {
     "render/accel/intersect.py": "the reference of formulas is loaded for scenes with formulas",
     "render/backends/ray.py": "what paths, or formulas, are drawn with is loaded where there are any",
     "render/backends/reference.py": "what paths are drawn with is loaded where there are any",
+    "render/jit/function_pointer.py": "Numba is loaded where a kernel is compiled",
+    "render/jit/kernel.py": "Numba is loaded where a kernel is compiled",
+    "render/jit/kernel_cache.py": "Numba is loaded where a kernel is compiled",
     "compiler/plan/scene_rules.py": "only formulas are looked at for closed forms",
     "compiler/lower/lowering.py": "a mesh or a stage inside a scene loads what reads its file",
     "compiler/load.py": "each kind of file has its own front end and libraries",
@@ -272,10 +275,24 @@ def test_modules_do_not_import_in_circles() -> None:
         walk(module, ())
 
 
-@pytest.mark.parametrize("layer", ["lang", "compiler", "measure", "cli", "top"])
-def test_numba_is_not_reached_without_drawing(layer: str) -> None:
-    wrong = [f"{i.file}:{i.line}" for i in IMPORTS if i.target.split(".")[0] == "numba" and layer_of(i.file.split("/")[0]) == layer]
+COMPILES = {
+    *(f"render/jit/{name}.py" for name in ("compiler", "lto", "numba_patches", "numba_types")),
+    *(f"render/simd/{name}.py" for name in (
+        "bounds_check", "constructors", "denormals", "elementary", "functions", "gather_scatter", "memory", "operators", "shuffles",
+        "vector_indexing", "vector_type",
+    )),
+}  # fmt: skip
+
+
+def test_numba_is_loaded_to_compile_alone() -> None:
+    """Only the modules of COMPILES import Numba, and only they import each other before a kernel is compiled."""
+    compiling = {module_of(file) for file in COMPILES}
+    wrong = [
+        f"{i.file}:{i.line} {i.target}" for i in IMPORTS
+        if (i.target.split(".")[0] == "numba" or (i.target in compiling and not i.hidden)) and i.file not in COMPILES
+    ]  # fmt: skip
     assert not wrong, listed(wrong)
+    assert {i.file for i in IMPORTS if i.target.split(".")[0] == "numba"} == COMPILES
 
 
 def test_lang_knows_no_arrays_and_no_disk() -> None:

@@ -11,14 +11,12 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
-from numba.extending import overload
 
 from ...compiler import ir
 from ...compiler.plan import scene_facts
 from ..geometry import analytic_shapes, instance_transform
-from ..jit.kernel import HELPER
 from ..lanes import affine, crosslane, ops
+from ..simd.registration import overload, types
 from ..surface import alpha, interaction
 from ..types import Hit, Lane, Ray, Vec
 from .traverse import motion_alpha, shape_hit, two_level
@@ -186,7 +184,7 @@ def find(accel: Any, ray: Ray, active: Lane, visible_bit: int, any_hit: bool) ->
     raise NotImplementedError
 
 
-@overload(find, jit_options=HELPER)
+@overload(find)
 def _find_in_kernels(accel, ray, active, visible_bit, any_hit):
     if motion_alpha.has_motion(accel) and not isinstance(ray.types[ray.fields.index("time")], types.NoneType):
 
@@ -206,21 +204,21 @@ def _find_in_kernels(accel, ray, active, visible_bit, any_hit):
     return find_still
 
 
-@overload(closest_hit, jit_options=HELPER)
+@overload(closest_hit)
 def _closest_kernel(accel, tables, ray, active, visible_bit):
     if not crosslane.is_mask(active):
         return None
     return lambda accel, tables, ray, active, visible_bit: find(accel, ray, active, visible_bit, False)
 
 
-@overload(occluded, jit_options=HELPER)
+@overload(occluded)
 def _occluded_kernel(accel, tables, ray, active):
     if not crosslane.is_mask(active):
         return None
     return lambda accel, tables, ray, active: find(accel, ray, active, SHADOW, True).instance >= 0
 
 
-@overload(transmittance, jit_options=HELPER)
+@overload(transmittance)
 def _transmittance_kernel(accel, tables, ray, active, visible_bit=SHADOW):
     if not crosslane.is_mask(active):
         return None
@@ -235,7 +233,7 @@ def _transmittance_kernel(accel, tables, ray, active, visible_bit=SHADOW):
     return with_opacity if motion_alpha.has_opacity(accel) else opaque
 
 
-@overload(attenuate, jit_options=HELPER)
+@overload(attenuate)
 def _attenuate_kernel(accel, tables, ray, active, given, visible_bit=SHADOW):
     if not crosslane.is_mask(active):
         return None

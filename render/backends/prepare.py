@@ -176,7 +176,7 @@ def _compile_tiles(threads: int, accel: Handle, packed: Handle, frames: Handle, 
 def _workspace_type(kind: type, reuses: bool) -> HandleType:
     from ..integrator import wave_memory
 
-    return Handle(wave_memory.WaveMemory.of(kind, reuses)).numba_type
+    return Handle(wave_memory.WaveMemory.of(kind, reuses)).type
 
 
 def _add_photons(tables: ir.Tables, plan: Plan, light: Any, kind: type) -> tuple[Any, Any]:
@@ -231,7 +231,7 @@ def _build_unlinked(tables: ir.Tables, plan: Plan) -> Handle:
 def _compiles_slowly(accel: Handle) -> bool:
     """Whether BVH traversal compiles slowly and no other kernel needs it earlier."""
     kinds = accel.tables.instance_rows[:, 3]
-    return not motion_alpha.is_used(accel.numba_type) and bool(ir.is_in(kinds, (ir.GeometryKind.MESH, ir.GeometryKind.FORMULA)).any())
+    return not motion_alpha.is_used(accel.type) and bool(ir.is_in(kinds, (ir.GeometryKind.MESH, ir.GeometryKind.FORMULA)).any())
 
 
 def shutter_of(tables: ir.Tables, plan: Plan, view: View) -> StillScene | Shutter:

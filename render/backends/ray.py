@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from ...compiler import ir
@@ -21,10 +20,11 @@ from ..film import aov
 from ..film.accumulate import LARGEST, clamp
 from ..film.film import TILE
 from ..integrator import background, ray_stack, whitted
-from ..jit.kernel import HELPER, helper, kernel, noinline_helper
+from ..jit.kernel import helper, kernel, noinline_helper
 from ..jit.packed_struct import Handle
 from ..lanes import crosslane, ops, ray_soa
 from ..sampling import sobol
+from ..simd.registration import overload
 from ..types import Film, FirstHits, Hit, Lane, Options, Ray, Tile, View
 from . import prepare
 
@@ -216,7 +216,7 @@ def draw_primed(primed: Any, tables: Any, accel: Any, vertex_light: Any, frame: 
     raise NotImplementedError("in kernels only")
 
 
-@overload(draw_primed, jit_options=HELPER)
+@overload(draw_primed)
 def _draw_primed(primed, tables, accel, vertex_light, frame, film, workspace):
     if not is_used(primed):
         return lambda primed, tables, accel, vertex_light, frame, film, workspace: False
@@ -317,7 +317,7 @@ def find_first_hits(primed: Any, accel: Any, tables: Any, ray: Ray, x: Lane, y: 
     raise NotImplementedError("in kernels only")
 
 
-@overload(find_first_hits, jit_options=HELPER)
+@overload(find_first_hits)
 def _find_first_hits(primed, accel, tables, ray, x, y, s):
     if not is_used(primed):
         return lambda primed, accel, tables, ray, x, y, s: (intersect.closest_hit(accel, tables, ray, ops.bool_like(x, True), CAMERA), None)

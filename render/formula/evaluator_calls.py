@@ -5,12 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from llvmlite import ir
-from numba import types
-from numba.core.typing.templates import signature
-from numba.np.arrayobj import make_array
 
 from ..simd.llvm_expr import I64
-from ..simd.vector_type import intrinsic
+from ..simd.registration import intrinsic, make_array, signature, types
 from .llvm_math import CODE, INTERPRETER, POINTER, ROW, ROWS
 
 

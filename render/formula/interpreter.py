@@ -11,7 +11,6 @@ sixteen lanes share these words.
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -21,9 +20,9 @@ from llvmlite import ir
 
 from ...compiler.formula.opcodes import Op, arity
 from ...compiler.formula.tape import INPUTS
-from ...compiler.io.replace_file import replace_file
-from ..jit import cache_key, compile_process, kernel_cache
-from ..simd import target as simd_target
+from ..jit import cache_key, compile_process, kernel_cache, loader
+from ..jit.kernel_file import Code
+from ..jit.value_types import NONE
 from ..simd.llvm_expr import F64, I64, Value
 from .llvm_math import BYTES, DIRECT, INTERPRETER, LANES, POINTER, ROW, SINGLE, VectorMath, load, store
 from .loop_codegen import over_rows, over_vectors
@@ -158,49 +157,31 @@ def compile_programs(programs: tuple[str, ...]) -> None:
 
 
 def object_file(program: str) -> Path:
-    """The object file of a program's interpreter in the cache."""
-    return kernel_cache.CACHE / f"tape_{program}-{_sources()}.o"
-
-
-def _engine(program: str) -> Any:
-    path = object_file(program)
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target())
-    try:
-        code = path.read_bytes()
-    except OSError:
-        module = _point_module() if program == POINT else module_of(program)
-        code = target(1).emit_object(optimize(str(module)))  # level 2 takes twice the compile time and renders no faster
-        _write(path, code)
-    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
-    engine.finalize_object()
-    return engine
+    """The file of a program's interpreter in the cache."""
+    return kernel_cache.CACHE / _file_name(program)
 
 
 @cache
-def _sources() -> str:
-    """Digest of the modules that the interpreters are compiled from, and of their vector width."""
-    return f"{cache_key.key(__name__)}-{LANES}"
+def _file_name(program: str) -> str:
+    """File name with the digest of the modules that the interpreters are compiled from, and their vector width."""
+    return f"tape_{program}-{cache_key.key(__name__)}-{LANES}{kernel_cache.SUFFIX}"
 
 
-def _write(path: Path, code: bytes) -> None:
-    """Write a file atomically; without a writable folder the next process compiles again."""
-    with suppress(OSError):
-        replace_file(path, code)
-
-
-def target(opt: int = 2) -> Any:
-    """LLVM target machine of kernels."""
-    llvm.initialize_native_target()
-    llvm.initialize_native_asmprinter()
-    features = ",".join(f"{'+' if on else '-'}{name}" for name, on in sorted(simd_target.FEATURES.items()))
-    found = llvm.Target.from_triple(llvm.get_process_triple())
-    return found.create_target_machine(cpu=llvm.get_host_cpu_name(), features=features, opt=opt, jit=True, codemodel="jitdefault")
+def _engine(program: str) -> Any:
+    code = kernel_cache.read(_file_name(program))
+    if code is None:
+        module = _point_module() if program == POINT else module_of(program)
+        machine = loader.target_machine(1)  # level 2 takes twice the compile time and renders no faster
+        name = f"tape_{program}"
+        code = Code(name, name, NONE, (), machine.emit_object(optimize(str(module))))
+        kernel_cache.write(_file_name(program), code)
+    return loader.load_object(code.code)
 
 
 def optimize(text: str, level: int = 2) -> Any:
     """Parse LLVM code and run the passes of `level`."""
     module = llvm.parse_assembly(text)
     module.verify()
-    builder = llvm.create_pass_builder(target(), llvm.create_pipeline_tuning_options(speed_level=level))
+    builder = llvm.create_pass_builder(loader.target_machine(), llvm.create_pipeline_tuning_options(speed_level=level))
     builder.getModulePassManager().run(module, builder)
     return module

@@ -9,7 +9,7 @@ from llvmlite import ir
 from ...compiler.formula.point_semantics import NumpyMath
 from ...lang.noise import PERMUTATION
 from ..lanes import crosslane
-from ..simd import elementary
+from ..simd.emitters import EMITTED
 from ..simd.llvm_expr import F32, F64, I32, I64, Value, select
 from ..simd.polynomials import call_shared, to_integer
 
@@ -66,7 +66,7 @@ class VectorMath:
     def __getattr__(self, name: str) -> Any:
         if name in ("sqrt", "floor", "ceil"):
             return lambda x: x.call(name)
-        return elementary.EMITTED[name]
+        return EMITTED[name]
 
     def where(self, mask: Value, yes: Any, no: Any) -> Value:
         like = yes if isinstance(yes, Value) else no

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from ...compiler.formula.opcodes import Op, arity
 from ...compiler.formula.tape import Tape
+from ..jit import loader
 from ..simd.llvm_expr import I64
-from . import interpreter
 from .interpreter import PARTS, SHIFTS
 from .llvm_math import BYTES, CODE, ROWS, SINGLE, VectorMath, load, store
 from .loop_codegen import over_vectors
@@ -120,7 +120,7 @@ def _end() -> None:
 def engine_of(tape: Tape) -> Any:
     """Compile a tape: functions tape_points and tape_gradients (x y z, constants, out), and tape_points32 for a short tape."""
     module = llvm.parse_assembly(str(module_of(tape)))
-    engine = llvm.create_mcjit_compiler(module, interpreter.target())
+    engine = llvm.create_mcjit_compiler(module, loader.target_machine())
     engine.finalize_object()
     return engine
 

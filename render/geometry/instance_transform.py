@@ -8,11 +8,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from numba import types
-from numba.extending import overload
-
-from ..jit.kernel import HELPER, helper
+from ..jit.kernel import helper
 from ..lanes import affine, ops
+from ..simd.registration import overload, types
 from ..types import Lane, Tables, Vec
 
 Affine = tuple[Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane]
@@ -31,7 +29,7 @@ def transform_at(tables: Tables, row: Lane, time: Lane | None) -> Frame:
     return _static_frame(tables, row) if time is None else _moving_frame(tables, row, time)
 
 
-@overload(transform_at, jit_options=HELPER)
+@overload(transform_at)
 def _at_in_kernels(tables, row, time):
     if isinstance(time, types.NoneType):
         return lambda tables, row, time: _static_frame(tables, row)

@@ -9,14 +9,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba.extending import overload
 
-from ..jit.kernel import HELPER, helper
+from ..jit.kernel import helper
 from ..lanes import ops
 from ..light import lights
 from ..material import bsdf, medium_stack
 from ..material.bsdf import Scattered
 from ..material.shader import ONLY, evaluate_shader_filtered
+from ..simd.registration import overload
 from ..surface import blend, interaction, normal_map
 from ..types import Hit, Lane, Options, Surface, Tables, Vec, VertexLight
 from . import gouraud, photon_map
@@ -140,7 +140,7 @@ def _vertex_light(vertices: VertexLight, tables: Tables, point: Surface, hit: Hi
     return lit, known
 
 
-@overload(vertex_light, jit_options=HELPER)
+@overload(vertex_light)
 def _vertex_light_in_kernels(vertices, tables, point, hit, here):
     if vertices.layout:
         return lambda vertices, tables, point, hit, here: _vertex_light(vertices, tables, point, hit, here)

@@ -10,14 +10,13 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from numba.extending import overload
-
 from .. import simd
 from ..accel import intersect, primitive_hits
-from ..jit.kernel import HELPER, helper, noinline_helper, specialize_if_present
+from ..jit.kernel import helper, noinline_helper, specialize_if_present
 from ..lanes import crosslane, ops
 from ..lanes.soa import ROW, gather3, load3, scatter_add, store3
 from ..light import lights
+from ..simd.registration import overload
 from ..types import Lane, Surface, Vec
 from .path_state import OTHER_RAY, PathState
 from .ray_queue import as_searched, enters, from_search, pad, queue_up
@@ -83,7 +82,7 @@ def add_light(shared: Any, light: Any, slot: Lane, sent: Vec, mask: Lane, depth:
     raise NotImplementedError
 
 
-@overload(add_light, jit_options=HELPER)
+@overload(add_light)
 def _add_light_in_kernels(shared, light, slot, sent, mask, depth):
     if not shared.layout:
         return lambda shared, light, slot, sent, mask, depth: scatter_add(light, slot, sent, mask)
@@ -203,7 +202,7 @@ def _trace_queue(accel: Any, memory: Any, place: Vec, queued: int, to: int) -> N
     raise NotImplementedError
 
 
-@overload(_trace_queue, jit_options=HELPER)
+@overload(_trace_queue)
 def _trace_queue_in_kernels(accel, memory, place, queued, to):
     if accel.field("search") is None:
         return lambda accel, memory, place, queued, to: None

@@ -8,13 +8,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import types
-from numba.extending import overload
 
-from ..jit.kernel import HELPER, helper
+from ..jit.kernel import helper
 from ..lanes import ops
 from ..material import bsdf
 from ..material.shader import ONLY, Shader
+from ..simd.registration import overload, types
 from ..types import Lane, Surface, Vec
 from . import photon_map
 from .path_state import PathState
@@ -26,7 +25,7 @@ def photon_covers_emission(photon_emitters: Any, row: Any, path: PathState) -> L
     return np.zeros(np.shape(path.density), bool)
 
 
-@overload(photon_covers_emission, jit_options=HELPER)
+@overload(photon_covers_emission)
 def _emission_in_kernels(photon_emitters, row, path):
     if isinstance(photon_emitters, types.Array):
         return lambda photon_emitters, row, path: ((path.density > 2.0 * ONLY) | (path.phase > photon_map.CLEAN)) & photon_emitters[row]
@@ -38,7 +37,7 @@ def photon_covers_mirror(photon_emitters: Any, row: Any, path: PathState, shader
     return np.zeros(np.shape(path.density), bool)
 
 
-@overload(photon_covers_mirror, jit_options=HELPER)
+@overload(photon_covers_mirror)
 def _mirror_in_kernels(photon_emitters, row, path, shader):
     if isinstance(photon_emitters, types.Array):
         return lambda photon_emitters, row, path, shader: (path.phase >= photon_map.CLEAN) & bsdf.is_polished(shader) & photon_emitters[row]
@@ -50,7 +49,7 @@ def photon_covers_lobe(caustic_reflectance: Any, point: Surface, shader: Shader)
     return np.zeros(np.shape(point.offset), bool)
 
 
-@overload(photon_covers_lobe, jit_options=HELPER)
+@overload(photon_covers_lobe)
 def _lobe_in_kernels(caustic_reflectance, point, shader):
     if isinstance(caustic_reflectance, types.Array):
         return lambda caustic_reflectance, point, shader: (caustic_reflectance[point.instance] > 0.0) & bsdf.has_bright_narrow_lobe(shader)
@@ -64,7 +63,7 @@ def exclude_covered_lobe(
     return share, np.zeros(np.shape(path.density), bool)
 
 
-@overload(exclude_covered_lobe, jit_options=HELPER)
+@overload(exclude_covered_lobe)
 def _exclude_in_kernels(caustic_reflectance, photon_emitters, share, row, path, shading, direction):
     if isinstance(caustic_reflectance, types.Array):
         return lambda caustic_reflectance, photon_emitters, share, row, path, shading, direction: _exclude(

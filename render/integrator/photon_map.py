@@ -14,14 +14,14 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..jit import thread_pool
-from ..jit.kernel import HELPER, helper, kernel, noinline_helper
+from ..jit.kernel import helper, kernel, noinline_helper
 from ..lanes import ops
 from ..material import bsdf
 from ..material.shader import Shader, Uses
+from ..simd.registration import overload
 from ..types import Lane, Vec
 from .records import ShadingContext
 
@@ -198,7 +198,7 @@ def add_estimate(maps: Any, sent: Vec, *of: Any) -> Vec:
     return sent
 
 
-@overload(add_estimate, jit_options=HELPER)
+@overload(add_estimate)
 def _add_estimate_in_kernels(maps, sent, shading, uses, weight, here, sample):
     if maps.layout:
         return lambda maps, sent, shading, uses, weight, here, sample: _add_estimate(maps, sent, shading, uses, weight, here, sample)
@@ -215,7 +215,7 @@ def phase_after(maps: Any, phase: Lane, shader: Shader, sharp: Lane, covered: La
     return phase
 
 
-@overload(phase_after, jit_options=HELPER)
+@overload(phase_after)
 def _phase_after_in_kernels(maps, phase, shader, sharp, covered):
     if not maps.layout:
         return lambda maps, phase, shader, sharp, covered: phase

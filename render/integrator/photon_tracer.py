@@ -12,13 +12,11 @@ import threading
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from .. import simd
 from ..jit import thread_pool
-from ..jit.kernel import HELPER, helper, kernel, noinline_helper
+from ..jit.kernel import helper, kernel, noinline_helper
 from ..jit.packed_struct import Handle
 from ..lanes import crosslane, ops
 from ..lanes.soa import PAD, ROW, SIZE, compress_store, compress_store3, load3
@@ -26,6 +24,7 @@ from ..light import lights
 from ..material import bsdf, medium_stack, rough_dielectric
 from ..material.shader import ONLY, Shader, evaluate_shader_filtered
 from ..sampling import sobol
+from ..simd.registration import overload, types
 from ..surface import blend, interaction, normal_map
 from ..types import Lane, Surface, Tables, Vec
 from . import photon_map
@@ -221,7 +220,7 @@ def _sample_covered_lobe(caustic_reflectance: Any, plain: Any, *of: Any) -> Any:
     raise NotImplementedError
 
 
-@overload(_sample_covered_lobe, jit_options=HELPER)
+@overload(_sample_covered_lobe)
 def _sample_covered_lobe_in_kernels(caustic_reflectance, plain, *of):
     """(bounce, where a highlight reflects the photon first); compiled only in scenes with such highlights."""
     if isinstance(caustic_reflectance, types.Array):

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba import types
-from numba.extending import overload
-
 from .. import simd
-from ..jit.kernel import HELPER, helper
+from ..jit.kernel import helper
 from ..lanes import ops
+from ..simd.registration import overload, types
 from ..types import Lane, Ray, Vec
 
 _WIDTH64 = simd.WIDTH64
@@ -51,7 +49,7 @@ def for_search(x: Any) -> Any:
     raise NotImplementedError
 
 
-@overload(for_search, jit_options=HELPER)
+@overload(for_search)
 def _for_search_kernel(x):
     """Convert lanes for `intersect.find`: to scalars on machines with one lane."""
     if _WIDTH64 > 1:
@@ -65,7 +63,7 @@ def from_search(x: Any, like: Any) -> Any:
     raise NotImplementedError
 
 
-@overload(from_search, jit_options=HELPER)
+@overload(from_search)
 def _from_search_kernel(x, like):
     """Convert results of `intersect.find` back to lanes."""
     if _WIDTH64 > 1:

@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..accel.traverse import motion_alpha
-from ..jit.kernel import HELPER, helper, specialize_if_present
+from ..jit.kernel import helper, specialize_if_present
 from ..lanes import crosslane, ops
 from ..material import bsdf, medium_stack
 from ..sampling import sobol
+from ..simd.registration import overload
 from ..surface import alpha as surface_alpha
 from ..surface import texture_footprint
 from ..types import Lane, Options, Ray, Surface, Vec
@@ -101,7 +101,7 @@ def coverage_of(accel: Any, *of: Any) -> Lane:
     return _coverage(accel, *of)
 
 
-@overload(coverage_of, jit_options=HELPER)
+@overload(coverage_of)
 def _coverage_in_kernels(accel, *of):
     return (lambda accel, *of: _coverage(accel, *of)) if motion_alpha.has_opacity(accel) else lambda accel, *of: 1.0
 
@@ -114,7 +114,7 @@ def continue_through(waiting: Lane, accel: Any, *of: Any) -> Lane:
     return _continue(waiting, accel, *of)
 
 
-@overload(continue_through, jit_options=HELPER)
+@overload(continue_through)
 def _continue_in_kernels(waiting, accel, *of):
     if motion_alpha.has_opacity(accel):
         return lambda waiting, accel, *of: _continue(waiting, accel, *of)

@@ -5,16 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba.extending import overload
 
 from ...compiler import ir
 from .. import simd
 from ..accel import intersect, primitive_hits
 from ..accel.traverse import motion_alpha
-from ..jit.kernel import HELPER, helper, noinline_helper
+from ..jit.kernel import helper, noinline_helper
 from ..lanes import crosslane, ops
 from ..lanes.soa import ROW, gather3, load3
 from ..sampling import sobol
+from ..simd.registration import overload
 from ..surface import interaction, triangle_records
 from ..types import Hit, Lane, Ray, Surface, Vec
 from .path_state import OTHER_RAY, PathSample, alpha_number
@@ -81,7 +81,7 @@ def closest_visible(accel: Any, ray: Ray, visible: Any, index: PathSample) -> Hi
     raise NotImplementedError
 
 
-@overload(closest_visible, jit_options=HELPER)
+@overload(closest_visible)
 def _closest_in_kernels(accel, ray, visible, index):
     """Not compiled in scenes without a BVH."""
     if accel.field("search") is None:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from .. import simd
-from ..jit.kernel import HELPER, helper, specialize_if_present
+from ..jit.kernel import helper, specialize_if_present
 from ..lanes.soa import ROW, compress_store, compress_store3, load3
+from ..simd.registration import overload
 from ..types import Lane, Vec
 from . import path_reuse
 
@@ -89,7 +89,7 @@ def load_facing(below: Any, memory: Any, at: int) -> Any:
     raise NotImplementedError
 
 
-@overload(load_facing, jit_options=HELPER)
+@overload(load_facing)
 def _load_facing_in_kernels(below, memory, at):
     """Load the normals at the origins of rays; None in scenes with few lights."""
     if below.layout:

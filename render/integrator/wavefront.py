@@ -10,16 +10,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba.extending import overload
 
 from .. import camera, simd
 from ..accel import intersect, primitive_hits
-from ..jit.kernel import HELPER, helper, kernel, noinline_helper
+from ..jit.kernel import helper, kernel, noinline_helper
 from ..lanes import crosslane, ops
 from ..lanes.soa import ROW, SIZE, compress_store, compress_store3, gather3, load3, scatter_add, store3
 from ..material import medium_stack
 from ..material.shader import ONLY
 from ..sampling import sobol
+from ..simd.registration import overload
 from ..types import Lane, Ray
 from . import path_reuse
 from .path import shade_vertex
@@ -163,7 +163,7 @@ def _transmittance(accel: Any, ray: Ray) -> Lane:
     raise NotImplementedError
 
 
-@overload(_transmittance, jit_options=HELPER)
+@overload(_transmittance)
 def _transmittance_in_kernels(accel, ray):
     """The transmittance of shadow rays through the BVH, 0 to 1."""
     if accel.field("search") is None:

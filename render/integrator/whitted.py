@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import types
 
 from ...compiler import ir
 from ..accel import intersect
@@ -18,6 +17,7 @@ from ..geometry import instance_transform
 from ..jit.function_pointer import KernelPointer
 from ..jit.kernel import helper
 from ..jit.packed_struct import Handle
+from ..jit.value_types import NONE, ValueType, array_type, tuple_of
 from ..lanes import crosslane, ops
 from ..lanes.kinds import FLOAT, INT, VEC
 from ..material import medium_stack
@@ -150,9 +150,9 @@ def link(frame: Handle, tables: Handle, accel: Handle, vertex_light: Handle, has
     frame.put("radiance", linked.link(*kinds(frame, tables, accel, vertex_light, has_known)))
 
 
-def kinds(frame: Handle, tables: Handle, accel: Handle, vertex_light: Handle, has_known: bool) -> tuple[types.Type, ...]:
-    """Numba types of the arguments of `_radiance`."""
-    packed = tables.numba_type, accel.numba_type, vertex_light.numba_type, frame.part("options")
-    time, known = FLOAT if instance_transform.is_open(frame.part("shutter")) else types.none, INT if has_known else types.none
-    ray, hit = types.Tuple([VEC, VEC, time]), types.Tuple([FLOAT, INT, INT, FLOAT, FLOAT])
-    return (*packed, ray, hit, types.UniTuple(INT, 2), types.Array(types.float64, 3, "C"), known)
+def kinds(frame: Handle, tables: Handle, accel: Handle, vertex_light: Handle, has_known: bool) -> tuple[ValueType, ...]:
+    """Types of the arguments of `_radiance`."""
+    packed = tables.type, accel.type, vertex_light.type, frame.part("options")
+    time, known = FLOAT if instance_transform.is_open(frame.part("shutter")) else NONE, INT if has_known else NONE
+    ray, hit = tuple_of(VEC, VEC, time), tuple_of(FLOAT, INT, INT, FLOAT, FLOAT)
+    return (*packed, ray, hit, tuple_of(INT, INT), array_type(np.float64, 3), known)

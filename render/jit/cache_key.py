@@ -47,6 +47,11 @@ def key(module: str) -> str:
     return _digest({name: known[name] for name in sorted(found)})
 
 
+def is_ours(module: str) -> bool:
+    """Return whether a dotted module, with the package's name in front or without, belongs to the package."""
+    return module in _sources() or module.partition(".")[2] in _sources()
+
+
 @cache
 def version() -> str:
     """Digest of all modules that take part in rendering."""

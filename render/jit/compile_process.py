@@ -1,13 +1,13 @@
 """Compiles kernels in a second process, so that the first picture waits less.
 
 Compilation is Python code, which does not run in parallel threads. The second process writes a kernel to the disk cache. A caller of that
-kernel waits for it, and compiles the kernel itself if the process ends without.
+kernel waits for it, and compiles the kernel itself if the process ends without. A request is plain data: names and types in JSON.
 """
 
 from __future__ import annotations
 
+import json
 import os
-import pickle
 import signal
 import subprocess
 import sys
@@ -15,22 +15,21 @@ import threading
 from importlib import import_module
 from typing import Any
 
-import numba
-from numba import types
-
 from ..simd import target
 from . import compile_events, function_pointer, kernel_cache
+from .kernel import Kernel
+from .value_types import ValueType, from_plain, typeof
 
-_BEGIN = "import importlib, pickle, sys; sys.path[:], name = pickle.load(sys.stdin.buffer); importlib.import_module(name).serve()"
+_BEGIN = "import importlib, json, sys; sys.path[:], name = json.loads(sys.stdin.readline()); importlib.import_module(name).serve()"
 _PACKAGE = __name__.partition(".")[0]
 
-Key = tuple[Any, tuple[types.Type, ...]]
+Key = tuple[Any, tuple[ValueType, ...]]
 _compiling: dict[Key, subprocess.Popen[bytes]] = {}
 _running: list[subprocess.Popen[bytes]] = []
 
 
-def compile_in_background(threads: int, kernel: Any, *arguments: Any) -> None:
-    """Compile a kernel in another process for Numba types, or for the types of values.
+def compile_in_background(threads: int, kernel: Kernel, *arguments: Any) -> None:
+    """Compile a kernel in another process for types, or for the types of values.
 
     Does nothing if the kernel is cached or `threads` (0: all) are busy. It pays if this process compiles as long before it needs the
     kernel.
@@ -39,20 +38,23 @@ def compile_in_background(threads: int, kernel: Any, *arguments: Any) -> None:
         _close(_compiling.pop(key))
     if len(_compiling) >= _max_processes(threads):
         return
-    kinds = tuple(each if isinstance(each, types.Type) else numba.typeof(each) for each in arguments)
+    kinds = tuple(each if isinstance(each, ValueType) else typeof(each) for each in arguments)
     key = (kernel.py_func, kinds)
     if key not in _compiling and not kernel_cache.is_cached(kernel, kinds) and os.access(kernel_cache.CACHE, os.W_OK):
         loaded = [name for name in list(sys.modules) if name.partition(".")[0] == _PACKAGE and name != "__main__"]
-        process = _start(kernel.py_func, True, kinds, loaded)
+        process = _start(kernel.py_func, True, [kind.plain for kind in kinds], loaded)
         if process is not None:
             _compiling[key] = process
 
 
 def run_in_background(threads: int, function: Any, *arguments: Any) -> None:
-    """Call a function in another process that writes files which this process would write otherwise, unless `threads` are busy."""
+    """Call a function in another process that writes files which this process would write otherwise, unless `threads` are busy.
+
+    The arguments are numbers, strings and lists of them.
+    """
     _running[:] = [process for process in _running if process.poll() is None]
     if _max_processes(threads) and os.access(kernel_cache.CACHE, os.W_OK):
-        process = _start(function, False, arguments, [])
+        process = _start(function, False, list(arguments), [])
         if process is not None:
             _running.append(process)
 
@@ -62,7 +64,7 @@ def _max_processes(threads: int) -> int:
     return min(threads or target.cores(), target.cores()) - 1 if sys.executable else 0
 
 
-def _start(function: Any, compiles: bool, arguments: tuple[Any, ...], loaded: list[str]) -> subprocess.Popen[bytes] | None:
+def _start(function: Any, compiles: bool, arguments: list[Any], loaded: list[str]) -> subprocess.Popen[bytes] | None:
     """Start a process that compiles a kernel for types, or calls a function; None if it does not start."""
     request = str(kernel_cache.CACHE), loaded, function.__module__, function.__qualname__, compiles, arguments
     try:
@@ -72,7 +74,7 @@ def _start(function: Any, compiles: bool, arguments: tuple[Any, ...], loaded: li
         return None
     assert process.stdin is not None
     try:
-        process.stdin.write(pickle.dumps((sys.path, __name__)) + pickle.dumps(request))
+        process.stdin.write(f"{json.dumps((sys.path, __name__))}\n{json.dumps(request)}\n".encode())
         process.stdin.flush()  # stays open: its end tells the other process that this one has ended
     except OSError:  # the process failed to start
         process.kill()
@@ -102,7 +104,7 @@ def _close(process: subprocess.Popen[bytes]) -> None:
 def serve() -> None:
     """Main function of the second process: execute the request on standard input. It ends with its parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches both processes; the parent handles it
-    cache, loaded, module, name, compiles, arguments = pickle.load(sys.stdin.buffer)
+    cache, loaded, module, name, compiles, arguments = json.loads(sys.stdin.readline())
 
     def watch() -> None:
         sys.stdin.buffer.read()
@@ -113,14 +115,17 @@ def serve() -> None:
         import_module(each)
     if cache == str(kernel_cache.CACHE):
         owner = import_module(module)
-        find_kernel(owner, name).compile(arguments) if compiles else getattr(owner, name)(*arguments)
+        if compiles:
+            find_kernel(owner, name).load(tuple(map(from_plain, arguments)))
+        else:
+            getattr(owner, name)(*arguments)
     os._exit(0)
 
 
-def find_kernel(module: Any, name: str) -> Any:
+def find_kernel(module: Any, name: str) -> Kernel:
     """The kernel of a function name: the attribute itself, or the kernel of the KernelPointer made of that function."""
     found = getattr(module, name)
-    if hasattr(found, "py_func"):
+    if isinstance(found, Kernel):
         return found
     pointers = (each for each in vars(module).values() if isinstance(each, function_pointer.KernelPointer))
     return next(each.kernel for each in pointers if each.kernel.py_func is found)

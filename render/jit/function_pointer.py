@@ -6,18 +6,13 @@ reads an address from a table at run time. `prepare` links the kernels of a pict
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
-from operator import attrgetter
 from typing import Any
 
-from numba import types
-from numba.core import cgutils
-from numba.core.errors import TypingError
-from numba.extending import intrinsic
-
 from .. import simd
-from .kernel import kernel
+from ..simd.registration import cgutils, intrinsic, types, typing_error
+from .kernel import Kernel, kernel
+from .value_types import ValueType, tuple_of
 
 
 class KernelPointer:
@@ -27,17 +22,14 @@ class KernelPointer:
         self.kernel = kernel(function)
         self.call = _call_of(self)
 
-    def link(self, *kinds: types.Type) -> int:
+    def link(self, *kinds: ValueType) -> int:
         """Compile the kernel for arguments of these types, or load it from disk; return its address."""
         return compiled_address(self.kernel, *kinds)
 
 
-@functools.cache
-def compiled_address(kernel: Any, *kinds: types.Type) -> int:
+def compiled_address(kernel: Kernel, *kinds: ValueType) -> int:
     """Compile a kernel for arguments of these types, or load it from disk; return its address."""
-    kernel.compile(kinds)
-    code, descriptor = attrgetter("library", "fndesc")(kernel.overloads[kinds])
-    return code.get_pointer_to_function(descriptor.llvm_func_name)
+    return kernel.load(kinds).address
 
 
 class DeclaredPointer(KernelPointer):
@@ -46,8 +38,8 @@ class DeclaredPointer(KernelPointer):
     Arguments are passed with their own types, or with the declared types `takes` behind the first argument.
     """
 
-    def __init__(self, result: Sequence[types.Type] | types.Type, takes: Sequence[types.Type] = ()) -> None:
-        self.result = result if isinstance(result, types.Type) else types.Tuple(list(result))
+    def __init__(self, result: Sequence[ValueType] | ValueType, takes: Sequence[ValueType] = ()) -> None:
+        self.result = result if isinstance(result, ValueType) else tuple_of(*result)
         self.takes = tuple(takes)
         self.call = _call_of(self)
 
@@ -55,23 +47,26 @@ class DeclaredPointer(KernelPointer):
 class DeclaredKernel(DeclaredPointer):
     """A kernel with declared result type, so that its callers compile without it."""
 
-    def __init__(self, function: Any, result: Sequence[types.Type] | types.Type, takes: Sequence[types.Type] = ()) -> None:
+    def __init__(self, function: Any, result: Sequence[ValueType] | ValueType, takes: Sequence[ValueType] = ()) -> None:
         super().__init__(result, takes)
         self.kernel = kernel(function)
 
 
 def _call_of(linked: KernelPointer) -> Any:
     def call(typingctx, address, arguments):
+        from .numba_types import to_numba
+
         given = tuple(types.unliteral(kind) for kind in arguments.types)
         if isinstance(linked, DeclaredPointer):
-            kinds, result = (given[0], *linked.takes) if linked.takes else given, linked.result
+            kinds, result = (given[0], *map(to_numba, linked.takes)) if linked.takes else given, to_numba(linked.result)
             if not _all_fit(given, kinds):
-                raise TypingError(f"{given} cannot be passed as {kinds}")
+                raise typing_error(f"{given} cannot be passed as {kinds}")
         else:
-            kinds = next((known for known in linked.kernel.overloads if _all_fit(given, known)), None)
+            known = {tuple(map(to_numba, kinds)): loaded for kinds, loaded in linked.kernel.loaded.items()}
+            kinds = next((kinds for kinds in known if _all_fit(given, kinds)), None)
             if kinds is None:
-                raise TypingError(f"{linked.kernel.__name__} was not linked for {given}")
-            result = linked.kernel.overloads[kinds].signature.return_type
+                raise typing_error(f"{linked.kernel.py_func.__name__} was not linked for {given}")
+            result = to_numba(known[kinds].result)
 
         def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
             shape = context.call_conv.get_function_type(result, kinds)
@@ -88,14 +83,14 @@ def _call_of(linked: KernelPointer) -> Any:
     return intrinsic(call)
 
 
-def _all_fit(given: Sequence[types.Type], wanted: Sequence[types.Type]) -> bool:
+def _all_fit(given: Sequence[Any], wanted: Sequence[Any]) -> bool:
     return len(given) == len(wanted) and all(map(_fits, given, wanted))
 
 
-def _fits(given: types.Type, wanted: types.Type) -> bool:
+def _fits(given: Any, wanted: Any) -> bool:
     """Return whether a value can be passed: with its own type, or a number that is broadcast to lanes."""
     if isinstance(given, types.BaseTuple) and isinstance(wanted, types.BaseTuple):
-        return _all_fit(given.types, wanted.types)  # pyright: ignore[reportAttributeAccessIssue]
+        return _all_fit(given.types, wanted.types)
     if isinstance(wanted, simd.Vector):
         return given == wanted or isinstance(given, types.Number | types.Boolean)
     return given == wanted or (isinstance(given, types.Integer) and isinstance(wanted, types.Integer))

@@ -1,46 +1,76 @@
-"""Decorators of kernels and of the helpers that kernels call."""
+"""Kernels, and decorators of the helpers that kernels call. Compiling is in compiler.py, files are in kernel_cache.py."""
 
 from __future__ import annotations
 
+import functools
+import inspect
 from collections.abc import Callable
 from typing import Any
 
-from numba import njit, types
-from numba.extending import overload, register_jitable
-
-from . import numba_patches
-from .kernel_cache import KernelCache
-from .lto import Fragment, Kernel
-
-numba_patches.install_patches()
-HELPER: Any = {
-    "error_model": "numpy", "nogil": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "forceinline": True,
-    "pipeline_class": Fragment, "_nrt": False,
-}  # fmt: skip
-"""Compile options of helpers: inlined into the kernels that call them, since passing vectors through memory costs more than the arithmetic.
-Helpers allocate no arrays and do not count references to their arguments: in inner loops that took half of the time."""
+from ..simd.registration import overload, record_overload, types
+from . import kernel_cache
+from .value_types import ValueType, typeof
 
 
-def kernel(function: Callable[..., Any]) -> Any:
-    """Compile a function that runs without the GIL, is cached on disk and divides by IEEE rules. The first call sets the types."""
-    dispatcher = njit(nogil=True, cache=True, error_model="numpy", pipeline_class=Kernel)(function)
-    dispatcher._cache = KernelCache(function)  # pyright: ignore[reportAttributeAccessIssue]
-    return dispatcher
+class Kernel:
+    """A function that runs as machine code without Python's lock, and divides by IEEE rules. The types of the arguments select the code.
+
+    `loaded` holds the code of each tuple of types in this process.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self.py_func = function
+        self.loaded: dict[tuple[ValueType, ...], kernel_cache.Loaded] = {}
+        self._parameters = inspect.signature(function)
+        functools.update_wrapper(self, function)
+
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        if named or len(arguments) != len(self._parameters.parameters):
+            bound = self._parameters.bind(*arguments, **named)
+            bound.apply_defaults()
+            arguments = bound.args
+        kinds = tuple(map(typeof, arguments))
+        return (self.loaded.get(kinds) or self.load(kinds))(arguments)
+
+    def load(self, kinds: tuple[ValueType, ...]) -> kernel_cache.Loaded:
+        """The code for arguments of these types: loaded from disk, or compiled."""
+        return self.loaded.get(kinds) or kernel_cache.load(self, kinds)
+
+    @functools.cached_property
+    def _numba_type_(self) -> Any:
+        """What Numba calls where a kernel calls this one by name."""
+        from . import compiler
+
+        return compiler.callee(self.py_func)
+
+
+def kernel(function: Callable[..., Any]) -> Kernel:
+    """Compile a function that runs without Python's lock, is cached on disk and divides by IEEE rules. The first call sets the types."""
+    return Kernel(function)
 
 
 def helper(function: Callable[..., Any]) -> Any:
-    """Compile a lane function into the kernels that call it; outside of kernels it runs as Python on numpy arrays."""
-    return register_jitable(**HELPER)(function)
+    """Compile a lane function into the kernels that call it; outside of kernels it runs as Python on numpy arrays.
+
+    Helpers are inlined: passing vectors through memory costs more than the arithmetic. They allocate no arrays, and do not count
+    references to their arguments, which took half of the time in inner loops.
+    """
+    return _register(function)
 
 
 def noinline_helper(function: Callable[..., Any]) -> Any:
     """`helper` that stays a separate function in its kernels, for long code and for several call sites."""
-    return register_jitable(**{**HELPER, "forceinline": False})(function)
+    return _register(function, inline=False)
 
 
 def allocating_helper(function: Callable[..., Any]) -> Any:
     """`noinline_helper` that may allocate arrays."""
-    return register_jitable(**{**HELPER, "forceinline": False, "_nrt": True})(function)
+    return _register(function, inline=False, allocates=True)
+
+
+def _register(function: Callable[..., Any], **options: bool) -> Any:
+    record_overload(function, lambda *kinds, **named: function, strict=False, **options)
+    return function
 
 
 def make_replace(kind: Any, *names: str) -> Any:
@@ -61,7 +91,7 @@ def specialize_if_present(function: Callable[..., Any]) -> Callable[..., Any]:
     def select(part: Any, plain: Any, *of: Any) -> Any:
         return plain if _is_absent(part) else function(part, plain, *of)
 
-    @overload(select, jit_options=HELPER)
+    @overload(select)
     def _in_kernels(part, plain, *of):
         if _is_absent_type(part):
             return lambda part, plain, *of: plain
@@ -76,7 +106,7 @@ def specialize_either(function: Callable[..., Any], otherwise: Callable[..., Any
     def select(part: Any, *of: Any) -> Any:
         return otherwise(*of) if _is_absent(part) else function(part, *of)
 
-    @overload(select, jit_options=HELPER)
+    @overload(select)
     def _in_kernels(part, *of):
         return (lambda part, *of: otherwise(*of)) if _is_absent_type(part) else (lambda part, *of: function(part, *of))
 

@@ -65,10 +65,26 @@ def _passes(codegen: Any) -> tuple[Any, Any]:
 class Whole(JITCodeLibrary):
     """Code of a kernel, with every fragment linked into it once."""
 
-    def finalize(self) -> None:
+    def link(self) -> None:
+        """Link all fragments into the module and optimize it."""
         libraries, self._linking_libraries = self._linking_libraries, []
         _link(self._final_module, libraries)
-        super().finalize()
+        _define_allocation(self._final_module)
+        self._optimize_final_module()
+        self._final_module.verify()
+        self._verify_declare_only_symbols()
+        self._finalized = True
+
+    def emit(self) -> bytes:
+        """Link, optimize and return object code."""
+        self.link()
+        return self._codegen._tm.emit_object(self._final_module)
+
+    def undefined(self) -> tuple[str, ...]:
+        """Names of the functions and variables that the linked module declares only, without LLVM's intrinsics."""
+        module = self._final_module
+        declared = (each.name for part in (module.functions, module.global_variables) for each in part if each.is_declaration)
+        return tuple(sorted(name for name in declared if not name.startswith("llvm.")))
 
     def _optimize_final_module(self) -> None:
         """Inline all fragments first, before stack lifetime markers exist: helpers return parts of their stack memory."""
@@ -98,6 +114,57 @@ def _link(module: Any, libraries: list[Any]) -> None:
             function.linkage = "linkonce_odr"
     for library in others:
         module.link_in(library._get_module_for_linking(), preserve=True)
+
+
+# Numba's reference-counted memory without its library, which a process that only loads kernels does not have. Its structure is
+# {reference count, destructor, its argument, data, size}.
+_ALLOCATION = """
+declare ptr @malloc(i64)
+declare void @free(ptr)
+
+define ptr @NRT_MemInfo_alloc_aligned(i64 %size, i32 %align) {
+  %step = zext i32 %align to i64
+  %room = add i64 %size, 40
+  %total = add i64 %room, %step
+  %block = call ptr @malloc(i64 %total)
+  %none = icmp eq ptr %block, null
+  br i1 %none, label %done, label %fill
+fill:
+  %head = ptrtoint ptr %block to i64
+  %behind = add i64 %head, 40
+  %last = sub i64 %step, 1
+  %up = add i64 %behind, %last
+  %rest = urem i64 %up, %step
+  %start = sub i64 %up, %rest
+  store i64 1, ptr %block
+  %destructor = getelementptr i64, ptr %block, i64 1
+  store i64 0, ptr %destructor
+  %argument = getelementptr i64, ptr %block, i64 2
+  store i64 0, ptr %argument
+  %data = getelementptr i64, ptr %block, i64 3
+  store i64 %start, ptr %data
+  %bytes = getelementptr i64, ptr %block, i64 4
+  store i64 %size, ptr %bytes
+  br label %done
+done:
+  ret ptr %block
+}
+
+define void @NRT_MemInfo_call_dtor(ptr %block) {
+  call void @free(ptr %block)
+  ret void
+}
+"""
+
+
+def _define_allocation(module: Any) -> None:
+    """Define the functions of _ALLOCATION in a module that declares them."""
+    names = ("NRT_MemInfo_alloc_aligned", "NRT_MemInfo_call_dtor")
+    if not any(function.name in names and function.is_declaration for function in module.functions):
+        return
+    module.link_in(binding.parse_assembly(_ALLOCATION))
+    for name in names:
+        module.get_function(name).linkage = "internal"
 
 
 @register_pass(mutates_CFG=False, analysis_only=True)
@@ -144,9 +211,9 @@ class Fragment(CompilerBase):
 
 
 class Kernel(CompilerBase):
-    """Numba's pipeline with a library that links each fragment once."""
+    """Numba's pipeline with a library that links each fragment once, without code emission."""
 
     def define_pipelines(self) -> list[Any]:
-        library = self.state["library"] = Whole(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
-        library.enable_object_caching()
+        self.state.flags.no_compile = True
+        self.state["library"] = Whole(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
         return [DefaultPassBuilder.define_nopython_pipeline(self.state)]

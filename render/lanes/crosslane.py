@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import types
-from numba.extending import overload
 
 from .. import simd
-from ..jit.kernel import HELPER, helper
+from ..jit.kernel import helper
+from ..simd.registration import overload, types
 from ..types import Lane, Vec
 from .kinds import WIDTH
 from .ops import full_like
@@ -24,12 +24,26 @@ def is_mask(kind: Any) -> bool:
     return isinstance(kind, types.Boolean) or (isinstance(kind, simd.Vector) and kind.kind == "m")
 
 
+def spreader(name: str) -> Callable[[Any], Any]:
+    """Make a function of kernels that broadcasts a number to the lanes of a vector type of this name, such as f32x8."""
+
+    def spread(number: Any) -> Any:
+        raise NotImplementedError("in kernels only")
+
+    @overload(spread)
+    def _in_kernels(number):
+        make = getattr(simd, name)
+        return lambda number: make(number)
+
+    return spread
+
+
 def width(like: Lane) -> int:
     """Count the lanes of a kernel value."""
     return np.size(like)
 
 
-@overload(width, jit_options=HELPER)
+@overload(width)
 def _width(like):
     count = like.lanes if _is_vector(like) else 1
     return lambda like: count
@@ -40,7 +54,7 @@ def lane(x: Lane, k: int) -> Lane:
     return np.ravel(x)[k]
 
 
-@overload(lane, jit_options=HELPER)
+@overload(lane)
 def _lane(x, k):
     if _is_vector(x):
         return lambda x, k: simd.lane(x, k)
@@ -54,7 +68,7 @@ def with_lane(x: Lane, k: int, value: Lane) -> Lane:
     return changed
 
 
-@overload(with_lane, jit_options=HELPER)
+@overload(with_lane)
 def _with_lane(x, k, value):
     if _is_vector(x):
         return lambda x, k, value: simd.with_lane(x, k, value)
@@ -72,7 +86,7 @@ def load(table: Any, row: int) -> Lane:
     return table[row]
 
 
-@overload(load, jit_options=HELPER)
+@overload(load)
 def _load(table, row):
     if WIDTH > 1:
         return lambda table, row: simd.load(table, row * WIDTH, WIDTH)
@@ -84,7 +98,7 @@ def load_at(numbers: Any, first: int) -> Lane:
     return np.asarray(numbers).ravel()[first : first + WIDTH]
 
 
-@overload(load_at, jit_options=HELPER)
+@overload(load_at)
 def _load_at(numbers, first):
     if WIDTH > 1:
         return lambda numbers, first: simd.load(numbers, first, WIDTH)
@@ -96,7 +110,7 @@ def load_rows3(rows: Any, first: int) -> Vec:
     return tuple(np.asarray(rows[first : first + WIDTH], np.float64).T)
 
 
-@overload(load_rows3, jit_options=HELPER)
+@overload(load_rows3)
 def _load_rows3(rows, first):
     if WIDTH > 1:
         what = getattr(simd, f"f64x{WIDTH}")
@@ -109,7 +123,7 @@ def load_row(numbers: Any, first: int) -> Lane:
     return np.asarray(numbers[first : first + WIDTH], np.float64)
 
 
-@overload(load_row, jit_options=HELPER)
+@overload(load_row)
 def _load_row(numbers, first):
     if WIDTH > 1:
         what = getattr(simd, f"f64x{WIDTH}")
@@ -122,7 +136,7 @@ def store_row(numbers: Any, first: int, x: Lane) -> None:
     numbers[first : first + WIDTH] = x
 
 
-@overload(store_row, jit_options=HELPER)
+@overload(store_row)
 def _store_row(numbers, first, x):
     if _is_vector(x):
         return lambda numbers, first, x: simd.store(numbers, first, x)
@@ -134,7 +148,7 @@ def store(table: Any, row: int, x: Lane) -> None:
     table[row] = x
 
 
-@overload(store, jit_options=HELPER)
+@overload(store)
 def _store(table, row, x):
     if _is_vector(x):
         return lambda table, row, x: simd.store(table, row * WIDTH, x)
@@ -149,7 +163,7 @@ def write_lanes(table: Any, row: int, k: int, x: Lane, mine: Lane) -> None:
         table[row][k] = x
 
 
-@overload(write_lanes, jit_options=HELPER)
+@overload(write_lanes)
 def _write_lanes(table, row, k, x, mine):
     if _is_vector(x):
         return lambda table, row, k, x, mine: simd.masked_store(table, row * WIDTH, x, mine)
@@ -166,7 +180,7 @@ def to_float32(x: Lane) -> Lane:
     return np.float64(np.float32(x))
 
 
-@overload(to_float32, jit_options=HELPER)
+@overload(to_float32)
 def _to_float32(x):
     if _is_vector(x):
         return lambda x: simd.to_f64(simd.to_f32(x))
@@ -178,7 +192,7 @@ def mask_of(bits: int, like: Lane) -> Lane:
     return (bits >> np.arange(np.size(like)) & 1 != 0).reshape(np.shape(like))
 
 
-@overload(mask_of, jit_options=HELPER)
+@overload(mask_of)
 def _mask_of(bits, like):
     if _is_vector(like):
         return lambda bits, like: simd.mask_from_bits(bits, like)
@@ -190,7 +204,7 @@ def lane_indices(first: int) -> Lane:
     return first + np.arange(WIDTH)
 
 
-@overload(lane_indices, jit_options=HELPER)
+@overload(lane_indices)
 def _lane_indices(first):
     if WIDTH > 1:
         make = getattr(simd, f"i64x{WIDTH}")
@@ -203,7 +217,7 @@ def total(x: Lane) -> Lane:
     return np.sum(x)
 
 
-@overload(total, jit_options=HELPER)
+@overload(total)
 def _total(x):
     if _is_vector(x):
         return lambda x: simd.sum_of(x)
@@ -215,7 +229,7 @@ def reduce_min(x: Lane) -> Lane:
     return np.min(x)
 
 
-@overload(reduce_min, jit_options=HELPER)
+@overload(reduce_min)
 def _reduce_min(x):
     if _is_vector(x):
         return lambda x: simd.min_of(x)
@@ -227,7 +241,7 @@ def reduce_max(x: Lane) -> Lane:
     return np.max(x)
 
 
-@overload(reduce_max, jit_options=HELPER)
+@overload(reduce_max)
 def _reduce_max(x):
     if _is_vector(x):
         return lambda x: simd.max_of(x)
@@ -239,7 +253,7 @@ def count(mask: Lane) -> Lane:
     return np.count_nonzero(mask)
 
 
-@overload(count, jit_options=HELPER)
+@overload(count)
 def _count(mask):
     if _is_vector(mask):
         return lambda mask: simd.count(mask)
@@ -251,7 +265,7 @@ def bits(mask: Lane) -> Lane:
     return np.sum(np.ravel(mask) << np.arange(np.size(mask)))
 
 
-@overload(bits, jit_options=HELPER)
+@overload(bits)
 def _bits(mask):
     if _is_vector(mask):
         return lambda mask: simd.bits(mask)
@@ -267,7 +281,7 @@ def uniform_group(values: Lane, mask: Lane) -> tuple[Lane, Lane]:
     return values, mask
 
 
-@overload(uniform_group, jit_options=HELPER)
+@overload(uniform_group)
 def _uniform_group(values, mask):
     if _is_vector(values):
 
@@ -285,7 +299,7 @@ def stack_store(stack: Any, place: Lane, field: int, value: Lane, mask: Lane) ->
     stack[np.broadcast_to(place, stack.shape[2:])[lane], field, lane] = np.broadcast_to(value, stack.shape[2:])[lane]
 
 
-@overload(stack_store, jit_options=HELPER)
+@overload(stack_store)
 def _stack_store(stack, place, field, value, mask):
     if _is_vector(mask):
 
@@ -307,7 +321,7 @@ def scatter_masked(array: Any, place: Lane, value: Lane, mask: Lane) -> None:
     array[np.broadcast_to(place, np.shape(mask))[mask]] = np.broadcast_to(value, np.shape(mask))[mask]
 
 
-@overload(scatter_masked, jit_options=HELPER)
+@overload(scatter_masked)
 def _put_at(array, place, value, mask):
     if _is_vector(mask):
         return lambda array, place, value, mask: simd.scatter(array, place, value, mask)
@@ -324,7 +338,7 @@ def stack_load(stack: Any, place: Lane, field: int) -> Lane:
     return stack[place, field, np.arange(stack.shape[2])]
 
 
-@overload(stack_load, jit_options=HELPER)
+@overload(stack_load)
 def _stack_load(stack, place, field):
     if _is_vector(place):
         return lambda stack, place, field: simd.gather(stack, (place * stack.shape[1] + field) * stack.shape[2] + simd.iota(place))
@@ -350,7 +364,7 @@ def narrow(nest: Any) -> Any:
     return nest
 
 
-@overload(narrow, jit_options=HELPER)
+@overload(narrow)
 def _narrow(nest):
     names: dict[str, Any] = {"single": np.float32}
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba.extending import overload
 
 from .. import simd
-from ..jit.kernel import HELPER, helper
+from ..jit.kernel import helper
+from ..simd.registration import overload
 from ..types import Lane
 
 MAX_WHOLE_POWER = 256  # whole exponents up to this use squaring
@@ -20,7 +20,7 @@ def fast_pow(x: Lane, y: Lane) -> Lane:
     return np.power(x, y)
 
 
-@overload(fast_pow, jit_options=HELPER)
+@overload(fast_pow)
 def _fast_pow(x, y):
     if isinstance(y, simd.Vector):
 

@@ -15,12 +15,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import types
-from numba.core.typing.templates import signature
-from numba.extending import overload
 
 from .. import simd
-from ..jit.kernel import HELPER, helper
+from ..jit.kernel import helper
+from ..simd import llvm_expr
+from ..simd.registration import define, overload, signature, types
 from ..types import Lane, Vec
 
 _MAX_INT = 2.0**62  # bound of the float64 values that convert to int64
@@ -30,7 +29,7 @@ def on_scalars(function: Callable[..., Any]) -> Callable[..., Any]:
     """Overload a function for scalar arguments; `simd.define` covers calls with a vector among the arguments."""
 
     def decorate(choose: Callable[..., Any]) -> Callable[..., Any]:  # `choose` has no annotations: Numba compares signatures
-        @overload(function, jit_options=HELPER)
+        @overload(function)
         @functools.wraps(choose)
         def scalar(*kinds):
             return None if any(isinstance(kind, simd.Vector) for kind in kinds) else choose(*kinds)
@@ -135,7 +134,7 @@ def roundoff(like: Lane) -> float:
     return 2.0**-53
 
 
-@overload(roundoff, jit_options=HELPER)
+@overload(roundoff)
 def _roundoff(like):
     single = like.bits == 32 if isinstance(like, simd.Vector) else like == types.float32
     unit = 2.0**-24 if single else 2.0**-53
@@ -165,7 +164,7 @@ def _has_float32(*kinds: Any) -> bool:
     return any(isinstance(kind, simd.Vector) and kind.kind == "f" and kind.bits == 32 for kind in kinds)
 
 
-@overload(fma, jit_options=HELPER)
+@overload(fma)
 def _fma(a, b, c):
     if _has_float32(a, b, c):
         return lambda a, b, c: simd.fma(a, b, c)
@@ -177,7 +176,7 @@ def inverse(x: Lane) -> Lane:
     return 1.0 / x
 
 
-@overload(inverse, jit_options=HELPER)
+@overload(inverse)
 def _inverse(x):
     if _has_float32(x):
         return lambda x: simd.reciprocal(x)
@@ -297,21 +296,21 @@ def _same_type(context: Any, x: Any) -> Any:
     return signature(x, x)
 
 
-def _floor_to_int(x: simd.Value) -> simd.Value:
+def _floor_to_int(x: llvm_expr.Value) -> llvm_expr.Value:
     whole = x.call("floor")
-    return simd.choose(abs(x) < 2.0 ** (x.bits - 2), whole, x.constant(0.0)).to("i", x.bits)
+    return llvm_expr.select(abs(x) < 2.0 ** (x.bits - 2), whole, x.constant(0.0)).to("i", x.bits)
 
 
-simd.define(where, simd.select_signature, simd.choose)
-simd.define(any_lane, lambda context, mask: signature(types.boolean, mask), lambda mask: simd.mask_bits(mask) != 0)
-simd.define(not_, _same_type, lambda mask: ~mask)
-simd.define(to_float, _converts_to("f"), lambda x: x.to("f", x.bits))
-simd.define(to_int, _converts_to("i"), lambda x: x.to("i", x.bits))
-simd.define(floor_int, _converts_to("i"), _floor_to_int)
-simd.define(is_finite, _converts_to("m"), lambda x: abs(x) < math.inf)
-simd.define(full_like, _broadcasts_to("f"), lambda like, value: value)
-simd.define(int_like, _broadcasts_to("i"), lambda like, value: value)
-simd.define(bool_like, _broadcasts_to("m"), lambda like, value: value)
+define(where, lambda *kinds: simd.select_signature(*kinds), lambda *values: llvm_expr.select(*values))
+define(any_lane, lambda context, mask: signature(types.boolean, mask), lambda mask: llvm_expr.mask_bits(mask) != 0)
+define(not_, _same_type, lambda mask: ~mask)
+define(to_float, _converts_to("f"), lambda x: x.to("f", x.bits))
+define(to_int, _converts_to("i"), lambda x: x.to("i", x.bits))
+define(floor_int, _converts_to("i"), _floor_to_int)
+define(is_finite, _converts_to("m"), lambda x: abs(x) < math.inf)
+define(full_like, _broadcasts_to("f"), lambda like, value: value)
+define(int_like, _broadcasts_to("i"), lambda like, value: value)
+define(bool_like, _broadcasts_to("m"), lambda like, value: value)
 
 
 # --- 3D vectors ---------------------------------------------------------------------------------------------------------
@@ -370,7 +369,7 @@ def rsqrt(x: Lane) -> Lane:
     return 1.0 / where(n > 0.0, n, 1.0)
 
 
-@overload(rsqrt, jit_options=HELPER)
+@overload(rsqrt)
 def _rsqrt(x):
     def exact(x):
         n = np.sqrt(x)

@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba.extending import overload
 
 from .. import simd
-from ..jit.kernel import HELPER
+from ..simd.registration import overload
 from ..types import Lane, Vec
 
 
@@ -18,7 +17,7 @@ def three_at(table: Any, row: Lane, first: int) -> Vec:
     return flat[row, first], flat[row, first + 1], flat[row, first + 2]
 
 
-@overload(three_at, jit_options=HELPER)
+@overload(three_at)
 def _three_at(table, row, first):
     if isinstance(row, simd.Vector) and row.bits == table.dtype.bitwidth:
 
@@ -42,7 +41,7 @@ def four_at(table: Any, row: Lane) -> tuple[Lane, Lane, Lane, Lane]:
     return table[row, 0], table[row, 1], table[row, 2], table[row, 3]
 
 
-@overload(four_at, jit_options=HELPER)
+@overload(four_at)
 def _four_at(table, row):
     if isinstance(row, simd.Vector) and row.bits == table.dtype.bitwidth:
         return lambda table, row: simd.gather_rows(table, row * 4, 4)
@@ -54,7 +53,7 @@ def eight_at(table: Any, row: Lane, first: int) -> tuple[Lane, Lane, Lane, Lane,
     return tuple(table.reshape(len(table), -1)[row, first + k] for k in range(8))
 
 
-@overload(eight_at, jit_options=HELPER)
+@overload(eight_at)
 def _eight_at(table, row, first):
     if isinstance(row, simd.Vector) and row.bits == table.dtype.bitwidth:
         return lambda table, row, first: simd.gather_rows(table, row * _row_length(table), 8, first)
@@ -74,6 +73,6 @@ def _row_length(table: Any) -> Any:
     return int(np.prod(table.shape[1:]))
 
 
-@overload(_row_length, jit_options=HELPER)
+@overload(_row_length)
 def _row_length_in_kernels(table):
     return (lambda table: table.shape[1]) if table.ndim == 2 else (lambda table: table.shape[1] * table.shape[2])

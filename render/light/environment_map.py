@@ -11,13 +11,13 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from ...compiler import ir
 from ..image import metrics
-from ..jit.kernel import HELPER, helper, noinline_helper
+from ..jit.kernel import helper, noinline_helper
 from ..lanes import affine, ops
+from ..simd.registration import overload
 from ..types import Lane, Tables, Vec
 from . import lights
 
@@ -185,7 +185,7 @@ def _sample_radiance(sky: SkyMap, tables: Tables, u: Lane, v: Lane) -> tuple[Vec
 _sample_radiance_noinline, _density_noinline = noinline_helper(_sample_radiance), noinline_helper(_density)
 
 
-@overload(sample, jit_options=HELPER)
+@overload(sample)
 def _sample_in_kernels(sky, tables, u, v):
     if sky.layout:
         return lambda sky, tables, u, v: _sample_radiance_noinline(sky, tables, u, v)
@@ -202,7 +202,7 @@ def density(sky: Any, direction: Vec) -> Lane:
     return 0.0 * direction[0] if isinstance(sky, Even) else _density(sky, direction)
 
 
-@overload(density, jit_options=HELPER)
+@overload(density)
 def _density_in_kernels(sky, direction):
     if sky.layout:
         return lambda sky, direction: _density_noinline(sky, direction)
@@ -214,7 +214,7 @@ def row_of(sky: Any) -> int:
     return -1 if isinstance(sky, Even) else sky.row
 
 
-@overload(row_of, jit_options=HELPER)
+@overload(row_of)
 def _row_in_kernels(sky):
     if sky.layout:
         return lambda sky: sky.row

@@ -13,11 +13,11 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import overload
 from numpy.typing import NDArray
 
-from ..jit.kernel import HELPER, helper, noinline_helper, specialize_if_present
+from ..jit.kernel import helper, noinline_helper, specialize_if_present
 from ..lanes import ops
+from ..simd.registration import overload
 from ..types import Lane, Vec
 
 TOPS = 8  # subtrees whose importances are all evaluated, before descending into one
@@ -253,7 +253,7 @@ def _descend(tree: Tree, below: Any, node: Lane, position: Vec, facing: Any, u: 
     return _descend_levels(tree, below.levels, node, position, facing, u) if isinstance(below, Levels) else (node, 1.0 + 0.0 * u)
 
 
-@overload(_descend, jit_options=HELPER)
+@overload(_descend)
 def _descend_in_kernels(tree, below, node, position, facing, u):
     if below.layout:
         return lambda tree, below, node, position, facing, u: _descend_levels_noinline(tree, below.levels, node, position, facing, u)
@@ -289,7 +289,7 @@ def _path_importance(tree: Tree, below: Any, leaf: Lane, position: Vec, facing: 
     return _climb(tree, below.levels if isinstance(below, Levels) else 0, leaf, position, facing)
 
 
-@overload(_path_importance, jit_options=HELPER)
+@overload(_path_importance)
 def _path_importance_in_kernels(tree, below, leaf, position, facing):
     if below.layout:
         return lambda tree, below, leaf, position, facing: _climb_noinline(tree, below.levels, leaf, position, facing)
@@ -318,7 +318,7 @@ def facing(below: Any, normal: Vec, both: Lane) -> Any:
     return _normal_or_zero(normal, both) if isinstance(below, Levels) else None
 
 
-@overload(facing, jit_options=HELPER)
+@overload(facing)
 def _facing_in_kernels(below, normal, both):
     if below.layout:
         return lambda below, normal, both: _normal_or_zero(normal, both)

@@ -15,10 +15,9 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from numba.extending import overload
-
-from ..jit.kernel import HELPER, helper, noinline_helper
+from ..jit.kernel import helper, noinline_helper
 from ..lanes import ops
+from ..simd.registration import overload
 from ..types import Lane, Vec
 from . import lights, rectangle_solid_angle
 
@@ -49,7 +48,7 @@ def specialize_if_some(function: Callable[..., Any]) -> Callable[..., Any]:
     def chosen(mark: Any, plain: Any, *of: Any) -> Any:
         return function(plain, *of) if isinstance(mark, HasLights) else plain
 
-    @overload(chosen, jit_options=HELPER)
+    @overload(chosen)
     def _in_kernels(mark, plain, *of):
         if mark.layout:
             return lambda mark, plain, *of: function(plain, *of)

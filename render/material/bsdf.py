@@ -8,13 +8,11 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from numba import types
-from numba.extending import overload
-
 from ...compiler.plan import caustic_casters
-from ..jit.kernel import HELPER, helper, specialize_if_present
+from ..jit.kernel import helper, specialize_if_present
 from ..lanes import ops
 from ..light import lights
+from ..simd.registration import overload, types
 from ..types import Lane, Surface, Vec
 from . import fresnel, microfacet, phong, rough_dielectric
 from .shader import ONLY, Shader, Uses
@@ -159,7 +157,7 @@ def have_facets(shader: Any) -> bool:
     return any(not isinstance(shader.types[shader.fields.index(name)], types.NoneType) for name in ("lobes", "frost"))
 
 
-@overload(has_facets, jit_options=HELPER)
+@overload(has_facets)
 def _has_facets(shader):
     found = have_facets(shader)
     return lambda shader: found

@@ -11,14 +11,14 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...compiler.plan import scene_facts
-from ..jit.kernel import HELPER, helper, specialize_if_present
+from ..jit.kernel import helper, specialize_if_present
 from ..jit.packed_struct import HandleType
 from ..lanes import ops, row_gather
+from ..simd.registration import overload
 from ..types import Lane, Surface, Tables, Vec
 
 GLASS = int(ir.MaterialModel.GLASS)
@@ -71,7 +71,7 @@ def initial_stack(tables: Tables, like: Lane) -> Any:
     return ops.int_like(like, 0) if isinstance(getattr(tables.materials, "media", None), Media) else None
 
 
-@overload(initial_stack, jit_options=HELPER)
+@overload(initial_stack)
 def _outside_in_kernels(tables, like):
     if is_used(tables):
         return lambda tables, like: ops.int_like(like, 0)

@@ -10,13 +10,12 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from numba.extending import overload
-
 from ...compiler import ir
 from ...compiler.plan import scene_facts
-from ..jit.kernel import HELPER, helper
+from ..jit.kernel import helper
 from ..jit.packed_struct import HandleType
 from ..lanes import ops
+from ..simd.registration import overload
 from ..surface import blend, normal_map
 from ..surface.material_inputs import color_of, number_of
 from ..types import Lane, Surface, Tables, Vec
@@ -83,7 +82,7 @@ def at(tables: Tables, surface: Surface) -> Lobes | None:
     return _at(tables, surface) if isinstance(getattr(tables.materials, "albedo", None), energy_compensation.Albedo) else None
 
 
-@overload(at, jit_options=HELPER)
+@overload(at)
 def _at_in_kernels(tables, surface):
     found = tables.field("materials.albedo") if isinstance(tables, HandleType) else None
     if found is not None and found[1] != ():

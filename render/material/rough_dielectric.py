@@ -12,14 +12,14 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...compiler.plan import scene_facts
-from ..jit.kernel import HELPER, helper, specialize_if_present
+from ..jit.kernel import helper, specialize_if_present
 from ..jit.packed_struct import HandleType
 from ..lanes import ops, row_gather
+from ..simd.registration import overload
 from ..surface.material_inputs import number_of
 from ..types import Lane, Surface, Tables, Vec
 from . import energy_compensation, microfacet
@@ -81,7 +81,7 @@ def at(tables: Tables, surface: Surface, ior: Lane, tint: Vec) -> RoughGlass | N
     return _at(tables, surface, ior, tint) if isinstance(getattr(tables.materials, "rough_glass", None), AlbedoTables) else None
 
 
-@overload(at, jit_options=HELPER)
+@overload(at)
 def _at_in_kernels(tables, surface, ior, tint):
     found = tables.field("materials.rough_glass") if isinstance(tables, HandleType) else None
     if found is not None and found[1] != ():

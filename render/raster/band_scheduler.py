@@ -8,18 +8,18 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from ..jit.function_pointer import DeclaredPointer, compiled_address
 from ..jit.kernel import helper, kernel
 from ..jit.packed_struct import Handle
+from ..jit.value_types import BOOL, INT64, NONE, array_type
 from ..simd import target
 from ..simd.atomics import fetch_add
 from . import deferred_shading, triangle_setup
 
-call_fill, call_shade = DeclaredPointer(types.none).call, DeclaredPointer(types.none).call
-CROP, PICTURE = types.int64[::1], types.float32[:, :, ::1]
+call_fill, call_shade = DeclaredPointer(NONE).call, DeclaredPointer(NONE).call
+CROP, PICTURE = array_type(np.int64, 1), array_type(np.float32, 3)
 CALL_SECONDS = 0.02  # length of a call, after which a thread checks for cancellation
 
 
@@ -52,14 +52,14 @@ class BandQueue:
         self.layout, self.output = layout, output
         self.most = -(-layout.count // max(1, round(cost / CALL_SECONDS)))
         self.jobs = max(-(-layout.count // self.most), min(threads or target.cores(), layout.count))  # calls of `draw`
-        kinds = (types.none if value is None else types.boolean for value in (output.textured, output.colored, output.flat))
-        self.kinds = types.boolean, types.boolean, *kinds, CROP, PICTURE
+        kinds = (NONE if value is None else BOOL for value in (output.textured, output.colored, output.flat))
+        self.kinds = BOOL, BOOL, *kinds, CROP, PICTURE
         self.next_band = np.zeros(1, np.int64)
 
     def draw(self, filling: Handle, shading: Handle) -> tuple[NDArray[np.int64], int]:
         """Draw bands until the queue is empty or the call's limit is reached: their numbers, and the number of fragments not finite."""
-        fill = compiled_address(triangle_setup.draw_band, filling.numba_type, types.int64)
-        shade = compiled_address(deferred_shading.shade_band, shading.numba_type, *self.kinds)
+        fill = compiled_address(triangle_setup.draw_band, filling.type, INT64)
+        shade = compiled_address(deferred_shading.shade_band, shading.type, *self.kinds)
         numbers = np.empty(self.most, np.int64)
         found, issues = draw_bands(fill, shade, filling, shading, self.layout, self.output, self.next_band, numbers)
         return numbers[:found], issues

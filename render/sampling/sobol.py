@@ -16,12 +16,12 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from .. import simd
-from ..jit.kernel import HELPER, helper
+from ..jit.kernel import helper
 from ..lanes import ops
+from ..simd.registration import overload
 from ..types import Lane, Shutter
 
 TABLE = 4096  # entries of a filter's inverse distribution
@@ -43,7 +43,7 @@ def _u32(x: Lane) -> Lane:
     return np.asarray(x).astype(np.uint32)
 
 
-@overload(_u32, jit_options=HELPER)
+@overload(_u32)
 def _u32_in_kernels(x):
     return lambda x: simd.to_u32(x)
 
@@ -53,7 +53,7 @@ def _multiply(x: Lane, y: Lane) -> Lane:
     return _u32(np.multiply(x, y, dtype=np.uint64))
 
 
-@overload(_multiply, jit_options=HELPER)
+@overload(_multiply)
 def _multiply_in_kernels(x, y):
     return lambda x, y: simd.to_u32(x * y)
 
@@ -63,7 +63,7 @@ def _add(x: Lane, y: Lane) -> Lane:
     return _u32(np.add(x, y, dtype=np.uint64))
 
 
-@overload(_add, jit_options=HELPER)
+@overload(_add)
 def _add_in_kernels(x, y):
     return lambda x, y: simd.to_u32(x + y)
 
@@ -73,7 +73,7 @@ def _to_unit_interval(x: Lane, like: Lane) -> Lane:
     return x * _TO_UNIT
 
 
-@overload(_to_unit_interval, jit_options=HELPER)
+@overload(_to_unit_interval)
 def _to_unit_interval_in_kernels(x, like):
     if isinstance(like, simd.Vector) and like.bits == 32:
         return lambda x, like: simd.to_f32(simd.to_i32(x >> np.uint32(8))) * _TO_UNIT24
@@ -188,7 +188,7 @@ def sample_time(pixel: Lane, sample: Lane, seed: int, shutter: Any) -> Lane | No
     return shutter.start + pair(pixel, sample, _TIME, seed)[0] * shutter.share if isinstance(shutter, Shutter) else None
 
 
-@overload(sample_time, jit_options=HELPER)
+@overload(sample_time)
 def _sample_time_in_kernels(pixel, sample, seed, shutter):
     if shutter.layout:
         return lambda pixel, sample, seed, shutter: shutter.start + pair(pixel, sample, _TIME, seed)[0] * shutter.share

@@ -5,12 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from llvmlite import ir
-from numba import types
-from numba.core.typing.templates import signature
-from numba.np.arrayobj import make_array
 
 from .llvm_expr import I64
-from .vector_type import intrinsic
+from .registration import intrinsic, make_array, signature, types
 
 
 def _element(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> Any:

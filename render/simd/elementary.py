@@ -4,55 +4,27 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numba.core import types
 from numba.core.typing.templates import Signature, signature
 
-from . import exponential, trigonometry
-from .llvm_expr import Value
+from . import trigonometry
+from .emitters import EMITTED
 from .operators import define
-from .polynomials import call_shared, with_library_fallback
+from .polynomials import with_library_fallback
 from .vector_type import Vector, common_type, intrinsic, lower_uniform, shape_of, value
-
-
-def _shared_function(name: str, body: Callable[..., Value]) -> Callable[..., Value]:
-    return lambda *arguments: call_shared(name, body, *arguments)
-
-
-def _with_library(name: str, body: Callable[[Value], Value]) -> Callable[[Value], Value]:
-    return lambda x: with_library_fallback(name, x, call_shared(name, body, x), trigonometry.is_far(x))
-
-
-_sin = _with_library("sin", lambda x: trigonometry.sincos(x)[0])
-_cos = _with_library("cos", lambda x: trigonometry.sincos(x)[1])
-_tan = _with_library("tan", trigonometry.tan)
-_asin = _shared_function("asin", trigonometry.asin)
-_acos = _shared_function("acos", trigonometry.acos)
-_atan = _shared_function("atan", trigonometry.atan)
-_atan2 = _shared_function("atan2", trigonometry.atan2)
-_exp = _shared_function("exp", exponential.exp)
-_log = _shared_function("log", exponential.log)
-_pow = _shared_function("pow", exponential.power)
-_hypot = _shared_function("hypot", exponential.hypot)
-
-EMITTED: dict[str, Callable[..., Value]] = {
-    "sin": _sin, "cos": _cos, "tan": _tan, "asin": _asin, "acos": _acos, "atan": _atan, "atan2": _atan2, "exp": _exp, "log": _log,
-    "power": _pow,
-}  # fmt: skip
-"""The emitter of each function, for LLVM code written without Numba (render/formula)."""
 
 
 @intrinsic
 def sin(typingctx, x):
-    return lower_uniform("f", _sin, typingctx, x)
+    return lower_uniform("f", EMITTED["sin"], typingctx, x)
 
 
 @intrinsic
 def cos(typingctx, x):
-    return lower_uniform("f", _cos, typingctx, x)
+    return lower_uniform("f", EMITTED["cos"], typingctx, x)
 
 
 @intrinsic
@@ -76,53 +48,53 @@ def sincos(typingctx, x):
 
 @intrinsic
 def tan(typingctx, x):
-    return lower_uniform("f", _tan, typingctx, x)
+    return lower_uniform("f", EMITTED["tan"], typingctx, x)
 
 
 @intrinsic
 def asin(typingctx, x):
     """Arc sine; NaN outside of −1 … 1."""
-    return lower_uniform("f", _asin, typingctx, x)
+    return lower_uniform("f", EMITTED["asin"], typingctx, x)
 
 
 @intrinsic
 def acos(typingctx, x):
     """Arc cosine; NaN outside of −1 … 1."""
-    return lower_uniform("f", _acos, typingctx, x)
+    return lower_uniform("f", EMITTED["acos"], typingctx, x)
 
 
 @intrinsic
 def atan(typingctx, x):
-    return lower_uniform("f", _atan, typingctx, x)
+    return lower_uniform("f", EMITTED["atan"], typingctx, x)
 
 
 @intrinsic
 def atan2(typingctx, y, x):
     """Angle of the point (x, y), −π … π."""
-    return lower_uniform("f", _atan2, typingctx, y, x)
+    return lower_uniform("f", EMITTED["atan2"], typingctx, y, x)
 
 
 @intrinsic
 def exp(typingctx, x):
-    return lower_uniform("f", _exp, typingctx, x)
+    return lower_uniform("f", EMITTED["exp"], typingctx, x)
 
 
 @intrinsic
 def log(typingctx, x):
     """Natural logarithm; −∞ of 0, NaN below."""
-    return lower_uniform("f", _log, typingctx, x)
+    return lower_uniform("f", EMITTED["log"], typingctx, x)
 
 
 @intrinsic
 def power(typingctx, x, y):
     """x to the y; NaN for negative x and non-integral y. 0⁰ is 1."""
-    return lower_uniform("f", _pow, typingctx, x, y)
+    return lower_uniform("f", EMITTED["power"], typingctx, x, y)
 
 
 @intrinsic
 def hypot(typingctx, x, y):
     """√(x² + y²) without intermediate overflow."""
-    return lower_uniform("f", _hypot, typingctx, x, y)
+    return lower_uniform("f", EMITTED["hypot"], typingctx, x, y)
 
 
 def _floats(context: Any, *kinds: types.Type) -> Signature | None:
@@ -139,17 +111,17 @@ def _number(context: Any, x: types.Type) -> Signature | None:
 
 
 for _functions, _emit in (
-    ((np.sin, math.sin), _sin),
-    ((np.cos, math.cos), _cos),
-    ((np.tan, math.tan), _tan),
-    ((np.arcsin, math.asin), _asin),
-    ((np.arccos, math.acos), _acos),
-    ((np.arctan, math.atan), _atan),
-    ((np.arctan2, math.atan2), _atan2),
-    ((np.exp, math.exp), _exp),
-    ((np.log, math.log), _log),
-    ((np.power, math.pow, operator.pow, operator.ipow), _pow),
-    ((np.hypot, math.hypot), _hypot),
+    ((np.sin, math.sin), EMITTED["sin"]),
+    ((np.cos, math.cos), EMITTED["cos"]),
+    ((np.tan, math.tan), EMITTED["tan"]),
+    ((np.arcsin, math.asin), EMITTED["asin"]),
+    ((np.arccos, math.acos), EMITTED["acos"]),
+    ((np.arctan, math.atan), EMITTED["atan"]),
+    ((np.arctan2, math.atan2), EMITTED["atan2"]),
+    ((np.exp, math.exp), EMITTED["exp"]),
+    ((np.log, math.log), EMITTED["log"]),
+    ((np.power, math.pow, operator.pow, operator.ipow), EMITTED["power"]),
+    ((np.hypot, math.hypot), EMITTED["hypot"]),
     ((np.sqrt, math.sqrt), lambda x: x.call("sqrt")),
     ((np.floor,), lambda x: x.call("floor")),
     ((np.ceil,), lambda x: x.call("ceil")),

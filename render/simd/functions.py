@@ -12,7 +12,7 @@ from numba.core.typing.templates import Signature, signature
 from . import llvm_expr as v
 from . import target as simd_target
 from .constructors import number_lanes
-from .llvm_expr import I1, I64, Value
+from .llvm_expr import I1, I64, Value, mask_bits
 from .vector_type import Lowering, Vector, common_type, intrinsic, lower, lower_uniform, shape_of, type_for
 
 # --- selection -----------------------------------------------------------------------------------------------------------
@@ -147,11 +147,6 @@ def reciprocal_sqrt(typingctx, x):
 
 
 # --- masks ---------------------------------------------------------------------------------------------------------------
-
-
-def mask_bits(mask: Value) -> Value:
-    """Convert a mask to an unsigned integer with one bit a lane."""
-    return Value(mask.builder, mask.builder.bitcast(mask.raw, ir.IntType(mask.lanes)) if mask.lanes else mask.raw, "u", mask.lanes or 1)
 
 
 def _lower_mask(result: types.Type, emit: Callable[[Value], Value], mask: types.Type) -> Lowering:

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from typing import Any, Self
 
 from llvmlite import ir
-from numba.core import cgutils
 
 from . import target as simd_target
 
@@ -208,13 +207,18 @@ def _number(kind: str, bits: int, number: float) -> Any:
 
 def call(builder: Any, name: str, result: Any, arguments: Sequence[Any]) -> Any:
     """Call an LLVM intrinsic or library function by its full name."""
-    signature = ir.FunctionType(result, [a.type for a in arguments])
-    return builder.call(cgutils.get_or_insert_function(builder.module, signature, name), arguments)
+    known = builder.module.globals.get(name)
+    return builder.call(known or ir.Function(builder.module, ir.FunctionType(result, [a.type for a in arguments]), name), arguments)
 
 
 def select(mask: Value, yes: Value, no: Value) -> Value:
     """Select `yes` where the mask is set, else `no`."""
     return yes.like(yes.builder.select(mask.raw, yes.raw, no.raw))
+
+
+def mask_bits(mask: Value) -> Value:
+    """Convert a mask to an unsigned integer with one bit a lane."""
+    return Value(mask.builder, mask.builder.bitcast(mask.raw, ir.IntType(mask.lanes)) if mask.lanes else mask.raw, "u", mask.lanes or 1)
 
 
 def minimum(a: Value, b: Value) -> Value:

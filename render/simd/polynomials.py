@@ -8,8 +8,7 @@ from typing import Any
 from llvmlite import ir
 
 from . import target
-from .functions import mask_bits
-from .llvm_expr import I32, Value, call, fma, ir_type
+from .llvm_expr import I32, Value, call, fma, ir_type, mask_bits
 
 
 def polynomial(x: Value, coefficients: Sequence[float]) -> Value:

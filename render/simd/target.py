@@ -1,7 +1,7 @@
 """The target machine of kernels: instruction set, lanes of a vector, and Numba's target settings.
 
 MAQUETTE_SIMD=avx512|avx2|sse|scalar selects a smaller instruction set than the machine's, to test every width on one computer. "sse" means
-any 16-byte vectors (also NEON), "scalar" no vectors. Import this module before anything compiles: Numba reads its target once.
+any 16-byte vectors (also NEON), "scalar" no vectors.
 """
 
 from __future__ import annotations
@@ -9,8 +9,6 @@ from __future__ import annotations
 import os
 
 import llvmlite.binding as llvm
-from numba import config
-from numba.core.registry import cpu_target
 
 BYTES = {"avx512": 64, "avx2": 32, "sse": 16, "scalar": 4}
 """Bytes of a vector in each instruction set."""
@@ -22,17 +20,11 @@ _FIRST_IN_AVX2 = ("avx", "fma", "f16c", "xop", "vaes", "vpclmulqdq", "sha512", "
 
 
 def _host() -> dict[str, bool]:
-    """Features of the processor, without those that the user's Numba settings disable."""
-    if config.CPU_FEATURES is not None:  # pyright: ignore[reportAttributeAccessIssue]
-        flags = config.CPU_FEATURES.split(",")  # pyright: ignore[reportAttributeAccessIssue]
-        return {flag[1:]: flag[0] == "+" for flag in flags if flag}
+    """Features of the processor."""
     try:
-        features = dict(llvm.get_host_cpu_features())
+        return dict(llvm.get_host_cpu_features())
     except RuntimeError:
         return {}
-    if not config.ENABLE_AVX:  # pyright: ignore[reportAttributeAccessIssue]
-        features.update({name: False for name in features if name.startswith("avx")})
-    return features
 
 
 def _best(features: dict[str, bool]) -> str:
@@ -53,45 +45,43 @@ def _restrict(features: dict[str, bool], isa: str) -> dict[str, bool]:
     return {name: on and not name.startswith(gone) for name, on in features.items()} if gone else features
 
 
-def _choose() -> tuple[str, dict[str, bool]]:
-    """Return the instruction set and the enabled features.
+def choose(asked: str, features: dict[str, bool]) -> tuple[str, dict[str, bool]]:
+    """Return the instruction set and its features on a machine with these; without a name, the best one.
 
-    Raises ValueError for an unknown name; RuntimeError if the machine lacks the set or Numba has compiled before.
+    Raises ValueError for an unknown name; RuntimeError if the machine lacks the set.
     """
-    features = _host()
     best = _best(features)
-    asked = os.environ.get("MAQUETTE_SIMD") or best
+    asked = asked or best
     if asked not in BYTES:
         raise ValueError(f"MAQUETTE_SIMD={asked} is not an instruction set; choose from: {', '.join(BYTES)}")
     if BYTES[asked] > BYTES[best]:
         raise RuntimeError(f"MAQUETTE_SIMD={asked} is more than this machine has ({best})")
-    if asked == best:
-        return asked, features
-    limited = _restrict(features, asked)
-    if "_toplevel_target_context" in vars(cpu_target):  # a cached property, set by the first compilation
-        raise RuntimeError(f"MAQUETTE_SIMD={asked} comes too late: Numba has compiled in this process before maquette.render was imported")
-    config.CPU_FEATURES = ",".join(f"{'+' if on else '-'}{name}" for name, on in sorted(limited.items()))  # pyright: ignore[reportAttributeAccessIssue]
-    return asked, limited
+    return asked, _restrict(features, asked) if asked != best else features
 
 
-ISA, FEATURES = _choose()
+ISA, FEATURES = choose(os.environ.get("MAQUETTE_SIMD", ""), _host())
+CPU = llvm.get_host_cpu_name()
+"""LLVM's name of the processor."""
 X86 = llvm.get_process_triple().startswith(("x86_64", "i386", "i686"))
 AVX512, AVX2 = ISA == "avx512", ISA == "avx2"
 FMA = bool(FEATURES.get("fma")) or ("neon" in FEATURES and not X86)
 """Whether fused multiply-add is one instruction; elsewhere it would be a library call."""
 CHECKED = os.environ.get("MAQUETTE_CHECKED") == "1"
 """Whether kernels check the places they access; see bounds_check.py."""
-config.BOUNDSCHECK = CHECKED or config.BOUNDSCHECK  # pyright: ignore[reportAttributeAccessIssue]
 WIDTH = BYTES[ISA] // 4
 """Lanes of four bytes in a vector: 16, 8, 4 or 1."""
 WIDTH64 = max(1, BYTES[ISA] // 8)
 """Lanes of eight bytes in a vector: 8, 4, 2 or 1."""
 
 
+def features_text() -> str:
+    """The features in LLVM's notation."""
+    return ",".join(f"{'+' if on else '-'}{name}" for name, on in sorted(FEATURES.items()))
+
+
 def fingerprint() -> str:
     """Text that differs between machines whose compiled code differs."""
-    name = config.CPU_NAME or llvm.get_host_cpu_name()  # pyright: ignore[reportAttributeAccessIssue]
-    return " ".join(("checked " * CHECKED + ISA, name, *sorted(feature for feature, on in FEATURES.items() if on)))
+    return " ".join(("checked " * CHECKED + ISA, CPU, *sorted(feature for feature, on in FEATURES.items() if on)))
 
 
 def cores() -> int:

@@ -10,12 +10,12 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import overload
 
 from ...compiler import ir
-from ..jit.kernel import HELPER, helper, make_replace
+from ..jit.kernel import helper, make_replace
 from ..jit.packed_struct import HandleType
 from ..lanes import ops
+from ..simd.registration import overload
 from ..types import Lane, Surface, Tables
 from .material_inputs import number_of
 
@@ -55,7 +55,7 @@ def if_blended(function: Callable[..., Any]) -> Callable[..., Any]:
     def chosen(tables: Any, point: Any, *of: Any) -> Any:
         return function(tables, point, *of) if isinstance(getattr(tables.materials, "blended", None), Blends) else point
 
-    @overload(chosen, jit_options=HELPER)
+    @overload(chosen)
     def _in_kernels(tables, point, *of):
         if is_used(tables):
             return lambda tables, point, *of: function(tables, point, *of)

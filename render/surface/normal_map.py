@@ -15,15 +15,15 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...compiler.plan import scene_facts
 from ..geometry import analytic_shapes, instance_transform
-from ..jit.kernel import HELPER, helper, make_replace, noinline_helper
+from ..jit.kernel import helper, make_replace, noinline_helper
 from ..jit.packed_struct import HandleType
 from ..lanes import affine, ops
+from ..simd.registration import overload
 from ..texture import textures
 from ..types import Hit, Lane, Surface, Tables, Vec
 from . import blend, interaction
@@ -138,7 +138,7 @@ def apply_maps(tables: Tables, point: Surface, hit: Hit, direction: Vec) -> Surf
     return _apply_maps(tables, point, hit, direction) if isinstance(getattr(tables.materials, "tangents", None), Tangents) else point
 
 
-@overload(apply_maps, jit_options=HELPER)
+@overload(apply_maps)
 def _apply_maps_in_kernels(tables, point, hit, direction):
     if is_used(tables):
         return lambda tables, point, hit, direction: _apply_maps(tables, point, hit, direction)
@@ -150,7 +150,7 @@ def mask_behind(tables: Tables, point: Surface, direction: Vec, lit: Lane) -> La
     return _mask_behind(point, direction, lit) if isinstance(getattr(tables.materials, "tangents", None), Tangents) else lit
 
 
-@overload(mask_behind, jit_options=HELPER)
+@overload(mask_behind)
 def _mask_behind_in_kernels(tables, point, direction, lit):
     if is_used(tables):
         return lambda tables, point, direction, lit: _mask_behind(point, direction, lit)

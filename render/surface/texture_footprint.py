@@ -15,16 +15,15 @@ from collections import namedtuple
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...compiler.plan import scene_rules
 from .. import camera
-from ..jit.kernel import HELPER, helper, make_replace, noinline_helper, specialize_if_present
+from ..jit.kernel import helper, make_replace, noinline_helper, specialize_if_present
 from ..jit.packed_struct import HandleType
 from ..lanes import affine, crosslane, ops
+from ..simd.registration import overload, types
 from ..texture import textures
 from ..types import Hit, Lane, Ray, Surface, Tables, Vec, View
 from . import interaction, normal_map
@@ -154,7 +153,7 @@ def on_surface(tables: Tables, ray: Ray, hit: Hit, point: Surface, cone: Any) ->
     return _on_surface(tables, ray, hit, point, cone) if isinstance(tables.images, Pyramids) else point
 
 
-@overload(on_surface, jit_options=HELPER)
+@overload(on_surface)
 def _on_surface_in_kernels(tables, ray, hit, point, cone):
     if isinstance(tables, HandleType) and tables.field("images.levels") is not None:
         return lambda tables, ray, hit, point, cone: _on_surface(tables, ray, hit, point, cone)
@@ -166,7 +165,7 @@ def is_known(tables: Tables) -> Any:
     return True if isinstance(tables.images, Pyramids) else None
 
 
-@overload(is_known, jit_options=HELPER)
+@overload(is_known)
 def _is_known_in_kernels(tables):
     if isinstance(tables, HandleType) and tables.field("images.levels") is not None:
         return lambda tables: True
@@ -178,7 +177,7 @@ def of_pixel(tables: Tables, spread: Any, point: Surface) -> Any:
     raise NotImplementedError("in kernels only")
 
 
-@overload(of_pixel, jit_options=HELPER)
+@overload(of_pixel)
 def _of_pixel_in_kernels(tables, spread, point):
     if not isinstance(tables, HandleType) or tables.field("images.levels") is None:
         return lambda tables, spread, point: None
@@ -251,7 +250,7 @@ def cone_of_eye(tables: Tables, ray: Ray) -> Any:
     return _cone_of_eye(tables, ray) if hasattr(getattr(tables.images, "footprint", None), "cones") else None
 
 
-@overload(cone_of_eye, jit_options=HELPER)
+@overload(cone_of_eye)
 def _cone_of_eye_in_kernels(tables, ray):
     if isinstance(tables, HandleType) and tables.field("images.levels") is not None and tables.field("images.footprint.cones") is not None:
         return lambda tables, ray: _cone_of_eye(tables, ray)
@@ -316,7 +315,7 @@ def put_cone(point: Surface, direction: Vec, stack: Any, place: Lane, field: int
         _put_cone(point, direction, stack, place, field, active)
 
 
-@overload(put_cone, jit_options=HELPER)
+@overload(put_cone)
 def _put_cone_in_kernels(point, direction, stack, place, field, active):
     spread = dict(zip(point.fields, point.types, strict=True))["spread"]
     if isinstance(spread, types.BaseTuple) and len(spread) in WITH_CONE:
@@ -343,7 +342,7 @@ def _make_spread(tables: Any, spread: Any, right: Vec, down: Vec) -> Any:
     return spread + right + down if hasattr(tables.images.footprint, "places") else spread
 
 
-@overload(_make_spread, jit_options=HELPER)
+@overload(_make_spread)
 def _make_spread_in_kernels(tables, spread, right, down):
     if tables.field("images.footprint.places") is not None:
         return lambda tables, spread, right, down: (*spread, *right, *down)
@@ -362,7 +361,7 @@ def _coordinates(tables: Any, way: Vec, hit: Hit, point: Surface) -> tuple[Lane,
     return _mapped_change(tables, way, hit, point)
 
 
-@overload(_coordinates, jit_options=HELPER)
+@overload(_coordinates)
 def _coordinates_in_kernels(tables, way, hit, point):
     if tables.field("images.footprint.coordinates") is not None:
         return lambda tables, way, hit, point: _mapped_change(tables, way, hit, point)

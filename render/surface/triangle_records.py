@@ -9,13 +9,13 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from ...compiler import ir
 from .. import simd
-from ..jit.kernel import HELPER, helper
+from ..jit.kernel import helper
 from ..lanes import ops
+from ..simd.registration import overload
 from ..types import Lane, Vec
 from . import interaction
 
@@ -144,7 +144,7 @@ def _interpolate_normal(rounded: Any, normal: Vec, row: Lane, here: Lane, u: Lan
     return ops.where3(good, ops.scale(found, scale), normal), ops.where3(good, lift, (zero, zero, zero))
 
 
-@overload(interpolate_normal, jit_options=HELPER)
+@overload(interpolate_normal)
 def _interpolate_normal_in_kernels(rounded, normal, row, here, u, v, side):
     if rounded.layout:
         return lambda rounded, normal, row, here, u, v, side: _interpolate_normal(rounded, normal, row, here, u, v, side)

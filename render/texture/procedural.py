@@ -14,18 +14,14 @@ from typing import Any
 import llvmlite.binding as llvm
 import numpy as np
 from llvmlite import ir as lir
-from numba import types
-from numba.core.typing.templates import signature
-from numba.extending import overload
-from numba.np.arrayobj import make_array
 
 from ...compiler import ir
 from .. import simd
 from ..formula.llvm_math import DIRECT, LANES, POINTER
-from ..jit.kernel import HELPER, noinline_helper
+from ..jit.kernel import noinline_helper
 from ..lanes import crosslane, ops
 from ..simd.llvm_expr import I64
-from ..simd.vector_type import intrinsic
+from ..simd.registration import intrinsic, make_array, overload, signature, types
 from ..types import Lane, Vec
 
 FORMULA = int(ir.TextureKind.FORMULA)
@@ -82,7 +78,7 @@ def evaluate_filtered(tables: Any, row: Lane, p: Vec, spread: Any) -> Vec:
     return evaluate(tables, row, p) if spread is None or len(spread) < WITH_PLACES else _mean_over_pixel(tables, row, p, spread)
 
 
-@overload(evaluate_filtered, jit_options=HELPER)
+@overload(evaluate_filtered)
 def _evaluate_filtered_in_kernels(tables, row, p, spread):
     if isinstance(spread, types.BaseTuple) and len(spread) >= WITH_PLACES:
         return lambda tables, row, p, spread: _mean_over_pixel(tables, row, p, spread)
@@ -112,7 +108,7 @@ def evaluate(tables: Any, row: Lane, p: Vec) -> Vec:
     return found[0], found[1], found[2]
 
 
-@overload(evaluate, jit_options=HELPER)
+@overload(evaluate)
 def _texel(tables, row, p):
     if isinstance(p[0], simd.Vector) and p[0].bits == 32:
         return _evaluate_float32
@@ -159,7 +155,7 @@ def _result(tables: Any, tape: Any, k: int, begin: Any, registers: Any, like: La
     raise NotImplementedError("in kernels only")
 
 
-@overload(_result, jit_options=HELPER)
+@overload(_result)
 def _result_kernel(tables, tape, k, begin, registers, like):
     whole = isinstance(like, simd.Vector)
 
@@ -180,7 +176,7 @@ def _of_register(registers: Any, name: Any, like: Lane) -> Lane:
     raise NotImplementedError("in kernels only")
 
 
-@overload(_of_register, jit_options=HELPER)
+@overload(_of_register)
 def _of_register_kernel(registers, name, like):
     return lambda registers, name, like: crosslane.load(registers, name)
 

@@ -16,13 +16,11 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from numba import types
-from numba.extending import overload
-
 from ...compiler import ir
 from .. import simd
-from ..jit.kernel import HELPER, helper, noinline_helper
+from ..jit.kernel import helper, noinline_helper
 from ..lanes import ops
+from ..simd.registration import overload, types
 from ..types import Lane, Surface, Tables, Vec
 from . import checker_filter, procedural
 
@@ -169,7 +167,7 @@ def _gate(what: str) -> Any:
     def gate(tables: Any, spans: Any) -> Any:
         return spans if hasattr(getattr(tables.images, "footprint", None), what) else None
 
-    @overload(gate, jit_options=HELPER)
+    @overload(gate)
     def gate_in_kernels(tables, spans):
         if tables.field(f"images.footprint.{what}") is not None:
             return lambda tables, spans: spans
@@ -189,7 +187,7 @@ def _spans(tables: Any, row: Lane, uv: tuple[Lane, Lane], surface: Spot) -> Any:
     return _texture_spans(tables, row, _coordinate_spans(tables, row, uv, surface) if with_places else surface.spread)
 
 
-@overload(_spans, jit_options=HELPER)
+@overload(_spans)
 def _spans_in_kernels(tables, row, uv, surface):
     spread = dict(zip(surface.fields, surface.types, strict=True))["spread"]
     if not isinstance(spread, types.BaseTuple):
@@ -337,7 +335,7 @@ def mix_texels(texels: Any, rows: Rgba, weights: Rgba) -> Rgba:
     return r, g, b, a
 
 
-@overload(mix_texels, jit_options=HELPER)
+@overload(mix_texels)
 def _mix_texels_in_kernels(texels, rows, weights):
     if isinstance(rows[0], simd.Vector) and rows[0].bits == 32:
 

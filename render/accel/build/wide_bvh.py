@@ -15,6 +15,7 @@ from ... import simd
 from ...jit import arena, thread_pool
 from ...jit.kernel import helper, kernel
 from ...jit.packed_struct import Handle
+from ...lanes import crosslane
 from ...simd import target
 from ...simd.atomics import fetch_add
 from . import binned_sah, parallel_build, wide_collapse
@@ -26,7 +27,7 @@ LEAF = 10 * WIDTH  # floats of a leaf: rows of x, y, z of the first, second and 
 WHICH = 9 * WIDTH
 SLACK = 2.0**-22  # growth of boxes, relative to the largest coordinate: four float32 roundings of a ray's origin
 EMPTY = -1 - (1 << 29)
-spread32, spread64 = getattr(simd, f"f32x{WIDTH}"), getattr(simd, f"f64x{WIDTH}")  # a number in all lanes
+spread32, spread64 = crosslane.spreader(f"f32x{WIDTH}"), crosslane.spreader(f"f64x{WIDTH}")  # a number in all lanes
 
 
 class Wide(NamedTuple):

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ... import simd
 from ...jit.arena import Scratch
 from ...jit.kernel import helper, noinline_helper
+from ...lanes import crosslane
 from ...simd import target
 from .binned_sah import BinaryBvh, half_area
 
@@ -21,7 +22,7 @@ WIDTH = 16 if target.AVX512 else 8  # children of a node and triangles of a leaf
 TEST = 3.0  # cost of a leaf test, relative to a node test
 DEPTH = 2048  # entries of a traversal stack: up to fifteen for each of at most 48 levels, and for the median splits below
 ROW = 2 * WIDTH  # floats of a node's costs: WIDTH times inf, then the costs with up to 1, 2, … slots
-_spread, _spread_whole = getattr(simd, f"f32x{WIDTH}"), getattr(simd, f"i32x{WIDTH}")
+_spread, _spread_whole = crosslane.spreader(f"f32x{WIDTH}"), crosslane.spreader(f"i32x{WIDTH}")
 
 
 def empty(n: int, memory: Scratch) -> NDArray[np.uint8]:

@@ -8,14 +8,13 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from ....compiler import ir
-from ...jit.kernel import HELPER, helper, kernel
+from ...jit.kernel import helper, kernel
 from ...jit.packed_struct import HandleType
 from ...lanes import crosslane, ops
+from ...simd.registration import overload, types
 from ...types import Hit, Lane
 from ..build import scene_layout
 
@@ -78,7 +77,7 @@ def load_slots(column: Any, slot: Any) -> Lane:
     raise NotImplementedError("in kernels only")
 
 
-@overload(load_slots, jit_options=HELPER)
+@overload(load_slots)
 def _load_slots_in_kernels(column, slot):
     if not isinstance(slot, types.Integer):
         return lambda column, slot: column[slot]
@@ -148,7 +147,7 @@ def _known(primed: Any, first: Lane, slot: Lane) -> Any:
     raise NotImplementedError
 
 
-@overload(_known, jit_options=HELPER)
+@overload(_known)
 def _known_in_kernels(primed, first, slot):
     if primed.field("hidden")[1] == ():
         return lambda primed, first, slot: None

@@ -10,13 +10,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import types
-from numba.extending import overload
 
 from ....compiler import ir
-from ...jit.kernel import HELPER, helper, kernel
+from ...jit.kernel import helper, kernel
 from ...lanes import crosslane, ops, ray_soa
 from ...light import lights
+from ...simd.registration import overload, types
 from ...surface import interaction
 from ...types import Hit, Lane, Options, Ray, Surface, Tables, Vec
 from .. import intersect
@@ -99,7 +98,7 @@ def forget_hidden(known: Any) -> Any:
     return None
 
 
-@overload(forget_hidden, jit_options=HELPER)
+@overload(forget_hidden)
 def _forget_hidden_in_kernels(known):
     return (lambda known: None) if isinstance(known, types.NoneType) else lambda known: ops.int_like(known, 0)
 
@@ -109,7 +108,7 @@ def attenuate_light(point: Surface, accel: Any, tables: Tables, light: int, ray:
     return intersect.attenuate(accel, tables, ray, active, given)
 
 
-@overload(attenuate_light, jit_options=HELPER)
+@overload(attenuate_light)
 def _attenuate_light_in_kernels(point, accel, tables, light, ray, active, given):
     if not isinstance(point.types[point.fields.index("known")], types.NoneType):
         return lambda point, accel, tables, light, ray, active, given: _apply_known(point.known, accel, tables, light, ray, active, given)

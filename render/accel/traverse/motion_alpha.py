@@ -10,17 +10,17 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
-from numba.extending import overload
 
 from ... import simd
 from ...geometry import analytic_shapes, instance_transform
 from ...geometry import flat_shapes as flat
 from ...jit.function_pointer import KernelPointer
-from ...jit.kernel import HELPER, helper
+from ...jit.kernel import helper
 from ...jit.packed_struct import Handle, HandleType, with_type_tags
+from ...jit.value_types import FLOAT64, INT64, tuple_of
 from ...lanes import affine, crosslane, ops, row_gather
 from ...lanes.kinds import FLOAT
+from ...simd.registration import overload, types
 from ...surface import alpha, interaction
 from ...types import Hit, Lane, Ray, Vec
 from ..build import tlas
@@ -30,7 +30,7 @@ from . import node_stack, ray_box, ray_state, shape_hit, single_ray, triangle_fi
 
 _LANES = crosslane.WIDTH
 _RAYS, _HITS, _IDS = 9 * _LANES, 3 * _LANES, 2 * _LANES
-_VEC = types.UniTuple(types.float64, 3)
+_VEC = tuple_of(FLOAT64, FLOAT64, FLOAT64)
 
 
 def is_used(accel: Any) -> bool:
@@ -52,15 +52,15 @@ def has_motion(accel: Any) -> bool:
 def link(accel: Handle) -> None:
     """Compile or load the traversal kernels of a packed BVH and store their addresses in it."""
     shape_hit.link(accel)
-    search = two_level.search.link(with_type_tags(accel.numba_type, *absent_features(accel.tables)), *two_level.SEARCH)
-    if is_used(accel.numba_type):
+    search = two_level.search.link(with_type_tags(accel.type, *absent_features(accel.tables)), *two_level.SEARCH)
+    if is_used(accel.type):
         accel.put("motion_alpha.plain", search)
-        if has_opacity(accel.numba_type):
-            hit = types.float64, types.int64, types.int64, types.float64, types.float64, types.float64
-            accel.put("motion_alpha.opacity.address", opacity_kernel.link(accel.numba_type, _VEC, _VEC, *hit))
-        if has_motion(accel.numba_type):
-            accel.put("motion_alpha.moving.address", search_moving.link(accel.numba_type, *two_level.SEARCH, FLOAT))
-        search = search_all.link(accel.numba_type, *two_level.SEARCH)
+        if has_opacity(accel.type):
+            hit = FLOAT64, INT64, INT64, FLOAT64, FLOAT64, FLOAT64
+            accel.put("motion_alpha.opacity.address", opacity_kernel.link(accel.type, _VEC, _VEC, *hit))
+        if has_motion(accel.type):
+            accel.put("motion_alpha.moving.address", search_moving.link(accel.type, *two_level.SEARCH, FLOAT))
+        search = search_all.link(accel.type, *two_level.SEARCH)
     accel.put("search", search)
 
 
@@ -83,7 +83,7 @@ def _opacity(accel: Any, ray: Ray, t: Any, i: int, primitive: Any, u: Any, v: An
     raise NotImplementedError
 
 
-@overload(_opacity, jit_options=HELPER)
+@overload(_opacity)
 def _opacity_in_kernels(accel, ray, t, i, primitive, u, v):
     if not has_opacity(accel):
         return lambda accel, ray, t, i, primitive, u, v: 1.0
@@ -126,7 +126,7 @@ def _time_or_opening(time: Any) -> Any:
     raise NotImplementedError
 
 
-@overload(_time_or_opening, jit_options=HELPER)
+@overload(_time_or_opening)
 def _time_or_opening_in_kernels(time):
     return (lambda time: 0.0) if isinstance(time, types.NoneType) else lambda time: time
 
@@ -300,7 +300,7 @@ def _search_at_opening(accel: Any, *ray: Any) -> Hit:
     raise NotImplementedError
 
 
-@overload(_search_at_opening, jit_options=HELPER)
+@overload(_search_at_opening)
 def _search_at_opening_in_kernels(accel, *ray):
     if not has_motion(accel):
 
@@ -384,7 +384,7 @@ def _lane_of_time(time: Lane | None, k: int) -> Any:
     raise NotImplementedError
 
 
-@overload(_lane_of_time, jit_options=HELPER)
+@overload(_lane_of_time)
 def _lane_of_time_in_kernels(time, k):
     return (lambda time, k: None) if isinstance(time, types.NoneType) else lambda time, k: crosslane.lane(time, k)
 

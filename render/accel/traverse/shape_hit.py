@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import types
 
 from ....compiler import ir
 from ...formula.tables import HIT, TORUS
@@ -13,6 +12,7 @@ from ...geometry import analytic_shapes
 from ...jit.function_pointer import DeclaredKernel, DeclaredPointer
 from ...jit.kernel import helper
 from ...jit.packed_struct import Handle
+from ...jit.value_types import INT64
 from ...lanes import crosslane, ops
 from ...lanes.kinds import FLOAT, INT, VEC
 from ...types import Lane, Vec
@@ -24,14 +24,14 @@ AFTER = 8.0 * 2.0**-52  # distance to the next hit, relative to the largest coor
 def link(accel: Handle) -> None:
     """Compile or load the kernels for formula surfaces and rare shapes where the scene has any; store their addresses."""
     if (accel.tables.instance_rows[:, 3] > analytic_shapes.PLANE).any():
-        accel.put("rare_kernel", rare.link(accel.part("parameters"), types.int64, types.int64, VEC, VEC, FLOAT, FLOAT))
+        accel.put("rare_kernel", rare.link(accel.part("parameters"), INT64, INT64, VEC, VEC, FLOAT, FLOAT))
     if len(accel.tables.forms.places):
         accel.put("formula_kernel", _link_formulas(accel))
 
 
 def _link_formulas(accel: Handle) -> int:
     """Link the formula kernels that the scene needs, by closed form or by search; return the address of their entry."""
-    parts, given = accel.tables.forms.parts, (accel.part("forms"), types.int64, VEC, VEC, FLOAT, FLOAT)
+    parts, given = accel.tables.forms.parts, (accel.part("forms"), INT64, VEC, VEC, FLOAT, FLOAT)
     closed = parts.places[:, 1] > 0
     if not closed.any():
         from ...formula import intersect
@@ -40,7 +40,7 @@ def _link_formulas(accel: Handle) -> int:
     from ...formula import closed_form_hits
 
     if (parts.kinds >= TORUS).any():
-        parts.kernels[2] = closed_form_hits.crossings.link(accel.part("forms.parts.numbers"), types.int64, VEC, VEC)
+        parts.kernels[2] = closed_form_hits.crossings.link(accel.part("forms.parts.numbers"), INT64, VEC, VEC)
     parts.kernels[0] = closed_form_hits.first_hit.link(*given)
     if closed.all():
         return int(parts.kernels[0])

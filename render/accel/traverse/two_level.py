@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import types
 
 from ... import simd
 from ...jit.function_pointer import DeclaredKernel
 from ...jit.kernel import helper, noinline_helper
 from ...jit.packed_struct import skip_when_tagged
+from ...jit.value_types import BOOL, INT64, tuple_type
 from ...lanes import affine, crosslane, ops, row_gather
 from ...lanes.kinds import FLOAT, INT, MASK, VEC
 from ...types import Hit, Lane, Vec
@@ -44,8 +44,8 @@ def _search(accel, origin, direction, t_min, t_max, active, visible_bit, any_hit
     return _traverse_top(accel, origin, direction, t_min, until, left, visible_bit, any_hit, best)
 
 
-SEARCH = (VEC, VEC, FLOAT, FLOAT, MASK, types.int64, types.boolean)  # arguments of `search` after the BVH
-HIT: Any = types.NamedTuple([FLOAT, INT, INT, FLOAT, FLOAT], Hit)
+SEARCH = (VEC, VEC, FLOAT, FLOAT, MASK, INT64, BOOL)  # arguments of `search` after the BVH
+HIT: Any = tuple_type(Hit, (FLOAT, INT, INT, FLOAT, FLOAT))
 search = DeclaredKernel(_search, HIT, SEARCH)
 find = search.call  # called in kernels, with the kernel's address and its arguments
 

@@ -273,11 +273,11 @@ def test_the_bvh_is_the_same_on_any_number_of_threads() -> None:
 def test_writable_and_readonly_arrays_share_compiled_code() -> None:
     positions, triangles = np.eye(3, dtype=np.float32), np.arange(3, dtype=np.int32)[None]
     wide_bvh.build(positions, triangles)
-    before = len(wide_bvh.collapse.signatures), len(parallel_build.build_worker.signatures)
+    before = len(wide_bvh.collapse.loaded), len(parallel_build.build_worker.loaded)
     for each in (positions, triangles):
         each.flags.writeable = False
         wide_bvh.build(positions, triangles)
-    assert (len(wide_bvh.collapse.signatures), len(parallel_build.build_worker.signatures)) == before
+    assert (len(wide_bvh.collapse.loaded), len(parallel_build.build_worker.loaded)) == before
 
 
 @pytest.mark.parametrize("n", [1, 2, 7, 8, 9, 60])

@@ -170,7 +170,7 @@ def test_rays_without_a_time_use_the_opening():
     what = np.stack(ray.origin, axis=1), np.stack(ray.direction, axis=1)
     for found, wanted in zip(kernels.closest(kernels.build(tables), *what), kernels.closest(kernels.build(still), *what), strict=True):
         np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-9)
-    assert not motion_alpha.has_motion(kernels.build(still).numba_type)
+    assert not motion_alpha.has_motion(kernels.build(still).type)
 
 
 def replace_keys(tables: ir.Tables) -> ir.Tables:
@@ -278,7 +278,7 @@ def test_static_scenes_plan_no_motion(tmp_path):
         made = load.load(path)
         decision = plan.make_plan(made, ir.Settings()).decisions["motion_blur"]
         assert (decision.value, decision.reason) == (moves, why)
-        assert motion_alpha.has_motion(Handle(scene_bvh.build(made.tables)).numba_type) == moves
+        assert motion_alpha.has_motion(Handle(scene_bvh.build(made.tables)).type) == moves
     off = plan.make_plan(made, ir.Settings(size=(8, 8), samples=1), {"motion_blur": "off"})
     assert render_scene.draw(made, off).channels["rgba"].shape == (8, 8, 4)
 

@@ -7,11 +7,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numba
 import numpy as np
 import pytest
 from maquette.render.accel.formula_packets import hits
 from maquette.render.jit import compile_process, function_pointer, kernel_cache
+from maquette.render.jit.value_types import typeof
 from maquette.render.simd import target
 
 BEGIN = """
@@ -29,7 +29,8 @@ END = """
 primed.reset(*given)
 assert given[4].tolist() == [3, 4, 0]
 assert not compile_process._compiling
-print(sum(primed.reset.stats.cache_hits.values()), sum(primed.reset.stats.cache_misses.values()))
+hits = [loaded.from_disk for loaded in primed.reset.loaded.values()]
+print(hits.count(True), hits.count(False))
 """
 
 
@@ -97,7 +98,7 @@ def test_a_kernel_compiled_here_starts_no_process(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(target, "cores", lambda: 2)
     given = np.zeros((1, 2), np.int64), 3, 4, np.zeros(2, np.int64), np.zeros(3, np.int64), np.zeros(2), np.zeros(2, np.int64)
     hits.reset(*given)
-    assert kernel_cache.is_cached(hits.reset, tuple(map(numba.typeof, given)))
+    assert kernel_cache.is_cached(hits.reset, tuple(map(typeof, given)))
     monkeypatch.setattr(compile_process, "_start", None)
     compile_process.compile_in_background(2, hits.reset, *given)
     assert not compile_process._compiling

@@ -13,12 +13,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from maquette.render.jit import kernel_cache
-from numba import njit
+from maquette.render.jit import kernel_cache, kernel_file, value_types
+from maquette.render.jit.kernel import kernel
+from maquette.render.jit.kernel_file import Code
 
 
 def test_compilation_is_timed_apart_from_work() -> None:
-    double = njit(lambda x: 2 * x)
+    number = 2
+    double = kernel(lambda x: number * x)
     seconds: dict[str, float] = {}
     started = time.perf_counter()
     with kernel_cache.timed(seconds, "render"):
@@ -49,61 +51,100 @@ from maquette.render.film import accumulate
 out = np.full((2, 2), -1.0)
 one = np.ones((2, 2, 3))
 accumulate.relative_error(0.5 * one, one, one, np.full((2, 2), 4), np.ones(32), 1.0, out)
-hits = sum(accumulate.relative_error.stats.cache_hits.values())
+hits = sum(loaded.from_disk for loaded in accumulate.relative_error.loaded.values())
 if sys.argv[1] == "more":  # another type: it is compiled beside what was loaded
     accumulate.relative_error((0.5 * one).astype(np.float32), one, one, np.full((2, 2), 4), np.ones(32), 1.0, out)
-print(hits, len(accumulate.relative_error.overloads), out.tolist())
+print(hits, len(accumulate.relative_error.loaded), "numba" in sys.modules, out.tolist())
 """
+VALUES = np.full((2, 2), 0.25).tolist()
+
+
+def run(folder: Path, what: str, program: str = PROGRAM) -> str:
+    """Output of a process with this cache folder."""
+    environment = {**os.environ, "MAQUETTE_CACHE": str(folder)}
+    return subprocess.run([sys.executable, "-c", program, what], env=environment, capture_output=True, text=True, check=True).stdout
 
 
 def test_cached_and_new_kernels_work_together(tmp_path: Path) -> None:
-    def run(what: str) -> str:
-        environment = {**os.environ, "MAQUETTE_CACHE": str(tmp_path)}
-        return subprocess.run([sys.executable, "-c", PROGRAM, what], env=environment, capture_output=True, text=True, check=True).stdout
-
-    values = np.full((2, 2), 0.25).tolist()
-    assert run("same") == f"0 1 {values}\n"
-    assert run("same") == f"1 1 {values}\n"
-    assert run("more") == f"1 2 {values}\n"
+    """Only a process that compiles imports Numba."""
+    assert run(tmp_path, "same") == f"0 1 True {VALUES}\n"
+    assert run(tmp_path, "same") == f"1 1 False {VALUES}\n"
+    assert run(tmp_path, "more") == f"1 2 True {VALUES}\n"
 
 
-def test_processes_that_write_at_the_same_time_keep_their_code_apart(tmp_path: Path) -> None:
+CODE = Code("entry", "function", value_types.tuple_of(value_types.INT64, value_types.FLOAT64), ("sin",), b"code")
+
+
+def test_processes_that_write_at_the_same_time_keep_their_code_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kernel_cache, "CACHE", tmp_path)
     turns, writers = 100, 4
     together = threading.Barrier(writers)
 
     def write(key: int) -> None:
         for turn in range(turns):
-            files = kernel_cache.KernelFiles(str(tmp_path), f"kernel{turn}", "stamp")
             together.wait()
-            files.save(key, [key] * (3000 if key % 2 else 3))
+            kernel_cache.write(f"kernel{turn % 2}-a-b.kernel", CODE._replace(code=bytes([key]) * (3000 if key % 2 else 3)))
+            found = kernel_cache.read(f"kernel{turn % 2}-a-b.kernel")
+            assert found is not None
+            assert len(found.code) == (3000 if found.code[0] % 2 else 3)
 
     with ThreadPoolExecutor(writers) as pool:
         list(pool.map(write, range(writers)))
-    kept = [kernel_cache.KernelFiles(str(tmp_path), f"kernel{turn}", "stamp") for turn in range(turns)]
-    found = [(key, code[0]) for files in kept for key in range(writers) if (code := files.load(key)) is not None]
-    assert len(found) > turns * writers // 2
-    assert all(key == code for key, code in found)
-    kept[0].save(0, ["newer"])
-    assert kept[0].load(0) == ["newer"]
 
 
-@pytest.mark.parametrize("damage", [lambda data: b"", lambda data: data[:-7], lambda data: b"x" * len(data), lambda data: data + b"x"])
-def test_a_damaged_file_counts_as_missing_and_is_replaced(tmp_path: Path, damage: Callable[[bytes], bytes]) -> None:
-    files = kernel_cache.KernelFiles(str(tmp_path), "kernel", "stamp")
-    files.save("types", "code")
-    assert files.load("types") == "code"
-    for suffix in (".nbc", ".nbi"):
-        (path,) = tmp_path.glob(f"*{suffix}")
-        path.write_bytes(damage(path.read_bytes()))
-        assert files.load("types") is None
-        files.save("types", "code")
-        assert files.load("types") == "code"
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda data: b"", lambda data: data[:-7], lambda data: b"x" * len(data), lambda data: data + b"x",
+        lambda data: data[:18] + data[40:],
+        lambda data: data[:60] + b"~" + data[61:],
+    ],
+)  # fmt: skip
+def test_a_damaged_file_counts_as_missing_and_is_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, damage: Callable[[bytes], bytes]
+) -> None:
+    monkeypatch.setattr(kernel_cache, "CACHE", tmp_path)
+    name = "kernel-a-b.kernel"
+    kernel_cache.write(name, CODE)
+    assert kernel_cache.read(name) == CODE
+    (tmp_path / name).write_bytes(damage((tmp_path / name).read_bytes()))
+    assert kernel_cache.read(name) is None
+    kernel_cache.write(name, CODE)
+    assert kernel_cache.read(name) == CODE
+
+
+def test_a_file_under_another_name_counts_as_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kernel_cache, "CACHE", tmp_path)
+    kernel_cache.write("kernel-a-b.kernel", CODE)
+    (tmp_path / "kernel-a-b.kernel").rename(tmp_path / "kernel-a-c.kernel")
+    assert kernel_cache.read("kernel-a-c.kernel") is None
+
+
+def test_code_that_needs_unknown_symbols_counts_as_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kernel_cache, "CACHE", tmp_path)
+    kernel_cache.write("kernel-a-b.kernel", CODE._replace(needs=("sin", "no_such_symbol_of_maquette")))
+    assert kernel_cache.read("kernel-a-b.kernel") is None
+
+
+NO_TUPLE = b'{"name":"n","entry":"e","function":"f","result":["named","os","path",[],[]],"needs":[]}'
+
+
+@pytest.mark.parametrize("header", [b"{}", b"[]", b"{", NO_TUPLE])
+def test_a_header_of_another_form_counts_as_missing(header: bytes) -> None:
+    data = kernel_file._SIZE.pack(len(header)) + header
+    assert kernel_file.unpacked("n", kernel_file._MAGIC + kernel_file._digest(data) + data) is None
+
+
+def test_a_damaged_cache_is_compiled_again(tmp_path: Path) -> None:
+    run(tmp_path, "same")
+    for path in tmp_path.rglob("*.kernel"):
+        path.write_bytes(path.read_bytes()[:-100])
+    assert run(tmp_path, "same") == f"0 1 True {VALUES}\n"
+    assert run(tmp_path, "same") == f"1 1 False {VALUES}\n"
 
 
 def test_a_full_disk_costs_the_cache_alone(tmp_path: Path) -> None:
     """As MAQUETTE_CACHE on a full disk: the kernel is compiled and runs, and nothing is kept."""
     limited = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (16, 16))\n{PROGRAM}"
-    environment = {**os.environ, "MAQUETTE_CACHE": str(tmp_path)}
-    done = subprocess.run([sys.executable, "-c", limited, "same"], env=environment, capture_output=True, text=True, check=True)
-    assert done.stdout == f"0 1 {np.full((2, 2), 0.25).tolist()}\n"
-    assert not [*tmp_path.rglob("*.nbc")]
+    assert run(tmp_path, "same", limited) == f"0 1 True {VALUES}\n"
+    assert not [*tmp_path.rglob("*.kernel")]

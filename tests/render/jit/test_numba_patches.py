@@ -13,7 +13,7 @@ import numba
 import numpy as np
 import pytest
 from llvmlite import ir as llvm
-from maquette.render.jit import kernel, numba_patches  # noqa: F401 - which puts it in place
+from maquette.render.jit import compiler, numba_patches  # noqa: F401 - which puts it in place
 from numba import extending
 from numba.core import compiler_lock, event, ir, postproc, types
 from numba.core.compiler import Flags, run_frontend

@@ -59,16 +59,16 @@ def test_every_kind_of_field_reads_as_on_the_tuple() -> None:
 
 
 def test_equal_layouts_share_a_type_for_any_lengths() -> None:
-    assert Handle(make(3)).numba_type == Handle(make(9)).numba_type
-    compiled = len(add_up.signatures)
+    assert Handle(make(3)).type == Handle(make(9)).type
+    compiled = len(add_up.loaded)
     assert add_up(Handle(make(5))) == 105.0
     assert add_up(Handle(make(2))) == 15.0
-    assert len(add_up.signatures) <= compiled + 1
+    assert len(add_up.loaded) <= compiled + 1
 
 
 def test_other_layouts_are_other_types() -> None:
     other = make()._replace(rows=np.arange(4, dtype=np.int64))
-    assert Handle(make()).numba_type != Handle(other).numba_type
+    assert Handle(make()).type != Handle(other).type
 
 
 def test_kernels_write_through() -> None:
@@ -146,10 +146,10 @@ def asked(handle, x):
 
 def test_a_tagged_type_is_the_same_block_with_code_omitted():
     handle = Handle(Numbers(np.array([2.0])))
-    plain, without = handle.numba_type, with_type_tags(handle.numba_type, "no numbers")
+    plain, without = handle.type, with_type_tags(handle.type, "no numbers")
     assert plain.field("no numbers") is None
     assert without.field("numbers") == plain.field("numbers")
-    assert with_type_tags(handle.numba_type, "no numbers") is without
+    assert with_type_tags(handle.type, "no numbers") is without
     assert asked(handle, 1.0) == 3.0
-    handle.numba_type = without
+    handle.type = without
     assert asked(handle, 1.0) == -1.0

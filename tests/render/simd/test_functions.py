@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from maquette.render import simd
+from maquette.render.jit.kernel import kernel
 from maquette.render.simd import target as simd_target
-from numba import njit
 
 from .values import COUNT, FLOATS, INTS, TYPES, awkward, compiled, over, same, widths
 
@@ -104,7 +104,7 @@ def test_counting_bits(dtype):
     assert np.array_equal(out, np.bitwise_count(x.view(f"u{x.itemsize}")))
 
 
-@njit
+@kernel
 def _masks(x, out, lanes):
     for i in range(0, len(x), lanes):
         v = simd.load(x, i, simd.f32)
@@ -131,7 +131,7 @@ def test_masks_as_truth_and_as_bits():
     assert np.array_equal(out, np.stack(expected, axis=1))
 
 
-@njit
+@kernel
 def _across(x, out):
     v = simd.load(x, 0, 8)
     out[0], out[1], out[2] = simd.sum_of(v), simd.min_of(v), simd.max_of(v)
@@ -171,7 +171,7 @@ def test_transposing_blocks(k, lanes):
     assert np.array_equal(out.reshape(k, lanes // k, k), blocks.transpose(2, 1, 0))
 
 
-@njit
+@kernel
 def _constructed(out):
     simd.store(out, 0, simd.f32x8(2) + simd.f32x8(simd.i32x8(3)) + simd.f32x8(simd.m32x8(True)))
     simd.store(out, 8, simd.f32(1.5) + simd.to_f32(simd.i32(2)))
@@ -185,7 +185,7 @@ def test_constructors():
     assert np.all(out[8:] == 3.5)
 
 
-@njit
+@kernel
 def _numbers(x, n):
     return (
         simd.sqrt(x), simd.floor(x), simd.fma(x, x, x), simd.select(x > 1, x, 2.0), simd.any_of(x > 1), simd.bits(x > 1),

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from maquette.render import simd
+from maquette.render.jit.kernel import kernel
 from maquette.render.jit.packed_struct import Handle
-from numba import njit
 from numba.core.errors import TypingError
 
 from .values import TYPES, compiled
@@ -40,7 +40,7 @@ def test_records_are_stored_at_a_stride(k, lanes):
     assert not rows[:, k:].any()
 
 
-@njit
+@kernel
 def _copied(x, out, i, n):
     simd.store(out, i + 1, simd.load(x, i, 8))
     simd.masked_store(out, 20, simd.load(x, 0, 8), simd.first_lanes(n, simd.load(x, 0, 8)))
@@ -58,7 +58,7 @@ def test_loads_and_stores_with_and_without_masks(dtype, n):
     assert np.array_equal(out, expected)
 
 
-@njit
+@kernel
 def _columns(x, out, i):
     a, b, c = simd.load3(x, i, 8)
     simd.store(out, 0, a)
@@ -75,7 +75,7 @@ def test_rows_of_three_load_as_columns(dtype, i):
     assert np.array_equal(out[24:], guarded(dtype, 8))
 
 
-@njit
+@kernel
 def _natural(x, wide, out):
     a = simd.load(x, 0)
     simd.store(out, 0, a)
@@ -121,7 +121,7 @@ def test_arrays_without_huge_pages_are_aligned_and_writable(rows):
 
 
 def test_lanes_that_are_not_constant_are_an_error():
-    @njit
+    @kernel
     def wrong(x, n):
         return simd.sum_of(simd.load(x, 0, n))
 
@@ -129,7 +129,7 @@ def test_lanes_that_are_not_constant_are_an_error():
         wrong(np.zeros(16, np.float32), 4)
 
 
-@njit
+@kernel
 def _gathered(x, places, on, out):
     i, m = simd.load(places, 0, 8), simd.load(on, 0, 8)
     simd.store(out, 0, simd.gather(x, i))
@@ -152,7 +152,7 @@ def test_gathers_and_scatters(dtype, index):
     assert np.array_equal(out, expected)
 
 
-@njit
+@kernel
 def _compressed(x, on, out, front, lanes):
     total = 0
     for i in range(0, len(x), lanes):
@@ -208,7 +208,7 @@ def test_parts_of_records_begin_at_first():
     assert np.array_equal(out, np.concatenate([x[places + 11], x[places + 6]]))
 
 
-@njit
+@kernel
 def _on_the_stack(n):
     room = simd.stack_array(np.int32, 64)
     for k in range(64):
@@ -229,7 +229,7 @@ def test_an_array_on_the_stack():
 # --- array[vector] -------------------------------------------------------------------------------------------------------
 
 
-@njit
+@kernel
 def _indexed(one, two, three, places, out):
     i = simd.load(places, 0, 8)
     j = i % 3
@@ -271,7 +271,7 @@ class Table(NamedTuple):
 
 
 def test_a_handles_arrays_are_indexed_too():
-    @njit
+    @kernel
     def look(table, places, out):
         simd.store(out, 0, table.rows[simd.load(places, 0, 4), 2])
 
@@ -281,7 +281,7 @@ def test_a_handles_arrays_are_indexed_too():
 
 
 def test_arrays_that_are_not_contiguous_are_an_error():
-    @njit
+    @kernel
     def look(x):
         return simd.sum_of(x[simd.i64x4(1)])
 

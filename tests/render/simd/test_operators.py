@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from maquette.render import simd
-from numba import njit
+from maquette.render.jit.kernel import kernel
 from numba.core.errors import TypingError
 
 from .values import COUNT, FLOATS, INTS, TYPES, awkward, compiled, over, same, widths
@@ -105,7 +105,7 @@ def test_the_smaller_and_the_larger(dtype, kind):
         same(one, right)
 
 
-@njit
+@kernel
 def _mixed(ints, floats, out):
     """All mixes of scalars and vectors; results have the vectors' types."""
     i, x = simd.load(ints, 0), simd.load(floats, 0)
@@ -129,7 +129,7 @@ def test_scalars_take_the_vectors_width():
 
 
 def test_int32_stays_int32():
-    @njit
+    @kernel
     def add(x, out):
         simd.store(out, 0, simd.load(x, 0) + 1)
 
@@ -153,7 +153,7 @@ def test_incompatible_types_are_a_compile_error(expression):
 
 
 def test_a_mask_is_not_a_condition():
-    @njit
+    @kernel
     def wrong(x):
         return 1 if simd.f32(x) > 0 else 2
 

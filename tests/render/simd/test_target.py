@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -42,10 +43,31 @@ def work(x, out):
 x = np.linspace(0, 4, 4096, dtype=np.float32)
 out = np.zeros_like(x)
 work(x, out)
-code = "".join(work.inspect_asm().values())
-print(machine.ISA, simd.WIDTH, simd.WIDTH64, work.stats.cache_hits[work.signatures[0]] if work.stats.cache_hits else 0)
+((kinds, loaded),) = work.loaded.items()
+print(machine.ISA, simd.WIDTH, simd.WIDTH64, int(loaded.from_disk))
+from maquette.render.jit import compiler
+code = compiler.assembly(work.py_func, kinds)
 print("zmm" in code, "ymm" in code, "vfmadd" in code, f"{out.astype(float).sum():.3f}")
 '''
+
+
+BOTH = """
+import numba
+import numpy as np
+from numba.core import codegen
+from numba.core.registry import cpu_target
+host = codegen.get_host_cpu_features()
+print(numba.njit(lambda x: x.sum())(np.ones(16)))
+from maquette.render.jit.kernel import kernel
+
+@kernel
+def twice(x):
+    return 2.0 * x
+
+assert twice(1.5) == 3.0
+print(cpu_target.target_context.codegen()._tm_features == host)
+print(numba.njit(lambda x: 2 * x.sum())(np.ones(16)))
+"""
 
 
 def run(script: Path, isa: str | None, cache: Path, *more: str) -> subprocess.CompletedProcess[str]:
@@ -97,20 +119,16 @@ def test_this_folder_passes_on_every_narrower_width(isa, tmp_path):
 def test_an_unsupported_instruction_set_is_rejected(script, tmp_path):
     done = run(script, "mmx", tmp_path)
     assert "MAQUETTE_SIMD=mmx is not an instruction set; choose from: avx512, avx2, sse, scalar" in done.stderr
-    done = subprocess.run(
-        [sys.executable, "-c", "import maquette.render.simd.target"], capture_output=True, text=True, check=False,
-        env={**os.environ, "MAQUETTE_SIMD": "avx2", "NUMBA_CPU_NAME": "generic"},
-    )  # fmt: skip
-    assert "MAQUETTE_SIMD=avx2 is more than this machine has (sse)" in done.stderr
+    with pytest.raises(RuntimeError, match=re.escape("MAQUETTE_SIMD=avx2 is more than this machine has (sse)")):
+        target.choose("avx2", {})
 
 
-def test_forcing_after_a_compilation_is_rejected():
-    code = "import numba\nnumba.njit(lambda: 1)()\nimport maquette.render.simd.target"
-    if not NARROWER:
-        pytest.skip("nothing narrower to force")
-    environment = {**os.environ, "MAQUETTE_SIMD": NARROWER[-1]}
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, env=environment)
-    assert f"MAQUETTE_SIMD={NARROWER[-1]} comes too late" in done.stderr
+def test_other_code_of_numba_keeps_its_target(tmp_path):
+    """Before and after a kernel is compiled for another instruction set, in one process."""
+    path = tmp_path / "both.py"
+    path.write_text(BOTH)
+    done = run(path, NARROWER[-1] if NARROWER else None, tmp_path)
+    assert done.stdout.split() == ["16.0", "True", "32.0"], done.stderr
 
 
 @kernel

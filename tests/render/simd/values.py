@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from maquette.render import simd
-from numba import njit
+from maquette.render.jit.kernel import kernel
 from numpy.typing import NDArray
 
 COUNT = 10_000 // 64 * 64 + 64
@@ -51,7 +51,7 @@ def compiled(source: str) -> Any:
     """Compile the function `run` of a source text."""
     space: dict[str, Any] = {"simd": simd, "np": np}
     exec(source, space)
-    return njit(error_model="numpy")(space["run"])
+    return kernel(space["run"])
 
 
 def widths(dtype: Any) -> list[str]:

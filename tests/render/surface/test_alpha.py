@@ -144,5 +144,5 @@ def test_rotated_and_scaled_instances_with_holes(seed):
 
 
 def test_opaque_scenes_have_no_motion_alpha_bvh():
-    assert not motion_alpha.is_used(ray_queries.build(scene([(K.SPHERE, [1], matrix(), 0)])).numba_type)
-    assert motion_alpha.is_used(ray_queries.build(panes(1, veil(0.5))).numba_type)
+    assert not motion_alpha.is_used(ray_queries.build(scene([(K.SPHERE, [1], matrix(), 0)])).type)
+    assert motion_alpha.is_used(ray_queries.build(panes(1, veil(0.5))).type)

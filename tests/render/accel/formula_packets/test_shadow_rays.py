@@ -89,5 +89,5 @@ def test_hidden_bits_of_a_light(tmp_path, monkeypatch):
 def test_tile_hits_have_one_type_for_any_number_of_samples(lamps: bool) -> None:
     """Otherwise each number of samples would compile the tile kernel again."""
     room = ray.Workspace(np.zeros((3, 8), np.int64), np.zeros((5, 8)), np.zeros((1, 1, 8)))
-    kinds = {camera_rays.allocate_packets(np.full((2, 3), count), room, lamps, False).workspace.numba_type for count in (0, 1, 2)}
+    kinds = {camera_rays.allocate_packets(np.full((2, 3), count), room, lamps, False).workspace.type for count in (0, 1, 2)}
     assert len(kinds) == 1

@@ -1,0 +1,119 @@
+"""Compiles kernels with Numba: registers what was recorded, links helpers, adds the entry function, emits object code.
+
+Only a process that compiles imports this module.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from typing import Any
+
+from numba import njit
+from numba.core import config, cpu, types
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.registry import cpu_target
+from numba.core.typing.context import Context
+from numba.core.typing.templates import infer, infer_global, make_intrinsic_template
+from numba.extending import overload
+
+from ..simd import elementary, functions, gather_scatter, operators, registration, target, vector_indexing  # noqa: F401 - define kernels' functions
+from . import lto, numba_patches, numba_types
+from .kernel_file import Code
+from .value_types import ValueType
+
+numba_patches.install_patches()
+_FLAGS: Any = {
+    "error_model": "numpy", "nogil": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "boundscheck": target.CHECKED,
+}  # fmt: skip
+_registered = 0  # of registration.RECORDS
+
+
+@cache
+def _contexts() -> dict[str, Any]:
+    """Numba's contexts for the target machine of kernels, apart from those of other users of Numba in this process."""
+    before = config.CPU_NAME, config.CPU_FEATURES  # pyright: ignore[reportAttributeAccessIssue]
+    config.CPU_NAME, config.CPU_FEATURES = target.CPU, target.features_text()  # pyright: ignore[reportAttributeAccessIssue]
+    try:
+        typing_context = Context()
+        return {"_toplevel_typing_context": typing_context, "_toplevel_target_context": cpu.CPUContext(typing_context, "cpu")}
+    finally:
+        config.CPU_NAME, config.CPU_FEATURES = before  # pyright: ignore[reportAttributeAccessIssue]
+
+
+@contextmanager
+def _for_kernels() -> Iterator[None]:
+    """Hold Numba's lock and let it compile for the target machine of kernels."""
+    with global_compiler_lock:
+        ours, known = _contexts(), vars(cpu_target)
+        before = {name: known[name] for name in ours if name in known}
+        known.update(ours)
+        try:
+            yield
+        finally:
+            for name in ours:
+                del known[name]
+            known.update(before)
+
+
+def register() -> None:
+    """Register with Numba what was recorded since the last call."""
+    global _registered
+    while _registered < len(registration.RECORDS):
+        kind, arguments = registration.RECORDS[_registered]
+        _registered += 1
+        _REGISTER[kind](*arguments)
+
+
+def _register_overload(function: Any, choose: Any, strict: bool, inline: bool, allocates: bool) -> None:
+    options = {**_FLAGS, "forceinline": inline, "pipeline_class": lto.Fragment, "_nrt": allocates}
+    overload(function, jit_options=options, strict=strict)(choose)  # pyright: ignore[reportArgumentType]
+
+
+def _register_intrinsic(made: registration.Intrinsic) -> None:
+    template = make_intrinsic_template(made, made.definition, made.definition.__name__)
+    infer(template)
+    infer_global(made, types.Function(template))  # pyright: ignore[reportCallIssue]
+
+
+_REGISTER: dict[str, Callable[..., None]] = {
+    "overload": _register_overload, "intrinsic": _register_intrinsic, "operator": operators.define,
+}  # fmt: skip
+
+
+def callee(function: Callable[..., Any]) -> Any:
+    """Numba type of a kernel that another kernel calls by its name: its code is compiled into the caller."""
+    return types.Dispatcher(_dispatcher(function))
+
+
+@cache
+def _dispatcher(function: Callable[..., Any]) -> Any:
+    """Numba's dispatcher of a function, which its type does not keep alive."""
+    return njit(**_FLAGS, pipeline_class=lto.Fragment)(function)
+
+
+def compile_kernel(function: Callable[..., Any], kinds: tuple[ValueType, ...]) -> Code:
+    """Compile a function for arguments of these types. Raises Numba's errors for code that it does not compile."""
+    with _for_kernels():
+        library, described, result = _lower(function, kinds)
+        code = library.emit()
+    return Code(numba_types.ENTRY, described.llvm_func_name, result, library.undefined(), code)
+
+
+def assembly(function: Callable[..., Any], kinds: tuple[ValueType, ...]) -> str:
+    """The assembly code of a kernel."""
+    with _for_kernels():
+        library = _lower(function, kinds)[0]
+        library.link()
+        return library.get_asm_str()
+
+
+def _lower(function: Callable[..., Any], kinds: tuple[ValueType, ...]) -> tuple[lto.Whole, Any, ValueType]:
+    """A kernel's library with its entry, not yet linked; its descriptor; the type of its result."""
+    register()
+    dispatcher: Any = njit(**_FLAGS, pipeline_class=lto.Kernel)(function)
+    made = dispatcher._compiler.compile(tuple(map(numba_types.to_numba, kinds)), None)
+    result = numba_types.from_numba(made.signature.return_type)
+    numba_types.add_entry(cpu_target.target_context, made.library, made.fndesc, kinds, result)
+    return made.library, made.fndesc, result

@@ -1,0 +1,73 @@
+"""Loads object code into the process and calls it."""
+
+from __future__ import annotations
+
+import ctypes
+import struct
+from functools import cache
+from typing import Any
+
+import llvmlite.binding as llvm
+
+from ..simd import target
+from .kernel_file import Code
+from .value_types import ValueType
+
+_ENTRY = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p)  # releases Python's lock
+
+
+_process = ctypes.CDLL(None)
+
+
+class KernelError(RuntimeError):
+    """A kernel ended with an error status, such as memory that ran out."""
+
+
+def target_machine(opt: int = 2) -> Any:
+    """LLVM's target machine of kernels."""
+    _initialize()
+    found = llvm.Target.from_triple(llvm.get_process_triple())
+    return found.create_target_machine(cpu=target.CPU, features=target.features_text(), opt=opt, jit=True, codemodel="jitdefault")
+
+
+@cache
+def _initialize() -> None:
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+
+
+def load_object(code: bytes) -> Any:
+    """An engine that holds object code; get_function_address(name) finds a function. The code lives as long as the engine."""
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target_machine())
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    return engine
+
+
+def has_symbols(code: Code) -> bool:
+    """Whether this process defines the symbols that the code needs."""
+    return all(hasattr(_process, name) or llvm.address_of_symbol(name) is not None for name in code.needs)
+
+
+class Loaded:
+    """A kernel's code for one signature. `address` is for calls by other kernels, `result` the type of its result."""
+
+    def __init__(self, name: str, kinds: tuple[ValueType, ...], code: Code, from_disk: bool) -> None:
+        self.name, self.kinds, self.result, self.from_disk = name, kinds, code.result, from_disk
+        self._engine = load_object(code.code)
+        self.address: int = self._engine.get_function_address(code.function)
+        self._entry = _ENTRY(self._engine.get_function_address(code.entry))
+        self._arguments = struct.Struct("".join(kind.format for kind in kinds))
+        self._returned = struct.Struct(code.result.format)
+
+    def __call__(self, arguments: tuple[Any, ...]) -> Any:
+        """Run the kernel. Raises KernelError where it ends with an error."""
+        words: list[Any] = []
+        for kind, value in zip(self.kinds, arguments, strict=True):
+            kind.pack(value, words)
+        size = self._arguments.size
+        block = ctypes.create_string_buffer(self._arguments.pack(*words), max(size + self._returned.size, 1))
+        status = self._entry(ctypes.addressof(block))
+        if status:
+            raise KernelError(f"the kernel {self.name} ended with status {status}")
+        return self.result.unpack(iter(self._returned.unpack_from(block, size)))

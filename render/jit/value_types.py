@@ -1,0 +1,289 @@
+"""Types of values that kernels receive and return, without Numba: numbers, arrays, tuples, NamedTuples, packed structs and vectors.
+
+Equal types are one object. A type packs a value into 64-bit words for a kernel's entry function, and reads a result from such words.
+`plain` and `from_plain` convert a type to and from lists and strings, for files and for other processes.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import hashlib
+import json
+from collections.abc import Callable, Iterator
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+_BYTE = ctypes.c_char
+_C, _F, _ALIGNED, _WRITEABLE = 1, 2, 0x100, 0x400  # bits of ndarray.flags.num
+
+# A layout describes a packed tuple: ((name, word, kind), …). A kind is a layout, ("array", dtype, row shape), ("handle", type), "int",
+# "float" or "bool".
+Layout = tuple[tuple[str, int, Any], ...]
+
+
+class ValueType:
+    """A type of values in kernels; `format` has one letter of `struct` for each 64-bit word."""
+
+    format = ""
+
+    def pack(self, value: Any, words: list[Any]) -> None:
+        """Append the words of a value. Raises TypeError for types that Python does not pass to kernels."""
+        raise TypeError(f"a value of type {self} cannot be passed to a kernel")
+
+    def unpack(self, words: Iterator[Any]) -> Any:
+        """Read a result from its words. Raises TypeError for types that kernels do not return to Python."""
+        raise TypeError(f"a kernel cannot return a value of type {self}")
+
+    @functools.cached_property
+    def plain(self) -> Any:
+        """This type as nested lists, strings and integers."""
+        raise NotImplementedError
+
+    @functools.cached_property
+    def text(self) -> str:
+        """This type as text, equal for equal types in all processes."""
+        return json.dumps(self.plain, separators=(",", ":"))
+
+    def __repr__(self) -> str:
+        return self.text
+
+
+class Scalar(ValueType):
+    """A number, a boolean, or None."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.format = "" if name == "none" else "d" if name.startswith("float") else "Q" if name == "uint64" else "q"
+
+    def pack(self, value: Any, words: list[Any]) -> None:
+        if self.name == "boolean":
+            words.append(bool(value))
+        elif self.format:
+            words.append(value)
+
+    def unpack(self, words: Iterator[Any]) -> Any:
+        if not self.format:
+            return None
+        number = next(words)
+        return bool(number) if self.name == "boolean" else number
+
+    @functools.cached_property
+    def plain(self) -> Any:
+        return self.name
+
+
+class Array(ValueType):
+    """An array: its data address, its shape, and its strides unless it is C-contiguous."""
+
+    def __init__(self, dtype: str, ndim: int, layout: str, writeable: bool, aligned: bool) -> None:
+        self.dtype, self.ndim, self.layout, self.writeable, self.aligned = dtype, ndim, layout, writeable, aligned
+        self.format = "q" * (1 + ndim * (1 if layout == "C" else 2))
+
+    def pack(self, value: Any, words: list[Any]) -> None:
+        words.append(address(value))
+        words.extend(value.shape)
+        if self.layout != "C":
+            words.extend(value.strides)
+
+    @functools.cached_property
+    def plain(self) -> Any:
+        return ["array", self.dtype, self.ndim, self.layout, self.writeable, self.aligned]
+
+
+class Tuple(ValueType):
+    """A tuple, or a NamedTuple of class `cls`."""
+
+    def __init__(self, cls: type | None, items: tuple[ValueType, ...]) -> None:
+        self.cls, self.items = cls, items
+        self.format = "".join(item.format for item in items)
+
+    def pack(self, value: Any, words: list[Any]) -> None:
+        for kind, item in zip(self.items, value, strict=True):
+            kind.pack(item, words)
+
+    def unpack(self, words: Iterator[Any]) -> Any:
+        found = tuple(kind.unpack(words) for kind in self.items)
+        return found if self.cls is None else self.cls(*found)
+
+    @functools.cached_property
+    def plain(self) -> Any:
+        items = [item.plain for item in self.items]
+        if self.cls is None:
+            return ["tuple", items]
+        return ["named", self.cls.__module__, self.cls.__qualname__, list(self.cls._fields), items]  # pyright: ignore[reportAttributeAccessIssue]
+
+
+class Vector(ValueType):
+    """`lanes` values of 32 or 64 bits of a kind: "f" float, "i" int, "u" unsigned, "m" mask. Only kernels pass vectors."""
+
+    def __init__(self, kind: str, bits: int, lanes: int) -> None:
+        self.kind, self.bits, self.lanes = kind, bits, lanes
+
+    @functools.cached_property
+    def plain(self) -> Any:
+        return ["vector", self.kind, self.bits, self.lanes]
+
+
+class HandleType(ValueType):
+    """A packed tuple, see packed_struct.py. Equal layouts share a type."""
+
+    format = "q"
+
+    def __init__(self, layout: Layout) -> None:
+        self.layout = layout
+
+    def pack(self, value: Any, words: list[Any]) -> None:
+        words.append(value.address)
+
+    def field(self, name: str) -> tuple[int, Any] | None:
+        """(word, kind) of a field or of a field of a nested tuple ("outer.inner"), not of another Handle; None if there is none."""
+        found, layout = None, self.layout
+        for part in name.split("."):
+            found = next(((word, kind) for known, word, kind in layout if known == part), None)
+            layout = found[1] if found and isinstance(found[1], tuple) and found[1][:1] != ("handle",) else ()
+        return found
+
+    @functools.cached_property
+    def plain(self) -> Any:
+        return ["handle", _plain_layout(self.layout)]
+
+    @functools.cached_property
+    def digest(self) -> str:
+        """A short name, equal for equal layouts."""
+        return hashlib.sha256(self.text.encode()).hexdigest()[:12]
+
+
+def _plain_layout(layout: Layout) -> list[Any]:
+    return [[name, word, _plain_kind(kind)] for name, word, kind in layout]
+
+
+def _plain_kind(kind: Any) -> Any:
+    if isinstance(kind, str):
+        return kind
+    if kind and kind[0] == "array":
+        return ["array", kind[1], list(kind[2])]
+    if kind and kind[0] == "handle":
+        return kind[1].plain
+    return ["layout", _plain_layout(kind)]
+
+
+def _kind_of_plain(plain: Any) -> Any:
+    if isinstance(plain, str):
+        return plain
+    if plain[0] == "array":
+        return "array", plain[1], tuple(plain[2])
+    if plain[0] == "handle":
+        return "handle", from_plain(plain)
+    return _layout_of_plain(plain[1])
+
+
+def _layout_of_plain(plain: Any) -> Layout:
+    return tuple((name, word, _kind_of_plain(kind)) for name, word, kind in plain)
+
+
+def field_type(kind: Any) -> ValueType:
+    """The type of a field of a layout."""
+    if isinstance(kind, str):
+        return {"int": INT64, "float": FLOAT64, "bool": BOOL}[kind]
+    if kind and kind[0] == "array":
+        return array_type(kind[1], 1 + len(kind[2]))
+    if kind and kind[0] == "handle":
+        return kind[1]
+    return handle_type(kind)
+
+
+scalar = functools.cache(Scalar)
+tuple_type = functools.cache(Tuple)
+vector = functools.cache(Vector)
+handle_type = functools.cache(HandleType)
+_array = functools.cache(Array)
+
+NONE, BOOL, INT64, FLOAT64, FLOAT32 = (scalar(name) for name in ("none", "boolean", "int64", "float64", "float32"))
+
+
+def array_type(dtype: Any, ndim: int) -> Array:
+    """A C-contiguous array that kernels may write to."""
+    return _array(np.dtype(dtype).str, ndim, "C", True, True)
+
+
+def tuple_of(*items: ValueType) -> Tuple:
+    """A tuple of these types."""
+    return tuple_type(None, items)
+
+
+def from_plain(plain: Any) -> ValueType:
+    """The type that `plain` describes. Raises ValueError, LookupError, TypeError, AttributeError or ImportError for other data."""
+    if isinstance(plain, str):
+        return scalar(plain)
+    name, *parts = plain
+    if name == "array":
+        return _array(*parts)
+    if name == "tuple":
+        return tuple_type(None, tuple(map(from_plain, parts[0])))
+    if name == "named":
+        cls = functools.reduce(getattr, parts[1].split("."), import_module(parts[0]))
+        if list(cls._fields) != parts[2]:
+            raise ValueError(f"{cls} has other fields")
+        return tuple_type(cls, tuple(map(from_plain, parts[3])))
+    if name == "vector":
+        return vector(*parts)
+    if name == "handle":
+        return handle_type(_layout_of_plain(parts[0]))
+    raise ValueError(f"{name} is not a type of values")
+
+
+TYPE_OF: dict[type, Callable[[Any], ValueType]] = {}
+"""The type of a value by its class."""
+
+
+def typeof(value: Any) -> ValueType:
+    """The type of a value in kernels. Raises TypeError for values that kernels do not take."""
+    cls = type(value)
+    known = TYPE_OF.get(cls)
+    if known is None:
+        known = TYPE_OF[cls] = _rule(cls)
+    return known(value)
+
+
+def _rule(cls: type) -> Callable[[Any], ValueType]:
+    if issubclass(cls, np.ndarray):
+        return _typeof_array
+    if issubclass(cls, tuple):
+        named = cls if hasattr(cls, "_fields") else None
+        return lambda value: tuple_type(named, tuple(map(typeof, value)))
+    if issubclass(cls, np.generic):
+        number = BOOL if cls is np.bool_ else scalar(np.dtype(cls).name)
+        return lambda value: number
+    found = NONE if cls is type(None) else BOOL if cls is bool else INT64 if issubclass(cls, int) else FLOAT64 if cls is float else None
+    if found is not None:
+        return lambda value: found
+    raise TypeError(f"a kernel takes no {cls.__name__}")
+
+
+_arrays: dict[Any, Array] = {}
+
+
+def _typeof_array(value: NDArray[Any]) -> Array:
+    flags = value.flags.num
+    key = value.dtype, value.ndim, flags
+    found = _arrays.get(key)
+    if found is None:
+        layout = "C" if flags & _C else "F" if flags & _F else "A"
+        found = _arrays[key] = _array(value.dtype.str, value.ndim, layout, bool(flags & _WRITEABLE), bool(flags & _ALIGNED))
+    return found
+
+
+def address(array: NDArray[Any]) -> int:
+    """Address of an array's elements; 0 for an empty array.
+
+    `array.ctypes.data` takes three times as long, and longer than the rest of packing.
+    """
+    if not array.size:
+        return 0
+    if not array.flags.writeable or not array.flags.c_contiguous:
+        return int(array.ctypes.data)
+    return ctypes.addressof(_BYTE.from_buffer(array))  # pyright: ignore[reportArgumentType]

@@ -1,7 +1,5 @@
 """Camera models: rays of pinhole, orthographic, thin-lens and panorama cameras, and their view and projection matrices.
 
-The kind of camera is part of the lens's type, so kernels for pinholes compile no other camera.
-
 Image coordinates are in pixels from the top left; (0.5, 0.5) is the center of the first pixel. Cameras look down -z of their frame.
 """
 
@@ -18,12 +16,12 @@ from .geometry import instance_transform
 from .jit.kernel import helper
 from .lanes import affine, ops
 from .sampling import sobol
-from .simd.registration import overload
-from .types import Lane, Panorama, Pinhole, Ray, Tables, ThinLens, Vec, View
+from .types import Lane, Lens, Ray, Tables, Vec, View
 
 PERSPECTIVE = int(ir.Projection.PERSPECTIVE)
 PANORAMIC = int(ir.Projection.PANORAMIC)
 HORIZONTAL = int(ir.Fit.HORIZONTAL)
+PINHOLE, THIN_LENS, PANORAMA = range(3)  # kinds of Lens; a pinhole may be orthographic
 
 
 @helper
@@ -69,37 +67,28 @@ def generate_pinhole_ray(tables: Tables, view: View, x: Lane, y: Lane, time: Any
     return Ray(origin, direction, zero + cameras.near[c], zero + cameras.far[c], time)
 
 
-def lens_of(tables: Tables, view: View) -> Pinhole | ThinLens | Panorama:
+def lens_of(tables: Tables, view: View) -> Lens:
     """The lens of a camera, as `generate_ray` takes it."""
     cameras, c = tables.cameras, view.camera
     if cameras.projection[c] == PANORAMIC:
-        return Panorama(float(cameras.shift[c, 0]))
-    return ThinLens(float(cameras.lens[c]), float(cameras.focus[c])) if cameras.lens[c] > 0.0 else Pinhole()
+        return Lens(PANORAMA, middle=float(cameras.shift[c, 0]))
+    return Lens(THIN_LENS, float(cameras.lens[c]), float(cameras.focus[c])) if cameras.lens[c] > 0.0 else Lens(PINHOLE)
 
 
-def generate_ray(tables: Tables, view: View, lens: Any, x: Lane, y: Lane, pixel: Lane, sample: Lane, seed: int, time: Any) -> Ray:
+@helper
+def generate_ray(tables: Tables, view: View, lens: Lens, x: Lane, y: Lane, pixel: Lane, sample: Lane, seed: int, time: Any) -> Ray:
     """The ray of a sample at pixel coordinates x, y; `pixel` and `sample` are those of sobol.zorder_index."""
-    if isinstance(lens, ThinLens):
+    if lens.kind == THIN_LENS:
         return _generate_lens_ray(tables, view, lens, x, y, sobol.sample_lens(pixel, sample, seed), time)
-    return panorama_ray(tables, view, lens, x, y, time) if isinstance(lens, Panorama) else generate_pinhole_ray(tables, view, x, y, time)
-
-
-@overload(generate_ray)
-def _generate_ray_in_kernels(tables, view, lens, x, y, pixel, sample, seed, time):
-    fields = tuple(name for name, _, _ in lens.layout)
-    if fields == ThinLens._fields:
-        return lambda tables, view, lens, x, y, pixel, sample, seed, time: _generate_lens_ray(
-            tables, view, lens, x, y, sobol.sample_lens(pixel, sample, seed), time
-        )
-    if fields == Panorama._fields:
-        return lambda tables, view, lens, x, y, pixel, sample, seed, time: panorama_ray(tables, view, lens, x, y, time)
-    return lambda tables, view, lens, x, y, pixel, sample, seed, time: generate_pinhole_ray(tables, view, x, y, time)
+    if lens.kind == PANORAMA:
+        return panorama_ray(tables, view, lens, x, y, time)
+    return generate_pinhole_ray(tables, view, x, y, time)
 
 
 def pinhole_ray(tables: Tables, view: View, x: NDArray[np.float64], y: NDArray[np.float64]) -> Ray:
     """The ray through pixel coordinates and the center of the lens; numpy lanes."""
     lens = lens_of(tables, view)
-    return panorama_ray(tables, view, lens, x, y) if isinstance(lens, Panorama) else generate_pinhole_ray(tables, view, x, y)
+    return panorama_ray(tables, view, lens, x, y) if lens.kind == PANORAMA else generate_pinhole_ray(tables, view, x, y)
 
 
 @helper

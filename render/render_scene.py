@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
 from typing import Any
 
 from ..compiler import ir
 from ..compiler.plan import channels
 from ..compiler.plan.plan import Plan
 from . import types
-from .backends import accumulation, light_groups, prepare
+from .backends import accumulation, kernel_choice, light_groups
 from .film import bounce_error, film
 from .film.progress import Progress, Report
 from .image import cryptomatte
@@ -36,11 +35,10 @@ def draw(scene: ir.Scene, plan: Plan, report: Report | None = None, cancel: thre
     tell(Progress("building"))
     compile_events.expect(_expected_kernels(scene, plan))
     with kernel_cache.timed(seconds, "build"):
-        backend_of, notes_of = _backend(backend)
 
         def made(scene: ir.Scene, plan: Plan) -> Any:
             def still(scene: ir.Scene) -> Any:
-                return backend_of(prepare.prepare(scene, plan, view), plan, view)
+                return kernel_choice.choose_renderer(scene, plan, view)
 
             return accumulation.Renderer(scene, plan, view, still) if by_moments else still(scene)
 
@@ -59,7 +57,7 @@ def draw(scene: ir.Scene, plan: Plan, report: Report | None = None, cancel: thre
             tell(Progress("denoising"))
             denoise.denoise(image, renderer, plan)
     tell(Progress("finishing"))
-    notes = notes_of(scene, plan) + (accumulation.notes(scene, plan) if by_moments else [])
+    notes = _notes(scene, plan) + (accumulation.notes(scene, plan) if by_moments else [])
     unproved, cut = _count_unproved(renderer), _measure_bounce_error(renderer, plan, image)
     shown = {"exposure": plan["exposure"], "view": plan["view"], "transparent": plan["background"] == "transparent"}
     image.metadata.update(backend=backend, seconds=seconds, notes=notes, unproved=unproved, cut=cut, **shown)
@@ -88,20 +86,20 @@ def _measure_bounce_error(renderer: Any, plan: Plan, image: Image) -> bounce_err
 
 def _count_unproved(renderer: Any) -> int:
     """The number of rays with an interval that could not be proved free of implicit-surface hits; 0 for the reference."""
+    return sum(map(_unproved_of, getattr(renderer, "used", [renderer])))  # a kernel_choice.Changeover has used several
+
+
+def _unproved_of(renderer: Any) -> int:
     prepared = getattr(renderer, "prepared", None)  # accumulation has several
     trees = getattr(prepared.accel, "tables", None) if prepared is not None else None
     forms = getattr(trees, "forms", None)  # no BVH where the primitive list holds all instances
     return 0 if forms is None else int(forms.unproved[0])
 
 
-def _backend(name: str) -> tuple[Any, Callable[[ir.Scene, Plan], list[tuple[str, str, int]]]]:
-    """A backend's renderer class, and the function that lists effects it does not draw."""
-    if name == "raster":
-        from .backends.raster import Renderer, notes
+def _notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
+    """Effects that the backend does not draw."""
+    if plan["backend"] != "raster":
+        return []
+    from .backends.raster import notes
 
-        return Renderer, notes
-    if name == "reference":
-        from .backends.reference import Renderer
-    else:
-        from .backends.ray import Renderer
-    return Renderer, lambda scene, plan: []
+    return notes(scene, plan)

@@ -135,21 +135,13 @@ class Shutter(NamedTuple):
     share: float
 
 
-class Pinhole(NamedTuple):
-    """A pinhole camera."""
+class Lens(NamedTuple):
+    """How a camera forms rays."""
 
-
-class ThinLens(NamedTuple):
-    """A thin lens."""
-
-    radius: float  # of the aperture, metres
-    focus: float  # depth of the plane of focus, metres
-
-
-class Panorama(NamedTuple):
-    """A camera that sees all directions (equirectangular)."""
-
-    middle: float  # longitude of the picture's centre, in turns to the right
+    kind: int = 0  # PINHOLE, THIN_LENS or PANORAMA of camera.py
+    radius: float = 0.0  # of a thin lens's aperture, metres
+    focus: float = 1.0  # depth of the plane of focus, metres
+    middle: float = 0.0  # longitude of a panorama's centre, in turns to the right
 
 
 class Frame(NamedTuple):
@@ -160,7 +152,7 @@ class Frame(NamedTuple):
     filter: NDArray[np.float64]  # sobol.filter_table
     shutter: Any = StillScene()
     order: int = -1  # sobol.order_of
-    lens: Any = Pinhole()  # or ThinLens or Panorama
+    lens: Lens = Lens()
     radiance: int = 0  # address of whitted.linked
 
 

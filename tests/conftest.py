@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 os.environ["MAQUETTE_PROGRESS"] = "off"  # stderr does not depend on how long kernels compile
+os.environ["MAQUETTE_KERNELS"] = "special"  # no test starts a process that compiles kernels for later
 ROOT = Path(__file__).resolve().parent.parent
 ASSETS = Path(os.environ.get("MAQUETTE_ASSETS") or ROOT.parent / "shared" / "assets")
 

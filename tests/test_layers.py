@@ -79,6 +79,7 @@ EXCEPT = {"live": ("measure", "cli", "top"), "measure": ("measure", "live", "cli
 # Modules that may be imported inside a function, and why: a command that does not need one must not wait for it.
 LATE = {
     "OpenImageIO": "only scenes with pictures need it",
+    "fcntl": "some systems lack it",
     "manifold3d": "only solids with meshes in them need it",
     "pyoidn": "an extra, for who asks for pictures without noise",
     "rich": "only a terminal sees colours",
@@ -103,6 +104,7 @@ DOORS = {
     "cli/format.py": "`--help` loads no parser",
     "cli/render_job.py": "a job loads the stages it comes to",
     "render/render_scene.py": "a picture loads the backend that draws it",
+    "render/backends/kernel_choice.py": "a picture loads the backend that draws it",
     "render/backends/prepare.py": "what makes ready for a backend, or for formulas, is loaded where there is a use for it",
     "render/tessellation/view.py": "dual contouring is loaded where there are implicit surfaces",
     "render/image/image.py": "only a picture that is saved loads OpenImageIO",

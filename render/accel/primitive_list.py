@@ -71,11 +71,11 @@ class _Primitive(NamedTuple):
     cost: int = 1  # in quads
 
 
-def build(tables: ir.Tables, hull: bool, moves: bool = False) -> tuple[PrimitiveList, NDArray[np.bool_]]:
+def build(tables: ir.Tables, hull: bool, moves: bool = False, general: bool = False) -> tuple[PrimitiveList, NDArray[np.bool_]]:
     """(primitive list, (instances,) whether an instance is in it and needs no BVH).
 
     Partly transparent instances are not listed, nor moving ones with `moves`. With `hull` (all lights at finite positions), a primitive
-    that has the whole scene and its lights on one side blocks no light.
+    that has the whole scene and its lights on one side blocks no light. `general` as for triangle_records.build.
     """
     instances, plain = tables.instances, _is_plain(tables)
     made: dict[int, list[_Primitive]] = {}
@@ -100,7 +100,7 @@ def build(tables: ir.Tables, hull: bool, moves: bool = False) -> tuple[Primitive
     own = np.array(rows or [(0.0,) * 8], np.float64)
     meshes = stays & ~inside & _is_bare(tables) & (tables.geometries.kind[instances.geometry] == ir.GeometryKind.MESH)
     how = [(i, triangle_records.PLAIN if plain[i] else triangle_records.ROUNDED) for i in np.flatnonzero(meshes).tolist()]
-    more, first, rounded = triangle_records.build(tables, how, len(own))
+    more, first, rounded = triangle_records.build(tables, how, len(own), general)
     records = PrimitiveRecords(np.concatenate([own, more]), first, rounded)
     every = list(range(len(listed)))
     points = _hull_points(tables, inside, listed)

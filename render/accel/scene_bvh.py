@@ -28,13 +28,14 @@ CAMERA, SHADOW = int(ir.Visibility.CAMERA), int(ir.Visibility.SHADOW)
 
 def build(
     tables: ir.Tables, brute: bool = False, threads: int = 0, keep: bool = True, moves: bool = True,
-    left_out: NDArray[np.bool_] | None = None, closed: bool = True,
+    left_out: NDArray[np.bool_] | None = None, closed: bool = True, general: bool = False,
 ) -> Bvh:  # fmt: skip
     """Build the BVH of a scene; the result does not depend on the number of threads (0: all cores).
 
     With `moves`, instances with motion keys move; otherwise they stay as at the shutter's opening. With `brute`, there is no BVH over the
     instances: each is tested. With `keep`, BVHs of meshes are read from and written to the cache. Instances in `left_out` are never hit.
-    With `closed`, formulas that have closed forms are intersected by these.
+    With `closed`, formulas that have closed forms are intersected by these. With `general`, the BVH of moving and partly transparent
+    instances is there even if it is empty.
     """
     geometries, instances = tables.geometries, tables.instances
     included = np.ones(len(instances.geometry), np.bool_) if left_out is None else ~left_out
@@ -78,19 +79,19 @@ def build(
         origin=geometries.origin,
         forms=found,
         rest=int(np.bitwise_or.reduce(visible[drawable], initial=0)) & (CAMERA_REST | SHADOW_REST),
-        motion_alpha=_motion_alpha(tables, boxes, drawable & ~plain, bounded, partial, moves, threads),
+        motion_alpha=_motion_alpha(tables, boxes, drawable & ~plain, bounded, partial, moves, threads, general),
     )
 
 
 def _motion_alpha(
     tables: ir.Tables, boxes: NDArray[np.float64], which: NDArray[np.bool_], bounded: NDArray[np.bool_], partial: NDArray[np.bool_],
-    moving: bool, threads: int,
+    moving: bool, threads: int, general: bool,
 ) -> MotionAlpha | Nothing:  # fmt: skip
-    """The BVH of the moving or partly transparent instances `which`; Nothing without any."""
-    if not which.any():
+    """The BVH of the moving or partly transparent instances `which`; Nothing without any, unless `general`."""
+    if not which.any() and not general:
         return Nothing()
     inside, unbounded = (np.flatnonzero(which & chosen).astype(np.int32) for chosen in (bounded, ~bounded))
-    opacity, motion = (KernelAddress() if needed else Nothing() for needed in (partial.any(), moving))
+    opacity, motion = (KernelAddress() if needed else Nothing() for needed in (partial.any() or general, moving or general))
     return MotionAlpha(tlas.build(boxes, inside, threads), unbounded, partial, tables, opacity=opacity, moving=motion)
 
 

@@ -27,7 +27,7 @@ from ..surface import texture_footprint
 from ..tessellation import analytic_shapes, vertex_meshes
 from ..tessellation.view import ViewTessellator
 from ..texture import procedural
-from ..types import Film, Float3, Frame, NoGlossyLights, Options, Pinhole, Shutter, StillScene, Tile, View
+from ..types import Film, Float3, Frame, Lens, NoGlossyLights, Options, Shutter, StillScene, Tile, VertexLight, View
 
 ALPHA_LAYERS = 8  # partly transparent surfaces along a ray that each spawn secondary rays
 _BACKGROUNDS = {"sky": 0, "transparent": 1}
@@ -50,29 +50,30 @@ class Prepared:
     packet_lights: list[int] = field(default_factory=list)  # ray: lights that shadow packets sample, see shadow_rays.py
 
 
-def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
+def prepare(scene: ir.Scene, plan: Plan, view: View, general: bool = False) -> Prepared:
     """Prepare a validated scene for plan["backend"].
 
     Every backend gets meshes in place of shapes shaded at vertices. The raster backend also gets tessellations of the other analytic
-    shapes, to plan["tolerance"] pixels of this view. Unbounded shapes have no vertices and stay smooth.
+    shapes, to plan["tolerance"] pixels of this view. Unbounded shapes have no vertices and stay smooth. With `general`, the tables hold
+    every optional part, empty where the scene does not need it: general kernels are compiled for these.
     """
     backend = plan["backend"]
     procedural.link(scene.tables)
     tessellator = ViewTessellator(scene.tables, view, plan["tolerance"])
-    tables = _renderable_tables(scene, plan, view, tessellator)
+    tables = _renderable_tables(scene, plan, view, tessellator, general)
     tessellations = tessellator.tessellations(tables) if backend == "raster" else {}
-    options = options_of(plan, tables)
+    options = options_of(plan, tables, general)
     if backend == "raster" and plan["raster.secondary_rays"] == "none":
         options = options._replace(environment=no_ray_environment.ambient_environment(scene, tables, options))
     weights = sobol.filter_table(plan["filter"], on_grid=plan["transport"] != "path")  # the rasterizer draws no paths
-    lens = camera.lens_of(tables, view) if backend != "raster" else Pinhole()
+    lens = camera.lens_of(tables, view) if backend != "raster" else Lens()
     accel = None
     if backend == "raster" and plan["raster.shadows"] == "map":
         from ..raster import shadow_map_pass  # only pictures with shadow maps load it
 
-        accel = build_bvh(tables, plan)
+        accel = build_bvh(tables, plan, general)
         options = options._replace(maps=shadow_map_pass.build(tables, accel))
-    frame = Frame(view, options, weights, shutter_of(tables, plan, view), order_of(plan), lens)
+    frame = Frame(view, options, weights, shutter_of(tables, plan, view, general), order_of(plan), lens)
     if backend == "reference":
         accel = intersect.Brute()
         if plan["transport"] == "path":
@@ -80,33 +81,37 @@ def prepare(scene: ir.Scene, plan: Plan, view: View) -> Prepared:
         light = vertex_lighting.vertex_light(tables, tables, accel, frame)
         return Prepared(tables, tables, accel, light, options, frame, tessellations=tessellations)
     if plan["transport"] == "path" and backend == "ray":
-        return _prepare_paths(tables, plan, options, frame)
+        return _prepare_paths(tables, plan, options, frame, general)
     packed, frames = Handle(tables), Handle(frame)
     raster = None
     if backend == "raster":
         from ..raster import band_renderer, raster_scene  # a tenth of the start-up time
 
-        raster = raster_scene.build(tables, view, tessellations)
+        raster = raster_scene.build(tables, view, tessellations, general)
         if band_renderer.needs_no_rays(plan):
             return Prepared(tables, packed, None, None, options, frames, tessellations=tessellations, raster=raster)
-    accel, light, lights = _link_whitted(tables, plan, options, packed, frames, accel)
+    accel, light, lights = _link_whitted(tables, plan, options, packed, frames, accel, general)
     return Prepared(tables, packed, accel, light, options, frames, tessellations=tessellations, raster=raster, packet_lights=lights)
 
 
-def _renderable_tables(scene: ir.Scene, plan: Plan, view: View, tessellator: ViewTessellator) -> ir.Tables:
+def _renderable_tables(scene: ir.Scene, plan: Plan, view: View, tessellator: ViewTessellator, general: bool) -> ir.Tables:
     """The scene's tables as all backends shade them: layered materials, meshes shaded at vertices, texture pyramids."""
     transparent = light_shapes.let_through(scene.tables, bool(plan["shadows.light_shapes"]))
-    tables = principled.tables_for(vertex_meshes.replace_vertex_shaded(transparent, tessellator))
+    tables = principled.tables_for(vertex_meshes.replace_vertex_shaded(transparent, tessellator), general)
+    if plan["transport"] == "path" and plan["backend"] == "ray":
+        return tables  # paths do not filter textures
     if plan["texture_filter"] == "footprint":
         further = bool(plan["bounces"] > 0) and plan["transport"] == "whitted"
-        tables = texture_footprint.with_pyramids(tables, view, _texture_samples(plan), further)
-    return tables
+        return texture_footprint.with_pyramids(tables, view, _texture_samples(plan), further, general)
+    return texture_footprint.without_filter(tables) if general else tables
 
 
-def _link_whitted(tables: ir.Tables, plan: Plan, options: Options, packed: Handle, frames: Handle, accel: Handle | None) -> Any:
+def _link_whitted(
+    tables: ir.Tables, plan: Plan, options: Options, packed: Handle, frames: Handle, accel: Handle | None, general: bool
+) -> Any:  # fmt: skip
     """(BVH, light at vertices, lights of shadow packets), with the Whitted integrator linked into `frames`; `accel` is a linked BVH."""
     linked = accel is not None
-    accel = accel or _build_unlinked(tables, plan)
+    accel = accel or _build_unlinked(tables, plan, general)
     still = plan["backend"] == "ray" and not plan["motion_blur"]
     lights = shadow_rays.select_lights(accel.tables, tables, options) if still else []
     if not linked:
@@ -127,7 +132,7 @@ def _texture_samples(plan: Plan) -> int:
     return int(plan["samples"]) if settled else min(int(plan["samples"]), film.FIRST)
 
 
-def _prepare_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame) -> Prepared:
+def _prepare_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame, general: bool) -> Prepared:
     """For the wavefront path tracer: a primitive list, a BVH of the other instances, and tables in its precision."""
     from ..accel import primitive_list
     from ..integrator import wave_memory  # only path-traced pictures load it
@@ -136,22 +141,24 @@ def _prepare_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame
     kind = np.float32 if plan["precision"] == "float32" else np.float64
     lit = tables.lights.kind
     near = not ir.is_in(lit, (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN, ir.LightKind.DOME)).any() and not plan["motion_blur"]
-    primitives, inside = primitive_list.build(tables, near, plan["motion_blur"])
+    primitives, inside = primitive_list.build(tables, near, plan["motion_blur"], general)
     accel = Handle(wave_memory.NoBvh())
-    if not inside.all():
+    if general or not inside.all():
         brute, closed = plan["accelerator"] == "brute_force", plan["implicit_surfaces"] == "closed_form"
-        accel = Handle(scene_bvh.build(tables, brute, threads, moves=plan["motion_blur"], left_out=inside, closed=closed))
+        built = scene_bvh.build(tables, brute, threads, moves=plan["motion_blur"], left_out=inside, closed=closed, general=general)
+        accel = Handle(built)
     boxes = (swept_bounds if plan["motion_blur"] else world_bounds)(tables)[~inside]
     low, high = boxes[:, :3].min(axis=0, initial=np.inf), boxes[:, 3:].max(axis=0, initial=-np.inf)
     if not np.isfinite(boxes).all():
         low, high = np.full(3, -np.inf), np.full(3, np.inf)
-    light = _path_light(tables, plan, Handle(tables), None, Handle(frame))
+    light = _path_light(tables, plan, Handle(tables), None, Handle(frame), general)
     light, aims = _add_photons(tables, plan, light, kind) if plan["transport.caustics"] == "photons" else (light, None)
+    light = _fill_photons(tables, light, kind) if general else light
     scene = wave_memory.WaveScene(_cast(tables, kind), _cast(primitives, kind), _cast(light, kind), not inside.all(), low, high)
     packed, frames, tracer = Handle(scene), Handle(_cast(frame, kind)), None
-    if not inside.all() or aims is not None:
+    if general or not inside.all() or aims is not None:
         _compile_tiles(threads, accel, packed, frames, kind, plan["transport.path_reuse"] == "blocks")
-    if not inside.all():
+    if general or not inside.all():
         motion_alpha.link(accel)
     if aims is not None:
         from ..integrator import photon_tracer  # few scenes need it
@@ -192,7 +199,21 @@ def _add_photons(tables: ir.Tables, plan: Plan, light: Any, kind: type) -> tuple
     return light._replace(photons=photon_map.empty(kind), photon_emitters=photon_emitters, caustic_reflectance=caustic_reflectance), aims
 
 
-def _path_light(tables: ir.Tables, plan: Plan, packed: Any, accel: Any, frame: Any) -> Any:
+def _fill_photons(tables: ir.Tables, light: Any, kind: type) -> Any:
+    """Path light with empty records in place of absent ones of photons."""
+    from ..integrator import photon_map
+
+    absent = photon_map.NoMaps
+    return light._replace(
+        photons=photon_map.empty(kind) if isinstance(light.photons, absent) else light.photons,
+        photon_emitters=np.zeros(len(light.emitters.kind), bool) if isinstance(light.photon_emitters, absent) else light.photon_emitters,
+        caustic_reflectance=np.zeros(len(tables.instances.geometry))
+        if isinstance(light.caustic_reflectance, absent)
+        else light.caustic_reflectance,
+    )
+
+
+def _path_light(tables: ir.Tables, plan: Plan, packed: Any, accel: Any, frame: Any, general: bool = False) -> Any:
     """The path_state.PathInputs of a scene; arguments as for vertex_lighting.vertex_light, which gets a new BVH if `accel` is None."""
     from ..integrator import path_state
     from ..light import emitter_table
@@ -200,11 +221,13 @@ def _path_light(tables: ir.Tables, plan: Plan, packed: Any, accel: Any, frame: A
     horizon = None
     if plan["ground_plane"]:
         horizon = np.array(no_ray_environment.normal(tables, scene_facts.ground(tables)))
-    vertices: Any = path_state.NoVertices()
+    nowhere = VertexLight(np.full(len(tables.instances.geometry), -1, np.int64), np.zeros((2, 3)))
+    vertices: Any = nowhere if general else path_state.NoVertices()
     if (tables.materials.shading[tables.instances.material] == ir.Shading.GOURAUD).any():
-        vertices = vertex_lighting.vertex_light(tables, packed, build_bvh(tables, plan) if accel is None else accel, frame)
+        vertices = vertex_lighting.vertex_light(tables, packed, build_bvh(tables, plan, general) if accel is None else accel, frame)
     weighing = path_state.WEIGHINGS.index(plan["mis"])
-    return path_state.PathInputs(emitter_table.build(tables, plan["motion_blur"], horizon), path_state.uses_of(tables), vertices, weighing)
+    emitters = emitter_table.build(tables, plan["motion_blur"], horizon, general)
+    return path_state.PathInputs(emitters, path_state.uses_of(tables), vertices, weighing)
 
 
 def _cast(nest: Any, kind: type) -> Any:
@@ -214,18 +237,18 @@ def _cast(nest: Any, kind: type) -> Any:
     return type(nest)(*(_cast(item, kind) for item in nest)) if hasattr(nest, "_fields") else nest
 
 
-def build_bvh(tables: ir.Tables, plan: Plan) -> Handle:
+def build_bvh(tables: ir.Tables, plan: Plan, general: bool = False) -> Handle:
     """The scene's BVH, linked for kernels."""
-    accel = _build_unlinked(tables, plan)
+    accel = _build_unlinked(tables, plan, general)
     motion_alpha.link(accel)
     return accel
 
 
-def _build_unlinked(tables: ir.Tables, plan: Plan) -> Handle:
+def _build_unlinked(tables: ir.Tables, plan: Plan, general: bool) -> Handle:
     """The scene's BVH before motion_alpha.link."""
     moves = plan["motion_blur"] and plan["backend"] != "raster"
     brute, closed = plan["accelerator"] == "brute_force", plan["implicit_surfaces"] == "closed_form"
-    return Handle(scene_bvh.build(tables, brute, int(plan["threads"]), moves=moves, closed=closed))
+    return Handle(scene_bvh.build(tables, brute, int(plan["threads"]), moves=moves, closed=closed, general=general))
 
 
 def _compiles_slowly(accel: Handle) -> bool:
@@ -234,9 +257,11 @@ def _compiles_slowly(accel: Handle) -> bool:
     return not motion_alpha.is_used(accel.type) and bool(ir.is_in(kinds, (ir.GeometryKind.MESH, ir.GeometryKind.FORMULA)).any())
 
 
-def shutter_of(tables: ir.Tables, plan: Plan, view: View) -> StillScene | Shutter:
+def shutter_of(tables: ir.Tables, plan: Plan, view: View, general: bool = False) -> StillScene | Shutter:
     """The interval in which the shutter is open."""
-    return Shutter(*scene_facts.open_during(tables, view.camera)) if plan["motion_blur"] and plan["backend"] != "raster" else StillScene()
+    if plan["motion_blur"] and plan["backend"] != "raster":
+        return Shutter(*scene_facts.open_during(tables, view.camera))
+    return Shutter(0.0, 0.0) if general and plan["backend"] == "ray" else StillScene()
 
 
 def order_of(plan: Plan) -> int:
@@ -244,7 +269,7 @@ def order_of(plan: Plan) -> int:
     return sobol.order_of(int(plan["samples"])) if plan["noise"] == "blue" else sobol.ALONE
 
 
-def options_of(plan: Plan, tables: ir.Tables) -> Options:
+def options_of(plan: Plan, tables: ir.Tables, general: bool = False) -> Options:
     """The plan's decisions that kernels read."""
     background = plan["background"]
     colored = not isinstance(background, str)
@@ -259,5 +284,5 @@ def options_of(plan: Plan, tables: ir.Tables) -> Options:
         ground=ground,
         layers=ALPHA_LAYERS if plan["opacity"] else 0,
         color=Float3(*(float(c) for c in background)) if colored else Float3(0.0, 0.0, 0.0),
-        glossy_lights=NoGlossyLights() if plan["transport"] == "path" else glossy_lights.find_glossy_lights(tables),
+        glossy_lights=NoGlossyLights() if plan["transport"] == "path" else glossy_lights.find_glossy_lights(tables, general),
     )

@@ -145,7 +145,7 @@ def address(program: str) -> int:
 def compile_missing(threads: int) -> None:
     """Compile missing interpreters in another process, from the last one on, if there are several."""
     missing = [program for program in WIDTHS if program not in _engines and not object_file(program).exists()]
-    if len(missing) > SEVERAL:
+    if len(missing) > SEVERAL and not kernel_cache.must_be_compiled():
         compile_process.run_in_background(threads, compile_programs, tuple(reversed(missing)))
 
 
@@ -170,6 +170,8 @@ def _file_name(program: str) -> str:
 def _engine(program: str) -> Any:
     code = kernel_cache.read(_file_name(program))
     if code is None:
+        if kernel_cache.must_be_compiled():
+            raise kernel_cache.NotCompiled(f"interpreter {program}")
         module = _point_module() if program == POINT else module_of(program)
         machine = loader.target_machine(1)  # level 2 takes twice the compile time and renders no faster
         name = f"tape_{program}"

@@ -77,9 +77,9 @@ class Forms(NamedTuple):
 
 _ROWS, _NUMBERS, _FLOATS = np.zeros(0, np.int32), np.zeros(0, np.int64), np.zeros(0)
 NO_FORMS = Forms(
-    of=_ROWS, numbers=np.zeros((0, 14)), places=np.zeros((0, 5), np.int64), compiled=np.zeros((0, 3), np.int64), grid=_ROWS,
+    of=_ROWS, numbers=np.zeros((0, 14)), places=np.zeros((0, 6), np.int64), compiled=np.zeros((0, 3), np.int64), grid=_ROWS,
     blocks=np.zeros((0, 5), np.int64), states=_NUMBERS, ends=_NUMBERS, leaf_tape=_ROWS, leaf_slopes=np.zeros((0, 6)),
-    tapes=np.zeros((0, 3), np.int64), names=np.zeros((0, 4), np.int32), code=np.zeros((0, ROW), np.int32), constants=_FLOATS,
+    tapes=np.zeros((0, 4), np.int64), names=np.zeros((0, 4), np.int32), code=np.zeros((0, ROW), np.int32), constants=_FLOATS,
     constants32=np.zeros(0, np.float32), programs=_NUMBERS, unproved=np.zeros(1, np.int64), parts=NO_CLOSED_FORMS,
 )  # fmt: skip
 

@@ -28,14 +28,14 @@ class GlossyLights(NamedTuple):
     rows: NDArray[np.int64]  # of lights
 
 
-def find_glossy_lights(tables: ir.Tables) -> GlossyLights | NoGlossyLights:
-    """Return the lights that lobe samples can hit; none in scenes without microfacets."""
+def find_glossy_lights(tables: ir.Tables, general: bool = False) -> GlossyLights | NoGlossyLights:
+    """Return the lights that lobe samples can hit; none in scenes without microfacets, unless `general`."""
     if not isinstance(tables.materials, principled.Layered):
         return NoGlossyLights()
     kinds = tables.lights.kind
     wide = ir.is_in(kinds, (lights.RECTANGLE, lights.DISK, lights.SPHERE)) | ((kinds == lights.SUN) & (tables.lights.angle > 0.0))
     rows = np.flatnonzero(wide)
-    return GlossyLights(rows.astype(np.int64)) if len(rows) else NoGlossyLights()
+    return GlossyLights(rows.astype(np.int64)) if len(rows) or general else NoGlossyLights()
 
 
 @helper

@@ -12,6 +12,7 @@ import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
@@ -34,6 +35,8 @@ def compile_in_background(threads: int, kernel: Kernel, *arguments: Any) -> None
     Does nothing if the kernel is cached or `threads` (0: all) are busy. It pays if this process compiles as long before it needs the
     kernel.
     """
+    if kernel_cache.must_be_compiled():
+        return
     for key in [key for key, process in _compiling.items() if process.poll() is not None]:
         _close(_compiling.pop(key))
     if len(_compiling) >= _max_processes(threads):
@@ -59,14 +62,59 @@ def run_in_background(threads: int, function: Any, *arguments: Any) -> None:
             _running.append(process)
 
 
+def run_later(key: str, function: Any, *arguments: Any) -> Callable[[], bool]:
+    """Call a function that compiles kernels in a process of low priority, once for each key; return whether it is still to end.
+
+    The arguments are numbers, strings and lists of them. Of several calls, one runs at a time and the latest waits for it. The process
+    does not end with this one: its kernels serve later pictures. It does nothing where another such process of the user is at work.
+    """
+    with _lock:
+        if key not in _later.known:
+            _later.known.add(key)
+            _later.waiting = key, function, list(arguments)
+    _is_to_end(key)
+    return lambda: _is_to_end(key)
+
+
+def _is_to_end(key: str) -> bool:
+    """Whether the process of a key runs or waits; starts the one that waits if none runs."""
+    with _lock:
+        if _later.process is not None and _later.process.poll() is not None:
+            _close(_later.process)
+            _later.process, _later.running = None, ""
+        if _later.process is None and _later.waiting is not None:
+            _later.running, function, arguments = _later.waiting
+            _later.waiting, _later.process = None, _start(function, False, arguments, [], outlives=True)
+        waits = _later.waiting is not None and _later.waiting[0] == key
+        return waits or (_later.process is not None and _later.running == key)
+
+
+class _Later:
+    """The process of `run_later`, its key, the request that waits, and the keys of all requests."""
+
+    def __init__(self) -> None:
+        self.process: subprocess.Popen[bytes] | None = None
+        self.running = ""
+        self.waiting: tuple[str, Any, list[Any]] | None = None
+        self.known: set[str] = set()
+
+
+_later, _lock = _Later(), threading.Lock()
+
+
 def _max_processes(threads: int) -> int:
     """Largest number of processes beside this one."""
     return min(threads or target.cores(), target.cores()) - 1 if sys.executable else 0
 
 
-def _start(function: Any, compiles: bool, arguments: list[Any], loaded: list[str]) -> subprocess.Popen[bytes] | None:
-    """Start a process that compiles a kernel for types, or calls a function; None if it does not start."""
-    request = str(kernel_cache.CACHE), loaded, function.__module__, function.__qualname__, compiles, arguments
+def _start(
+    function: Any, compiles: bool, arguments: list[Any], loaded: list[str], outlives: bool = False
+) -> subprocess.Popen[bytes] | None:
+    """Start a process that compiles a kernel for types, or calls a function; None if it does not start.
+
+    One that outlives this process has low priority.
+    """
+    request = str(kernel_cache.CACHE), loaded, function.__module__, function.__qualname__, compiles, arguments, outlives
     try:
         quiet = subprocess.DEVNULL
         process = subprocess.Popen([sys.executable, "-c", _BEGIN], stdin=subprocess.PIPE, stdout=quiet, stderr=quiet)
@@ -104,13 +152,17 @@ def _close(process: subprocess.Popen[bytes]) -> None:
 def serve() -> None:
     """Main function of the second process: execute the request on standard input. It ends with its parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches both processes; the parent handles it
-    cache, loaded, module, name, compiles, arguments = json.loads(sys.stdin.readline())
+    cache, loaded, module, name, compiles, arguments, outlives = json.loads(sys.stdin.readline())
 
     def watch() -> None:
         sys.stdin.buffer.read()
         os._exit(1)
 
-    threading.Thread(target=watch, daemon=True).start()
+    if outlives:
+        os.nice(10)
+        _lock_or_exit()
+    else:
+        threading.Thread(target=watch, daemon=True).start()
     for each in loaded:  # kernels may call overloads from modules that theirs do not import
         import_module(each)
     if cache == str(kernel_cache.CACHE):
@@ -120,6 +172,19 @@ def serve() -> None:
         else:
             getattr(owner, name)(*arguments)
     os._exit(0)
+
+
+def _lock_or_exit() -> None:
+    """Hold a lock of the cache to the end of this process; end it if another one holds the lock."""
+    try:
+        import fcntl
+    except ImportError:  # this system has no such locks
+        return
+    try:
+        file = os.open(kernel_cache.CACHE / "compiling.lock", os.O_RDWR | os.O_CREAT, 0o600)
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os._exit(0)
 
 
 def find_kernel(module: Any, name: str) -> Kernel:

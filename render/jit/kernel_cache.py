@@ -55,6 +55,33 @@ LOOKUP_HOOKS: list[Callable[[Any, Any], None]] = []
 """Functions called with a kernel's function and types before each look-up on disk."""
 
 
+class NotCompiled(Exception):
+    """A kernel that is not compiled yet, where `compiled_only` forbids compiling; `key` names it and its types."""
+
+    def __init__(self, key: str) -> None:
+        super().__init__(key)
+        self.key = key
+
+
+_rules = threading.local()
+
+
+@contextmanager
+def compiled_only() -> Iterator[None]:
+    """In this thread, raise NotCompiled in the block instead of compiling a kernel."""
+    before = must_be_compiled()
+    _rules.compiled_only = True
+    try:
+        yield
+    finally:
+        _rules.compiled_only = before
+
+
+def must_be_compiled() -> bool:
+    """Whether this thread runs in a block of `compiled_only`."""
+    return getattr(_rules, "compiled_only", False)
+
+
 # --- kernels -------------------------------------------------------------------------------------------------------------
 
 
@@ -69,6 +96,8 @@ def load(kernel: Any, kinds: tuple[ValueType, ...]) -> Loaded:
             name = _file_name(function, kinds)
             code, compiled = read(name) if name else None, False
             if code is None:
+                if must_be_compiled():
+                    raise NotCompiled(f"{_name_of(function)}-{_digest_of_types(kinds)}")
                 from . import compiler
 
                 with compile_events.compiling(_name_of(function)):

@@ -43,15 +43,15 @@ class Emitters(NamedTuple):
     wide: shape_solid_angle.Wide  # shapes that are sampled by solid angle, beside rectangles and balls
 
 
-def build(tables: ir.Tables, moves: bool = False, horizon: NDArray[np.float64] | None = None) -> Emitters:
+def build(tables: ir.Tables, moves: bool = False, horizon: NDArray[np.float64] | None = None, general: bool = False) -> Emitters:
     """Build the emitter table of a scene.
 
     Uniform skies have no row: BSDF samples find them as well as light samples could. With `moves`, instances with keys move; emissive
-    ones have no row. No light comes from below a `horizon`.
+    ones have no row. No light comes from below a `horizon`. With `general`, every optional part is there.
     """
     rows: list[dict[str, Any]] = []
-    sky = environment_map.build(tables, 0, horizon)
-    if isinstance(sky, environment_map.SkyMap):
+    sky = environment_map.build(tables, 0, horizon, general)
+    if environment_map.row_of(sky) >= 0:
         rows.append(_row(kind=DOME, color=np.full(3, sky.power), light=int(np.flatnonzero(tables.lights.kind == ir.LightKind.DOME)[0]),
                          weighed=True))  # fmt: skip
     instances = tables.instances
@@ -79,7 +79,7 @@ def build(tables: ir.Tables, moves: bool = False, horizon: NDArray[np.float64] |
         if made:
             first[i], parts[i] = len(rows), made[0].pop("part")
             rows.extend({name: value for name, value in row.items() if name != "part"} for row in made)
-    return _table(tables, rows, first, parts, sky)
+    return _table(tables, rows, first, parts, sky, general)
 
 
 def _row(**values: Any) -> dict[str, Any]:
@@ -169,7 +169,7 @@ def _cylinder_rows(matrix: Any, radius: float, half: float, shared: dict[str, An
     return [side, *caps]
 
 
-def _table(tables: ir.Tables, rows: list[dict[str, Any]], first: Any, parts: Any, sky: Any) -> Emitters:
+def _table(tables: ir.Tables, rows: list[dict[str, Any]], first: Any, parts: Any, sky: Any, general: bool) -> Emitters:
     columns: dict[str, Any] = {}
     shapes: dict[str, Any] = dict.fromkeys(("place", "side_u", "side_v", "normal", "color"), (3,))
     types: dict[str, Any] = {"kind": np.int32, "light": np.int32, "both": bool, "square": bool, "shadows": bool, "weighed": bool}
@@ -177,14 +177,14 @@ def _table(tables: ir.Tables, rows: list[dict[str, Any]], first: Any, parts: Any
         values = [row[name] for row in rows]
         columns[name] = np.array(values, types.get(name, np.float64)).reshape(-1, *shapes.get(name, ()))
     disks, triangles, tubes = (
-        shape_solid_angle.HasLights(int(here.sum())) if here.any() else shape_solid_angle.NoLights()
+        shape_solid_angle.HasLights(int(here.sum())) if here.any() or general else shape_solid_angle.NoLights()
         for here in ((columns["kind"] == DISK) & columns["square"], columns["kind"] == TRIANGLE, columns["kind"] == TUBE)
     )
     wide = shape_solid_angle.Wide(disks, triangles, tubes)
-    return Emitters(**columns, first=first, parts=parts, tree=_build_tree(tables, columns), sky=sky, wide=wide)
+    return Emitters(**columns, first=first, parts=parts, tree=_build_tree(tables, columns, general), sky=sky, wide=wide)
 
 
-def _build_tree(tables: ir.Tables, of: dict[str, Any]) -> light_tree.Tree:
+def _build_tree(tables: ir.Tables, of: dict[str, Any], general: bool) -> light_tree.Tree:
     """Build the light tree over the emitters with a position."""
     kind, place, u, v = of["kind"], of["place"], of["side_u"], of["side_v"]
     shown = np.select([kind == SPHERE, kind == TUBE], [0.25, 1.0 / math.pi], 1.0)  # visible share of the area
@@ -206,4 +206,4 @@ def _build_tree(tables: ir.Tables, of: dict[str, Any]) -> light_tree.Tree:
     if spot.any():
         edge[spot] = np.arccos(np.clip(tables.lights.cos_cone[of["light"][spot]], -1.0, 1.0))
     bounds = light_tree.Bounds(low, high, axis, np.where(around, math.pi, 0.0), edge, power)
-    return light_tree.build(power[far], light_tree.Bounds(*(column[~far] for column in bounds)))
+    return light_tree.build(power[far], light_tree.Bounds(*(column[~far] for column in bounds)), general)

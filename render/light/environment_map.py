@@ -39,11 +39,22 @@ class SkyMap(NamedTuple):
     columns: NDArray[np.float64]  # (h, w + 1) cumulative share within each row
     density: NDArray[np.float64]  # (h, w) over solid angle
     power: float  # of its light above the mean
-    row: int  # of emitters
+    row: int  # of emitters; -1: not sampled
 
 
-def build(tables: ir.Tables, row: int, horizon: NDArray[np.float64] | None) -> SkyMap | Even:
-    """Build the map of all skies and domes with shadows; directions below a `horizon` (its unit normal) get no samples."""
+def build(tables: ir.Tables, row: int, horizon: NDArray[np.float64] | None, general: bool = False) -> SkyMap | Even:
+    """Build the map of all skies and domes with shadows; directions below a `horizon` (its unit normal) get no samples.
+
+    Without an uneven sky: Even, or with `general` a map without a row of emitters.
+    """
+    found = _build(tables, row, horizon)
+    if general and isinstance(found, Even):
+        frame, edges = np.eye(3, 4)[None], np.array([[0.0, 1.0]])
+        return SkyMap(frame, frame, edges, edges, np.zeros((1, 1)), 0.0, -1)
+    return found
+
+
+def _build(tables: ir.Tables, row: int, horizon: NDArray[np.float64] | None) -> SkyMap | Even:
     lit = tables.lights
     kinds = np.isin(lit.kind, (ir.LightKind.SKY, ir.LightKind.DOME)) & lit.shadows
     domes = np.flatnonzero(kinds & (lit.kind == ir.LightKind.DOME) & (lit.image >= 0) & lit.color.any(axis=1))

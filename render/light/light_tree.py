@@ -58,12 +58,12 @@ class Bounds(NamedTuple):
     power: NDArray[np.float64]
 
 
-def build(far: NDArray[np.float64], near: Bounds) -> Tree:
-    """Build a light tree; rows of emitters `near` follow the distant ones."""
-    count = len(near.power)
+def build(far: NDArray[np.float64], near: Bounds, general: bool = False) -> Tree:
+    """Build a light tree; rows of emitters `near` follow the distant ones. With `general` it has Levels, of which there may be 0."""
+    count, no_levels = len(near.power), Levels(0) if general else NoLevels()
     if not count:
         nothing = np.zeros(1, np.int32)
-        return Tree(np.ascontiguousarray(far, float), np.zeros((1, COLUMNS)), nothing, np.zeros(len(far), np.int32), 0, NoLevels())
+        return Tree(np.ascontiguousarray(far, float), np.zeros((1, COLUMNS)), nothing, np.zeros(len(far), np.int32), 0, no_levels)
     levels = max(count - 1, 0).bit_length()
     leaves = 1 << levels
     order = _order(near, leaves)
@@ -75,7 +75,7 @@ def build(far: NDArray[np.float64], near: Bounds) -> Tree:
         layers.append(_parent_bounds(layers[-1]))
     nodes = np.concatenate([np.zeros((1, COLUMNS)), *(_node_columns(layer) for layer in reversed(layers))])
     top = min(levels, TOPS.bit_length() - 1)
-    below = Levels(levels - top) if levels > top else NoLevels()
+    below = Levels(levels - top) if levels > top else no_levels
     return Tree(np.ascontiguousarray(far, float), nodes, rows, leaf, 1 << top, below)
 
 
@@ -314,18 +314,18 @@ _climb_noinline = noinline_helper(_climb)
 
 
 def facing(below: Any, normal: Vec, both: Lane) -> Any:
-    """Return `facing` for `choose`: the normal, 0 for surfaces lit from `both` sides, None for trees without levels."""
-    return _normal_or_zero(normal, both) if isinstance(below, Levels) else None
+    """Return `facing` for `choose`: the normal, 0 for surfaces lit from `both` sides and in trees of 0 levels, None for trees without."""
+    return _normal_or_zero(below, normal, both) if isinstance(below, Levels) else None
 
 
 @overload(facing)
 def _facing_in_kernels(below, normal, both):
     if below.layout:
-        return lambda below, normal, both: _normal_or_zero(normal, both)
+        return lambda below, normal, both: _normal_or_zero(below, normal, both)
     return lambda below, normal, both: None
 
 
 @helper
-def _normal_or_zero(normal: Vec, both: Lane) -> Vec:
+def _normal_or_zero(below: Any, normal: Vec, both: Lane) -> Vec:
     zero = 0.0 * normal[0]
-    return ops.where3(both, (zero, zero, zero), normal)
+    return ops.where3(both | (below.levels == 0), (zero, zero, zero), normal)

@@ -42,14 +42,17 @@ class Media(NamedTuple):
     absorbed: F64  # (media + 1, 4) absorption coefficients per metre, and 0
 
 
-def media(tables: ir.Tables) -> Media | Air:
-    """Return the media of a scene; if there are more than MASK, those of lowest priority become air."""
+def media(tables: ir.Tables, general: bool = False) -> Media | Air:
+    """Return the media of a scene; without any Air, with `general` air alone.
+
+    If there are more than MASK, those of lowest priority become air.
+    """
     values = tables.materials.values
     glass = tables.materials.model == GLASS
     used = scene_facts.used_materials(tables)
     special = (values[:, ABSORPTION].max(axis=1, initial=0.0) > 0.0) | (values[:, PRIORITY, 0] > 0.0)
     if not (glass & used & special).any():
-        return Air()
+        return Media(np.zeros(len(glass), np.int64), np.ones(1), np.zeros((1, 4))) if general else Air()
     rows = np.flatnonzero(glass & used)
     rows = rows[np.argsort(values[rows, PRIORITY, 0], kind="stable")][-MASK:]
     number = np.zeros(len(glass), np.int64)

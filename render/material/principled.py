@@ -57,13 +57,15 @@ class Smooth(NamedTuple):
     """No material has microfacets."""
 
 
-def tables_for(tables: ir.Tables) -> ir.Tables:
-    """Return tables with `Layered` materials if an instance uses microfacets, a normal or height map, a medium or a blend."""
-    facets = bool((ir.is_in(tables.materials.model, MODELS) & scene_facts.used_materials(tables)).any())
+def tables_for(tables: ir.Tables, general: bool = False) -> ir.Tables:
+    """Return tables with `Layered` materials if an instance uses microfacets, a normal or height map, a medium or a blend.
+
+    With `general`, every part is there: those that the scene does not use are empty.
+    """
+    facets = general or bool((ir.is_in(tables.materials.model, MODELS) & scene_facts.used_materials(tables)).any())
     parts = (
-        energy_compensation.table() if facets else Smooth(), normal_map.build_tangents(tables), rough_dielectric.tables_of(tables),
-        medium_stack.media(tables),
-        blend.find_blends(tables),
+        energy_compensation.table() if facets else Smooth(), normal_map.build_tangents(tables, general),
+        rough_dielectric.tables_of(tables, general), medium_stack.media(tables, general), blend.find_blends(tables, general),
     )  # fmt: skip
     if all(isinstance(part, Smooth | normal_map.NoMaps | rough_dielectric.Clear | medium_stack.Air | blend.Unblended) for part in parts):
         return tables

@@ -60,12 +60,13 @@ class RoughGlass(NamedTuple):
     table: Any
 
 
-def tables_of(tables: ir.Tables) -> AlbedoTables | Clear:
-    """Return the tables of a scene's rough glass."""
+def tables_of(tables: ir.Tables, general: bool = False) -> AlbedoTables | Clear:
+    """Return the tables of a scene's rough glass; without any Clear, with `general` a table that no material uses."""
     m = tables.materials
     rough = (m.model == GLASS) & ((m.values[:, ROUGHNESS, 0] > 0.0) | (m.textures[:, ROUGHNESS] >= 0))
     if not (rough & scene_facts.used_materials(tables)).any():
-        return Clear()
+        unused = np.zeros((2 * ROWS * COLUMNS, 4)), np.zeros((2 * ROWS, 4))
+        return AlbedoTables(np.zeros(len(m.model), np.int64), *unused) if general else Clear()
     indices, of = np.unique(np.where(rough, m.values[:, IOR, 0], 1.5), return_inverse=True)
     made = [albedo_table(float(index)) for index in indices]
     return AlbedoTables(of.ravel().astype(np.int64), np.concatenate([t[0] for t in made]), np.concatenate([t[1] for t in made]))

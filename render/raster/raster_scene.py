@@ -35,8 +35,8 @@ class RasterScene(NamedTuple):
     pool: BufferPool
 
 
-def build(tables: ir.Tables, view: View, tessellations: dict[int, Any]) -> RasterScene:
-    """The data of a view; `tessellations` are the analytic shapes', by instance."""
+def build(tables: ir.Tables, view: View, tessellations: dict[int, Any], general: bool = False) -> RasterScene:
+    """The data of a view; `tessellations` are the analytic shapes', by instance. With `general`, kernels handle textures and colours."""
     model, ranges = view_geometry.build_model(tables, view, tessellations)
     made, meshlet_ranges = meshlets.build(tables, model.positions, model.triangles, ranges, tessellations)
     near, far = view_geometry.depth_range(tables, view)
@@ -48,7 +48,7 @@ def build(tables: ir.Tables, view: View, tessellations: dict[int, Any]) -> Raste
         Handle(pixel_rays(tables, view, eye)),
     )
     untessellated = view_geometry.untessellated(tables, tessellations)
-    textured, colored = used_attributes(tables)
+    textured, colored = (True, True) if general else used_attributes(tables)
     return RasterScene(
         Handle(model), ranges, Handle(made), meshlet_ranges, Handle(projection), shading_tables, sources, rays, untessellated,
         view_geometry.pixel_boxes(tables, view, untessellated), textured, colored,

@@ -33,14 +33,14 @@ class Blends(NamedTuple):
     deep: int  # largest nesting depth of blends
 
 
-def find_blends(tables: ir.Tables) -> Blends | Unblended:
-    """The blends of a scene for kernels."""
+def find_blends(tables: ir.Tables, general: bool = False) -> Blends | Unblended:
+    """The blends of a scene for kernels; without any Unblended, with `general` Blends(0)."""
     m = tables.materials
     deep = np.zeros(len(m.model), np.int64)
     for row in np.flatnonzero(m.model == BLEND):  # parts stand before their blends
         deep[row] = 1 + max(deep[m.first[row]], deep[m.second[row]])
     most = int(deep[tables.instances.material].max(initial=0))
-    return Blends(most) if most else Unblended()
+    return Blends(most) if most or general else Unblended()
 
 
 def is_used(tables: Any) -> bool:

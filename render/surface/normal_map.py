@@ -47,13 +47,14 @@ class Tangents(NamedTuple):
 
     first: NDArray[np.int64]  # (geometries,) row of a mesh's first corner; -1: none
     values: NDArray[np.float32]  # (3 · triangles, 4) unit vectors in the mesh's frame, and the handedness of v, 1 or -1
+    maps: int = 1  # 0: no material has a map
 
 
-def build_tangents(tables: ir.Tables) -> Tangents | NoMaps:
-    """The tangents of a scene for kernels, NoMaps without normal and bump maps."""
+def build_tangents(tables: ir.Tables, general: bool = False) -> Tangents | NoMaps:
+    """The tangents of a scene for kernels; without normal and bump maps NoMaps, with `general` an empty record."""
     maps = tables.materials.textures[:, [NORMAL, BUMP]]
     if not (maps[scene_facts.used_materials(tables)] >= 0).any():
-        return NoMaps()
+        return Tangents(np.full(len(tables.geometries.kind), -1, np.int64), np.zeros((0, 4), np.float32), 0) if general else NoMaps()
     used = tables.instances.material
     blended = tables.materials.model == blend.BLEND
     kinds, uvs = tables.geometries.kind, tables.geometries.uvs
@@ -147,19 +148,19 @@ def _apply_maps_in_kernels(tables, point, hit, direction):
 
 def mask_behind(tables: Tables, point: Surface, direction: Vec, lit: Lane) -> Lane:
     """`lit` without light from behind the surface, where maps perturb normals."""
-    return _mask_behind(point, direction, lit) if isinstance(getattr(tables.materials, "tangents", None), Tangents) else lit
+    return _mask_behind(tables, point, direction, lit) if isinstance(getattr(tables.materials, "tangents", None), Tangents) else lit
 
 
 @overload(mask_behind)
 def _mask_behind_in_kernels(tables, point, direction, lit):
     if is_used(tables):
-        return lambda tables, point, direction, lit: _mask_behind(point, direction, lit)
+        return lambda tables, point, direction, lit: _mask_behind(tables, point, direction, lit)
     return lambda tables, point, direction, lit: lit
 
 
 @helper
-def _mask_behind(point: Surface, direction: Vec, lit: Lane) -> Lane:
-    return lit & (ops.dot(direction, point.geometric) > 0.0)
+def _mask_behind(tables: Any, point: Surface, direction: Vec, lit: Lane) -> Lane:
+    return lit & ((ops.dot(direction, point.geometric) > 0.0) | (tables.materials.tangents.maps == 0))
 
 
 @noinline_helper

@@ -37,7 +37,7 @@ FOOTPRINT_PARTS = {
     "coordinates": "changes of u and v are stored, which all textures but formulas need",
     "places": "changes of the position are stored, in the instance's frame",
     "cones": "secondary rays have cones; the last numbers of a spread are the width, its growth per metre, and whether mirrored",
-}
+}  # a part of value 0 is compiled and not used
 WITH_CONE = (7, 13)  # lengths of Surface.spread whose last three lanes describe the ray's cone
 SPHERE = int(ir.GeometryKind.SPHERE)
 BOX, PLANE, RECTANGLE, DISK = (int(getattr(ir.GeometryKind, name)) for name in ("BOX", "PLANE", "RECTANGLE", "DISK"))
@@ -73,8 +73,20 @@ class Pyramids(NamedTuple):
 _made: dict[int, tuple[Any, Pyramids]] = {}  # by id of the source images, while these live
 
 
-def with_pyramids(tables: ir.Tables, view: View, samples: int, further: bool) -> ir.Tables:
-    """Tables whose images have mip levels, for pixels of a view with `samples` samples; `further` if there are secondary rays."""
+def without_filter(tables: ir.Tables) -> ir.Tables:
+    """Tables for kernels that can filter textures, with every filter off and no mip levels."""
+    images = tables.images
+    first, width, height = (np.repeat(each[:, None], LEVELS, axis=1) for each in (images.first, images.width, images.height))
+    nowhere = Eye(np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), True, 1.0)
+    parts = _footprint_type(tuple(FOOTPRINT_PARTS))._make([0] * len(FOOTPRINT_PARTS))
+    return tables._replace(images=Pyramids(*images, np.ones(len(images.width), np.int32), first, width, height, nowhere, parts))
+
+
+def with_pyramids(tables: ir.Tables, view: View, samples: int, further: bool, general: bool = False) -> ir.Tables:
+    """Tables whose images have mip levels, for pixels of a view with `samples` samples; `further` if there are secondary rays.
+
+    With `general`, the parts of footprints that the scene does not need are there, too, with value 0.
+    """
     images = tables.images
     key = id(images.texels)
     if key not in _made or _made[key][0]() is not images.texels:
@@ -88,10 +100,10 @@ def with_pyramids(tables: ir.Tables, view: View, samples: int, further: bool) ->
     moved = direction / (direction @ axis)[:, None] if perspective else start
     step = 1.0 / np.sqrt(samples)
     eye = Eye(matrix[:, 3].copy(), axis, (moved[1] - moved[0]) * step, (moved[2] - moved[0]) * step, perspective, float(step))
-    return tables._replace(images=made._replace(eye=eye, footprint=_footprint_parts(tables.textures, samples, further)))
+    return tables._replace(images=made._replace(eye=eye, footprint=_footprint_parts(tables.textures, samples, further, general)))
 
 
-def _footprint_parts(rows: ir.Textures, samples: int, further: bool) -> Any:
+def _footprint_parts(rows: ir.Textures, samples: int, further: bool, general: bool) -> Any:
     """The parts of a footprint that a scene's textures need, and which textures need them."""
     formula = rows.kind == ir.TextureKind.FORMULA
     formulas = formula.any() and samples < scene_rules.MANY_SAMPLES
@@ -100,12 +112,13 @@ def _footprint_parts(rows: ir.Textures, samples: int, further: bool) -> Any:
     places = formulas or (~formula & (rows.mapping != ir.TextureMapping.UV)).any()
     asked = (pictures.any(), cells.any(), formulas, (pictures | cells).any(), places)
     asked += (further and bool(pictures.any() or cells.any() or formulas),)
-    return _footprint_type(tuple(name for name, yes in zip(FOOTPRINT_PARTS, asked, strict=True) if yes))
+    parts = {name: int(yes) for name, yes in zip(FOOTPRINT_PARTS, asked, strict=True) if yes or general}
+    return _footprint_type(tuple(parts))(**parts)
 
 
 @functools.cache
 def _footprint_type(names: tuple[str, ...]) -> Any:
-    return namedtuple("Kept", names)(*[1] * len(names))
+    return namedtuple("Footprint", names)
 
 
 def build_pyramids(images: ir.Images) -> Pyramids:
@@ -127,7 +140,7 @@ def build_pyramids(images: ir.Images) -> Pyramids:
             level = _halve(_halve(level, 0), 1)
     texels = np.ascontiguousarray(np.concatenate(parts) if parts else np.zeros((0, 4)), np.float32)
     nowhere = Eye(np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), True, 1.0)
-    return Pyramids(first[:, 0].copy(), images.width, images.height, texels, levels, first, width, height, nowhere, _footprint_type(()))
+    return Pyramids(first[:, 0].copy(), images.width, images.height, texels, levels, first, width, height, nowhere, _footprint_type(())())
 
 
 def _halve(level: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
@@ -224,7 +237,7 @@ def _on_surface(tables: Any, ray: Ray, hit: Hit, point: Surface, cone: Any) -> S
     if not eye.perspective:
         from_eye, depth = along >= 1.0 - 1e-12, zero + 1.0
     wide = width_at(cone, zero, distance)
-    known = (from_eye | (wide > 0.0)) & textures.has_texture(tables, point.material)
+    known = (from_eye | (wide > 0.0)) & textures.has_texture(tables, point.material) & _is_used(tables)
     if ops.any_lane(known):
         facing = ops.minimum(ops.dot(d, point.geometric), -1e-9)
         to_right = ops.like3(zero, eye.right[0], eye.right[1], eye.right[2])
@@ -261,6 +274,8 @@ def _cone_of_eye_in_kernels(tables, ray):
 def _cone_of_eye(tables: Any, ray: Ray) -> tuple[Lane, Lane]:
     eye = tables.images.eye
     zero = 0.0 * ray.direction[0]
+    if tables.images.footprint.cones == 0:
+        return zero, zero
     across = ops.cross((eye.right[0], eye.right[1], eye.right[2]), (eye.down[0], eye.down[1], eye.down[2]))
     side = ops.sqrt(zero + ops.length(across))
     if not eye.perspective:
@@ -337,6 +352,19 @@ take_cone = specialize_if_present(_take_cone)  # of queued rays: None, stack, po
 # --- along a surface ----------------------------------------------------------------------------------------------------
 
 
+def _is_used(tables: Any) -> bool:
+    """Whether some part of a footprint is used."""
+    return any(tables.images.footprint)
+
+
+@overload(_is_used)
+def _is_used_in_kernels(tables):
+    """A part is 0 in general kernels alone, which have all of them."""
+    if all(tables.field(f"images.footprint.{name}") is not None for name in FOOTPRINT_PARTS):
+        return lambda tables: tables.images.footprint.coordinates + tables.images.footprint.places > 0
+    return lambda tables: True
+
+
 def _make_spread(tables: Any, spread: Any, right: Vec, down: Vec) -> Any:
     """Surface.spread."""
     return spread + right + down if hasattr(tables.images.footprint, "places") else spread
@@ -364,8 +392,15 @@ def _coordinates(tables: Any, way: Vec, hit: Hit, point: Surface) -> tuple[Lane,
 @overload(_coordinates)
 def _coordinates_in_kernels(tables, way, hit, point):
     if tables.field("images.footprint.coordinates") is not None:
-        return lambda tables, way, hit, point: _mapped_change(tables, way, hit, point)
+        return lambda tables, way, hit, point: _change_if_used(tables, way, hit, point)
     return lambda tables, way, hit, point: (0.0 * way[0], 0.0 * way[0])
+
+
+@helper
+def _change_if_used(tables: Any, way: Vec, hit: Hit, point: Surface) -> tuple[Lane, Lane]:
+    if tables.images.footprint.coordinates == 0:
+        return 0.0 * way[0], 0.0 * way[0]
+    return _mapped_change(tables, way, hit, point)
 
 
 @noinline_helper

@@ -37,10 +37,13 @@ class Rounded(NamedTuple):
     start: int  # the first triangle's row
 
 
-def build(tables: ir.Tables, chosen: list[tuple[int, float]], start: int) -> tuple[NDArray[Any], NDArray[np.int32], Flat | Rounded]:
+def build(
+    tables: ir.Tables, chosen: list[tuple[int, float]], start: int, general: bool = False
+) -> tuple[NDArray[Any], NDArray[np.int32], Flat | Rounded]:
     """(rows (n, 8) as in PrimitiveRecords, first row minus first triangle of each instance, normals of corners).
 
-    `chosen` lists (instance, PLAIN or ROUNDED); `start` is the number of rows before these.
+    `chosen` lists (instance, PLAIN or ROUNDED); `start` is the number of rows before these. With `general`, normals of corners are
+    Rounded even if there are none.
     """
     first = np.full(len(tables.instances.geometry), NONE, np.int32)
     rows, corners, left = [np.zeros((0, 8), np.float32)], [], MOST
@@ -54,6 +57,8 @@ def build(tables: ir.Tables, chosen: list[tuple[int, float]], start: int) -> tup
         if how == ROUNDED:
             corners.append(_corners(tables, i, g))
         left -= count
+    if general and not corners:
+        corners.append(np.zeros((1, CORNERS)))
     rounded = Rounded(np.concatenate(corners).ravel(), start) if corners else Flat()
     return np.concatenate(rows), first, rounded
 

@@ -57,10 +57,16 @@ def _scale_spans(spans: Any, wide: Lane, high: Lane) -> Any:
 def _first_color_share(checker: Lane, x: Lane, y: Lane, spans: Any) -> Lane:
     """Share of the first color at x, y in cells."""
     if spans is None:
-        across, up = ops.floor_int(x), ops.floor_int(y)
-        cell = ops.where(checker, across + up, across)
-        return ops.where((cell & 1) == 0, 1.0 + 0.0 * x, 0.0)
+        return _share_at_point(checker, x, y)
     return mean_share(checker, x, y, spans)
+
+
+@helper
+def _share_at_point(checker: Lane, x: Lane, y: Lane) -> Lane:
+    """1 in cells of the first color, else 0."""
+    across, up = ops.floor_int(x), ops.floor_int(y)
+    cell = ops.where(checker, across + up, across)
+    return ops.where((cell & 1) == 0, 1.0 + 0.0 * x, 0.0)
 
 
 @noinline_helper
@@ -69,6 +75,7 @@ def mean_share(checker: Lane, x: Lane, y: Lane, spans: Any) -> Lane:
     px, py, qx, qy = spans
     p_long, q_long = ops.absolute(px) + ops.absolute(py), ops.absolute(qx) + ops.absolute(qy)
     longest = ops.maximum(p_long, q_long)
+    at_point = _share_at_point(checker, x, y)
     shrink = _LONGEST / ops.maximum(longest, _LONGEST)
     px, py, qx, qy = px * shrink, py * shrink, qx * shrink, qy * shrink
     x, y = x - 2.0 * ops.floor(0.5 * x), y - 2.0 * ops.floor(0.5 * y)
@@ -81,7 +88,7 @@ def mean_share(checker: Lane, x: Lane, y: Lane, spans: Any) -> Lane:
     mean = _mean_by_axes(checker, x, y, px, py, qx, qy, ops.where(askew, 0.0, p_slant), ops.where(askew, 0.0, q_slant))
     if ops.any_lane(askew):
         mean = ops.where(askew, ops.clip(_mean_by_series(x, y, px, py, qx, qy), -1.0, 1.0), mean)
-    return 0.5 + 0.5 * mean
+    return ops.where(longest > 0.0, 0.5 + 0.5 * mean, at_point)
 
 
 @helper

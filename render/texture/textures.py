@@ -176,7 +176,28 @@ def _gate(what: str) -> Any:
     return gate
 
 
-_if_cells, _if_pictures, _if_formulas = _gate("cells"), _gate("pictures"), _gate("formulas")
+def _if_formulas(tables: Any, spread: Any) -> Any:
+    """Surface.spread, with changes of the position 0 or None where patterns are not filtered."""
+    known = spread is not None and len(spread) >= procedural.WITH_PLACES
+    return _spread_of_formulas(tables, spread) if known and hasattr(getattr(tables.images, "footprint", None), "formulas") else None
+
+
+@overload(_if_formulas)
+def _if_formulas_in_kernels(tables, spread):
+    known = isinstance(spread, types.BaseTuple) and len(spread) >= procedural.WITH_PLACES
+    if known and tables.field("images.footprint.formulas") is not None:
+        return lambda tables, spread: _spread_of_formulas(tables, spread)
+    return lambda tables, spread: None
+
+
+@helper
+def _spread_of_formulas(tables: Any, spread: Any) -> Any:
+    used = tables.images.footprint.formulas
+    right, down = (spread[4] * used, spread[5] * used, spread[6] * used), (spread[7] * used, spread[8] * used, spread[9] * used)
+    return (spread[0], spread[1], spread[2], spread[3], *right, *down)
+
+
+_if_cells, _if_pictures = _gate("cells"), _gate("pictures")
 
 
 def _spans(tables: Any, row: Lane, uv: tuple[Lane, Lane], surface: Spot) -> Any:

@@ -333,7 +333,7 @@ def _search(accel: Any, ray: Ray, active: Lane, visible_bit: int, any_hit: bool)
         until = ops.where(best.instance >= 0, zero - np.inf, until)
         best = Hit(best.t, best.instance, best.primitive, ops.where(best.instance >= 0, zero, zero + 1.0), best.v)
     left = crosslane.bits(until > t_min)
-    if left == 0:
+    if left == 0 or len(accel.motion_alpha.top.links) + len(accel.motion_alpha.unbounded) == 0:
         return best
     return _trace_each(accel, ray, until, left, visible_bit, any_hit, best)
 

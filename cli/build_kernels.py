@@ -1,0 +1,92 @@
+"""Compiles the general kernels: `python -m maquette.cli.build_kernels`. Two processes share the work.
+
+Small scenes stand for all others: general kernels are the same for every scene, and differ only by the integrator, by what the first
+hits of camera rays are found with, and by precision. See render/backends/kernel_choice.py.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ..compiler import ir, load
+from ..compiler.plan import plan
+from ..render import render_scene
+from ..render.backends import kernel_choice
+
+WORKERS = 2
+_BALL = "plane(y: 0)\nsphere(1, center: [0, 1, 0], material: {0})\ncamera(position: [0, 2, 6], look_at: [0, 1, 0])\n"
+_TORUS = _BALL + "union(round: 0.1, material: {0}) {{ box(1, center: [1, 1, 0]); torus(radius: 1, tube: 0.2) }}\n"
+_FORMULA = _TORUS + "implicit(|x, y, z| x * x + y * y + z * z + 0.1 * sin(9 * x) <= 1, material: {0})\n"
+_MESH = 'mesh("kernels.obj", material: {0})\ncamera(position: [0, 2, 6], look_at: [0, 1, 0])\n'
+_TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+_SUN, _AREA, _SKY = "directional(from: [1, 1, 0])\n", "area(position: [0, 5, 2], look_at: [0, 0, 0], size: 1, luminance: 9)\n", "sky()\n"
+_MATT, _SHINY, _GLASS = "lambert(#808080)", "phong(#808080, specular: 0.3, shininess: 40)", "glass()"
+_SMOOTH = 'lambert(#808080, shading: "gouraud")'
+
+
+class Variant(NamedTuple):
+    """A small scene that needs some of the general kernels."""
+
+    text: str
+    settings: dict[str, Any]
+    overrides: dict[str, str] | None = None  # of the plan
+
+
+VARIANTS = {
+    "paths of formulas": Variant(_FORMULA.format(_SHINY) + _AREA, {"bounces": 2}),
+    "paths": Variant(_BALL.format(_SHINY) + _AREA, {"bounces": 2}),
+    "photons": Variant(_BALL.format(_GLASS) + _AREA, {"bounces": 4}),
+    "photons of formulas": Variant(_FORMULA.format(_GLASS) + _AREA, {"bounces": 4}),
+    "shared paths": Variant(_BALL.format(_MATT) + _AREA, {"bounces": 2}),
+    "shared paths of formulas": Variant(_FORMULA.format(_MATT) + _AREA, {"bounces": 2}),
+    "rays": Variant(_BALL.format(_MATT) + _SUN, {}),
+    "meshes": Variant(_MESH.format(_SMOOTH) + _SUN, {}),
+    "formulas": Variant(_FORMULA.format(_MATT) + _SUN, {}),
+    "formulas in skies": Variant(_FORMULA.format(_MATT) + _SKY, {}),
+    "formulas of one sample": Variant(_FORMULA.format(_MATT) + _SUN, {"samples": 1}),
+    "formulas in skies of one sample": Variant(_FORMULA.format(_MATT) + _SKY, {"samples": 1}),
+    "triangles": Variant(_BALL.format(_MATT) + _SUN, {"backend": "raster"}, {"shadows": "off"}),
+    "triangles in shadow": Variant(_FORMULA.format(_MATT) + _SUN, {"backend": "raster"}),
+    "triangles by tiles": Variant(_FORMULA.format(_MATT) + _AREA, {"backend": "raster", "error": 0.5}),
+    "channels": Variant(_FORMULA.format(_MATT) + _SUN, {"aov": ("depth", "normal", "issues")}),
+    "channels of triangles": Variant(_FORMULA.format(_MATT) + _SUN, {"backend": "raster", "aov": ("depth",)}),
+}
+
+
+def compile_variant(name: str) -> None:
+    """Compile or load the general kernels of a variant."""
+    os.environ[kernel_choice.VARIABLE] = "general"
+    variant = VARIANTS[name]
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder, "kernels.obj").write_text(_TRIANGLE, encoding="utf-8")
+        scene = Path(folder, "kernels.scene")
+        scene.write_text(variant.text, encoding="utf-8")
+        loaded = load.load(scene)
+        asked = ir.Settings(**{"size": (24, 16), "samples": 2, "threads": 1, **variant.settings})
+        render_scene.draw(loaded, plan.make_plan(loaded, asked, variant.overrides))
+
+
+def main() -> int:
+    """Compile all variants in processes of their own; returns the exit code."""
+    from rich.console import Console
+    from rich.progress import track
+
+    def run(name: str) -> int:
+        return subprocess.run([sys.executable, "-P", "-m", __spec__.name, name], check=False).returncode
+
+    with ThreadPoolExecutor(WORKERS) as pool:
+        done = track(pool.map(run, VARIANTS), "compiling kernels", len(VARIANTS), console=Console(stderr=True))
+        return max(done)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) > 1:
+        compile_variant(sys.argv[1])
+    else:
+        sys.exit(main())

@@ -1,0 +1,130 @@
+"""Chooses kernels for a picture: specialised to its scene, or general ones, so that no picture waits for the compiler.
+
+Specialised kernels hold only the features of a scene. General kernels hold every feature and branch at run time; one set draws all
+scenes, with bit for bit the same result. A picture takes specialised kernels if they are on disk. Otherwise it takes general ones, while
+another process compiles the specialised kernels for its later tiles and for the next picture. If neither is on disk, this process
+compiles the specialised kernels first. MAQUETTE_KERNELS=special or general asks for one kind.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import tempfile
+import threading
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from ...compiler import ir
+from ...compiler.plan.plan import Plan
+from ..jit import compile_process, kernel_cache
+from ..types import Film, FirstHits, Tile, View
+from . import prepare
+
+VARIABLE = "MAQUETTE_KERNELS"
+CHOICES = ("auto", "special", "general")
+
+
+def backend_of(name: str) -> Any:
+    """A backend's renderer class."""
+    if name == "raster":
+        from .raster import Renderer
+    elif name == "reference":
+        from .reference import Renderer
+    else:
+        from .ray import Renderer
+    return Renderer
+
+
+def make_renderer(scene: ir.Scene, plan: Plan, view: View, general: bool) -> Any:
+    """Prepare a picture for general or specialised kernels, compile or load these, and return its renderer."""
+    return backend_of(plan["backend"])(prepare.prepare(scene, plan, view, general), plan, view)
+
+
+def choose_renderer(scene: ir.Scene, plan: Plan, view: View) -> Any:
+    """The renderer of a picture. Raises ValueError for a value of MAQUETTE_KERNELS that is not in CHOICES."""
+    make = partial(make_renderer, scene, plan, view)
+    asked = os.environ.get(VARIABLE) or "auto"
+    if asked not in CHOICES:
+        raise ValueError(f"{VARIABLE} is {asked}; it can be {', '.join(CHOICES)}")
+    if plan["backend"] == "reference" or asked != "auto":
+        return make(asked == "general" and plan["backend"] != "reference")
+    try:
+        with kernel_cache.compiled_only():
+            return make(False)
+    except kernel_cache.NotCompiled as missing:
+        wanted = missing
+    try:
+        with kernel_cache.compiled_only():
+            general = make(True)
+    except kernel_cache.NotCompiled:
+        return make(False)
+    return Changeover(general, make, _compile_later(wanted.key, scene, plan, view))
+
+
+def _compile_later(key: str, scene: ir.Scene, plan: Plan, view: View) -> Callable[[], bool]:
+    """Let another process compile a picture's specialised kernels; return whether it is still to end."""
+    try:
+        with tempfile.NamedTemporaryFile(prefix="maquette-", suffix=".picture", delete=False) as file:
+            pickle.dump((scene, plan, view), file)
+    except OSError:
+        return lambda: False
+    return compile_process.run_later(key, compile_special, file.name)
+
+
+def compile_special(path: str) -> None:
+    """Compile the specialised kernels of the picture in a file that the calling process wrote, and remove the file."""
+    with open(path, "rb") as file:
+        scene, plan, view = pickle.load(file)
+    os.unlink(path)
+    make_renderer(scene, plan, view, False)
+
+
+class Changeover:
+    """A renderer with general kernels that goes on with specialised ones when another process has compiled these."""
+
+    def __init__(self, general: Any, make: Callable[[bool], Any], compiling: Callable[[], bool]) -> None:
+        """`compiling()` tells whether the other process is still at work."""
+        self.current, self.used = general, [general]
+        self._make, self._compiling = make, compiling
+        self._open = general.whole is None
+        self._lock = threading.Lock()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.current, name)
+
+    def refresh(self, samples: int) -> None:
+        """See film.Renderer."""
+        self._advance()
+        self.current.refresh(samples)
+
+    def sample(self, tile: Tile, first: Any, count: Any, total: int, film: Film) -> None:
+        """See film.Renderer."""
+        if self.current.round is None:
+            self._advance()
+        self.current.sample(tile, first, count, total, film)
+
+    def first(self, tile: Tile, sample: int, total: int) -> FirstHits:
+        """See film.Renderer."""
+        return self.current.first(tile, sample, total)
+
+    def limit(self, bounces: int) -> None:
+        """Set the limit on bounces; from now on the kernels stay."""
+        self._open = False
+        self.current.limit(bounces)
+
+    def _advance(self) -> None:
+        """Take specialised kernels if they are ready."""
+        if not self._open or self._compiling():
+            return
+        with self._lock:
+            if not self._open:
+                return
+            self._open = False
+            try:
+                with kernel_cache.compiled_only():
+                    self.current = self._make(False)
+            except kernel_cache.NotCompiled:
+                return
+            self.used.append(self.current)

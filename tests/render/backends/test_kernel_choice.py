@@ -1,0 +1,110 @@
+"""General and specialised kernels give the same pictures, and no picture waits for specialised ones where general ones are ready."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import maquette
+import numpy as np
+import pytest
+from maquette.render.backends import kernel_choice, prepare
+from maquette.render.jit import compile_process, kernel_cache
+
+ROOT = Path(__file__).resolve().parents[3]
+EXAMPLES = sorted(each for each in (ROOT / "examples").iterdir() if each.suffix in (".scene", ".usda", ".obj"))
+BALL = "sphere(1)\ndirectional(from: [1, 1, 1])\ncamera(position: [0, 0, 4])\n"
+
+
+def draw(path: Path, **settings: Any) -> Any:
+    return maquette.render(path, **{"size": (48, 36), "samples": 2, **settings})
+
+
+@pytest.mark.parametrize("backend", ["auto", "raster"])
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_general_kernels_draw_the_same_picture(monkeypatch: pytest.MonkeyPatch, path: Path, backend: str) -> None:
+    found = []
+    for kind in ("special", "general"):
+        monkeypatch.setenv(kernel_choice.VARIABLE, kind)
+        found.append(draw(path, backend=backend))
+    assert np.array_equal(*map(np.asarray, found))
+
+
+@pytest.fixture
+def without_special(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
+    """Specialised kernels count as not compiled until the list holds True."""
+    monkeypatch.setenv(kernel_choice.VARIABLE, "auto")
+    compiled: list[bool] = []
+    prepared = prepare.prepare
+
+    def prepare_or_refuse(scene: Any, plan: Any, view: Any, general: bool = False) -> Any:
+        if not general and kernel_cache.must_be_compiled() and not compiled:
+            raise kernel_cache.NotCompiled("a kernel")
+        return prepared(scene, plan, view, general)
+
+    monkeypatch.setattr(prepare, "prepare", prepare_or_refuse)
+    return compiled
+
+
+def test_a_picture_goes_on_with_specialised_kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, without_special: list[bool]) -> None:
+    """They are compiled by another process, and taken while the picture is drawn."""
+    scene = tmp_path / "ball.scene"
+    scene.write_text(BALL)
+    for kind in ("general", "special"):
+        monkeypatch.setenv(kernel_choice.VARIABLE, kind)
+        expected = draw(scene, size=(96, 72))
+    monkeypatch.setenv(kernel_choice.VARIABLE, "auto")
+    asked: list[Any] = []
+
+    def run_later(key: str, function: Any, *arguments: Any) -> Callable[[], bool]:
+        asked.append((key, function))
+        without_special.append(True)
+        return lambda: False
+
+    monkeypatch.setattr(compile_process, "run_later", run_later)
+    choices: list[Any] = []
+    choose = kernel_choice.choose_renderer
+    monkeypatch.setattr(kernel_choice, "choose_renderer", lambda *given: choices.append(choose(*given)) or choices[-1])
+    picture = draw(scene, size=(96, 72))
+    assert asked == [("a kernel", kernel_choice.compile_special)]
+    assert len(choices[0].used) == 2
+    assert np.array_equal(np.asarray(picture), np.asarray(expected))
+
+
+def test_without_general_kernels_this_process_compiles(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    scene = tmp_path / "ball.scene"
+    scene.write_text(BALL)
+    monkeypatch.setenv(kernel_choice.VARIABLE, "auto")
+    calls: list[tuple[bool, bool]] = []
+    prepared = prepare.prepare
+
+    def prepare_or_refuse(scene: Any, plan: Any, view: Any, general: bool = False) -> Any:
+        calls.append((general, kernel_cache.must_be_compiled()))
+        if kernel_cache.must_be_compiled():
+            raise kernel_cache.NotCompiled("a kernel")
+        return prepared(scene, plan, view, general)
+
+    monkeypatch.setattr(prepare, "prepare", prepare_or_refuse)
+    draw(scene)
+    assert calls == [(False, True), (True, True), (False, False)]
+
+
+def test_other_values_of_the_variable_are_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    scene = tmp_path / "ball.scene"
+    scene.write_text(BALL)
+    monkeypatch.setenv(kernel_choice.VARIABLE, "fast")
+    with pytest.raises(ValueError, match="MAQUETTE_KERNELS is fast; it can be auto, special, general"):
+        draw(scene)
+
+
+def test_a_kernel_that_is_not_compiled_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    from maquette.render.jit.kernel import kernel
+
+    @kernel
+    def double(x):
+        return 2 * x
+
+    with kernel_cache.compiled_only(), pytest.raises(kernel_cache.NotCompiled, match="double"):
+        double(1)
+    assert not kernel_cache.must_be_compiled()

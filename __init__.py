@@ -36,12 +36,14 @@ def load(
     time: float | None = None,
     allow: Sequence[str | Path] = (),
     variants: Mapping[str, str] | None = None,
+    max_elements: int | None = None,
     diagnostics: Diagnostics | None = None,
 ) -> ir.Scene:
     """Compile a .scene, USD or mesh file.
 
     `sets` gives params their values, written as in the language; `time` is in seconds; `allow` are folders it may read
-    beside its own; `variants` choose USD variants ({"/prim:set": "name"}). Warnings are added to `diagnostics`.
+    beside its own; `variants` choose USD variants ({"/prim:set": "name"}). `max_elements` limits the elements that a scene
+    makes and places (default 10 million). Warnings are added to `diagnostics`.
     Raises maquette.lang.diagnostics.SceneError with everything that is wrong in it.
     """
     from .compiler import load as loader
@@ -49,7 +51,9 @@ def load(
 
     found = diagnostics if diagnostics is not None else messages.Diagnostics()
     folders = tuple(Path(folder) for folder in allow)
-    return loader.load(Path(path), sets=sets or {}, time=time, allow=folders, variants=variants or {}, diagnostics=found, seconds={})
+    return loader.load(
+        Path(path), sets=sets, time=time, allow=folders, variants=variants, max_elements=max_elements, diagnostics=found, seconds={}
+    )
 
 
 def render(scene: ir.Scene | str | Path, *, plan: Mapping[str, str] | None = None, **settings: Any) -> Image:

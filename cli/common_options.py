@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..lang.distribution import install_command
+from ..lang.limits import MAX_ELEMENTS
 from ..lang.schema.elements import MAX_BOUNCES
 from . import option_types as values
 from . import render_job as jobs
@@ -75,6 +76,9 @@ scene_options = options(
     ),
     click.option("--render-settings", metavar="PRIM", help="RenderSettings or RenderProduct prim. Default: the one that the stage names."),
     click.option("--session-layer", type=FILE, help="USD layer whose values go over those of the stage."),
+    click.option(
+        "--max-elements", type=click.IntRange(1), help=f"Limit of the elements that a scene makes and places. Default: {MAX_ELEMENTS:,}."
+    ),
 )
 _PICTURE = {
     "backend": click.option("--backend", type=click.Choice(["auto", "ray", "raster", "reference"]), help="Rendering backend."),
@@ -125,7 +129,7 @@ def source_of(scene: Path, given: dict[str, Any]) -> jobs.Source:
         **of_stage, mask=given.pop("mask") or (), complexity=given.pop("complexity") or 0, default_light=not given.pop("no_default_light"),
         size=given.get("size"),
     )  # fmt: skip
-    return jobs.Source(scene, given.pop("sets"), given.pop("at"), given.pop("allow"), stage)
+    return jobs.Source(scene, given.pop("sets"), given.pop("at"), given.pop("allow"), stage, given.pop("max_elements"))
 
 
 def read_options(scene: Path, given: dict[str, Any]) -> tuple[jobs.Source, ir.Settings, dict[str, str]]:

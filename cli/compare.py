@@ -33,8 +33,8 @@ FIGURES = {
 }  # fmt: skip
 OF_SCENES = (  # parameters that need a scene
     "sets", "at", "allow", "variants", "purposes", "mask", "complexity", "no_default_light", "conform", "render_settings",
-    "session_layer", "backend", "size", "camera", "samples", "error", "budget", "bounces", "seed", "threads", "crop", "background",
-    "plan_values",
+    "session_layer", "max_elements", "backend", "size", "camera", "samples", "error", "budget", "bounces", "seed", "threads", "crop",
+    "background", "plan_values",
 )  # fmt: skip
 SHARES = ("relmse", "flip", "bias")  # shown in per cent
 

@@ -47,6 +47,7 @@ class Source:
     time: float | None
     allow: tuple[Path, ...]
     stage: StageOptions
+    max_elements: int | None = None
 
     def load(self, seconds: dict[str, float], time: float | None = None, code: float | None = None) -> tuple[ir.Scene, Diagnostics]:
         """The scene at `time` seconds or at a USD time code (default: --time), and its diagnostics. Raises SceneError."""
@@ -56,7 +57,7 @@ class Source:
         found = Diagnostics()
         scene = load.load(
             self.path, sets=self.sets, time=self.time if time is None else time, code=code, allow=self.allow, variants=self.stage.variants,
-            stage=self.stage, diagnostics=found, seconds=seconds,
+            stage=self.stage, max_elements=self.max_elements, diagnostics=found, seconds=seconds,
         )  # fmt: skip
         return scene, found
 

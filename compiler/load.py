@@ -6,11 +6,12 @@ import time as clock
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from ..lang import file_types
+from ..lang import collector, file_types
 from ..lang.diagnostics import Diagnostics, Span, suggest
 from ..lang.eval import evaluator
 from ..lang.syntax import lexer
@@ -25,6 +26,7 @@ from .scene.builder import SceneBuilder
 from .scene.row_records import InstanceData
 
 
+@collector.fewer_collections()
 def load(
     path: Path | str,
     *,
@@ -34,6 +36,7 @@ def load(
     allow: Sequence[Path | str] = (),
     variants: Mapping[str, str] | None = None,
     stage: StageOptions | None = None,
+    max_elements: int | None = None,
     diagnostics: Diagnostics | None = None,
     seconds: dict[str, float] | None = None,
 ) -> ir.Scene:
@@ -41,7 +44,8 @@ def load(
 
     `sets` are values of params as text; `time` is in seconds (None: the file's own default, 0 in a .scene); `code` is a USD
     stage's time code, in place of `time`; `allow` are folders the scene may read beside its own; `variants` choose among a
-    stage's ({"/prim:set": "name"}); `stage` has its other options.
+    stage's ({"/prim:set": "name"}); `stage` has its other options; `max_elements` limits the elements
+    that a .scene makes and places (None: 10 million).
     Warnings are added to `diagnostics`, the time each stage took to `seconds`. Raises SceneError with everything found.
     """
     found = diagnostics if diagnostics is not None else Diagnostics()
@@ -55,10 +59,13 @@ def load(
         files.find(real.name, what="scene" if suffix in file_types.SCENE else "file")
         options = replace(stage or StageOptions(), variants=variants or {})
         _refuse_unused(suffix, str(path), sets, time, code, options, found)
+        if max_elements is not None and suffix not in file_types.SCENE:
+            found.error("only .scene files make elements", Span(str(path)), "leave out --max-elements")
         if suffix in file_types.SCENE:
+            evaluate = partial(_scene, path, real, files, sets or {}, max_elements, watch)
             start = time or 0.0
-            scene = _scene(path, real, files, sets or {}, start, found, watch)
-            scene = _blurred(scene, lambda later, said: _scene(path, real, files, sets or {}, start + later, said, watch), found)
+            scene = evaluate(start, found)
+            scene = _blurred(scene, lambda later, said: evaluate(start + later, said), found)
         elif suffix in file_types.USD:
             scene = _stage(path, files, (time, code), options, found, watch)
             scene = _blurred(scene, lambda later, said: _stage(path, files, (time, code), options, said, watch, later), found)
@@ -121,14 +128,16 @@ class Stopwatch:
                 self._seconds[name] = self._seconds.get(name, 0.0) + clock.perf_counter() - started
 
 
-def _scene(path: Path, real: Path, files: Files, sets: Mapping[str, str], time: float, found: Diagnostics, watch: Stopwatch) -> ir.Scene:
+def _scene(
+    path: Path, real: Path, files: Files, sets: Mapping[str, str], most: int | None, watch: Stopwatch, time: float, found: Diagnostics
+) -> ir.Scene:  # fmt: skip
     reader = source_files.SceneReader(files)
     parsing: dict[str, float] = {}
     with watch.stage("parse"):
         lexer.grammar(cache_dirs.parser_tables())
     with watch.stage("evaluate"):
         source = reader.main(str(path), real)
-        document = evaluator.evaluate(source, reader, found, sets=sets, time=time, seconds=parsing)
+        document = evaluator.evaluate(source, reader, found, sets=sets, time=time, max_elements=most, seconds=parsing)
     watch.move("evaluate", "parse", parsing["parse"])
     with watch.stage("lower"):
         return lowering.lower(document, SceneBuilder(found, files), reader.folder)

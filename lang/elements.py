@@ -48,9 +48,9 @@ class Falloff:
     coefficients: Vector
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class Element:
-    """One element: a shape, light, material, texture, camera, block or setting.
+    """One element: a shape, light, material, texture, camera, block or setting. Never changed once it is made.
 
     kind      its name in the schema ("sphere", "blinn_phong", "point", "group", …)
     args      every argument of its schema entry by name: given, default, or None.
@@ -62,6 +62,7 @@ class Element:
     scope     dotted path of the parts that make it, for default names ("gear.rim")
     trace     the chain of calls that makes it, innermost first
     photometric  whether any light quantity was written with a unit
+    weight    number of elements in it and of itself, with repetitions
     Elements compare by identity: one `let` constant used twice is one element.
     """
 
@@ -73,6 +74,7 @@ class Element:
     scope: str = ""
     trace: tuple[tuple[str, Span], ...] = ()
     photometric: bool = False
+    weight: int = 1
 
 
 @dataclass(frozen=True, slots=True)

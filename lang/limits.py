@@ -7,10 +7,11 @@ import sys
 from .diagnostics import Span
 
 MAX_CALLS = 200  # nested calls
-MAX_LIST = 1_000_000  # items of a list, and iterations of a range or a `for`
+MAX_LIST = 10_000_000  # items of a list, and iterations of a range or a `for`
 MAX_TEXT = 1_000_000  # characters of a string
-MAX_STEPS = 2_000_000  # calls, loop iterations and comparisons together
-MAX_ELEMENTS = 200_000  # elements made, and elements placed, counting the repetitions of blocks
+MAX_STEPS = 2_000_000  # calls, loop iterations and comparisons together, besides those of the elements made
+STEPS_OF_ELEMENT = 100  # further steps for each element made
+MAX_ELEMENTS = 10_000_000  # elements made, and elements placed, counting the repetitions of blocks: some 10 GB of memory
 MAX_TERMS = 50_000  # operations in one formula
 MAX_FILES = 200  # files used
 
@@ -18,42 +19,56 @@ _STACK = 40_000  # Python frames: MAX_CALLS calls with some 50 nested expression
 
 
 class Exhausted(Exception):
-    """A limit was reached. The evaluator adds the place and stops the item."""
+    """A limit was reached. The evaluator adds the place and stops the item.
 
-    def __init__(self, message: str, hint: str = "") -> None:
+    `of_elements`: it is the limit on elements, whose place is the loop that makes most of them.
+    """
+
+    def __init__(self, message: str, hint: str = "", of_elements: bool = False) -> None:
         super().__init__(message)
         self.message = message
         self.hint = hint
+        self.of_elements = of_elements
         self.span: Span | None = None
         self.trace: tuple[tuple[str, Span], ...] = ()
 
 
 class Meter:
-    """Counters of one evaluation: steps, nested calls, elements."""
+    """Counters of one evaluation: steps, nested calls, elements made, and elements placed with the repetitions of blocks."""
 
-    __slots__ = ("calls", "elements", "steps")
+    __slots__ = ("allowed", "calls", "elements", "most", "placed", "steps")
 
-    def __init__(self) -> None:
+    def __init__(self, most: int | None = None) -> None:
+        """`most` elements; MAX_ELEMENTS if None."""
         self.calls = 0
         self.steps = 0
+        self.allowed = 0  # steps, as far as they are known to be allowed
         self.elements = 0
+        self.placed = 0
+        self.most = MAX_ELEMENTS if most is None else most
 
     def step(self, count: int = 1) -> None:
         """Count steps. Raises Exhausted."""
         self.steps += count
-        if self.steps > MAX_STEPS:
-            raise Exhausted(f"the scene takes more than {MAX_STEPS:,} steps to evaluate", "reduce loop iterations or calls")
+        if self.steps > self.allowed:
+            self._allow()
+
+    def _allow(self) -> None:
+        self.allowed = MAX_STEPS + STEPS_OF_ELEMENT * self.elements
+        if self.steps > self.allowed:
+            besides = f" besides {STEPS_OF_ELEMENT} for each element" if self.elements else ""
+            raise Exhausted(f"the scene takes more than {MAX_STEPS:,} steps to evaluate{besides}", "reduce loop iterations or calls")
 
     def element(self) -> None:
         """Count one element. Raises Exhausted."""
         self.elements += 1
-        if self.elements > MAX_ELEMENTS:
-            raise too_many_elements()
+        if self.elements > self.most:
+            raise self.too_many_elements()
 
-
-def too_many_elements() -> Exhausted:
-    """The error for too many elements."""
-    return Exhausted(f"the scene makes more than {MAX_ELEMENTS:,} elements", "use a mesh for many small parts")
+    def too_many_elements(self) -> Exhausted:
+        """The error for too many elements."""
+        hint = "use a mesh for many small parts, or allow more with --max-elements"
+        return Exhausted(f"the scene makes more than {self.most:,} elements", hint, of_elements=True)
 
 
 def check_list(length: float) -> None:

@@ -1,20 +1,22 @@
-"""Calls of built-in functions, user functions, parts, files and elements."""
+"""Calls of any function with evaluated arguments: built-in functions, user functions, parts, files and elements."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any, NoReturn
 
 from ..diagnostics import Diagnostics, Span
 from ..elements import Element
-from ..limits import MAX_CALLS, MAX_ELEMENTS, Exhausted, too_many_elements
+from ..limits import MAX_CALLS, Exhausted, Meter
 from ..schema.argument_types import Entry
 from ..schema.elements import SCHEMA
 from ..syntax import ast
 from ..syntax.parser import parse
-from . import arguments, suggestions
+from . import arguments
 from . import parameters as eval_parameters
-from .context import ArgumentValue, Evaluator, Scope, Thunk
+from .context import ArgumentValue, Code, Evaluator, Scope, Thunk
 from .values import (
     POISON,
     AssetPart,
@@ -33,20 +35,8 @@ from .values import (
     untag_unit,
 )
 
+SHARED = ("material", "texture")  # categories whose equal elements of one call site are one element
 _NUMBER = re.compile(r"[0-9]{1,15}(\.[0-9]{1,15})?")  # without sign, exponent and unit
-
-
-@dataclass(frozen=True, slots=True)
-class ParamUse:
-    """A `param` in one use of its file: the given value and the scope of the caller."""
-
-    param: ast.Param
-    given: ArgumentValue | None
-    caller: Scope
-
-    @property
-    def span(self) -> Span:
-        return self.param.name.span
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,38 +50,6 @@ class Site:
     children: tuple[Element, ...] | None = None
 
 
-def call(
-    evaluator: Evaluator, node: ast.Node, callee: ast.Node, args: tuple[ast.Argument, ...], block: ast.Block | None, scope: Scope
-) -> Value:
-    """The value of a call expression."""
-    function = evaluator.value(callee, scope)
-    label = callee_name(callee)
-    if type(function) is Entry and function.planned:
-        evaluator.fail(f"`{label}` is not built yet", callee.span, suggestions.planned_hint(label), scope)
-    givens = []
-    for a in args:
-        try:
-            value = evaluator.value(a.value, scope)
-        except Poisoned:
-            value = POISON
-        if a.name is None:
-            givens.append(ArgumentValue(None, a.span, value, a.value.span, a.value))
-        else:
-            givens.append(ArgumentValue(a.name.id, a.name.span, value, a.value.span, a.value))
-    children = None
-    if block is not None:
-        if not _takes_children(function):
-            evaluator.fail(f"{_title(function, label)} takes nothing in braces", callee.span, "", scope)
-        children = evaluator.collect(block, scope)
-    try:
-        evaluator.meter.step()
-        return apply(evaluator, function, givens, Site(label, callee.span, node.span, scope, children))
-    except Mistake as mistake:
-        evaluator.fail(mistake.message, mistake.span or node.span, mistake.hint, scope)
-    except Exhausted as limit:
-        raise locate(limit, callee.span, scope) from None
-
-
 def apply_values(evaluator: Evaluator, function: Value, values: list[Value], scope: Scope) -> Value:
     """The value of a function for values without a place in the source, for `map` and for recording a formula."""
     evaluator.meter.step()
@@ -99,7 +57,7 @@ def apply_values(evaluator: Evaluator, function: Value, values: list[Value], sco
     if isinstance(function, Closure):
         span = function.node.span
     elif isinstance(function, UserFunction):
-        span = function.let.name.span
+        span = function.code.let.name.span
     givens = [ArgumentValue(None, span, v, span) for v in values]
     label = callable_name(function) if _is_function(function) else ""
     return apply(evaluator, function, givens, Site(label, span, span, scope))
@@ -129,17 +87,19 @@ def _is_function(value: Value) -> bool:
     return isinstance(value, Entry | Builtin | UserFunction | Closure | FilePart | AssetPart)
 
 
-def _takes_children(function: Value) -> bool:
+def takes_children(function: Value) -> bool:
+    """Whether a callable takes children in braces."""
     if isinstance(function, Entry):
         return function.children
     if isinstance(function, UserFunction):
-        return function.takes_children
+        return function.code.takes_children
     if isinstance(function, FilePart):
         return any(ast.places_children(i) for i in function.module.file.items if not (isinstance(i, ast.Let) and i.parameters is not None))
     return False
 
 
-def _title(function: Value, label: str) -> str:
+def title(function: Value, label: str) -> str:
+    """A callee in a message."""
     return f"`{label}`" if _is_function(function) else kind(function)
 
 
@@ -161,20 +121,32 @@ def make_element(evaluator: Evaluator, entry: Entry, givens: list[ArgumentValue]
     args, given, photometric = bound
     if fraction and fraction[0]:
         evaluator.diagnostics.warning("the formula ends at this comma", fraction[2][1], fraction[1])
-    evaluator.meter.element()
     children = site.children or ()
-    element = Element(entry.name, args, site.span, given, children, scope.path, scope.trace, photometric)
-    if children:
-        weight = 1 + sum([evaluator.weights.get(c, 1) for c in children])
-        if weight > MAX_ELEMENTS:
-            raise too_many_elements()
-        evaluator.weights[element] = weight
+    if entry.category in SHARED:
+        return share(scope, entry.name, args, site.span, given, photometric)
+    evaluator.meter.element()
+    weight = 1 + sum([child.weight for child in children])
+    if weight > evaluator.meter.most:
+        raise evaluator.meter.too_many_elements()
+    return Element(entry.name, args, site.span, given, children, scope.path, scope.trace, photometric, weight)
+
+
+def share(scope: Scope, name: str, args: dict[str, Any], span: Span, given: frozenset[str], photometric: bool) -> Element:
+    """The one element of a call site and its chain of calls with these arguments: equal materials are one element."""
+    evaluator = scope.evaluator
+    key = (id(span), id(scope.trace), photometric, *args.values())  # the element keeps both alive
+    element = evaluator.shared.get(key)
+    if element is None:
+        evaluator.meter.element()
+        element = Element(name, args, span, given, (), scope.path, scope.trace, photometric)
+        evaluator.shared[key] = element
     return element
 
 
 def _assign(
-    evaluator: Evaluator, positional: tuple[str, ...], names: dict[str, str], required: list[str], givens: list[ArgumentValue], site: Site
-) -> dict[str, ArgumentValue]:
+    evaluator: Evaluator, positional: tuple[str, ...], names: Mapping[str, str], required: Iterable[str], givens: list[ArgumentValue],
+    site: Site,
+) -> dict[str, ArgumentValue]:  # fmt: skip
     """The arguments by parameter. Raises Poisoned after reporting errors."""
 
     def report(message: str, span: Span, hint: str) -> None:
@@ -213,42 +185,41 @@ def _builtin(evaluator: Evaluator, function: Builtin, givens: list[ArgumentValue
         raise Mistake("the result is too large for a number") from None
 
 
-def _enter(evaluator: Evaluator, site: Site) -> None:
-    evaluator.meter.calls += 1
-    if evaluator.meter.calls > MAX_CALLS:
-        evaluator.meter.calls -= 1
-        raise Exhausted(f"{site.label} calls itself too deeply: {MAX_CALLS} nested calls", "end it with `if … then … else …`")
+def enter(meter: Meter, label: str) -> None:
+    """Count a call that begins. Raises Exhausted."""
+    meter.calls += 1
+    if meter.calls > MAX_CALLS:
+        meter.calls -= 1
+        raise Exhausted(f"{label} calls itself too deeply: {MAX_CALLS} nested calls", "end it with `if … then … else …`")
 
 
 def _user(evaluator: Evaluator, function: UserFunction, givens: list[ArgumentValue], site: Site) -> Value:
-    let = function.let
-    parameters = let.parameters or ()
-    positional = tuple([p.name.id for p in parameters])
-    names = {n: n for n in positional}
-    for extra in arguments.PLACING:
-        names.setdefault(extra, extra)
-    assigned = _assign(evaluator, positional, names, [p.name.id for p in parameters if p.default is None], givens, site)
-    inner = function.scope.call_scope(site.label, site.callee, site.scope)
-    foreign = function.scope.unit != site.scope.unit
+    code, scope = function.code, site.scope
+    assigned = _assign(evaluator, code.positional, code.names, code.required, givens, site)
+    inner = function.scope.inner()
+    inner.trace = ((site.label, site.callee), *scope.trace)
+    inner.path = f"{scope.path}.{site.label}" if scope.path else site.label
+    inner.plain = inner.plain or scope.plain
+    foreign = function.scope.unit != scope.unit
     if foreign and function.foreign:
         assigned = {n: replace(g, value=untag_unit(g.value)) for n, g in assigned.items()}
-    for p in parameters:
-        given = assigned.get(p.name.id)
-        # A default sees the parameters before it and the enclosing scope.
-        inner.names[p.name.id] = (
-            Thunk(p.name.id, p, inner.snapshot()) if given is None else _coerce(p, given, site, foreign and not function.foreign)
-        )
-    if function.takes_children:
+    for p in code.parameters:
+        given = assigned.get(p.name)
+        if given is not None:
+            inner.names[p.name] = _coerce(p.node, given, site, foreign and not function.foreign)
+        elif p.default is not None:
+            inner.names[p.name] = Thunk(p.name, p.node.span, p.default, inner.snapshot())
+    if code.takes_children:
         inner.names["children"] = site.children or ()
-    _enter(evaluator, site)
+    enter(evaluator.meter, site.label)
     try:
-        result = evaluator.value(let.value, inner)
+        result = code.body(inner)
     finally:
         evaluator.meter.calls -= 1
     if foreign and function.foreign:
         result = tag_unit(result, function.scope.unit)
-    extras = [g for name, g in assigned.items() if name not in positional]
-    return _wrap(evaluator, result, extras, site) if extras else result
+    extras = [g for name, g in assigned.items() if name not in code.positional]
+    return wrap(result, extras, site) if extras else result
 
 
 def _coerce(parameter: ast.Parameter, given: ArgumentValue, site: Site, foreign: bool) -> Value:
@@ -266,14 +237,20 @@ def _coerce(parameter: ast.Parameter, given: ArgumentValue, site: Site, foreign:
         raise
 
 
-def _wrap(evaluator: Evaluator, result: Value, extras: list[ArgumentValue], site: Site) -> Value:
+def wrap(result: Value, extras: list[ArgumentValue], site: Site) -> Value:
     """The elements of a part in a group with the transform, material and name of its call."""
+    scope = site.scope
     if not is_placeable(result) or result == ():
-        for given in extras:
-            evaluator.report(f"{site.label} has no `{given.name}`", given.name_span, "it makes no shape", site.scope.trace)
-        raise Poisoned
+        refuse_extras(site.label, [(g.name or "", g.name_span) for g in extras], scope)
     children = result if isinstance(result, tuple) else (result,)
-    return make_element(evaluator, SCHEMA["group"], extras, Site(site.label, site.callee, site.span, site.scope, children))
+    return make_element(scope.evaluator, SCHEMA["group"], extras, Site(site.label, site.callee, site.span, scope, children))
+
+
+def refuse_extras(label: str, extras: Iterable[tuple[str, Span]], scope: Scope) -> NoReturn:
+    """Report arguments of elements, by name and place, that are given to a function that makes none."""
+    for name, span in extras:
+        scope.evaluator.report(f"{label} has no `{name}`", span, "it makes no shape", scope.trace)
+    raise Poisoned
 
 
 def _closure(evaluator: Evaluator, function: Closure, givens: list[ArgumentValue], site: Site) -> Value:
@@ -288,9 +265,9 @@ def _closure(evaluator: Evaluator, function: Closure, givens: list[ArgumentValue
     foreign = function.scope.unit != site.scope.unit
     for name in names:
         inner.names[name] = untag_unit(assigned[name].value) if foreign else assigned[name].value
-    _enter(evaluator, site)
+    enter(evaluator.meter, site.label)
     try:
-        result = evaluator.value(function.node.body, inner)
+        result = function.body(inner)
         return tag_unit(result, function.scope.unit) if foreign else result
     finally:
         evaluator.meter.calls -= 1
@@ -306,7 +283,7 @@ def _file(evaluator: Evaluator, function: FilePart, givens: list[ArgumentValue],
     assigned = _assign(evaluator, own, names, [], givens, site)
     scope = evaluator.instance(module, {n: g for n, g in assigned.items() if n in own}, site.label, site.callee, site.scope)
     scope.names["children"] = site.children or ()
-    _enter(evaluator, site)
+    enter(evaluator.meter, site.label)
     try:
         for name in own:
             _force_param(evaluator, scope, name)
@@ -321,36 +298,24 @@ def _force_param(evaluator: Evaluator, scope: Scope, name: str) -> None:
     """Evaluate a `param`, used or not, to check the given value."""
     thunk = scope.names[name]
     if isinstance(thunk, Thunk):
-        evaluator.force(thunk, thunk.label_span(), scope)
+        evaluator.force(thunk, thunk.span, scope)
 
 
 # --- definitions ----------------------------------------------------------------------------------------------------
 
 
-def evaluate_definition(thunk: Thunk, evaluator: Evaluator) -> Value:
-    """The value of a `let`, of the default of a parameter or of a `param`."""
-    node, scope = thunk.node, thunk.scope
-    if isinstance(node, ParamUse):
-        return _param(node, evaluator, scope)
-    if isinstance(node, ast.Parameter):
-        assert node.default is not None
-        value = evaluator.value(node.default, scope)
-        if node.type is None or node.type.id not in eval_parameters.TYPES:
-            return value
+def param_code(param: ast.Param, given: ArgumentValue | None, caller: Scope) -> Code:
+    """The code of a `param` in one use of its file: the given value or the default. `caller` is the scope of the call."""
+
+    def run(scope: Scope) -> Value:
         try:
-            return eval_parameters.coerce(value, node.type.id, scope)
+            return eval_parameters.param_value(param, given, scope, caller)
         except Mistake as mistake:
-            evaluator.fail(mistake.message, node.default.span, mistake.hint, scope)
-    return evaluator.value(node, scope)
+            trace = scope.trace if mistake.span and mistake.span.file == param.name.span.file else caller.trace
+            scope.evaluator.report(mistake.message, mistake.span, mistake.hint, trace)
+            raise Poisoned from None
 
-
-def _param(use: ParamUse, evaluator: Evaluator, scope: Scope) -> Value:
-    try:
-        return eval_parameters.param_value(use.param, use.given, scope, use.caller)
-    except Mistake as mistake:
-        trace = scope.trace if mistake.span and mistake.span.file == use.param.span.file else use.caller.trace
-        evaluator.report(mistake.message, mistake.span, mistake.hint, trace)
-        raise Poisoned from None
+    return run
 
 
 def set_value(param: ast.Param, text: str, scope: Scope, evaluator: Evaluator) -> ArgumentValue:
@@ -395,4 +360,17 @@ def locate(limit: Exhausted, span: Span, scope: Scope) -> Exhausted:
     if limit.span is None:
         limit.span = span
         limit.trace = scope.trace
+    return limit
+
+
+def locate_loop(limit: Exhausted, span: Span, before: int, scope: Scope) -> Exhausted:
+    """The limit on elements with the place of a loop that made most of them, of nested ones the innermost; other limits as they are.
+
+    `before` is the meter's number of elements at the beginning of the loop.
+    """
+    count = scope.meter.elements + scope.meter.placed
+    if limit.of_elements and 2 * (count - before) > count:
+        limit.of_elements = False
+        limit.span, limit.trace = span, scope.trace
+        limit.message += ", most of them in this loop"
     return limit

@@ -262,9 +262,7 @@ def _material(value: Value, place: Place, arg: Arg) -> Any:
     hint = ""
     if isinstance(value, Color) or category(value) == "texture":
         hint = "wrap it: lambert(…)"
-    elif isinstance(value, UserFunction):
-        hint = f"call it: {value.let.name.id}(…)"
-    elif isinstance(value, Entry) and value.category == "material":
+    elif isinstance(value, UserFunction) or (isinstance(value, Entry) and value.category == "material"):
         hint = f"call it: {value.name}(…)"
     elif isinstance(value, str) and isinstance(place.scope.find(value), UserFunction | Entry):
         hint = f"write {value}() without quotes"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, NoReturn, Protocol
 
@@ -14,32 +14,54 @@ from ..syntax import ast
 from .modules import Loader, Module
 
 Trace = tuple[tuple[str, Span], ...]
+Code = Callable[["Scope"], Any]  # the value of a compiled expression in a scope; raises Poisoned after reporting errors
+
+
+class Names:
+    """The names that one scope binds, and those of the scopes around it, known before evaluation."""
+
+    __slots__ = ("bound", "outer")
+
+    def __init__(self, bound: Iterable[str], outer: Names | None = None) -> None:
+        self.bound = frozenset(bound)
+        self.outer = outer
+
+    def depth(self, name: str) -> int:
+        """How many scopes outwards `name` is bound; -1 if no scope of the file binds it."""
+        names: Names | None = self
+        count = 0
+        while names is not None:
+            if name in names.bound:
+                return count
+            names, count = names.outer, count + 1
+        return -1
 
 
 class Thunk:
-    """A definition that is evaluated once, at its first use."""
+    """A definition that is evaluated once, at its first use. `code` gives its value in `scope`."""
 
-    __slots__ = ("label", "node", "scope", "state", "value")
+    __slots__ = ("code", "label", "scope", "span", "state", "value")
 
     WAITING, RUNNING, DONE, FAILED = range(4)
 
-    def __init__(self, label: str, node: Any, scope: Scope) -> None:
+    def __init__(self, label: str, span: Span, code: Code, scope: Scope) -> None:
         self.label = label
-        self.node = node
+        self.span = span
+        self.code = code
         self.scope = scope
         self.state = Thunk.WAITING
         self.value: Any = None
 
-    def label_span(self) -> Span:
-        """The place of the definition."""
-        return self.node.span if self.node is not None else Span(self.label)
-
     @classmethod
     def make_failed(cls, label: str, scope: Scope) -> Thunk:
         """A name whose definition has a reported error. Its uses raise Poisoned."""
-        thunk = cls(label, None, scope)
+        thunk = cls(label, Span(label), _raise_nothing, scope)
         thunk.state = Thunk.FAILED
         return thunk
+
+
+def _raise_nothing(scope: Scope) -> None:
+    """The code of a failed definition, which is never run."""
 
 
 class Scope:
@@ -53,37 +75,27 @@ class Scope:
 
     __slots__ = ("evaluator", "meter", "names", "parent", "path", "plain", "trace", "unit")
 
-    def __init__(self, evaluator: Evaluator, meter: Meter, unit: float = 1.0, parent: Scope | None = None) -> None:
+    def __init__(
+        self, evaluator: Evaluator, meter: Meter, unit: float = 1.0, parent: Scope | None = None, trace: Trace = (), path: str = "",
+        plain: bool = False,
+    ) -> None:  # fmt: skip
         self.evaluator = evaluator
         self.meter = meter
         self.unit = unit
         self.parent = parent
         self.names: dict[str, Any] = {}
-        self.trace: Trace = ()
-        self.path = ""
-        self.plain = False
+        self.trace = trace
+        self.path = path
+        self.plain = plain
 
     def inner(self) -> Scope:
         """A nested scope with the same chain of calls."""
-        scope = Scope(self.evaluator, self.meter, self.unit, self)
-        scope.trace = self.trace
-        scope.path = self.path
-        scope.plain = self.plain
-        return scope
+        return Scope(self.evaluator, self.meter, self.unit, self, self.trace, self.path, self.plain)
 
     def snapshot(self) -> Scope:
         """A copy of this scope with its present names."""
-        scope = self.inner()
-        scope.parent = self.parent
+        scope = Scope(self.evaluator, self.meter, self.unit, self.parent, self.trace, self.path, self.plain)
         scope.names = self.names.copy()
-        return scope
-
-    def call_scope(self, name: str, span: Span, caller: Scope) -> Scope:
-        """A nested scope for the body of a function that `caller` calls."""
-        scope = Scope(self.evaluator, self.meter, self.unit, self)
-        scope.trace = ((name, span), *caller.trace)
-        scope.path = f"{caller.path}.{name}" if caller.path else name
-        scope.plain = self.plain or caller.plain
         return scope
 
     def find(self, name: str) -> Any:
@@ -123,8 +135,9 @@ class Evaluator(Protocol):
     diagnostics: Diagnostics
     loader: Loader
     meter: Meter
-    weights: dict[Element, int]  # number of elements below a block, with repetitions
+    shared: dict[Any, Element]  # materials and textures by call site and arguments; see calls.share
     outer: Scope  # the scope around a file: the language and the prelude
+    language: dict[str, Any]  # the names of `outer` and of the scope around it
 
     def report(self, message: str, span: Span | None, hint: str = "", trace: Trace = ()) -> None:
         """Add an error to the diagnostics, once for each place."""
@@ -142,8 +155,8 @@ class Evaluator(Protocol):
         """The value of a definition that is used at `span`. Raises Poisoned."""
         ...
 
-    def collect(self, block: ast.Block, scope: Scope) -> tuple[Element, ...]:
-        """The elements of a block in braces."""
+    def place(self, value: Any, node: ast.Node, scope: Scope, sink: Any) -> None:
+        """Add the value of an item to a blocks.Sink."""
         ...
 
     def collect_file(self, module: Module, scope: Scope) -> tuple[Element, ...]:

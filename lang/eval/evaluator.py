@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from itertools import groupby
 from typing import Any, NoReturn
 
@@ -16,13 +15,16 @@ from ..limits import Exhausted, Meter
 from ..schema import argument_types
 from ..schema import elements as schema_elements
 from ..syntax import ast
-from . import builtins, calls, lint, operators, parameters
+from . import blocks, builtins, call_sites, calls, lint, operators, parameters
+from .blocks import Sink
 from .context import ArgumentValue, Scope, Thunk
-from .expressions import EXPRESSIONS, source, truth
+from .expressions import COMPILERS, expression
 from .modules import PRELUDE, Loader, Module, Reader, ReadError, Source, asset_kind, is_asset, use_name
 from .values import PLACEABLE, AssetPart, Closure, Color, FilePart, Mistake, Poisoned, UserFunction, Value, category, kind
 
 __all__ = ["Evaluator", "ReadError", "Reader", "Source", "evaluate"]
+
+COMPILERS.update(call_sites.COMPILERS)
 
 MAX_TRACE = 12  # calls of a chain in a message
 _linted: set[tuple[str, str, frozenset[str]]] = set()  # library files without lint errors: text, name, outer names
@@ -30,39 +32,30 @@ _linted: set[tuple[str, str, frozenset[str]]] = set()  # library files without l
 
 def evaluate(
     source: Source, reader: Reader, diagnostics: Diagnostics, *, sets: Mapping[str, str] | None = None, time: float = 0.0,
-    seconds: dict[str, float] | None = None,
+    max_elements: int | None = None, seconds: dict[str, float] | None = None,
 ) -> Document:  # fmt: skip
     """The elements of a scene at `time` seconds. `sets` maps names of `param`s to the texts of `--set`.
 
+    `max_elements` limits the elements made, and those placed with the repetitions of blocks (None: limits.MAX_ELEMENTS).
     Never raises on input: adds errors to `diagnostics` and returns the elements without errors. Sets `seconds["parse"]` to the
     parsing time.
     """
     limits.raise_recursion_limit()
-    evaluator = Evaluator(reader, diagnostics, time)
+    evaluator = Evaluator(reader, diagnostics, time, max_elements)
     document = evaluator.document(source, sets or {})
     if seconds is not None:
         seconds["parse"] = evaluator.loader.parsing
     return document
 
 
-@dataclass
-class Sink:
-    """Receiver of placed elements. `role` is `scene` for the rendered file, `file` for a used file, `block` for blocks."""
-
-    role: str
-    elements: list[Element] = field(default_factory=list)
-    cameras: list[Element] = field(default_factory=list)
-    settings: dict[str, Element] = field(default_factory=dict)
-
-
 class Evaluator:
     """One evaluation: its files, counters and messages. Implements context.Evaluator."""
 
-    def __init__(self, reader: Reader, diagnostics: Diagnostics, time: float) -> None:
+    def __init__(self, reader: Reader, diagnostics: Diagnostics, time: float, max_elements: int | None = None) -> None:
         self.diagnostics = diagnostics
-        self.meter = Meter()
+        self.meter = Meter(max_elements)
         self.loader = Loader(reader, diagnostics, self._check)
-        self.weights: dict[Element, int] = {}  # number of elements in a block, with repetitions
+        self.shared: dict[Any, Element] = {}
         self.root = Scope(self, self.meter)
         self.root.names.update(schema_elements.SCHEMA)
         self.root.names.update(builtins.FUNCTIONS)
@@ -70,11 +63,11 @@ class Evaluator:
         self.root.names["time"] = units.Quantity(time, units.TIME)
         self.root.names["children"] = ()
         self.outer = self.root  # replaced by the scope of the prelude
+        self.language: dict[str, Any] = self.root.names.copy()
         self._instances: dict[Module, Scope] = {}
         self._reported: set[tuple[Span | None, str]] = set()
         self._limits: set[str] = set()
         self._running: list[Thunk] = []
-        self._placed = 0
 
     # --- messages ---
 
@@ -112,7 +105,7 @@ class Evaluator:
         infos: list[ParamInfo] = []
         try:
             scope = self.instance(module, self.read_sets(module, sets), "", None, self.outer)
-            self._place_scene(module.file.items, scope, sink)
+            self._place_scene(module, scope, sink)
             infos = self._infos(module, scope)
         except Exhausted as limit:
             self._report_limit(limit)
@@ -126,6 +119,7 @@ class Evaluator:
         except ReadError:
             return  # a library without a prelude
         self.outer = self.module_scope(self.loader.load(prelude, library=True, prelude=True), self.root)
+        self.language |= self.outer.names
 
     def _check(self, module: Module) -> None:
         outer = set(self.root.names)
@@ -158,9 +152,9 @@ class Evaluator:
                 name = use_name(item)
                 scope.names.setdefault(name, self._bind_use(item, name, module))
             elif isinstance(item, ast.Param):
-                node = calls.ParamUse(item, given.get(item.name.id), caller)
-                scope.names.setdefault(item.name.id, Thunk(item.name.id, node, scope))
-        _bind_definitions(module.file.items, scope)
+                code = calls.param_code(item, given.get(item.name.id), caller)
+                scope.names.setdefault(item.name.id, Thunk(item.name.id, item.name.span, code, scope))
+        blocks.bind(blocks.code_of(module).definitions, scope)
         for name in module.broken:
             scope.names.setdefault(name, Thunk.make_failed(name, scope))
         return scope
@@ -175,10 +169,11 @@ class Evaluator:
     def _infos(self, module: Module, scope: Scope) -> list[ParamInfo]:
         infos = []
         for item in module.file.items:
-            thunk = scope.names.get(item.name.id) if isinstance(item, ast.Param) else None
-            if isinstance(item, ast.Param) and isinstance(thunk, Thunk) and isinstance(thunk.node, calls.ParamUse):
+            if isinstance(item, ast.Param):
                 try:
-                    infos.append(parameters.info(item, self.force(thunk, item.name.span, scope), scope, module.unit))
+                    value = scope.names[item.name.id]
+                    value = self.force(value, item.name.span, scope) if isinstance(value, Thunk) else value
+                    infos.append(parameters.info(item, value, scope, module.unit))
                 except (Poisoned, Mistake):
                     continue  # reported when the `param` was evaluated
                 except Exhausted as limit:
@@ -204,13 +199,13 @@ class Evaluator:
 
     # --- items ---
 
-    def _place_scene(self, items: tuple[ast.Item, ...], scope: Scope, sink: Sink) -> None:
+    def _place_scene(self, module: Module, scope: Scope, sink: Sink) -> None:
         """Evaluate the items of the scene. An item that reaches a limit does not stop the others."""
-        for item in items:
-            self._run_guarded(item.span, lambda item=item: self.place_items((item,), scope, sink, rest=False))
+        for item, place in blocks.code_of(module).items:
+            self._run_guarded(item.span, lambda place=place: _place_item(place, scope, sink))
         for thunk in list(scope.names.values()):
             if isinstance(thunk, Thunk):
-                self._run_guarded(thunk.label_span(), lambda thunk=thunk: self._force_unused(thunk, scope))
+                self._run_guarded(thunk.span, lambda thunk=thunk: self._force_unused(thunk, scope))
 
     def _run_guarded(self, span: Span, run: Callable[[], None]) -> None:
         try:
@@ -220,73 +215,20 @@ class Evaluator:
         except RecursionError:
             self.report("this is nested too deeply", span, "reduce nested expressions in a recursive function")
 
-    def place_items(self, items: tuple[ast.Item, ...], scope: Scope, sink: Sink, rest: bool = True) -> None:
-        """Evaluate the items of a block in order, except items with errors; with `rest` also the unused definitions."""
-        for item in items:
-            place = _ITEMS.get(type(item))
-            if place is not None:
-                try:
-                    place(self, item, scope, sink)
-                except Poisoned:
-                    continue
-        if rest and sink.role != "file":
-            for thunk in list(scope.names.values()):
-                if type(thunk) is Thunk:
-                    self._force_unused(thunk, scope)
-
     def _force_unused(self, thunk: Thunk, scope: Scope) -> None:
         """Evaluate an unused definition to report its errors."""
         if thunk.state == Thunk.WAITING:
             try:
-                self.force(thunk, thunk.label_span(), scope)
+                self.force(thunk, thunk.span, scope)
             except Poisoned:
                 return
-
-    def block(self, block: ast.Block, scope: Scope, sink: Sink, names: Mapping[str, Value] | None = None) -> None:
-        """Evaluate a block in a new scope with `names` and its `let`s."""
-        inner = scope.inner()
-        if names:
-            inner.names.update(names)
-        _bind_definitions(block.items, inner)
-        self.place_items(block.items, inner, sink)
-
-    def collect(self, block: ast.Block, scope: Scope) -> tuple[Element, ...]:
-        """The elements of a block in braces."""
-        sink = Sink("block")
-        self.block(block, scope, sink)
-        return tuple(sink.elements)
 
     def collect_file(self, module: Module, scope: Scope) -> tuple[Element, ...]:
         """The shapes and lights that a used file places."""
         sink = Sink("file")
-        self.place_items(module.file.items, scope, sink)
+        for _, place in blocks.code_of(module).items:
+            _place_item(place, scope, sink)
         return tuple(sink.elements)
-
-    def _place_for(self, item: ast.For, scope: Scope, sink: Sink) -> None:
-        for value in source(self, item.source, scope, "`for`"):
-            try:
-                self.meter.step()
-            except Exhausted as limit:
-                raise calls.locate(limit, item.source.span, scope) from None
-            self.block(item.block, scope, sink, {item.name.id: value})
-
-    def _place_if(self, item: ast.If, scope: Scope, sink: Sink) -> None:
-        condition = truth(self, item.condition, scope, "`if`")
-        if not isinstance(condition, bool):
-            self.fail("placement cannot depend on a formula's parameters", item.condition.span, "", scope)
-        if condition:
-            self.block(item.yes, scope, sink)
-        elif isinstance(item.no, ast.Block):
-            self.block(item.no, scope, sink)
-        elif item.no is not None:
-            self._place_if(item.no, scope, sink)
-
-    def _place_element(self, item: ast.ElementItem, scope: Scope, sink: Sink) -> None:
-        value = self.value(item.expression, scope)
-        try:
-            self.place(value, item.expression, scope, sink)
-        except Exhausted as limit:
-            raise calls.locate(limit, item.expression.span, scope) from None
 
     def place(self, value: Value, node: ast.Node, scope: Scope, sink: Sink) -> None:
         """Add the value of an item to the sink. Fails for values that cannot be placed."""
@@ -307,10 +249,10 @@ class Evaluator:
             self.fail(message, node.span, hint, scope)
 
     def _weigh(self, sink: Sink) -> None:
-        self._placed += self.weights.get(sink.elements[-1], 1)
-        if self._placed > limits.MAX_ELEMENTS:
+        self.meter.placed += sink.elements[-1].weight
+        if self.meter.placed > self.meter.most:
             sink.elements.pop()
-            raise limits.too_many_elements()
+            raise self.meter.too_many_elements()
 
     def _place_setting(self, element: Element, found: str, node: ast.Node, scope: Scope, sink: Sink) -> None:
         if sink.role == "file":
@@ -340,8 +282,11 @@ class Evaluator:
         thunk.state = Thunk.RUNNING
         self._running.append(thunk)
         try:
-            thunk.value = calls.evaluate_definition(thunk, self)
+            thunk.value = thunk.code(thunk.scope)
             thunk.state = Thunk.DONE
+            names = thunk.scope.names
+            if names.get(thunk.label) is thunk:
+                names[thunk.label] = thunk.value  # later uses need no thunk, and the scope has no cycle
         except BaseException:
             thunk.state = Thunk.FAILED
             raise
@@ -351,7 +296,7 @@ class Evaluator:
 
     def value(self, node: ast.Node, scope: Scope) -> Value:
         """The value of an expression. Raises Poisoned after reporting errors."""
-        return EXPRESSIONS[type(node)](self, node, scope)
+        return expression(node, None)(scope)
 
     # --- for built-in functions ---
 
@@ -365,7 +310,7 @@ class Evaluator:
         if isinstance(function, Closure):
             names = tuple([p.id for p in function.node.parameters])
         else:
-            names = tuple([p.name.id for p in function.let.parameters or ()])
+            names = function.code.positional
         inner = scope.inner()
         inner.plain = True
         result = calls.apply_values(self, function, [graph.parameter(i) for i in range(len(names))], inner)
@@ -376,15 +321,12 @@ class Evaluator:
         return graph.formula(names, terms, result_kind, span)
 
 
-def _bind_definitions(items: tuple[ast.Item, ...], scope: Scope) -> None:
-    """Bind the `let`s of a block, unevaluated; of two with one name, the first."""
-    for item in items:
-        if isinstance(item, ast.Let) and item.name.id not in scope.names:
-            name = item.name.id
-            if item.parameters is None:
-                scope.names[name] = Thunk(name, item.value, scope)
-            else:
-                scope.names[name] = UserFunction(item, scope)
+def _place_item(place: blocks.Placing, scope: Scope, sink: Sink) -> None:
+    """Evaluate an item, unless it has an error."""
+    try:
+        place(scope, sink)
+    except Poisoned:
+        return
 
 
 def _results(result: Value) -> tuple[tuple[Value, ...], str]:
@@ -430,10 +372,3 @@ def _shorten(trace: tuple[tuple[str, Span], ...]) -> tuple[tuple[str, Span], ...
     head = MAX_TRACE // 2
     left_out = len(trace) - MAX_TRACE + 1
     return (*trace[:head], (f"… {left_out} more …", trace[head][1]), *trace[len(trace) - MAX_TRACE + head + 1 :])
-
-
-_ITEMS: dict[type, Callable[[Evaluator, Any, Scope, Sink], None]] = {
-    ast.ElementItem: Evaluator._place_element,
-    ast.For: Evaluator._place_for,
-    ast.If: Evaluator._place_if,
-}

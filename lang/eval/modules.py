@@ -5,8 +5,8 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import lru_cache
-from typing import Protocol
+from functools import cached_property, lru_cache
+from typing import Any, Protocol
 
 from .. import file_types, units
 from ..diagnostics import Diagnostics, Span
@@ -42,6 +42,14 @@ class Reader(Protocol):
         ...
 
 
+@dataclass(eq=False, slots=True)
+class Parsed:
+    """A tree, and what the evaluator has compiled it to (a blocks.FileCode), which is kept with it across evaluations."""
+
+    file: ast.File
+    code: Any = None
+
+
 @dataclass(eq=False)
 class Module:
     """A parsed file. `unit` and `scale` are the unit of its bare lengths and its metres.
@@ -50,12 +58,21 @@ class Module:
     """
 
     source: Source
-    file: ast.File
+    parsed: Parsed
     unit: str
     scale: float
     of_library: bool
     broken: set[str] = field(default_factory=set)
     uses: dict[int, Module] = field(default_factory=dict)  # by the id of the `use` item
+
+    @property
+    def file(self) -> ast.File:
+        return self.parsed.file
+
+    @cached_property
+    def members(self) -> frozenset[str]:
+        """The names of its `let`s and `param`s, broken ones included."""
+        return frozenset({i.name.id for i in self.file.items if isinstance(i, ast.Let | ast.Param)} | self.broken)
 
 
 @dataclass
@@ -82,10 +99,11 @@ class Loader:
         self.chain.append((source, span))
         before = len(self.diagnostics.items)
         started = clock.perf_counter()
-        file = _parse(source.text, source.name, self.diagnostics)
+        parsed = _parse(source.text, source.name, self.diagnostics)
+        file = parsed.file
         self.parsing += clock.perf_counter() - started
         unit = self._unit(file)
-        module = Module(source, file, unit, units.UNITS[unit][0], library, set(file.broken))
+        module = Module(source, parsed, unit, units.UNITS[unit][0], library, set(file.broken))
         self.modules[source.path] = module
         if prelude:
             self.prelude = module
@@ -155,16 +173,16 @@ MAX_CACHED_TEXT = 100_000  # characters; a tree takes about 100 times the memory
 
 
 @lru_cache(maxsize=32)
-def _parse_cached(text: str, name: str) -> ast.File | None:
+def _parse_cached(text: str, name: str) -> Parsed | None:
     diagnostics = Diagnostics()
     file = parse(text, name, diagnostics)
-    return None if diagnostics.items else file
+    return None if diagnostics.items else Parsed(file)
 
 
-def _parse(text: str, name: str, diagnostics: Diagnostics) -> ast.File:
+def _parse(text: str, name: str, diagnostics: Diagnostics) -> Parsed:
     """The tree of a file, cached across evaluations. A file with errors is parsed again to report them."""
     cached = _parse_cached(text, name) if len(text) <= MAX_CACHED_TEXT else None
-    return cached or parse(text, name, diagnostics)
+    return cached or Parsed(parse(text, name, diagnostics))
 
 
 def is_asset(path: str) -> bool:

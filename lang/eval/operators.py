@@ -15,9 +15,12 @@ from .values import Color, ForeignNumber, Mistake, Value, kind
 _SYMBOLS = {"add": "+", "subtract": "-", "less": "<", "at_most": "<=", "greater": ">", "at_least": ">=", "equal": "==", "unequal": "!="}
 
 
+_NUMBERS = (float, Quantity)
+
+
 def is_scalar(value: Value) -> bool:
     """Whether a value is a number, a quantity or a number of a formula."""
-    return isinstance(value, float | Quantity) or (isinstance(value, Term) and not value.truth)
+    return isinstance(value, _NUMBERS) or (isinstance(value, Term) and not value.truth)
 
 
 def split(value: float | Quantity) -> tuple[float, Dimension]:
@@ -44,6 +47,8 @@ def bare_number_error(value: float, dimension: Dimension) -> Mistake:
 
 def unify(a: float | Quantity, b: float | Quantity, scope: Scope, doing: str) -> tuple[float, float, Dimension]:
     """Two numbers and their common dimension. 0 has every dimension; a bare number next to a length is in the unit of the file."""
+    if type(a) is float and type(b) is float:
+        return a, b, units.NONE
     x, da = split(a)
     y, db = split(b)
     if da == db:
@@ -118,7 +123,10 @@ def record(op: str, *args: Value) -> Term:
 
 def has_term(*args: Value) -> bool:
     """Whether a value is a term."""
-    return any(isinstance(a, Term) for a in args)
+    for a in args:  # noqa: SIM110 (called for every operation)
+        if isinstance(a, Term):
+            return True
+    return False
 
 
 # --- arithmetic -----------------------------------------------------------------------------------------------------

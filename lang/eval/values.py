@@ -6,9 +6,8 @@ fall-offs and elements are classes of elements.py.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 from .. import colors, units
@@ -19,7 +18,7 @@ from ..schema.argument_types import Entry
 from ..schema.elements import SCHEMA
 from ..syntax import ast
 from ..units import Quantity
-from .context import Scope
+from .context import Code, Scope
 from .modules import Module
 
 Value = Any
@@ -85,17 +84,41 @@ class Builtin:
     doc: str = ""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
+class ParameterCode:
+    """A parameter of a `let`. `type_name` is the declared type or that of a default with a unit; `kept` is a default without code."""
+
+    name: str
+    node: ast.Parameter
+    type_name: str
+    default: Code | None
+    kept: Value
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FunctionCode:
+    """`let name(parameters) = …`, compiled. `names` are the parameters and, for the elements that it makes, arguments of every element."""
+
+    let: ast.Let
+    parameters: tuple[ParameterCode, ...]
+    positional: tuple[str, ...]
+    names: Mapping[str, str]
+    required: tuple[str, ...]
+    takes_children: bool
+    body: Code
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class UserFunction:
     """`let name(parameters) = …` with its defining scope."""
 
-    let: ast.Let
+    code: FunctionCode
     scope: Scope
     foreign: bool = False  # passed as an argument to a part in a file with another unit
 
-    @cached_property
-    def takes_children(self) -> bool:
-        return ast.places_children(self.let.value)
+    @property
+    def name(self) -> str:
+        return self.code.let.name.id
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,6 +127,7 @@ class Closure:
 
     node: ast.Function
     scope: Scope
+    body: Code
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,6 +136,10 @@ class FilePart:
 
     name: str
     module: Module
+
+    @property
+    def members(self) -> frozenset[str]:
+        return self.module.members
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -199,7 +227,7 @@ def describe(value: Value) -> str:
         case Element():
             return f"the {category(value)} `{value.kind}`"
         case UserFunction():
-            return f"the function `{value.let.name.id}`"
+            return f"the function `{value.name}`"
         case Builtin() | FilePart() | AssetPart() | Entry():
             return f"{kind(value)} `{value.name}`" if not isinstance(value, Entry) else f"`{value.name}` itself"
     return kind(value)
@@ -234,8 +262,6 @@ def _short(text: str) -> str:
 def callable_name(function: Function) -> str:
     """The name of a function by its definition."""
     match function:
-        case UserFunction():
-            return function.let.name.id
         case Closure():
             return "|" + ", ".join([p.id for p in function.node.parameters]) + "| …"
     return function.name

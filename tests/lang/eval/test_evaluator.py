@@ -307,3 +307,23 @@ def test_ranges_are_inclusive_and_never_descend(a: int, b: int) -> None:
 )
 def test_expressions(expression: str, expected: object) -> None:
     assert value(expression) == expected
+
+
+def test_equal_materials_of_a_call_are_one_element() -> None:
+    text = (
+        "let brick(c) = lambert(c)\n"
+        "let wall(c) = box(material: brick(c))\n"
+        "for (k in 0..9) { wall(hsv(mod(k, 2) * 90deg, 1, 1))\n sphere(material: metal(\"gold\", roughness: 0.1 * mod(k, 3))) }"
+    )
+    placed = elements(text)
+    materials = [e.args["material"] for e in placed]
+    assert len({id(m) for m in materials}) == 2 + 3
+    assert [m.kind for m in materials] == ["lambert", "metal"] * 10
+    assert materials[0] is materials[4]
+    assert materials[0].args["color"] == (1.0, 0.0, 0.0)
+
+
+def test_a_material_with_another_error_at_the_same_call_is_not_shared() -> None:
+    _, messages = run("for (k in [0, 1, true, 0.5]) { sphere(material: metal(\"gold\", roughness: k)) }")
+    assert len(messages) == 1
+    assert "expected number or texture, got true" in messages[0]

@@ -18,7 +18,7 @@ from .evaluating import Files, elements, run
 
 CASES = {
     "range": ("for (k in 0..1000000000) { sphere(k) }", "a list of 1000000001 items is too long"),
-    "list": ("let a = [k for k in 0..999999]\nsphere(len(concat(a, a)))", "a list of 2000000 items is too long"),
+    "list": ("let a = 1..6000000\nsphere(len(concat(a, a)))", "a list of 12000000 items is too long"),
     "string": ('sphere(name: fold(|s, k| s + s, "a", 0..60))', "a string of 1048576 characters is too long"),
     "call": ("let f(n) = f(n + 1)\nsphere(f(1))", "f calls itself too deeply: 200 nested calls"),
     "calls twice": ("let f(n) = f(n + 1) + f(n + 1)\nsphere(f(1))", "f calls itself too deeply: 200 nested calls"),
@@ -36,9 +36,9 @@ CASES = {
     "lists of a param": ("param a = fold(|a, k| [a, a], [1], 0..60)\nsphere(len(a))", "2,000,000 steps"),
     "groups": (
         "let dup(n, x) = if n == 0 then x else dup(n - 1, pair(x))\nlet pair(x) = group {\n  x\n  x\n}\ndup(40, sphere())",
-        "200,000 elements",
+        "10,000,000 elements",
     ),
-    "groups placed": ("let x = [group { for (k in 1..999) { sphere() } }]\nfor (k in 1..300) { x[0] }", "200,000 elements"),
+    "groups placed": ("let x = [group { for (k in 1..999) { sphere() } }]\nfor (k in 1..30000) { x[0] }", "10,000,000 elements"),
 }
 
 
@@ -96,8 +96,37 @@ def test_loops_inside_loops_end(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_elements_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(limits, "MAX_ELEMENTS", 100)
-    _, messages = run("for (i in 0..999) { sphere() }")
-    assert [m.splitlines()[0] for m in messages] == ["a.scene:1:21: error: the scene makes more than 100 elements"]
+    for made in ("sphere()", "for (j in 0..9) { sphere() }", "group { sphere() }"):
+        _, messages = run(f"for (i in 0..999) {{ {made} }}")
+        assert messages == [
+            "a.scene:1:11: error: the scene makes more than 100 elements, most of them in this loop\n"
+            f"   1 | for (i in 0..999) {{ {made} }}\n"
+            "     |           ^^^^^^ use a mesh for many small parts, or allow more with --max-elements"
+        ]
+
+
+ROW = "let row(n) = [sphere(center: [k, 0, 0]) for k in 1..n]\n"
+LOOPS = {
+    "the second of two": ("for (i in 1..20) { sphere() }\nfor (j in 1..9) { box() \n for (k in 0..9) { sphere(k + 1) } }", "2:11"),
+    "that calls a part": (ROW + "for (i in 1..9) { row(20) }", "2:11"),
+    "of a list": (ROW + "for (i in 1..9) { row(2000) }", "1:50"),
+    "that places": ("let ball = group { sphere() }\nfor (i in 1..99) { ball }", "2:11"),
+}
+
+
+@pytest.mark.parametrize(("text", "place"), LOOPS.values(), ids=LOOPS.keys())
+def test_the_loop_that_makes_too_many_elements_is_told(text: str, place: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(limits, "MAX_ELEMENTS", 100)
+    _, messages = run(text)
+    assert [m.splitlines()[0] for m in messages] == [
+        f"a.scene:{place}: error: the scene makes more than 100 elements, most of them in this loop"
+    ]
+
+
+def test_elements_without_a_loop_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(limits, "MAX_ELEMENTS", 100)
+    _, messages = run("let tree(n) = group { if (n > 0) { tree(n - 1)\n tree(n - 1) }\n sphere() }\ntree(9)")
+    assert [m.splitlines()[0] for m in messages] == ["a.scene:3:2: error: the scene makes more than 100 elements"]
 
 
 def test_operations_of_a_formula_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:

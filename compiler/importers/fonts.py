@@ -41,17 +41,17 @@ class Font:
     def __init__(self, path: Path) -> None:
         import uharfbuzz
 
-        self._hb: Any = uharfbuzz
+        self._hb: Any = uharfbuzz  # its names are not in its types
         try:
-            face = uharfbuzz.Face(uharfbuzz.Blob(path.read_bytes()))
+            face = self._hb.Face(self._hb.Blob(path.read_bytes()))
         except OSError as failure:
             raise FontError(f"cannot read the font `{path.name}`: {failure.strerror}") from None
         if not face.glyph_count:
             raise FontError(f"`{path.name}` is not a font")
-        self._font = uharfbuzz.Font(face)
+        self._font = self._hb.Font(face)
         extents, h = self._font.get_font_extents("ltr"), self._font.get_nominal_glyph(ord("H"))
         tall = self._font.get_glyph_extents(h).y_bearing if h else 0
-        capital = tall or self._font.get_metric_position_with_fallback(uharfbuzz.OTMetricsTag.CAP_HEIGHT)
+        capital = tall or self._font.get_metric_position_with_fallback(self._hb.OTMetricsTag.CAP_HEIGHT)
         self.capital = float(capital) if capital > 0 else 0.7 * face.upem
         self.line = float(extents.ascender - extents.descender + extents.line_gap) or 1.2 * face.upem
         self._outlines: dict[int, list[F64]] = {}

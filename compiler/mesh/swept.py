@@ -153,7 +153,7 @@ def _add_caps(faces: Faces, caps: list[tuple[F64, I64, I64]], pointed: bool) -> 
     triangles = mesh_csg.triangulate([cut for cut, _, _ in caps])
     flat = np.concatenate([cut for cut, _, _ in caps])
     uv = (flat - flat.min(axis=0)) / profiles.extent(flat)
-    bottom, top = (np.concatenate([cap[k] for cap in caps]) for k in (1, 2))
+    bottom, top = np.concatenate([rows for _, rows, _ in caps]), np.concatenate([rows for _, _, rows in caps])
     faces.add(bottom[triangles[:, ::-1]], uv[triangles[:, ::-1]])
     if not pointed:
         faces.add(top[triangles], uv[triangles])

@@ -19,7 +19,7 @@ from ..mesh import mesh_csg
 from ..scene import transforms
 from ..scene.builder import boxes_under
 from ..scene.row_records import Piece
-from . import formulas
+from . import formulas, sweeps
 from .context import Context
 
 MOST_COPIES = 4096
@@ -34,6 +34,7 @@ class Body(NamedTuple):
     field: Callable[[Builder, Point], int]
     bounds: np.ndarray
     mesh: Any = None
+    meshed: Callable[[], Any] | None = None  # the mesh of a body that has a field as well, for solids with meshes in them
 
 
 class _Refused(Exception):
@@ -89,6 +90,9 @@ def _bodies(lowering: Context, element: Element, matrix: np.ndarray) -> list[Bod
     if not lowering.is_shape(element):
         lowering.error(element, f"`{element.kind}` cannot be a part of a solid", _NO_SOLIDS)
         raise _Refused
+    swept = sweeps.field(element)
+    if swept is not None:
+        return [_placed(Body(*swept, meshed=lambda: _mesh(lowering, element, lowering.pieces(element)).mesh), own)]
     pieces = lowering.pieces(element)
     if not pieces:
         raise _Refused
@@ -159,7 +163,9 @@ def _placed(body: Body, matrix: np.ndarray) -> Body:
     def field(b: Builder, point: Point) -> int:
         return b.scale(body.field(b, solid_fields.transform_point(b, point, _clean(inverse))), least)
 
-    return Body(field, boxes_under(body.bounds[None], matrix[None, :3])[0])
+    meshed = body.meshed
+    moved = None if meshed is None else lambda: meshed().transform(np.ascontiguousarray(matrix[:3]))
+    return Body(field, boxes_under(body.bounds[None], matrix[None, :3])[0], meshed=moved)
 
 
 def _clean(matrix: np.ndarray) -> np.ndarray:
@@ -213,8 +219,8 @@ def _of_meshes(lowering: Context, element: Element, bodies: list[Body]) -> Body:
 
 def _triangles(lowering: Context, element: Element, body: Body, beside: list[Body]) -> Any:
     """The mesh of a part; of an unbounded one, the portion near the bounded parts if that suffices."""
-    if body.mesh is not None:
-        return body.mesh
+    if body.mesh is not None or body.meshed is not None:
+        return body.mesh if body.meshed is None else body.meshed()
     bounds, builder = body.bounds, Builder()
     field = body.field(builder, (X, Y, Z))
     if not np.isfinite(bounds).all():

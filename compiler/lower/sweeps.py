@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
 from ...lang.elements import Element
+from ..formula import polygon_fields
+from ..formula.builder import Builder
+from ..formula.solid_fields import Point
 from ..mesh import polygon_mesh, profiles, splines, swept, tubes
 from ..scene import transforms
 from ..scene.row_records import Piece
@@ -48,19 +53,65 @@ def _revolved_profile(points: tuple[tuple[float, float], ...], kind: str, closed
 def extrude(lowering: Context, element: Element) -> list[Piece]:
     """A prism; nothing, after a diagnostic, if its profile is impossible."""
     args = element.args
-    taper, height = args["taper"], args["height"]
+    taper = args["taper"]
     if (taper[0] == 0) != (taper[1] == 0):
         axis = "x" if taper[0] == 0 else "z"
         hint = "write taper: 0 for a point, or a number above 0 for each axis"
         return lowering.refuse(element, f"`taper` is 0 along {axis} alone: the top would be an edge", hint)
     try:
-        outer = profiles.outline(args["profile"], args["kind"])
-        holes = [profiles.outline(hole, args["kind"], f"hole {n}") for n, hole in enumerate(args["holes"] or (), 1)]
-        loops = [loop[::-1] * (1.0, -1.0) for loop in profiles.with_holes(outer, holes)]
-        sweep = swept.Sweep(-height / 2 if args["centered"] else 0.0, height, args["twist"], taper)
+        loops, sweep = _prism(args)
         return _piece(lowering, element, swept.extrude(loops, sweep))
     except profiles.ProfileError as unfit:
         return lowering.refuse(element, str(unfit), unfit.hint)
+
+
+def field(element: Element) -> tuple[Callable[[Builder, Point], int], np.ndarray] | None:
+    """The field of a `revolve` or `extrude` and its bounds (2, 3); None of one without a field.
+
+    Those of few straight lines have one, unless they are open, scaled unevenly, or impossible.
+    """
+    args = element.args
+    if element.kind not in ("revolve", "extrude") or args["kind"] != "linear":
+        return None
+    try:
+        return _revolved_field(args) if element.kind == "revolve" else _prism_field(args)
+    except profiles.ProfileError:
+        return None
+
+
+def _revolved_field(args: Mapping[str, Any]) -> tuple[Callable[[Builder, Point], int], np.ndarray] | None:
+    if not args["closed"] or len(args["profile"]) > polygon_fields.MOST_EDGES or any(radius < 0 for radius, _ in args["profile"]):
+        return None
+    profile = _revolved_profile(args["profile"], "linear", True)
+    angle = 2 * math.pi if args["angle"] >= WHOLE * 2 * math.pi else args["angle"]
+    (reach, high), low = profile.max(axis=0), profile[:, 1].min()
+    bounds = np.array([[-reach, low, -reach], [reach, high, reach]])
+    return lambda b, point: polygon_fields.revolved(b, profile, angle, point), bounds
+
+
+def _prism_field(args: Mapping[str, Any]) -> tuple[Callable[[Builder, Point], int], np.ndarray] | None:
+    taper = args["taper"]
+    count = len(args["profile"]) + sum(map(len, args["holes"] or ()))
+    if taper[0] != taper[1] or count > polygon_fields.MOST_EDGES:
+        return None
+    loops, sweep = _prism(args)
+    flat = np.concatenate(loops) * (1.0, -1.0)
+    corners = np.concatenate([flat, flat * taper[0]])
+    if sweep.twist:
+        corners = np.linalg.norm(corners, axis=1).max() * np.array([[-1, -1], [1, 1]])
+    (x0, z0), (x1, z1) = corners.min(axis=0), corners.max(axis=0)
+    bounds = np.array([[x0, sweep.base, z0], [x1, sweep.base + sweep.height, z1]])
+    outlines = (loops[0], *(hole[::-1] for hole in loops[1:]))
+    shape = polygon_fields.Prism(outlines, sweep.base, sweep.height, sweep.twist, taper[0])
+    return lambda b, point: polygon_fields.prism(b, shape, point), bounds
+
+
+def _prism(args: Mapping[str, Any]) -> tuple[list[np.ndarray], swept.Sweep]:
+    """The loops of a prism in [x, -z], holes clockwise, and how they are swept. Raises ProfileError."""
+    outer = profiles.outline(args["profile"], args["kind"])
+    holes = [profiles.outline(hole, args["kind"], f"hole {n}") for n, hole in enumerate(args["holes"] or (), 1)]
+    loops = [loop[::-1] * (1.0, -1.0) for loop in profiles.with_holes(outer, holes)]
+    return loops, swept.Sweep(-args["height"] / 2 if args["centered"] else 0.0, args["height"], args["twist"], args["taper"])
 
 
 def curve(lowering: Context, element: Element) -> list[Piece]:

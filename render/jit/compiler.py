@@ -34,7 +34,7 @@ _registered = 0  # of registration.RECORDS
 def _contexts() -> dict[str, Any]:
     """Numba's contexts for the target machine of kernels, apart from those of other users of Numba in this process."""
     before = config.CPU_NAME, config.CPU_FEATURES  # pyright: ignore[reportAttributeAccessIssue]
-    config.CPU_NAME, config.CPU_FEATURES = target.CPU, target.features_text()  # pyright: ignore[reportAttributeAccessIssue]
+    config.CPU_NAME, config.CPU_FEATURES = target.LEVEL.cpu, target.LEVEL.features  # pyright: ignore[reportAttributeAccessIssue]
     try:
         typing_context = Context()
         return {"_toplevel_typing_context": typing_context, "_toplevel_target_context": cpu.CPUContext(typing_context, "cpu")}

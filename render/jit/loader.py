@@ -27,7 +27,7 @@ def target_machine(opt: int = 2) -> Any:
     """LLVM's target machine of kernels."""
     _initialize()
     found = llvm.Target.from_triple(llvm.get_process_triple())
-    return found.create_target_machine(cpu=target.CPU, features=target.features_text(), opt=opt, jit=True, codemodel="jitdefault")
+    return found.create_target_machine(cpu=target.LEVEL.cpu, features=target.LEVEL.features, opt=opt, jit=True, codemodel="jitdefault")
 
 
 @cache
@@ -37,7 +37,11 @@ def _initialize() -> None:
 
 
 def load_object(code: bytes) -> Any:
-    """An engine that holds object code; get_function_address(name) finds a function. The code lives as long as the engine."""
+    """An engine that holds object code; get_function_address(name) finds a function. The code lives as long as the engine.
+
+    Raises RuntimeError on a machine that does not run code of this level.
+    """
+    target.check_host()
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target_machine())
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()

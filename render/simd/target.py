@@ -1,25 +1,47 @@
-"""The target machine of kernels: instruction set, lanes of a vector, and Numba's target settings.
+"""The target machine of kernels: instruction set, LLVM's processor and features, lanes of a vector.
 
-MAQUETTE_SIMD=avx512|avx2|sse|scalar selects a smaller instruction set than the machine's, to test every width on one computer. "sse" means
-any 16-byte vectors (also NEON), "scalar" no vectors.
+Code is compiled for fixed levels of instruction sets, not for the machine at hand, so that it runs on every machine of the level:
+x86-64-v4 (AVX-512), x86-64-v3 (AVX2), x86-64-v2 (SSE4.2), and the baseline of aarch64 (NEON). The highest level of the machine is chosen.
+
+MAQUETTE_SIMD=avx512|avx2|sse|scalar selects a level by its vectors, to test every width on one computer. "sse" means any 16-byte vectors
+(also NEON), "scalar" no vectors. MAQUETTE_SIMD=native compiles for all features of the machine at hand.
 """
 
 from __future__ import annotations
 
 import os
+from typing import NamedTuple
 
 import llvmlite.binding as llvm
 
 BYTES = {"avx512": 64, "avx2": 32, "sse": 16, "scalar": 4}
 """Bytes of a vector in each instruction set."""
-
-_AVX512 = ("avx512f", "avx512vl", "avx512bw", "avx512dq")
-# Features to remove with each set; LLVM also removes the features that depend on them.
-_FIRST_IN_AVX512 = ("avx512", "avx10", "evex512", "amx")
-_FIRST_IN_AVX2 = ("avx", "fma", "f16c", "xop", "vaes", "vpclmulqdq", "sha512", "sm3", "sm4")
+NATIVE = "native"
 
 
-def _host() -> dict[str, bool]:
+class Level(NamedTuple):
+    """What code is compiled for."""
+
+    isa: str  # of BYTES
+    cpu: str  # LLVM's name of the processor
+    features: str  # in LLVM's notation, beside those of the processor
+    fma: bool  # whether fused multiply-add is one instruction
+
+
+# Without "-prefer-256-bit" LLVM splits vectors of 64 bytes.
+_X86 = {
+    "avx512": Level("avx512", "x86-64-v4", "-prefer-256-bit", True),
+    "avx2": Level("avx2", "x86-64-v3", "", True),
+    "sse": Level("sse", "x86-64-v2", "", False),
+    "scalar": Level("scalar", "x86-64-v2", "", False),
+}
+_V2 = ("cx16", "popcnt", "sse3", "ssse3", "sse4.1", "sse4.2")
+_V3 = (*_V2, "avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
+_V4 = (*_V3, "avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl")
+_LEVELS = (("avx512", _V4), ("avx2", _V3), ("sse", _V2))
+
+
+def _host_features() -> dict[str, bool]:
     """Features of the processor."""
     try:
         return dict(llvm.get_host_cpu_features())
@@ -27,45 +49,35 @@ def _host() -> dict[str, bool]:
         return {}
 
 
-def _best(features: dict[str, bool]) -> str:
-    if all(features.get(name) for name in _AVX512) and features.get("fma"):
-        return "avx512"
-    if features.get("avx2") and features.get("fma"):
-        return "avx2"
-    return "sse"
+def highest(features: dict[str, bool]) -> str:
+    """The instruction set of the highest level that a processor with these features has."""
+    return next((isa for isa, needed in _LEVELS if all(features.get(name) for name in needed)), "sse")
 
 
-def _restrict(features: dict[str, bool], isa: str) -> dict[str, bool]:
-    """Features of the machine that belong to `isa`."""
-    gone: tuple[str, ...] = ()
-    if isa == "avx2":
-        gone = _FIRST_IN_AVX512
-    elif isa in ("sse", "scalar"):
-        gone = (*_FIRST_IN_AVX512, *_FIRST_IN_AVX2)
-    return {name: on and not name.startswith(gone) for name, on in features.items()} if gone else features
+def choose(asked: str, triple: str, features: dict[str, bool]) -> Level:
+    """The level to compile for on a machine with these features: the highest, or the one asked for.
 
-
-def choose(asked: str, features: dict[str, bool]) -> tuple[str, dict[str, bool]]:
-    """Return the instruction set and its features on a machine with these; without a name, the best one.
-
-    Raises ValueError for an unknown name; RuntimeError if the machine lacks the set.
+    Raises ValueError for an unknown name.
     """
-    best = _best(features)
-    asked = asked or best
-    if asked not in BYTES:
-        raise ValueError(f"MAQUETTE_SIMD={asked} is not an instruction set; choose from: {', '.join(BYTES)}")
-    if BYTES[asked] > BYTES[best]:
-        raise RuntimeError(f"MAQUETTE_SIMD={asked} is more than this machine has ({best})")
-    return asked, _restrict(features, asked) if asked != best else features
+    best = highest(features)
+    if asked not in ("", NATIVE, *BYTES):
+        raise ValueError(f"MAQUETTE_SIMD={asked} is not an instruction set; choose from: {', '.join(BYTES)}, {NATIVE}")
+    x86 = triple.startswith("x86_64")
+    if asked == NATIVE or not (x86 or triple.startswith("aarch64")):
+        text = ",".join(f"{'+' if on else '-'}{name}" for name, on in sorted(features.items()))
+        fma = bool(features.get("fma")) or ("neon" in features and not x86)
+        return Level(best if asked in ("", NATIVE) else asked, llvm.get_host_cpu_name(), text, fma)
+    if not x86:
+        return Level(asked or best, "generic", "+neon", True)
+    level = _X86[asked or best]
+    return level if level.isa in ("avx512", "avx2") or all(features.get(name) for name in _V2) else level._replace(cpu="x86-64")
 
 
-ISA, FEATURES = choose(os.environ.get("MAQUETTE_SIMD", ""), _host())
-CPU = llvm.get_host_cpu_name()
-"""LLVM's name of the processor."""
+HOST = _host_features()
+LEVEL = choose(os.environ.get("MAQUETTE_SIMD", ""), llvm.get_process_triple(), HOST)
+ISA, FMA = LEVEL.isa, LEVEL.fma
 X86 = llvm.get_process_triple().startswith(("x86_64", "i386", "i686"))
 AVX512, AVX2 = ISA == "avx512", ISA == "avx2"
-FMA = bool(FEATURES.get("fma")) or ("neon" in FEATURES and not X86)
-"""Whether fused multiply-add is one instruction; elsewhere it would be a library call."""
 CHECKED = os.environ.get("MAQUETTE_CHECKED") == "1"
 """Whether kernels check the places they access; see bounds_check.py."""
 WIDTH = BYTES[ISA] // 4
@@ -74,14 +86,16 @@ WIDTH64 = max(1, BYTES[ISA] // 8)
 """Lanes of eight bytes in a vector: 8, 4, 2 or 1."""
 
 
-def features_text() -> str:
-    """The features in LLVM's notation."""
-    return ",".join(f"{'+' if on else '-'}{name}" for name, on in sorted(FEATURES.items()))
+def check_host() -> None:
+    """Raise RuntimeError if this machine does not run the code of the level."""
+    best = highest(HOST)
+    if BYTES[ISA] > BYTES[best]:
+        raise RuntimeError(f"MAQUETTE_SIMD={ISA} is more than this machine has ({best})")
 
 
 def fingerprint() -> str:
-    """Text that differs between machines whose compiled code differs."""
-    return " ".join(("checked " * CHECKED + ISA, CPU, *sorted(feature for feature, on in FEATURES.items() if on)))
+    """Text that differs between targets whose compiled code differs."""
+    return " ".join((*(("checked",) if CHECKED else ()), ISA, llvm.get_process_triple(), LEVEL.cpu, LEVEL.features))
 
 
 def cores() -> int:

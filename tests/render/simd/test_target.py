@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from maquette.render import simd
+from maquette.render.jit import loader
 from maquette.render.jit.kernel import kernel
 from maquette.render.simd import target
 
@@ -118,9 +119,43 @@ def test_this_folder_passes_on_every_narrower_width(isa, tmp_path):
 
 def test_an_unsupported_instruction_set_is_rejected(script, tmp_path):
     done = run(script, "mmx", tmp_path)
-    assert "MAQUETTE_SIMD=mmx is not an instruction set; choose from: avx512, avx2, sse, scalar" in done.stderr
+    assert "MAQUETTE_SIMD=mmx is not an instruction set; choose from: avx512, avx2, sse, scalar, native" in done.stderr
+
+
+def test_code_of_a_higher_level_is_compiled_but_not_loaded(monkeypatch):
+    monkeypatch.setattr(target, "HOST", {})
+    monkeypatch.setattr(target, "ISA", "avx2")
     with pytest.raises(RuntimeError, match=re.escape("MAQUETTE_SIMD=avx2 is more than this machine has (sse)")):
-        target.choose("avx2", {})
+        loader.load_object(b"")
+
+
+V2 = {"cx16", "popcnt", "sse3", "ssse3", "sse4.1", "sse4.2"}
+V3 = V2 | {"avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe"}
+V4 = V3 | {"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"}
+
+
+@pytest.mark.parametrize(
+    ("features", "isa", "cpu"),
+    [
+        (V4 | {"avx512vnni"}, "avx512", "x86-64-v4"), (V4 - {"avx512dq"}, "avx2", "x86-64-v3"), (V4 - {"fma"}, "sse", "x86-64-v2"),
+        (V3, "avx2", "x86-64-v3"), (V2 | {"avx"}, "sse", "x86-64-v2"), (V3 - {"popcnt"}, "sse", "x86-64"), (set(), "sse", "x86-64"),
+    ],
+)  # fmt: skip
+def test_the_highest_level_of_a_machine_is_chosen(features, isa, cpu):
+    level = target.choose("", "x86_64-unknown-linux-gnu", dict.fromkeys(features, True))
+    assert (level.isa, level.cpu) == (isa, cpu)
+    assert level.fma == (isa != "sse")
+
+
+def test_levels_are_the_same_on_all_machines_of_a_level():
+    one, other = (dict.fromkeys(V4 | more, True) for more in (set(), {"avx512vbmi", "gfni"}))
+    assert target.choose("", "x86_64-linux", one) == target.choose("", "x86_64-linux", other)
+    assert target.choose("avx2", "x86_64-linux", one) == target.choose("", "x86_64-linux", dict.fromkeys(V3, True))
+    assert target.choose("native", "x86_64-linux", one) != target.choose("native", "x86_64-linux", other)
+
+
+def test_arm_has_one_level():
+    assert target.choose("", "aarch64-unknown-linux-gnu", {"neon": True, "sve": True}) == ("sse", "generic", "+neon", True)
 
 
 def test_other_code_of_numba_keeps_its_target(tmp_path):

@@ -19,7 +19,7 @@ INPUTS := $(filter-out %.png %.md,$(wildcard examples/*)) $(wildcard examples/as
 CHARTS := $(patsubst %,examples/%.scene,hello refraction room shapes spotlights) bench/scenes/cornell.scene
 CHART_BUDGET ?= 5min
 
-.PHONY: help venv demo pictures reference charts test test-all check bench bounds clean accuracy
+.PHONY: help venv demo pictures reference grammar charts test test-all check bench bounds clean accuracy
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -55,6 +55,9 @@ reference: $(STAMP)  ## write docs/reference.md from the schema again, and the p
 	@for name in usd gltf meshes; do \
 	  $(BIN)/python -m maquette.compiler.format_pages $$name > build/$$name.md && mv build/$$name.md docs/$$name.md || exit; \
 	done
+
+grammar: $(STAMP)  ## write the tables of the parser again, after a change of lang/syntax/grammar.lark
+	@mkdir -p build && $(BIN)/python -m maquette.lang.syntax.build_tables > build/tables.json && mv build/tables.json lang/syntax/tables.json
 
 charts: $(PEERS)  ## measure the charts of docs/charts.md again, peers too: half an hour on a quiet machine
 	@mkdir -p docs/charts

@@ -14,10 +14,9 @@ import numpy as np
 from ..lang import collector, file_types
 from ..lang.diagnostics import Diagnostics, Span, suggest
 from ..lang.eval import evaluator
-from ..lang.syntax import lexer
 from . import ir
 from .importers.stage_options import StageOptions
-from .io import cache_dirs, source_files
+from .io import source_files
 from .io.sandbox import FileError, Files, resolved
 from .lower import lowering
 from .plan import enclosed_lights
@@ -133,8 +132,6 @@ def _scene(
 ) -> ir.Scene:  # fmt: skip
     reader = source_files.SceneReader(files)
     parsing: dict[str, float] = {}
-    with watch.stage("parse"):
-        lexer.grammar(cache_dirs.parser_tables())
     with watch.stage("evaluate"):
         source = reader.main(str(path), real)
         document = evaluator.evaluate(source, reader, found, sets=sets, time=time, max_elements=most, seconds=parsing)

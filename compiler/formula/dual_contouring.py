@@ -8,6 +8,7 @@ otherwise on the face that they share (Wenger, "Isosurfaces", 2013, 5.4), so tha
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -72,7 +73,7 @@ def contour(tape: Tape, bounds: Floats, count: int, whole: bool = False) -> Cont
     cells, pattern = cells[mixed], pattern[mixed]
     if not len(cells):
         return nothing._replace(missing=missing)
-    loops = _LOOPS[_is_otherwise(grid, cells, pattern).astype(np.int64), pattern]
+    loops = _loop_tables()[_is_otherwise(grid, cells, pattern).astype(np.int64), pattern]
     edges = _Edges(tape, grid, cells, loops)
     vertices, vertex_of = _vertices(tape, grid, cells, loops, edges)
     triangles = _triangles(grid, cells, edges, vertex_of, vertices)
@@ -193,20 +194,22 @@ def _loops(otherwise: bool) -> Ints:
     return table
 
 
-_LOOPS = np.stack([_loops(False), _loops(True)])
+@cache
+def _loop_tables() -> Ints:
+    """(2, 256, …): both tables of `_loops`."""
+    return np.stack([_loops(False), _loops(True)])
 
 
+@cache
 def _joined() -> NDArray[np.bool_]:
     """(256, 6) whether all four roots of a face belong to one component; such a pattern has a single face of four roots."""
     table = np.zeros((256, 6), bool)
     for k, face in enumerate(_FACES):
         edges = [edge for pair, edge in _EDGE_OF.items() if pair <= set(face)]
-        pieces = _LOOPS[0][:, edges]
+        pieces = _loop_tables()[0][:, edges]
         table[:, k] = (pieces >= 0).all(axis=1) & (pieces == pieces[:, :1]).all(axis=1)
     return table
 
-
-_JOINED = _joined()
 
 
 def _is_otherwise(grid: _Grid, cells: Ints, pattern: Ints) -> NDArray[np.bool_]:
@@ -214,10 +217,10 @@ def _is_otherwise(grid: _Grid, cells: Ints, pattern: Ints) -> NDArray[np.bool_]:
     found, codes = np.zeros(len(cells), bool), grid.number(cells)
     order = np.argsort(codes)
     for axis in range(3):
-        mine = np.flatnonzero(_JOINED[pattern, 2 * axis + 1])
+        mine = np.flatnonzero(_joined()[pattern, 2 * axis + 1])
         next_ = grid.number(cells[mine] + np.eye(3, dtype=np.int64)[axis])
         other = order[np.minimum(np.searchsorted(codes[order], next_), len(order) - 1)]
-        both = (codes[other] == next_) & _JOINED[pattern[other], 2 * axis]
+        both = (codes[other] == next_) & _joined()[pattern[other], 2 * axis]
         found[mine[both]] = found[other[both]] = True
     return found
 

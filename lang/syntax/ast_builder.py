@@ -6,10 +6,9 @@ import re
 from itertools import pairwise
 from typing import Any
 
-from lark import Token, Transformer
-
 from ..diagnostics import Span
 from . import ast
+from .token import Token
 from .trivia import Comments, Place
 
 MAX_DEPTH = 1000  # nested nodes, so that later stages can walk the tree recursively
@@ -27,16 +26,12 @@ class TooDeep(Exception):
         self.span = span
 
 
-class TreeBuilder(Transformer):
-    """Each method takes the parts of its rule, which are tokens and nodes, and returns a node."""
+class TreeBuilder:
+    """Builds the tree of a file. Each method takes the parts of its rule, which are tokens and nodes, and returns a node."""
 
-    file: str
-    comments: Comments
-    depths: dict[int, int]  # height of each subtree, by id(node); a reused id is overwritten
-
-    def begin(self, file: str, comments: Comments) -> None:
-        """Reset the builder for the tree of `file`."""
-        self.file, self.comments, self.depths = file, comments, {}
+    def __init__(self, file: str, comments: Comments) -> None:
+        self.file, self.comments = file, comments
+        self.depths: dict[int, int] = {}  # height of each subtree, by id(node); a reused id is overwritten
 
     # --- helpers --------------------------------------------------------------------------------------------------
 

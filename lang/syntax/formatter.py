@@ -9,12 +9,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import takewhile
 
-from lark import Token
-
 from ..diagnostics import Diagnostics
-from .lexer import CLOSERS, KEYWORDS, OPENERS, OPERATORS, grammar
+from .lexer import CLOSERS, KEYWORDS, OPENERS, OPERATORS, lex
 from .line_joining import CONTINUED_AFTER
 from .parser import parse
+from .token import Token
 
 INDENT = 2
 # An operand follows one of these: a `-` is a sign, a `|` begins the parameters of a function.
@@ -50,7 +49,7 @@ def format_text(text: str, name: str, diagnostics: Diagnostics) -> str | None:
     diagnostics.items.extend(found.items)
     if found.failed:
         return None
-    lines = _lines(list(grammar().lex(text.removeprefix("\ufeff"))))
+    lines = _lines(list(lex(text.removeprefix("\ufeff"))))
     _indent(lines)
     _set_spaces(lines)
     return "".join(_output(lines))

@@ -1,4 +1,4 @@
-"""LALR driver for Lark's tables that takes a chain of unit rules in one step.
+"""LALR driver that takes a chain of unit rules in one step, and builds the tree during the parse, without recursion.
 
 The operator precedences pass each number through a dozen unit rules. The end of such a chain depends on two states and the kind of
 the next token. It is cached: Pager, "Eliminating Unit Productions from LR Parsers", 1977.
@@ -6,18 +6,12 @@ the next token. It is cached: Pager, "Eliminating Unit Productions from LR Parse
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from operator import itemgetter
+from collections.abc import Callable
 from typing import Any
 
-from lark import Lark, Token
-from lark.parsers.lalr_analysis import Shift
-
 from .ast_builder import TreeBuilder
-from .trivia import Comments
-
-Callbacks = dict[Any, Callable[[list[Any]], Any]]  # by rule
+from .tables import Rule, tables
+from .token import Token
 
 
 class Unexpected(Exception):
@@ -31,74 +25,69 @@ class Unexpected(Exception):
 class Automaton:
     """The state of one parse. The stack `states` holds the start state and one state for each entry of the stack `values`."""
 
-    def __init__(self, lark: Lark, callbacks: Callbacks) -> None:
-        conf = lark.parse_interactive().parser_state.parse_conf
-        self._rows, self._end = conf.states, conf.end_state
-        # The tree is built during the parse, without recursion. The builder serves one parse at a time.
-        self._callbacks = callbacks
-        self._chains = _chains.setdefault(id(conf.states), {})
-        self.states: list[Any] = [conf.start_state]
+    def __init__(self, builder: TreeBuilder) -> None:
+        known = tables()
+        self._rows, self._rules, self._end = known.states, known.rules, known.end
+        self._actions = [_action(rule, builder) for rule in known.rules]
+        self.states: list[int] = [0]
         self.values: list[Any] = []
 
     def feed(self, token: Token) -> Any:
         """Shift one token after all reductions. Returns the result of the start rule after the last token. Raises Unexpected."""
-        rows, states, values, chains, kind = self._rows, self.states, self.values, self._chains, token.type
+        rows, states, values, kind = self._rows, self.states, self.values, token.type
         while True:
             if values:
                 key = states[-2], states[-1], kind
                 try:
-                    state = states[-1] = chains[key]
+                    state = states[-1] = _chains[key]
                 except KeyError:
-                    state = states[-1] = chains[key] = self._end_of_chain(*key)
+                    state = states[-1] = _chains[key] = self._end_of_chain(*key)
             else:
                 state = states[-1]
             try:
-                action, arg = rows[state][kind]
+                action = rows[state][kind]
             except KeyError:
                 raise Unexpected({name for name in rows[state] if name.isupper()}) from None
-            if action is Shift:
-                states.append(arg)
+            if action >= 0:
+                states.append(action)
                 values.append(token)
                 return None
-            first = len(values) - len(arg.expansion)
-            value = self._callbacks[arg](values[first:])
+            rule = self._rules[-1 - action]
+            first = len(values) - len(rule.parts)
+            value = self._actions[-1 - action](values[first:])
             del values[first:], states[first + 1 :]
-            states.append(rows[states[-1]][arg.origin.name][1])
+            states.append(rows[states[-1]][rule.origin])
             values.append(value)
             if states[-1] == self._end:
                 return value
 
-    def _end_of_chain(self, below: Any, state: Any, kind: str) -> Any:
+    def _end_of_chain(self, below: int, state: int, kind: str) -> int:
         """The state after all unit rules that reduce the top of the stack."""
         while True:
-            action, arg = self._rows[state].get(kind, (Shift, None))
-            if action is Shift or not _is_unit(arg) or self._rows[below][arg.origin.name][1] == self._end:
+            action = self._rows[state].get(kind, 0)
+            if action >= 0 or not self._rules[-1 - action].is_unit:
                 return state
-            state = self._rows[below][arg.origin.name][1]
+            after = self._rows[below][self._rules[-1 - action].origin]
+            if after == self._end:
+                return state
+            state = after
 
 
-_chains: dict[int, dict[tuple[Any, Any, str], Any]] = {}  # by grammar, which is never freed
+_chains: dict[tuple[int, int, str], int] = {}
 
 
-def _is_unit(rule: Any) -> bool:
-    """Whether a rule returns its only part unchanged."""
-    return rule.options.expand1 and rule.alias is None and len(rule.expansion) == 1
+def _action(rule: Rule, builder: TreeBuilder) -> Callable[[list[Any]], Any]:
+    """The function from the parts of a rule to its value. Rules without a method have the list of their parts as value."""
+    if rule.is_unit:
+        return lambda parts: parts[0]
+    method = getattr(builder, rule.method) if rule.method else list
+    spread = [k for k, name in enumerate(rule.parts) if name.startswith("_") and not name.isupper()]
+    if not spread:
+        return method
 
+    def build(parts: list[Any]) -> Any:
+        for k in reversed(spread):
+            parts[k : k + 1] = parts[k]
+        return method(parts)
 
-@contextmanager
-def building(lark: Lark, file: str, comments: Comments) -> Iterator[Callbacks]:
-    """The callbacks of a tree builder for a file. Idle builders are reused, because Lark creates callbacks slowly."""
-    try:
-        builder, callbacks = _idle.pop()
-    except IndexError:
-        builder = TreeBuilder()
-        callbacks = lark._parse_tree_builder.create_callback(builder)
-        callbacks.update((rule, itemgetter(0)) for rule in callbacks if _is_unit(rule))
-    builder.begin(file, comments)
-    try:
-        yield callbacks
-    finally:
-        _idle.append((builder, callbacks))
-
-
-_idle: list[tuple[TreeBuilder, Callbacks]] = []
+    return build

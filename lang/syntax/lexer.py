@@ -1,17 +1,15 @@
-"""Lexer: Lark's lexer with messages for characters and strings that are not in the language."""
+"""Lexer, with messages for characters and strings that are not in the language."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
-
-from lark import Lark, Token
-from lark.lark import PostLex
 
 from ..diagnostics import Diagnostics, Span
 from . import ast
+from .tables import tables
+from .token import Token
 
 KEYWORDS = frozenset(("use", "as", "unit", "param", "in", "let", "for", "if", "else", "then", "or", "and", "not"))
 COMPARISONS = frozenset(("<", "<=", ">", ">=", "==", "!="))
@@ -44,15 +42,6 @@ _REPLACEMENTS = {  # hints for characters of other languages
 }
 
 
-class _KeepMistakes(PostLex):
-    """Makes Lark accept terminals outside the grammar's rules: comments and lexical errors."""
-
-    always_accept = ("COMMENT", "OPEN_STRING", "BLOCK_COMMENT", "HASH_COMMENT", "BAD_COLOR", "UNKNOWN")
-
-    def process(self, stream):
-        return stream
-
-
 @dataclass(slots=True)
 class Scan:
     """The tokens of a file (ending with `$END`), its comments, and the places of lexical errors."""
@@ -62,21 +51,22 @@ class Scan:
     wrong: list[tuple[int, int]] = field(default_factory=list)  # line, column
 
 
-def grammar(cache: str | None = None) -> Lark:
-    """The Lark parser with its tables, built once. Building takes longer than parsing most scenes.
-
-    `cache` is a cache file for the tables. Lark checks that they match the grammar and its own version.
-    """
-    if not _grammar:
-        text = Path(__file__).with_name("grammar.lark").read_text(encoding="utf-8")
-        options: Any = {"parser": "lalr", "lexer": "basic", "keep_all_tokens": True, "maybe_placeholders": False, "cache": cache or False}
-        made = Lark(text, postlex=_KeepMistakes(), **options)
-        made.lexer = made._build_lexer()  # pyright: ignore[reportPrivateUsage]  # otherwise each `lex` builds one in 0.5 ms
-        _grammar.append(made)
-    return _grammar[0]
-
-
-_grammar: list[Lark] = []
+def lex(text: str) -> Iterator[Token]:
+    """The tokens of a text, without blanks. Every character is part of a token: what is not in the language has kinds of its own."""
+    known = tables()
+    match, keywords, ignored = known.pattern.match, known.keywords, known.ignored
+    at, line, begin = 0, 1, 0  # position, its line, and the position of the first character of that line
+    while found := match(text, at):
+        kind, value, end = found.lastgroup or "", found[0], found.end()
+        first_line, column = line, at - begin + 1
+        if "\n" in value:
+            line += value.count("\n")
+            begin = at + value.rindex("\n") + 1
+        if kind == "NAME":
+            kind = keywords.get(value, kind)
+        if kind not in ignored:
+            yield Token(kind, value, at, first_line, column, line, end - begin + 1, end)
+        at = end
 
 
 def span_of(token: Token, file: str) -> Span:
@@ -89,7 +79,7 @@ def scan(text: str, file: str, diagnostics: Diagnostics) -> Scan:
     result = Scan()
     depth = 0
     safe = 0  # number of tokens before the last line end outside all brackets
-    for token in _commented_lines(grammar().lex(text)):
+    for token in _commented_lines(lex(text)):
         if token.type in _MISTAKES:
             result.wrong.append((token.line or 1, token.column or 1))
             replacement = _MISTAKES[token.type](token, file, diagnostics)
@@ -136,7 +126,7 @@ def _commented_lines(stream):
             continue
         elif fresh and token.type == "BAD_COLOR" and re.search("[g-zG-Z]", token):
             skipped = token.line
-            token = Token.new_borrow_pos("HASH_COMMENT", token, token)
+            token = token.replaced("HASH_COMMENT", token)
         if token.type not in ("_NL", "COMMENT"):
             fresh = False
         yield token
@@ -162,7 +152,7 @@ def _check_escapes(token: Token, file: str, diagnostics: Diagnostics) -> None:
 def _open_string(token: Token, file: str, diagnostics: Diagnostics) -> Token:
     diagnostics.error("this string is not closed", span_of(token, file), 'write `"` at its end')
     text = str(token).rstrip("\\")
-    return Token.new_borrow_pos("STRING", text + '"', token)
+    return token.replaced("STRING", text + '"')
 
 
 def _block_comment(token: Token, file: str, diagnostics: Diagnostics) -> ast.Comment:
@@ -181,7 +171,7 @@ def _hash_comment(token: Token, file: str, diagnostics: Diagnostics) -> ast.Comm
 def _bad_color(token: Token, file: str, diagnostics: Diagnostics) -> Token:
     what = "has a letter that is no hexadecimal digit" if re.search("[g-zG-Z]", token) else f"has {_count(len(token) - 1, 'digit')}"
     diagnostics.error(f"the colour `{token}` {what}", span_of(token, file), "a colour is #rgb or #rrggbb")
-    return Token.new_borrow_pos("COLOR", "#000", token)
+    return token.replaced("COLOR", "#000")
 
 
 def _unknown(token: Token, file: str, diagnostics: Diagnostics) -> None:

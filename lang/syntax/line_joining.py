@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from lark import Token
-
 from ..diagnostics import Diagnostics
 from .lexer import CLOSERS, OPENERS, OPERATORS, Scan, span_of
+from .token import Token
 
 # A line that ends with one of these continues; `|` closes the parameters of a function.
 CONTINUED_AFTER = OPERATORS | frozenset(("=", ",", ":", ".", "|", "in", "then", "else", "(", "["))

@@ -6,13 +6,12 @@ from bisect import bisect_left
 from dataclasses import dataclass, field
 from typing import Any
 
-from lark import Token
-
 from ..diagnostics import Diagnostics, Span, sort_diagnostics
 from . import ast, lexer, line_joining, syntax_errors
-from .ast_builder import BROKEN, MAX_DEPTH, TooDeep
+from .ast_builder import BROKEN, MAX_DEPTH, TooDeep, TreeBuilder
 from .error_site import ErrorSite
-from .lalr_driver import Automaton, Unexpected, building
+from .lalr_driver import Automaton, Unexpected
+from .token import Token
 from .trivia import Comments
 
 MAX_BYTES = 4_000_000
@@ -85,12 +84,7 @@ class _Parsing:
     broken: set[str] = field(default_factory=set)  # names that items with errors bind
 
     def run(self) -> tuple[tuple[ast.Item, ...], tuple[ast.Comment, ...], set[str]]:
-        lark = lexer.grammar()
-        with building(lark, self.file, Comments(self.scan.comments)) as callbacks:
-            return self._run(Automaton(lark, callbacks))
-
-    def _run(self, parser: Automaton) -> tuple[tuple[ast.Item, ...], tuple[ast.Comment, ...], set[str]]:
-        self.parser = parser
+        self.parser = Automaton(TreeBuilder(self.file, Comments(self.scan.comments)))
         self.levels = [_Level(0, 0, 0)]
         self.depths = _depths(self.stream)
         self.wrong = sorted(self.scan.wrong)

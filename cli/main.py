@@ -20,7 +20,7 @@ from . import option_types as values
 from . import render_job as jobs
 from . import terminal
 
-ORDER = ["new", "render", "check", "inspect", "explain", "chart", "compare", "watch", "convert", "format"]  # in --help
+ORDER = ["new", "render", "check", "inspect", "explain", "chart", "compare", "watch", "convert", "format", "doctor"]  # in --help
 PLANNED = {
     "sweep": "a labelled contact sheet over values of params",
     "lsp": "the language server",
@@ -68,6 +68,8 @@ class Commands(click.Group):
             from .convert import convert as command
         elif cmd_name == "new":
             from .new import new_command as command
+        elif cmd_name == "doctor":
+            from .doctor import doctor as command
         elif cmd_name == "format":
             from .format import format_command as command
         else:

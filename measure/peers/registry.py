@@ -54,9 +54,14 @@ def common_overrides(plan: Plan) -> dict[str, str]:
     return box if plan.decisions["texture_filter"].fixed else {**box, "texture_filter": "point"}
 
 
+def every() -> tuple[Peer, ...]:
+    """All peers, installed or not."""
+    return Mitsuba(), PovRay()
+
+
 def find(names: Iterable[str]) -> list[Peer]:
     """Peers by name, installed or not. Raises ValueError for an unknown name."""
-    known: dict[str, Peer] = {peer.name: peer for peer in (Mitsuba(), PovRay())}
+    known = {peer.name: peer for peer in every()}
     for name in (names := list(names)):
         if name not in known:
             raise ValueError(f"no peer is called `{name}`; there are {', '.join(known)}. {suggest(name, known)}".strip())

@@ -1,0 +1,93 @@
+"""The command `doctor`: one line for each part of an installation, and exit code 1 where something prevents rendering."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from maquette.cli import doctor
+from maquette.cli.main import cli
+from maquette.render.jit import kernel_cache
+from maquette.render.simd import target
+
+
+def run(*arguments: str) -> tuple[int, str]:
+    done = CliRunner().invoke(cli, ["doctor", *arguments])
+    return done.exit_code, done.stdout
+
+
+def findings() -> dict[str, dict[str, Any]]:
+    return {row["name"]: row for row in json.loads(run("--json")[1])["findings"]}
+
+
+def test_each_part_has_a_line() -> None:
+    code, out = run()
+    lines = {line.split("  ")[0]: line for line in out.splitlines()}
+    assert code == 0
+    assert set(lines) >= {"maquette", "Python", "packages", "instruction set", "kernel cache", "denoiser", "mitsuba", "povray"}
+    assert f"numpy {np.__version__}" in lines["packages"]
+    assert f"{target.ISA} ({target.LEVEL.cpu})" in lines["instruction set"]
+    assert str(kernel_cache.CACHE) in lines["kernel cache"]
+
+
+def test_json_has_the_same() -> None:
+    found = json.loads(run("--json")[1])
+    assert found["ready"] is True
+    assert [row["name"] for row in found["findings"]] == [line.split("  ")[0] for line in run()[1].splitlines()]
+    assert {row["state"] for row in found["findings"]} <= {"ok", "missing"}
+
+
+def test_what_is_missing_is_named_with_its_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    version = metadata.version
+
+    def without(name: str) -> str:
+        if name == "pyoidn":
+            raise metadata.PackageNotFoundError(name)
+        return version(name)
+
+    monkeypatch.setattr(metadata, "version", without)
+    assert findings()["denoiser"]["text"] == "for --denoise: pip install maquette-render[denoise]"
+    assert run()[0] == 0
+
+
+def test_a_package_that_rendering_needs_prevents_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor, "required_packages", lambda: {"numpy": "99.1", "no-such-package": "2.0"})
+    code, out = run()
+    assert code == 1
+    assert f"numpy            error: {np.__version__} is too old: pip install 'numpy>=99.1'\n" in out
+    assert "no-such-package  error: not installed: pip install 'no-such-package>=2.0'\n" in out
+
+
+def test_every_dependency_is_checked() -> None:
+    assert {"numpy", "numba", "click"} <= set(doctor.required_packages())
+
+
+@pytest.mark.parametrize(("variable", "value", "name", "state", "text", "code"), [
+    ("MAQUETTE_SIMD", "mmx", "instruction set", "error", "MAQUETTE_SIMD=mmx is not an instruction set; choose from:", 1),
+    ("MAQUETTE_CACHE", "/proc/none", "kernel cache", "missing", "not writable, so that each run compiles its kernels again", 0),
+])  # fmt: skip
+def test_settings_are_checked(variable: str, value: str, name: str, state: str, text: str, code: int) -> None:
+    command = [sys.executable, "-m", "maquette", "doctor", "--json"]
+    done = subprocess.run(command, env={**os.environ, variable: value}, capture_output=True, text=True, timeout=60)
+    row = next(row for row in json.loads(done.stdout)["findings"] if row["name"] == name)
+    assert (row["state"], done.returncode) == (state, code)
+    assert text in row["text"]
+
+
+def test_the_cache_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "one"
+    for path in (folder, tmp_path / "two"):
+        path.mkdir()
+        (path / "a").write_bytes(bytes(1_500_000))
+    monkeypatch.setattr(kernel_cache, "CACHE", folder)
+    row = findings()["kernel cache"]
+    assert (row["files"], row["bytes"], row["writable"]) == (1, 3_000_000, True)
+    assert row["text"].startswith(f"{folder}: 1 files; 3 MB")

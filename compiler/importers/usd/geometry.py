@@ -14,7 +14,7 @@ from pxr import UsdGeom
 
 from ....lang.diagnostics import Diagnostics, Span
 from ... import ir
-from ...mesh import polygon_mesh, triangulate, vertex_normals
+from ...mesh import polygon_mesh, subdivision, triangulate, vertex_normals
 from ...scene.builder import NONE, SceneBuilder
 from ...scene.row_records import MeshAttribute
 from . import stage
@@ -122,12 +122,13 @@ def _colors(given: MeshAttribute | None, diagnostics: Diagnostics, span: Span) -
     return MeshAttribute(np.maximum(given.values, 0), given.interpolation)
 
 
-def mesh(prim: Any, time: Any, uv_name: str | None, color_name: str | None, diagnostics: Diagnostics, span: Span) -> Faces | None:
+def mesh(
+    prim: Any, time: Any, uv_name: str | None, color_name: str | None, diagnostics: Diagnostics, span: Span, level: int = 0
+) -> Faces | None:  # fmt: skip
     """A Mesh prim as polygons counter-clockwise from outside, with the texture coordinates and colours of the named primvars.
 
-    Subdivision surfaces become their control cages with smooth normals (as usdrecord at low complexity). Other meshes keep their
-    normals or
-    are flat. None for an empty mesh, with a warning for inconsistent data.
+    Subdivision surfaces are refined `level` times; at 0 they become their control cages with smooth normals (as usdrecord at low
+    complexity). Other meshes keep their normals or are flat. None for an empty mesh, with a warning for inconsistent data.
     """
     schema = UsdGeom.Mesh(prim)
     points = stage.numbers(schema.GetPointsAttr(), time, np.float64, 3)
@@ -138,7 +139,8 @@ def mesh(prim: Any, time: Any, uv_name: str | None, color_name: str | None, diag
     if (counts < 0).any() or counts.sum() != len(indices):
         diagnostics.warning(f"the face counts add up to {counts.sum()} and there are {len(indices)} indices: it is not drawn", span)
         return None
-    subdivided = schema.GetSubdivisionSchemeAttr().Get(time) != UsdGeom.Tokens.none
+    scheme = str(schema.GetSubdivisionSchemeAttr().Get(time))
+    subdivided = scheme != "none"
     api = UsdGeom.PrimvarsAPI(prim)
     sound = _valid_indices(indices, points)
     given = None if subdivided else _normals(schema, api, time, len(points), counts, diagnostics, span)
@@ -147,6 +149,8 @@ def mesh(prim: Any, time: Any, uv_name: str | None, color_name: str | None, diag
         primvar(api, uv_name, time, 2, len(points), counts, diagnostics, span) if uv_name else None,
         _colors(primvar(api, color_name, time, 3, len(points), counts, diagnostics, span), diagnostics, span) if color_name else None,
     )  # fmt: skip
+    if schema.GetOrientationAttr().Get(time) == UsdGeom.Tokens.leftHanded:
+        whole = polygon_mesh.flip(whole)
     bad = np.repeat(np.arange(len(counts)), counts)[~sound]
     drawn = np.ones(len(counts), dtype=bool)
     drawn[bad] = False
@@ -154,14 +158,73 @@ def mesh(prim: Any, time: Any, uv_name: str | None, color_name: str | None, diag
         lost = int(np.count_nonzero(~drawn))
         diagnostics.warning(f"{lost} of {len(counts)} faces use points that do not exist or are not finite: they are left out", span)
     holes = stage.numbers(schema.GetHoleIndicesAttr(), time, np.int64)
-    drawn[holes[(holes >= 0) & (holes < len(counts))]] = False
-    rows = np.flatnonzero(drawn)
-    kept = whole if drawn.all() else polygon_mesh.subset(whole, rows)
-    if schema.GetOrientationAttr().Get(time) == UsdGeom.Tokens.leftHanded:
-        kept = polygon_mesh.flip(kept)
+    holes = holes[(holes >= 0) & (holes < len(counts))]
+    varying = frozenset(kind for kind, name in (("uvs", uv_name), ("colors", color_name)) if name and _is_varying(api, name))
+    how = replace(_scheme(schema, time), linear=varying) if subdivided and level else None
+    if how is not None and (refined := _refined(whole, drawn, how, level, diagnostics, span)) is not None:
+        kept, rows = refined
+        if len(holes):
+            below = np.flatnonzero(~np.isin(rows, holes))
+            kept, rows = polygon_mesh.subset(kept, below), rows[below]
+        subdivided = False
+    else:
+        drawn[holes] = False
+        rows = np.flatnonzero(drawn)
+        kept = whole if drawn.all() else polygon_mesh.subset(whole, rows)
     if subdivided:
         kept = replace(kept, normals=_smooth(kept))
     return Faces(kept, rows, subdivided)
+
+
+def _refined(
+    whole: polygon_mesh.PolyMesh, drawn: np.ndarray, scheme: subdivision.Scheme, level: int, diagnostics: Diagnostics, span: Span
+) -> tuple[polygon_mesh.PolyMesh, np.ndarray] | None:  # fmt: skip
+    """The refined faces of a subdivision surface and the prim's face of each; None if they cannot be refined, with a warning."""
+    faces = np.flatnonzero(drawn & (np.asarray(whole.counts) > 2))
+    cage = polygon_mesh.subset(whole, faces)
+    if not len(faces):
+        return None
+    if scheme.name == "loop" and (np.asarray(cage.counts) != 3).any():
+        diagnostics.warning("the scheme loop subdivides triangles alone, and this mesh has other faces: its cage is drawn", span)
+        return None
+    possible = subdivision.levels_within(len(faces), len(cage.indices), level, scheme.name)
+    if possible < level:
+        message = f"{level} refinements of {len(faces):,} faces are too many: it is refined {possible} times"
+        diagnostics.warning(message, span)
+    if not possible:
+        return None
+    refined, parents = subdivision.refine(cage, scheme, possible)
+    return refined, faces[parents]
+
+
+def _is_varying(api: Any, name: str) -> bool:
+    found = api.FindPrimvarWithInheritance(name)
+    return bool(found) and str(found.GetInterpolation()) == "varying"
+
+
+def _scheme(schema: Any, time: Any) -> subdivision.Scheme:
+    """How a Mesh prim is subdivided. A crease is a chain of vertices with one sharpness, or one for each of its edges."""
+
+    def numbers(attribute: Any, kind: type) -> np.ndarray:
+        return stage.numbers(attribute, time, kind)
+
+    chain, lengths = numbers(schema.GetCreaseIndicesAttr(), np.int64), numbers(schema.GetCreaseLengthsAttr(), np.int64)
+    sharpness = numbers(schema.GetCreaseSharpnessesAttr(), np.float64)
+    edges = np.zeros((0, 2), np.int64)
+    if len(lengths) and (lengths > 1).all() and lengths.sum() == len(chain):
+        ends = np.cumsum(lengths) - 1
+        edges = np.delete(np.stack([chain[:-1], chain[1:]], axis=1), ends[:-1], axis=0)
+        sharpness = np.repeat(sharpness, lengths - 1) if len(sharpness) == len(lengths) else sharpness
+    if len(sharpness) != len(edges):
+        edges, sharpness = np.zeros((0, 2), np.int64), np.zeros(0)
+    corners, of_corners = numbers(schema.GetCornerIndicesAttr(), np.int64), numbers(schema.GetCornerSharpnessesAttr(), np.float64)
+    sound = len(corners) == len(of_corners)
+    return subdivision.Scheme(
+        str(schema.GetSubdivisionSchemeAttr().Get(time)), edges, sharpness,
+        corners if sound else np.zeros(0, np.int64), of_corners if sound else np.zeros(0),
+        str(schema.GetInterpolateBoundaryAttr().Get(time)), str(schema.GetFaceVaryingLinearInterpolationAttr().Get(time)),
+        str(schema.GetTriangleSubdivisionRuleAttr().Get(time)) == "smooth",
+    )  # fmt: skip
 
 
 def _smooth(mesh: polygon_mesh.PolyMesh) -> MeshAttribute:

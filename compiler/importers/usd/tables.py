@@ -11,7 +11,7 @@ PRIM_TYPES = Table(
     "Prim types",
     drawn={
         "Xform Scope": "transform, visibility and purpose of what is below",
-        "Mesh": "polygons; subdivision surfaces are drawn as their cages with smooth normals",
+        "Mesh": "polygons; subdivision surfaces are refined by --complexity, else drawn as their cages with smooth normals",
         "GeomSubset": "a material for some faces of a mesh",
         "Cube Sphere Cylinder Cylinder_1 Cone Capsule Capsule_1 Plane": "exact shapes; a Capsule_1 of two radii is a mesh",
         "PointInstancer": "each prototype is one geometry, placed by instances",
@@ -79,6 +79,8 @@ PROPERTIES = Table(
     drawn={
         "xformOp:* xformOpOrder visibility purpose renderVisibility proxyVisibility guideVisibility": "every prim",
         "points faceVertexCounts faceVertexIndices holeIndices subdivisionScheme normals orientation": "Mesh",
+        "creaseIndices creaseLengths creaseSharpnesses cornerIndices cornerSharpnesses": "Mesh, refined by --complexity",
+        "interpolateBoundary faceVaryingLinearInterpolation triangleSubdivisionRule": "Mesh, refined by --complexity",
         "elementType familyName indices": "GeomSubset",
         "axis size radius height width length radiusBottom radiusTop": "shapes",
         "protoIndices prototypes positions orientations orientationsf scales ids invisibleIds": "PointInstancer",
@@ -122,8 +124,6 @@ PROPERTIES = Table(
         "velocities accelerations angularVelocities motion:*": "motion comes from time samples",
         "model:drawMode": "the geometry of the model is drawn",
         "colorSpace:name": "colours are linear with the primaries of sRGB",
-        "Mesh.creaseIndices Mesh.creaseLengths Mesh.creaseSharpnesses Mesh.cornerIndices Mesh.cornerSharpnesses": "",
-        "Mesh.interpolateBoundary Mesh.faceVaryingLinearInterpolation Mesh.triangleSubdivisionRule": "",
         "clippingPlanes": "",
         "pixelAspectRatio renderingColorSpace": "pixels are square and colours linear with the primaries of sRGB",
         "inputs:specular light:filters portals inputs:texture:format treatAsLine RectLight.inputs:texture:file": "",

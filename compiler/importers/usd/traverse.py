@@ -22,6 +22,7 @@ from .stage import Opened, numbers, primvar_mean, reason
 MAX_INSTANCES = 4_000_000
 MAX_NESTING = 32  # levels of nested point instancers
 CAGES = "subdivision surfaces, as meshes are that do not say otherwise, are drawn as their cages with smooth normals"
+REFINE = "--complexity medium, high or veryhigh refines them"
 _UV_NAMES = ("st", "UVMap", "uv", "map1", "Texture_uv")
 
 
@@ -220,11 +221,12 @@ class Walk:
             read = (self._source(prim), uv_name, color_name)
             span = self.opened.span(prim)
             if read not in self._faces:
-                self._faces[read] = geometry_module.mesh(prim, self.opened.time, uv_name, color_name, self.builder.diagnostics, span)
+                said = self.builder.diagnostics
+                self._faces[read] = geometry_module.mesh(prim, self.opened.time, uv_name, color_name, said, span, self.complexity)
             found = self._faces[read]
             if found is not None and found.subdivided and not self._told_cages:
                 self._told_cages = True
-                self.builder.diagnostics.note(CAGES, span)
+                self.builder.diagnostics.note(CAGES, span, REFINE)
             self._geometries[key] = NONE if found is None else geometry_module.row(found, faces, self.builder, span, str(prim.GetName()))
         if self._geometries[key] == NONE:
             return []

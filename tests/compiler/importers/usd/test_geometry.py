@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 from maquette.compiler import ir
-from maquette.compiler.importers.usd.traverse import CAGES
+from maquette.compiler.importers.stage_options import StageOptions
+from maquette.compiler.importers.usd.traverse import CAGES, REFINE
 
 from .stages import SQUARE, attribute, corners, has, kinds, read, slot, world
 
@@ -83,7 +84,7 @@ def test_subdivision_cages_have_smooth_normals_and_ignore_given_ones(tmp_path):
     normal3f[] normals = [(0, 1, 0)] (interpolation = "constant")
     """
     scene, messages = read(tmp_path, f'def Mesh "m" {{ {text} }}\ndef Mesh "n" {{ {text} }}')
-    assert messages == ["x.usda</m>: note: " + CAGES]  # once for all
+    assert messages == [f"x.usda</m>: note: {CAGES}\n  {REFINE}"]  # once for all
     normals, points = attribute(scene, "normals"), corners(scene)
     on_edge = points[..., 0] + points[..., 2] == 1
     assert np.abs(normals[on_edge & (points[..., 2] == 0)] - [0.5**0.5, 0, 0.5**0.5]).max() < 0.2
@@ -185,6 +186,55 @@ def test_a_cone_points_along_its_axis(tmp_path, axis, tip):
     scene, _ = read(tmp_path, f'def Cone "c" {{ uniform token axis = "{axis}" }}')
     assert scene.tables.geometries.parameters[0, :4].tolist() == [1, 0, 1, 1]  # the radius at −y comes first
     assert (world(scene)[:, :3] @ [0, 1, 0]).tolist() == tip
+
+
+CUBE = """
+    int[] faceVertexCounts = [4, 4, 4, 4, 4, 4]
+    int[] faceVertexIndices = [0, 1, 3, 2, 4, 6, 7, 5, 0, 4, 5, 1, 2, 3, 7, 6, 0, 2, 6, 4, 1, 5, 7, 3]
+    point3f[] points = [(-1, -1, -1), (-1, -1, 1), (-1, 1, -1), (-1, 1, 1), (1, -1, -1), (1, -1, 1), (1, 1, -1), (1, 1, 1)]
+"""
+
+
+FACE_LIMIT = (16 + 4 * 4 * 0.75 + 4 * 5 / 9) / 36  # of the center of a side, from the edge and vertex points beside it
+
+
+def test_complexity_refines_subdivision_surfaces(tmp_path):
+    for level, more, farthest in (
+        (1, "", FACE_LIMIT), (3, "", FACE_LIMIT), (2, "int[] cornerIndices = [7]\nfloat[] cornerSharpnesses = [10]", 1),
+        (2, "int[] creaseIndices = [0, 1, 3, 2, 0]\nint[] creaseLengths = [5]\nfloat[] creaseSharpnesses = [10]", 1),
+        (2, 'uniform token subdivisionScheme = "bilinear"', 1),
+    ):  # fmt: skip
+        scene, messages = read(tmp_path, f'def Mesh "m" {{ {CUBE} {more} }}', options=StageOptions(complexity=level))
+        assert messages == []
+        assert np.abs(corners(scene)).max() == pytest.approx(farthest)
+        assert len(corners(scene)) == 12 * 4**level
+        triangles = corners(scene)
+        assert (np.einsum("ti,ti->t", up(triangles), triangles.mean(axis=1)) > 0).all()
+
+
+def test_refined_holes_subsets_and_left_handed_faces(tmp_path):
+    text = CUBE + """int[] holeIndices = [0]
+        uniform token orientation = "leftHanded"
+        color3f[] primvars:displayColor = [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (1, 0, 1), (0, 1, 1)] (interpolation = "uniform")
+    """
+    scene, messages = read(tmp_path, f'def Mesh "m" {{ {text} }}', options=StageOptions(complexity=2))
+    triangles = corners(scene)
+    assert messages == []
+    assert len(triangles) == 5 * 2 * 16
+    normals = attribute(scene, "normals")
+    assert (np.einsum("ti,ti->t", up(triangles), triangles.mean(axis=1)) < 0).all()
+    assert (np.einsum("tci,ti->tc", normals, up(triangles)) > 0).all()
+    assert not (attribute(scene, "colors") == [1, 0, 0]).all(axis=2).any()  # the hole's
+
+
+def test_loop_wants_triangles(tmp_path):
+    scene, messages = read(
+        tmp_path, f'def Mesh "m" {{ {CUBE} uniform token subdivisionScheme = "loop" }}', options=StageOptions(complexity=2)
+    )
+    assert messages[0] == (
+        "x.usda</m>: warning: the scheme loop subdivides triangles alone, and this mesh has other faces: its cage is drawn"
+    )
+    assert len(corners(scene)) == 12
 
 
 def test_a_capsule_of_two_radii_is_the_hull_of_two_balls(tmp_path):

@@ -52,9 +52,8 @@ class Cage:
         twin[order[0::2]], twin[order[1::2]] = order[1::2], order[0::2]
         face_of = np.repeat(np.arange(len(counts)), counts)
         none = np.where(manifold, 0.0, SHARP)
-        return cls(
-            indices, counts, vertices, face_of, following, preceding, edges, edge_of, faces_at_edge, manifold, twin, none, np.zeros(vertices)
-        )
+        soft = np.zeros(vertices)
+        return cls(indices, counts, vertices, face_of, following, preceding, edges, edge_of, faces_at_edge, manifold, twin, none, soft)
 
     def with_sharpness(self, edge: F64, vertex: F64) -> Cage:
         return replace(self, edge_sharpness=edge, vertex_sharpness=vertex)
@@ -243,4 +242,4 @@ def _side_normals(cage: Cage, points: F64) -> F64:
             break
         np.minimum.at(label, one, low)
         np.minimum.at(label, other, low)
-    return np.stack([np.bincount(label, own[:, k], len(label)) for k in range(3)], axis=1)[label]
+    return np.stack([np.bincount(label, own[:, k], len(label)) for k in range(3)], axis=1, dtype=np.float64)[label]

@@ -291,10 +291,9 @@ def _attribute(
     return MeshAttribute(np.nan_to_num(values), kind)
 
 
-def row(faces: Faces, chosen: np.ndarray | None, builder: SceneBuilder, span: Span, name: str) -> int:
-    """The builder's row of the `chosen` faces of a mesh prim (None: all); NONE if no face has area."""
-    part = faces.part(chosen)
-    if not len(part.counts):
+def row(part: polygon_mesh.PolyMesh | None, builder: SceneBuilder, span: Span, name: str) -> int:
+    """The builder's row of a mesh; NONE if no face has area."""
+    if part is None or not len(part.counts):
         return NONE
     made, dropped = polygon_mesh.assemble(part, 0.0, name)
     if dropped:

@@ -12,6 +12,8 @@ PRIM_TYPES = Table(
     drawn={
         "Xform Scope": "transform, visibility and purpose of what is below",
         "Mesh": "polygons; subdivision surfaces are refined by --complexity, else drawn as their cages with smooth normals",
+        "BasisCurves NurbsCurves": "round tubes, or ribbons where they have normals; all bases and wraps",
+        "Points": "spheres; meshes of spheres if they are many or have colours of their own",
         "GeomSubset": "a material for some faces of a mesh",
         "Cube Sphere Cylinder Cylinder_1 Cone Capsule Capsule_1 Plane": "exact shapes; a Capsule_1 of two radii is a mesh",
         "PointInstancer": "each prototype is one geometry, placed by instances",
@@ -34,7 +36,7 @@ PRIM_TYPES = Table(
         "LODDistanceHeuristic LODScreenSizeHeuristic": "read by LODRootAPI",
     },
     not_drawn={
-        "Points BasisCurves NurbsCurves HermiteCurves NurbsPatch TetMesh": "",
+        "HermiteCurves NurbsPatch TetMesh": "",
         "Volume ParticleField ParticleField3DGaussianSplat": "",
         "PortalLight GeometryLight PluginLight LightFilter PluginLightFilter": "",
         "GenerativeProcedural": "its program is not run",
@@ -81,6 +83,7 @@ PROPERTIES = Table(
         "points faceVertexCounts faceVertexIndices holeIndices subdivisionScheme normals orientation": "Mesh",
         "creaseIndices creaseLengths creaseSharpnesses cornerIndices cornerSharpnesses": "Mesh, refined by --complexity",
         "interpolateBoundary faceVaryingLinearInterpolation triangleSubdivisionRule": "Mesh, refined by --complexity",
+        "type basis wrap curveVertexCounts widths order knots ranges pointWeights": "BasisCurves, NurbsCurves and Points",
         "elementType familyName indices": "GeomSubset",
         "axis size radius height width length radiusBottom radiusTop": "shapes",
         "protoIndices prototypes positions orientations orientationsf scales ids invisibleIds": "PointInstancer",

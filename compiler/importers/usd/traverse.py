@@ -11,15 +11,17 @@ from typing import Any
 import numpy as np
 from pxr import Tf, Usd, UsdGeom, UsdShade
 
+from ... import ir
 from ...scene import transforms
 from ...scene.builder import NONE, SceneBuilder
 from ...scene.row_records import InstanceData
+from . import curves, lights
 from . import geometry as geometry_module
-from . import lights
 from .materials import DEFAULT_COLOR, DISPLAY_COLOR, Materials, Network
 from .stage import Opened, numbers, primvar_mean, reason
 
 MAX_INSTANCES = 4_000_000
+MAX_BALLS = 5_000  # points drawn as exact spheres
 MAX_NESTING = 32  # levels of nested point instancers
 CAGES = "subdivision surfaces, as meshes are that do not say otherwise, are drawn as their cages with smooth normals"
 REFINE = "--complexity medium, high or veryhigh refines them"
@@ -158,6 +160,8 @@ class Walk:
             into.setdefault(here.purpose, []).extend(self._mesh(prim, here.matrix))
         elif kind in geometry_module.SHAPES:
             into.setdefault(here.purpose, []).extend(self._shape(prim, here.matrix))
+        elif kind in curves.KINDS:
+            into.setdefault(here.purpose, []).extend(self._strands(prim, kind, here.matrix))
         elif kind == "Camera":
             self.cameras.append((prim, here.matrix))
         elif kind in lights.KINDS:
@@ -212,10 +216,7 @@ class Walk:
 
     def _part(self, prim: Any, owner: Any, faces: np.ndarray | None, name: str, matrix: np.ndarray) -> list[Piece]:
         network = self.materials.bound(owner)
-        uv_name = (network.uv_name if network else None) or self._uv_name(prim)
-        color_name = network.color_name if network else DISPLAY_COLOR
-        if color_name is not None and not self._varies(prim, color_name):
-            color_name = None
+        uv_name, color_name = self._primvars(network, prim)
         key = (self._source(prim), name, uv_name, color_name)
         if key not in self._geometries:
             read = (self._source(prim), uv_name, color_name)
@@ -227,12 +228,44 @@ class Walk:
             if found is not None and found.subdivided and not self._told_cages:
                 self._told_cages = True
                 self.builder.diagnostics.note(CAGES, span, REFINE)
-            self._geometries[key] = NONE if found is None else geometry_module.row(found, faces, self.builder, span, str(prim.GetName()))
+            part = None if found is None else found.part(faces)
+            self._geometries[key] = geometry_module.row(part, self.builder, span, str(prim.GetName()))
         if self._geometries[key] == NONE:
             return []
         row = self._material(network, prim, color_name is not None, matrix)
         own = network is not None or color_name is not None or self._has_color(prim)
         return [Piece(self._geometries[key], row, matrix, prim, str(owner.GetPath()), own)]
+
+    def _primvars(self, network: Network | None, prim: Any) -> tuple[str | None, str | None]:
+        """The primvars of the texture coordinates and of varying colours."""
+        uv_name = (network.uv_name if network else None) or self._uv_name(prim)
+        color_name = network.color_name if network else DISPLAY_COLOR
+        return uv_name, color_name if color_name is not None and self._varies(prim, color_name) else None
+
+    def _strands(self, prim: Any, kind: str, matrix: np.ndarray) -> list[Piece]:
+        """Curves as one mesh; points as spheres: exact ones if they are few and of one colour, else one mesh."""
+        network = self.materials.bound(prim)
+        uv_name, color_name = self._primvars(network, prim)
+        span, said, time = self.opened.span(prim), self.builder.diagnostics, self.opened.time
+        material = self._material(network, prim, color_name is not None, matrix)
+        own = network is not None or color_name is not None or self._has_color(prim)
+        if kind == "Points" and color_name is None:
+            centers, radii, _ = curves.balls(prim, time, said, span)
+            if len(centers) <= MAX_BALLS:
+                places = np.tile(np.eye(4), (len(centers), 1, 1))
+                places[:, :3, 3] = centers
+                name = str(prim.GetPath())
+                return [
+                    Piece(self.builder.geometry(ir.GeometryKind.SPHERE, (r,), span, name), material, m, prim, f"{name}[{k}]", own)
+                    for k, (r, m) in enumerate(zip(radii, matrix @ places, strict=True))
+                ]
+        key = (self._source(prim), "", uv_name, color_name)
+        if key not in self._geometries:
+            made = curves.mesh(prim, time, uv_name, color_name, said, span)
+            self._geometries[key] = geometry_module.row(made, self.builder, span, str(prim.GetName()))
+        if self._geometries[key] == NONE:
+            return []
+        return [Piece(self._geometries[key], material, matrix, prim, str(prim.GetPath()), own)]
 
     def _uv_name(self, prim: Any) -> str | None:
         """The texture coordinates of a mesh whose material names none, for the uv channel."""

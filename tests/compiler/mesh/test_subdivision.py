@@ -1,5 +1,7 @@
 """Subdivision surfaces against known limit points, B-spline surfaces, and what creases, corners and boundaries must keep."""
 
+# pyright: reportOptionalMemberAccess=false
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -29,7 +31,10 @@ def grid(n, height=lambda x, y: 0 * x):
     return points, [[a, a + 1, a + n + 2, a + n + 1] for a in at.tolist()]
 
 
-def limits(mesh, scheme=Scheme(), level=2):
+PLAIN = Scheme()
+
+
+def limits(mesh, scheme=PLAIN, level=2):
     return subdivision.refine(mesh, scheme, level)[0]
 
 
@@ -80,7 +85,8 @@ def test_without_boundary_interpolation_the_outer_faces_are_left_out():
 
 def test_infinitely_sharp_edges_keep_the_cube():
     made = limits(poly(CUBE, QUADS), Scheme(crease_edges=EDGES, crease_sharpness=np.full(12, 10.0)), 2)
-    assert np.allclose(np.abs(made.points).max(axis=1), 1) and np.allclose(made.points[:8], CUBE)
+    assert np.allclose(np.abs(made.points).max(axis=1), 1)
+    assert np.allclose(made.points[:8], CUBE)
     faces = made.normals.values.reshape(-1, 3, 3)
     assert np.allclose(np.abs(faces).max(axis=2), 1)  # each side has its own normals
 
@@ -184,7 +190,8 @@ def test_a_seam_of_face_varying_values_is_a_boundary():
 
 def test_vertex_and_varying_and_uniform_values():
     points, faces = grid(3)
-    mesh = poly(points, faces, uvs=uvs(points, faces, ir.Interpolation.VERTEX), colors=MeshAttribute(np.eye(9)[:, :3], ir.Interpolation.FACE))
+    colors = MeshAttribute(np.eye(9)[:, :3], ir.Interpolation.FACE)
+    mesh = poly(points, faces, uvs=uvs(points, faces, ir.Interpolation.VERTEX), colors=colors)
     made, parents = subdivision.refine(mesh, Scheme(), 2)
     assert np.allclose(made.uvs.values, made.points[:, :2])
     assert np.allclose(made.colors.values, np.eye(9)[parents, :3])

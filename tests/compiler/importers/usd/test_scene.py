@@ -93,13 +93,13 @@ def test_proxies_are_drawn_where_there_is_nothing_else(tmp_path):
 
 
 def test_what_cannot_be_drawn_is_said_once_by_name(tmp_path):
-    kinds_ = ("Points", "Points", "BasisCurves", "NurbsPatch", "Volume", "Unheard", "Cube")
+    kinds_ = ("TetMesh", "TetMesh", "HermiteCurves", "NurbsPatch", "Volume", "Unheard", "Cube")
     text = "\n".join(f'def {kind} "{name}" {{}}' for kind, name in zip(kinds_, "pqbnvuc", strict=True))
     scene, messages = read(tmp_path, text)
     assert scene.names.instances == ("/c",)
     assert messages == [
-        "x.usda</p>: warning: Points is not drawn",
-        "x.usda</b>: warning: BasisCurves is not drawn",
+        "x.usda</p>: warning: TetMesh is not drawn",
+        "x.usda</b>: warning: HermiteCurves is not drawn",
         "x.usda</n>: warning: NurbsPatch is not drawn",
         "x.usda</v>: warning: Volume is not drawn",
         "x.usda</u>: warning: `Unheard` is not known: it is not drawn",

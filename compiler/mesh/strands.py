@@ -1,0 +1,152 @@
+"""Tubes and ribbons of many curves at once, for hair and fur; `tubes.py` makes one mitred tube."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..ir import F64, I64, Interpolation
+from ..scene.row_records import MeshAttribute
+from .polygon_mesh import PolyMesh
+
+_SIDES = ((50_000, 16), (500_000, 8))  # up to so many samples, sides of a tube
+_FEWEST_SIDES = 4
+_MOST_STRETCH = 3.0  # of a section at a corner
+
+
+class Strands(NamedTuple):
+    """Polylines, one after the other."""
+
+    points: F64  # (m, 3)
+    radii: F64  # (m,)
+    counts: I64  # (c,) points of each polyline, two or more
+    closed: np.ndarray  # (c,) whether the last point is joined to the first
+
+
+def tangents(strands: Strands) -> tuple[F64, F64]:
+    """Unit tangents (m, 3), which halve the angles between segments, and the way (m, 3) that a section is stretched there.
+
+    A section is stretched by 1 + |way| along `way`, to the mitre of both segments.
+    """
+    before, after = _neighbours(strands)
+    arriving, leaving = _unit(strands.points - strands.points[before]), _unit(strands.points[after] - strands.points)
+    both = arriving + leaving
+    lost = np.einsum("ij,ij->i", both, both) < 1e-12
+    along = _unit(np.where(lost[:, None], np.where((leaving != 0).any(axis=1)[:, None], leaving, (0.0, 1.0, 0.0)), both))
+    cosine = np.where((arriving == 0).all(axis=1) | (leaving == 0).all(axis=1), 1.0, np.einsum("ij,ij->i", along, leaving))
+    stretch = np.minimum(1.0 / np.maximum(cosine, 1e-3), _MOST_STRETCH) - 1.0
+    return along, _unit(leaving - cosine[:, None] * along) * stretch[:, None]
+
+
+def _neighbours(strands: Strands) -> tuple[I64, I64]:
+    """Rows of the points before and after each point; ends of open polylines are their own."""
+    first = np.cumsum(strands.counts) - strands.counts
+    last = first + strands.counts - 1
+    before, after = np.arange(len(strands.points)) - 1, np.arange(len(strands.points)) + 1
+    before[first] = np.where(strands.closed, last, first)
+    after[last] = np.where(strands.closed, first, last)
+    return before, after
+
+
+def _frames(strands: Strands, along: F64) -> F64:
+    """Unit vectors (m, 3) across the tangents, transported without twist (Bishop 1975), all polylines at once."""
+    first = np.cumsum(strands.counts) - strands.counts
+    made = np.zeros_like(along)
+    axis = np.eye(3)[np.argmin(np.abs(along[first]), axis=1)]
+    made[first] = _unit(np.cross(along[first], axis))
+    for k in range(1, int(strands.counts.max())):
+        rows = first[strands.counts > k] + k
+        moved = made[rows - 1]
+        moved = moved - along[rows] * np.einsum("ij,ij->i", moved, along[rows])[:, None]
+        lost = np.einsum("ij,ij->i", moved, moved) < 1e-12
+        moved[lost] = np.cross(along[rows[lost]], np.eye(3)[np.argmin(np.abs(along[rows[lost]]), axis=1)])
+        made[rows] = _unit(moved)
+    return made
+
+
+def _unit(vectors: F64) -> F64:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
+
+
+def _segments(strands: Strands) -> tuple[I64, I64]:
+    """Rows of the two ends of each segment."""
+    _, after = _neighbours(strands)
+    rows = np.arange(len(strands.points))
+    used = after != rows
+    return rows[used], after[used]
+
+
+def tubes(strands: Strands, uvs: np.ndarray | None = None, colors: np.ndarray | None = None) -> PolyMesh:
+    """Round tubes with flat ends and smooth normals. `uvs` (m, 2) and `colors` (m, 3) are values at the points."""
+    sides = next((sides for most, sides in _SIDES if len(strands.points) <= most), _FEWEST_SIDES)
+    along, way = tangents(strands)
+    across = _frames(strands, along)
+    beside = np.cross(along, across)
+    angle = 2 * np.pi * np.arange(sides) / sides
+    outward = np.cos(angle)[:, None] * across[:, None] + np.sin(angle)[:, None] * beside[:, None]  # (m, sides, 3)
+    length = np.linalg.norm(way, axis=1)
+    stretched = (outward @ way[:, :, None]) / np.maximum(length, 1e-300)[:, None, None] * way[:, None]
+    points = strands.points[:, None] + strands.radii[:, None, None] * (outward + stretched)
+    a, b = (rows[:, None] * sides for rows in _segments(strands))
+    k, after = np.arange(sides), (np.arange(sides) + 1) % sides
+    quads = np.stack([a + k, a + after, b + after, b + k], axis=2).reshape(-1, 4)
+    first = np.cumsum(strands.counts) - strands.counts
+    low, high = first[~strands.closed], (first + strands.counts - 1)[~strands.closed]
+    caps = np.concatenate([low[:, None] * sides + k[::-1], high[:, None] * sides + k])
+    flat = np.repeat(np.concatenate([-along[low], along[high]]), sides, axis=0)
+    normals = np.concatenate([outward.reshape(-1, 3)[quads.reshape(-1)], flat])
+    counts = np.concatenate([np.full(len(quads), 4), np.full(len(caps), sides)])
+
+    def spread(values: np.ndarray | None) -> MeshAttribute | None:
+        return None if values is None else MeshAttribute(np.repeat(values, sides, axis=0).astype(np.float32))
+
+    indices = np.concatenate([quads.reshape(-1), caps.reshape(-1)])
+    normal = MeshAttribute(normals.astype(np.float32), Interpolation.CORNER)
+    return PolyMesh(points.reshape(-1, 3), counts, indices, normal, spread(uvs), spread(colors))
+
+
+def ribbons(strands: Strands, facing: F64, uvs: np.ndarray | None = None, colors: np.ndarray | None = None) -> PolyMesh:
+    """Flat ribbons whose normals are those of `facing` (m, 3), made perpendicular to the curve."""
+    along, way = tangents(strands)
+    side = _unit(np.cross(facing, along)) * (strands.radii * (1.0 + np.linalg.norm(way, axis=1)))[:, None]
+    points = np.stack([strands.points - side, strands.points + side], axis=1).reshape(-1, 3)
+    a, b = (2 * rows for rows in _segments(strands))
+    quads = np.stack([a, b, b + 1, a + 1], axis=1)
+
+    def spread(values: np.ndarray | None) -> MeshAttribute | None:
+        return None if values is None else MeshAttribute(np.repeat(values, 2, axis=0).astype(np.float32))
+
+    return PolyMesh(points, np.full(len(quads), 4), quads.reshape(-1), spread(_unit(np.cross(along, side))), spread(uvs), spread(colors))
+
+
+def balls(centers: F64, radii: F64, colors: np.ndarray | None = None) -> PolyMesh:
+    """Spheres as triangles with smooth normals: 320, 80 or 20 triangles each, the fewer the more spheres."""
+    unit, triangles = _icosphere(2 if len(centers) <= 2_000 else 1 if len(centers) <= 50_000 else 0)
+    points = centers[:, None] + radii[:, None, None] * unit
+    indices = triangles[None] + (np.arange(len(centers)) * len(unit))[:, None, None]
+    normals = np.broadcast_to(unit, points.shape).reshape(-1, 3).astype(np.float32)
+    tint = None if colors is None else MeshAttribute(np.repeat(colors, len(unit), axis=0).astype(np.float32))
+    return PolyMesh(points.reshape(-1, 3), np.full(indices.size // 3, 3), indices.reshape(-1), MeshAttribute(normals), None, tint)
+
+
+def _icosphere(level: int) -> tuple[F64, I64]:
+    """Unit vectors and triangles of an icosahedron, subdivided `level` times."""
+    g = (1 + math.sqrt(5)) / 2
+    points = _unit(np.array([[a, b * g, 0.0] for a in (-1, 1) for b in (-1, 1)] + [[0.0, a, b * g] for a in (-1, 1) for b in (-1, 1)]
+                            + [[b * g, 0.0, a] for a in (-1, 1) for b in (-1, 1)]))  # fmt: skip
+    near = np.linalg.norm(points[:, None] - points, axis=2) < 1.1
+    np.fill_diagonal(near, False)
+    faces = [[i, j, k] for i in range(12) for j in range(i) for k in range(j) if near[i, j] and near[j, k] and near[i, k]]
+    triangles = np.array(faces)
+    inward = np.linalg.det(points[triangles]) < 0
+    triangles[inward] = triangles[inward][:, ::-1]
+    for _ in range(level):
+        edges = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+        unique, rows = np.unique(edges, axis=0, return_inverse=True)
+        middle = len(points) + rows.reshape(-1, 3)
+        points = np.concatenate([points, _unit(points[unique].sum(axis=1))])
+        corners = [np.stack([triangles[:, k], middle[:, k], middle[:, k - 1]], axis=1) for k in range(3)]
+        triangles = np.concatenate([*corners, middle])
+    return points, triangles

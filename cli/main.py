@@ -14,6 +14,7 @@ from typing import Any
 import click
 
 from .. import __version__
+from ..compiler.io.cache_dirs import SettingError
 from ..lang.diagnostics import SceneError, sort_diagnostics
 from . import common_options as shared
 from . import option_types as values
@@ -43,6 +44,9 @@ class Commands(click.Group):
         except OSError as error:
             named = f"{error.filename}: {error.strerror}" if error.filename else str(error)
             click.echo(f"error: {named}", err=True)
+            ctx.exit(1)
+        except SettingError as error:
+            click.echo(f"error: {error}", err=True)
             ctx.exit(1)
         except MemoryError:
             click.echo("error: not enough memory for this picture: give a smaller --size, or fewer channels by --aov", err=True)

@@ -6,51 +6,37 @@ types, so that stale code is never loaded. kernel_file.py describes the files.
 
 from __future__ import annotations
 
-import glob
 import hashlib
 import importlib.metadata
 import marshal
-import shutil
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from ...compiler.io import cache_dirs
-from ...compiler.io.replace_file import replace_file
 from ..simd import target
-from . import cache_key, compile_events, kernel_file, loader, value_types
+from . import cache_folder, cache_key, compile_events, kernel_file, loader, value_types
 from .kernel_file import Code
 from .loader import Loaded
 from .value_types import ValueType
 
-_KEEP = 3  # folders of other machines or versions that are not removed
-_FRESH = 24 * 3600.0  # seconds during which another process may use a file or folder
 SUFFIX = ".kernel"
 
 
-def _prepare_cache() -> Path:
-    """Create the folder of compiled code: one for each version of Numba and llvmlite and each instruction set."""
-    root = cache_dirs.cache_root() / "kernels"
+def _folder_name() -> str:
+    """Name of the folder for these versions of Numba and llvmlite and this target."""
     versions = " ".join(importlib.metadata.version(name) for name in ("numba", "llvmlite"))
-    folder = root / hashlib.sha256(f"{versions} {target.fingerprint()}".encode()).hexdigest()[:16]
-    try:
-        new = not folder.exists()
-        folder.mkdir(parents=True, exist_ok=True)
-        if new:
-            others = sorted((p for p in root.iterdir() if p != folder), key=lambda p: p.stat().st_mtime, reverse=True)
-            for old in others[_KEEP:]:
-                if time.time() - old.stat().st_mtime > _FRESH:
-                    shutil.rmtree(old, ignore_errors=True)
-    except OSError:
-        return folder  # without a writable folder each process compiles
-    return folder
+    return f"{target.LEVEL.cpu}-{_digest(f'{versions} {target.fingerprint()}'.encode())}"
 
 
-CACHE = _prepare_cache()
+def _digest(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()[:16]
+
+
+CACHE = cache_folder.prepare(_folder_name())
 LOOKUP_HOOKS: list[Callable[[Any, Any], None]] = []
 """Functions called with a kernel's function and types before each look-up on disk."""
 
@@ -114,7 +100,7 @@ def is_cached(kernel: Any, kinds: tuple[ValueType, ...]) -> bool:
     if kinds in kernel.loaded:
         return True
     name = _file_name(kernel.py_func, kinds)
-    return name is not None and (CACHE / name).exists()
+    return name is not None and cache_folder.is_trusted(CACHE) and (CACHE / name).exists()
 
 
 def _file_name(function: Callable[..., Any], kinds: tuple[ValueType, ...]) -> str | None:
@@ -148,36 +134,19 @@ def _digest_of_types(kinds: tuple[ValueType, ...]) -> str:
     return _digest("\n".join([*(kind.text for kind in kinds), *(cache_key.key(name) for name in sorted(modules))]).encode())
 
 
-def _digest(data: bytes) -> str:
-    return hashlib.sha256(data).hexdigest()[:16]
-
-
 # --- files ---------------------------------------------------------------------------------------------------------------
 
 
 def read(name: str) -> Code | None:
     """The code in a file; None where it is missing, unreadable or damaged, or needs symbols that this process lacks."""
-    try:
-        code = kernel_file.unpacked(name, (CACHE / name).read_bytes())
-    except OSError:
-        return None
+    data = cache_folder.read(CACHE / name)
+    code = kernel_file.unpacked(name, data) if data is not None else None
     return code if code is not None and loader.has_symbols(code) else None
 
 
 def write(name: str, code: Code) -> None:
     """Write compiled code. On a full or read-only disk it serves this process alone."""
-    with suppress(OSError):
-        replace_file(CACHE / name, kernel_file.packed(name, code))
-        _remove_older(name)
-
-
-def _remove_older(name: str) -> None:
-    """Remove files of the kernel's other versions that no process is likely to use."""
-    kernel_name, sources, _ = name.rsplit("-", 2)
-    for other in CACHE.glob(f"{glob.escape(kernel_name)}-*"):
-        with suppress(OSError):
-            if not other.name.startswith(f"{kernel_name}-{sources}-") and time.time() - other.stat().st_mtime > _FRESH:
-                other.unlink()
+    cache_folder.write(CACHE / name, kernel_file.packed(name, code))
 
 
 # --- time ----------------------------------------------------------------------------------------------------------------

@@ -16,13 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....compiler.io.replace_file import replacing
-from ...jit import cache_key, kernel_cache
+from ...jit import cache_folder, cache_key, kernel_cache
 from . import refit, wide_bvh
 from .wide_bvh import LEAF, NODE, WIDTH, Wide
 
 LARGE = 50_000  # triangles from which on a BVH is stored on disk
 IN_MEMORY = 256 << 20  # bytes of BVHs in memory, at most
-ON_DISK = 2 << 30
 _known: OrderedDict[str, Wide] = OrderedDict()
 _shapes: OrderedDict[str, tuple[Wide, float]] = OrderedDict()  # by hash of the triangles: the last BVH built and its cost
 _lock = threading.Lock()
@@ -99,15 +98,11 @@ def read(file: Path) -> Wide | None:
 
 
 def write(file: Path, made: Wide) -> None:
-    """Write a BVH to a file atomically; errors are ignored. The files unread for longest are evicted."""
+    """Write a BVH to a file atomically, where the cache of compiled code has room; errors are ignored."""
+    if not cache_folder.make_room(made.nbytes + 16):
+        return
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        others = sorted(((each.stat().st_mtime, each) for each in file.parent.iterdir()), reverse=True)
-        room = ON_DISK - made.nbytes
-        for _, other in others:
-            room -= other.stat().st_size
-            if room < 0:
-                other.unlink()
         with replacing(file) as partial, partial.open("wb") as stream:
             stream.write(_numbers(len(made.nodes), len(made.leaves)))
             for part in made:

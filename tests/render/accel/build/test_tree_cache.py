@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from maquette.render.accel import scene_bvh
 from maquette.render.accel.build import tree_cache, wide_bvh
-from maquette.render.jit import kernel_cache
+from maquette.render.jit import cache_folder, kernel_cache
 
 from ...tables import scene
 from ...tracing import random_rays, same, wavy
@@ -89,7 +89,8 @@ def test_an_unwritable_folder_is_no_error(tmp_path: Path) -> None:
 
 def test_folder_and_memory_are_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     sizes = [tree_cache.cached_mesh_bvh(*mesh(20, seed)).nbytes for seed in range(3)]
-    monkeypatch.setattr(tree_cache, "ON_DISK", 3 * max(sizes))
+    monkeypatch.setattr(cache_folder, "root", lambda: tmp_path)
+    monkeypatch.setenv("MAQUETTE_CACHE_SIZE", str(3 * max(sizes) + 16 * 3))
     monkeypatch.setattr(tree_cache, "IN_MEMORY", 2 * max(sizes))
     for seed in range(3, 9):
         tree_cache.cached_mesh_bvh(*mesh(20, seed))

@@ -7,7 +7,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-_YOUNG = 500_000  # objects of the youngest generation, at least, before it is examined
+_YOUNG = 5_000_000  # objects of the youngest generation, at least, before it is examined: some 1 GB
 _lock = threading.Lock()
 _usual: list[tuple[int, int, int]] = []  # the thresholds before, once for each compilation that runs
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -36,6 +36,7 @@ class Context(Protocol):
 
     builder: SceneBuilder
     photometric: bool  # whether a light has a photometric unit
+    centered: dict[Any, int]  # geometries of shapes.CENTERED by kind and measures
 
     @property
     def files(self) -> Files: ...

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,8 +17,9 @@ from .. import ir
 from ..io.sandbox import FileError
 from ..scene import defaults, transforms
 from ..scene.builder import SceneBuilder
-from ..scene.row_records import InstanceData, Piece
+from ..scene.row_records import Piece
 from . import cameras, lights, materials, shapes
+from .placements import ORIGIN, Frame, Placements, compose, matrix, own_frame
 
 LARGEST = 1e18  # of any number of an element: products of a few stay finite
 MAX_EMISSIVE_SPHERES = 64  # sampled as lights; more are visible, and light others by bounces alone
@@ -63,7 +66,9 @@ class Lowering:
         self.builder = builder
         self.files = builder.files
         self.photometric = False
-        self.materials = materials.Materials(self)
+        self.materials = materials.Materials(weakref.proxy(self))  # without a cycle, so that the document is freed at once
+        self.placements = Placements(builder)
+        self.centered: dict[Any, int] = {}
         self._folder = folder
         self._emissive = 0
         self.unsampled: Element | None = None  # the first shape that shines and is not sampled as a light
@@ -86,7 +91,7 @@ class Lowering:
 
     def block(self, element: Element) -> np.ndarray | None:
         """The transform of a block; None for other elements."""
-        return _BLOCKS[element.kind](element) if element.kind in _BLOCKS else None
+        return matrix(_BLOCKS[element.kind](element)) if element.kind in _BLOCKS else None
 
     def refuse(self, element: Element, message: str, hint: str = "") -> list[Piece]:
         """An error, and no pieces."""
@@ -99,10 +104,10 @@ class Lowering:
 
     def beyond(self, element: Element) -> bool:
         """Whether an element has a number above LARGEST; reports it."""
-        for name, value in element.args.items():
-            number = _biggest(value)
-            if number > LARGEST:
-                self.error(element, f"`{name}` holds {number:.6g}: that is too big to be drawn", f"at most {LARGEST:g}")
+        args = element.args
+        for name in element.given:
+            if _is_beyond(args[name]):
+                self.error(element, f"`{name}` holds {_biggest(args[name]):.6g}: that is too big to be drawn", f"at most {LARGEST:g}")
                 return True
         return False
 
@@ -110,49 +115,58 @@ class Lowering:
 
     def place(self) -> None:
         """Place every element of the document, in order, without recursion."""
-        waiting: list[tuple[Element, np.ndarray, Element | None, str]] = [
-            (element, transforms.identity(), None, "") for element in reversed(self.document.elements)
+        waiting: list[tuple[Element, Frame, Element | None, str]] = [
+            (element, ORIGIN, None, "") for element in reversed(self.document.elements)
         ]
         while waiting:
             element, block, material, path = waiting.pop()
+            kind, args = element.kind, element.args
             if self.beyond(element):
                 continue
-            if element.kind in lights.KINDS:
-                if transforms.inverse(block) is None:
-                    self.warn(element, "the block around this light flattens it to nothing: it is left out", "a scale must not be 0")
-                else:
-                    lights.light(self, element, block)
+            if kind in lights.KINDS:
+                self._light(element, block)
                 continue
-            matrix = block @ _BLOCKS.get(element.kind, _own_transform)(element)
-            material = element.args.get("material") or material
-            if not np.abs(matrix).max() <= LARGEST**2:
+            frame = compose(block, _BLOCKS.get(kind, own_frame)(element))
+            material = args.get("material") or material
+            if type(frame) is not tuple and not np.abs(frame).max() <= LARGEST**2:
                 self.error(element, "the blocks around this make it bigger, or move it farther, than can be drawn")
-            elif element.kind in _BLOCKS:
-                name = element.args.get("name")
+            elif kind in _BLOCKS:
+                name = args.get("name")
                 inner_path = f"{path}{name}/" if name else path
-                waiting.extend((child, matrix, material, inner_path) for child in reversed(element.children))
-            elif element.kind == "usd":
-                self._usd(element, matrix, material, path)
-            elif element.kind in shapes.KINDS:
-                self._shape(element, matrix, material, path)
+                waiting.extend([(child, frame, material, inner_path) for child in reversed(element.children)])
+            elif kind in shapes.KINDS:
+                self._shape(element, frame, material, path)
+            elif kind == "usd":
+                self.placements.flush()
+                self._usd(element, matrix(frame), material, path)
             else:
-                self.error(element, f"`{element.kind}` is not built yet")
+                self.error(element, f"`{kind}` is not built yet")
+        self.placements.flush()
 
-    def _shape(self, element: Element, matrix: np.ndarray, material: Element | None, path: str) -> None:
-        name = path + (element.args["name"] or element.scope or element.kind)
-        own = element.args["material"]
+    def _light(self, element: Element, block: Frame) -> None:
+        self.placements.flush()
+        if type(block) is not tuple and transforms.inverse(block) is None:
+            self.warn(element, "the block around this light flattens it to nothing: it is left out", "a scale must not be 0")
+        else:
+            lights.light(self, element, matrix(block))
+
+    def _shape(self, element: Element, frame: Frame, material: Element | None, path: str) -> None:
+        args = element.args
+        name = path + (args["name"] or element.scope or element.kind)
+        if element.kind in shapes.CENTERED and (material is None or material.kind != "emissive"):
+            geometry, center = shapes.centered(self, element)
+            row = -1 if material is None else self.materials.row(material)
+            self.placements.add(frame, center, geometry, row, name, element.span)
+            return
         for piece in self.pieces(element):
-            placed = matrix @ piece.matrix
-            if material is not None and material.kind == "emissive" and self._shining_sphere(element, material, placed):
-                continue
-            if material is not None and material.kind == "emissive" and self.unsampled is None:
-                self.unsampled = element
-            row = piece.material if own is None and piece.material >= 0 else -1
+            if material is not None and material.kind == "emissive":
+                if self._shining_sphere(element, material, matrix(compose(frame, piece.matrix))):
+                    continue
+                self.unsampled = self.unsampled or element
+            row = piece.material if piece.material >= 0 and args["material"] is None else -1
             if row < 0 and material is not None:
                 row = self.materials.row(material)
-            label = f"{name}/{piece.name}" if piece.name else name
-            transform = self.builder.transform(placed, element.span)
-            self.builder.instance(InstanceData(piece.geometry, transform, row, name=label), element.span)
+            self.placements.add(frame, piece.matrix, piece.geometry, row, f"{name}/{piece.name}" if piece.name else name, element.span)
 
     def _shining_sphere(self, element: Element, material: Element, matrix: np.ndarray) -> bool:
         """Make a uniformly scaled sphere of one emitted colour a light. Returns whether it is one."""
@@ -164,6 +178,7 @@ class Lowering:
         if self._emissive >= MAX_EMISSIVE_SPHERES or np.ptp(scale) > 1e-6 * scale[0] or skewed > 1e-6 * scale[0] ** 2:
             return False
         self._emissive += 1
+        self.placements.flush()
         self.photometric |= material.photometric
         radiance = tuple(material.args["luminance"] * c for c in color)
         size = (element.args["radius"] * float(scale.mean()), 0.0)
@@ -224,6 +239,20 @@ class Lowering:
             load.place(self.builder, file, element.span, matrix, row, element.args["prim"], path + (element.args["name"] or element.scope))
 
 
+def _is_beyond(value: object) -> bool:
+    """Whether a number, or one in nested tuples, has a magnitude above LARGEST."""
+    if type(value) is float:
+        return not -LARGEST <= value <= LARGEST
+    if type(value) is tuple:
+        for part in value:
+            if type(part) is float:
+                if not -LARGEST <= part <= LARGEST:
+                    return True
+            elif type(part) is tuple and _is_beyond(part):
+                return True
+    return False
+
+
 def _biggest(value: object) -> float:
     """The largest magnitude in a number or nested tuples of numbers; 0 for anything else."""
     if isinstance(value, float):
@@ -231,20 +260,15 @@ def _biggest(value: object) -> float:
     return max(map(_biggest, value), default=0.0) if isinstance(value, tuple) else 0.0
 
 
-def _own_transform(element: Element) -> np.ndarray:
-    args = element.args
-    return transforms.place(args["translate"], args["rotate"], args["scale"])
+def _transform_block(element: Element) -> Frame:
+    rows = element.args["matrix"]
+    return own_frame(element) if rows is None else transforms.from_rows(rows)
 
 
-def _transform_block(element: Element) -> np.ndarray:
-    matrix = element.args["matrix"]
-    return _own_transform(element) if matrix is None else transforms.from_rows(matrix)
-
-
-_BLOCKS: dict[str, Callable[[Element], np.ndarray]] = {
-    "group": _own_transform,
+_BLOCKS: dict[str, Callable[[Element], Frame]] = {
+    "group": own_frame,
     "transform": _transform_block,
-    "translate": lambda element: transforms.translation(element.args["by"]),
+    "translate": lambda element: element.args["by"],
     "rotate": lambda element: transforms.rotation(element.args["by"]),
     "scale": lambda element: transforms.scaling(element.args["by"]),
 }

@@ -33,15 +33,16 @@ class Materials:
 
     def __init__(self, lowering: Context) -> None:
         self._lowering = lowering
-        self._rows: dict[tuple[int, bool, bool, bool], int] = {}  # by the element's identity; the document keeps elements alive
+        self._materials: dict[int, int] = {}  # by the element's identity; the document keeps elements alive
+        self._rows: dict[tuple[int, bool, bool, bool], int] = {}  # of textures, likewise
 
     def row(self, element: Element) -> int:
         """The row of a material element."""
-        key = (id(element), True, False, False)
-        if key not in self._rows:
+        row = self._materials.get(id(element))
+        if row is None:
             self._lowering.photometric |= element.photometric
-            self._rows[key] = self._lowering.builder.material(self._data(element), element.span)
-        return self._rows[key]
+            row = self._materials[id(element)] = self._lowering.builder.material(self._data(element), element.span)
+        return row
 
     def _data(self, element: Element) -> MaterialData:
         if element.kind == "blend":

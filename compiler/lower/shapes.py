@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -26,14 +27,20 @@ def pieces(lowering: Context, element: Element) -> list[Piece]:
     return [piece for piece in made if piece.geometry >= 0]
 
 
-def _simple(kind: ir.GeometryKind, parameters: Callable[[Any], tuple[float, ...]]) -> Callable[[Context, Element], list[Piece]]:
-    """A shape that is one geometry about its `center`."""
+def centered(lowering: Context, element: Element) -> tuple[int, tuple[float, float, float]]:
+    """The geometry of a shape of CENTERED, and where its origin is."""
+    kind, measures, parameters = CENTERED[element.kind]
+    args = element.args
+    key = (element.kind, measures(args))
+    row = lowering.centered.get(key)
+    if row is None:
+        row = lowering.centered[key] = lowering.builder.geometry(kind, parameters(args), element.span)
+    return row, args["center"]
 
-    def make(lowering: Context, element: Element) -> list[Piece]:
-        row = lowering.builder.geometry(kind, parameters(element.args), element.span)
-        return [Piece(row, transforms.translation(element.args["center"]))]
 
-    return make
+def _centered(lowering: Context, element: Element) -> list[Piece]:
+    row, center = centered(lowering, element)
+    return [Piece(row, transforms.translation(center))]
 
 
 def _ellipsoid(lowering: Context, element: Element) -> list[Piece]:
@@ -191,13 +198,18 @@ def _vertex(values: Any) -> MeshAttribute | None:
     return None if values is None else MeshAttribute(np.array(values, dtype=np.float64))
 
 
+CENTERED: dict[str, tuple[ir.GeometryKind, Callable[[Any], Any], Callable[[Any], tuple[float, ...]]]] = {
+    "sphere": (Kind.SPHERE, itemgetter("radius"), lambda a: (a["radius"],)),
+    "box": (Kind.BOX, itemgetter("size"), lambda a: tuple(edge / 2 for edge in a["size"])),
+    "cylinder": (Kind.CYLINDER, itemgetter("radius", "height", "capped"), lambda a: (a["radius"], a["height"] / 2, a["capped"])),
+    "cone": (Kind.CONE, itemgetter("radius", "top", "height", "capped"), lambda a: (a["radius"], a["top"], a["height"] / 2, a["capped"])),
+    "torus": (Kind.TORUS, itemgetter("radius", "tube"), lambda a: (a["radius"], a["tube"])),
+    "capsule": (Kind.CAPSULE, itemgetter("radius", "height"), lambda a: (a["radius"], a["height"] / 2)),
+}
+"""Shapes that are one geometry about their `center`: its kind, the arguments it depends on, and its parameters by the arguments."""
+
 _SHAPES: dict[str, Callable[[Context, Element], list[Piece]]] = {
-    "sphere": _simple(Kind.SPHERE, lambda a: (a["radius"],)),
-    "box": _simple(Kind.BOX, lambda a: tuple(edge / 2 for edge in a["size"])),
-    "cylinder": _simple(Kind.CYLINDER, lambda a: (a["radius"], a["height"] / 2, a["capped"])),
-    "cone": _simple(Kind.CONE, lambda a: (a["radius"], a["top"], a["height"] / 2, a["capped"])),
-    "torus": _simple(Kind.TORUS, lambda a: (a["radius"], a["tube"])),
-    "capsule": _simple(Kind.CAPSULE, lambda a: (a["radius"], a["height"] / 2)),
+    **dict.fromkeys(CENTERED, _centered),
     "ellipsoid": _ellipsoid,
     "disk": _disk,
     "plane": _plane,

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -13,8 +13,21 @@ from ...lang.diagnostics import Diagnostics, Span
 from .. import ir
 from ..formula.tape import Tape
 from ..io.sandbox import LIBRARY, Files
-from . import shape_bounds, transforms
-from .row_records import BLACK, WHITE, CameraData, Color, Input, InstanceData, LightData, MaterialData, MeshAttribute, MeshData, TextureData
+from . import mesh_storage, shape_bounds, transforms
+from .row_records import (
+    ALL_RAYS,
+    BLACK,
+    WHITE,
+    CameraData,
+    Color,
+    Input,
+    InstanceData,
+    LightData,
+    MaterialData,
+    MeshAttribute,
+    MeshData,
+    TextureData,
+)
 
 NONE = -1  # the row of a rejected item; a diagnostic says why
 FARTHEST = 1e100  # largest coordinate; its square stays finite
@@ -34,12 +47,13 @@ class SceneBuilder:
         """`files` decides which files may be read while this builder is filled (default: the library only)."""
         self.diagnostics = diagnostics if diagnostics is not None else Diagnostics()
         self.files = files if files is not None else Files(LIBRARY)
-        self._matrices: list[np.ndarray] = []
+        self._matrices: list[np.ndarray] = []  # (k, 3, 4) each
         self._inverses: list[np.ndarray] = []
         self._rows: dict[str, list[tuple[Any, ...]]] = {name: [] for name in ir.TABLES}
         self._names: dict[str, list[str]] = {f.name: [] for f in fields(ir.Names)}
         self._spans: dict[str, list[Span | None]] = {name: [] for name in SPANNED}
         self._known: dict[Any, int] = {}
+        self._known_transforms: dict[bytes, int] = {}
         self._tapes: list[Tape] = []
         self._pools: dict[str, list[np.ndarray]] = {name: [] for name in (*ir.Pools._fields, "texels")}
         self._length: dict[str, int] = dict.fromkeys(self._pools, 0)
@@ -52,8 +66,8 @@ class SceneBuilder:
     def transform(self, matrix: np.ndarray, span: Span | None = None) -> int:
         """The row of a (3, 4) or (4, 4) object-to-world matrix. NONE and a warning if it is singular."""
         affine = np.ascontiguousarray(np.asarray(matrix, dtype=np.float64)[:3])
-        key = ("transform", (affine + 0.0).tobytes())  # + 0.0: −0 becomes 0
-        row = self._known.get(key)
+        key = (affine + 0.0).tobytes()  # + 0.0: −0 becomes 0
+        row = self._known_transforms.get(key)
         if row is not None:
             return row
         inverse = transforms.inverse(affine)
@@ -65,18 +79,40 @@ class SceneBuilder:
         if not (np.abs(affine) < FARTHEST_PLACE).all():
             self.diagnostics.warning(f"this is placed or scaled beyond {FARTHEST_PLACE:g}: it is not drawn", span)
             return NONE
-        row = len(self._matrices)
-        self._known[key] = row
-        self._matrices.append(affine)
-        self._inverses.append(inverse)
+        row = self._known_transforms[key] = len(self._known_transforms)
+        self._matrices.append(affine[None])
+        self._inverses.append(inverse[None])
         return row
+
+    def transforms(self, matrices: np.ndarray, spans: Sequence[Span | None]) -> list[int]:
+        """The rows of transforms (n, 3, 4); see `transform`."""
+        affine = np.ascontiguousarray(matrices, dtype=np.float64)
+        inverses, good = transforms.inverses(affine)
+        good &= (np.abs(affine) < FARTHEST_PLACE).all(axis=(1, 2))
+        data, size = (affine + 0.0).tobytes(), affine[:1].nbytes
+        known, rows, fresh, flat = self._known_transforms, [], [], good.tolist()
+        for k in range(len(affine)):
+            key = data[k * size : (k + 1) * size]
+            row = known.get(key)
+            if row is None:
+                if not flat[k]:
+                    rows.append(NONE)
+                    continue
+                row = known[key] = len(known)
+                fresh.append(k)
+            rows.append(row)
+        self._matrices.append(affine[fresh])
+        self._inverses.append(inverses[fresh])
+        for k in np.flatnonzero(~good).tolist():
+            rows[k] = self.transform(affine[k], spans[k])  # tells why it has none
+        return rows
 
     # --- geometry ---
 
     def geometry(self, kind: ir.GeometryKind, parameters: Sequence[float] = (), span: Span | None = None, name: str = "") -> int:
         """The row of an analytic shape; `parameters` in the order of ir.GeometryKind."""
         numbers = tuple(map(float, parameters))
-        key = ("geometry", kind, numbers)
+        key = (int(kind), numbers)
         row = self._known.get(key)
         if row is None:
             bounds = shape_bounds.bounds_of(kind, numbers)
@@ -120,11 +156,11 @@ class SceneBuilder:
         return self._known[key]
 
     def mesh(self, mesh: MeshData, span: Span | None = None, name: str = "") -> int:
-        """The row of a mesh, its positions stored as float32 relative to `_origin`; equal meshes share one.
+        """The row of a mesh, its positions stored as float32 relative to mesh_storage.origin; equal meshes share one.
 
         Attributes of wrong length are left out with a warning. A mesh without triangles is NONE.
         """
-        return self.shared(("mesh", _digest(mesh)), lambda: self._mesh(mesh, span, name or mesh.name))
+        return self.shared(("mesh", mesh_storage.digest(mesh)), lambda: self._mesh(mesh, span, name or mesh.name))
 
     def _mesh(self, mesh: MeshData, span: Span | None, name: str) -> int:
         positions = np.asarray(mesh.positions, dtype=np.float64).reshape(-1, 3)
@@ -132,10 +168,10 @@ class SceneBuilder:
         if not len(triangles):
             self.diagnostics.warning(f"the mesh{f' `{name}`' if name else ''} has no triangles: nothing is drawn", span)
             return NONE
-        origin = _origin(positions)
+        origin = mesh_storage.origin(positions)
         with np.errstate(over="ignore", invalid="ignore"):
             stored = (positions - origin).astype(np.float32)
-        bounds = mesh_bounds(stored) + origin
+        bounds = mesh_storage.bounds(stored) + origin
         first_vertex, first_triangle = self._length["positions"], self._length["triangles"]
         first_polygon, polygon_count = self._outlines(mesh, first_vertex, first_triangle)
         self._pool("positions", stored)
@@ -188,6 +224,19 @@ class SceneBuilder:
             return NONE
         row = (instance.geometry, instance.transform, instance.material, instance.light, instance.visible)
         return self._add("instances", row, span, instance.name)
+
+    def instances(
+        self, geometries: Sequence[int], transforms: Sequence[int], materials: Sequence[int], names: Sequence[str],
+        spans: Sequence[Span | None],
+    ) -> None:  # fmt: skip
+        """Adds instances, except those whose geometry or transform is NONE."""
+        if min(geometries) < 0 or min(transforms) < 0:
+            for geometry, transform, material, name, span in zip(geometries, transforms, materials, names, spans, strict=True):
+                self.instance(InstanceData(geometry, transform, material, name=name), span)
+            return
+        self._rows["instances"].extend(zip(geometries, transforms, materials, repeat(NONE), repeat(ALL_RAYS)))
+        self._names["instances"].extend(names)
+        self._spans["instances"].extend(spans)
 
     def material(self, material: MaterialData, span: Span | None = None) -> int:
         """The row of a material; equal materials of the same name share one."""
@@ -286,8 +335,8 @@ class SceneBuilder:
         rows = self._rows["instances"]
         if not rows:
             return None
-        local = np.array([self._rows["geometries"][row[0]][2] for row in rows])
-        boxes = boxes_under(local, np.array([self._matrices[row[1]] for row in rows]))
+        local = np.array([row[2] for row in self._rows["geometries"]])[[row[0] for row in rows]]
+        boxes = boxes_under(local, np.concatenate(self._matrices)[[row[1] for row in rows]])
         bounded = boxes[(np.abs(boxes) < FARTHEST).all(axis=(1, 2))]
         return np.stack([bounded[:, 0].min(axis=0), bounded[:, 1].max(axis=0)]) if len(bounded) else None
 
@@ -299,7 +348,7 @@ class SceneBuilder:
 
     def count(self, table: str) -> int:
         """Number of rows of a table so far."""
-        return len(self._matrices) if table == "transforms" else len(self._rows[table])
+        return len(self._known_transforms) if table == "transforms" else len(self._rows[table])
 
     # --- result ---
 
@@ -327,10 +376,10 @@ class SceneBuilder:
         return ir.Scene(name, ir.Tables(**made), names, _spans(self._spans), **about)
 
     def _transforms(self) -> ir.Transforms:
-        matrices = np.stack(self._matrices)
+        matrices = np.concatenate(self._matrices)
         flips = np.linalg.det(matrices[:, :, :3]) < 0
         still = np.full(len(matrices), NONE)
-        columns = {"matrix": matrices, "inverse": np.stack(self._inverses), "flips": flips, "first_key": still, "keys": still + 1}
+        columns = {"matrix": matrices, "inverse": np.concatenate(self._inverses), "flips": flips, "first_key": still, "keys": still + 1}
         return ir.table_of("transforms", columns)
 
     def _add(self, table: str, row: tuple[Any, ...], span: Span | None, name: str) -> int:
@@ -368,41 +417,6 @@ def lambert(albedo: Color, texture: int = -1, name: str = "") -> MaterialData:
     return MaterialData(ir.MaterialModel.LAMBERT, {ir.Slot.AMBIENT: matt, ir.Slot.DIFFUSE: matt}, name=name)
 
 
-def _digest(mesh: MeshData) -> bytes:
-    """Hash of a mesh's content."""
-    digest = hashlib.blake2b(digest_size=16)
-    outlines = mesh.outlines
-    arrays = [mesh.positions, mesh.triangles] + ([outlines.corners, outlines.loops, outlines.polygons] if outlines else [])
-    for attribute in (mesh.normals, mesh.uvs, mesh.colors):
-        arrays += [np.array([-1 if attribute is None else int(attribute.interpolation)])] + ([attribute.values] if attribute else [])
-    for array in arrays:
-        values = np.ascontiguousarray(array)
-        digest.update(f"{values.dtype.str}{values.shape}".encode())
-        digest.update(values.data if values.size else b"")
-    return digest.digest()
-
-
-def mesh_bounds(positions: np.ndarray) -> np.ndarray:
-    """(2, 3) float64 bounds of the finite positions (n, 3); 0 without any."""
-    finite = positions if np.isfinite(positions).all() else positions[np.isfinite(positions).all(axis=1)]
-    return np.stack([finite.min(axis=0), finite.max(axis=0)]).astype(np.float64) if len(finite) else np.zeros((2, 3))
-
-
-def _origin(positions: np.ndarray) -> np.ndarray:
-    """(3,) origin of a mesh's stored positions (n, 3): the center of its bounds.
-
-    With outliers a thousand times as far out as the median vertex, it is the median, so that most vertices keep their precision.
-    """
-    bounds = mesh_bounds(positions)
-    some = positions[:: max(1, len(positions) // 1024)]
-    some = some[np.isfinite(some).all(axis=1)]
-    if not len(some):
-        return bounds.mean(axis=0)
-    crowd = np.median(some, axis=0)
-    away = np.median(np.abs(some - crowd).max(axis=1))
-    return crowd if (bounds[1] - bounds[0]).max() > 1000.0 * away > 0.0 else bounds.mean(axis=0)
-
-
 def boxes_under(boxes: np.ndarray, matrices: np.ndarray) -> np.ndarray:
     """(n, 2, 3) bounds of boxes (n, 2, 3) under matrices (n, 3, 4); ±inf along each axis that an unbounded box extends to."""
     linear, moved = matrices[:, :, :3], matrices[:, :, 3]
@@ -422,10 +436,15 @@ def _spans(spans: Mapping[str, list[Span | None]]) -> ir.Spans:
     sources: dict[str, int] = {}
     rows = {}
     for table, of in spans.items():
+        places: dict[int, int] = {}  # the rows of a loop share few spans
+        numbers = [places.setdefault(id(span), len(places)) for span in of]
+        each: list[Span | None] = [None] * len(places)
+        for number, span in zip(numbers, of, strict=True):
+            each[number] = span
         made = [
             (-1, 0, 0, 0, 0) if s is None else (sources.setdefault(s.file, len(sources)), s.line, s.column, s.end_line, s.end_column)
-            for s in of
+            for s in each
         ]
-        rows[table] = np.array(made, dtype=np.int32).reshape(-1, 5)
+        rows[table] = np.array(made, dtype=np.int32).reshape(-1, 5)[numbers]
         rows[table].flags.writeable = False
     return ir.Spans(tuple(sources), rows)

@@ -85,6 +85,26 @@ def inverse(matrix: Matrix) -> np.ndarray | None:
     return made if np.isfinite(made).all() else None
 
 
+def inverses(matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """((n, 3, 4) inverses of affine (n, 3, 4) matrices, (n,) whether they exist); see `inverse`, with whose bits they agree."""
+    (a, b, c, x), (d, e, f, y), (g, h, i, z) = matrices.transpose(1, 2, 0)
+    with np.errstate(all="ignore"):
+        ei, fg, dh = e * i - f * h, f * g - d * i, d * h - e * g
+        determinant = a * ei + b * fg + c * dh
+        linear = np.array(
+            [
+                [ei / determinant, (c * h - b * i) / determinant, (b * f - c * e) / determinant],
+                [fg / determinant, (a * i - c * g) / determinant, (c * d - a * f) / determinant],
+                [dh / determinant, (b * g - a * h) / determinant, (a * e - b * d) / determinant],
+            ]
+        )
+        lengths = np.hypot(np.hypot(a, d), g) * np.hypot(np.hypot(b, e), h) * np.hypot(np.hypot(c, f), i)
+        moved = -(linear[:, 0] * x + linear[:, 1] * y + linear[:, 2] * z)
+        good = np.isfinite(determinant) & (abs(determinant) > SINGULAR * lengths) & np.isfinite(x + y + z)
+        made = np.ascontiguousarray(np.concatenate([linear, moved[:, None]], axis=1).transpose(2, 0, 1))
+        return made, good & np.isfinite(made).all(axis=(1, 2))
+
+
 def looking(position: Sequence[float], target: Sequence[float], up: Sequence[float]) -> Matrix | None:
     """Look-at frame of an eye at `position`: −z towards `target`, y nearest to `up`. None if both points coincide."""
     backward = unit(np.subtract(position, target, dtype=np.float64))

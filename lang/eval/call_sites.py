@@ -10,6 +10,7 @@ from typing import Any
 
 from ..diagnostics import Span
 from ..elements import Element
+from ..formula_graph import OPERATIONS
 from ..limits import Exhausted
 from ..schema.argument_types import Entry
 from ..schema.elements import SCHEMA
@@ -185,7 +186,7 @@ def _element_maker(entry: Entry, given: Mapping[str, int], span: Span) -> Plan |
             args[name] = value
         photometric = bool(lights) and any(type(values[k]) is not float for k in lights)
         if shares:
-            return calls.share(scope, kind, args, span, names, photometric)
+            return calls.share(scope, Element(kind, args, span, names, (), scope.path, scope.trace, photometric))
         meter = scope.meter
         meter.elements += 1
         if meter.elements > meter.most:
@@ -205,14 +206,35 @@ def _element_maker(entry: Entry, given: Mapping[str, int], span: Span) -> Plan |
 # --- functions ------------------------------------------------------------------------------------------------------
 
 
+_PLAIN = frozenset({"floor", "ceil", "round", "exp", "log", "abs", "sign", "sqrt"})
+_PLAIN_OF_TWO = frozenset({"mod", "min", "max", "hypot"})
+"""Functions of two or more numbers, as _PLAIN those of one: on plain numbers they are the operations of formulas."""
+
+
+def all_floats(values: list[Value]) -> bool:
+    """Whether all values are plain numbers."""
+    for value in values:  # noqa: SIM110 (called for every operation)
+        if type(value) is not float:
+            return False
+    return True
+
+
 def _builtin_plan(site: CallSite, function: Builtin) -> Plan | None:
     count = len(site.args)
     fits = function.required <= count and (function.variadic or count <= len(function.parameters))
     if not fits or any(a.name is not None for a in site.args):
         return None
     compute, spans = function.run, [a.value.span for a in site.args]
+    plain = OPERATIONS[function.name] if function.name in (_PLAIN_OF_TWO if count > 1 else _PLAIN) else None
 
     def run(scope: Scope, function: Builtin, values: list[Value], children: Children) -> Value:
+        if plain is not None and all_floats(values):
+            try:
+                result = plain(*values)
+                if result - result == 0.0:
+                    return result
+            except (ArithmeticError, ValueError):
+                pass  # told by the function
         try:
             return compute(scope, *values)
         except Mistake as mistake:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from ..diagnostics import Diagnostics, Span
 from ..elements import Element
@@ -123,7 +123,7 @@ def make_element(evaluator: Evaluator, entry: Entry, givens: list[ArgumentValue]
         evaluator.diagnostics.warning("the formula ends at this comma", fraction[2][1], fraction[1])
     children = site.children or ()
     if entry.category in SHARED:
-        return share(scope, entry.name, args, site.span, given, photometric)
+        return share(scope, Element(entry.name, args, site.span, given, (), scope.path, scope.trace, photometric))
     evaluator.meter.element()
     weight = 1 + sum([child.weight for child in children])
     if weight > evaluator.meter.most:
@@ -131,16 +131,14 @@ def make_element(evaluator: Evaluator, entry: Entry, givens: list[ArgumentValue]
     return Element(entry.name, args, site.span, given, children, scope.path, scope.trace, photometric, weight)
 
 
-def share(scope: Scope, name: str, args: dict[str, Any], span: Span, given: frozenset[str], photometric: bool) -> Element:
-    """The one element of a call site and its chain of calls with these arguments: equal materials are one element."""
-    evaluator = scope.evaluator
-    key = (id(span), id(scope.trace), photometric, *args.values())  # the element keeps both alive
-    element = evaluator.shared.get(key)
-    if element is None:
+def share(scope: Scope, element: Element) -> Element:
+    """The first element of the same call site and chain of calls with the same arguments: equal materials are one element."""
+    evaluator, args = scope.evaluator, element.args
+    key = (id(element.span), id(element.trace), element.photometric, *[args[name] for name in element.given])
+    shared = evaluator.shared.setdefault(key, element)  # the element keeps both alive
+    if shared is element:
         evaluator.meter.element()
-        element = Element(name, args, span, given, (), scope.path, scope.trace, photometric)
-        evaluator.shared[key] = element
-    return element
+    return shared
 
 
 def _assign(

@@ -281,8 +281,18 @@ def _binary(node: ast.Binary, names: Names | None) -> Code:
                 return result
         return apply(a, b, scope)
 
+    def multiply(scope: Scope) -> Value:
+        a, b = left(scope), right(scope)
+        if type(a) is float:
+            result = a * b if type(b) is float else a * b.value if type(b) is units.Quantity else math.inf
+            if result - result == 0.0:
+                return result if type(b) is float else units.Quantity(result, b.dimension)
+        return apply(a, b, scope)
+
     if node.op == "/":
         return divide
+    if node.op == "*":
+        return multiply
     return run if simple is not None else lambda scope: apply(left(scope), right(scope), scope)
 
 

@@ -240,3 +240,32 @@ def test_world_bounds_leave_out_what_is_endless() -> None:
     bounds = builder.world_bounds()
     assert bounds is not None
     assert bounds.tolist() == [[9, -2, -3], [11, 2, 3]]
+
+
+def test_transforms_together_are_the_rows_of_each() -> None:
+    rng = np.random.default_rng(3)
+    matrices = rng.normal(size=(40, 3, 4)).round(1)
+    matrices[5] = matrices[9] = np.eye(3, 4)
+    matrices[7, :, 0] = 0.0
+    matrices[8] = np.inf
+    matrices[20:30] = matrices[10:20]
+    matrices[31, 0, 3] = -0.0
+    one, together = scene_builder.SceneBuilder(), scene_builder.SceneBuilder()
+    rows = [one.transform(matrix, SPAN) for matrix in matrices]
+    assert together.transforms(matrices[:25], [SPAN] * 25) + together.transforms(matrices[25:], [SPAN] * 15) == rows
+    assert rows[7] == rows[8] == -1
+    assert rows[5] == rows[9] == 0
+    assert together.diagnostics.items == one.diagnostics.items
+    for column in ("matrix", "inverse", "flips"):
+        a, b = (getattr(builder.finish("").tables.transforms, column) for builder in (one, together))
+        assert a.tobytes() == b.tobytes()
+
+
+def test_instances_together_leave_out_those_without_a_geometry_or_transform() -> None:
+    builder = scene_builder.SceneBuilder()
+    ball = builder.geometry(ir.GeometryKind.SPHERE, (1.0,))
+    builder.instances([ball, -1, ball, ball], [0, 0, -1, 0], [-1, -1, -1, -1], ["a", "b", "c", "d"], [SPAN, None, None, None])
+    scene = builder.finish("")
+    assert scene.names.instances == ("a", "d")
+    assert scene.spans.at("instances", 0) == SPAN
+    assert scene.spans.at("instances", 1) is None

@@ -160,3 +160,16 @@ def test_facing_up_turns_nothing() -> None:
     made = transforms.facing((0, 0, 0), (0, 2, 0))
     assert made is not None
     assert np.array_equal(made, np.eye(4))
+
+
+def test_inverses_together_have_the_bits_of_each() -> None:
+    rng = np.random.default_rng(7)
+    matrices = rng.normal(size=(200, 3, 4)) * 10.0 ** rng.integers(-20, 20, (200, 1, 1))
+    matrices[3, 1] = matrices[3, 0]
+    matrices[4] = 0.0
+    matrices[5, 2, 3] = np.nan
+    together, good = transforms.inverses(matrices)
+    for matrix, inverse, exists in zip(matrices, together, good, strict=True):
+        alone = transforms.inverse(matrix)
+        assert exists == (alone is not None)
+        assert alone is None or alone.tobytes() == inverse.tobytes()

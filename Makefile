@@ -19,7 +19,7 @@ INPUTS := $(filter-out %.png %.md,$(wildcard examples/*)) $(wildcard examples/as
 CHARTS := $(patsubst %,examples/%.scene,hello refraction room shapes spotlights) bench/scenes/cornell.scene
 CHART_BUDGET ?= 5min
 
-.PHONY: help venv demo pictures reference grammar charts test test-all check bench bounds clean accuracy
+.PHONY: help venv kernels demo pictures reference grammar charts test test-all check bench bounds clean accuracy
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -35,8 +35,11 @@ $(STAMP): pyproject.toml constraints.txt
 	@mkdir -p $(VENV)/typing && ln -sfn ../.. $(VENV)/typing/maquette
 	@touch $@
 
-demo: $(STAMP)  ## render every example, two at a time, and say where the pictures are
-	@echo "drawing $(words $(NAMES)) examples, two at a time; the first time kernels are compiled on the way, for some minutes"
+kernels: $(STAMP)  ## compile the general kernels, which render every scene
+	@$(BIN)/python -P -m maquette.cli.build_kernels
+
+demo: kernels  ## render every example, two at a time, and say where the pictures are
+	@echo "rendering $(words $(NAMES)) examples, two at a time"
 	@$(MAKE) --no-print-directory --output-sync -j$(WORKERS) $(NAMES:%=$(DEMO)/%.png)
 	@echo "$(words $(NAMES)) pictures are in $(CURDIR)/$(DEMO)"
 

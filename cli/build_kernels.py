@@ -18,6 +18,7 @@ from ..compiler import ir, load
 from ..compiler.plan import plan
 from ..render import render_scene
 from ..render.backends import kernel_choice
+from ..render.jit import kernel_cache
 
 WORKERS = 2
 _BALL = "plane(y: 0)\nsphere(1, center: [0, 1, 0], material: {0})\ncamera(position: [0, 2, 6], look_at: [0, 1, 0])\n"
@@ -72,16 +73,30 @@ def compile_variant(name: str) -> None:
         render_scene.draw(loaded, plan.make_plan(loaded, asked, variant.overrides))
 
 
+def is_compiled(name: str) -> bool:
+    """Whether the kernels of a variant are on disk."""
+    try:
+        with kernel_cache.compiled_only():
+            compile_variant(name)
+    except kernel_cache.NotCompiled:
+        return False
+    return True
+
+
 def main() -> int:
-    """Compile all variants in processes of their own; returns the exit code."""
+    """Compile what is missing in processes of their own; returns the exit code."""
     from rich.console import Console
     from rich.progress import track
+
+    missing = [name for name in VARIANTS if not is_compiled(name)]
+    if not missing:
+        return 0
 
     def run(name: str) -> int:
         return subprocess.run([sys.executable, "-P", "-m", __spec__.name, name], check=False).returncode
 
     with ThreadPoolExecutor(WORKERS) as pool:
-        done = track(pool.map(run, VARIANTS), "compiling kernels", len(VARIANTS), console=Console(stderr=True))
+        done = track(pool.map(run, missing), "compiling kernels", len(missing), console=Console(stderr=True))
         return max(done)
 
 

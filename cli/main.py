@@ -14,7 +14,7 @@ from typing import Any
 import click
 
 from .. import __version__
-from ..compiler.io.cache_dirs import SettingError
+from ..compiler.io.environment import SettingError
 from ..lang.diagnostics import SceneError, sort_diagnostics
 from . import common_options as shared
 from . import option_types as values
@@ -187,16 +187,22 @@ def inspect(scene: Path, as_ir: bool, as_json: bool, **given: Any) -> None:
 def explain(scene: Path, as_json: bool, **given: Any) -> None:
     """Show the render plan of SCENE with reasons.
 
-    Prints each decision of the plan: its value, its reason, and the option that changes it.
+    Prints each decision of the plan: its value, its reason, and the option that changes it. The last line names the compiled
+    kernels that a picture takes: those specialised to the scene, or general ones until these are compiled.
     """
+    from ..render.backends import kernel_choice
+
     source, settings, overrides = shared.read_options(scene, given)
     compiled = shared.load(source)
     plan = jobs.make_plan(compiled, settings, overrides)
+    kind, state = kernel_choice.describe(compiled, plan)
     if as_json:
         rows = [{"name": d.name, "value": d.value, "reason": d.reason, "overridden": d.overridden} for d in plan.decisions.values()]
+        rows.append({"name": "kernels", "value": kind, "reason": state, "overridden": False})
         click.echo(json.dumps(jobs.json_value(rows), indent=2))
     else:
         terminal.explain(compiled, plan)
+        click.echo(f"kernels  {kind}  {state}")
     terminal.report(jobs.plan_warnings(compiled, plan))
 
 

@@ -40,7 +40,7 @@ MAY_IMPORT = {
     "compiler.load": "compiler.lower",
     "compiler.format_pages": "compiler.importers.usd",
     "render.types": "compiler.ir",
-    "render.simd": "",
+    "render.simd": "compiler.io",
     "render.jit": "compiler.io render.simd",
     "render.lanes": "render.types render.jit",
     "render.image": "compiler.ir compiler.io",

@@ -6,10 +6,6 @@ import os
 from pathlib import Path
 
 
-class SettingError(ValueError):
-    """An environment variable has a value that it cannot have."""
-
-
 def cache_root() -> Path:
     """The cache directory: MAQUETTE_CACHE, else `maquette` in the user's cache directory."""
     asked = os.environ.get("MAQUETTE_CACHE")

@@ -17,6 +17,7 @@ from functools import partial
 from typing import Any
 
 from ...compiler import ir
+from ...compiler.io import environment
 from ...compiler.plan.plan import Plan
 from ..jit import compile_process, kernel_cache
 from ..types import Film, FirstHits, Tile, View
@@ -42,12 +43,25 @@ def make_renderer(scene: ir.Scene, plan: Plan, view: View, general: bool) -> Any
     return backend_of(plan["backend"])(prepare.prepare(scene, plan, view, general), plan, view)
 
 
+def describe(scene: ir.Scene, plan: Plan) -> tuple[str, str]:
+    """(kind of the kernels that a picture would take now, whether they are ready and their names), without compiling any."""
+    if plan["backend"] == "reference":
+        return "none", "the reference backend runs in numpy"
+    for general in (False, True):
+        with kernel_cache.recording() as names, kernel_cache.compiled_only():
+            try:
+                make_renderer(scene, plan, View(plan["camera"], *plan["size"]), general)
+            except kernel_cache.NotCompiled:
+                continue
+        short = sorted({name.removeprefix("render.") for name in names})
+        return "general" if general else "specialised", f"ready: {', '.join(short)}"
+    return "specialised", "compiled when the scene is first rendered"
+
+
 def choose_renderer(scene: ir.Scene, plan: Plan, view: View) -> Any:
-    """The renderer of a picture. Raises ValueError for a value of MAQUETTE_KERNELS that is not in CHOICES."""
+    """The renderer of a picture. Raises SettingError for a value of MAQUETTE_KERNELS that is not in CHOICES."""
     make = partial(make_renderer, scene, plan, view)
-    asked = os.environ.get(VARIABLE) or "auto"
-    if asked not in CHOICES:
-        raise ValueError(f"{VARIABLE} is {asked}; it can be {', '.join(CHOICES)}")
+    asked = environment.read_choice(VARIABLE, CHOICES)
     if plan["backend"] == "reference" or asked != "auto":
         return make(asked == "general" and plan["backend"] != "reference")
     try:

@@ -13,7 +13,8 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from ...compiler.io.cache_dirs import SettingError, cache_root
+from ...compiler.io.cache_dirs import cache_root
+from ...compiler.io.environment import SettingError
 from ...compiler.io.replace_file import replace_file
 
 VARIABLE = "MAQUETTE_CACHE_SIZE"

@@ -50,6 +50,7 @@ class NotCompiled(Exception):
 
 
 _rules = threading.local()
+_records: list[list[str]] = []
 
 
 @contextmanager
@@ -61,6 +62,17 @@ def compiled_only() -> Iterator[None]:
         yield
     finally:
         _rules.compiled_only = before
+
+
+@contextmanager
+def recording() -> Iterator[list[str]]:
+    """Record the names of the kernels that this process loads or compiles in the block."""
+    names: list[str] = []
+    _records.append(names)
+    try:
+        yield names
+    finally:
+        _records.remove(names)
 
 
 def must_be_compiled() -> bool:
@@ -92,6 +104,8 @@ def load(kernel: Any, kinds: tuple[ValueType, ...]) -> Loaded:
                     write(name, code)
             found = kernel.loaded[kinds] = Loaded(function.__qualname__, kinds, code, not compiled)
             compile_events.ready()
+            for names in _records:
+                names.append(_name_of(function))
         return found
 
 

@@ -14,6 +14,8 @@ from typing import NamedTuple
 
 import llvmlite.binding as llvm
 
+from ...compiler.io.environment import SettingError
+
 BYTES = {"avx512": 64, "avx2": 32, "sse": 16, "scalar": 4}
 """Bytes of a vector in each instruction set."""
 NATIVE = "native"
@@ -57,11 +59,11 @@ def highest(features: dict[str, bool]) -> str:
 def choose(asked: str, triple: str, features: dict[str, bool]) -> Level:
     """The level to compile for on a machine with these features: the highest, or the one asked for.
 
-    Raises ValueError for an unknown name.
+    Raises SettingError for an unknown name.
     """
     best = highest(features)
     if asked not in ("", NATIVE, *BYTES):
-        raise ValueError(f"MAQUETTE_SIMD={asked} is not an instruction set; choose from: {', '.join(BYTES)}, {NATIVE}")
+        raise SettingError(f"MAQUETTE_SIMD={asked} is not an instruction set; choose from: {', '.join(BYTES)}, {NATIVE}")
     x86 = triple.startswith("x86_64")
     if asked == NATIVE or not (x86 or triple.startswith("aarch64")):
         text = ",".join(f"{'+' if on else '-'}{name}" for name, on in sorted(features.items()))

@@ -9,6 +9,7 @@ from typing import Any
 import maquette
 import numpy as np
 import pytest
+from maquette.compiler.io.environment import SettingError
 from maquette.render.backends import kernel_choice, prepare
 from maquette.render.jit import compile_process, kernel_cache
 
@@ -94,7 +95,7 @@ def test_other_values_of_the_variable_are_refused(monkeypatch: pytest.MonkeyPatc
     scene = tmp_path / "ball.scene"
     scene.write_text(BALL)
     monkeypatch.setenv(kernel_choice.VARIABLE, "fast")
-    with pytest.raises(ValueError, match="MAQUETTE_KERNELS is fast; it can be auto, special, general"):
+    with pytest.raises(SettingError, match="MAQUETTE_KERNELS is fast; it can be auto, special, general"):
         draw(scene)
 
 

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from maquette.compiler.io.cache_dirs import SettingError
+from maquette.compiler.io.environment import SettingError
 from maquette.render.jit import cache_folder
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="modes of folders")

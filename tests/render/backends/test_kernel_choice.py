@@ -15,6 +15,7 @@ from maquette.render.jit import compile_process, kernel_cache
 
 ROOT = Path(__file__).resolve().parents[3]
 EXAMPLES = sorted(each for each in (ROOT / "examples").iterdir() if each.suffix in (".scene", ".usda", ".obj"))
+QUICK = (("hello", "auto"), ("textures", "auto"), ("gear", "auto"), ("room", "auto"), ("glass", "auto"), ("principled", "raster"))
 BALL = "sphere(1)\ndirectional(from: [1, 1, 1])\ncamera(position: [0, 0, 4])\n"
 
 
@@ -22,8 +23,14 @@ def draw(path: Path, **settings: Any) -> Any:
     return maquette.render(path, **{"size": (48, 36), "samples": 2, **settings})
 
 
-@pytest.mark.parametrize("backend", ["auto", "raster"])
-@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def pictures() -> list[Any]:
+    """Every example on both backends; all but QUICK are long, since each compiles specialised kernels."""
+    every = [(path, backend) for path in EXAMPLES for backend in ("auto", "raster") if (path.stem, backend) != ("panorama", "raster")]
+    marks = {True: [], False: [pytest.mark.long]}
+    return [pytest.param(*one, id=f"{one[0].stem}-{one[1]}", marks=marks[(one[0].stem, one[1]) in QUICK]) for one in every]
+
+
+@pytest.mark.parametrize(("path", "backend"), pictures())
 def test_general_kernels_draw_the_same_picture(monkeypatch: pytest.MonkeyPatch, path: Path, backend: str) -> None:
     found = []
     for kind in ("special", "general"):

@@ -37,6 +37,7 @@ class Context(Protocol):
     builder: SceneBuilder
     photometric: bool  # whether a light has a photometric unit
     centered: dict[Any, int]  # geometries of shapes.CENTERED by kind and measures
+    generated: dict[tuple[object, ...], list[Piece]]  # shapes made so far, by what their form depends on
 
     @property
     def files(self) -> Files: ...

@@ -72,6 +72,7 @@ class Lowering:
         self._folder = folder
         self._emissive = 0
         self.unsampled: Element | None = None  # the first shape that shines and is not sampled as a light
+        self.generated: dict[tuple[object, ...], list[Piece]] = {}
         self._meshes: dict[Path, list[Piece]] = {}
 
     # --- Context ---

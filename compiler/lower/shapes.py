@@ -23,8 +23,17 @@ FLATNESS = 1e-3  # how far a polygon's corners may be off its plane, as a share 
 
 def pieces(lowering: Context, element: Element) -> list[Piece]:
     """The geometries of a shape; nothing, after a diagnostic, if it is impossible."""
-    made = _SHAPES[element.kind](lowering, element)
-    return [piece for piece in made if piece.geometry >= 0]
+    if element.kind not in _GENERATED:
+        return _pieces(lowering, element)
+    own = (item for item in element.args.items() if item[0] not in _NOT_ITS_FORM)
+    key = element.kind, element.span.file, tuple(own)
+    if not lowering.generated.get(key):
+        lowering.generated[key] = _pieces(lowering, element)
+    return lowering.generated[key]
+
+
+def _pieces(lowering: Context, element: Element) -> list[Piece]:
+    return [piece for piece in _SHAPES[element.kind](lowering, element) if piece.geometry >= 0]
 
 
 def centered(lowering: Context, element: Element) -> tuple[int, tuple[float, float, float]]:
@@ -226,3 +235,5 @@ _SHAPES: dict[str, Callable[[Context, Element], list[Piece]]] = {
     **dict.fromkeys(solids.KINDS, solids.solid),
 }
 KINDS = frozenset(_SHAPES)
+_GENERATED = frozenset({"revolve", "extrude", "curve", "heightfield", "text"})  # shapes whose meshes take a while: equal ones are made once
+_NOT_ITS_FORM = frozenset({"material", "name", "translate", "rotate", "scale"})

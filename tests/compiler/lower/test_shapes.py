@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from maquette.compiler import ir, load
+from maquette.compiler.mesh import polygon_mesh
 from maquette.lang.diagnostics import Diagnostics, SceneError, Span
 
 Kind = ir.GeometryKind
@@ -107,6 +108,19 @@ def test_copies_share_geometry(compiled) -> None:
     )
     assert len(scene.tables.geometries.kind) == 2
     assert len(scene.tables.instances.geometry) == 20
+
+
+@pytest.mark.parametrize(
+    "text", ["revolve([[0, 0], [1, 0], [0, 1]])", 'text("a")', "heightfield([[0, 1], [1, 0]])", "curve([[0,0,0], [1,1,1]], 1)"]
+)
+def test_equal_shapes_are_made_once(compiled, monkeypatch, text) -> None:
+    calls = []
+    monkeypatch.setattr(polygon_mesh, "assemble", lambda *args, made=polygon_mesh.assemble, **more: calls.append(0) or made(*args, **more))
+    one = text[:-1]
+    scene = compiled(f"for (k in 0..9) {{ {one}, translate: [k, 0, 0], name: \"a\") }}\n{one}, material: mirror())" + REST)
+    assert len(calls) == 1
+    assert len(set(scene.tables.instances.geometry.tolist())) == 1
+    assert len(scene.tables.instances.geometry) == 11
 
 
 def test_a_triangle(compiled) -> None:

@@ -69,7 +69,7 @@ def load(
             scene = _stage(path, files, (time, code), options, found, watch)
             scene = _blurred(scene, lambda later, said: _stage(path, files, (time, code), options, said, watch, later), found)
         elif suffix in file_types.MESH:
-            scene = _mesh(path, real, files, found, watch)
+            scene = _mesh(path, real, files, time, found, watch)
         elif suffix in file_types.SAVED:
             with watch.stage("import"):
                 scene = serialize.load(path)
@@ -150,13 +150,13 @@ def _stage(
         return usd_load.scene(path, SceneBuilder(found, files), time=moment[0], code=moment[1], options=options, later=later)
 
 
-def _mesh(path: Path, real: Path, files: Files, found: Diagnostics, watch: Stopwatch) -> ir.Scene:
+def _mesh(path: Path, real: Path, files: Files, time: float | None, found: Diagnostics, watch: Stopwatch) -> ir.Scene:
     """A bare mesh file: its own materials or grey; the lights and cameras of a glTF file, else the default ones."""
     builder = SceneBuilder(found, files)
     with watch.stage("import"), np.errstate(all="ignore"):
         from .importers import mesh_files
 
-        parts = mesh_files.read(real, str(path), builder, found, None, files, as_scene=True)
+        parts = mesh_files.read(real, str(path), builder, found, None, files, as_scene=True, time=time)
     with watch.stage("lower"):
         for part in parts:
             row = builder.transform(transforms.identity() if part.transform is None else part.transform)
@@ -182,5 +182,5 @@ def _refuse_unused(
     if suffix not in file_types.SCENE:
         for param in sets or {}:
             found.error(f"there is no param `{param}`: only .scene files have params", Span(name), "leave out --set")
-    if time and suffix not in (*file_types.SCENE, *file_types.USD):
+    if time and suffix not in (*file_types.SCENE, *file_types.USD, ".glb", ".gltf"):
         found.error("nothing moves in this kind of file: it has no time", Span(name), "leave out --time")

@@ -21,7 +21,7 @@ from ..mesh import polygon_mesh
 from ..scene import transforms
 from ..scene.builder import SceneBuilder
 from ..scene.row_records import WHITE, CameraData, LightData, MeshAttribute, as_color, nonnegative, scale_color
-from . import gltf_materials, gltf_tables
+from . import gltf_animation, gltf_materials, gltf_tables
 from .gltf_container import Container, GltfError, open_container
 from .mesh_parts import Part, add
 
@@ -33,16 +33,18 @@ MAX_NODES = 200_000
 
 
 def read(
-    data: bytes, name: str, folder: Path | None, files: Files, builder: SceneBuilder, diagnostics: Diagnostics, as_scene: bool
+    data: bytes, name: str, folder: Path | None, files: Files, builder: SceneBuilder, diagnostics: Diagnostics, as_scene: bool,
+    time: float | None = None,
 ) -> list[Part]:  # fmt: skip
     """The parts of a glTF scene: one for each primitive of each visible mesh node; nodes share geometries.
 
+    `time` is in seconds of its first animation; without it, nodes stand where the file places them.
     With `as_scene`, the file is the scene: its lights and cameras go to the builder. Else they are reported as left out.
     Raises GltfError if nothing can be drawn.
     """
     container = open_container(data, folder, files)
     try:
-        return _Reader(container, name, builder, diagnostics, as_scene).parts()
+        return _Reader(container, name, builder, diagnostics, as_scene, time).parts()
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as failure:
         raise GltfError(f"the glTF file contradicts itself ({type(failure).__name__}: {failure})") from None
 
@@ -54,8 +56,10 @@ class _Reader:
     builder: SceneBuilder
     diagnostics: Diagnostics
     as_scene: bool
+    time: float | None = None
     warned: set[str] = field(default_factory=set)
-    meshes: dict[int, list[Part]] = field(default_factory=dict)
+    meshes: dict[Any, list[Part]] = field(default_factory=dict)
+    globals: dict[int, np.ndarray] = field(default_factory=dict)  # of all nodes of the scene
     materials: gltf_materials.Materials = field(init=False)
 
     def __post_init__(self) -> None:
@@ -64,42 +68,44 @@ class _Reader:
     def parts(self) -> list[Part]:
         document = self.container.document
         gltf_tables.report(document, self.warn)
+        document["nodes"] = gltf_animation.animated(self.container, self.time, self.warn)
         found: list[Part] = []
-        for node, matrix in self.nodes():
+        nodes = list(self.nodes())
+        self.globals = {index: matrix for index, _, matrix, _ in nodes}
+        for _, node, matrix, visible in nodes:
+            if not visible:
+                continue
             if "mesh" in node:
                 title = node.get("name") or ""
-                for place in self.places(node, matrix):
-                    found += [Part(p.geometry, p.material, title or p.name, place[:3]) for p in self.mesh(node["mesh"])]
-            if "skin" in node:
-                self.warn("skins are drawn in their rest pose")
+                skin = gltf_animation.Skin.of(self.container, node, self.globals) if "skin" in node else None
+                for place in self.places(node, matrix) if skin is None else [transforms.identity()]:
+                    found += [Part(p.geometry, p.material, title or p.name, place[:3]) for p in self.mesh(node, skin)]
             light = node.get("extensions", {}).get("KHR_lights_punctual", {}).get("light")
             if light is not None:
                 self.light(document["extensions"]["KHR_lights_punctual"]["lights"][light], node, matrix)
             if "camera" in node:
                 self.camera(document["cameras"][node["camera"]], node, matrix)
-        if document.get("animations"):
-            self.warn("animations are not drawn: the nodes stand where the file places them")
         if not found and not self.diagnostics.failed:
             raise GltfError("the glTF file shows no mesh")
         return found
 
-    def nodes(self) -> Iterator[tuple[dict[str, Any], np.ndarray]]:
-        """The visible nodes of the scene with their (4, 4) matrices to world."""
+    def nodes(self) -> Iterator[tuple[int, dict[str, Any], np.ndarray, bool]]:
+        """The nodes of the scene: (row, node, (4, 4) matrix to world, whether visible)."""
         document = self.container.document
         scenes = document.get("scenes") or [{"nodes": list(range(len(document.get("nodes", ()))))}]
-        waiting = [(n, transforms.identity()) for n in reversed(scenes[document.get("scene", 0)].get("nodes", ()))]
+        waiting = [(n, transforms.identity(), True) for n in reversed(scenes[document.get("scene", 0)].get("nodes", ()))]
+        most = min(MAX_NODES, len(waiting) + sum(len(node.get("children", ())) for node in document.get("nodes", ())))
         seen = 0
         while waiting:
-            index, above = waiting.pop()
+            index, above, visible = waiting.pop()
             seen += 1
-            if seen > min(MAX_NODES, len(document["nodes"])):
+            if seen > most:
                 raise GltfError("the glTF file's nodes contain each other")
             node = document["nodes"][index]
-            if node.get("extensions", {}).get("KHR_node_visibility", {}).get("visible", True) is False:
-                continue
+            visible = visible and node.get("extensions", {}).get("KHR_node_visibility", {}).get("visible", True) is not False
             matrix = above @ _local(node)
-            yield node, matrix
-            waiting += [(child, matrix) for child in reversed(node.get("children", ()))]
+            yield index, node, matrix, visible
+            waiting += [(child, matrix, visible) for child in reversed(node.get("children", ()))]
 
     def warn(self, message: str) -> None:
         if message not in self.warned:
@@ -124,35 +130,39 @@ class _Reader:
             for k in range(count)
         ]
 
-    def mesh(self, index: int) -> list[Part]:
-        if index not in self.meshes:
-            mesh = self.container.document["meshes"][index]
-            made = [self.primitive(p, mesh.get("name") or f"mesh {index}") for p in mesh["primitives"]]
-            self.meshes[index] = [p for p in made if p is not None]
-        return self.meshes[index]
+    def mesh(self, node: dict[str, Any], skin: gltf_animation.Skin | None) -> list[Part]:
+        """The parts of a node's mesh; nodes with the same mesh, morph weights and skin share them."""
+        index = node["mesh"]
+        mesh = self.container.document["meshes"][index]
+        weights = tuple(map(float, node.get("weights") or mesh.get("weights") or ()))
+        key = (index, weights, None if skin is None else skin.joints.tobytes())
+        if key not in self.meshes:
+            made = [self.primitive(p, mesh.get("name") or f"mesh {index}", weights, skin) for p in mesh["primitives"]]
+            self.meshes[key] = [p for p in made if p is not None]
+        return self.meshes[key]
 
-    def primitive(self, primitive: dict[str, Any], name: str) -> Part | None:
-        """One triangle primitive (§3.7.2): positions, normals, one set of texture coordinates, colours."""
+    def primitive(self, primitive: dict[str, Any], name: str, weights: tuple[float, ...], skin: gltf_animation.Skin | None) -> Part | None:
+        """One triangle primitive (§3.7.2): positions, normals, one set of texture coordinates, colours; morphed and skinned."""
         mode = primitive.get("mode", TRIANGLES)
         if mode not in (TRIANGLES, STRIP, FAN):
             self.warn("points and lines are not drawn")
             return None
         if any(e in primitive.get("extensions", {}) for e in _COMPRESSED):
             return None
-        if primitive.get("targets"):
-            self.warn("morph targets are not drawn")
         material = primitive.get("material")
         uv_name = f"TEXCOORD_{0 if material is None else self.materials.uv_set(material)}"
         attributes = primitive["attributes"]
         accessor = self.container.accessor
-        points = accessor(attributes["POSITION"]).astype(np.float64)
+        points = gltf_animation.morphed(self.container, primitive, "POSITION", weights).astype(np.float64)
         order = accessor(primitive["indices"]).reshape(-1) if "indices" in primitive else np.arange(len(points))
         triangles = _triangles(order.astype(np.int64), mode)
         if len(triangles) and triangles.max() >= len(points):
             raise GltfError(f"the glTF file's mesh `{name}` has indices beyond its {len(points)} vertices")
         sound = np.isfinite(points[triangles]).all(axis=(1, 2))
         triangles = triangles[sound]
-        given = {key: accessor(attributes[key])[: len(points)] for key in ("NORMAL", uv_name, "COLOR_0") if key in attributes}
+        given = {key: accessor(attributes[key])[: len(points)] for key in (uv_name, "COLOR_0") if key in attributes}
+        if "NORMAL" in attributes:
+            given["NORMAL"] = gltf_animation.morphed(self.container, primitive, "NORMAL", weights)[: len(points)]
         uvs, colors = given.get(uv_name), given.get("COLOR_0")
         if colors is not None and colors.shape[1] > 3 and (colors[:, 3] < 1).any():
             self.warn("the opacity of vertex colours is not drawn")
@@ -162,6 +172,8 @@ class _Reader:
             None if uvs is None else MeshAttribute(np.stack([uvs[:, 0], 1.0 - uvs[:, 1]], axis=1)),  # glTF's v points down
             MeshAttribute(colors[:, :3]) if colors is not None else None,
         )  # fmt: skip
+        if skin is not None:
+            mesh = skin.deform(mesh, self.container, attributes, self.warn)
         row = None if material is None else self.materials.row(material)
         return add(mesh, row, name, self.builder, self.diagnostics, Span(self.name))
 

@@ -20,12 +20,12 @@ from .mesh_parts import Part, add
 
 def read(
     source: Path | bytes, name: str, builder: SceneBuilder, diagnostics: Diagnostics, span: Span | None = None, files: Files | None = None,
-    as_scene: bool = False,
-) -> list[Part]:
+    as_scene: bool = False, time: float | None = None,
+) -> list[Part]:  # fmt: skip
     """The parts of a mesh file; none after an error. `name` is shown in messages; its extension selects the format.
 
     `span` is the place of the import. `files` decides which libraries and images may be read (default: those below the file's folder).
-    With `as_scene`, the file is the scene, so its lights and cameras are imported.
+    With `as_scene`, the file is the scene, so its lights and cameras are imported. `time` in seconds is for animations of glTF files.
     """
     format_ = Path(name).suffix.lower()
     whole = Span(name)
@@ -52,7 +52,7 @@ def read(
             return _parts(stl.read(data, diagnostics, whole), Path(name).stem, builder, diagnostics, whole)
         if format_ == ".off":
             return _parts(off.read(data, diagnostics, whole), Path(name).stem, builder, diagnostics, whole)
-        return gltf.read(data, name, folder, files, builder, diagnostics, as_scene)
+        return gltf.read(data, name, folder, files, builder, diagnostics, as_scene, time)
     except (ply.PlyError, stl.StlError, gltf.GltfError, off.OffError) as failure:
         diagnostics.error(str(failure), whole)
     except MemoryError:

@@ -18,6 +18,7 @@ from ...mesh import polygon_mesh, subdivision, triangulate, vertex_normals
 from ...scene.builder import NONE, SceneBuilder
 from ...scene.row_records import MeshAttribute
 from . import stage
+from .skeletons import Skin
 
 Kind = ir.GeometryKind
 _At = ir.Interpolation
@@ -123,15 +124,17 @@ def _colors(given: MeshAttribute | None, diagnostics: Diagnostics, span: Span) -
 
 
 def mesh(
-    prim: Any, time: Any, uv_name: str | None, color_name: str | None, diagnostics: Diagnostics, span: Span, level: int = 0
+    prim: Any, time: Any, uv_name: str | None, color_name: str | None, diagnostics: Diagnostics, span: Span, level: int = 0,
+    skin: Skin | None = None,
 ) -> Faces | None:  # fmt: skip
     """A Mesh prim as polygons counter-clockwise from outside, with the texture coordinates and colours of the named primvars.
 
     Subdivision surfaces are refined `level` times; at 0 they become their control cages with smooth normals (as usdrecord at low
-    complexity). Other meshes keep their normals or are flat. None for an empty mesh, with a warning for inconsistent data.
+    complexity). Other meshes keep their normals or are flat. `skin` has deformed points. None for an empty mesh, with a warning for
+    inconsistent data.
     """
     schema = UsdGeom.Mesh(prim)
-    points = stage.numbers(schema.GetPointsAttr(), time, np.float64, 3)
+    points = skin.points if skin else stage.numbers(schema.GetPointsAttr(), time, np.float64, 3)
     counts = stage.numbers(schema.GetFaceVertexCountsAttr(), time, np.int64)
     indices = stage.numbers(schema.GetFaceVertexIndicesAttr(), time, np.int64)
     if not len(points) or not len(counts):
@@ -149,6 +152,8 @@ def mesh(
         primvar(api, uv_name, time, 2, len(points), counts, diagnostics, span) if uv_name else None,
         _colors(primvar(api, color_name, time, 3, len(points), counts, diagnostics, span), diagnostics, span) if color_name else None,
     )  # fmt: skip
+    if skin is not None and sound.all():
+        whole = skin.deform(whole)
     if schema.GetOrientationAttr().Get(time) == UsdGeom.Tokens.leftHanded:
         whole = polygon_mesh.flip(whole)
     bad = np.repeat(np.arange(len(counts)), counts)[~sound]

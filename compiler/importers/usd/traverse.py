@@ -15,7 +15,7 @@ from ... import ir
 from ...scene import transforms
 from ...scene.builder import NONE, SceneBuilder
 from ...scene.row_records import InstanceData
-from . import curves, lights
+from . import curves, lights, skeletons
 from . import geometry as geometry_module
 from .materials import DEFAULT_COLOR, DISPLAY_COLOR, Materials, Network
 from .stage import Opened, numbers, primvar_mean, reason
@@ -72,6 +72,8 @@ class Walk:
     _count: int = 0
     _told_cages: bool = False
     _audited: set[str] = field(default_factory=set)
+    _skins: dict[str, skeletons.Skin] = field(default_factory=dict)  # of the SkelRoots so far, by path
+    _skin_frame: np.ndarray = field(default_factory=lambda: np.eye(4))  # of the last SkelRoot
 
     def __post_init__(self) -> None:
         self.materials = Materials(self.opened, self.builder)
@@ -157,9 +159,13 @@ class Walk:
             return
         self._audit_once(prim, kind)
         if kind == "Mesh":
-            into.setdefault(here.purpose, []).extend(self._mesh(prim, here.matrix))
+            skin = self._skins.get(str(prim.GetPath()))
+            into.setdefault(here.purpose, []).extend(self._mesh(prim, here.matrix if skin is None else self._skin_frame @ skin.frame))
         elif kind in geometry_module.SHAPES:
             into.setdefault(here.purpose, []).extend(self._shape(prim, here.matrix))
+        elif kind == "SkelRoot":
+            self._skins |= skeletons.skins(prim, self.opened.time, self.materials.warnings)
+            self._skin_frame = here.matrix
         elif kind in curves.KINDS:
             into.setdefault(here.purpose, []).extend(self._strands(prim, kind, here.matrix))
         elif kind == "Camera":
@@ -184,7 +190,7 @@ class Walk:
 
     def _source(self, prim: Any) -> str:
         """Key of a prim's geometry: the prototype's path for native instances."""
-        own = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
+        own = prim.GetPrimInPrototype() if prim.IsInstanceProxy() and str(prim.GetPath()) not in self._skins else prim
         return str(own.GetPath())
 
     def _shape(self, prim: Any, matrix: np.ndarray) -> list[Piece]:
@@ -222,8 +228,8 @@ class Walk:
             read = (self._source(prim), uv_name, color_name)
             span = self.opened.span(prim)
             if read not in self._faces:
-                said = self.builder.diagnostics
-                self._faces[read] = geometry_module.mesh(prim, self.opened.time, uv_name, color_name, said, span, self.complexity)
+                said, skin = self.builder.diagnostics, self._skins.get(str(prim.GetPath()))
+                self._faces[read] = geometry_module.mesh(prim, self.opened.time, uv_name, color_name, said, span, self.complexity, skin)
             found = self._faces[read]
             if found is not None and found.subdivided and not self._told_cages:
                 self._told_cages = True

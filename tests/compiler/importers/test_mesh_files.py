@@ -473,7 +473,7 @@ def test_a_gltf_with_a_file_and_a_data_uri(tmp_path):
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
-        ({"animations": [{}]}, "animations are not drawn: the nodes stand where the file places them"),
+        ({"animations": [{}]}, "the file has 1 animation of up to 0 s: --time draws the first"),
         ({"extensionsUsed": ["EXT_new", "KHR_mesh_quantization"]}, "the extension `EXT_new` is not known: it is not drawn"),
         ({"materials": [{"extensions": {"KHR_materials_sheen": {}}}]}, "the extension `KHR_materials_sheen` is not drawn"),
         ({"textures": [{"extensions": {"KHR_texture_basisu": {"source": 0}}}],
@@ -534,6 +534,81 @@ def test_no_glb(data):
 
 def test_an_unknown_ending():
     assert read(b"x", "a.max")[2] == ["a.max: error: `a.max` is no mesh file that is known"]
+
+
+def moving(interpolation="LINEAR", targets=(), **more):
+    """A square whose first node an animation of two seconds moves by 4 along x and turns by 90 degrees about z."""
+    document, binary = square(**more)
+    h = 0.5**0.5
+    columns = [np.array([0, 2], "<f4"), np.array([[0, 0, 0], [4, 0, 0]], "<f4"), np.array([[0, 0, 0, 1], [0, 0, h, h]], "<f4"), *targets]
+    first = len(document["accessors"])
+    for values in columns:
+        document["bufferViews"].append({"buffer": 0, "byteOffset": len(binary), "byteLength": values.nbytes})
+        kind = {1: "SCALAR", 3: "VEC3", 4: "VEC4", 16: "MAT4"}[values.shape[1] if values.ndim > 1 else 1]
+        code = {"f": 5126, "u": 5121}[values.dtype.kind]
+        accessor = {"bufferView": len(document["bufferViews"]) - 1, "componentType": code, "count": len(values), "type": kind}
+        document["accessors"].append(accessor)
+        binary += values.tobytes()
+    document["buffers"] = [{"byteLength": len(binary)}]
+    document["animations"] = [{
+        "channels": [{"sampler": k, "target": {"node": 0, "path": path}} for k, path in enumerate(("translation", "rotation"))],
+        "samplers": [{"input": first, "output": first + 1 + k, "interpolation": interpolation} for k in range(2)],
+    }]  # fmt: skip
+    document["scenes"] = [{"nodes": [0]}]
+    return document, binary, first + 3
+
+
+def at_time(data, time):
+    found = Diagnostics()
+    builder = SceneBuilder(found)
+    parts = mesh_files.read(data, "a.glb", builder, found, time=time)
+    return builder.finish(), parts, [d.message for d in found.items]
+
+
+@pytest.mark.parametrize(
+    ("interpolation", "time", "x", "angle"), [("LINEAR", 0.5, 1, 22.5), ("LINEAR", 9, 4, 90), ("STEP", 1.9, 0, 0), ("LINEAR", -1, 0, 0)]
+)
+def test_an_animation_moves_its_node(interpolation, time, x, angle):
+    document, binary, _ = moving(interpolation)
+    _, parts, messages = at_time(glb(document, binary), time)
+    matrix = np.asarray(parts[0].transform)
+    assert messages == []
+    assert matrix[:, 3] == pytest.approx([x, 0, 0], abs=1e-6)
+    assert np.degrees(np.arctan2(matrix[1, 0], matrix[0, 0])) == pytest.approx(angle, abs=1e-4)
+
+
+def test_without_a_time_nodes_stand_where_the_file_places_them():
+    document, binary, _ = moving()
+    _, parts, messages = at_time(glb(document, binary), None)
+    assert np.asarray(parts[0].transform)[:, 3].tolist() == [1, 2, 3]
+    assert messages == ["the file has 1 animation of up to 2 s: --time draws the first"]
+
+
+def test_morph_targets():
+    shift = np.tile(np.array([0, 0, 2], "<f4"), (4, 1))
+    document, binary, first = moving(targets=[shift])
+    document["meshes"][0]["primitives"][0]["targets"] = [{"POSITION": first}]
+    document["meshes"][0]["weights"] = [0.5]
+    scene, _, messages = at_time(glb(document, binary), 0)
+    assert messages == []
+    assert tables.corners(scene.tables)[..., 2].tolist() == [[1, 1, 1], [1, 1, 1]]
+
+
+def test_a_skin_moves_the_mesh_by_its_joints():
+    """Joint 0 stays and joint 1 is moved by 4 along x at two seconds; the right side of the square follows joint 1."""
+    joints = np.array([[0, 0, 0, 0], [1, 0, 0, 0], [1, 0, 0, 0], [0, 0, 0, 0]], "<u1")
+    weights = np.tile(np.array([1, 0, 0, 0], "<f4"), (4, 1))
+    bound = np.tile(np.eye(4, dtype="<f4").reshape(16), (2, 1))
+    document, binary, first = moving(targets=[joints, weights, bound])
+    document["meshes"][0]["primitives"][0]["attributes"] |= {"JOINTS_0": first, "WEIGHTS_0": first + 1}
+    document["skins"] = [{"joints": [1, 0], "inverseBindMatrices": first + 2}]
+    document["nodes"] = [{"translation": [1, 2, 3]}, {}, {"mesh": 0, "skin": 0, "translation": [100, 0, 0]}]
+    document["scenes"] = [{"nodes": [0, 1, 2]}]
+    document["animations"][0]["channels"].pop()
+    scene, parts, messages = at_time(glb(document, binary), 2)
+    assert messages == []
+    assert np.asarray(parts[0].transform).tolist() == np.eye(4)[:3].tolist()  # the node of a skinned mesh does not count
+    assert tables.corners(scene.tables)[0].tolist() == [[0, 0, 0], [5, 0, 0], [5, 1, 0]]
 
 
 # --- the shared samples ---

@@ -1,0 +1,112 @@
+"""Deforms the meshes below a SkelRoot by its skeletons and blend shapes at one time, through usd-core's UsdSkel queries."""
+
+# pyright: reportAttributeAccessIssue=false
+# (usd-core creates its modules' names at run time)
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pxr import Usd, UsdGeom, UsdSkel, Vt
+
+from ...mesh.polygon_mesh import PolyMesh
+from ...mesh.skinning import blended_normals, deformed_normals
+from .stage import Warnings
+
+_PREDICATE = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Skin:
+    """A deformed prim: its points in the frame of its skeleton, and that frame in the frame of the SkelRoot."""
+
+    points: np.ndarray  # (n, 3)
+    joints: np.ndarray  # (j, 4, 4) from the bound mesh to the skeleton's frame
+    indices: np.ndarray  # (n, k) joints of each point
+    weights: np.ndarray  # (n, k)
+    normal_offsets: np.ndarray | None  # (n, 3) of blend shapes
+    frame: np.ndarray  # (4, 4)
+
+    def deform(self, mesh: PolyMesh) -> PolyMesh:
+        """The mesh with its normals moved along; its points are those of the skin already."""
+        moved = blended_normals(mesh, self.normal_offsets)
+        return deformed_normals(moved, self.joints, self.indices, self.weights)
+
+
+def skins(prim: Any, time: Any, warnings: Warnings) -> dict[str, Skin]:
+    """The deformed prims below a SkelRoot, by path."""
+    root, cache = UsdSkel.Root(prim), UsdSkel.Cache()
+    cache.Populate(root, _PREDICATE)
+    found: dict[str, Skin] = {}
+    world = UsdGeom.XformCache(time)
+    to_root = np.linalg.inv(np.array(world.GetLocalToWorldTransform(prim)).T)
+    for binding in cache.ComputeSkelBindings(root, _PREDICATE):
+        skeleton = cache.GetSkelQuery(binding.GetSkeleton())
+        matrices = skeleton.ComputeSkinningTransforms(time) if skeleton else None
+        if not matrices:
+            warnings.tell("the skeleton has no valid bind or rest pose: its meshes are drawn undeformed", binding.GetSkeleton().GetPrim())
+            continue
+        frame = to_root @ np.array(world.GetLocalToWorldTransform(binding.GetSkeleton().GetPrim())).T
+        for query in binding.GetSkinningTargets():
+            made = _skin(query, skeleton, matrices, time, frame, warnings)
+            if made is not None:
+                found[str(query.GetPrim().GetPath())] = made
+    return found
+
+
+def _skin(query: Any, skeleton: Any, matrices: Any, time: Any, frame: np.ndarray, warnings: Warnings) -> Skin | None:
+    prim = query.GetPrim()
+    given = UsdGeom.PointBased(prim).GetPointsAttr().Get(time) if prim.IsA(UsdGeom.PointBased) else None
+    if given is None:
+        if prim.IsA(UsdGeom.Gprim):
+            warnings.tell(f"the skeleton does not move this {prim.GetTypeName()}: only meshes and points are skinned", prim)
+        return None
+    points = Vt.Vec3fArray(given)
+    bind = np.array(query.GetGeomBindTransform(time)).T
+    offsets = _blend(query, skeleton, time, points, warnings) if query.HasBlendShapes() else None
+    n = len(points)
+    if not query.HasJointInfluences():
+        plain = UsdGeom.XformCache(time).GetLocalToWorldTransform(prim)
+        own = np.linalg.inv(np.array(UsdGeom.XformCache(time).GetLocalToWorldTransform(skeleton.GetPrim())).T) @ np.array(plain).T
+        moved = np.array(points, np.float64) @ own[:3, :3].T + own[:3, 3]
+        return Skin(moved, own[None], np.zeros((n, 1), np.int64), np.ones((n, 1)), offsets, frame)
+    mapper = query.GetJointMapper()
+    ordered = matrices
+    if mapper is not None and not mapper.IsIdentity():
+        ordered = mapper.RemapTransforms(matrices) or matrices
+    indices, weights = (np.array(values) for values in query.ComputeVaryingJointInfluences(n, time))
+    inside = not len(indices) or 0 <= indices.min() <= indices.max() < len(ordered)
+    if len(indices) != n * query.GetNumInfluencesPerComponent() or not inside:
+        warnings.tell("the joints of this mesh do not fit its skeleton: it is drawn undeformed", prim)
+        return None
+    if not query.ComputeSkinnedPoints(matrices, points, time):
+        warnings.tell("the joint influences of this mesh do not fit its points: it is drawn undeformed", prim)
+        return None
+    joints = np.array(ordered, np.float64).reshape(-1, 4, 4).transpose(0, 2, 1) @ bind
+    return Skin(np.array(points, np.float64), joints, indices.reshape(n, -1), weights.reshape(n, -1), offsets, frame)
+
+
+def _blend(query: Any, skeleton: Any, time: Any, points: Any, warnings: Warnings) -> np.ndarray | None:
+    """Moves `points` by the blend shapes at their weights; returns the offsets (n, 3) of the normals, if there are some."""
+    animation, mapper = skeleton.GetAnimQuery(), query.GetBlendShapeMapper()
+    if not animation or mapper is None:
+        return None
+    weights = mapper.Remap(animation.ComputeBlendShapeWeights(time))
+    shapes = UsdSkel.BlendShapeQuery(UsdSkel.BindingAPI(query.GetPrim()))
+    found = shapes.ComputeSubShapeWeights(weights)
+    if not found:
+        return None
+    of_shapes, rows, parts = found
+    indices = shapes.ComputeBlendShapePointIndices()
+    if not shapes.ComputeDeformedPoints(of_shapes, rows, parts, indices, shapes.ComputeSubShapePointOffsets(), points):
+        warnings.tell("the blend shapes of this mesh do not fit its points: they are left out", query.GetPrim())
+        return None
+    offsets = np.zeros((len(points), 3))
+    for weight, row in zip(of_shapes, rows, strict=True):
+        given = np.array(shapes.GetBlendShape(row).GetNormalOffsetsAttr().Get() or (), np.float64).reshape(-1, 3)
+        at = np.array(indices[row], np.int64) if len(indices[row]) else np.arange(len(points))
+        if len(given) and len(given) == len(at):
+            np.add.at(offsets, at, weight * given)
+    return offsets if offsets.any() else None

@@ -406,7 +406,7 @@ _CONVERTERS: dict[str, Item] = {
     "points": _list_of(_point, "list of points"),
     "point_lists": _list_of(_list_of(_point, "list of points"), "list of lists of points"),
     "lengths": _lengths,
-    "points2": _list_of(_point2, "list of points"),
+    "points2": _list_of(_point2, "list of points [x, y]"),
     "point2_lists": _list_of(_list_of(_point2, "list of points"), "list of lists of points"),
     "vectors3": _list_of(_exactly(3, _number, "list of three numbers"), "list of lists of three numbers"),
     "vectors2": _list_of(_exactly(2, _number, "list of two numbers"), "list of lists of two numbers"),

@@ -55,7 +55,10 @@ _ARGUMENTS: dict[str, tuple[str, ...]] = {
     "id": ("name",),
 }
 
-_ARGUMENT_HINTS = {"axis": "a turn about an axis is axis(v, angle)"}
+_ARGUMENT_HINTS = {
+    "axis": "a turn about an axis is axis(v, angle)",
+    **dict.fromkeys(("segments", "facets", "fn", "slices"), "round shapes are drawn round: leave it out"),
+}
 _COLORED = "write material: lambert(…), with the colour as argument"
 _TEXTURED = "write material: lambert(…), with the texture as argument"
 _ANGLE = "the direction to it: [cos(e), sin(e), 0] at an elevation of e"

@@ -47,6 +47,8 @@ def test_swept_shapes_that_are_impossible(said, text, message, hint):
     ("text", "message"),
     [
         ("revolve([1, 2])", "a.scene:1:10: error: expected list of two lengths, got the bare number 1"),
+        ('extrude("star")', 'a.scene:1:9: error: expected list of points [x, y], got the string "star"'),
+        ("revolve([[0, 0], [1, 0], [1, 1]], segments: 9)", "a.scene:1:35: error: revolve has no `segments`"),
         ("extrude([[0, 0, 0]])", "a.scene:1:10: error: expected list of two lengths, got a list of 3"),
         ("extrude([[0, 0], [1, 0], [1, 1]], -1)", "a.scene:1:35: error: `height` must be more than 0, got -1m"),
         ("revolve([[0, 0], [1, 0], [1, 1]], 400deg)", "a.scene:1:35: error: `angle` must be at most 360deg, got 400deg"),

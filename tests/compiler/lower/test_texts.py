@@ -8,9 +8,11 @@ import trimesh
 from fontTools.pens.areaPen import AreaPen
 from fontTools.pens.boundsPen import BoundsPen
 from fontTools.ttLib import TTFont
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from maquette.compiler.importers import fonts
 from maquette.compiler.io.sandbox import LIBRARY
-from maquette.compiler.mesh import profiles
+from maquette.compiler.mesh import polygon_mesh, profiles, swept
 
 from ..mesh.test_mesh_csg import triangles
 
@@ -126,6 +128,19 @@ def test_a_font_of_a_file(compiled, tmp_path):
     scene = compiled('text("a", font: "own.ttf")\ntext("a", font: "DejaVu Serif")' + REST)
     assert scene.tables.instances.geometry.tolist() == [0, 0]
     assert str(tmp_path / "own.ttf") in scene.files
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.text(st.characters(codec="utf-8"), max_size=8), st.sampled_from(sorted(fonts.SHIPPED.values())))
+def test_any_text_is_closed(text, file):
+    """Whatever the characters: known, unknown, combining, from right to left, control."""
+    loops, missing = fonts.Font(LIBRARY / "fonts" / file).outlines(text, fonts.Layout(align="center"))
+    assert set(missing) <= set(text)
+    if loops:
+        data, _ = polygon_mesh.assemble(swept.extrude(loops, swept.Sweep(0.0, 0.2)))
+        made = trimesh.Trimesh(data.positions, data.triangles, process=False)
+        assert made.is_watertight
+        assert made.volume == pytest.approx(0.2 * sum(map(profiles.signed_area, loops)), rel=1e-6)
 
 
 LISTED = '"DejaVu Sans", "DejaVu Sans Bold", "DejaVu Serif", "DejaVu Sans Mono"'

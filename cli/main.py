@@ -21,7 +21,7 @@ from . import option_types as values
 from . import render_job as jobs
 from . import terminal
 
-ORDER = ["new", "render", "check", "inspect", "explain", "chart", "compare", "watch", "convert", "format", "doctor"]  # in --help
+ORDER: list[str] = [*"new render check inspect explain chart compare watch thumbnail convert format doctor".split()]  # in --help
 PLANNED = {
     "sweep": "a labelled contact sheet over values of params",
     "lsp": "the language server",
@@ -68,6 +68,8 @@ class Commands(click.Group):
             from .chart import chart as command
         elif cmd_name == "compare":
             from .compare import compare as command
+        elif cmd_name == "thumbnail":
+            from .thumbnail import thumbnail as command
         elif cmd_name == "convert":
             from .convert import convert as command
         elif cmd_name == "new":
@@ -159,23 +161,25 @@ def check(ctx: click.Context, scenes: tuple[Path, ...], strict: bool, as_json: b
 @shared.scene_options
 @click.option("--ir", "as_ir", is_flag=True, help="Print every row of every table.")
 @click.option("--json", "as_json", is_flag=True, help="Print the tables as JSON.")
-@shared.examples("maquette inspect room.scene", "maquette inspect gear.scene --ir --set teeth=6")
+@shared.examples("maquette inspect room.scene", "maquette inspect gear.scene --ir --set teeth=6", "maquette inspect robot.usdz")
 def inspect(scene: Path, as_ir: bool, as_json: bool, **given: Any) -> None:
     """Show the compiled SCENE.
 
-    Prints the number of rows of each table, names of cameras and lights, params, added defaults, and the files read.
+    Prints the number of rows of each table, names of cameras and lights, params, added defaults, and the files read. Of a USD stage
+    also its prims by type, axes, time codes and variants. What is not drawn stands in the warnings.
     """
     from ..compiler.scene import dump
 
     if as_ir and as_json:
         raise click.UsageError("--ir and --json exclude each other")
-    compiled = shared.load(shared.source_of(scene, given))
+    source = shared.source_of(scene, given)
+    compiled = shared.load(source)
     if as_ir:
         click.echo(dump.text(compiled))
     elif as_json:
         click.echo(json.dumps(dump.data(compiled), indent=1))
     else:
-        terminal.inspect(compiled)
+        terminal.inspect(compiled, source.summary())
 
 
 @cli.command()

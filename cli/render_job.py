@@ -61,6 +61,14 @@ class Source:
         )  # fmt: skip
         return scene, found
 
+    def summary(self) -> list[str]:
+        """Lines about the file itself, of a USD stage; empty for other kinds."""
+        if self.path.suffix.lower() not in file_types.USD:
+            return []
+        from ..compiler.importers.usd import stage
+
+        return stage.summary(self.path, self.stage)
+
     def frames(self, asked: tuple[float, ...]) -> tuple[float, ...]:
         """The frames asked for; for `all`, which is (), those from the start to the end of the stage or animation."""
         if asked:

@@ -114,9 +114,11 @@ def _switch(decision: Any) -> str:
     return f"--plan {decision.name}={'|'.join(map(str, decision.choices)) or '…'}"
 
 
-def inspect(scene: ir.Scene) -> None:
-    """Print a summary of the scene: rows of each table, names of cameras and lights, params, files."""
+def inspect(scene: ir.Scene, about: Sequence[str] = ()) -> None:
+    """Print a summary of the scene: lines about its file, rows of each table, names of cameras and lights, params, files."""
     click.echo(f"{scene.name}")
+    for line in about:
+        click.echo(line)
     tables = scene.tables._asdict()
     rows = [(name, str(len(rows[0])), _names(scene, name)) for name, rows in tables.items() if name != "pools" and len(rows[0])]
     pools = scene.tables.pools

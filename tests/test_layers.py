@@ -104,6 +104,7 @@ DOORS = {
     "cli/convert.py": "each format loads what writes it",
     "cli/format.py": "`--help` loads no parser",
     "cli/doctor.py": "what cannot be imported is a finding",
+    "cli/thumbnail.py": "asking for help, or keeping pictures, loads no renderer",
     "cli/render_job.py": "a job loads the stages it comes to",
     "render/render_scene.py": "a picture loads the backend that draws it",
     "render/backends/kernel_choice.py": "a picture loads the backend that draws it",

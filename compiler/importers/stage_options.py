@@ -26,11 +26,12 @@ class StageOptions:
     render_settings: str | None = None  # path of a RenderSettings or RenderProduct prim; None: the stage's renderSettingsPrimPath
     session_layer: Path | None = None  # a layer over the root layer
     size: tuple[int, int] | None = None  # pixels of the picture, for `conform`
+    as_asset: bool = False  # without main_cam: seen from three quarters in place of usdrecord's view; the default lights are sun and sky
 
     def given(self) -> list[str]:
         """Names on the command line of the options that are not at their default, without --variant and --size."""
         plain = StageOptions()
-        skipped = ("variants", "size")
+        skipped = ("variants", "size", "as_asset")
         changed = [f.name for f in fields(self) if f.name not in skipped and getattr(self, f.name) != getattr(plain, f.name)]
         return [{"default_light": "no-default-light"}.get(name, name.replace("_", "-")) for name in changed]
 

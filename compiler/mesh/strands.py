@@ -133,8 +133,8 @@ def balls(centers: F64, radii: F64, colors: np.ndarray | None = None) -> PolyMes
 
 def _icosphere(level: int) -> tuple[F64, I64]:
     """Unit vectors and triangles of an icosahedron, subdivided `level` times."""
-    g = (1 + math.sqrt(5)) / 2
-    points = _unit(np.array([[a, b * g, 0.0] for a in (-1, 1) for b in (-1, 1)] + [[0.0, a, b * g] for a in (-1, 1) for b in (-1, 1)]
+    g = 0.5 + math.sqrt(1.25)
+    points: F64 = _unit(np.array([[a, b * g, 0.0] for a in (-1, 1) for b in (-1, 1)] + [[0.0, a, b * g] for a in (-1, 1) for b in (-1, 1)]
                             + [[b * g, 0.0, a] for a in (-1, 1) for b in (-1, 1)]))  # fmt: skip
     near = np.linalg.norm(points[:, None] - points, axis=2) < 1.1
     np.fill_diagonal(near, False)
@@ -146,7 +146,7 @@ def _icosphere(level: int) -> tuple[F64, I64]:
         edges = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
         unique, rows = np.unique(edges, axis=0, return_inverse=True)
         middle = len(points) + rows.reshape(-1, 3)
-        points = np.concatenate([points, _unit(np.asarray(points[unique[:, 0]] + points[unique[:, 1]], np.float64))])
+        points = np.concatenate([points, _unit(points[unique[:, 0]] + points[unique[:, 1]])])
         corners = [np.stack([triangles[:, k], middle[:, k], middle[:, k - 1]], axis=1) for k in range(3)]
         triangles = np.concatenate([*corners, middle])
     return points, triangles

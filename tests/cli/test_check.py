@@ -13,3 +13,20 @@ def test_strict_counts_warnings_as_errors(tmp_path):
     strict = CliRunner().invoke(cli, ["check", str(stage), "--strict"])
     assert (strict.exit_code, strict.stdout) == (1, f"{stage}: 1 error\n")
     assert strict.stderr == f"{stage}</n>: error: TetMesh is not drawn\n"
+
+
+def test_inspect_sums_up_a_stage(tmp_path):
+    stage = tmp_path / "x.usda"
+    stage.write_text(
+        '#usda 1.0\n(\n    startTimeCode = 1\n    endTimeCode = 9\n    upAxis = "Z"\n    metersPerUnit = 0.01\n)\n'
+        'def Xform "a" (\n    variants = { string shape = "ball" }\n    prepend variantSets = "shape"\n) {\n'
+        '    variantSet "shape" = {\n        "ball" {\n def Sphere "s" {\n }\n }\n        "box" {\n def Cube "s" {\n }\n }\n    }\n}\n'
+    )
+    done = CliRunner().invoke(cli, ["inspect", str(stage)])
+    assert done.exit_code == 0
+    assert done.stdout.splitlines()[1:5] == [
+        "prims: 2 (1 Xform, 1 Sphere)",
+        "axes: Z up, 0.01 m a unit",
+        "time codes: 1 to 9, 24 a second",
+        "variants: /a:shape=ball (ball, box)",
+    ]

@@ -45,8 +45,8 @@ def scene(
         walk.run(opened.stage.GetPseudoRoot(), opened.frame, opened.frame)
         walk.place()
         asked = _with_camera(asked, walk)
-        said = _cameras(walk, asked, options.default_light)
-    said += defaults.add(builder, ir.Settings(), lights=options.default_light)
+        said = _cameras(walk, asked, options)
+    said += defaults.add(builder, ir.Settings(size=asked.size), lights=options.default_light)
     reports.tell(builder.diagnostics, Span(opened.name))
     stage = opened.stage
     codes = stage.GetTimeCodesPerSecond()
@@ -101,11 +101,13 @@ def _with_camera(asked: render_settings.Asked, walk: Walk) -> render_settings.As
     return replace(asked, camera=None)
 
 
-def _cameras(walk: Walk, asked: render_settings.Asked, with_light: bool) -> list[str]:
+def _cameras(walk: Walk, asked: render_settings.Asked, options: StageOptions) -> list[str]:
     """Adds the cameras, default first, and a light at that camera if the stage has none. Returns notes about the additions."""
     main = UsdUtils.GetPrimaryCameraName()
     cameras = sorted(walk.cameras, key=lambda item: (str(item[0].GetPath()) != asked.camera, item[0].GetName() != main))
     said, eye = [], None
+    if options.as_asset and not (cameras and cameras[0][0].GetName() == main):
+        return said
     if cameras and (asked.camera or cameras[0][0].GetName() == main):
         eye = cameras[0][1]
     else:
@@ -117,7 +119,7 @@ def _cameras(walk: Walk, asked: render_settings.Asked, with_light: bool) -> list
         camera.tell_conform(cameras[0][0], walk.opened, walk.builder, asked)
     for prim, matrix in cameras:
         camera.camera(prim, matrix, walk.unit, walk.opened, walk.builder, asked)
-    if with_light and eye is not None and not walk.builder.count("lights"):
+    if options.default_light and not options.as_asset and eye is not None and not walk.builder.count("lights"):
         _head_light(eye, walk.builder)
         said.append("light: the stage has none; it is lit from its first camera, as usdrecord does")
     return said

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -194,6 +195,28 @@ def time_codes(path: Path) -> tuple[float, float] | None:
     """The start and end time codes of a stage; None without authored ones."""
     stage = Usd.Stage.Open(str(path), Usd.Stage.LoadNone)
     return (stage.GetStartTimeCode(), stage.GetEndTimeCode()) if stage.HasAuthoredTimeCodeRange() else None
+
+
+def summary(path: Path, options: StageOptions) -> list[str]:
+    """Lines about a stage: its prims by type, up axis and unit, time codes, and variant sets with their choice."""
+    found = Diagnostics()
+    opened = open_(path, str(path), found, None, options=options)
+    if opened is None:
+        return []
+    stage = opened.stage
+    kinds = Counter(str(prim.GetTypeName()) or "untyped" for prim in stage.Traverse(Usd.TraverseInstanceProxies()))
+    listed = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common())
+    lines = [f"prims: {kinds.total()}{f' ({listed})' if listed else ''}"]
+    lines.append(f"axes: {UsdGeom.GetStageUpAxis(stage)} up, {UsdGeom.GetStageMetersPerUnit(stage):g} m a unit")
+    if stage.HasAuthoredTimeCodeRange():
+        begin, end, codes = stage.GetStartTimeCode(), stage.GetEndTimeCode(), stage.GetTimeCodesPerSecond()
+        lines.append(f"time codes: {begin:g} to {end:g}, {codes:g} a second")
+    for prim in stage.Traverse():
+        for name in prim.GetVariantSets().GetNames():
+            chosen = prim.GetVariantSets().GetVariantSet(name)
+            names = ", ".join(chosen.GetVariantNames())
+            lines.append(f"variants: {prim.GetPath()}:{name}={chosen.GetVariantSelection()} ({names})")
+    return lines
 
 
 def _choose(stage: Any, where: str, choice: str, diagnostics: Diagnostics, span: Span) -> None:

@@ -1,0 +1,244 @@
+"""The `thumbnail` command: a picture of each asset of a folder, framed and lit, and an HTML index of them."""
+
+from __future__ import annotations
+
+import atexit
+import html
+import json
+import multiprocessing
+import os
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import click
+
+from .. import __version__
+from ..compiler.io.replace_file import replace_file
+from ..lang import file_types
+from . import common_options as shared
+from . import option_types as values
+
+KINDS = (*file_types.USD, *file_types.MESH)
+RECORDS = "thumbnails.json"  # what each picture was made from; pictures that are up to date are skipped
+SAMPLES = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Asset:
+    """A file to draw. `name` is shown and, with .png, names its picture."""
+
+    path: Path
+    name: str
+
+
+@dataclass(slots=True)
+class Thumbnail:
+    """What was drawn of an asset, as in thumbnails.json. `made_from` are the files that it used with their times of change."""
+
+    name: str
+    path: str
+    picture: str
+    size: tuple[int, int]
+    triangles: int = 0
+    instances: int = 0
+    seconds: float = 0.0
+    version: str = __version__
+    options: str = ""
+    made_from: dict[str, float] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+    error: str = ""
+    skipped: bool = False
+
+
+@click.command()
+@click.argument("assets", type=click.Path(exists=True, path_type=Path), nargs=-1, required=True)
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path, file_okay=False), required=True, help="Folder of the pictures and of index.html."
+)
+@click.option("--size", type=values.SIZE, default="512", show_default=True, help="Size in pixels: 512 for a square, or 800x600.")
+@click.option("--complexity", type=values.COMPLEXITY, help="Refinement of USD subdivision surfaces: low, medium, high or veryhigh.")
+@click.option("--jobs", type=click.IntRange(1, 1024), help="Assets drawn at a time. Default: one a core.")
+@click.option("--force", is_flag=True, help="Draw also what is up to date.")
+@click.option("--json", "as_json", is_flag=True, help="Print what was drawn as JSON.")
+@shared.examples("maquette thumbnail assets -o thumbs", "maquette thumbnail robot.usdz spot.obj -o thumbs --size 256 --json")
+@click.pass_context
+def thumbnail(
+    ctx: click.Context, assets: tuple[Path, ...], output: Path, size: tuple[int, int], complexity: int | None, jobs: int | None,
+    force: bool, as_json: bool,
+) -> None:  # fmt: skip
+    """Draw a picture of each of ASSETS, which are files or folders of them.
+
+    USD, glTF, OBJ, PLY, STL and OFF files are framed from three quarters, or through the camera main_cam of a stage. A file without
+    lights gets a sun and a sky; with lights of its own the exposure is metered. Pictures whose files have not changed are kept.
+    index.html shows all pictures with names, sizes and warnings. The exit code is 1 if some asset cannot be drawn.
+    """
+    found = list(_assets(assets))
+    output.mkdir(parents=True, exist_ok=True)
+    options = json.dumps({"size": size, "complexity": complexity or 0, "samples": SAMPLES})
+    before = {} if force else _records(output / RECORDS)
+    done = {asset.name: kept for asset in found if (kept := _up_to_date(before.get(asset.name), asset, output, options))}
+    waiting = [asset for asset in found if asset.name not in done]
+    for made in _draw_all(waiting, output, size, complexity or 0, options, jobs or os.cpu_count() or 1):
+        done[made.name] = made
+        if not as_json:
+            _print(made)
+    ordered = [done[asset.name] for asset in found]
+    replace_file(output / RECORDS, (json.dumps([asdict(one) for one in ordered], indent=1) + "\n").encode())
+    replace_file(output / "index.html", index_page(ordered).encode())
+    failed = sum(bool(one.error) for one in ordered)
+    if as_json:
+        click.echo(json.dumps([asdict(one) for one in ordered], indent=2))
+    else:
+        kept = sum(one.skipped for one in ordered)
+        drawn = len(ordered) - kept - failed
+        click.echo(f"{output / 'index.html'}: {len(ordered)} assets, {drawn} drawn, {kept} up to date, {failed} failed")
+    ctx.exit(1 if failed else 0)
+
+
+def _assets(given: Sequence[Path]) -> Iterator[Asset]:
+    """The files of known kinds, folders searched; each name once."""
+    names: set[str] = set()
+    for path in given:
+        files = sorted(p for p in path.rglob("*") if p.suffix.lower() in KINDS and p.is_file()) if path.is_dir() else [path]
+        for file in files:
+            name = file.relative_to(path).as_posix() if path.is_dir() else file.name
+            unique = name if name not in names else file.resolve().as_posix().lstrip("/")
+            if unique not in names:
+                names.add(unique)
+                yield Asset(file, unique)
+
+
+def _records(path: Path) -> dict[str, dict[str, Any]]:
+    try:
+        return {row["name"]: row for row in json.loads(path.read_text(encoding="utf-8"))}
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}
+
+
+def _up_to_date(record: dict[str, Any] | None, asset: Asset, output: Path, options: str) -> Thumbnail | None:
+    """The record of a picture that would come out the same; None without one."""
+    if record is None or record.get("error") or record.get("version") != __version__ or record.get("options") != options:
+        return None
+    sources = record.get("made_from") or {}
+    if record.get("path") != str(asset.path) or not sources or not (output / str(record.get("picture"))).is_file():
+        return None
+    if any(_changed(Path(file)) != time_ for file, time_ in sources.items()):
+        return None
+    return Thumbnail(**{**record, "size": tuple(record["size"]), "skipped": True})
+
+
+def _changed(path: Path) -> float:
+    try:
+        return path.stat().st_mtime
+    except OSError:
+        return -1.0
+
+
+def _draw_all(
+    assets: Sequence[Asset], output: Path, size: tuple[int, int], complexity: int, options: str, jobs: int
+) -> Iterator[Thumbnail]:  # fmt: skip
+    """The thumbnails of assets in the order in which they are done: in one process, or in `jobs` of them."""
+    count = min(jobs, len(assets))
+    if count < 2:
+        yield from (draw(asset, output, size, complexity, options) for asset in assets)
+        return
+    with ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), _begin_worker) as pool:
+        waiting: dict[Future[Thumbnail], Asset] = {pool.submit(draw, a, output, size, complexity, options): a for a in assets}
+        for future in as_completed(waiting):
+            try:
+                yield future.result()
+            except Exception as fault:  # a process that died
+                asset = waiting[future]
+                yield Thumbnail(asset.name, str(asset.path), "", size, error=f"{type(fault).__name__}: {fault}", options=options)
+
+
+def _begin_worker() -> None:
+    shared.raise_gc_threshold()
+    atexit.register(os._exit, 0)  # as in main: without the end of OpenImageIO's module, which prints what it leaks
+
+
+def draw(asset: Asset, output: Path, size: tuple[int, int], complexity: int, options: str) -> Thumbnail:
+    """Draws one asset on one thread. Errors of the file are in the record; nothing is raised."""
+    from ..lang.diagnostics import SceneError
+
+    began = time.perf_counter()
+    made = Thumbnail(asset.name, str(asset.path), f"{asset.name}.png", size, options=options)
+    try:
+        _draw(asset, output / made.picture, complexity, made)
+    except SceneError as error:
+        made.error = "; ".join(d.message for d in error.diagnostics if d.severity == "error")
+    except Exception as fault:  # one asset never ends the run
+        made.error = f"{type(fault).__name__}: {fault}"
+    made.seconds = round(time.perf_counter() - began, 3)
+    return made
+
+
+def _draw(asset: Asset, picture: Path, complexity: int, made: Thumbnail) -> None:
+    from ..compiler import ir, load
+    from ..compiler.importers.stage_options import StageOptions
+    from ..compiler.plan import plan as planner
+    from ..lang.diagnostics import Diagnostics
+    from ..render import render_scene
+    from ..render.image import image_files
+
+    found = Diagnostics()
+    stage = StageOptions(complexity=complexity, conform="expand", size=made.size, as_asset=True)
+    usd = asset.path.suffix.lower() in file_types.USD
+    scene = load.load(asset.path, diagnostics=found, stage=stage if usd else None)
+    own_light = not any(text.startswith("sun") for text in scene.defaults)
+    asked = ir.Settings(size=made.size, samples=SAMPLES, threads=1, background="transparent")
+    plan = planner.make_plan(replace(scene, photometric=own_light), asked)
+    image = render_scene.draw(scene, plan)
+    exposure = plan["exposure"]
+    if exposure == "metered":
+        exposure = image_files.auto_exposure(image.channels["rgba"])
+    picture.parent.mkdir(parents=True, exist_ok=True)
+    image_files.write(image, picture, image_files.Look(exposure, plan["view"], alpha=True), {"version": __version__})
+    made.triangles, made.instances = len(scene.tables.pools.triangles), len(scene.tables.instances.geometry)
+    made.made_from = {file: _changed(Path(file)) for file in dict.fromkeys((str(asset.path), *scene.files))}
+    made.warnings = [f"{d.span}: {d.message}" if d.span else d.message for d in found.items if d.severity == "warning"]
+
+
+def _print(made: Thumbnail) -> None:
+    if made.error:
+        click.echo(f"{made.path}: error: {made.error}", err=True)
+        return
+    for warning in made.warnings:
+        click.echo(f"warning: {warning}", err=True)
+    click.echo(f"{made.picture}: {made.triangles:,} triangles, {made.instances:,} instances, {made.seconds:.2f} s")
+
+
+_PAGE = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>Assets</title><style>
+body {{ font: 14px sans-serif; margin: 1em; background: #f4f4f4; color: #222 }}
+main {{ display: grid; grid-template-columns: repeat(auto-fill, minmax(15em, 1fr)); gap: 1em }}
+figure {{ margin: 0; padding: 0.5em; background: #fff; border: 1px solid #ddd }}
+img {{ width: 100%; background: #e8e8e8 }}
+figcaption {{ overflow-wrap: anywhere }}
+small {{ color: #666 }}
+li {{ color: #946200 }}
+.error {{ color: #b00020 }}
+</style></head><body><h1>{count} assets</h1><main>
+{figures}
+</main></body></html>
+"""
+
+
+def index_page(made: Sequence[Thumbnail]) -> str:
+    """The HTML page of thumbnails."""
+    return _PAGE.format(count=len(made), figures="\n".join(map(_figure, made)))
+
+
+def _figure(one: Thumbnail) -> str:
+    name = html.escape(one.name)
+    if one.error:
+        return f'<figure><figcaption><b>{name}</b><p class="error">{html.escape(one.error)}</p></figcaption></figure>'
+    notes = "".join(f"<li>{html.escape(text)}</li>" for text in one.warnings)
+    facts = f"{one.triangles:,} triangles, {one.instances:,} instances, {one.seconds:.2f} s"
+    link = html.escape(one.picture, quote=True)
+    image = f'<a href="{link}"><img src="{link}" alt="{name}" width="{one.size[0]}" height="{one.size[1]}" loading="lazy"></a>'
+    return f"<figure>{image}<figcaption><b>{name}</b><br><small>{facts}</small><ul>{notes}</ul></figcaption></figure>"

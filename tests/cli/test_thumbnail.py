@@ -1,0 +1,79 @@
+"""The `thumbnail` command: pictures of a folder's assets, what is kept, the index and failures."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from maquette.cli import thumbnail
+from maquette.cli.main import cli
+from maquette.render.image import image_reader
+
+CUBE = '#usda 1.0\ndef Cube "c" {\n}\ndef TetMesh "t" {\n}\n'
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+
+
+@pytest.fixture
+def assets(tmp_path: Path) -> Path:
+    folder = tmp_path / "assets"
+    (folder / "sub").mkdir(parents=True)
+    (folder / "cube.usda").write_text(CUBE)
+    (folder / "sub" / "flat.obj").write_text(TRIANGLE)
+    (folder / "bad.obj").write_text("nothing\n")
+    (folder / "notes.txt").write_text("no asset")
+    return folder
+
+
+def run(*words):
+    done = CliRunner().invoke(cli, ["thumbnail", *map(str, words), "--size", "24", "--jobs", "1", "--json"])
+    return done.exit_code, json.loads(done.stdout)
+
+
+def test_thumbnails_of_a_folder(assets, tmp_path):
+    out = tmp_path / "thumbs"
+    code, made = run(assets, "-o", out)
+    assert code == 1  # bad.obj
+    assert [one["name"] for one in made] == ["bad.obj", "cube.usda", "sub/flat.obj"]
+    assert [one["error"] for one in made] == ["this is no OBJ file: it has neither vertices nor faces", "", ""]
+    assert (made[1]["instances"], made[2]["triangles"]) == (1, 1)
+    assert made[1]["warnings"] == [f"{assets}/cube.usda</t>: TetMesh is not drawn"]
+    picture = image_reader.read(out / "cube.usda.png").channels["rgba"]
+    assert picture.shape == (24, 24, 4)
+    covered = picture[..., 3] > 0.5
+    assert 0.3 < covered.mean() < 0.9  # it fills the picture, and not all of it
+    sides = np.unique(picture[covered][:, 0].round(2))
+    assert len(sides) >= 3  # three sides of the cube, differently lit
+    page = (out / "index.html").read_text()
+    assert '<img src="sub/flat.obj.png"' in page
+    assert "TetMesh is not drawn" in page
+    assert "neither vertices nor faces" in page
+
+
+def test_what_is_up_to_date_is_kept(assets, tmp_path):
+    out = tmp_path / "thumbs"
+    (assets / "bad.obj").unlink()
+    assert run(assets, "-o", out)[0] == 0
+    before = (out / "cube.usda.png").stat().st_mtime_ns
+    code, made = run(assets, "-o", out)
+    assert (code, [one["skipped"] for one in made]) == (0, [True, True])
+    assert (out / "cube.usda.png").stat().st_mtime_ns == before
+    os.utime(assets / "cube.usda", (1, 1))
+    assert [one["skipped"] for one in run(assets, "-o", out)[1]] == [False, True]
+    assert [one["skipped"] for one in run(assets, "-o", out, "--force")[1]] == [False, False]
+    (out / "thumbnails.json").write_text("damaged")
+    assert [one["skipped"] for one in run(assets, "-o", out)[1]] == [False, False]
+
+
+def test_names_are_unique_and_escaped(tmp_path):
+    one = thumbnail.Thumbnail("<b>.obj", "x/<b>.obj", "<b>.obj.png", (8, 8), warnings=["a & b"])
+    page = thumbnail.index_page([one])
+    assert "<b>.obj" not in page.replace("<b>&lt;", "")
+    assert "a &amp; b" in page
+
+
+def test_an_empty_folder_is_an_empty_index(tmp_path):
+    (tmp_path / "none").mkdir()
+    assert run(tmp_path / "none", "-o", tmp_path / "out") == (0, [])
+    assert "0 assets" in (tmp_path / "out" / "index.html").read_text()

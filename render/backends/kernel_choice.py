@@ -138,7 +138,9 @@ class Changeover:
             self._open = False
             try:
                 with kernel_cache.compiled_only():
-                    self.current = self._make(False)
+                    special = self._make(False)
             except kernel_cache.NotCompiled:
                 return
-            self.used.append(self.current)
+            special.continue_from(self.current)
+            self.current = special
+            self.used.append(special)

@@ -77,6 +77,12 @@ class Renderer:
         maps = self.prepared.photon_tracer.make(samples)
         self.packed = Handle(scene._replace(light=scene.light._replace(photons=maps)))
 
+    def continue_from(self, other: Renderer) -> None:
+        """See film.Renderer."""
+        mine, theirs = self.prepared.photon_tracer, other.prepared.photon_tracer
+        if mine is not None:
+            mine.maps, mine.so_far = theirs.maps, theirs.so_far
+
     def limit(self, bounces: int) -> None:
         """Set the limit on bounces. No thread may be drawing."""
         p = self.prepared

@@ -66,6 +66,10 @@ class Renderer(Protocol):
         """Recompute the data shared by the samples of a round; `samples` counts those of all pixels."""
         ...
 
+    def continue_from(self, other: Any) -> None:
+        """Take over the numbers of rounds from a renderer of the same picture that this one replaces."""
+        ...
+
     def sample(self, tile: Tile, first: Counts, count: Counts, total: int, film: Film) -> None:
         """Add samples first … first + count - 1, (h, w) each, of `total` of every pixel of the tile; a single one lies at the center."""
         ...
@@ -86,6 +90,9 @@ class Unshared:
     single: Callable[[Tile, NDArray[np.float32]], int] | None = None
 
     def refresh(self, samples: int) -> None:
+        """Do nothing."""
+
+    def continue_from(self, other: Any) -> None:
         """Do nothing."""
 
 

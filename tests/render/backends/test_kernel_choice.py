@@ -55,26 +55,33 @@ def without_special(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
     return compiled
 
 
-def test_a_picture_goes_on_with_specialised_kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, without_special: list[bool]) -> None:
-    """They are compiled by another process, and taken while the picture is drawn."""
-    scene = tmp_path / "ball.scene"
-    scene.write_text(BALL)
+@pytest.mark.parametrize(("name", "samples", "seen"), [("hello", 2, 1), ("room", 16, 3)])
+def test_a_picture_goes_on_with_specialised_kernels(
+    monkeypatch: pytest.MonkeyPatch, without_special: list[bool], name: str, samples: int, seen: int
+) -> None:
+    """They are compiled by another process, and taken while the picture is drawn; `room` has photons, traced anew each round."""
+    scene = ROOT / "examples" / f"{name}.scene"
     for kind in ("general", "special"):
         monkeypatch.setenv(kernel_choice.VARIABLE, kind)
-        expected = draw(scene, size=(96, 72))
+        expected = draw(scene, samples=samples)
     monkeypatch.setenv(kernel_choice.VARIABLE, "auto")
     asked: list[Any] = []
+    left = [seen]
+
+    def is_compiling() -> bool:
+        left[0] -= 1
+        return left[0] > 0
 
     def run_later(key: str, function: Any, *arguments: Any) -> Callable[[], bool]:
         asked.append((key, function))
         without_special.append(True)
-        return lambda: False
+        return is_compiling
 
     monkeypatch.setattr(compile_process, "run_later", run_later)
     choices: list[Any] = []
     choose = kernel_choice.choose_renderer
     monkeypatch.setattr(kernel_choice, "choose_renderer", lambda *given: choices.append(choose(*given)) or choices[-1])
-    picture = draw(scene, size=(96, 72))
+    picture = draw(scene, samples=samples)
     assert asked == [("a kernel", kernel_choice.compile_special)]
     assert len(choices[0].used) == 2
     assert np.array_equal(np.asarray(picture), np.asarray(expected))

@@ -303,10 +303,16 @@ def _spheres(b: Builder, count: int, spread: float, low: float, high: float) -> 
     return [b.offset(solid_fields.length(b, _distance_vector(b, c)), -float(r)) for c, r in zip(centers, radii, strict=True)]
 
 
+def _blend(b: Builder, first: int, second: int, radius: float) -> int:
+    """The union of two fields, filled by an arc as if their surfaces met at right angles."""
+    one, other = (b.linear([(-1.0, name)], radius) for name in (first, second))
+    return b.linear([(-1.0, b.op(Op.ARC, one, other, b.constant(0.0)))], radius)
+
+
 def _smooth(b: Builder) -> int:
     first, *others = _spheres(b, 8, 0.5, 0.1, 0.25)
     for other in others:
-        first = solid_fields.union(b, first, other, 0.1)
+        first = _blend(b, first, other, 0.1)
     return first
 
 
@@ -323,7 +329,7 @@ def _plate(b: Builder) -> int:
     for i in range(8):
         for k in range(8):
             point = (b.offset(0, 0.14 * (i - 3.5)), 1, b.offset(2, 0.14 * (k - 3.5)))
-            plate = solid_fields.difference(b, plate, solid_fields.shape_field(b, 6, (0.045, 0.3, 1.0), point), 0.0)
+            plate = b.op(Op.MAX, plate, b.op(Op.NEGATE, solid_fields.shape_field(b, 6, (0.045, 0.3, 1.0), point)))
     return plate
 
 
@@ -360,7 +366,7 @@ def _bear(b: Builder) -> int:
     for center, radii in blobs:
         point = [b.scale(name, 1 / r) for name, r in zip(_distance_vector(b, np.array(center, float)), radii, strict=True)]
         one = b.scale(b.offset(solid_fields.length(b, point), -1.0), min(radii))
-        found = one if found < 0 else solid_fields.union(b, found, one, 0.04)
+        found = one if found < 0 else _blend(b, found, one, 0.04)
     return found
 
 
@@ -388,7 +394,7 @@ _POVRAY = {
     Op.SQUARE: "pow({},2)", Op.CUBE: "pow({},3)",
     Op.SQRT: "sqrt({})", Op.MIN: "min({},{})", Op.MAX: "max({},{})", Op.EXP: "exp({})", Op.SIN: "sin({})",
     Op.COS: "cos({})", Op.COPY: "{}", Op.HYPOT: "sqrt(pow({},2)+pow({},2))",
-    Op.FILLET: "(max(min({0},{1}),{2})-sqrt(pow(max({2}-{0},0),2)+pow(max({2}-{1},0),2)))",
+    Op.ARC: "max(max({0},{1}),sqrt(pow(max({0},0),2)+pow(max({1},0),2)))",
 }  # fmt: skip
 
 
@@ -407,8 +413,6 @@ def fidget_text(tape: Tape) -> str:
     """A tape in fidget's text form."""
     lines = [f"_v{k} var-{axis}" for k, axis in enumerate("xyz")]
     lines += [f"_c{k} const {number!r}" for k, number in enumerate(tape.constants.tolist())]
-    zero = "_zero"
-    lines += [f"{zero} const 0.0"] if (tape.code[:, 0] == Op.FILLET).any() else []
 
     def named(name: int) -> str:
         return f"_v{name}" if name >= 0 else f"_c{~name}"
@@ -420,11 +424,10 @@ def fidget_text(tape: Tape) -> str:
             lines += [f"{out}a square {given[0]}", f"{out}b square {given[1]}", f"{out}s add {out}a {out}b", f"{out} sqrt {out}s"]
         elif op == Op.CUBE:
             lines += [f"{out}s square {given[0]}", f"{out} mul {out}s {given[0]}"]
-        elif op == Op.FILLET:
-            a, b, c = given
-            lines += [f"{out}p sub {c} {a}", f"{out}q sub {c} {b}", f"{out}r max {out}p {zero}", f"{out}s max {out}q {zero}"]
-            lines += [f"{out}t square {out}r", f"{out}u square {out}s", f"{out}v add {out}t {out}u", f"{out}h sqrt {out}v"]
-            lines += [f"{out}l min {a} {b}", f"{out}m max {out}l {c}", f"{out} sub {out}m {out}h"]
+        elif op == Op.ARC:  # of cosine 0, as all models have it
+            lines += [f"{out}z const 0.0", f"{out}r max {given[0]} {out}z", f"{out}s max {given[1]} {out}z", f"{out}t square {out}r"]
+            lines += [f"{out}u square {out}s", f"{out}v add {out}t {out}u", f"{out}h sqrt {out}v"]
+            lines += [f"{out}m max {given[0]} {given[1]}", f"{out} max {out}m {out}h"]
         else:
             lines.append(f"{out} {_WORDS[Op(op)]} {' '.join(given)}")
     return "\n".join(lines) + "\n"

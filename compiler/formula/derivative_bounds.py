@@ -15,6 +15,8 @@ from .interval_arithmetic import (
     either,
     endless,
     high_of,
+    low_of,
+    magnitude,
     multiply,
     negate,
     outward,
@@ -23,8 +25,8 @@ from .interval_arithmetic import (
     up,
 )
 from .interval_semantics import NOISE_CURVE, branch_choices, choices, interval, log, middles, periods, select_operands
-from .opcodes import Op
-from .point_semantics import Number, noise
+from .opcodes import LEAST_COSINE, Op
+from .point_semantics import Number, arc, hypotenuse, noise
 
 
 def slope_intervals(m: Any, op: int, boxes: list[Interval], value: Interval, turns: list[list[Interval]]) -> list[Interval]:
@@ -139,8 +141,8 @@ def _partials(m: Any, op: int, boxes: list[Interval], value: Interval) -> list[I
             return _power_partials(m, boxes, value)
         case Op.ATAN2 | Op.ANGLE:
             return _angle_partials(m, op, boxes)
-        case Op.FILLET:
-            return _fillet_partials(m, boxes)
+        case Op.ARC:
+            return _arc_partials(m, boxes, value)
         case Op.NOISE:
             middle, half = middles(m, boxes)
             reach = NOISE_CURVE * (half[0] + half[1] + half[2]) + 64.0 * m.unit
@@ -190,25 +192,51 @@ def _angle_partials(m: Any, op: int, boxes: list[Interval]) -> list[Interval]:
     return [_unless(m, ~jumps, p) for p in found]
 
 
-def _fillet_partials(m: Any, boxes: list[Interval]) -> list[Interval]:
-    """By a and b: sine and cosine on the arc, 0 and 1 away from it. By the radius: 1 less both."""
-    a, b, radius = boxes
-    first, second = choices(m, Op.FILLET, a, b, radius)
+def _arc_partials(m: Any, boxes: list[Interval], value: Interval) -> list[Interval]:
+    """By a and b: their factors λ and μ in the shortest vector λ n + μ m; by the cosine c: −λ μ times its length.
+
+    λ grows with a. Over b it rises up to b = 0 and falls from there on. Of one cosine, corners bound it; of several, intervals do.
+    """
+    a, b, c = boxes
     zero = 0.0 * a[0]
     one = zero + 1.0
-    p, q = ((radius[0] - f[1], radius[1] - f[0]) for f in (a, b))  # distances below the radius
+    cosines = m.clipped(c[0], LEAST_COSINE, 1.0), m.clipped(c[1], LEAST_COSINE, 1.0)
+    small, large = magnitude(m, cosines)
+    squares = high_of(m, one - large * large, zero) * (1.0 - 4.0 * m.unit), one - small * small + 4.0 * m.unit
+    most = m.where(cosines[0] < 0.0, 2.0 * one, one)
+    inverse = reciprocal(m, multiply(m, squares, value), report=False)
 
     def share(mine: Interval, other: Interval, only: Number, never: Number) -> Interval:
-        most, least = high_of(m, other[1], zero), high_of(m, mine[1], zero)
-        low = mine[0] / m.sqrt(mine[0] * mine[0] + most * most)
-        high = least / m.sqrt(least * least + other[0] * other[0])
-        low = m.where((mine[0] > m.tiny) & ~never, low * (1.0 - 8.0 * m.unit), zero)
-        high = m.where((other[0] > m.tiny) & ~only, high * (1.0 + 8.0 * m.unit), one)
+        middle = high_of(m, low_of(m, zero, other[1]), other[0])
+        lows = [_arc_share(m, mine[0], end, cosines[0], first=False) for end in other]
+        low = m.where(mine[0] > m.tiny, low_of(m, *lows) * (1.0 - 16.0 * m.unit), zero)
+        high = m.where(mine[1] > m.tiny, _arc_share(m, mine[1], middle, cosines[0], first=True) * (1.0 + 16.0 * m.unit), most)
+        wide = multiply(m, subtract(m, mine, multiply(m, cosines, other)), inverse)
+        alone = other[0] <= high_of(m, *multiply(m, cosines, mine))
+        unused = mine[0] <= high_of(m, *multiply(m, cosines, other))
+        wide = m.where(unused, zero, wide[0]), m.where(alone, high_of(m, wide[1], one), wide[1])
+        wide = m.where(alone, low_of(m, wide[0], one), wide[0]), m.where(wide[1] == wide[1], wide[1], most)
+        single = c[0] == c[1]
+        low, high = m.where(single, low, wide[0]), m.where(single, high, wide[1])
         low, high = m.where(only, one, low), m.where(never, zero, high)
-        return m.where(low > zero, low, zero), m.where(high < one, high, one)
+        return m.where((low > zero) & ~never, low, zero), m.where((high < most) | only, m.where(only, one, high), most)
 
-    arc = (p[1] > 0.0) & (q[1] > 0.0)
-    return [share(p, q, first, second), share(q, p, second, first), (m.where(arc, -0.4142136 * one, zero), zero)]
+    first, second = choices(m, Op.ARC, a, b, c)
+    by_a, by_b = share(a, b, first, second), share(b, a, second, first)
+    length = high_of(m, value[0], zero), high_of(m, value[1], zero)
+    low, high = multiply(m, multiply(m, by_a, by_b), length)
+    free = (c[0] > LEAST_COSINE) & (c[1] < 1.0)
+    return [by_a, by_b, (-high, m.where(free, -low, zero))]
+
+
+def _arc_share(m: Any, a: Number, b: Number, cosine: Number, first: bool) -> Number:
+    """The derivative of ARC by its first operand; `first` says whether of equal operands that one counts."""
+    within, leads, large, part, (cosine, sine) = arc(m, a, b, cosine)
+    length = hypotenuse(m, large, part)
+    length = m.where(length > m.tiny, length, m.tiny + 0.0 * length)
+    found = m.where(leads, (large - cosine * part / sine) / length, part / (sine * length))
+    alone = (a >= b) if first else (a > b)
+    return m.where(within, found, m.where(alone, 1.0 + 0.0 * found, 0.0 * found))
 
 
 def _within_one(m: Any, a: Interval, one: Number) -> Interval:

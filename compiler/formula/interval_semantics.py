@@ -28,7 +28,7 @@ from .interval_arithmetic import (
     up,
     where_defined,
 )
-from .opcodes import Op
+from .opcodes import LEAST_COSINE, Op
 from .point_semantics import Number, hypotenuse, noise, point
 
 ULPS = 4  # largest error of the elementary functions, with a margin (docs/simd.md)
@@ -47,12 +47,20 @@ def _quotient(m: Any, a: Interval, b: Interval) -> Interval:
 
 
 def choices(m: Any, op: int, a: Interval, b: Interval, c: Any = None) -> tuple[Number, Number]:
-    """Where MIN, MAX or FILLET equal one operand over the whole box: (the first, the second). CHOOSE: see `chosen`."""
-    if op == Op.FILLET:
-        return ((a[1] < b[0]) & (b[0] >= c[1])) | (b[0] != b[0]), ((b[1] < a[0]) & (a[0] >= c[1])) | (a[0] != a[0])
+    """Where MIN, MAX or ARC equal one operand over the whole box: (the first, the second). CHOOSE: see `branch_choices`."""
+    if op == Op.ARC:
+        return _suffices(m, a, b, c) | (b[0] != b[0]), _suffices(m, b, a, c) | (a[0] != a[0])
     if op == Op.MIN:
         return (a[1] < b[0]) | (b[0] != b[0]), (b[1] < a[0]) | (a[0] != a[0])
     return (a[0] > b[1]) | (a[0] != a[0]), (b[0] > a[1]) | (b[0] != b[0])
+
+
+def _suffices(m: Any, large: Interval, small: Interval, c: Interval) -> Number:
+    """Whether ARC is one operand over a box: it is the larger one, and the other lies below its product with the cosine."""
+    cosines = m.clipped(c[0], LEAST_COSINE, 1.0), m.clipped(c[1], LEAST_COSINE, 1.0)
+    products = [cosine * bound for cosine in cosines for bound in large]
+    least = low_of(m, low_of(m, products[0], products[1]), low_of(m, products[2], products[3]))
+    return (small[1] < large[0]) & (small[1] < down(m, least, 2))
 
 
 def branch_choices(m: Any, a: Interval) -> tuple[Number, Number]:
@@ -110,7 +118,7 @@ def _minimum(m: Any, op: int, a: Interval, b: Any, *_: Any) -> Interval:
 
 
 def _high_of_choice(m: Any, low: Number, a: Interval, b: Interval, high: Number) -> Number:
-    """The upper bound of MIN or FILLET: that of the other operand where one may be undefined."""
+    """The upper bound of MIN: that of the other operand where one may be undefined."""
     unsure = m.was_undefined(low)
     return m.where(unsure, high_of(m, a[1], m.where(b[1] != b[1], a[1], b[1])), high)
 
@@ -147,20 +155,20 @@ def _choose(m: Any, op: int, a: Interval, b: Any, c: Any) -> Interval:
     return one_side(m, ~(first | second), b, c, whole)
 
 
-def _fillet(m: Any, op: int, a: Interval, b: Any, c: Any) -> Interval:
-    slack = fillet_slack(m, a, b, c)  # increases with a and b, decreases with the radius
+def _arc_length(m: Any, op: int, a: Interval, b: Any, c: Any) -> Interval:
+    slack = arc_slack(m, a, b)  # grows with a and b, falls with the cosine
     no_a, no_b = a[0] != a[0], b[0] != b[0]
     low, high = point(m, op, a[0], b[0], c[1]) - slack, point(m, op, a[1], b[1], c[0]) + slack
     low, high = (low, high) if m.lost else saturate(m, low, high)
     low, high = m.where(no_b, a[0], m.where(no_a, b[0], low)), m.where(no_b, a[1], m.where(no_a, b[1], high))
-    return low, _high_of_choice(m, low, a, b, high)
+    unsure = m.was_undefined(low)  # one operand alone, or the cosine 1, where another may be undefined
+    return m.where(unsure, low_of(m, a[0], m.where(no_b, a[0], b[0])), low), high
 
 
-def fillet_slack(m: Any, a: Interval, b: Interval, radius: Interval) -> Number:
-    """Error of FILLET: 0 away from its arc, where it is a choice."""
-    p, q = radius[1] - a[0], radius[1] - b[0]
-    slack = (p + q + high_of(m, abs(radius[0]), abs(radius[1]))) * (4.0 * m.unit) + m.tiny
-    return m.where((p > 0.0) & (q > 0.0), slack, 0.0 * slack)
+def arc_slack(m: Any, a: Interval, b: Interval) -> Number:
+    """Error of ARC."""
+    size = high_of(m, high_of(m, abs(a[0]), abs(a[1])), high_of(m, abs(b[0]), abs(b[1])))
+    return size * (16.0 * m.unit) + m.tiny
 
 
 def select_operands(known: tuple[Number, Number], a: Any, b: Any) -> tuple[Any, ...]:
@@ -349,6 +357,6 @@ def middles(m: Any, boxes: Any) -> tuple[list[Number], list[Number]]:
 
 _BOUNDS = {
     Op.SQUARE: _square, Op.CUBE: _cube, Op.HYPOT: _hypot, Op.MIN: _minimum, Op.MAX: _maximum, Op.EXP: _exp, Op.FLOOR: _step, Op.CEIL: _step,
-    Op.SIGN: _step, Op.ATAN: _atan, Op.CHOOSE: _choose, Op.FILLET: _fillet, Op.SQRT: _sqrt, Op.LOG: log, Op.SIN: _wave, Op.COS: _wave,
+    Op.SIGN: _step, Op.ATAN: _atan, Op.CHOOSE: _choose, Op.ARC: _arc_length, Op.SQRT: _sqrt, Op.LOG: log, Op.SIN: _wave, Op.COS: _wave,
     Op.TAN: _tan, Op.ASIN: _arc, Op.ACOS: _arc, Op.ATAN2: _angle, Op.ANGLE: _angle, Op.MOD: _mod, Op.POWER: _power, Op.NOISE: _noise,
 }  # fmt: skip

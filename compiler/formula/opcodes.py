@@ -41,7 +41,7 @@ class Op(IntEnum):
     SIGN = 26
     NOISE = 27
     CHOOSE = 28  # b where a ≤ 0, else c
-    FILLET = 29  # MIN of a and b, its inner edge filled by an arc of radius c: c − √((c − a)² + (c − b)²) where both are below c
+    ARC = 29  # length of the shortest vector with components of at least a and b along unit vectors of cosine c (point_semantics.arc)
     CUBE = 30  # a a a: increasing, with tighter bounds than a product with a square
 
 
@@ -49,8 +49,8 @@ UNARY = frozenset({
     Op.COPY, Op.NEGATE, Op.ABS, Op.SQUARE, Op.SQRT, Op.EXP, Op.LOG, Op.SIN, Op.COS, Op.TAN, Op.ASIN, Op.ACOS, Op.ATAN, Op.FLOOR, Op.CEIL,
     Op.SIGN, Op.CUBE,
 })  # fmt: skip
-TERNARY = frozenset({Op.NOISE, Op.CHOOSE, Op.FILLET})
-CHOICES = frozenset({Op.MIN, Op.MAX, Op.CHOOSE, Op.FILLET})  # one operand may be irrelevant over a box
+TERNARY = frozenset({Op.NOISE, Op.CHOOSE, Op.ARC})
+CHOICES = frozenset({Op.MIN, Op.MAX, Op.CHOOSE, Op.ARC})  # one operand may be irrelevant over a box
 COMMUTES = frozenset({Op.ADD, Op.MULTIPLY, Op.HYPOT})
 STEPS = frozenset({Op.FLOOR, Op.CEIL, Op.SIGN})  # integers for any operand
 KEEP_WHOLE = frozenset({
@@ -74,6 +74,17 @@ def fold(op: Op, *numbers: float) -> float:
         return math.nan
 
 
+LEAST_COSINE = -math.sqrt(0.75)
+"""ARC takes smaller cosines as this one: below it the shortest vector is more than 3.9 times as long as its components."""
+
+
+def arc(a: float, b: float, cosine: float) -> float:
+    """ARC of numbers."""
+    cosine, (small, large) = min(max(cosine, LEAST_COSINE), 1.0), sorted((a, b))
+    rise = small - cosine * large
+    return math.hypot(large, rise / math.sqrt(1.0 - cosine * cosine)) if rise > 0.0 else large
+
+
 def _angle(y: float, x: float) -> float:
     return math.atan2(y + 0.0, x + 0.0)  # −0 is 0
 
@@ -86,5 +97,5 @@ _FOLD: dict[Op, Any] = {
     Op.SIN: math.sin, Op.COS: math.cos, Op.TAN: math.tan, Op.ASIN: math.asin, Op.ACOS: math.acos, Op.ATAN: math.atan,
     Op.ATAN2: _angle, Op.ANGLE: _angle, Op.FLOOR: math.floor, Op.CEIL: math.ceil, Op.MOD: lambda a, b: a - b * math.floor(a / b),
     Op.SIGN: lambda a: 0.0 if a == 0 else math.copysign(1.0, a), Op.NOISE: noise, Op.CHOOSE: lambda a, b, c: b if a <= 0 else c,
-    Op.FILLET: lambda a, b, c: c - math.hypot(c - a, c - b) if a < c and b < c else min(a, b),
+    Op.ARC: arc,
 }  # fmt: skip

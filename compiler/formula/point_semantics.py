@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...lang.noise import PERMUTATION
-from .opcodes import Op
+from .opcodes import LEAST_COSINE, Op
 
 Number = Any  # a numpy array, or an LLVM vector
 
@@ -105,9 +105,9 @@ def point(m: Any, op: int, a: Number, b: Number = None, c: Number = None) -> Num
             return m.where(a > 0.0, 1.0 + 0.0 * a, m.where(a < 0.0, -1.0 + 0.0 * a, a))
         case Op.CHOOSE:
             return m.where(a <= 0.0, b, c)
-        case Op.FILLET:
-            within, below, _, size = _arc(m, a, b, c)
-            return m.where(within, c - size, m.where(below, a, b))
+        case Op.ARC:
+            within, _, large, part, _ = arc(m, a, b, c)
+            return m.where(within, hypotenuse(m, large, part), large)
         case Op.POWER:
             return m.power(a, b)
         case Op.ATAN2 | Op.ANGLE:
@@ -143,11 +143,13 @@ def slopes(m: Any, op: int, operands: list[Number], value: Number, turns: list[l
             return [m.where(first, turns[0][k], turns[1][k]) for k in ways]
         case Op.CHOOSE:
             return [m.where(a <= 0.0, turns[1][k], turns[2][k]) for k in ways]
-        case Op.FILLET:
-            within, below, (p, q), size = _arc(m, *operands)
-            p, q = p / size, q / size
-            arc = [p * turns[0][k] + q * turns[1][k] + (1.0 - p - q) * turns[2][k] for k in ways]
-            return [m.where(within, arc[k], m.where(below, turns[0][k], turns[1][k])) for k in ways]
+        case Op.ARC:
+            within, first, large, part, (cosine, sine) = arc(m, *operands)
+            more, less = (large - cosine * part / sine) / value, part / (sine * value)
+            large_turns, small_turns = ([m.where(first, turns[n][k], turns[1 - n][k]) for k in ways] for n in (0, 1))
+            bends = m.where((operands[2] > LEAST_COSINE) & (operands[2] < 1.0), more * less * value, 0.0 * value)
+            found = [more * large_turns[k] + less * small_turns[k] - bends * turns[2][k] for k in ways]
+            return [m.where(within, found[k], large_turns[k]) for k in ways]
         case Op.MOD:
             turn = m.floor(a / operands[1])
             return [turns[0][k] - turns[1][k] * turn for k in ways]
@@ -176,11 +178,20 @@ def hypotenuse(m: Any, a: Number, b: Number) -> Number:
     return m.sqrt(a * a + b * b) * back
 
 
-def _arc(m: Any, a: Number, b: Number, radius: Number) -> tuple[Number, Number, tuple[Number, Number], Number]:
-    """FILLET: (whether on the arc, whether a is the smaller operand, radius − a and radius − b, their hypotenuse)."""
-    p, q = radius - a, radius - b
-    size = hypotenuse(m, p, q)
-    return (p > 0.0) & (q > 0.0), (b != b) | (a < b), (p, q), m.where(size > m.tiny, size, m.tiny + 0.0 * size)
+def arc(m: Any, a: Number, b: Number, c: Number) -> tuple[Number, Number, Number, Number, tuple[Number, Number]]:
+    """ARC: (whether both components are needed, whether a is the larger, the larger, the part across it, cosine and sine).
+
+    Of two half-spaces with unit normals n and m, n · v ≥ a and m · v ≥ b, it is the least |v| on both, with its sign where a and b are
+    negative. The vector that satisfies the larger bound alone satisfies the other one where small ≤ c · large. Else v = λ n + μ m on
+    both bounds, and |v|² = large² + ((small − c · large) / √(1 − c²))². It grows with a and b and falls with c. An undefined bound or
+    cosine does not count.
+    """
+    cosine = m.clipped(c, LEAST_COSINE, 1.0)
+    first = (b != b) | (a >= b)
+    large, small = m.where(first, a, b), m.where(first, b, a)
+    rise, square = small - cosine * large, 1.0 - cosine * cosine
+    sine = m.sqrt(m.where(square > m.tiny, square, m.tiny + 0.0 * square))
+    return rise > 0.0, first, large, rise / sine, (cosine, sine)
 
 
 def _factors(m: Any, op: int, operands: list[Number], value: Number) -> tuple[Number, ...]:

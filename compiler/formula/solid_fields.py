@@ -1,7 +1,6 @@
-"""Signed distance fields of solids (at most 0 inside, approximate distances) and their CSG, blend and deformation operators.
+"""Signed distance fields of solids (at most 0 inside, approximate distances) and their CSG and deformation operators.
 
-Points are three values of a tape. Distances: Quilez, "Distance functions" (2008–); blends by circular arcs: the `round`
-operators of hg_sdf (Mercury, 2011–), which change no field farther away than the radius.
+Points are three values of a tape. Distances: Quilez, "Distance functions" (2008–).
 """
 
 from __future__ import annotations
@@ -103,23 +102,6 @@ _FIELDS: dict[Kind, Callable[[Builder, Sequence[float], Point], int]] = {
 
 
 # --- combined -----------------------------------------------------------------------------------------------------------
-
-
-def union(b: Builder, first: int, second: int, radius: float) -> int:
-    """The union; with a radius its inner edges are filleted."""
-    return b.op(Op.FILLET, first, second, b.constant(radius)) if radius else b.op(Op.MIN, first, second)
-
-
-def intersection(b: Builder, first: int, second: int, radius: float) -> int:
-    """The intersection; with a radius its edges are rounded."""
-    if not radius:
-        return b.op(Op.MAX, first, second)
-    return b.op(Op.NEGATE, union(b, b.op(Op.NEGATE, first), b.op(Op.NEGATE, second), radius))
-
-
-def difference(b: Builder, first: int, second: int, radius: float) -> int:
-    """The first without the second."""
-    return intersection(b, first, b.op(Op.NEGATE, second), radius)
 
 
 def shell(b: Builder, field: int, thickness: float) -> int:

@@ -10,11 +10,12 @@ import numpy as np
 
 from ...lang.elements import Element
 from .. import ir
+from ..fillets import arcs
 from ..formula import bounding_box, solid_fields
 from ..formula.builder import Builder
 from ..formula.opcodes import Op
 from ..formula.solid_fields import NoSolid, Point
-from ..formula.tape import X, Y, Z
+from ..formula.tape import Tape, X, Y, Z
 from ..mesh import mesh_csg
 from ..scene import transforms
 from ..scene.builder import boxes_under
@@ -28,10 +29,13 @@ _TAKEN = "meshes can be in union, intersection and difference, repeat and mirror
 _NO_SOLIDS = "solids are made of shapes with an inside: sphere, box, cylinder, implicit with an inequality, closed mesh, …"
 
 
+Field = Callable[[Builder, Point], int]
+
+
 class Body(NamedTuple):
     """A solid: its field at a point of its frame, and bounds (2, 3), ±inf where unbounded. With meshes in it: `mesh` (mesh_csg) alone."""
 
-    field: Callable[[Builder, Point], int]
+    field: Field
     bounds: np.ndarray
     mesh: Any = None
     meshed: Callable[[], Any] | None = None  # the mesh of a body that has a field as well, for solids with meshes in them
@@ -184,10 +188,7 @@ def _wrong_behind(lowering: Context, element: Element) -> bool:
     return span is not None and any(d.severity == "error" and d.span is not None and d.span > span for d in found)
 
 
-Blend = Callable[[Builder, int, int, float], int]
-
-
-def _combined(blend: Blend, bounds_of: Callable[[list[np.ndarray], float], np.ndarray]) -> Callable[[Context, Element, list[Body]], Body]:
+def _combined(bounds_of: Callable[[list[np.ndarray], float], np.ndarray]) -> Callable[[Context, Element, list[Body]], Body]:
     def make(lowering: Context, element: Element, bodies: list[Body]) -> Body:
         if not bodies:
             if not _wrong_behind(lowering, element):
@@ -196,16 +197,33 @@ def _combined(blend: Blend, bounds_of: Callable[[list[np.ndarray], float], np.nd
         radius = element.args["round"]
         if any(body.mesh is not None for body in bodies):
             return _of_meshes(lowering, element, bodies)
-
-        def field(b: Builder, point: Point) -> int:
-            found = bodies[0].field(b, point)
-            for body in bodies[1:]:
-                found = blend(b, found, body.field(b, point), radius)
-            return found
-
-        return Body(field, bounds_of([body.bounds for body in bodies], radius if len(bodies) > 1 else 0.0))
+        bounds = bounds_of([body.bounds for body in bodies], radius if len(bodies) > 1 else 0.0)
+        return Body(_rounded(element.kind, bodies, radius) if radius and len(bodies) > 1 else _sharp(element.kind, bodies), bounds)
 
     return make
+
+
+def _sharp(kind: str, bodies: list[Body]) -> Field:
+    """The field of bodies with sharp edges."""
+
+    def field(b: Builder, point: Point) -> int:
+        first, *rest = (body.field(b, point) for body in bodies)
+        if kind == "difference":
+            rest = [b.op(Op.NEGATE, name) for name in rest]
+        return b.reduce(Op.MIN if kind == "union" else Op.MAX, [first, *rest])
+
+    return field
+
+
+def _rounded(kind: str, bodies: list[Body], radius: float) -> Field:
+    """The field of bodies with fillets, found once in their own frame."""
+    tapes: list[Tape] = []
+    for k, body in enumerate(bodies):
+        builder = Builder()
+        name = body.field(builder, (X, Y, Z))
+        tapes.append(builder.finish(builder.op(Op.NEGATE, name) if kind == "difference" and k else name))
+    tape = arcs.fillet_union(tapes, [body.bounds for body in bodies], radius, complement=kind != "union")
+    return lambda b, point: b.inline(tape, point)[0]
 
 
 def _of_meshes(lowering: Context, element: Element, bodies: list[Body]) -> Body:
@@ -257,7 +275,7 @@ def _common(bounds: list[np.ndarray], radius: float) -> np.ndarray:
 
 def _one(change: Callable[[Context, Element, Body], Body]) -> Callable[[Context, Element, list[Body]], Body]:
     """An operator of one solid: several children are united first."""
-    together = _combined(solid_fields.union, _all)
+    together = _combined(_all)
 
     def make(lowering: Context, element: Element, bodies: list[Body]) -> Body:
         if any(body.mesh is not None for body in bodies) and element.kind not in _OF_MESHES:
@@ -355,9 +373,9 @@ def _morph(lowering: Context, element: Element, bodies: list[Body]) -> Body:
 
 
 _COMBINED: dict[str, Callable[[Context, Element, list[Body]], Body]] = {
-    "union": _combined(solid_fields.union, _all),
-    "intersection": _combined(solid_fields.intersection, _common),
-    "difference": _combined(solid_fields.difference, lambda bounds, radius: bounds[0]),
+    "union": _combined(_all),
+    "intersection": _combined(_common),
+    "difference": _combined(lambda bounds, radius: bounds[0]),
     "shell": _one(_shell),
     "offset": _one(_offset),
     "twist": _one(_twist),

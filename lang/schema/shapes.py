@@ -227,7 +227,7 @@ SHAPES = (
     *_planned("shape", "surface", "bezier", "nurbs", "subdivision", "voxels"),
 )
 
-_ROUND = Arg("round", "length", 0.0, "radius of the fillets where surfaces of its children intersect", minimum=0.0, keyword=True)
+_ROUND = Arg("round", "length", 0.0, "radius of the fillets where surfaces of different children meet", minimum=0.0, keyword=True)
 
 
 def _solid(name: str, doc: str, *args: Arg, example: str = "") -> Entry:

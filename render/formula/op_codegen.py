@@ -103,8 +103,8 @@ def _spans(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
     if op == Op.SQRT:
         error = interval_arithmetic.low_of(m, error, m.sqrt(off[0]))
     size = interval_arithmetic.high_of(m, abs(value[0]), abs(value[1]))
-    if op == Op.FILLET:
-        error = error + interval_semantics.fillet_slack(m, *operands)
+    if op == Op.ARC:
+        error = error + interval_semantics.arc_slack(m, *operands[:2])
     elif op == Op.CUBE:
         error = error + size * u  # rounded twice
     elif op not in EXACT:

@@ -23,7 +23,7 @@ def tapes(draw: st.DrawFn, but: tuple[Op, ...] = ()) -> Tape:
     for _ in range(draw(st.integers(0, 40))):
         op = draw(st.sampled_from([op for op in Op if op not in (*but, Op.COPY)]))
         operands = [draw(st.sampled_from(names)) for _ in range(arity(op))]
-        names.append(builder.op(op, *(operands[:2] + [names[4]] if op == Op.FILLET else operands)))
+        names.append(builder.op(op, *operands))
     return builder.finish(names[-1])
 
 

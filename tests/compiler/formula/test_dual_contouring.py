@@ -31,7 +31,7 @@ def drilled() -> Tape:
     builder = Builder()
     box = solid_fields.shape_field(builder, 2, (0.5, 0.6, 0.4), POINT)
     hole = solid_fields.shape_field(builder, 6, (0.25, 1.0, 1.0), POINT)
-    return builder.finish(solid_fields.difference(builder, box, hole, 0.0))
+    return builder.finish(builder.op(Op.MAX, box, builder.op(Op.NEGATE, hole)))
 
 
 def gyroid() -> Tape:

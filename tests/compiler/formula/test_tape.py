@@ -239,7 +239,7 @@ def test_bounds_of_whole_powers_of_negative_numbers_hold():
     assert not maybe.any()
 
 
-@pytest.mark.parametrize("op", [Op.CHOOSE, Op.FILLET])
+@pytest.mark.parametrize("op", [Op.CHOOSE, Op.ARC])
 def test_what_is_undefined_on_one_way_hides_nothing_on_the_other(op):
     """Over a box where either way may be gone, one of which is nowhere defined, the other's values count."""
     builder = Builder()
@@ -281,7 +281,7 @@ def tapes(draw: st.DrawFn) -> Tape:
     for _ in range(draw(st.integers(1, 14))):
         op = draw(st.sampled_from(SMOOTH))
         operands = [draw(st.sampled_from(names)) for _ in range(arity(op))]
-        names.append(builder.op(op, *(operands[:2] + [names[4]] if op == Op.FILLET else operands)))
+        names.append(builder.op(op, *operands))
     return builder.finish(names[-1])
 
 

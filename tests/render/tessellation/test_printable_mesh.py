@@ -32,6 +32,8 @@ SOLIDS = {  # the scene, its volume, its Euler characteristic
     "boxes edge to edge": ("box(1)\nbox(1, center: [1, 1, 0])", 2.0, 4),
     "boxes united along an edge": ("union { box(1); box(1, center: [1, 1, 0]) }", 2.0, None),
     "drilled": ("difference { box(1); cylinder(0.3, 2) }", 1 - PI * 0.09, 0),
+    "a pin with a fillet": ("union(round: 0.2) { box([2, 0.4, 2]); cylinder(0.4, 1.2, center: [0, 0.6, 0]) }",
+                            1.6 + PI * 0.16 + 2 * PI * (0.04 * (1 - PI / 4) * 0.4 + 0.008 * (5 / 6 - PI / 4)), 2),
     "a lamp beside": ("box(1)\narea(position: [0, 3, 0], size: 1)", 1.0, 2),
 }
 OPEN = {

@@ -163,6 +163,7 @@ LIBRARY = {
     "room": "panel bulb window downlight standing_lamp table picture",
     "shapes": "crate slab stairs column tetrahedron octahedron icosahedron",
     "surfaces": "parametric revolved voxels",
+    "profiles": "circle arc ellipse rectangle slot regular star",
 }
 _LIBRARY_FILE = {word: file for file, words in LIBRARY.items() for word in words.split()}
 

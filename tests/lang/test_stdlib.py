@@ -61,7 +61,7 @@ def parts(file):
 
 
 CALLS = [(file.stem, call) for file in FILES for call in parts(file)]
-VALUES = ("shininess_of", "lights.metres", "lights.direction", "patterns.octave", "patterns.turbulence",
+VALUES = ("shininess_of", "profiles.", "lights.metres", "lights.direction", "patterns.octave", "patterns.turbulence",
           "surfaces.face", "surfaces.bezier_at", "surfaces.stretch", "surfaces.spline_at", "surfaces.clamped")  # fmt: skip
 
 
@@ -309,6 +309,32 @@ def test_voxels_are_the_cubes_that_satisfy_the_condition():
     centres = sorted(box.args["center"] for box in made.children)
     assert centres == sorted(itertools.product((0.25, 0.75), (0.25, 0.75), (-0.75, -0.25, 0.25, 0.75)))
     assert {box.args["size"] for box in made.children} == {(0.5, 0.5, 0.5)}
+
+
+def profile_area(call: str, unit: str = "m") -> float:
+    """The area of a profile in square metres, positive if it is counter-clockwise."""
+    (element,) = evaluated(f'unit {unit}\nuse "std/profiles"\nextrude(profiles.{call})').elements
+    x, y = np.array(element.args["profile"]).T
+    return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
+
+
+@pytest.mark.parametrize(
+    ("call", "area"),
+    [
+        ("circle(2, count: 720)", 4 * math.pi),
+        ("ellipse([2, 1], count: 720)", 2 * math.pi),
+        ("arc(1, from: 0deg, to: 180deg, count: 720)", math.pi / 2),
+        ("arc(2, from: 30deg, to: 90deg, at: [1, 1], count: 720)", 4 * (math.pi / 6 - math.sqrt(3) / 4)),
+        ("rectangle([3, 2])", 6),
+        ("rectangle([3, 2], round: 0.5)", 6 - 4 * 0.25 * (1 - 4 * math.sin(math.pi / 16))),
+        ("slot(2, 0.5)", 2 * 1 + 16 * 0.25 * math.sin(math.pi / 16)),
+        ("regular(6, 2)", 6 * math.sqrt(3)),
+        ("star(5, outer: 2, inner: 1)", 5 * 2 * math.sin(math.pi / 5)),
+    ],
+)
+def test_areas_of_profiles(call, area):
+    assert profile_area(call) == pytest.approx(area, rel=1e-4)
+    assert profile_area(call, "mm") == pytest.approx(area * 1e-6, rel=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -107,16 +107,18 @@ def _instruction_set() -> Iterator[Finding]:
 
 
 def _kernel_cache() -> Iterator[Finding]:
-    from ..render.jit import kernel_cache
+    from ..render.jit import cache_folder, kernel_cache
 
-    folder = kernel_cache.CACHE
+    folder, limit = kernel_cache.CACHE, cache_folder.largest_size()
     own, size = _files(folder)[0], _files(folder.parent)[1]
     writable = folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)
-    text = f"{folder}: {own} files; {_megabytes(size)} for all targets"
-    data = {"folder": str(folder), "files": own, "bytes": size, "writable": writable}
-    if not writable:
-        text += "; not writable, so that each run compiles its kernels again: MAQUETTE_CACHE names another folder"
-    yield Finding("kernel cache", "ok" if writable else "missing", text, data)
+    kept = writable and cache_folder.is_trusted(folder)
+    text = f"{folder}: {own} files; {_megabytes(size)} of {_megabytes(limit)} (MAQUETTE_CACHE_SIZE) for all targets"
+    data = {"folder": str(folder), "files": own, "bytes": size, "limit": limit, "writable": writable, "used": kept}
+    if not kept:
+        why = "open to other users" if writable else "not writable"
+        text += f"; {why}, so that each run compiles what is not prebuilt: MAQUETTE_CACHE names another folder"
+    yield Finding("kernel cache", "ok" if kept else "missing", text, data)
 
 
 def _files(folder: Path) -> tuple[int, int]:

@@ -72,7 +72,8 @@ def test_every_dependency_is_checked() -> None:
 
 @pytest.mark.parametrize(("variable", "value", "name", "state", "text", "code"), [
     ("MAQUETTE_SIMD", "mmx", "instruction set", "error", "MAQUETTE_SIMD=mmx is not an instruction set; choose from:", 1),
-    ("MAQUETTE_CACHE", "/proc/none", "kernel cache", "missing", "not writable, so that each run compiles its kernels again", 0),
+    ("MAQUETTE_CACHE", "/proc/none", "kernel cache", "missing", "not writable, so that each run compiles what is not prebuilt", 0),
+    ("MAQUETTE_CACHE_SIZE", "much", "kernel cache", "error", "MAQUETTE_CACHE_SIZE is much, which is no size", 1),
 ])  # fmt: skip
 def test_settings_are_checked(variable: str, value: str, name: str, state: str, text: str, code: int) -> None:
     command = [sys.executable, "-m", "maquette", "doctor", "--json"]
@@ -90,4 +91,6 @@ def test_the_cache_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(kernel_cache, "CACHE", folder)
     row = findings()["kernel cache"]
     assert (row["files"], row["bytes"], row["writable"]) == (1, 3_000_000, True)
-    assert row["text"].startswith(f"{folder}: 1 files; 3 MB")
+    assert row["text"] == f"{folder}: 1 files; 3 MB of 1000 MB (MAQUETTE_CACHE_SIZE) for all targets"
+    folder.chmod(0o777)
+    assert "; open to other users, so that each run compiles" in findings()["kernel cache"]["text"]

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..render.image import image_files, image_reader
-from . import limits, mitsuba, report
+from . import edit_session, limits, mitsuba, report
 from .harness import OURS, Case, Contender, Disagreement, Effort, Missing, Peers, measure
 
 SCENES = Path(__file__).resolve().parent / "scenes"
@@ -27,13 +27,23 @@ to its end, that reads its own renderer's scene file (`bench/scenes/start.*`) an
 *Cold*: an empty kernel cache for each run, so that maquette and Mitsuba's llvm mode compile everything. Files are in the system's memory
 either way. *Check* reads and checks the scene and draws nothing. Ratios are of wall time.
 """
+WAITS = """
+maquette's wheel in a new environment with an empty home (that of a user who has just installed it), on two cores. *Kernels*: the seconds
+of a picture in which its rendering waits for code to be compiled or loaded. *Edits*: a scene in `watch`, 320 × 240, 4 samples a pixel;
+each of the first ten edits adds a line, each of the others changes the first scene; the seconds from the save to the picture. *Warm
+processes*: a sphere of 64 × 48 pixels, one sample, with its kernels on disk; checking hello.scene; the help.
+"""
+SPHERE = "sphere(1)\npoint([2, 4, 3], intensity: 20)\ncamera(position: [0, 0, 5], look_at: [0, 0, 0])\nrender(size: [64, 48], samples: 1)\n"
 MAX_DIFFERING = 0.02  # allowed share of pixels that differ by more than COLOR, as samples lie elsewhere
 COLOR = 0.06
+NAMES = ("waits",)  # parts
 TIMEOUT = 300.0  # seconds of a process
 
 
-def section(quick: bool, effort: Effort) -> report.Section:
-    """Measure warm starts and, unless `quick`, one cold start."""
+def section(quick: bool, effort: Effort, only: str = "") -> report.Section:
+    """Measure warm starts and, unless `quick`, one cold start and `waits`, or these alone."""
+    if only in NAMES:
+        return waits(effort)
     peers = Peers()
     found = report.Section("start", "Starting up", TEXT)
     size = 64 if quick else 512
@@ -46,9 +56,43 @@ def section(quick: bool, effort: Effort) -> report.Section:
             cold = peers.gather(functools.partial(programs.ours, cold=True), functools.partial(programs.mitsuba, cold=True))
             results.append(measure(Case("cold", cold, agree), Effort(rounds=1, fewest=1)))
         found.add("One picture", results, "", by="wall")
+        if not quick:
+            found.parts.append(waits(effort))
     found.missing = peers.missing
     found.versions = {**report.version_of("mitsuba"), **_povray_version()}
     return found
+
+
+def waits(effort: Effort) -> report.Section:
+    """Measure what a person waits for after an installation: first pictures, thirty edits, and the shortest commands."""
+    found = report.Section("start waits", "Waiting for kernels", WAITS, level=3)
+    with tempfile.TemporaryDirectory() as name:
+        environment = edit_session.Environment(Path(name))
+        environment.install()
+        locked = environment.read_only_home()
+        hello = edit_session.ROOT / "examples/hello.scene"
+        rows = [("hello.scene, empty home", *_seconds(environment.render(hello)))]
+        rows += [("hello.scene, home that cannot be written", *_seconds(environment.render(hello, **locked)))]
+        for scene in sorted(hello.parent.glob("*.scene")):
+            rows.append((f"{scene.name}, 64 pixels wide, the same home", *_seconds(environment.render(scene, "--size", "64x48", **locked))))
+        found.blocks += ["**First picture**", report.grid(("", "process, s", "kernels, s"), rows)]
+        edits = [(name, *_seconds((total, kernels))) for name, kernels, total in edit_session.session(environment, edit_session.scenes())]
+        found.blocks += ["**Edits**", report.grid(("", "redraw, s", "kernels, s"), edits)]
+        sphere = environment.folder / "sphere.scene"
+        sphere.write_text(SPHERE, encoding="utf-8")
+        environment.run("render", str(sphere), "--quiet", MAQUETTE_KERNELS="special")  # compiles or loads what the warm runs take
+        commands = {"render a sphere": ("render", str(sphere)), "check": ("check", str(hello)), "--help": ("--help",)}
+        results = [measure(Case(name, [_command(environment, words)], lambda _: "no peer"), effort) for name, words in commands.items()]
+        found.add("Warm processes", results, "", by="wall")
+    return found
+
+
+def _command(environment: edit_session.Environment, words: tuple[str, ...]) -> Contender:
+    return Contender(OURS, lambda: environment.run(*words))
+
+
+def _seconds(measured: tuple[float, float]) -> tuple[str, str]:
+    return f"{measured[0]:.2f}", f"{measured[1]:.2f}"
 
 
 class Programs:

@@ -3,31 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
-import platform
-import re
-import sys
-import tomllib
-from collections.abc import Callable, Iterator
-from importlib import metadata
-from pathlib import Path
-from typing import Any, NamedTuple
 
 import click
 
-from ..lang import distribution
 from . import common_options as shared
-
-ROOT = Path(__file__).resolve().parent.parent
-
-
-class Finding(NamedTuple):
-    """One line. An `error` prevents rendering; what is `missing` can be done without."""
-
-    name: str
-    state: str  # "ok", "missing" or "error"
-    text: str
-    data: dict[str, Any]
 
 
 @click.command()
@@ -40,7 +19,9 @@ def doctor(ctx: click.Context, as_json: bool) -> None:
     Prints versions, the instruction set, the cache of kernels, prebuilt kernels and what is missing. The exit code is 1 if something
     prevents rendering.
     """
-    findings = [finding for check in CHECKS for finding in _safely(check)]
+    from . import installation
+
+    findings = installation.findings()
     ready = all(finding.state != "error" for finding in findings)
     if as_json:
         rows = [{"name": f.name, "state": f.state, "text": f.text, **f.data} for f in findings]
@@ -51,98 +32,3 @@ def doctor(ctx: click.Context, as_json: bool) -> None:
             mark = "" if finding.state == "ok" else f"{finding.state}: "
             click.echo(f"{finding.name:<{width}}  {mark}{finding.text}")
     ctx.exit(0 if ready else 1)
-
-
-def _safely(check: Callable[[], Iterator[Finding]]) -> Iterator[Finding]:
-    """The findings of a check; a check that fails is an error."""
-    try:
-        yield from check()
-    except Exception as fault:
-        yield Finding(check.__name__.strip("_").replace("_", " "), "error", f"{type(fault).__name__}: {fault}", {})
-
-
-def _versions() -> Iterator[Finding]:
-    yield Finding("maquette", "ok", f"{distribution.VERSION}, in {ROOT}", {"version": distribution.VERSION, "folder": str(ROOT)})
-    python = platform.python_version()
-    yield Finding("Python", "ok", f"{python}, {sys.executable}", {"version": python, "executable": sys.executable})
-
-
-def _packages() -> Iterator[Finding]:
-    """One line for the packages that rendering needs, and one for each that is missing or too old."""
-    found = {}
-    for name, least in required_packages().items():
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            yield Finding(name, "error", f"not installed: pip install '{name}>={least}'", {"version": None, "least": least})
-            continue
-        if _numbers(found[name]) < _numbers(least):
-            text = f"{found[name]} is too old: pip install '{name}>={least}'"
-            yield Finding(name, "error", text, {"version": found[name], "least": least})
-    yield Finding("packages", "ok", ", ".join(f"{name} {version}" for name, version in found.items()), {"versions": found})
-
-
-def required_packages() -> dict[str, str]:
-    """The packages that this one depends on, with their least versions: from its metadata, or from pyproject.toml in a checkout."""
-    project = ROOT / "pyproject.toml"
-    if project.exists():
-        texts = tomllib.loads(project.read_text(encoding="utf-8"))["project"]["dependencies"]
-    else:
-        texts = [text for text in metadata.requires(distribution.NAME) or () if "extra ==" not in text]
-    parts = (re.fullmatch(r"([\w.-]+)\s*>=\s*([\w.]+).*", text) for text in texts)
-    return {found[1]: found[2] for found in parts if found}
-
-
-def _numbers(version: str) -> tuple[int, ...]:
-    return tuple(int(number) for number in re.findall(r"\d+", version)[:3])
-
-
-def _instruction_set() -> Iterator[Finding]:
-    from ..render.simd import target
-
-    target.check_host()
-    best = target.highest(target.HOST)
-    data = {"isa": target.ISA, "cpu": target.LEVEL.cpu, "highest": best, "processors": target.cores()}
-    yield Finding("instruction set", "ok", f"{target.ISA} ({target.LEVEL.cpu}), {target.cores()} processors; the machine has {best}", data)
-
-
-def _kernel_cache() -> Iterator[Finding]:
-    from ..render.jit import cache_folder, kernel_cache
-
-    folder, limit = kernel_cache.CACHE, cache_folder.largest_size()
-    own, size = _files(folder)[0], _files(folder.parent)[1]
-    writable = folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)
-    kept = writable and cache_folder.is_trusted(folder)
-    text = f"{folder}: {own} files; {_megabytes(size)} of {_megabytes(limit)} (MAQUETTE_CACHE_SIZE) for all targets"
-    data = {"folder": str(folder), "files": own, "bytes": size, "limit": limit, "writable": writable, "used": kept}
-    if not kept:
-        why = "open to other users" if writable else "not writable"
-        text += f"; {why}, so that each run compiles what is not prebuilt: MAQUETTE_CACHE names another folder"
-    yield Finding("kernel cache", "ok" if kept else "missing", text, data)
-
-
-def _files(folder: Path) -> tuple[int, int]:
-    """(number, bytes) of the files in a folder and its folders."""
-    sizes = [path.stat().st_size for path in folder.rglob("*") if path.is_file()]
-    return len(sizes), sum(sizes)
-
-
-def _megabytes(size: int) -> str:
-    return f"{size / 1e6:.0f} MB"
-
-
-def _extras() -> Iterator[Finding]:
-    from ..measure.peers import registry
-
-    try:
-        version = metadata.version("pyoidn")
-        yield Finding("denoiser", "ok", f"pyoidn {version}, for --denoise", {"version": version})
-    except metadata.PackageNotFoundError:
-        yield Finding("denoiser", "missing", f"for --denoise: {distribution.install_command('denoise')}", {"version": None})
-    for peer in registry.every():
-        missing = peer.missing
-        text = f"for chart --peers {peer.name}: {missing}" if missing else f"{peer.version}, for chart --peers {peer.name}"
-        yield Finding(peer.name, "missing" if missing else "ok", text, {"version": None if missing else peer.version})
-
-
-CHECKS = (_versions, _packages, _instruction_set, _kernel_cache, _extras)

@@ -191,21 +191,27 @@ def inspect(scene: Path, as_ir: bool, as_json: bool, **given: Any) -> None:
 def explain(scene: Path, as_json: bool, **given: Any) -> None:
     """Show the render plan of SCENE with reasons.
 
-    Prints each decision of the plan: its value, its reason, and the option that changes it. The last line names the compiled
+    Begins with the five decisions that matter most for the scene. Then prints each decision of the plan: its value, its reason, and
+    the option that changes it. The last line names the compiled
     kernels that a picture takes: those specialised to the scene, or general ones until these are compiled.
     """
+    from ..compiler.plan import importance
     from ..render.backends import kernel_choice
 
     source, settings, overrides = shared.read_options(scene, given)
     compiled = shared.load(source)
     plan = jobs.make_plan(compiled, settings, overrides)
     kind, state = kernel_choice.describe(compiled, plan)
+    matters = importance.most_important(plan)
     if as_json:
-        rows = [{"name": d.name, "value": d.value, "reason": d.reason, "overridden": d.overridden} for d in plan.decisions.values()]
-        rows.append({"name": "kernels", "value": kind, "reason": state, "overridden": False})
+        rows = [
+            {"name": d.name, "value": d.value, "reason": d.reason, "overridden": d.overridden, "matters": d in matters}
+            for d in plan.decisions.values()
+        ]
+        rows.append({"name": "kernels", "value": kind, "reason": state, "overridden": False, "matters": False})
         click.echo(json.dumps(jobs.json_value(rows), indent=2))
     else:
-        terminal.explain(compiled, plan)
+        terminal.explain(compiled, plan, matters)
         click.echo(f"kernels  {kind}  {state}")
     terminal.report(jobs.plan_warnings(compiled, plan))
 

@@ -16,6 +16,7 @@ from ..lang import diagnostics
 
 if TYPE_CHECKING:
     from ..compiler import ir
+    from ..compiler.plan.decision import Decision
     from ..compiler.plan.plan import Plan
 
 MAX_QUOTED = 4 << 20  # bytes of the largest file whose lines are quoted
@@ -99,8 +100,12 @@ def show_value(value: Any) -> str:
     return str(value)
 
 
-def explain(scene: ir.Scene, plan: Plan) -> None:
-    """Print every decision of the plan with its reason and its switch, and the defaults added to the scene."""
+def explain(scene: ir.Scene, plan: Plan, matters: Iterable[Decision]) -> None:
+    """Print the decisions that matter most, every decision with its reason and its switch, and the defaults added to the scene."""
+    click.echo("What matters most for this scene:")
+    for decision in matters:
+        click.echo(f"  {decision.name} = {show_value(decision.value)}: {decision.reason}")
+    click.echo("\nAll decisions:")
     decisions = list(plan.decisions.values())
     rows = [(d.name, show_value(d.value), d.reason, d.fixed or _switch(d)) for d in decisions]
     table(("decision", "value", "reason", "changed by"), rows, [d.overridden for d in decisions])

@@ -28,6 +28,11 @@ class Span:
         """The span from the start of this one to the end of `other`."""
         return replace(self, end_line=other.end_line, end_column=other.end_column)
 
+    @property
+    def in_library(self) -> bool:
+        """Whether this is a place of the library, such as `std/room`."""
+        return self.file.startswith("std/") and not self.file.endswith(".scene")
+
     def __str__(self) -> str:
         return f"{self.file}:{self.line}:{self.column}" if self.line else self.file
 

@@ -76,6 +76,21 @@ class Element:
     photometric: bool = False
     weight: int = 1
 
+    @property
+    def calls(self) -> tuple[tuple[str, Span], ...]:
+        """The chain of calls, innermost first, from the one outside of the library."""
+        calls = self.trace
+        if self.span.in_library:
+            while calls and calls[0][1].in_library:
+                calls = calls[1:]
+        return calls
+
+    @property
+    def place(self) -> Span:
+        """The place for messages: that of the element, or for an element of the library that of the call from outside."""
+        calls = self.calls if self.trace and self.span.in_library else ()
+        return calls[0][1] if calls else self.span
+
 
 @dataclass(frozen=True, slots=True)
 class ParamInfo:

@@ -39,7 +39,7 @@ def camera(lowering: Context, element: Element) -> None:
         lowering.builder.transform(frame), near=near, far=far, shift=args["shift"], exposure=exposure, shutter=args["shutter"] or 0.0,
         name=args["name"] or "", **lens
     )
-    lowering.builder.camera(data, element.span)
+    lowering.builder.camera(data, element.place)
 
 
 def _focused(lowering: Context, element: Element, lens: dict[str, Any]) -> bool:
@@ -92,7 +92,7 @@ def settings(lowering: Context, render: Element | None, cameras: tuple[Element, 
     if render is None:
         return ir.Settings(view=view)
     args = render.args
-    lowering.builder.asked(render.span)
+    lowering.builder.asked(render.place)
     if args["size"] is not None and max(args["size"]) > validate.MAX_SIZE:
         width, height = args["size"]
         lowering.error(render, f"a picture of {width} by {height} pixels is too big", f"at most {validate.MAX_SIZE} each way")

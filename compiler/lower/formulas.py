@@ -32,7 +32,7 @@ def implicit(lowering: Context, element: Element) -> list[Piece]:
     cut = None if within is None else np.array(within[:2]) / unit
     known = None if sheet or (within is not None and within[2][3] > 0) else _known(tape, cut)
     if known is not None:
-        row = lowering.builder.geometry(ir.GeometryKind.SPHERE, (1.0,), element.span)
+        row = lowering.builder.geometry(ir.GeometryKind.SPHERE, (1.0,), element.place)
         return [Piece(row, transforms.scaling((unit,) * 3) @ known)]
     bounds = bounding_box.find_bounds(sheet_field(tape) if sheet else tape) if cut is None else cut
     if bounds is None:
@@ -80,7 +80,7 @@ def implicit_piece(lowering: Context, element: Element, tape: Tape, bounds: np.n
         return lowering.refuse(
             element, f"the formula needs {live:,} values at a time, and there is room for {MOST_LIVE}", hint
         )
-    return [Piece(lowering.builder.formula(tape, bounds, parameters, element.span), transforms.identity())]
+    return [Piece(lowering.builder.formula(tape, bounds, parameters, element.place), transforms.identity())]
 
 
 def _known(tape: Tape, bounds: np.ndarray | None) -> np.ndarray | None:

@@ -41,7 +41,7 @@ def heightfield(lowering: Context, element: Element) -> list[Piece]:
     except _Unfit as unfit:
         return lowering.refuse(element, str(unfit), unfit.hint)
     made = height_grids.surface(heights, size) if base is None else height_grids.solid(heights, size, base)
-    return [Piece(lowering.builder.mesh(made, element.span), transforms.identity())]
+    return [Piece(lowering.builder.mesh(made, element.place), transforms.identity())]
 
 
 def _heights(lowering: Context, element: Element) -> np.ndarray:

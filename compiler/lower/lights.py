@@ -57,7 +57,7 @@ def _point(lowering: Context, element: Element, block: np.ndarray) -> None:
     intensity = args["intensity"] if args["flux"] is None else args["flux"] / (4 * math.pi)
     position = _moved(block, args["position"])
     data = LightData(Kind.POINT, _color(element, intensity), position, **_falloff(element), **_common(element))
-    lowering.builder.light(data, element.span)
+    lowering.builder.light(data, element.place)
 
 
 def _spot(lowering: Context, element: Element, block: np.ndarray) -> None:
@@ -82,7 +82,7 @@ def _spot(lowering: Context, element: Element, block: np.ndarray) -> None:
         Kind.SPOT, _color(element, intensity), position, _tuple(direction), cos_cone=cos_cone, cos_full=cos_full,
         **_falloff(element), **_common(element),
     )  # fmt: skip
-    lowering.builder.light(data, element.span)
+    lowering.builder.light(data, element.place)
 
 
 def _directional(lowering: Context, element: Element, block: np.ndarray) -> None:
@@ -94,7 +94,7 @@ def _directional(lowering: Context, element: Element, block: np.ndarray) -> None
     angle = args["angle"] / 2 if element.kind == "sun" else 0.0
     kind = Kind.SUN if angle > 0 else Kind.DIRECTIONAL
     data = LightData(kind, _color(element, args["illuminance"]), direction=_tuple(direction), angle=angle, **_common(element))
-    lowering.builder.light(data, element.span)
+    lowering.builder.light(data, element.place)
 
 
 def _sky(lowering: Context, element: Element, block: np.ndarray) -> None:
@@ -104,7 +104,7 @@ def _sky(lowering: Context, element: Element, block: np.ndarray) -> None:
         for name in ("sun", "ground"):
             if name in element.given:
                 lowering.error(element, f"an even sky has no `{name}`", "give it a turbidity, like turbidity: 3, for the sky of a day")
-        lowering.builder.light(LightData(Kind.SKY, color, **_common(element)), element.span)
+        lowering.builder.light(LightData(Kind.SKY, color, **_common(element)), element.place)
         return
     sun = transforms.unit(block[:3, :3] @ np.array(args["sun"], dtype=np.float64))
     if sun is None or sun[1] < 0.0:
@@ -114,8 +114,8 @@ def _sky(lowering: Context, element: Element, block: np.ndarray) -> None:
     key = ("daylight", turbidity, *sun.tolist(), *ground)
     builder = lowering.builder
     image = builder.shared(key, lambda: builder.image(daylight_sky.picture(sun, turbidity, ground), "daylight"))
-    row = builder.transform(np.eye(4), element.span)
-    builder.light(LightData(Kind.DOME, color, transform=row, image=image, **_common(element)), element.span)
+    row = builder.transform(np.eye(4), element.place)
+    builder.light(LightData(Kind.DOME, color, transform=row, image=image, **_common(element)), element.place)
 
 
 def _dome(lowering: Context, element: Element, block: np.ndarray) -> None:
@@ -128,9 +128,9 @@ def _dome(lowering: Context, element: Element, block: np.ndarray) -> None:
     frame, _, _ = rigid(turn)
     frame[:3, 3] = 0.0
     if image >= 0:
-        row = lowering.builder.transform(frame, element.span)
+        row = lowering.builder.transform(frame, element.place)
         data = LightData(Kind.DOME, _color(element, args["luminance"]), transform=row, image=image, **_common(element))
-        lowering.builder.light(data, element.span)
+        lowering.builder.light(data, element.place)
 
 
 def _patterned(lowering: Context, element: Element) -> int:
@@ -150,7 +150,7 @@ def _patterned(lowering: Context, element: Element) -> int:
 
 def _ambient(lowering: Context, element: Element, block: np.ndarray) -> None:
     data = LightData(Kind.AMBIENT, _color(element, element.args["luminance"]), **{**_common(element), "shadows": False})
-    lowering.builder.light(data, element.span)
+    lowering.builder.light(data, element.place)
 
 
 def _area(lowering: Context, element: Element, block: np.ndarray) -> None:
@@ -182,14 +182,14 @@ def add_area_light(
     """Add an area light and its visible instance. A light without shadows blocks no light; others: plan/light_shapes.py."""
     builder = lowering.builder
     shape = {Kind.RECTANGLE: ir.GeometryKind.RECTANGLE, Kind.DISK: ir.GeometryKind.DISK, Kind.SPHERE: ir.GeometryKind.SPHERE}[kind]
-    transform = builder.transform(frame, element.span)
+    transform = builder.transform(frame, element.place)
     name = element.args["name"] or element.scope or element.kind
     data = LightData(kind, radiance, transform=transform, size=size, **{**_common(element), "name": name})
-    row = builder.light(data, element.span)
-    geometry = builder.geometry(shape, size if kind == Kind.RECTANGLE else size[:1], element.span)
-    material = builder.material(MaterialData(ir.MaterialModel.EMISSIVE, {ir.Slot.EMISSION: Input(radiance)}), element.span)
+    row = builder.light(data, element.place)
+    geometry = builder.geometry(shape, size if kind == Kind.RECTANGLE else size[:1], element.place)
+    material = builder.material(MaterialData(ir.MaterialModel.EMISSIVE, {ir.Slot.EMISSION: Input(radiance)}), element.place)
     visible = ALL_RAYS if data.shadows else NO_SHADOW
-    builder.instance(InstanceData(geometry, transform, material, row, visible, name), element.span)
+    builder.instance(InstanceData(geometry, transform, material, row, visible, name), element.place)
 
 
 def rigid(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:

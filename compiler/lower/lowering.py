@@ -44,7 +44,7 @@ def _lower(document: Document, builder: SceneBuilder, folder: Folder | None) -> 
     settings = cameras.settings(lowering, document.settings.get("render"), document.cameras)
     if lowering.unsampled is not None and not settings.bounces:
         hint = "render(bounces: 1) or more; area lights and round spheres are sampled without"
-        builder.diagnostics.note("this emits light, but lights other objects only with bounces", lowering.unsampled.span, hint)
+        builder.diagnostics.note("this emits light, but lights other objects only with bounces", lowering.unsampled.place, hint)
     animate = document.settings.get("animate")
     return builder.finish(
         document.name,
@@ -78,10 +78,10 @@ class Lowering:
     # --- Context ---
 
     def error(self, element: Element, message: str, hint: str = "") -> None:
-        self.builder.diagnostics.error(message, element.span, hint, element.trace)
+        self.builder.diagnostics.error(*_told(element, message, hint))
 
     def warn(self, element: Element, message: str, hint: str = "") -> None:
-        self.builder.diagnostics.warning(message, element.span, hint, element.trace)
+        self.builder.diagnostics.warning(*_told(element, message, hint))
 
     def is_shape(self, element: Element) -> bool:
         return element.kind in shapes.KINDS
@@ -101,7 +101,7 @@ class Lowering:
 
     def folder(self, element: Element) -> Path | None:
         """The folder of the source of an element, which its file names are relative to."""
-        return self._folder(element.span.file) if self._folder else None
+        return self._folder(element.place.file) if self._folder else None
 
     def beyond(self, element: Element) -> bool:
         """Whether an element has a number above LARGEST; reports it."""
@@ -157,7 +157,7 @@ class Lowering:
         if element.kind in shapes.CENTERED and (material is None or material.kind != "emissive"):
             geometry, center = shapes.centered(self, element)
             row = -1 if material is None else self.materials.row(material)
-            self.placements.add(frame, center, geometry, row, name, element.span)
+            self.placements.add(frame, center, geometry, row, name, element.place)
             return
         for piece in self.pieces(element):
             if material is not None and material.kind == "emissive":
@@ -167,7 +167,7 @@ class Lowering:
             row = piece.material if piece.material >= 0 and args["material"] is None else -1
             if row < 0 and material is not None:
                 row = self.materials.row(material)
-            self.placements.add(frame, piece.matrix, piece.geometry, row, f"{name}/{piece.name}" if piece.name else name, element.span)
+            self.placements.add(frame, piece.matrix, piece.geometry, row, f"{name}/{piece.name}" if piece.name else name, element.place)
 
     def _shining_sphere(self, element: Element, material: Element, matrix: np.ndarray) -> bool:
         """Make a uniformly scaled sphere of one emitted colour a light. Returns whether it is one."""
@@ -197,7 +197,7 @@ class Lowering:
             return []
         if path not in self._meshes:
             with self._within(element):
-                parts = mesh_files.read(path, self._shown(path), self.builder, self.builder.diagnostics, element.span, self.files)
+                parts = mesh_files.read(path, self._shown(path), self.builder, self.builder.diagnostics, element.place, self.files)
             self._meshes[path] = [
                 Piece(
                     part.geometry,
@@ -216,8 +216,8 @@ class Lowering:
         count = len(items)
         yield
         for i, told in enumerate(items[count:], count):
-            if told.span is not None and element.span is not None and told.span.file != element.span.file:
-                items[i] = replace(told, trace=(*told.trace, (element.kind, element.span)))
+            if told.span is not None and element.place is not None and told.span.file != element.place.file:
+                items[i] = replace(told, trace=(*told.trace, (element.kind, element.place)))
 
     def _shown(self, path: Path) -> str:
         """A file's name in messages: relative to the scene's folder if possible."""
@@ -237,7 +237,7 @@ class Lowering:
         file = self._find(element, "stage")
         if file is not None:
             row = -1 if material is None else self.materials.row(material)
-            load.place(self.builder, file, element.span, matrix, row, element.args["prim"], path + (element.args["name"] or element.scope))
+            load.place(self.builder, file, element.place, matrix, row, element.args["prim"], path + (element.args["name"] or element.scope))
 
 
 def _is_beyond(value: object) -> bool:
@@ -273,3 +273,11 @@ _BLOCKS: dict[str, Callable[[Element], Frame]] = {
     "rotate": lambda element: transforms.rotation(element.args["by"]),
     "scale": lambda element: transforms.scaling(element.args["by"]),
 }
+
+
+def _told(element: Element, message: str, hint: str) -> tuple[str, Span, str, tuple[tuple[str, Span], ...]]:
+    """(message, place, hint, trace) about an element. For one of the library: at the call from outside, and where the element is."""
+    if element.place is element.span:
+        return message, element.span, hint, element.trace
+    (name, place), *outer = element.calls
+    return f"{message} (in {name}, {element.span})", place, hint, tuple(outer)

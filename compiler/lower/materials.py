@@ -41,7 +41,7 @@ class Materials:
         row = self._materials.get(id(element))
         if row is None:
             self._lowering.photometric |= element.photometric
-            row = self._materials[id(element)] = self._lowering.builder.material(self._data(element), element.span)
+            row = self._materials[id(element)] = self._lowering.builder.material(self._data(element), element.place)
         return row
 
     def _data(self, element: Element) -> MaterialData:
@@ -194,7 +194,7 @@ class Materials:
                 data = replace(data, gain=scale_color(WHITE, 2.0), bias=scale_color(WHITE, -1.0))
             if data is not None and alpha and self._lowering.builder.has_holes(data.image):
                 data = replace(data, channel=3)
-            self._rows[key] = -1 if data is None else self._lowering.builder.texture(data, element.span)
+            self._rows[key] = -1 if data is None else self._lowering.builder.texture(data, element.place)
         return self._rows[key]
 
     def _texture(self, element: Element, color: bool, data: bool) -> TextureData | None:
@@ -243,7 +243,7 @@ class Materials:
         lowering = self._lowering
         try:
             path = lowering.files.find(name, lowering.folder(element), "picture")
-            return images.row(lowering.builder, path, space, color, element.span)
+            return images.row(lowering.builder, path, space, color, element.place)
         except (FileError, ImageError) as failure:
             lowering.error(element, failure.message, failure.hint)
             return -1

@@ -26,7 +26,7 @@ def pieces(lowering: Context, element: Element) -> list[Piece]:
     if element.kind not in _GENERATED:
         return _pieces(lowering, element)
     own = (item for item in element.args.items() if item[0] not in _NOT_ITS_FORM)
-    key = element.kind, element.span.file, tuple(own)
+    key = element.kind, element.place.file, tuple(own)
     if not lowering.generated.get(key):
         lowering.generated[key] = _pieces(lowering, element)
     return lowering.generated[key]
@@ -43,7 +43,7 @@ def centered(lowering: Context, element: Element) -> tuple[int, tuple[float, flo
     key = (element.kind, measures(args))
     row = lowering.centered.get(key)
     if row is None:
-        row = lowering.centered[key] = lowering.builder.geometry(kind, parameters(args), element.span)
+        row = lowering.centered[key] = lowering.builder.geometry(kind, parameters(args), element.place)
     return row, args["center"]
 
 
@@ -53,7 +53,7 @@ def _centered(lowering: Context, element: Element) -> list[Piece]:
 
 
 def _ellipsoid(lowering: Context, element: Element) -> list[Piece]:
-    row = lowering.builder.geometry(Kind.SPHERE, (1.0,), element.span)
+    row = lowering.builder.geometry(Kind.SPHERE, (1.0,), element.place)
     return [Piece(row, transforms.translation(element.args["center"]) @ transforms.scaling(element.args["radii"]))]
 
 
@@ -61,7 +61,7 @@ def _disk(lowering: Context, element: Element) -> list[Piece]:
     frame = transforms.facing(element.args["center"], element.args["normal"])
     if frame is None:
         return lowering.refuse(element, "the disk's normal is 0", "give it a direction, like [0, 1, 0]")
-    return [Piece(lowering.builder.geometry(Kind.DISK, (element.args["radius"],), element.span), frame)]
+    return [Piece(lowering.builder.geometry(Kind.DISK, (element.args["radius"],), element.place), frame)]
 
 
 def _plane(lowering: Context, element: Element) -> list[Piece]:
@@ -83,7 +83,7 @@ def _plane(lowering: Context, element: Element) -> list[Piece]:
     frame = transforms.facing(tuple(point), tuple(normal))
     if frame is None:
         return lowering.refuse(element, "the plane's normal is 0", "give it a direction, like [0, 1, 0]")
-    return [Piece(lowering.builder.geometry(Kind.PLANE, (), element.span), frame)]
+    return [Piece(lowering.builder.geometry(Kind.PLANE, (), element.place), frame)]
 
 
 def _quadric(lowering: Context, element: Element) -> list[Piece]:
@@ -93,7 +93,7 @@ def _quadric(lowering: Context, element: Element) -> list[Piece]:
     if not any(coefficients[:9]):
         return lowering.refuse(element, "the quadric's coefficients A … I are all 0: there is no surface")
     half = (math.inf,) * 3 if within is None else tuple(edge / 2 for edge in within)
-    return [Piece(lowering.builder.geometry(Kind.QUADRIC, (*coefficients, *half), element.span), transforms.identity())]
+    return [Piece(lowering.builder.geometry(Kind.QUADRIC, (*coefficients, *half), element.place), transforms.identity())]
 
 
 def _triangle(lowering: Context, element: Element) -> list[Piece]:
@@ -106,7 +106,7 @@ def _triangle(lowering: Context, element: Element) -> list[Piece]:
         return lowering.refuse(element, "the triangle's corners lie on one line: it has no area")
     uv = args["uv"] or ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
     mesh = MeshData(corners, np.array([[0, 1, 2]]), _vertex(args["normals"]), _vertex(uv))
-    return [Piece(lowering.builder.mesh(mesh, element.span), transforms.identity())]
+    return [Piece(lowering.builder.mesh(mesh, element.place), transforms.identity())]
 
 
 def _polygon(lowering: Context, element: Element) -> list[Piece]:
@@ -133,7 +133,7 @@ def _polygon(lowering: Context, element: Element) -> list[Piece]:
     loops_table = np.array(list(zip(firsts, counts, strict=True)))
     outlines = Outlines(np.arange(len(points)), loops_table, np.array([[0, len(loops), 0, len(triangles)]]))
     uv = _vertex(args["uv"]) if args["uv"] is not None else MeshAttribute(_flat_uv(points, axes))
-    return [Piece(lowering.builder.mesh(MeshData(points, triangles, None, uv, None, outlines), element.span), transforms.identity())]
+    return [Piece(lowering.builder.mesh(MeshData(points, triangles, None, uv, None, outlines), element.place), transforms.identity())]
 
 
 def _plane_axes(outline: np.ndarray) -> np.ndarray:
@@ -187,7 +187,7 @@ def _written_mesh(lowering: Context, element: Element) -> list[Piece]:
     data, dropped = polygon_mesh.assemble(mesh)
     if dropped:
         lowering.warn(element, f"{dropped} of the mesh's {len(counts)} faces {'has' if dropped == 1 else 'have'} no area and are left out")
-    return [Piece(lowering.builder.mesh(data, element.span), transforms.identity())]
+    return [Piece(lowering.builder.mesh(data, element.place), transforms.identity())]
 
 
 def _to_height(lowering: Context, element: Element, made: list[Piece]) -> list[Piece]:

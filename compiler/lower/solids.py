@@ -58,7 +58,7 @@ def solid(lowering: Context, element: Element) -> list[Piece]:
         hint = "cut it by an intersection with a box or sphere"
         return lowering.refuse(element, f"this {element.kind} is endless", hint)
     if body.mesh is not None:
-        return [Piece(lowering.builder.mesh(mesh_csg.mesh(body.mesh), element.span), transforms.identity())]
+        return [Piece(lowering.builder.mesh(mesh_csg.mesh(body.mesh), element.place), transforms.identity())]
     builder = Builder()
     tape = builder.finish(body.field(builder, (X, Y, Z)))
     if not len(tape.code):
@@ -184,7 +184,7 @@ def _clean(matrix: np.ndarray) -> np.ndarray:
 
 def _wrong_behind(lowering: Context, element: Element) -> bool:
     """Whether an error follows this element's name: it may have removed children."""
-    span, found = element.span, lowering.builder.diagnostics.items
+    span, found = element.place, lowering.builder.diagnostics.items
     return span is not None and any(d.severity == "error" and d.span is not None and d.span > span for d in found)
 
 

@@ -168,4 +168,4 @@ def _without_repetitions(line: np.ndarray, closed: bool) -> np.ndarray:
 
 def _piece(lowering: Context, element: Element, mesh: polygon_mesh.PolyMesh) -> list[Piece]:
     data, _ = polygon_mesh.assemble(mesh, element.args["crease"])
-    return [Piece(lowering.builder.mesh(data, element.span), transforms.identity())]
+    return [Piece(lowering.builder.mesh(data, element.place), transforms.identity())]

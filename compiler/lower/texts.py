@@ -40,7 +40,7 @@ def text(lowering: Context, element: Element) -> list[Piece]:
     loops = [loop * size for loop in loops]
     mesh = swept.extrude(loops, swept.Sweep(0.0, depth)) if depth else swept.sheet(loops)
     data, _ = polygon_mesh.assemble(_upright(mesh), args["crease"])
-    return [Piece(lowering.builder.mesh(data, element.span), transforms.identity())]
+    return [Piece(lowering.builder.mesh(data, element.place), transforms.identity())]
 
 
 def _upright(mesh: polygon_mesh.PolyMesh) -> polygon_mesh.PolyMesh:

@@ -76,8 +76,8 @@ class Evaluator:
 
         An error inside the library is reported at the call from outside, with the parameters of the called function.
         """
-        calls = [k for k, (_, at) in enumerate(trace) if not _of_library(at)]
-        if span and _of_library(span) and calls:
+        calls = [k for k, (_, at) in enumerate(trace) if not at.in_library]
+        if span and span.in_library and calls:
             (name, at), inner = trace[calls[0]], trace[calls[0] - 1][1] if calls[0] else span
             message, span, trace = f"{name} cannot be made with these arguments: {message}", at, trace[calls[0] + 1 :]
             hint = _parameter_hint(name, self.loader.sources.get(inner.file))
@@ -350,10 +350,6 @@ def _unplaceable(value: Value, found: str, node: ast.Node) -> tuple[str, str]:
     if isinstance(node, ast.Call):
         return f"{calls.callee_name(node.function)} gives {kind(value)}, which cannot be placed", "name it with `let` to use it"
     return f"{kind(value)} cannot be placed", "shapes, lights and blocks can"
-
-
-def _of_library(span: Span) -> bool:
-    return span.file.startswith("std/") and not span.file.endswith(".scene")
 
 
 def _parameter_hint(name: str, text: str | None) -> str:

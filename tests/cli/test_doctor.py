@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from maquette.cli import doctor
+from maquette.cli import installation
 from maquette.cli.main import cli
 from maquette.render.jit import kernel_cache
 from maquette.render.simd import target
@@ -59,7 +59,7 @@ def test_what_is_missing_is_named_with_its_command(monkeypatch: pytest.MonkeyPat
 
 
 def test_a_package_that_rendering_needs_prevents_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor, "required_packages", lambda: {"numpy": "99.1", "no-such-package": "2.0"})
+    monkeypatch.setattr(installation, "required_packages", lambda: {"numpy": "99.1", "no-such-package": "2.0"})
     code, out = run()
     assert code == 1
     assert f"numpy            error: {np.__version__} is too old: pip install 'numpy>=99.1'\n" in out
@@ -67,7 +67,7 @@ def test_a_package_that_rendering_needs_prevents_it(monkeypatch: pytest.MonkeyPa
 
 
 def test_every_dependency_is_checked() -> None:
-    assert {"numpy", "numba", "click"} <= set(doctor.required_packages())
+    assert {"numpy", "numba", "click"} <= set(installation.required_packages())
 
 
 @pytest.mark.parametrize(("variable", "value", "name", "state", "text", "code"), [

@@ -11,7 +11,7 @@ from . import common_options as shared
 
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON.")
-@shared.examples("maquette doctor", "maquette doctor --json")
+@shared.examples("maquette doctor --json")
 @click.pass_context
 def doctor(ctx: click.Context, as_json: bool) -> None:
     """Show what this installation renders with.

@@ -21,7 +21,20 @@ from . import option_types as values
 from . import render_job as jobs
 from . import terminal
 
-ORDER: list[str] = [*"new render check inspect explain chart compare watch thumbnail convert format doctor".split()]  # in --help
+COMMANDS = {  # in the order of --help, which imports none of them
+    "new": "Write the starter scene NAME.scene.",
+    "render": "Render SCENE to a picture.",
+    "check": "Report errors and warnings in SCENES without rendering.",
+    "inspect": "Show the compiled SCENE.",
+    "explain": "Show the render plan of SCENE with reasons.",
+    "chart": "Measure error against time over backends and settings.",
+    "compare": "Measure the difference of A from B.",
+    "watch": "Render SCENE again at every save.",
+    "thumbnail": "Draw a picture of each of ASSETS, which are files or folders of them.",
+    "convert": "Convert IN for other programs.",
+    "format": "Format SCENEs in place; - reads a scene from stdin and writes it to stdout.",
+    "doctor": "Show what this installation renders with.",
+}
 PLANNED = {
     "sweep": "a labelled contact sheet over values of params",
     "lsp": "the language server",
@@ -59,7 +72,7 @@ class Commands(click.Group):
             ctx.exit(1)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return ORDER
+        return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name in PLANNED:
@@ -81,6 +94,10 @@ class Commands(click.Group):
         else:
             return super().get_command(ctx, cmd_name)
         return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Planned, not built yet"):

@@ -10,12 +10,13 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 import OpenImageIO as oiio
 import pytest
 from click.testing import CliRunner
 from maquette.cli import option_types as values
-from maquette.cli.main import PLANNED, cli
+from maquette.cli.main import COMMANDS, PLANNED, cli
 from maquette.compiler import ir
 from maquette.render import render_scene
 from maquette.render.image import image_files, image_reader
@@ -61,11 +62,19 @@ def shell(*arguments: object, **more: object) -> subprocess.CompletedProcess[str
 def test_help_lists_commands_and_planned_ones() -> None:
     code, out, err = run("--help")
     assert (code, err) == (0, "")
-    for name in (*cli.commands, *PLANNED):
+    for name in (*COMMANDS, *PLANNED):
         assert f"\n  {name} " in out
 
 
-@pytest.mark.parametrize("name", list(cli.commands))
+@pytest.mark.parametrize(("name", "line"), COMMANDS.items())
+def test_each_command_has_its_line_in_the_help(name: str, line: str) -> None:
+    command = cli.get_command(click.Context(cli), name)
+    assert command is not None
+    assert command.get_short_help_str(100) == line
+    assert set(cli.commands) <= set(COMMANDS)
+
+
+@pytest.mark.parametrize("name", list(COMMANDS))
 def test_each_help_shows_an_example(name: str) -> None:
     code, out, _ = run(name, "--help")
     assert code == 0

@@ -5,7 +5,8 @@ Format: glTF 2.0 §3.9 and the ratified KHR_materials_… extensions.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -62,10 +63,48 @@ class Materials:
             if pbr.get("roughnessFactor", 1.0) > 0.1:
                 self.warn("transmission is drawn as clear glass: without its roughness")
             ior = float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5))
-            return MaterialData(ir.MaterialModel.GLASS, {ir.Slot.TRANSMISSION: base, ir.Slot.IOR: Input.number(max(ior, 1.0))}, name=title)
+            inputs = {ir.Slot.TRANSMISSION: base, ir.Slot.IOR: Input.number(max(ior, 1.0))}
+            return MaterialData(ir.MaterialModel.GLASS, inputs | self._absorption(extensions), name=title)
         if transmission.get("transmissionFactor", 0.0) > 0:
             self.warn("transmission below one half is not drawn")
+        if "KHR_materials_pbrSpecularGlossiness" in extensions:
+            return metallic_roughness.material(self._specular_glossiness(written, extensions["KHR_materials_pbrSpecularGlossiness"]))
         return metallic_roughness.material(self._surface(written, base, float(color[3]), extensions))
+
+    def _absorption(self, extensions: dict[str, Any]) -> dict[ir.Slot, Input]:
+        """KHR_materials_volume: light of `attenuationColor` is left after `attenuationDistance` (Beer and Lambert)."""
+        volume = extensions.get("KHR_materials_volume", {})
+        distance = float(volume.get("attenuationDistance", math.inf))
+        if not volume.get("thicknessFactor") or not 0 < distance < math.inf:
+            return {}
+        r, g, b = (-math.log(min(max(float(c), 1e-6), 1.0)) / distance for c in volume.get("attenuationColor", (1.0, 1.0, 1.0)))
+        return {ir.Slot.ABSORPTION: Input((r, g, b))}
+
+    def _specular_glossiness(self, written: dict[str, Any], given: dict[str, Any]) -> metallic_roughness.Surface:
+        """KHR_materials_pbrSpecularGlossiness: a diffuse colour, a reflectance along the normal, and 1 − roughness in its alpha."""
+        color, gloss = given.get("diffuseFactor", (1.0, 1.0, 1.0, 1.0)), float(given.get("glossinessFactor", 1.0))
+        r, g, b = given.get("specularFactor", (1.0, 1.0, 1.0))
+        diffuse = Input((color[0], color[1], color[2]), self._texture(given.get("diffuseTexture")))
+        packed = given.get("specularGlossinessTexture")
+        alpha = self._texture(packed, 3)
+        rough = Input.number(1.0 - gloss)
+        if alpha != NONE:
+            rough = Input.number(1.0, self.builder.with_levels(alpha, scale_color(WHITE, -gloss), WHITE))
+        plain = self._surface({**written, "pbrMetallicRoughness": {"baseColorFactor": color}}, diffuse, float(color[3]), {})
+        return replace(plain, specular=Input((r, g, b), self._texture(packed)), roughness=rough)
+
+    def _ior(self, extensions: dict[str, Any]) -> float:
+        """The index of refraction of the reflectance along the normal, times the factor of KHR_materials_specular."""
+        ior = float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5))
+        given = extensions.get("KHR_materials_specular", {})
+        color = given.get("specularColorFactor", (1.0, 1.0, 1.0))
+        share = float(given.get("specularFactor", 1.0)) * float(np.mean(color))
+        if np.ptp(color) > 0:
+            self.warn("the colour of KHR_materials_specular is drawn as its mean")
+        if share == 1.0:
+            return ior
+        root = math.sqrt(min(((ior - 1) / (ior + 1)) ** 2 * share, 0.9))
+        return (1 + root) / (1 - root)
 
     def _surface(self, written: dict[str, Any], base: Input, alpha: float, extensions: dict[str, Any]) -> metallic_roughness.Surface:
         """Base colour, metallic, roughness, emission and, for BLEND and MASK, opacity (§3.9)."""
@@ -80,7 +119,7 @@ class Materials:
             base,
             Input.number(float(pbr.get("metallicFactor", 1.0)), self._texture(packed, 2)),
             Input.number(float(pbr.get("roughnessFactor", 1.0)), self._texture(packed, 1)),
-            Input.number(float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5))),
+            Input.number(self._ior(extensions)),
             emissive=Input(scale_color((r, g, b), strength), self._texture(written.get("emissiveTexture"))),
             coat=Input.number(float(coat.get("clearcoatFactor", 0.0))),
             coat_roughness=Input.number(float(coat.get("clearcoatRoughnessFactor", 0.0))),

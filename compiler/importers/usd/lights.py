@@ -25,6 +25,7 @@ KINDS = ("DistantLight", "SphereLight", "RectLight", "DiskLight", "DomeLight", "
 # The IR's area lights lie in y = 0 of their frame and emit to +y; USD's lie in z = 0 and emit to −z.
 _TURNED = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 _FULL_ANGLE = 90.0  # degrees; a cone of this angle or more has no effect
+_HALF_TURN = 180.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,6 +128,8 @@ def _cylinder(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials
 def _ball(it: _Light, radiance: np.ndarray, radius: float, area: float, builder: SceneBuilder, materials: Materials) -> LightData | None:
     """A sphere light; a point light for treatAsPoint, a spot light with a shaping cone."""
     size = float(it.scale.mean())
+    if np.ptp(it.scale) > 1e-4 * size:
+        materials.tell("an uneven scale of a ball light is drawn as an even one", it.prim)
     in_world = radius * size
     if it.number("normalize") and area > 0:
         radiance = radiance / (area * (size / it.unit) ** 2)
@@ -136,6 +139,8 @@ def _ball(it: _Light, radiance: np.ndarray, radius: float, area: float, builder:
     position = as_color(it.matrix[:3, 3])
     if _shaped(it):
         return _spot(it, intensity, position)
+    if it.prim.HasAPI("ShapingAPI") and _FULL_ANGLE < it.number("shaping:cone:angle", _FULL_ANGLE) < _HALF_TURN:
+        materials.tell("a cone of more than 90 degrees is not drawn: this light shines to all sides", it.prim)
     if it.number("treatAsPoint") or in_world <= 0:
         return LightData(ir.LightKind.POINT, as_color(intensity), position=position, name=_name(it))
     row = builder.transform(_rigid(it.matrix), it.span)
@@ -170,6 +175,8 @@ def _rect(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials: Ma
 
 def _disk(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials: Materials) -> LightData | None:
     radius = it.number("radius", 0.5) * float(it.scale[:2].mean())
+    if np.ptp(it.scale[:2]) > 1e-4 * it.scale[:2].max():
+        materials.tell("a disk light with an uneven scale is drawn as a circle", it.prim)
     area = math.pi * radius**2
     if it.number("normalize") and area > 0:
         radiance = radiance / (area / it.unit**2)

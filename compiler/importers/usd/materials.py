@@ -132,7 +132,12 @@ class Materials:
         for name, found in (("displacement", material.ComputeDisplacementSource()[0]), ("volume", material.ComputeVolumeSource()[0])):
             if found and found.GetPath() != shader.GetPath():
                 self.tell(f"the {name} of materials is not drawn", prim)
-        return Network(str(prim.GetPath()), str(prim.GetName()), inputs)
+        made = Network(str(prim.GetPath()), str(prim.GetName()), inputs)
+        names = list(dict.fromkeys(given.varname for given in inputs.values() if isinstance(given, Picture)))
+        if len(names) > 1:
+            listed = ", ".join(f"`{name}`" for name in names)
+            self.tell(f"the pictures of this material read the primvars {listed}: all are drawn with `{made.uv_name}`", prim)
+        return made
 
     def _source(self, given: Any, fallback: Any) -> Any:
         """Source of an input: a value, Picture or Primvar, resolved through node graphs and interfaces."""
@@ -228,7 +233,7 @@ class Materials:
         numbers = {name: self._number(i[key], float(_FALLBACKS[key]), prim) for name, key in _NUMBERS.items()}
         surface = metallic_roughness.Surface(
             diffuse, specular=specular, emissive=self._color(i["emissiveColor"], (0.0, 0.0, 0.0), prim),
-            opacity=1.0 if threshold > 0 else opacity, holes=holes, threshold=threshold, normal=self._normal(i["normal"]),
+            opacity=1.0 if threshold > 0 else opacity, holes=holes, threshold=threshold, normal=self._normal(i["normal"], prim),
             name=network.name, **numbers,
         )  # fmt: skip
         return self.builder.material(metallic_roughness.material(surface), Span(f"{self.opened.name}<{network.path}>"))
@@ -240,9 +245,12 @@ class Materials:
         given = self._primvar(source, prim) if isinstance(source, Primvar) else source
         return Input(self.without_negatives(_rgb(given, fallback), prim, "a colour of this prim's material"))
 
-    def _normal(self, source: Any) -> Input | None:
+    def _normal(self, source: Any, prim: Any) -> Input | None:
         """A normal map; None if its image is missing. Without scale and bias, values 0 to 1 are read as −1 to 1."""
         if not isinstance(source, Picture):
+            plain = isinstance(source, Primvar) or source is None or np.allclose(np.array(source, np.float64), (0, 0, 1))
+            if isinstance(source, Primvar) or not plain:
+                self.tell("a constant `normal` of UsdPreviewSurface, or one from a primvar, is not drawn", prim)
             return None
         gain, bias, _ = self._levels(source)
         texture, _ = self._texture(source, color=False, whole=True)

@@ -17,6 +17,7 @@ from pxr import Sdf, Tf, Usd, UsdGeom, UsdUtils
 from ....lang.diagnostics import Diagnostics, Span, suggest
 from ...io.sandbox import Files
 from ..stage_options import StageOptions
+from . import prim_count
 
 Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # −90° about x
 MAX_WARNINGS = 20
@@ -171,6 +172,11 @@ def _open(path: Path, options: StageOptions, diagnostics: Diagnostics, span: Spa
         return None
     root = Sdf.Layer.FindOrOpen(str(path))
     if root is None:
+        return None
+    count = 0 if options.mask else prim_count.estimate(root)
+    if count > prim_count.MAX_PRIMS:
+        message = f"the stage has about {count:,} prims, more than {prim_count.MAX_PRIMS:,}"
+        diagnostics.error(message, span, "make the prims that are referenced often instanceable, or read a part by --mask")
         return None
     session = Sdf.Layer.FindOrOpen(str(options.session_layer)) if options.session_layer else Sdf.Layer.CreateAnonymous(".usda")
     if session is None:

@@ -292,8 +292,12 @@ class Walk:
         radiance = lights.mesh_radiance(prim, matrix, self.unit, self.opened, self.materials)
         if network is not None and radiance is None:
             return self.materials.row(network, prim, colored)
-        color, _ = (np.ones(3), 1) if colored else primvar_mean(prim, DISPLAY_COLOR, self.opened.time)
-        opacity, _ = primvar_mean(prim, "displayOpacity", self.opened.time)
+        color, colors = (np.ones(3), 1) if colored else primvar_mean(prim, DISPLAY_COLOR, self.opened.time)
+        opacity, opacities = primvar_mean(prim, "displayOpacity", self.opened.time)
+        if colors > 1:
+            self.materials.tell("the displayColor varies over this shape: its mean is drawn", prim)
+        if opacities > 1:
+            self.materials.tell("the displayOpacity varies over this prim: its mean is drawn", prim)
         if color is None and self.material != NONE:
             return self.material
         r, g, b = DEFAULT_COLOR if color is None or len(color) != 3 else map(float, color)
@@ -332,6 +336,9 @@ class Walk:
         for which, target in enumerate(targets):
             chosen = np.flatnonzero(indices == which)
             prototype = prim.GetStage().GetPrimAtPath(target)
+            if len(chosen) and not prototype:
+                message = f"the prototype {target} of this instancer does not exist: its {len(chosen)} instances are left out"
+                self.materials.tell(message, prim)
             if not len(chosen) or not prototype:
                 continue
             gathered: dict[str, list[Piece]] = {}

@@ -536,6 +536,45 @@ def test_an_unknown_ending():
     assert read(b"x", "a.max")[2] == ["a.max: error: `a.max` is no mesh file that is known"]
 
 
+def extended(**extensions):
+    """(scene, messages) of a square whose material has these extensions."""
+    pbr = {"baseColorFactor": [1, 1, 1, 1], "metallicFactor": 0}
+    scene, _, messages = read(glb(*square(materials=[{"pbrMetallicRoughness": pbr, "extensions": extensions}])), "a.glb")
+    return scene, messages
+
+
+def test_glass_of_a_volume_absorbs():
+    scene, messages = extended(
+        KHR_materials_transmission={"transmissionFactor": 1.0},
+        KHR_materials_volume={"thicknessFactor": 1.0, "attenuationDistance": 2.0, "attenuationColor": [1.0, 0.5, 0.25]},
+    )
+    m = scene.tables.materials
+    assert messages == ["a.glb: warning: transmission is drawn as clear glass: without its roughness"]
+    assert m.model[0] == ir.MaterialModel.GLASS
+    assert m.values[0, ir.Slot.ABSORPTION] == pytest.approx([0, np.log(2) / 2, np.log(4) / 2])
+
+
+def test_the_specular_factor_scales_the_reflectance():
+    scene, messages = extended(KHR_materials_specular={"specularFactor": 0.25})
+    ior = scene.tables.materials.values[0, ir.Slot.IOR, 0]
+    assert messages == []
+    assert ((ior - 1) / (ior + 1)) ** 2 == pytest.approx(0.04 / 4)
+    assert extended(KHR_materials_specular={"specularColorFactor": [1, 0, 0]})[1] == [
+        "a.glb: warning: the colour of KHR_materials_specular is drawn as its mean"
+    ]
+
+
+def test_specular_and_glossiness():
+    given = {"diffuseFactor": [0.1, 0.2, 0.3, 1], "specularFactor": [0.5, 0.4, 0.3], "glossinessFactor": 0.75}
+    scene, messages = extended(KHR_materials_pbrSpecularGlossiness=given)
+    m = scene.tables.materials
+    assert messages == []
+    assert m.model[0] == ir.MaterialModel.PRINCIPLED_SPECULAR
+    assert m.values[0, ir.Slot.DIFFUSE].tolist() == [0.1, 0.2, 0.3]
+    assert m.values[0, ir.Slot.SPECULAR].tolist() == [0.5, 0.4, 0.3]
+    assert m.values[0, ir.Slot.ROUGHNESS, 0] == 0.25
+
+
 def moving(interpolation="LINEAR", targets=(), **more):
     """A square whose first node an animation of two seconds moves by 4 along x and turns by 90 degrees about z."""
     document, binary = square(**more)

@@ -7,9 +7,11 @@ import pytest
 from maquette.compiler import ir
 from maquette.compiler.importers.stage_options import StageOptions
 from maquette.compiler.importers.usd import load as usd_load
+from maquette.compiler.importers.usd import prim_count
 from maquette.compiler.io.sandbox import Files
 from maquette.compiler.scene.builder import SceneBuilder
 from maquette.lang.diagnostics import Diagnostics, Span
+from pxr import Sdf
 
 from .stages import SQUARE, corners, kinds, load, read, slot, world
 
@@ -431,3 +433,42 @@ def test_a_matrix_is_divided_by_its_last_component(tmp_path):
     matrix = "matrix4d xformOp:transform = ((2,0,0,0),(0,2,0,0),(0,0,2,0),(6,0,0,2))"
     scene, _ = read(tmp_path, f'def Cube "a" {{ {matrix}\nuniform token[] xformOpOrder = ["xformOp:transform"] }}')
     assert world(scene).tolist() == [[1, 0, 0, 3], [0, 1, 0, 0], [0, 0, 1, 0]]
+
+
+# --- limits ---
+
+
+def chain(folder, depth, more=""):
+    """Files x0 … x`depth`, each of which references the next twice: 2^(depth + 1) prims and as many again."""
+    for k in range(depth):
+        text = f'def "A" (\n{more}references = @x{k + 1}.usda@\n) {{\ndef "c" (\n{more}references = @x{k + 1}.usda@\n) {{\n}}\n}}\n'
+        (folder / f"x{k}.usda").write_text(f'#usda 1.0\n(\ndefaultPrim = "A"\n)\n{text}')
+    (folder / f"x{depth}.usda").write_text('#usda 1.0\n(\ndefaultPrim = "A"\n)\ndef Sphere "A" {\n}\n')
+    return folder / "x0.usda"
+
+
+def test_references_that_multiply_are_refused_before_they_are_composed(tmp_path):
+    messages = load(chain(tmp_path, 24))[1]
+    assert len(messages) == 1
+    assert messages[0].startswith("x0.usda: error: the stage has about 50,331,646 prims, more than 4,000,000\n")
+
+
+def test_the_estimate_of_prims(tmp_path):
+    for depth, expected in ((7, 3 * 2**7 - 2), (3, 0)):  # n(k) = 2 n(k − 1) + 2, n(0) = 1; few levels are not counted
+        folder = tmp_path / str(depth)
+        folder.mkdir()
+        assert prim_count.estimate(Sdf.Layer.FindOrOpen(str(chain(folder, depth)))) == expected
+    (tmp_path / "shared").mkdir()
+    shared = Sdf.Layer.FindOrOpen(str(chain(tmp_path / "shared", 9, "instanceable = true\n")))
+    assert prim_count.estimate(shared) == 2  # instances share their prims
+    (tmp_path / "a.usda").write_text('#usda 1.0\ndef "A" (\nreferences = @a.usda@</A>\n) {\n}\n')
+    assert prim_count.estimate(Sdf.Layer.FindOrOpen(str(tmp_path / "a.usda"))) == 0
+
+
+def test_a_prototype_that_is_not_there_is_said(tmp_path):
+    text = '''def PointInstancer "i" { int[] protoIndices = [0, 0]
+        point3f[] positions = [(0, 0, 0), (1, 0, 0)]
+        rel prototypes = </gone> }
+    def Cube "c" {}'''
+    expected = "the prototype /gone of this instancer does not exist: its 2 instances are left out"
+    assert read(tmp_path, text)[1] == [f"x.usda</i>: warning: {expected}"]

@@ -19,7 +19,7 @@ INPUTS := $(filter-out %.png %.md,$(wildcard examples/*)) $(wildcard examples/as
 CHARTS := $(patsubst %,examples/%.scene,hello refraction room shapes spotlights) bench/scenes/cornell.scene
 CHART_BUDGET ?= 5min
 
-.PHONY: help venv kernels demo pictures reference grammar charts test test-all check bench bounds clean accuracy
+.PHONY: help venv kernels wheel demo pictures reference grammar charts test test-all check bench bounds clean accuracy
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -52,6 +52,9 @@ $(1)/%.png: examples/%.$(2) $$(INPUTS) | $$(STAMP)
 	@$$(BIN)/maquette render $$< -o $$@
 endef
 $(foreach folder,$(DEMO) examples,$(foreach kind,$(KINDS),$(eval $(call rule,$(folder),$(kind)))))
+
+wheel: $(STAMP)  ## build a wheel with compiled kernels for three instruction sets into dist: an hour on two cores, minutes after small changes
+	@$(BIN)/python tools/wheel.py
 
 reference: $(STAMP)  ## write docs/reference.md from the schema again, and the pages of file formats from the readers' tables
 	@mkdir -p build && $(BIN)/python -m maquette.lang.reference_page > build/reference.md && mv build/reference.md docs/reference.md

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import llvmlite.binding as llvm
@@ -144,7 +143,7 @@ def address(program: str) -> int:
 
 def compile_missing(threads: int) -> None:
     """Compile missing interpreters in another process, from the last one on, if there are several."""
-    missing = [program for program in WIDTHS if program not in _engines and not object_file(program).exists()]
+    missing = [program for program in WIDTHS if program not in _engines and not is_compiled(program)]
     if len(missing) > SEVERAL and not kernel_cache.must_be_compiled():
         compile_process.run_in_background(threads, compile_programs, tuple(reversed(missing)))
 
@@ -152,13 +151,13 @@ def compile_missing(threads: int) -> None:
 def compile_programs(programs: tuple[str, ...]) -> None:
     """Compile the programs that are not on disk yet."""
     for program in programs:
-        if not object_file(program).exists():
+        if not is_compiled(program):
             address(program)
 
 
-def object_file(program: str) -> Path:
-    """The file of a program's interpreter in the cache."""
-    return kernel_cache.CACHE / _file_name(program)
+def is_compiled(program: str) -> bool:
+    """Return whether a program's interpreter is on disk."""
+    return kernel_cache.has(_file_name(program))
 
 
 @cache

@@ -21,6 +21,8 @@ ROOT = Path(__file__).resolve().parents[2]
 _PACKAGES = ("compiler", "lang", "render")
 _ALWAYS = ("render.simd", "render.jit")  # packages that define types and operators of every kernel
 _FORMAT = 1  # of the file of digests
+SHIPPED = ROOT / "prebuilt" / "sources.json"
+"""Digests that come with the package, so that a first picture parses no sources."""
 
 
 class Source(NamedTuple):
@@ -77,7 +79,7 @@ def _overloads() -> dict[str, list[str]]:
 def _sources() -> dict[str, Source]:
     """Every module of the package by its dotted name."""
     file = cache_dirs.cache_root() / "sources.json"
-    before = _read(file)
+    before, shipped = _read(file), _read(SHIPPED)
     after: dict[str, list[Any]] = {}
     for package in _PACKAGES:
         for path in sorted((ROOT / package).rglob("*.py")):
@@ -85,11 +87,34 @@ def _sources() -> dict[str, Source]:
             parts = relative.parent.parts if path.name == "__init__.py" else (*relative.parent.parts, path.stem)
             stat = path.stat()
             stamp = f"{path} {stat.st_mtime_ns} {stat.st_size}"
-            known = before.get(".".join(parts))
-            after[".".join(parts)] = known if known is not None and known[0] == stamp else [stamp, *_parse(path, parts)]
+            name, known = ".".join(parts), before.get(".".join(parts))
+            after[name] = known if known is not None and known[0] == stamp else [stamp, *_row(path, parts, shipped.get(name))]
     if after != before:
         _write(file, after)
     return {name: Source(row[1], tuple(row[2]), tuple(row[3])) for name, row in after.items()}
+
+
+def _row(path: Path, parts: tuple[str, ...], shipped: list[Any] | None) -> tuple[str, list[str], list[str]]:
+    """Digest, imported modules and overloaded modules of one file: as they came with the package, if the file did too."""
+    if shipped is not None and content_digest(path) == shipped[0]:
+        return shipped[1], shipped[2], shipped[3]
+    return _parse(path, parts)
+
+
+def content_digest(path: Path) -> str:
+    """Digest of a file's bytes."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+
+
+def ship() -> str:
+    """The content of SHIPPED: the digests of all modules by the digests of their files, which are the same for every version of Python."""
+    rows = {name: [content_digest(_path(name)), *source] for name, source in _sources().items()}
+    return json.dumps({"form": _FORMAT, "modules": rows})
+
+
+def _path(module: str) -> Path:
+    path = ROOT.joinpath(*module.split("."))
+    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
 
 
 def _read(file: Path) -> dict[str, list[Any]]:

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from ..simd import target
-from . import cache_folder, cache_key, compile_events, kernel_file, loader, value_types
+from . import cache_folder, cache_key, compile_events, kernel_file, loader, prebuilt, value_types
 from .kernel_file import Code
 from .loader import Loaded
 from .value_types import ValueType
@@ -114,7 +114,7 @@ def is_cached(kernel: Any, kinds: tuple[ValueType, ...]) -> bool:
     if kinds in kernel.loaded:
         return True
     name = _file_name(kernel.py_func, kinds)
-    return name is not None and cache_folder.is_trusted(CACHE) and (CACHE / name).exists()
+    return name is not None and has(name)
 
 
 def _file_name(function: Callable[..., Any], kinds: tuple[ValueType, ...]) -> str | None:
@@ -152,10 +152,27 @@ def _digest_of_types(kinds: tuple[ValueType, ...]) -> str:
 
 
 def read(name: str) -> Code | None:
-    """The code in a file; None where it is missing, unreadable or damaged, or needs symbols that this process lacks."""
-    data = cache_folder.read(CACHE / name)
-    code = kernel_file.unpacked(name, data) if data is not None else None
-    return code if code is not None and loader.has_symbols(code) else None
+    """The code in a file of the user's cache or of the package.
+
+    None where it is missing, unreadable or damaged, or needs symbols that this process lacks.
+    """
+    for data in (cache_folder.read(CACHE / name), prebuilt.read(name)):
+        code = kernel_file.unpacked(name, data) if data is not None else None
+        if code is not None and loader.has_symbols(code):
+            return code
+    return None
+
+
+def has(name: str) -> bool:
+    """Return whether the user's cache or the package has a file of this name."""
+    return (cache_folder.is_trusted(CACHE) and (CACHE / name).exists()) or prebuilt.find(name) is not None
+
+
+def is_current(name: str) -> bool:
+    """Return whether a file of this name was compiled from the package's modules as they are."""
+    kernel, sources, _ = name.rsplit("-", 2)
+    module = "render.formula.interpreter" if kernel.startswith("tape_") else kernel.partition("~")[0]
+    return cache_key.is_ours(module) and sources == cache_key.key(module)
 
 
 def write(name: str, code: Code) -> None:

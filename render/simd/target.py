@@ -31,7 +31,7 @@ class Level(NamedTuple):
 
 
 # Without "-prefer-256-bit" LLVM splits vectors of 64 bytes.
-_X86 = {
+X86_LEVELS = {
     "avx512": Level("avx512", "x86-64-v4", "-prefer-256-bit", True),
     "avx2": Level("avx2", "x86-64-v3", "", True),
     "sse": Level("sse", "x86-64-v2", "", False),
@@ -71,7 +71,7 @@ def choose(asked: str, triple: str, features: dict[str, bool]) -> Level:
         return Level(best if asked in ("", NATIVE) else asked, llvm.get_host_cpu_name(), text, fma)
     if not x86:
         return Level(asked or best, "generic", "+neon", True)
-    level = _X86[asked or best]
+    level = X86_LEVELS[asked or best]
     return level if level.isa in ("avx512", "avx2") or all(features.get(name) for name in _V2) else level._replace(cpu="x86-64")
 
 

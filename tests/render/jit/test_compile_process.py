@@ -77,8 +77,7 @@ interpreter.compile_missing(1)
 assert not compile_process._running
 interpreter.compile_missing(2)
 compile_process._running[0].wait(100)
-assert all(map(interpreter.object_file, interpreter.WIDTHS))
-print(sum(interpreter.object_file(program).exists() for program in interpreter.WIDTHS), len(interpreter.WIDTHS))
+print(sum(map(interpreter.is_compiled, interpreter.WIDTHS)), len(interpreter.WIDTHS))
 interpreter.compile_missing(2)
 assert all(process.poll() is not None for process in compile_process._running)
 """

@@ -21,6 +21,7 @@ from ..render.backends import kernel_choice
 from ..render.jit import kernel_cache
 
 WORKERS = 2
+SIZES = (24, 16), (72, 40)  # one tile, and several tiles, whose arrays are parts of larger ones
 _BALL = "plane(y: 0)\nsphere(1, center: [0, 1, 0], material: {0})\ncamera(position: [0, 2, 6], look_at: [0, 1, 0])\n"
 _TORUS = _BALL + "union(round: 0.1, material: {0}) {{ box(1, center: [1, 1, 0]); torus(radius: 1, tube: 0.2) }}\n"
 _FORMULA = _TORUS + "implicit(|x, y, z| x * x + y * y + z * z + 0.1 * sin(9 * x) <= 1, material: {0})\n"
@@ -69,8 +70,9 @@ def compile_variant(name: str) -> None:
         scene = Path(folder, "kernels.scene")
         scene.write_text(variant.text, encoding="utf-8")
         loaded = load.load(scene)
-        asked = ir.Settings(**{"size": (24, 16), "samples": 2, "threads": 1, **variant.settings})
-        render_scene.draw(loaded, plan.make_plan(loaded, asked, variant.overrides))
+        for size in SIZES:
+            asked = ir.Settings(**{"size": size, "samples": 2, "threads": 1, **variant.settings})
+            render_scene.draw(loaded, plan.make_plan(loaded, asked, variant.overrides))
 
 
 def is_compiled(name: str) -> bool:

@@ -99,6 +99,24 @@ def _kernel_cache() -> Iterator[Finding]:
     yield Finding("kernel cache", "ok" if kept else "missing", text, data)
 
 
+def _prebuilt_kernels() -> Iterator[Finding]:
+    from ..render.jit import prebuilt
+    from ..render.simd import target
+
+    folder = prebuilt.folder()
+    number, size = _files(folder) if folder is not None else (0, 0)
+    data = {"folder": None if folder is None else str(folder), "files": number, "bytes": size}
+    if folder is not None:
+        yield Finding("prebuilt kernels", "ok", f"{folder}: {number} files, {_megabytes(size)}", data)
+    elif not prebuilt.ROOT.is_dir():
+        text = "none, as this is no wheel made by `make wheel`: kernels are compiled when they are first needed"
+        yield Finding("prebuilt kernels", "missing", text, data)
+    else:
+        known = ", ".join(sorted(path.name for path in prebuilt.ROOT.iterdir() if path.is_dir()))
+        wanted = f"{target.ISA}-{target.LEVEL.cpu}" + (" with MAQUETTE_CHECKED" if target.CHECKED else "")
+        yield Finding("prebuilt kernels", "missing", f"none for {wanted}: this package has {known}", data)
+
+
 def _files(folder: Path) -> tuple[int, int]:
     """(number, bytes) of the files in a folder and its folders."""
     sizes = [path.stat().st_size for path in folder.rglob("*") if path.is_file()]
@@ -123,4 +141,4 @@ def _extras() -> Iterator[Finding]:
         yield Finding(peer.name, "missing" if missing else "ok", text, {"version": None if missing else peer.version})
 
 
-CHECKS = (_versions, _packages, _instruction_set, _kernel_cache, _extras)
+CHECKS = (_versions, _packages, _instruction_set, _kernel_cache, _prebuilt_kernels, _extras)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import os
 import re
 import subprocess
 import sys
@@ -11,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from maquette.lang import distribution
+from maquette.render.simd import target
 
 ROOT = Path(__file__).resolve().parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -77,3 +80,38 @@ def test_a_wheel_installs_a_command_that_works_anywhere(tmp_path: Path) -> None:
     code = "import sys; sys.path.insert(0, 'site'); from maquette.cli.main import main; main()"
     done = subprocess.run([sys.executable, "-I", "-c", code, "check", "one.scene"], cwd=tmp_path, capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, "one.scene: no errors\n"), done.stderr
+
+
+WARM = """
+import json, sys
+sys.path.insert(0, "site")
+from pathlib import Path
+from dataclasses import replace
+from maquette.compiler import load
+from maquette.compiler.plan import plan
+from maquette.render import render_scene
+scene = load.load(Path(sys.argv[1]))
+image = render_scene.draw(scene, plan.make_plan(scene, replace(scene.settings, size=(64, 48))))
+print(json.dumps([image.metadata["seconds"]["compile_kernels"], "numba" in sys.modules, load.__file__]))
+"""
+
+
+@pytest.mark.long
+def test_a_wheel_with_kernels_draws_without_compiling(tmp_path: Path) -> None:
+    """In an empty home, and without a home to write to."""
+    isa = target.highest(target.HOST)
+    scene = ROOT / "examples" / "hello.scene"
+    options = ["--out", str(tmp_path / "out"), "--build", str(tmp_path / "build"), "--sets", isa, "--scenes", str(scene), "--no-general"]
+    subprocess.run([sys.executable, str(ROOT / "tools" / "wheel.py"), *options], check=True)
+    (wheel,) = (tmp_path / "out").glob("maquette_render-*-py3-none-*.whl")
+    assert wheel.stat().st_size < 40_000_000
+    install = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--no-index", "--target", str(tmp_path / "site"), str(wheel)]
+    subprocess.run(install, check=True)
+    (tmp_path / "home").mkdir()
+    for home in (tmp_path / "home", Path("/proc/no/home")):
+        environment = {"PATH": os.environ["PATH"], "HOME": str(home)}
+        command = [sys.executable, "-P", "-c", WARM, str(scene)]
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+        seconds, compiled, where = json.loads(done.stdout)
+        assert where.startswith(str(tmp_path / "site"))
+        assert (seconds < 1.0, compiled) == (True, False), done.stderr

@@ -1,9 +1,9 @@
 """Builds a wheel with compiled kernels: for each instruction set, the general kernels and those of the examples.
 
-    python tools/wheel.py [--out dist] [--sets avx512,avx2,sse] [--scenes examples/hello.scene,…] [--no-general]
+    python tools/wheel.py [--out dist] [--build build/wheel] [--sets avx512,avx2,sse] [--scenes examples/hello.scene,…] [--no-general]
 
 The wheel holds the folder maquette/prebuilt (render/jit/prebuilt.py). It serves every version of Python. Kernels are compiled in processes
-of their own, with MAQUETTE_SIMD, in a cache below build/wheel that the next wheel starts from.
+of their own, with MAQUETTE_SIMD, in caches below build/wheel that the next wheel starts from.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-BUILD = ROOT / "build" / "wheel"
 SETS = ("avx512", "avx2", "sse") if platform.machine() in ("x86_64", "AMD64") else ("sse",)
 LARGEST = 40_000_000  # bytes of a wheel
 WORKERS = 2
@@ -32,9 +31,9 @@ def scenes() -> list[Path]:
     return sorted(path for kind in ("scene", "usda", "obj") for path in (ROOT / "examples").glob(f"*.{kind}"))
 
 
-def copy_tree() -> Path:
-    """A copy of the package as it goes into the wheel, importable as `maquette` from BUILD / "path"."""
-    tree = BUILD / "path" / "maquette"
+def copy_tree(build: Path) -> Path:
+    """A copy of the package as it goes into the wheel, importable as `maquette` from build / "path"."""
+    tree = build / "path" / "maquette"
     shutil.rmtree(tree, ignore_errors=True)
 
     def left_out(folder: str, names: list[str]) -> list[str]:
@@ -45,55 +44,53 @@ def copy_tree() -> Path:
     return tree
 
 
-def run(isa: str, *arguments: str) -> None:
+def run(build: Path, isa: str, *arguments: str) -> None:
     """Run Python on the copy, with the cache of an instruction set. Raises CalledProcessError."""
-    environment = {**os.environ, "MAQUETTE_SIMD": isa, "MAQUETTE_CACHE": str(BUILD / isa), "PYTHONPATH": str(BUILD / "path")}
-    subprocess.run([sys.executable, "-P", *arguments], env=environment, check=True, cwd=BUILD)
+    environment = {**os.environ, "MAQUETTE_SIMD": isa, "MAQUETTE_CACHE": str(build / isa), "PYTHONPATH": str(build / "path")}
+    subprocess.run([sys.executable, "-P", *arguments], env=environment, check=True, cwd=build)
 
 
-def compile_kernels(isa: str, chosen: Sequence[Path], general: bool) -> None:
+def compile_kernels(build: Path, isa: str, chosen: Sequence[Path], general: bool) -> None:
     """Fill the cache of an instruction set."""
     if general:
-        run(isa, "-m", "maquette.cli.build_kernels")
-    parts = [[str(path) for path in chosen[k::WORKERS]] for k in range(WORKERS)]
+        run(build, isa, "-m", "maquette.cli.build_kernels")
+    parts = [part for k in range(WORKERS) if (part := [str(path) for path in chosen[k::WORKERS]])]
     with ThreadPoolExecutor(WORKERS) as pool:
-        list(pool.map(lambda part: run(isa, str(ROOT / "tools" / "compile_scenes.py"), *part) if part else None, parts))
+        list(pool.map(lambda part: run(build, isa, str(ROOT / "tools" / "compile_scenes.py"), *part), parts))
 
 
-def collect(isa: str, tree: Path) -> None:
-    """Copy the current kernels of an instruction set's cache into the package."""
-    run(isa, str(ROOT / "tools" / "collect_kernels.py"), str(tree / "prebuilt"))
+def make_wheel(build: Path, out: Path) -> Path:
+    """Build the wheel of the copy; its path."""
+    other = sysconfig.get_platform().replace("-", "_").replace(".", "_")
+    system = f"manylinux_2_17_{platform.machine()}" if sys.platform == "linux" else other  # kernels use no version of the C library
+    made = build / "made"
+    shutil.rmtree(made, ignore_errors=True)
+    command = ["-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "--wheel-dir", str(made)]
+    option = f"--config-settings=--build-option=--plat-name={system}"
+    subprocess.run([sys.executable, *command, option, str(build / "path" / "maquette")], check=True)
+    (wheel,) = made.glob("*.whl")
+    out.mkdir(parents=True, exist_ok=True)
+    return Path(shutil.copy(wheel, out / wheel.name))
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=ROOT / "dist", help="folder of the wheel")
+    parser.add_argument("--build", type=Path, default=ROOT / "build" / "wheel", help="folder of caches and of the copy")
     parser.add_argument("--sets", default=",".join(SETS), help="instruction sets")
     parser.add_argument("--scenes", help="scenes in place of the examples")
     parser.add_argument("--no-general", action="store_true", help="leave the general kernels out")
     asked = parser.parse_args()
+    build = asked.build.resolve()
     chosen = [Path(name).resolve() for name in asked.scenes.split(",")] if asked.scenes is not None else scenes()
-    tree = copy_tree()
+    tree = copy_tree(build)
     for isa in asked.sets.split(","):
-        compile_kernels(isa, chosen, not asked.no_general)
-        collect(isa, tree)
-    made = build(tree, asked.out)
+        compile_kernels(build, isa, chosen, not asked.no_general)
+        run(build, isa, str(ROOT / "tools" / "collect_kernels.py"), str(tree / "prebuilt"))
+    made = make_wheel(build, asked.out)
     size = made.stat().st_size
     print(f"{made}: {size / 1e6:.1f} MB")
     return 0 if size <= LARGEST else 1
-
-
-def build(tree: Path, out: Path) -> Path:
-    """Build the wheel of the copy; its path."""
-    other = sysconfig.get_platform().replace("-", "_").replace(".", "_")
-    system = f"manylinux_2_17_{platform.machine()}" if sys.platform == "linux" else other  # kernels use no version of the C library
-    made = BUILD / "made"
-    shutil.rmtree(made, ignore_errors=True)
-    command = ["-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "--wheel-dir", str(made)]
-    subprocess.run([sys.executable, *command, f"--config-settings=--build-option=--plat-name={system}", str(tree)], check=True)
-    (wheel,) = made.glob("*.whl")
-    out.mkdir(parents=True, exist_ok=True)
-    return Path(shutil.copy(wheel, out / wheel.name))
 
 
 if __name__ == "__main__":

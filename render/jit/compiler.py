@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
+import numba
 from numba import njit
 from numba.core import config, cpu, types
 from numba.core.compiler_lock import global_compiler_lock
@@ -19,7 +20,7 @@ from numba.core.typing.templates import infer, infer_global, make_intrinsic_temp
 from numba.extending import overload
 
 from ..simd import elementary, functions, gather_scatter, operators, registration, target, vector_indexing  # noqa: F401 - define kernels' functions
-from . import lto, numba_patches, numba_types
+from . import lto, numba_patches, numba_types, prebuilt
 from .kernel_file import Code
 from .value_types import ValueType
 
@@ -30,16 +31,32 @@ _FLAGS: Any = {
 _registered = 0  # of registration.RECORDS
 
 
+CONVENTION = "i32 (double*, {i8*, i32, i8*, i8*, i32}**, i8*, i8*, i64, i64, double*, i64, i64, i8, double)"
+"""LLVM type of a kernel (array of float64, boolean, float64) → float64: how kernels call each other, also those of `prebuilt`."""
+
+
+def convention(target_context: Any) -> str:
+    """The type that this version of Numba gives a kernel as in CONVENTION."""
+    kinds = types.Array(types.float64, 1, "C"), types.boolean, types.float64
+    return str(target_context.call_conv.get_function_type(types.float64, kinds))
+
+
 @cache
 def _contexts() -> dict[str, Any]:
-    """Numba's contexts for the target machine of kernels, apart from those of other users of Numba in this process."""
+    """Numba's contexts for the target machine of kernels, apart from those of other users of Numba in this process.
+
+    Raises RuntimeError for a version of Numba whose kernels cannot call those that come with the package.
+    """
     before = config.CPU_NAME, config.CPU_FEATURES  # pyright: ignore[reportAttributeAccessIssue]
     config.CPU_NAME, config.CPU_FEATURES = target.LEVEL.cpu, target.LEVEL.features  # pyright: ignore[reportAttributeAccessIssue]
     try:
         typing_context = Context()
-        return {"_toplevel_typing_context": typing_context, "_toplevel_target_context": cpu.CPUContext(typing_context, "cpu")}
+        target_context = cpu.CPUContext(typing_context, "cpu")
     finally:
         config.CPU_NAME, config.CPU_FEATURES = before  # pyright: ignore[reportAttributeAccessIssue]
+    if prebuilt.folder() is not None and convention(target_context) != CONVENTION:
+        raise RuntimeError(f"kernels that Numba {numba.__version__} compiles cannot call those of this package: install another Numba")
+    return {"_toplevel_typing_context": typing_context, "_toplevel_target_context": target_context}
 
 
 @contextmanager

@@ -15,7 +15,7 @@ import pytest
 from click.testing import CliRunner
 from maquette.cli import installation
 from maquette.cli.main import cli
-from maquette.render.jit import kernel_cache
+from maquette.render.jit import kernel_cache, prebuilt
 from maquette.render.simd import target
 
 
@@ -33,6 +33,7 @@ def test_each_part_has_a_line() -> None:
     lines = {line.split("  ")[0]: line for line in out.splitlines()}
     assert code == 0
     assert set(lines) >= {"maquette", "Python", "packages", "instruction set", "kernel cache", "denoiser", "mitsuba", "povray"}
+    assert lines["prebuilt kernels"]
     assert f"numpy {np.__version__}" in lines["packages"]
     assert f"{target.ISA} ({target.LEVEL.cpu})" in lines["instruction set"]
     assert str(kernel_cache.CACHE) in lines["kernel cache"]
@@ -62,8 +63,8 @@ def test_a_package_that_rendering_needs_prevents_it(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(installation, "required_packages", lambda: {"numpy": "99.1", "no-such-package": "2.0"})
     code, out = run()
     assert code == 1
-    assert f"numpy            error: {np.__version__} is too old: pip install 'numpy>=99.1'\n" in out
-    assert "no-such-package  error: not installed: pip install 'no-such-package>=2.0'\n" in out
+    assert f"numpy             error: {np.__version__} is too old: pip install 'numpy>=99.1'\n" in out
+    assert "no-such-package   error: not installed: pip install 'no-such-package>=2.0'\n" in out
 
 
 def test_every_dependency_is_checked() -> None:
@@ -94,3 +95,20 @@ def test_the_cache_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     assert row["text"] == f"{folder}: 1 files; 3 MB of 1000 MB (MAQUETTE_CACHE_SIZE) for all targets"
     folder.chmod(0o777)
     assert "; open to other users, so that each run compiles" in findings()["kernel cache"]["text"]
+
+
+def test_prebuilt_kernels_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def told() -> tuple[str, str]:
+        prebuilt.folder.cache_clear()
+        row = findings()["prebuilt kernels"]
+        return row["state"], row["text"]
+
+    monkeypatch.setattr(prebuilt, "ROOT", tmp_path / "prebuilt")
+    assert told() == ("missing", "none, as this is no wheel made by `make wheel`: kernels are compiled when they are first needed")
+    (tmp_path / "prebuilt" / "other").mkdir(parents=True)
+    name = f"{target.ISA}-{target.LEVEL.cpu}"
+    assert told() == ("missing", f"none for {name}: this package has other")
+    (tmp_path / "prebuilt" / name).mkdir()
+    (tmp_path / "prebuilt" / name / "a.kernel").write_bytes(bytes(3_000_000))
+    assert told() == ("ok", f"{tmp_path / 'prebuilt' / name}: 1 files, 3 MB")
+    prebuilt.folder.cache_clear()

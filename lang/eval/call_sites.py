@@ -112,7 +112,8 @@ def _code(site: CallSite) -> Code:
         children = None
         if collect is not None:
             if not calls.takes_children(function):
-                scope.evaluator.fail(f"{calls.title(function, site.label)} takes nothing in braces", site.callee.span, "", scope)
+                hint = "" if codes else f"write {site.label}(…)"
+                scope.evaluator.fail(f"{calls.title(function, site.label)} takes nothing in braces", site.callee.span, hint, scope)
             children = collect(scope)
         try:
             meter = scope.meter

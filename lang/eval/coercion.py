@@ -93,7 +93,7 @@ def _number(value: Value, place: Place, arg: Arg) -> float:
 def _int(value: Value, place: Place, arg: Arg) -> int:
     if isinstance(value, float) and value == int(value):
         return int(value)
-    raise _type_error(value, "whole number")
+    raise _type_error(value, "whole number", f"write {value} without quotes" if isinstance(value, str) and value.isdecimal() else "")
 
 
 def _bool(value: Value, place: Place, arg: Arg) -> bool:
@@ -223,7 +223,7 @@ def _color(value: Value, place: Place, arg: Arg) -> Any:
         grey = units.show_number(value)
         hint = f"write rgb({grey}, {grey}, {grey})"
     elif isinstance(value, str):
-        hint = "write #rrggbb without quotes" if value.startswith("#") else "write #rrggbb"
+        hint = suggestions.color(value)
     raise _type_error(value, "colour", hint)
 
 

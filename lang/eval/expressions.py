@@ -12,6 +12,7 @@ from typing import Any
 
 from .. import colors, units
 from ..diagnostics import suggest
+from ..elements import Element
 from ..formula_graph import Term
 from ..limits import Exhausted
 from ..syntax import ast
@@ -366,6 +367,8 @@ def _member(node: ast.Member, names: Names | None) -> Code:
             hint = "a colour has r, g and b"
         elif operators.has_term(owner):
             hint = suggestions.NO_POINT
+        elif isinstance(owner, Element):
+            hint = f"an element is not changed: write its arguments in {owner.kind}(…)"
         scope.evaluator.fail(f"{kind(owner)} has no `{name}`", node.name.span, hint, scope)
 
     return run

@@ -22,7 +22,12 @@ _ARGUMENTS: dict[str, tuple[str, ...]] = {
     "dir": ("from", "normal", "look_at"),
     "r": ("radius", "round"),
     "radius": ("round",),
-    "diameter": ("radius",),
+    **dict.fromkeys(("diameter", "d"), ("radius",)),
+    **dict.fromkeys(("lens", "focal_length"), ("focal",)),
+    **dict.fromkeys(("f_stop", "fstop", "f_number", "dof"), ("aperture",)),
+    **dict.fromkeys(("focus_distance", "focal_distance"), ("focus",)),
+    "engine": ("backend",),
+    "transmission": ("opacity",),
     "h": ("height",),
     "width": ("size",),
     "height": ("size", "over"),
@@ -34,7 +39,7 @@ _ARGUMENTS: dict[str, tuple[str, ...]] = {
     "dimensions": ("size",),
     "resolution": ("size",),
     "angle": ("cone", "fov", "rotate"),
-    "rotation": ("rotate",),
+    "rotation": ("rotate", "look_at"),
     **dict.fromkeys(("sun_direction", "sun_elevation", "elevation", "azimuth"), ("sun", "from")),
     "offset": ("translate",),
     **dict.fromkeys(("smooth", "blend", "fillet", "k", "rounding"), ("round",)),
@@ -64,6 +69,10 @@ _TEXTURED = "write material: lambert(…), with the texture as argument"
 _ANGLE = "the direction to it: [cos(e), sin(e), 0] at an elevation of e"
 _NEAR_HINTS: dict[str, dict[str, str]] = {  # by suggestion, then by the word in the source
     "did you mean `material`?": {"color": _COLORED, "colour": _COLORED, "texture": _TEXTURED},
+    "did you mean `radius`?": dict.fromkeys(("diameter", "d"), "half of the diameter"),
+    "did you mean `focal`?": dict.fromkeys(("lens", "focal_length"), "a length: 50mm"),
+    "did you mean `opacity`?": {"transmission": "clear solids are made of glass(…)"},
+    "did you mean `look_at`?": {"rotation": "a camera is turned by the point it looks at"},
     "did you mean `sun`?": dict.fromkeys(("sun_elevation", "elevation", "azimuth"), _ANGLE),
     "did you mean `from`?": dict.fromkeys(("sun_elevation", "elevation", "azimuth"), _ANGLE),
 }
@@ -80,7 +89,25 @@ _NAMES: dict[str, str] = {
     **dict.fromkeys(("subtract", "minus"), "write difference { … }"),
     "intersect": "write intersection { … }",
     **dict.fromkeys(("smooth_union", "smin", "smooth_min", "soft_union"), "write union(round: 10cm) { … }"),
-    **dict.fromkeys(("sqr", "square"), "write x^2"),
+    "sqr": "write x^2",
+    "square": "write x^2 for a power, profiles.rectangle(…) of std/profiles for a shape to extrude",
+    "hull": "a hull of two balls is capsule(…) or curve([a, b], radius)",
+    "minkowski": "write offset(radius) { … } to round outwards",
+    "resize": "write scale([2, 1, 1]) { … }",
+    **dict.fromkeys(("echo", "print"), "nothing is printed; `maquette inspect` lists the params"),
+    "assert": "write the allowed values with a param: param n = 3 in 1..9",
+    **dict.fromkeys(("lamp", "Light"), "lights are point, spot, directional, sun, sky, dome, area and ambient"),
+    **dict.fromkeys(("area_light", "AreaLight", "RectAreaLight"), "write area(position: …, look_at: …, size: 1)"),
+    **dict.fromkeys("world hdri environment skybox envmap background_image".split(), 'write dome("…") for a picture, sky() for a colour'),
+    **dict.fromkeys(("PerspectiveCamera", "Camera"), "write camera(position: …, look_at: …, fov: 50deg)"),
+    "OrthographicCamera": 'write camera(position: …, look_at: …, projection: "orthographic")',
+    **dict.fromkeys(("model", "load", "load_mesh", "loader", "GLTFLoader", "OBJLoader"), 'write mesh("…") or usd("…")'),
+    **dict.fromkeys(("monkey", "suzanne", "teapot"), 'write mesh("…") with a file of it'),
+    **dict.fromkeys(("Mesh", "scene", "Scene"), "an element is placed by writing it: sphere(1, material: …)"),
+    **dict.fromkeys("MeshStandardMaterial MeshPhysicalMaterial".split(), "write principled(…)"),
+    **dict.fromkeys("MeshLambertMaterial MeshBasicMaterial".split(), "write lambert(…)"),
+    "MeshPhongMaterial": "write phong(…)",
+    **dict.fromkeys(("None", "undefined", "undef", "nil"), "leave the argument out"),
     **dict.fromkeys(("p", "pos", "point3"), "a formula's parameters are numbers: write |x, y, z| …"),
     **dict.fromkeys(("trunc", "int"), "write floor(x)"),
     "cbrt": "write sign(x) * abs(x)^(1 / 3)",
@@ -111,7 +138,7 @@ _NAMES: dict[str, str] = {
     **dict.fromkeys(("pbr", "disney", "standard", "bsdf", "principled_bsdf"), "write principled(…)"),
     **dict.fromkeys(("emit", "emitter", "glow", "luminous"), "write emissive(color, luminance: 1000nit)"),
     "texture": 'write image("…")',
-    "import": 'write use "…"',
+    "import": 'write mesh("…") for a mesh, use "…" for a scene',
     "include": 'write use "…"',
     "var": "write let name = …",
     "def": "write let name(…) = …",
@@ -136,7 +163,7 @@ _NAMES: dict[str, str] = {
     "hsl": "write hsv(hue, saturation, value)",
     "perlin": "write noise(x, y, z)",
     "simplex": "write noise(x, y, z)",
-    **dict.fromkeys(("random", "rand"), "noise(x, y, z, seed) is the same each time, and 0 where x, y and z are whole"),
+    **dict.fromkeys(("random", "rand", "rands"), "noise(x, y, z, seed) is the same each time, and 0 where x, y and z are whole"),
     "checkerboard": "write checker(a, b)",
     "fresnel": "principled, glass and metal have it",
     **dict.fromkeys(
@@ -145,13 +172,32 @@ _NAMES: dict[str, str] = {
 }
 
 
+_COLOR_NAMES = {
+    "red": "#ff0000", "green": "#008000", "blue": "#0000ff", "yellow": "#ffff00", "orange": "#ffa500", "purple": "#800080",
+    "pink": "#ffc0cb", "brown": "#a52a2a", "white": "#ffffff", "black": "#000000", "gray": "#808080", "grey": "#808080",
+    "cyan": "#00ffff", "magenta": "#ff00ff",
+}  # fmt: skip
+
+
+def color(text: str) -> str:
+    """The hint for a string in place of a colour."""
+    if text.startswith("#"):
+        return "write #rrggbb without quotes"
+    if text.rpartition(".")[2].lower() in FILES:
+        return f'write image("{text}")'
+    return f"write {_COLOR_NAMES.get(text.lower(), '#rrggbb')}"
+
+
 # File name extensions of images, meshes and scenes.
 FILES = frozenset("png jpg jpeg tif tiff exr hdr obj ply stl off glb gltf usd usda usdc usdz scene".split())
 
 _SUPERSCRIPTS = {"²": 2, "³": 3}
 NO_POINT = "a formula's parameters are numbers: write |x, y, z| …, and [x, y, z] for a point"
 BY_CORNERS = "a box from corner a to corner b has size b - a and center (a + b) / 2"  # for a negative size in a list
-_BY_POSITION = {"atan": "the angle of a direction is atan2(y, x)"}  # for surplus arguments, by function
+_BY_POSITION = {  # for surplus arguments, by function
+    **{name: f"write {name}([x, y, z])" for name in ("translate", "scale")},
+    "atan": "the angle of a direction is atan2(y, x)",
+}
 
 # Parts of the library, by file.
 LIBRARY = {
@@ -238,7 +284,8 @@ def name(word: str, known: Iterable[str]) -> tuple[str, str]:
         hint = f'write use "std/{word}" first'
     if word[-1] in _SUPERSCRIPTS and word[:-1]:
         hint = f"write {word[:-1]}^{_SUPERSCRIPTS[word[-1]]}"
-    near = "" if hint else suggest(word, known)
+    known = list(known)
+    near = "" if hint else suggest(word, known) or suggest(word.lower(), known)
     if near:
         return f"there is no `{word}` here; {near}", ""
     return f"there is no `{word}` here", hint or "let, param or use define a name"

@@ -26,6 +26,15 @@ _FOREIGN = {  # keywords of other languages at the beginning of a line
 }
 _WRAPPERS = frozenset("translate rotate scale transform group union difference intersection shell offset".split())
 
+_OPENSCAD = {  # what stands before a shape there
+    "mirror": "write mirrored(…) {{ {}(…) }}",
+    "resize": "write scale([2, 1, 1]) {{ {}(…) }}",
+    "multmatrix": "write transform(…) {{ {}(…) }}",
+    "linear_extrude": "write extrude(profile, height)",
+    "rotate_extrude": "write revolve([[radius, y], …])",
+    "hull": "a hull of two balls is capsule(…) or curve([a, b], radius)",
+    "minkowski": "write offset(radius) {{ … }} to round outwards",
+}
 _SOLIDS = {"+": "union", "-": "difference", "*": "intersection", "/": "difference"}  # by operator between two solids
 
 
@@ -65,7 +74,13 @@ def foreign_word(site: ErrorSite) -> Answer | None:
 def wrapper_without_braces(site: ErrorSite) -> Answer | None:
     """`translate(…) sphere(1)`, as in OpenSCAD: what a block holds stands in braces."""
     start, token = site.start, site.token
-    if start in _WRAPPERS and token.type == "NAME" and site.near(-1) == ")" and site.near(1) == "(" and site.inside() == "":
+    if token.type != "NAME" or site.near(-1) != ")" or site.near(1) != "(" or site.inside() != "":
+        return None
+    if start in ("color", "colour"):
+        return "a colour belongs to a material", f"write {token}(…, material: lambert(#c83232))", start
+    if start in _OPENSCAD:
+        return f"`{start}` of OpenSCAD is written otherwise", _OPENSCAD[start].format(token), start
+    if start in _WRAPPERS:
         return f"what `{start}` holds is written in braces", f"write {start}(…) {{ {token}(…) }}", token
     return None
 
@@ -74,6 +89,11 @@ def vector_in_angles(site: ErrorSite) -> Answer | None:
     """`<0, 1, 0>`, as in POV-Ray."""
     if site.token == "<" and (site.near(1).type == "NUMBER" or (site.near(1) == "-" and site.near(2).type == "NUMBER")):
         return "a vector is written in brackets", "write [x, y, z] in place of <x, y, z>", site.token
+    if site.near(-1) == ">":  # `rgb <1, 0, 0>` was read as a comparison
+        at = next((k for k in range(site.at - 1, site.first, -1) if site.stream[k] == "<"), 0)
+        inside = {token.type for token in site.stream[at + 1 : site.at - 1]}
+        if at and site.stream[at - 1].type == "NAME" and inside <= {"NUMBER", "COMMA", "MINUS"}:
+            return "arguments are written in parentheses", f"write {site.stream[at - 1]}(…, …, …)", site.stream[at]
     return None
 
 
@@ -85,7 +105,8 @@ def keyword_as_name(site: ErrorSite) -> Answer | None:
     if token in KEYWORDS and (binding or naming):
         return f"`{token}` is a keyword and can't be a name", "choose another name", token
     if token in ("for", "in", "use", "unit", "as", "param") and "NUMBER" in site.expected and site.at > site.first:
-        return f"`{token}` is a keyword, not a value", "", token
+        fix = "write [f(k) for k in 0..5]" if token == "for" and site.near(-1) == "[" else ""
+        return f"`{token}` is a keyword, not a value", fix, token
     return None
 
 
@@ -164,6 +185,8 @@ def line_start(site: ErrorSite) -> Answer | None:
             return "this line is a value, and only elements can be placed", hint, token
         return None
     if token in OPERATORS or token in (",", "=", ":", ".", "|"):
+        if token == "-" and site.near(1) == "-":
+            return "`--` begins no comment", "write `//`", token
         return f"a line can't begin with `{token}`", f"end the line above with the `{token}`" if token not in ("|", "not") else "", token
     if token in KEYWORDS:
         return f"a line can't begin with `{token}`", "", token

@@ -25,6 +25,8 @@ _REPLACEMENTS = {  # hints for characters of other languages
     "&": "write `and`",
     "%": "write mod(a, b) for a remainder; a percentage directly follows its number: 50%",
     "?": "write `if … then … else …`",
+    "$": "names have no `$`; OpenSCAD's $fn is not needed, as round shapes are drawn round",
+    "`": 'strings are written in double quotes: "…"',
     "'": 'strings are written in double quotes: "…"',
     "“": 'strings are written in straight quotes: "…"',
     "”": 'strings are written in straight quotes: "…"',
@@ -162,8 +164,23 @@ def _block_comment(token: Token, file: str, diagnostics: Diagnostics) -> ast.Com
     return ast.Comment(span, str(token).rstrip())
 
 
+_DIRECTIVES = {  # of POV-Ray
+    **dict.fromkeys(("declare", "local"), "write let name = …"),
+    "macro": "write let name(…) = …",
+    "include": 'write use "gear.scene"',
+    **dict.fromkeys(("while", "for"), "write for (k in 0..5) { … }"),
+    **dict.fromkeys(("if", "ifdef", "ifndef"), "write if (…) { … }"),
+    "else": "write else { … }",
+    "end": "a block ends with `}`",
+}
+
+
 def _hash_comment(token: Token, file: str, diagnostics: Diagnostics) -> ast.Comment:
     span = span_of(token, file)
+    word = re.match(r"#?(\w*)", token)
+    if word and word[1] in _DIRECTIVES:
+        diagnostics.error(f"the language has no `#{word[1]}`", span, _DIRECTIVES[word[1]])
+        return ast.Comment(span, str(token).rstrip())
     diagnostics.error("`#` begins no comment", Span(file, span.line, span.column, span.line, span.column + 1), "write `//`")
     return ast.Comment(span, str(token).rstrip())
 
@@ -177,7 +194,7 @@ def _bad_color(token: Token, file: str, diagnostics: Diagnostics) -> Token:
 def _unknown(token: Token, file: str, diagnostics: Diagnostics) -> None:
     char = str(token)
     visible = char.isprintable() and not char.isspace()
-    shown = f"`{char}`" if visible else f"invisible character U+{ord(char):04X}"
+    shown = "backquote" if char == "`" else f"`{char}`" if visible else f"invisible character U+{ord(char):04X}"
     hint = _REPLACEMENTS.get(char, "" if visible else "delete it")
     last = diagnostics.items[-1] if diagnostics.items else None
     if last and last.span and last.span.line == token.line and last.hint == hint:

@@ -14,6 +14,7 @@ from .lalr_driver import Automaton, Unexpected
 from .token import Token
 from .trivia import Comments
 
+BINDS = frozenset(("let", "param", "function", "module", "def", "const", "var"))  # words of other languages as well
 MAX_BYTES = 4_000_000
 MAX_ERRORS = 100  # syntax errors shown for a file
 
@@ -159,7 +160,9 @@ class _Parsing:
         item = self.stream[level.first : level.first + 4]
         if len(item) < 2:
             return
-        if item[0] in ("let", "param") and item[1].type == "NAME":
+        if item[0].type == "NAME" and item[1] == "=":
+            self.broken.add(str(item[0]))
+        elif item[0] in BINDS and item[1].type == "NAME":
             self.broken.add(str(item[1]))
         elif item[0] == "use":
             named = item[3] if len(item) > 3 and item[2] == "as" else item[1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 
 from ..units import UNITS
 from .error_site import VALUES, Answer, ErrorSite, ends_value, is_end, quote, starts_value
@@ -38,6 +39,8 @@ def equals(site: ErrorSite) -> Answer | None:
         return "arguments are written with `:`, not `=`", f"write {before}: …", token
     if inside == "" and site.at == site.first + 1 and before.type == "NAME":
         return "a name is bound with `let`", f"write let {before} = …", site.start
+    if inside == "" and site.near(-2) == ".":
+        return "an element is not changed after it is made", f"write {before} as an argument, as in sphere(1, {before}: …)", token
     if inside == "" and site.start.type == "NAME":
         return "only `let` and `param` bind with `=`", "write let name(…) = …", token
     return "`=` binds a name; values are compared with `==`", "write `==`", token
@@ -82,6 +85,13 @@ def number_suffix(site: ErrorSite) -> Answer | None:
     number, token = site.near(-1), site.token
     if number.type != "NUMBER" or token.start_pos != number.end_pos or token.type not in ("NUMBER", "NAME"):
         return None
+    joined, end = str(number), number.end_pos
+    for each in site.stream[site.at :]:
+        if each.start_pos != end:
+            break
+        joined, end = joined + each, each.end_pos
+    if color := re.match(r"0x([0-9a-fA-F]{6})(?![0-9a-zA-Z])", joined):
+        return f"`0x{color[1]}` is not a number", f"write #{color[1]} for a colour", number
     if number[-1] == "x" and token.type == "NUMBER":
         return f"`{number}{token}` is not a number", f"write [{number[:-1]}, {token}] for a size; a colour is #rrggbb", number
     return f"`{number}{token}` is not a number", "a number is digits and a unit: 1000mm", number

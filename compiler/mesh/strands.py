@@ -146,7 +146,7 @@ def _icosphere(level: int) -> tuple[F64, I64]:
         edges = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
         unique, rows = np.unique(edges, axis=0, return_inverse=True)
         middle = len(points) + rows.reshape(-1, 3)
-        points = np.concatenate([points, _unit(points[unique[:, 0]] + points[unique[:, 1]])])
+        points = np.concatenate([points, _unit(points[unique].mean(axis=1))])
         corners = [np.stack([triangles[:, k], middle[:, k], middle[:, k - 1]], axis=1) for k in range(3)]
         triangles = np.concatenate([*corners, middle])
     return points, triangles

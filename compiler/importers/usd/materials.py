@@ -22,7 +22,7 @@ from ...scene import metallic_roughness
 from ...scene.builder import NONE, SceneBuilder, lambert
 from ...scene.row_records import WHITE, Color, Input, MaterialData, TextureData, nonnegative, scale_color
 from .. import images
-from . import stage
+from . import stage, udim
 from .audit import Audit
 from .stage import Opened, Warnings, primvar_mean
 
@@ -311,11 +311,14 @@ class Materials:
             self.builder.diagnostics.warning(failure.message, self.opened.span(picture.shader.GetPrim()), failure.hint)
             return NONE, (missing[0], missing[1], missing[2])
         wrap_u, wrap_v = (_WRAPS.get(self._text(picture.shader, key) or "useMetadata", ir.Wrap.BLACK) for key in ("wrapS", "wrapT"))
+        frame = picture.frame
+        if found.tiles is not None:
+            wrap_u, wrap_v, frame = ir.Wrap.CLAMP, ir.Wrap.CLAMP, found.tiles.frame(frame)
         channel = _CHANNELS.get(picture.output, -1 if color or whole else 0)
         if channel >= 0:
             gain, bias = (gain[channel],) * 4, (bias[channel],) * 4
         made = TextureData(
-            ir.TextureKind.IMAGE, row, wrap_u=wrap_u, wrap_v=wrap_v, channel=channel, frame=picture.frame,
+            ir.TextureKind.IMAGE, row, wrap_u=wrap_u, wrap_v=wrap_v, channel=channel, frame=frame,
             gain=(gain[0], gain[1], gain[2]), bias=(bias[0], bias[1], bias[2]),
         )  # fmt: skip
         return self.builder.texture(made, self.opened.span(picture.shader.GetPrim())), WHITE
@@ -336,25 +339,25 @@ class Asset:
     """A file referenced by a stage, on disk or inside a package."""
 
     path: str
-
-    @property
-    def name(self) -> str:
-        return self.path.rsplit("/", 1)[-1].rstrip("]")
-
-    def source(self) -> str | bytes:
-        """Its path, or its bytes from the package."""
-        if not self.path.endswith("]"):
-            return self.path
-        opened = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(self.path))
-        if opened is None:
-            raise images.ImageError(f"the package has no `{self.name}`")
-        return bytes(opened.GetBuffer())
+    tiles: udim.Tiles | None = None  # of a UDIM texture; `path` is the first
 
     def row(self, builder: SceneBuilder, space: str, color: bool = True, span: Span | None = None) -> int:
-        source = self.source()
+        if self.tiles is not None:
+            return self.tiles.row(builder, space, color, _source)
+        source = _source(self.path)
         if isinstance(source, str):
             return images.row(builder, Path(source), space, color, span)
         return images.row_from_bytes(builder, source, self.path, space, color, span)
+
+
+def _source(path: str) -> str | bytes:
+    """The path of a file, or the bytes of one in a package."""
+    if not path.endswith("]"):
+        return path
+    opened = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path))
+    if opened is None:
+        raise images.ImageError(f"the package has no `{path.rsplit('/', 1)[-1].rstrip(']')}`")
+    return bytes(opened.GetBuffer())
 
 
 def asset(value: Any, materials: Materials, prim: Any) -> Asset | None:
@@ -364,10 +367,11 @@ def asset(value: Any, materials: Materials, prim: Any) -> Asset | None:
         materials.tell("the texture names no file: its fallback is drawn", prim)
         return None
     resolved = str(getattr(value, "resolvedPath", "") or "")
-    if "<UDIM>" in written and not resolved:
-        first = next((tile for tile in UsdShade.UdimUtils.ResolveUdimTilePaths(written, _layer(prim))), None)
-        materials.tell("of tiled pictures (UDIM) the first tile alone is drawn", prim)
-        resolved = str(first[0]) if first else ""
+    tiles: tuple[tuple[int, str], ...] = ()
+    if "<UDIM>" in written:
+        found = UsdShade.UdimUtils.ResolveUdimTilePaths(written, _layer(prim))
+        tiles = tuple(sorted((int(number), str(path)) for path, number in found if not materials.opened.fenced_off(str(path))))
+        resolved = tiles[0][1] if tiles else str(found[0][0]) if found else ""
     if not resolved:
         materials.builder.diagnostics.warning(f"there is no picture `{written}`: its fallback is drawn", materials.opened.span(prim))
         return None
@@ -376,7 +380,7 @@ def asset(value: Any, materials: Materials, prim: Any) -> Asset | None:
         hint = f"use --allow {Path(resolved).parent} to let scenes read it"
         materials.builder.diagnostics.warning(message, materials.opened.span(prim), hint)
         return None
-    return Asset(resolved)
+    return Asset(resolved, udim.Tiles(written, tiles) if tiles else None)
 
 
 def _layer(prim: Any) -> Any:

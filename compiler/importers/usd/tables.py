@@ -142,7 +142,7 @@ SHADERS = Table(
     "Shaders",
     drawn={
         "UsdPreviewSurface": "see the inputs",
-        "UsdUVTexture": "with wrap modes, scale, bias, fallback and colour space",
+        "UsdUVTexture": "with wrap modes, scale, bias, fallback and colour space; UDIM tiles",
         "UsdTransform2d": "",
         "UsdPrimvarReader_float UsdPrimvarReader_float2 UsdPrimvarReader_float3 UsdPrimvarReader_float4": "",
         "UsdPrimvarReader_int UsdPrimvarReader_string UsdPrimvarReader_normal UsdPrimvarReader_point UsdPrimvarReader_vector": "",

@@ -375,3 +375,25 @@ def test_textures_of_different_coordinates_are_named(tmp_path):
     inputs = "color3f inputs:diffuseColor.connect = </m/a.outputs:rgb>\ncolor3f inputs:emissiveColor.connect = </m/b.outputs:rgb>"
     messages = read(tmp_path, stage(inputs, nodes))[1]
     assert messages == ["x.usda</m>: warning: the pictures of this material read the primvars `st`, `st1`: all are drawn with `st`"]
+
+
+def test_udim_tiles_are_one_image(tmp_path):
+    """Tiles 1001, 1002 and 1011 of one colour each; coordinates from 0 to 2 reach all."""
+    for number, color, side in ((1001, (255, 0, 0), 2), (1002, (0, 255, 0), 4), (1011, (0, 0, 255), 2)):
+        write_image(tmp_path / f"t.{number}.png", np.full((side, side, 3), color, np.uint8))
+    nodes = """def Shader "t" { uniform token info:id = "UsdUVTexture"
+        asset inputs:file = @t.<UDIM>.png@
+        token inputs:sourceColorSpace = "raw"
+        float3 outputs:rgb }"""
+    scene, messages = read(tmp_path, stage("color3f inputs:diffuseColor.connect = </m/t.outputs:rgb>", nodes))
+    t = scene.tables
+    assert messages == []
+    assert (t.images.width[0], t.images.height[0]) == (8, 8)
+    texels = t.images.texels.reshape(8, 8, 4)[..., :3]
+    frame = t.textures.frame[t.materials.textures[t.instances.material[0], ir.Slot.DIFFUSE]]
+
+    def at(u, v):
+        x, y = frame @ [u, v, 1]
+        return texels[int((1 - y) * 8), int(x * 8)].tolist()
+
+    assert [at(0.5, 0.5), at(1.5, 0.5), at(0.5, 1.5), at(1.5, 1.5)] == [[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 0]]

@@ -1,5 +1,8 @@
 """USD stages as scenes: transforms, composition, instancing, purposes, time, cameras, placing in a scene, and what is wrong."""
 
+# pyright: reportAttributeAccessIssue=false
+# (usd-core creates its modules' names at run time)
+
 import math
 
 import numpy as np

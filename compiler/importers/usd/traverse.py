@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from pxr import Tf, Usd, UsdGeom, UsdShade
 
+from ....lang.diagnostics import Span
 from ... import ir
 from ...scene import transforms
 from ...scene.builder import NONE, SceneBuilder
@@ -30,14 +31,23 @@ _UV_NAMES = ("st", "UVMap", "uv", "map1", "Texture_uv")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Piece:
-    """A geometry with its material and transform. `prim` owns it."""
+    """A geometry with its material and transform. `prim` owns it.
+
+    One that point instancers place has the matrices (n, 4, 4) of its copies, a material or n of them, and their ids, which are appended to
+    `name`.
+    """
 
     geometry: int
-    material: int
-    matrix: np.ndarray  # (4, 4)
+    material: int | np.ndarray
+    matrix: np.ndarray  # (4, 4) or (n, 4, 4)
     prim: Any
     name: str
     colored: bool = True  # has a material or a displayColor of its own
+    ids: np.ndarray | None = None  # (n,)
+
+    @property
+    def copies(self) -> int:
+        return 1 if self.ids is None else len(self.ids)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,12 +115,27 @@ class Walk:
         return found
 
     def place(self) -> None:
-        """Make instances of all drawn geometry."""
-        for piece in self.drawn():
+        """Make instances of all drawn geometry, and give up its pieces: the matrices of many copies take much memory."""
+        waiting = self.drawn()[::-1]
+        self.pieces = {}
+        while waiting:
+            piece = waiting.pop()
             span = self.opened.span(piece.prim)
+            if piece.ids is not None:
+                self._place_copies(piece, span)
+                continue
             row = self.builder.transform(piece.matrix, span)
-            material = piece.material if piece.material != NONE else self.material
+            material = int(piece.material) if piece.material != NONE else self.material
             self.builder.instance(InstanceData(piece.geometry, row, material, name=self.prefix + piece.name), span)
+
+    def _place_copies(self, piece: Piece, span: Span) -> None:
+        assert piece.ids is not None
+        n = len(piece.ids)
+        spans = [span] * n
+        rows = self.builder.transforms(piece.matrix[:, :3], spans)
+        materials = np.broadcast_to(piece.material, n)
+        names = [f"{self.prefix}{piece.name}[{k}]" for k in piece.ids.tolist()]
+        self.builder.instances([piece.geometry] * n, rows, np.where(materials == NONE, self.material, materials).tolist(), names, spans)
 
     def _below(self, root: Any, here: _Inherited, into: dict[str, list[Piece]]) -> None:
         """Traverse a prim and its descendants; recursive only for point instancers."""
@@ -378,16 +403,15 @@ class Walk:
     ) -> None:
         tints = self._instance_materials(prim)
         for purpose, pieces in gathered.items():
-            self._count += len(pieces) * len(places)
+            self._count += sum(piece.copies for piece in pieces) * len(places)
             if self._count > MAX_INSTANCES:
                 message = f"the stage has more than {MAX_INSTANCES:,} instances: the rest is left out"
                 self.materials.tell(message, prim)
                 return
             to = into.setdefault(purpose, [])
             for piece in pieces:
-                whole = places @ piece.matrix
-                path, own = str(prim.GetPath()), piece.colored or not tints
-                to += [
-                    Piece(piece.geometry, piece.material if own else tints[k], m, piece.prim, f"{path}[{k}]", own or bool(tints))
-                    for m, k in zip(whole, ids.tolist(), strict=True)
-                ]
+                own, n = piece.colored or not tints, piece.copies
+                whole = (places[:, None] @ piece.matrix.reshape(1, n, 4, 4)).reshape(-1, 4, 4)
+                material = np.tile(np.broadcast_to(piece.material, n), len(places)) if own else np.repeat(np.array(tints)[ids], n)
+                colored = piece.colored or bool(tints)
+                to.append(Piece(piece.geometry, material, whole, piece.prim, str(prim.GetPath()), colored, np.repeat(ids, n)))

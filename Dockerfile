@@ -1,8 +1,9 @@
 # maquette in a container: docker build -t maquette . && docker run --rm -v "$PWD:/scenes" maquette render hello.scene -o hello.png
+# After `make wheel` the image has compiled kernels.
 FROM python:3.12-slim AS build
 WORKDIR /source
 COPY . .
-RUN pip wheel --no-cache-dir --no-deps --wheel-dir /wheels .
+RUN pip download --no-deps --no-index --find-links dist --dest /wheels maquette-render || pip wheel --no-deps --wheel-dir /wheels .
 
 FROM python:3.12-slim
 COPY --from=build /wheels /wheels

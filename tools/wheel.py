@@ -20,7 +20,9 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
+TOOLS = ROOT / "tools"
 SETS = ("avx512", "avx2", "sse") if platform.machine() in ("x86_64", "AMD64") else ("sse",)
+_RUNS = "from maquette.render.simd import target as t; print(t.BYTES[t.ISA] <= t.BYTES[t.highest(t.HOST)])"
 LARGEST = 40_000_000  # bytes of a wheel
 WORKERS = 2
 _LEFT_OUT = {"build", "dist", "prebuilt", "tests", "tools", "bench", "docs", "examples"}  # beside the packages
@@ -44,19 +46,32 @@ def copy_tree(build: Path) -> Path:
     return tree
 
 
-def run(build: Path, isa: str, *arguments: str) -> None:
-    """Run Python on the copy, with the cache of an instruction set. Raises CalledProcessError."""
-    environment = {**os.environ, "MAQUETTE_SIMD": isa, "MAQUETTE_CACHE": str(build / isa), "PYTHONPATH": str(build / "path")}
-    subprocess.run([sys.executable, "-P", *arguments], env=environment, check=True, cwd=build)
+def run(build: Path, isa: str, *arguments: str, requests: str = "") -> str:
+    """Run Python on the copy, with the cache of an instruction set; return its last line. Raises CalledProcessError."""
+    environment = {
+        **os.environ, "MAQUETTE_SIMD": isa, "MAQUETTE_CACHE": str(build / isa), "PYTHONPATH": str(build / "path"),
+        "MAQUETTE_REQUESTS": requests,
+    }  # fmt: skip
+    done = subprocess.run([sys.executable, "-P", *arguments], env=environment, check=True, cwd=build, stdout=subprocess.PIPE, text=True)
+    return (done.stdout.splitlines() or [""])[-1]
 
 
 def compile_kernels(build: Path, isa: str, chosen: Sequence[Path], general: bool) -> None:
-    """Fill the cache of an instruction set."""
+    """Fill the cache of an instruction set.
+
+    For a set that this machine lacks, the scenes are drawn with its lanes and the machine's instructions; this lists the kernels.
+    """
+    runs = run(build, isa, "-c", _RUNS) == "True"
+    requests = "" if runs else str(build / f"{isa}-requests")
+    if requests:
+        shutil.rmtree(requests, ignore_errors=True)
     if general:
-        run(build, isa, "-m", "maquette.cli.build_kernels")
+        run(build, isa, "-m", "maquette.cli.build_kernels", requests=requests)
     parts = [part for k in range(WORKERS) if (part := [str(path) for path in chosen[k::WORKERS]])]
     with ThreadPoolExecutor(WORKERS) as pool:
-        list(pool.map(lambda part: run(build, isa, str(ROOT / "tools" / "compile_scenes.py"), *part), parts))
+        list(pool.map(lambda part: run(build, isa, str(TOOLS / "compile_scenes.py"), *part, requests=requests), parts))
+    if requests:
+        run(build, isa, str(TOOLS / "compile_requests.py"), requests)
 
 
 def make_wheel(build: Path, out: Path) -> Path:
@@ -86,7 +101,7 @@ def main() -> int:
     tree = copy_tree(build)
     for isa in asked.sets.split(","):
         compile_kernels(build, isa, chosen, not asked.no_general)
-        run(build, isa, str(ROOT / "tools" / "collect_kernels.py"), str(tree / "prebuilt"))
+        run(build, isa, str(TOOLS / "collect_kernels.py"), str(tree / "prebuilt"))
     made = make_wheel(build, asked.out)
     size = made.stat().st_size
     print(f"{made}: {size / 1e6:.1f} MB")

@@ -167,6 +167,11 @@ def _file_name(program: str) -> str:
 
 
 def _engine(program: str) -> Any:
+    return loader.load_object(code_of(program).code)
+
+
+def code_of(program: str) -> Code:
+    """Code of a program's interpreter, compiled or read from disk."""
     code = kernel_cache.read(_file_name(program))
     if code is None:
         if kernel_cache.must_be_compiled():
@@ -176,7 +181,7 @@ def _engine(program: str) -> Any:
         name = f"tape_{program}"
         code = Code(name, name, NONE, (), machine.emit_object(optimize(str(module))))
         kernel_cache.write(_file_name(program), code)
-    return loader.load_object(code.code)
+    return code
 
 
 def optimize(text: str, level: int = 2) -> Any:

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from ..simd import target
-from . import cache_folder, cache_key, compile_events, kernel_file, loader, prebuilt, value_types
+from . import cache_folder, cache_key, compile_events, kernel_file, loader, prebuilt, requests, value_types
 from .kernel_file import Code
 from .loader import Loaded
 from .value_types import ValueType
@@ -91,6 +91,8 @@ def load(kernel: Any, kinds: tuple[ValueType, ...]) -> Loaded:
             function = kernel.py_func
             for wait in LOOKUP_HOOKS:
                 wait(function, kinds)
+            if target.REQUESTS:
+                requests.record(function, kinds)
             name = _file_name(function, kinds)
             code, compiled = read(name) if name else None, False
             if code is None:
@@ -107,6 +109,19 @@ def load(kernel: Any, kinds: tuple[ValueType, ...]) -> Loaded:
             for names in _records:
                 names.append(_name_of(function))
         return found
+
+
+def compile_only(kernel: Any, kinds: tuple[ValueType, ...]) -> None:
+    """Compile a kernel into the cache, for a machine that may not be this one. Kernels that it calls must have been compiled before."""
+    from . import compiler
+
+    name = _file_name(kernel.py_func, kinds)
+    code = read(name) if name else None
+    if code is None:
+        code = compiler.compile_kernel(kernel.py_func, kinds)
+        if name:
+            write(name, code)
+    kernel.loaded[kinds] = loader.NotLoaded(code.result)
 
 
 def is_cached(kernel: Any, kinds: tuple[ValueType, ...]) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import struct
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
 
@@ -51,6 +51,12 @@ def load_object(code: bytes) -> Any:
 def has_symbols(code: Code) -> bool:
     """Whether this process defines the symbols that the code needs."""
     return all(hasattr(_process, name) or llvm.address_of_symbol(name) is not None for name in code.needs)
+
+
+class NotLoaded(NamedTuple):
+    """A kernel that was compiled for another machine: callers are compiled with the type of its result."""
+
+    result: ValueType
 
 
 class Loaded:

@@ -5,6 +5,9 @@ x86-64-v4 (AVX-512), x86-64-v3 (AVX2), x86-64-v2 (SSE4.2), and the baseline of a
 
 MAQUETTE_SIMD=avx512|avx2|sse|scalar selects a level by its vectors, to test every width on one computer. "sse" means any 16-byte vectors
 (also NEON), "scalar" no vectors. MAQUETTE_SIMD=native compiles for all features of the machine at hand.
+
+MAQUETTE_REQUESTS=FOLDER lists in the folder which kernels are needed, to compile them later (tools/wheel.py). Then a level above the
+machine's runs too: with the lanes of the level, which are part of types, and the machine's instructions.
 """
 
 from __future__ import annotations
@@ -75,11 +78,22 @@ def choose(asked: str, triple: str, features: dict[str, bool]) -> Level:
     return level if level.isa in ("avx512", "avx2") or all(features.get(name) for name in _V2) else level._replace(cpu="x86-64")
 
 
+def _runnable(level: Level, features: dict[str, bool]) -> Level:
+    """A level with the lanes of another one and the instructions of a machine with these features."""
+    best = X86_LEVELS.get(highest(features), level)
+    return level if BYTES[level.isa] <= BYTES[best.isa] else best._replace(isa=level.isa)
+
+
 HOST = _host_features()
+REQUESTS = os.environ.get("MAQUETTE_REQUESTS", "")
 LEVEL = choose(os.environ.get("MAQUETTE_SIMD", ""), llvm.get_process_triple(), HOST)
+if REQUESTS:
+    LEVEL = _runnable(LEVEL, HOST)
 ISA, FMA = LEVEL.isa, LEVEL.fma
+_CODE = next((isa for isa, level in X86_LEVELS.items() if level.cpu == LEVEL.cpu), ISA) if REQUESTS else ISA
 X86 = llvm.get_process_triple().startswith(("x86_64", "i386", "i686"))
-AVX512, AVX2 = ISA == "avx512", ISA == "avx2"
+AVX512, AVX2 = _CODE == "avx512", _CODE == "avx2"
+"""Whether code may use the instructions of these sets."""
 CHECKED = os.environ.get("MAQUETTE_CHECKED") == "1"
 """Whether kernels check the places they access; see bounds_check.py."""
 WIDTH = BYTES[ISA] // 4
@@ -91,7 +105,7 @@ WIDTH64 = max(1, BYTES[ISA] // 8)
 def check_host() -> None:
     """Raise RuntimeError if this machine does not run the code of the level."""
     best = highest(HOST)
-    if BYTES[ISA] > BYTES[best]:
+    if BYTES[_CODE] > BYTES[best]:
         raise RuntimeError(f"MAQUETTE_SIMD={ISA} is more than this machine has ({best})")
 
 

@@ -18,7 +18,7 @@ from ...lanes import crosslane
 from ...simd import target
 from .binned_sah import BinaryBvh, half_area
 
-WIDTH = 16 if target.AVX512 else 8  # children of a node and triangles of a leaf
+WIDTH = 16 if target.WIDTH == 16 else 8  # children of a node and triangles of a leaf
 TEST = 3.0  # cost of a leaf test, relative to a node test
 DEPTH = 2048  # entries of a traversal stack: up to fifteen for each of at most 48 levels, and for the median splits below
 ROW = 2 * WIDTH  # floats of a node's costs: WIDTH times inf, then the costs with up to 1, 2, … slots

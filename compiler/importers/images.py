@@ -20,6 +20,7 @@ MAX_TEXELS = 1 << 26  # of one image: 8192 × 8192, 1 GiB
 MAX_ALL_TEXELS = 1 << 27  # of all images of a scene
 LARGEST = float(np.finfo(np.float32).max)
 SPACES = ("auto", "srgb", "linear")
+_MOST_PARTS = 100  # of an EXR file, counted in messages
 
 
 class ImageError(Exception):
@@ -52,7 +53,9 @@ def _row(builder: SceneBuilder, key: str, space: str, color: bool, source: Any, 
     limit = min(MAX_TEXELS, MAX_ALL_TEXELS - builder.texels)
 
     def made() -> int:
-        texels, odd = read(source(), name, space, limit)
+        texels, odd, unread = read(source(), name, space, limit)
+        if unread:
+            builder.diagnostics.warning(f"of the picture `{name}`, {unread} are not drawn", span)
         if odd:
             message = f"{odd:,} of {texels.shape[0] * texels.shape[1]:,} pixels of the picture `{name}` are infinite or no numbers"
             hint = f"they are drawn as {LARGEST:.1e} and as 0; half floats end at 65504: write it as float"
@@ -62,10 +65,10 @@ def _row(builder: SceneBuilder, key: str, space: str, color: bool, source: Any, 
     return builder.shared(("image", key, space), made)
 
 
-def read(source: str | bytes, name: str, space: str = "auto", limit: int = MAX_TEXELS) -> tuple[np.ndarray, int]:
-    """Decodes a path or a file's bytes: (h, w, 4) float32 linear r, g, b, unassociated alpha; count of non-finite pixels.
+def read(source: str | bytes, name: str, space: str = "auto", limit: int = MAX_TEXELS) -> tuple[np.ndarray, int, str]:
+    """Decodes a path or a file's bytes: (h, w, 4) float32 linear r, g, b, unassociated alpha; count of non-finite pixels; what is unread.
 
-    Infinite values become the largest float, NaN becomes 0. Raises ImageError.
+    The first four channels of the first part are read. Infinite values become the largest float, NaN becomes 0. Raises ImageError.
     """
     import OpenImageIO as oiio
 
@@ -86,13 +89,32 @@ def read(source: str | bytes, name: str, space: str = "auto", limit: int = MAX_T
             pixels = picture.read_image(0, 0, 0, min(spec.nchannels, 4), _stored_type(spec))
             if pixels is None:
                 raise ImageError(f"the picture `{name}` is damaged", _reason(picture.geterror()))
+            unread = _unread(picture, spec)
         finally:
             picture.close()
     if pixels.ndim == 4:  # first slice of a volume
         pixels = pixels[0]
     texels = _in_display_window(_linear(pixels.reshape(spec.height, spec.width, -1), spec, space), spec)
     odd = int(np.count_nonzero(~np.isfinite(texels).all(axis=2)))
-    return np.nan_to_num(texels, copy=False, nan=0.0, posinf=LARGEST, neginf=0.0), odd
+    return np.nan_to_num(texels, copy=False, nan=0.0, posinf=LARGEST, neginf=0.0), odd, unread
+
+
+def _unread(picture: Any, spec: Any) -> str:
+    """Names of the channels after the fourth and the further parts of an image file, for a message; "" without any.
+
+    Smaller copies (MIP maps) and the thumbnails and pages of other formats than EXR are not counted.
+    """
+    found = []
+    names = list(spec.channelnames)[4:]
+    if names:
+        listed = ", ".join(f"`{name}`" for name in names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
+        found.append(f"the channels {listed}")
+    parts = 0
+    while picture.format_name() == "openexr" and parts < _MOST_PARTS and picture.seek_subimage(parts + 1, 0):
+        parts += 1
+    if parts:
+        found.append(f"{parts} further part{'s' * (parts > 1)}")
+    return " and ".join(found)
 
 
 def _in_display_window(texels: np.ndarray, spec: Any) -> np.ndarray:

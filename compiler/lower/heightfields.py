@@ -64,9 +64,11 @@ def _name(given: object) -> str:
 def _of_picture(lowering: Context, element: Element, name: str) -> np.ndarray:
     try:
         path = lowering.files.find(name, lowering.folder(element), "picture")
-        texels, odd = images.read(str(path), path.name, "linear")
+        texels, odd, unread = images.read(str(path), path.name, "linear")
     except (FileError, images.ImageError) as failure:
         raise _Unfit(failure.message, failure.hint) from None
+    if unread:
+        lowering.warn(element, f"of the picture `{path.name}`, {unread} are not heights")
     rows, columns = texels.shape[:2]
     if min(rows, columns) < 2 or rows * columns > MOST_HEIGHTS:
         raise _Unfit(

@@ -9,6 +9,7 @@ import OpenImageIO as oiio
 import pytest
 from maquette.compiler.importers import images
 from maquette.compiler.scene import builder as scene_builder
+from maquette.lang.diagnostics import Diagnostics
 
 from ...files import write_image
 
@@ -19,10 +20,11 @@ def linear(value: float) -> float:
 
 def read(path: Path, space: str = "auto", odd: int = 0) -> np.ndarray:
     """Read from disk, checked to be the same from memory; `odd` pixels are not finite."""
-    made, found = images.read(str(path), path.name, space)
-    held, again = images.read(path.read_bytes(), path.name, space)
+    made, found, unread = images.read(str(path), path.name, space)
+    held, again, _ = images.read(path.read_bytes(), path.name, space)
     assert np.array_equal(made, held)
     assert found == again == odd
+    assert unread == ""
     assert (made.dtype, made.shape[2]) == (np.float32, 4)
     return made
 
@@ -130,6 +132,20 @@ def test_the_data_window_of_an_exr_lies_in_its_display_window(tmp_path, window, 
     assert out.open(str(tmp_path / "a.exr"), spec)
     assert out.write_image(np.ones((height, width, 3), np.float32))
     out.close()
-    texels, _ = images.read(str(tmp_path / "a.exr"), "a.exr")
+    texels, _, _ = images.read(str(tmp_path / "a.exr"), "a.exr")
     assert texels[..., 0].tolist() == expected
     assert texels[..., 3].tolist() == expected
+
+
+def test_channels_that_are_not_read_are_named(tmp_path: Path) -> None:
+    spec = oiio.ImageSpec(2, 2, 6, "float")
+    spec.channelnames = ("R", "G", "B", "A", "depth.Z", "mask")
+    out = oiio.ImageOutput.create(str(tmp_path / "a.exr"))
+    assert out is not None
+    assert out.open(str(tmp_path / "a.exr"), spec)
+    assert out.write_image(np.ones((2, 2, 6), np.float32))
+    out.close()
+    found = Diagnostics()
+    builder = scene_builder.SceneBuilder(found)
+    images.row(builder, tmp_path / "a.exr")
+    assert [d.message for d in found.items] == ["of the picture `a.exr`, the channels `mask`, `depth.Z` are not drawn"]

@@ -26,7 +26,7 @@ class StageOptions:
     render_settings: str | None = None  # path of a RenderSettings or RenderProduct prim; None: the stage's renderSettingsPrimPath
     session_layer: Path | None = None  # a layer over the root layer
     size: tuple[int, int] | None = None  # pixels of the picture, for `conform`
-    as_asset: bool = False  # without main_cam: seen from three quarters in place of usdrecord's view; the default lights are sun and sky
+    as_asset: bool = False  # a sharp picture with a sun and a sky as default lights; without main_cam, from three quarters
 
     def given(self) -> list[str]:
         """Names on the command line of the options that are not at their default, without --variant and --size."""

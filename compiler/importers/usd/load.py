@@ -45,6 +45,8 @@ def scene(
         walk.run(opened.stage.GetPseudoRoot(), opened.frame, opened.frame)
         walk.place()
         asked = _with_camera(asked, walk)
+        if options.as_asset:
+            asked = replace(asked, depth_of_field=False, motion_blur=False)
         said = _cameras(walk, asked, options)
     said += defaults.add(builder, ir.Settings(size=asked.size), lights=options.default_light)
     reports.tell(builder.diagnostics, Span(opened.name))

@@ -185,3 +185,14 @@ def test_options_of_stages_are_refused_elsewhere(tmp_path):
     ]
     words = StageOptions(variants={"/a:b": "c"}, purposes=("render", "proxy"), complexity=2, default_light=False).words()
     assert " ".join(words) == "--variant /a:b=c --purposes render,proxy --complexity high --no-default-light"
+
+
+def test_an_asset_is_seen_from_three_quarters_and_sharp(tmp_path):
+    scene, messages = read(tmp_path, 'def Cube "c" {}', options=StageOptions(as_asset=True, size=(64, 64)))
+    assert messages == []
+    assert (scene.names.cameras, scene.names.lights) == (("default",), ("sun", "sky"))
+    more = "float fStop = 2\nfloat focusDistance = 4\ndouble shutter:close = 1"
+    camera = CAMERA.replace("float focalLength = 50", f"float focalLength = 50\n{more}")
+    scene, _ = read(tmp_path, camera, options=StageOptions(as_asset=True))
+    c = scene.tables.cameras
+    assert (scene.names.cameras, c.lens[0], c.shutter[0], scene.names.lights) == (("/main_cam",), 0, 0, ("sun", "sky"))

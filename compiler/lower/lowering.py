@@ -167,6 +167,8 @@ class Lowering:
             row = piece.material if piece.material >= 0 and args["material"] is None else -1
             if row < 0 and material is not None:
                 row = self.materials.row(material)
+            if piece.mixed is not None:
+                row = piece.mixed(row)
             self.placements.add(frame, piece.matrix, piece.geometry, row, f"{name}/{piece.name}" if piece.name else name, element.place)
 
     def _shining_sphere(self, element: Element, material: Element, matrix: np.ndarray) -> bool:

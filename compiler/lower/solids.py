@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,16 +21,14 @@ from ..mesh import mesh_csg
 from ..scene import transforms
 from ..scene.builder import boxes_under
 from ..scene.row_records import Piece
-from . import formulas, sweeps
+from . import formulas, solid_materials, sweeps
 from .context import Context
+from .solid_materials import Field, Looks
 
 MOST_COPIES = 4096
 _OF_MESHES = frozenset({"repeat", "mirrored"})
 _TAKEN = "meshes can be in union, intersection and difference, repeat and mirrored"
 _NO_SOLIDS = "solids are made of shapes with an inside: sphere, box, cylinder, implicit with an inequality, closed mesh, …"
-
-
-Field = Callable[[Builder, Point], int]
 
 
 class Body(NamedTuple):
@@ -39,6 +38,11 @@ class Body(NamedTuple):
     bounds: np.ndarray
     mesh: Any = None
     meshed: Callable[[], Any] | None = None  # the mesh of a body that has a field as well, for solids with meshes in them
+    looks: Looks = solid_materials.only(None)
+
+    def changed(self, field: Field, bounds: np.ndarray, change: Callable[[Builder, Point], Point] | None = None) -> Body:
+        """This body with another field, and its materials where `change` leads to their frame."""
+        return Body(field, bounds, looks=self.looks.at(change) if change else self.looks)
 
 
 class _Refused(Exception):
@@ -57,8 +61,11 @@ def solid(lowering: Context, element: Element) -> list[Piece]:
     if not np.isfinite(body.bounds).all():
         hint = "cut it by an intersection with a box or sphere"
         return lowering.refuse(element, f"this {element.kind} is endless", hint)
+    def mixed(own: int) -> int:
+        return solid_materials.row(lowering, element, body.looks, own)
+
     if body.mesh is not None:
-        return [Piece(lowering.builder.mesh(mesh_csg.mesh(body.mesh), element.place), transforms.identity())]
+        return [Piece(lowering.builder.mesh(mesh_csg.mesh(body.mesh), element.place), transforms.identity(), mixed=mixed)]
     builder = Builder()
     tape = builder.finish(body.field(builder, (X, Y, Z)))
     if not len(tape.code):
@@ -69,25 +76,28 @@ def solid(lowering: Context, element: Element) -> list[Piece]:
     if bounds is None:
         lowering.warn(element, f"nothing is left of this {element.kind}: it is not drawn")
         return []
-    return formulas.implicit_piece(lowering, element, tape, bounds, (0.0,) * 5)
+    return [replace(piece, mixed=mixed) for piece in formulas.implicit_piece(lowering, element, tape, bounds, (0.0,) * 5)]
 
 
 def _body(lowering: Context, element: Element, matrix: np.ndarray) -> Body:
     """A solid element in the frame of `matrix`."""
     made = _COMBINED[element.kind](
-        lowering, element, [body for child in element.children for body in _bodies(lowering, child, transforms.identity())]
+        lowering, element, [body for child in element.children for body in _bodies(lowering, child, transforms.identity(), None)]
     )
     return _placed(made, matrix)
 
 
-def _bodies(lowering: Context, element: Element, matrix: np.ndarray) -> list[Body]:
-    """The bodies of an element in a solid: each shape of a block by itself."""
-    if element.args.get("material") is not None:
-        lowering.error(element, "a solid is of one material, and this is a part of one", f"give it to the {_OUTERMOST} instead")
-        raise _Refused
+def _bodies(lowering: Context, element: Element, matrix: np.ndarray, material: Element | None) -> list[Body]:
+    """The bodies of an element in a solid, each shape of a block by itself, with its own material or that of the block."""
+    material = element.args.get("material") or material
     block = lowering.block(element)
     if block is not None:
-        return [body for child in element.children for body in _bodies(lowering, child, matrix @ block)]
+        return [body for child in element.children for body in _bodies(lowering, child, matrix @ block, material)]
+    return [body._replace(looks=body.looks.within(material)) for body in _own_bodies(lowering, element, matrix)]
+
+
+def _own_bodies(lowering: Context, element: Element, matrix: np.ndarray) -> list[Body]:
+    """The bodies of a shape or solid."""
     own = matrix @ transforms.place(*(element.args.get(name) for name in ("translate", "rotate", "scale")))
     if element.kind in KINDS:
         return [_body(lowering, element, own)]
@@ -120,9 +130,6 @@ def _mesh(lowering: Context, element: Element, pieces: list[Piece]) -> Body:
 
 def _no_field(b: Builder, point: Point) -> int:
     raise NoSolid("a mesh has no field")
-
-
-_OUTERMOST = "union, intersection or difference"
 
 
 def _shape(lowering: Context, element: Element, piece: Piece, matrix: np.ndarray) -> Body:
@@ -159,17 +166,20 @@ def _placed(body: Body, matrix: np.ndarray) -> Body:
         return body
     if body.mesh is not None:
         moved = body.mesh.transform(np.ascontiguousarray(matrix[:3]))
-        return Body(_no_field, mesh_csg.bounds(moved), moved)
+        return Body(_no_field, mesh_csg.bounds(moved), moved, looks=body.looks)
     inverse = np.linalg.inv(matrix)[:3]
     least = float(np.linalg.svd(matrix[:3, :3], compute_uv=False)[-1])
     least = 1.0 if abs(least - 1.0) < 1e-12 else least
 
+    def inside(b: Builder, point: Point) -> Point:
+        return solid_fields.transform_point(b, point, _clean(inverse))
+
     def field(b: Builder, point: Point) -> int:
-        return b.scale(body.field(b, solid_fields.transform_point(b, point, _clean(inverse))), least)
+        return b.scale(body.field(b, inside(b, point)), least)
 
     meshed = body.meshed
     moved = None if meshed is None else lambda: meshed().transform(np.ascontiguousarray(matrix[:3]))
-    return Body(field, boxes_under(body.bounds[None], matrix[None, :3])[0], meshed=moved)
+    return body.changed(field, boxes_under(body.bounds[None], matrix[None, :3])[0], inside)._replace(meshed=moved)
 
 
 def _clean(matrix: np.ndarray) -> np.ndarray:
@@ -198,9 +208,25 @@ def _combined(bounds_of: Callable[[list[np.ndarray], float], np.ndarray]) -> Cal
         if any(body.mesh is not None for body in bodies):
             return _of_meshes(lowering, element, bodies)
         bounds = bounds_of([body.bounds for body in bodies], radius if len(bodies) > 1 else 0.0)
-        return Body(_rounded(element.kind, bodies, radius) if radius and len(bodies) > 1 else _sharp(element.kind, bodies), bounds)
+        if element.args.get("seams") == "blended" and not radius:
+            lowering.warn(element, "without `round` there is no fillet to mix materials over", "give a radius, or leave out `seams`")
+        rounded = radius > 0 and len(bodies) > 1
+        field = _rounded(element.kind, bodies, radius) if rounded else _sharp(element.kind, bodies)
+        return Body(field, bounds, looks=_looks(element, bodies))
 
     return make
+
+
+def _looks(element: Element, bodies: list[Body]) -> Looks:
+    """The materials of combined bodies: of a union where their fields are least, of an intersection where they are largest."""
+    size = max((float(np.ptp(body.bounds, axis=0).max()) for body in bodies if np.isfinite(body.bounds).all()), default=1.0)
+    signs = [element.kind == "union" or (element.kind == "difference" and k > 0) for k in range(len(bodies))]
+    parts = [(body.looks, body.field if sign else _negated(body.field)) for body, sign in zip(bodies, signs, strict=True)]
+    return solid_materials.nearest(parts, size, element.args["round"] if element.args.get("seams") == "blended" else 0.0)
+
+
+def _negated(field: Field) -> Field:
+    return lambda b, point: b.op(Op.NEGATE, field(b, point))
 
 
 def _sharp(kind: str, bodies: list[Body]) -> Field:
@@ -231,8 +257,13 @@ def _of_meshes(lowering: Context, element: Element, bodies: list[Body]) -> Body:
     if element.args["round"]:
         lowering.error(element, "a solid with a mesh in it has no round edges", "leave out `round`, or make a formula of the mesh's shape")
         raise _Refused
+    materials = {id(material): material for body in bodies for material in body.looks.materials}
+    if len(materials) > 1:
+        message = "the parts of a solid with a mesh in it are of one material"
+        lowering.error(element, message, f"give it to the {element.kind}, or draw the parts beside each other")
+        raise _Refused
     made = mesh_csg.combine(element.kind, [_triangles(lowering, element, body, bodies) for body in bodies])
-    return Body(_no_field, mesh_csg.bounds(made), made)
+    return Body(_no_field, mesh_csg.bounds(made), made, looks=bodies[0].looks)
 
 
 def _triangles(lowering: Context, element: Element, body: Body, beside: list[Body]) -> Any:
@@ -290,19 +321,23 @@ def _one(change: Callable[[Context, Element, Body], Body]) -> Callable[[Context,
 
 
 def _shell(lowering: Context, element: Element, body: Body) -> Body:
-    return Body(lambda b, point: solid_fields.shell(b, body.field(b, point), element.args["thickness"]), body.bounds)
+    return body.changed(lambda b, point: solid_fields.shell(b, body.field(b, point), element.args["thickness"]), body.bounds)
 
 
 def _offset(lowering: Context, element: Element, body: Body) -> Body:
     by = element.args["by"]
-    return Body(lambda b, point: b.offset(body.field(b, point), -by), np.stack([body.bounds[0] - by, body.bounds[1] + by]))
+    return body.changed(lambda b, point: b.offset(body.field(b, point), -by), np.stack([body.bounds[0] - by, body.bounds[1] + by]))
 
 
 def _twist(lowering: Context, element: Element, body: Body) -> Body:
     rate = element.args["angle"] / element.args["over"]
     reach = float(np.hypot(np.abs(body.bounds[:, 0]).max(), np.abs(body.bounds[:, 2]).max()))
     bounds = np.array([[-reach, body.bounds[0, 1], -reach], [reach, body.bounds[1, 1], reach]])
-    return Body(lambda b, point: body.field(b, solid_fields.untwist(b, point, rate)), bounds)
+    return _deformed(body, bounds, lambda b, point: solid_fields.untwist(b, point, rate))
+
+
+def _deformed(body: Body, bounds: np.ndarray, change: Callable[[Builder, Point], Point]) -> Body:
+    return body.changed(lambda b, point: body.field(b, change(b, point)), bounds, change)
 
 
 def _bend(lowering: Context, element: Element, body: Body) -> Body:
@@ -316,7 +351,7 @@ def _bend(lowering: Context, element: Element, body: Body) -> Body:
     reach = float(np.abs(radius - body.bounds[:, 1]).max())
     low, high = (min(radius - reach, radius + reach), max(radius - reach, radius + reach))
     bounds = np.array([[-reach, low, body.bounds[0, 2]], [reach, high, body.bounds[1, 2]]])
-    return Body(lambda b, point: body.field(b, solid_fields.unbend(b, point, rate)), bounds)
+    return _deformed(body, bounds, lambda b, point: solid_fields.unbend(b, point, rate))
 
 
 def _repeat(lowering: Context, element: Element, body: Body) -> Body:
@@ -324,21 +359,23 @@ def _repeat(lowering: Context, element: Element, body: Body) -> Body:
     if body.mesh is not None:
         copies = [_placed(body, transforms.translation(tuple(k * step))).mesh for k in range(count)]
         made = mesh_csg.combine("union", copies)
-        return Body(_no_field, mesh_csg.bounds(made), made)
+        return Body(_no_field, mesh_csg.bounds(made), made, looks=body.looks)
     if count > MOST_COPIES:
         lowering.error(
             element, f"{count} copies are too many for one solid: {MOST_COPIES} at the most", "use for (…) { … } without a solid round it"
         )
         raise _Refused
 
+    copies = [_placed(body, transforms.translation(tuple(k * step))) for k in range(count)]
+
     def field(b: Builder, point: Point) -> int:
-        fields = [body.field(b, solid_fields.transform_point(b, point, transforms.translation(tuple(-k * step))[:3])) for k in range(count)]
+        fields = [copy.field(b, point) for copy in copies]
         while len(fields) > 1:
             fields = [b.op(Op.MIN, *fields[k : k + 2]) if k + 1 < len(fields) else fields[k] for k in range(0, len(fields), 2)]
         return fields[0]
 
     ends = [body.bounds, body.bounds + (count - 1) * step]
-    return Body(field, _all(ends, 0.0))
+    return Body(field, _all(ends, 0.0), looks=_united(copies))
 
 
 def _mirror(lowering: Context, element: Element, body: Body) -> Body:
@@ -348,12 +385,20 @@ def _mirror(lowering: Context, element: Element, body: Body) -> Body:
     turned[:3, :3] -= 2 * np.outer(normal, normal)
     if body.mesh is not None:
         made = mesh_csg.combine("union", [body.mesh, _placed(body, turned).mesh])
-        return Body(_no_field, mesh_csg.bounds(made), made)
+        return Body(_no_field, mesh_csg.bounds(made), made, looks=body.looks)
+    other = _placed(body, turned)
 
     def field(b: Builder, point: Point) -> int:
-        return b.op(Op.MIN, body.field(b, point), body.field(b, solid_fields.transform_point(b, point, _clean(turned[:3]))))
+        return b.op(Op.MIN, body.field(b, point), other.field(b, point))
 
-    return Body(field, _all([body.bounds, boxes_under(body.bounds[None], turned[None, :3])[0]], 0.0))
+    return Body(field, _all([body.bounds, other.bounds], 0.0), looks=_united([body, other]))
+
+
+def _united(copies: list[Body]) -> Looks:
+    """The materials of copies of a body: each copy's where its field is least."""
+    if len(copies[0].looks.materials) == 1:
+        return copies[0].looks
+    return solid_materials.nearest([(copy.looks, copy.field) for copy in copies], float(np.ptp(copies[0].bounds, axis=0).max()))
 
 
 def _morph(lowering: Context, element: Element, bodies: list[Body]) -> Body:
@@ -369,7 +414,8 @@ def _morph(lowering: Context, element: Element, bodies: list[Body]) -> Body:
     def field(b: Builder, point: Point) -> int:
         return b.linear([(1 - share, bodies[0].field(b, point)), (share, bodies[1].field(b, point))])
 
-    return Body(field, _all([body.bounds for body in bodies], 0.0))
+    looks = solid_materials.interpolated([body.looks for body in bodies], (1 - share, share))
+    return Body(field, _all([body.bounds for body in bodies], 0.0), looks=looks)
 
 
 _COMBINED: dict[str, Callable[[Context, Element, list[Body]], Body]] = {

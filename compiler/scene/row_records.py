@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -173,9 +173,13 @@ class InstanceData:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Piece:
-    """A geometry of a shape, in the frame of the shape. `material` -1: the shape's."""
+    """A geometry of a shape, in the frame of the shape. `material` -1: the shape's.
+
+    `mixed` makes the row of its material from the shape's row, or -1: of a solid whose parts have materials of their own.
+    """
 
     geometry: int
     matrix: np.ndarray  # (4, 4)
     material: int = -1
     name: str = ""
+    mixed: Callable[[int], int] | None = None

@@ -228,6 +228,9 @@ SHAPES = (
 )
 
 _ROUND = Arg("round", "length", 0.0, "radius of the fillets where surfaces of different children meet", minimum=0.0, keyword=True)
+_SEAMS = Arg(
+    "seams", "choice", "sharp", "materials of parts meet at a line, or mix over the fillet", choices=("sharp", "blended"), keyword=True
+)
 
 
 def _solid(name: str, doc: str, *args: Arg, example: str = "") -> Entry:
@@ -235,9 +238,15 @@ def _solid(name: str, doc: str, *args: Arg, example: str = "") -> Entry:
 
 
 SOLIDS = (
-    _solid("union", "the union of its children", _ROUND, example="union(round: 10cm) { sphere(1); box(1.5) }"),
-    _solid("intersection", "the intersection of its children", _ROUND, example="intersection { sphere(1); box(1.5) }"),
-    _solid("difference", "its first child without the others", _ROUND, example="difference(round: 5cm) { box(2); cylinder(0.5, 3) }"),
+    _solid("union", "the union of its children", _ROUND, _SEAMS, example="union(round: 10cm) { sphere(1); box(1.5) }"),
+    _solid("intersection", "the intersection of its children", _ROUND, _SEAMS, example="intersection { sphere(1); box(1.5) }"),
+    _solid(
+        "difference",
+        "its first child without the others",
+        _ROUND,
+        _SEAMS,
+        example="difference(round: 5cm) { box(2); cylinder(0.5, 3) }",
+    ),
     _solid(
         "shell", "its children as a hollow shell", Arg("thickness", "length", REQUIRED, "thickness inwards from the surface", above=0.0)
     ),

@@ -31,7 +31,8 @@ def check(b: Builder, name: int, at: np.ndarray, tolerance: float = 1e-6) -> Non
 @pytest.mark.parametrize("name", SHAPES)
 def test_gradients_of_shapes(name):
     b = Builder()
-    check(b, solid_fields.shape_field(b, *SHAPES[name], (0, 1, 2)), np.random.default_rng(1).uniform(-1, 1, (3, 5000)))
+    kind, numbers = SHAPES[name]
+    check(b, solid_fields.shape_field(b, kind, numbers, (0, 1, 2)), np.random.default_rng(1).uniform(-1, 1, (3, 5000)))
 
 
 @pytest.mark.parametrize("op", [op for op in Op if op not in (Op.NOISE, Op.CHOOSE, Op.ARC)], ids=lambda op: op.name.lower())

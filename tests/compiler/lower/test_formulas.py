@@ -108,8 +108,6 @@ def test_bounds_are_close_to_a_heart_and_cut_nothing_off(tmp_path, within):
          "`;` or the end of the line separates items, not `,` (write ; here, or a new line)"),
         ("union { disk(1) }", "`disk` cannot be a part of a solid: a disk has no inside "
          "(solids are made of shapes with an inside: sphere, box, cylinder, implicit with an inequality, closed mesh, …)"),
-        ("union { sphere(1, material: mirror()) }", "a solid is of one material, and this is a part of one "
-         "(give it to the union, intersection or difference instead)"),
         ("intersection { plane(y: 0); sphere(1); implicit(|x, y, z| x == 0, within: 1) }",
          "this is a sheet, which has no inside (write an inequality that holds in a region: neither == nor a square <= 0)"),
         ("union { implicit(|x, y, z| (x + y)^2 <= 0, within: 1); sphere(1) }",

@@ -26,6 +26,7 @@ _BALL = "plane(y: 0)\nsphere(1, center: [0, 1, 0], material: {0})\ncamera(positi
 _TORUS = _BALL + "union(round: 0.1, material: {0}) {{ box(1, center: [1, 1, 0]); torus(radius: 1, tube: 0.2) }}\n"
 _FORMULA = _TORUS + "implicit(|x, y, z| x * x + y * y + z * z + 0.1 * sin(9 * x) <= 1, material: {0})\n"
 _MESH = 'mesh("kernels.obj", material: {0})\ncamera(position: [0, 2, 6], look_at: [0, 1, 0])\n'
+_MANY = _MESH + 'mesh("more.obj", material: {0})\n' + "".join(f"sphere(0.1, center: [{k}, 0, {k % 7}])\n" for k in range(80))
 _TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 _SUN, _AREA, _SKY = "directional(from: [1, 1, 0])\n", "area(position: [0, 5, 2], look_at: [0, 0, 0], size: 1, luminance: 9)\n", "sky()\n"
 _MATT, _SHINY, _GLASS = "lambert(#808080)", "phong(#808080, specular: 0.3, shininess: 40)", "glass()"
@@ -49,6 +50,7 @@ VARIANTS = {
     "shared paths of formulas": Variant(_FORMULA.format(_MATT) + _AREA, {"bounces": 2}),
     "rays": Variant(_BALL.format(_MATT) + _SUN, {}),
     "meshes": Variant(_MESH.format(_SMOOTH) + _SUN, {}),
+    "many objects": Variant(_MANY.format(_MATT) + _SUN, {}),  # build kernels of several meshes and many instances
     "formulas": Variant(_FORMULA.format(_MATT) + _SUN, {}),
     "formulas in skies": Variant(_FORMULA.format(_MATT) + _SKY, {}),
     "formulas of one sample": Variant(_FORMULA.format(_MATT) + _SUN, {"samples": 1}),
@@ -67,6 +69,7 @@ def compile_variant(name: str) -> None:
     variant = VARIANTS[name]
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "kernels.obj").write_text(_TRIANGLE, encoding="utf-8")
+        Path(folder, "more.obj").write_text(_TRIANGLE.replace("1", "2", 1), encoding="utf-8")
         scene = Path(folder, "kernels.scene")
         scene.write_text(variant.text, encoding="utf-8")
         loaded = load.load(scene)

@@ -496,6 +496,19 @@ def test_commands_load_no_more_than_they_need(scene: Path, arguments: tuple[str,
     assert not loaded & set(banned)
 
 
+@pytest.mark.parametrize("backend", ["ray", "raster"])
+def test_drawing_again_loads_no_numba(scene: Path, backend: str) -> None:
+    """Once its kernels are compiled, which the first run does if nobody did."""
+    tell = "atexit.register(lambda: print('LOADED', *sys.modules, file=sys.stderr))"
+    code = f"import sys, atexit; {tell}; from maquette.cli.main import cli; cli()"
+    command = [sys.executable, "-c", code, "render", "a.scene", "-o", "a.png", "--size", "8x6", "--quiet", "--backend", backend]
+    environment = {**os.environ, "MAQUETTE_KERNELS": "special"}
+    for _ in range(2):
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
+        assert done.returncode == 0, done.stderr
+    assert "numba" not in done.stderr.split("LOADED ")[1].split()
+
+
 def test_import_maquette_is_light() -> None:
     code = "import maquette, sys; sys.exit(bool({'numpy', 'numba', 'click', 'rich'} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0

@@ -25,6 +25,7 @@ from . import option_types as values
 KINDS = (*file_types.USD, *file_types.MESH)
 RECORDS = "thumbnails.json"  # what each picture was made from; pictures that are up to date are skipped
 SAMPLES = 8
+SAVED_EVERY = 5.0  # seconds between writes of the records and the index
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,13 +83,16 @@ def thumbnail(
     before = {} if force else _records(output / RECORDS)
     done = {asset.name: kept for asset in found if (kept := _up_to_date(before.get(asset.name), asset, output, options))}
     waiting = [asset for asset in found if asset.name not in done]
+    saved = time.perf_counter()
     for made in _draw_all(waiting, output, size, complexity or 0, options, jobs or os.cpu_count() or 1):
         done[made.name] = made
+        if time.perf_counter() - saved > SAVED_EVERY:  # a run that is stopped goes on from there
+            _save(output, list(done.values()))
+            saved = time.perf_counter()
         if not as_json:
             _print(made)
     ordered = [done[asset.name] for asset in found]
-    replace_file(output / RECORDS, (json.dumps([asdict(one) for one in ordered], indent=1) + "\n").encode())
-    replace_file(output / "index.html", index_page(ordered).encode())
+    _save(output, ordered)
     failed = sum(bool(one.error) for one in ordered)
     if as_json:
         click.echo(json.dumps([asdict(one) for one in ordered], indent=2))
@@ -110,6 +114,12 @@ def _assets(given: Sequence[Path]) -> Iterator[Asset]:
             if unique not in names:
                 names.add(unique)
                 yield Asset(file, unique)
+
+
+def _save(output: Path, made: Sequence[Thumbnail]) -> None:
+    """Writes the records and the index."""
+    replace_file(output / RECORDS, (json.dumps([asdict(one) for one in made], indent=1) + "\n").encode())
+    replace_file(output / "index.html", index_page(made).encode())
 
 
 def _records(path: Path) -> dict[str, dict[str, Any]]:

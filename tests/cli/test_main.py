@@ -531,7 +531,7 @@ def test_too_little_memory_is_said(scene: Path, monkeypatch: pytest.MonkeyPatch)
 
 
 def test_a_fault_of_our_own_is_no_traceback(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("maquette.cli.terminal.inspect", lambda _: 1 / 0)
+    monkeypatch.setattr("maquette.cli.terminal.inspect", lambda *_: 1 / 0)
     code, out, err = run("inspect", scene)
     assert (code, out) == (1, "")
     assert err.startswith("internal error: ZeroDivisionError: division by zero\n")

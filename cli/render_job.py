@@ -299,7 +299,9 @@ class Job:
                 "size": plan["size"],
                 "samples": image.metadata.get("samples", plan["samples"]),
                 "seconds": {stage: seconds[stage] for stage in STAGES},
+                "instances": len(scene.tables.instances.geometry),
                 "rays": image.metadata.get("rays"),
+                "memory": peak_memory(),
                 "error": image.metadata.get("error"),
                 "cut": cut.share if (cut := image.metadata.get("cut")) else None,
                 "plan": plan.values(),
@@ -436,6 +438,15 @@ def bounce_limit_notes(cut: Cut | None, scene: ir.Scene, plan: Plan) -> list[Dia
     enough = cut.enough or MAX_BOUNCES
     hint = f"render(bounces: {enough}) or --bounces {enough} leaves out less" + ("" if cut.enough else "; here light does not fade")
     return [Diagnostic("warning" if plan["error"] else "note", message, scene.spans.at("settings", 0), hint)]
+
+
+def peak_memory() -> int | None:
+    """Largest resident memory of this process so far, in bytes; None where the system does not tell."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
 
 def unproved_warnings(rays: int) -> list[Diagnostic]:

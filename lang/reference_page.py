@@ -11,7 +11,7 @@ import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from . import units
+from . import limits, units
 from .diagnostics import Diagnostics, Span
 from .eval import builtins, parameters
 from .eval.values import Builtin
@@ -53,7 +53,7 @@ def reference(library: Mapping[str, str]) -> str:
     parts = [HEAD]
     for category, title in SECTIONS.items():
         parts.append(_section(title, [e for e in SCHEMA.values() if e.category == category]))
-    parts += [_functions(), _units(), _types()]
+    parts += [_functions(), _units(), _types(), _limits_of_scenes()]
     parts += ["## Library\n"] + [_file(name, text) for name, text in library.items()]
     return "\n".join(parts)
 
@@ -61,6 +61,20 @@ def reference(library: Mapping[str, str]) -> str:
 def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
     lines = [head, ("---",) * len(head), *rows]
     return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines) + "\n"
+
+
+def _limits_of_scenes() -> str:
+    rows = [
+        (f"{limits.MAX_ELEMENTS:,}", "elements made, and elements placed with the repetitions of blocks: `--max-elements` sets it"),
+        (f"{limits.MAX_STEPS:,}", f"calls, rounds of loops and comparisons, and {limits.STEPS_OF_ELEMENT} more for each element"),
+        (f"{limits.MAX_LIST:,}", "items of a list or range"),
+        (f"{limits.MAX_TEXT:,}", "characters of a string"),
+        (f"{limits.MAX_TERMS:,}", "operations of a formula"),
+        (f"{limits.MAX_CALLS:,}", "nested calls"),
+        (f"{limits.MAX_FILES:,}", "files used"),
+    ]
+    text = "A scene has at most these. An element takes up to 1 kB of memory while the scene is compiled, and 0.3 kB after that.\n"
+    return f"## Limits\n\n{text}\n" + _table(("at most", ""), rows)
 
 
 # --- elements -------------------------------------------------------------------------------------------------------
@@ -113,8 +127,8 @@ def _row(arg: Arg) -> tuple[str, ...]:
 
 def _limits(arg: Arg) -> str:
     """The allowed range, such as ` ≥ 0`."""
-    limits = [(" >", arg.above), (" ≥", arg.minimum), (" ≤", arg.maximum), (" <", arg.below)]
-    return ",".join(f"{sign} {_number(value, arg.type)}" for sign, value in limits if value is not None)
+    bounds = [(" >", arg.above), (" ≥", arg.minimum), (" ≤", arg.maximum), (" <", arg.below)]
+    return ",".join(f"{sign} {_number(value, arg.type)}" for sign, value in bounds if value is not None)
 
 
 def _default(arg: Arg) -> str:

@@ -284,10 +284,14 @@ def _binary(node: ast.Binary, names: Names | None) -> Code:
 
     def multiply(scope: Scope) -> Value:
         a, b = left(scope), right(scope)
-        if type(a) is float:
-            result = a * b if type(b) is float else a * b.value if type(b) is units.Quantity else math.inf
+        if type(a) is float and type(b) is float:
+            result = a * b
             if result - result == 0.0:
-                return result if type(b) is float else units.Quantity(result, b.dimension)
+                return result
+        elif type(a) is float and type(b) is units.Quantity:
+            result = a * b.value
+            if result - result == 0.0:
+                return units.Quantity(result, b.dimension)
         return apply(a, b, scope)
 
     if node.op == "/":

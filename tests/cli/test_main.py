@@ -312,10 +312,27 @@ def test_photometric_scenes_are_metered(scene: Path) -> None:
     assert run("compare", "a.png", "fixed.png", "--threshold", "0")[0] == 0
 
 
+def test_the_limit_on_elements_is_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("a.scene").write_text("for (k in 1..20) { sphere(center: [k, 0, 0]) }\n", encoding="utf-8")
+    Path("a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", encoding="utf-8")
+    assert run("check", "a.scene", "--max-elements", "20")[0] == 0
+    code, _, err = run("check", "a.scene", "--max-elements", "19")
+    assert code == 1
+    assert err.startswith("a.scene:1:11: error: the scene makes more than 19 elements, most of them in this loop\n")
+    code, _, err = run("check", "a.obj", "--max-elements", "19")
+    assert code == 1
+    assert "error: only .scene files make elements" in err
+
+
 def test_stats(scene: Path) -> None:
     assert run("render", scene, "--stats", "stats.json", "--samples", "2")[0] == 0
     stats = json.loads(Path("stats.json").read_text(encoding="utf-8"))
-    assert list(stats) == ["scene", "backend", "size", "samples", "seconds", "rays", "error", "cut", "plan", "warnings"]
+    assert list(stats) == [
+        "scene", "backend", "size", "samples", "seconds", "instances", "rays", "memory", "error", "cut", "plan", "warnings",
+    ]  # fmt: skip
+    assert stats["instances"] == 2
+    assert 10**7 < stats["memory"] < 10**11
     assert list(stats["seconds"]) == ["import", "parse", "evaluate", "lower", "validate", "compile_kernels", "build", "render", "write"]
     assert (stats["scene"], stats["backend"], stats["size"], stats["samples"]) == ("a.scene", "ray", [32, 24], 2)
     assert [stage for stage, took in stats["seconds"].items() if took <= 0 and stage != "compile_kernels"] == []  # may be in memory

@@ -26,6 +26,7 @@ from ..lang.diagnostics import Diagnostic, Diagnostics, SceneError, Span
 from ..lang.schema.elements import MAX_BOUNCES
 from . import option_types as values
 from . import terminal
+from .memory import peak_memory
 from .progress import Display
 
 if TYPE_CHECKING:
@@ -438,15 +439,6 @@ def bounce_limit_notes(cut: Cut | None, scene: ir.Scene, plan: Plan) -> list[Dia
     enough = cut.enough or MAX_BOUNCES
     hint = f"render(bounces: {enough}) or --bounces {enough} leaves out less" + ("" if cut.enough else "; here light does not fade")
     return [Diagnostic("warning" if plan["error"] else "note", message, scene.spans.at("settings", 0), hint)]
-
-
-def peak_memory() -> int | None:
-    """Largest resident memory of this process so far, in bytes; None where the system does not tell."""
-    try:
-        import resource
-    except ImportError:  # Windows
-        return None
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
 
 def unproved_warnings(rays: int) -> list[Diagnostic]:

@@ -102,6 +102,8 @@ def _trace_packet(packet, memory, n, hits):
     vectors = (n + VECTOR - 1) // VECTOR
     hull_vectors(packet, vectors)
     groups = (n + GROUP - 1) // GROUP
+    for vector in range(vectors, groups * (GROUP // VECTOR)):
+        packet.alive[vector] = 0  # its box is of an earlier packet
     packet.ends[2] = groups
     slab = _round_up(length / SLABS)
     reach = numbers[0, 13] + length

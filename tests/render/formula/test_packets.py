@@ -167,3 +167,26 @@ def test_packets_on_narrower_machines(isa):
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", __file__]
     done = subprocess.run(command, env={**os.environ, "MAQUETTE_SIMD": isa}, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.parametrize("name", ["heart", "teeth", "blend"])
+def test_a_packet_does_not_depend_on_the_packet_before(tmp_path, name):
+    """A thread's memory is used again; packets of an adaptive picture have any number of rays."""
+    trees = ray_queries.build(scene_of(tmp_path, SURFACES[name]).tables, closed=False)
+    tape_jit.finish()
+    rng = np.random.default_rng(4)
+
+    def hits_of(packet: Handle, o: np.ndarray, d: np.ndarray) -> packets.HitColumns:
+        out = no_hits(len(o))
+        packets.trace(packet, packet_state.ray_columns(o, d, 0.0, np.inf), 0, len(o), np.eye(4)[:3], out)
+        return out
+
+    used = Handle(packet_state.allocate(trees.tables.forms, 0))
+    for turn in range(24):
+        o, d = picture(tuple(2.5 * rng.normal(size=3)), half=0.02 + 0.3 * rng.random())
+        if turn % 2:
+            some = np.sort(rng.choice(len(o), rng.integers(20, 3000), replace=False))
+            o, d = o[some], d[some] + 0.1 * rng.normal(size=3)
+        fresh = hits_of(Handle(packet_state.allocate(trees.tables.forms, 0)), o, d)
+        for one, other in zip(hits_of(used, o, d)[:5], fresh[:5], strict=True):
+            assert np.array_equal(one, other)

@@ -110,7 +110,7 @@ def tubes(strands: Strands, uvs: np.ndarray | None = None, colors: np.ndarray | 
 def ribbons(strands: Strands, facing: F64, uvs: np.ndarray | None = None, colors: np.ndarray | None = None) -> PolyMesh:
     """Flat ribbons whose normals are those of `facing` (m, 3), made perpendicular to the curve."""
     along, way = tangents(strands)
-    side = _unit(np.cross(facing, along)) * (strands.radii * (1.0 + np.linalg.norm(way, axis=1)))[:, None]
+    side: F64 = _unit(np.cross(facing, along)) * (strands.radii * (1.0 + np.linalg.norm(way, axis=1)))[:, None]
     points = np.stack([strands.points - side, strands.points + side], axis=1).reshape(-1, 3)
     a, b = (2 * rows for rows in _segments(strands))
     quads = np.stack([a, b, b + 1, a + 1], axis=1)
@@ -118,7 +118,8 @@ def ribbons(strands: Strands, facing: F64, uvs: np.ndarray | None = None, colors
     def spread(values: np.ndarray | None) -> MeshAttribute | None:
         return None if values is None else MeshAttribute(np.repeat(values, 2, axis=0).astype(np.float32))
 
-    return PolyMesh(points, np.full(len(quads), 4), quads.reshape(-1), spread(_unit(np.cross(along, side))), spread(uvs), spread(colors))
+    normals = _unit(np.asarray(np.cross(along, side), np.float64))
+    return PolyMesh(points, np.full(len(quads), 4), quads.reshape(-1), spread(normals), spread(uvs), spread(colors))
 
 
 def balls(centers: F64, radii: F64, colors: np.ndarray | None = None) -> PolyMesh:

@@ -51,7 +51,7 @@ def build(tables: ir.Tables, moves: bool = False, horizon: NDArray[np.float64] |
     """
     rows: list[dict[str, Any]] = []
     sky = environment_map.build(tables, 0, horizon, general)
-    if environment_map.row_of(sky) >= 0:
+    if isinstance(sky, environment_map.SkyMap) and sky.row >= 0:
         rows.append(_row(kind=DOME, color=np.full(3, sky.power), light=int(np.flatnonzero(tables.lights.kind == ir.LightKind.DOME)[0]),
                          weighed=True))  # fmt: skip
     instances = tables.instances

@@ -76,7 +76,9 @@ _made: dict[int, tuple[Any, Pyramids]] = {}  # by id of the source images, while
 def without_filter(tables: ir.Tables) -> ir.Tables:
     """Tables for kernels that can filter textures, with every filter off and no mip levels."""
     images = tables.images
-    first, width, height = (np.repeat(each[:, None], LEVELS, axis=1) for each in (images.first, images.width, images.height))
+    levels = (len(images.width), LEVELS)
+    first = np.repeat(images.first, LEVELS).reshape(levels)
+    width, height = np.repeat(images.width, LEVELS).reshape(levels), np.repeat(images.height, LEVELS).reshape(levels)
     nowhere = Eye(np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), True, 1.0)
     parts = _footprint_type(tuple(FOOTPRINT_PARTS))._make([0] * len(FOOTPRINT_PARTS))
     return tables._replace(images=Pyramids(*images, np.ones(len(images.width), np.int32), first, width, height, nowhere, parts))

@@ -36,7 +36,8 @@ def test_general_kernels_draw_the_same_picture(monkeypatch: pytest.MonkeyPatch, 
     for kind in ("special", "general"):
         monkeypatch.setenv(kernel_choice.VARIABLE, kind)
         found.append(draw(path, backend=backend))
-    assert np.array_equal(*map(np.asarray, found))
+    special, general = map(np.asarray, found)
+    assert np.array_equal(special, general)
 
 
 @pytest.fixture

@@ -146,7 +146,7 @@ class Lowering:
 
     def _light(self, element: Element, block: Frame) -> None:
         self.placements.flush()
-        if isinstance(block, np.ndarray) and transforms.inverse(block) is None:
+        if isinstance(block, np.ndarray) and transforms.inverse(np.asarray(block)) is None:
             self.warn(element, "the block around this light flattens it to nothing: it is left out", "a scale must not be 0")
         else:
             lights.light(self, element, matrix(block))

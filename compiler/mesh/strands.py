@@ -110,7 +110,7 @@ def tubes(strands: Strands, uvs: np.ndarray | None = None, colors: np.ndarray | 
 def ribbons(strands: Strands, facing: F64, uvs: np.ndarray | None = None, colors: np.ndarray | None = None) -> PolyMesh:
     """Flat ribbons whose normals are those of `facing` (m, 3), made perpendicular to the curve."""
     along, way = tangents(strands)
-    side: F64 = _unit(np.cross(facing, along)) * (strands.radii * (1.0 + np.linalg.norm(way, axis=1)))[:, None]
+    side = _unit(np.asarray(np.cross(facing, along), np.float64)) * (strands.radii * (1.0 + np.linalg.norm(way, axis=1)))[:, None]
     points = np.stack([strands.points - side, strands.points + side], axis=1).reshape(-1, 3)
     a, b = (2 * rows for rows in _segments(strands))
     quads = np.stack([a, b, b + 1, a + 1], axis=1)

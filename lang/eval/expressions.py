@@ -291,7 +291,7 @@ def _binary(node: ast.Binary, names: Names | None) -> Code:
         elif type(a) is float and type(b) is units.Quantity:
             result = a * b.value
             if result - result == 0.0:
-                return units.Quantity(result, b.dimension)
+                return units.Quantity(result, b.dimension)  # pyright: ignore[reportAttributeAccessIssue]
         return apply(a, b, scope)
 
     if node.op == "/":

@@ -53,6 +53,9 @@ class Renderer:
             if part.round is not None:
                 part.refresh(samples)
 
+    def continue_from(self, other: Any) -> None:
+        """Do nothing: the renderer of each group changes kernels by itself."""
+
     def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
         """Add samples to the film and to each group's sums."""
         window = slice(tile.y0 - self.y0, tile.y1 - self.y0), slice(tile.x0 - self.x0, tile.x1 - self.x0)

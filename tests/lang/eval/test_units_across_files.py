@@ -111,7 +111,8 @@ def arguments(parameters: tuple[ast.Parameter, ...], numbers: list[float], unit:
     return ", ".join(given)
 
 
-NOT_PLACED = "std/prelude std/materials std/patterns metres direction face bezier_at stretch spline_at clamped".split()
+PLACED_BY = {"std/profiles": "extrude({}, 1m)"}
+NOT_PLACED = "std/prelude std/materials std/patterns metres direction face bezier_at stretch spline_at clamped side corner".split()
 
 
 def placing() -> list[tuple[str, str, tuple[ast.Parameter, ...]]]:
@@ -153,7 +154,7 @@ def test_a_part_of_the_library_means_the_same_in_every_unit(path: str, name: str
     numbers = sorted(np.random.default_rng(seed).uniform(2.0, 3.0, 7).tolist(), reverse=True)
     shelf, documents = path.removeprefix("std/"), []
     for unit, size in UNITS.items():
-        call = f"{shelf}.{name}({arguments(parameters, numbers, size)})"
+        call = PLACED_BY.get(path, "{}").format(f"{shelf}.{name}({arguments(parameters, numbers, size)})")
         documents.append(good(f'unit {unit}\nuse "{path}"\n{call}', LIBRARY))
     first = documents[0]
     for other in documents[1:]:

@@ -66,8 +66,11 @@ def run_later(key: str, function: Any, *arguments: Any) -> Callable[[], bool]:
     """Call a function that compiles kernels in a process of low priority, once for each key; return whether it is still to end.
 
     The arguments are numbers, strings and lists of them. Of several calls, one runs at a time and the latest waits for it. The process
-    does not end with this one: its kernels serve later pictures. It does nothing where another such process of the user is at work.
+    does not end with this one: its kernels serve later pictures. Nothing is done where the cache is not writable, or while another such
+    process of the user is at work.
     """
+    if not os.access(kernel_cache.CACHE, os.W_OK):
+        return lambda: False
     with _lock:
         if key not in _later.known:
             _later.known.add(key)

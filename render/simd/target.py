@@ -103,10 +103,10 @@ WIDTH64 = max(1, BYTES[ISA] // 8)
 
 
 def check_host() -> None:
-    """Raise RuntimeError if this machine does not run the code of the level."""
+    """Raise SettingError if this machine does not run the code of the level."""
     best = highest(HOST)
     if BYTES[_CODE] > BYTES[best]:
-        raise RuntimeError(f"MAQUETTE_SIMD={ISA} is more than this machine has ({best})")
+        raise SettingError(f"MAQUETTE_SIMD={ISA} is more than this machine has ({best})")
 
 
 def fingerprint() -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from maquette.compiler.io.environment import SettingError
 from maquette.render import simd
 from maquette.render.jit import loader
 from maquette.render.jit.kernel import kernel
@@ -125,7 +126,7 @@ def test_an_unsupported_instruction_set_is_rejected(script, tmp_path):
 def test_code_of_a_higher_level_is_compiled_but_not_loaded(monkeypatch):
     monkeypatch.setattr(target, "HOST", {})
     monkeypatch.setattr(target, "ISA", "avx2")
-    with pytest.raises(RuntimeError, match=re.escape("MAQUETTE_SIMD=avx2 is more than this machine has (sse)")):
+    with pytest.raises(SettingError, match=re.escape("MAQUETTE_SIMD=avx2 is more than this machine has (sse)")):
         loader.load_object(b"")
 
 

@@ -59,7 +59,7 @@ MAY_IMPORT = {
     "render.accel.formula_packets": "render.light render.accel",
     "render.integrator": "render.material render.accel.formula_packets",
     "render.film": "render.material",
-    "render.tessellation": "compiler.mesh compiler.exporters render.accel",
+    "render.tessellation": "compiler.mesh compiler.exporters render.image render.accel",
     "render.raster": "render.integrator render.tessellation",
     "render.backends": "render.film render.raster",
     "render.quality_settings": "compiler.plan",

@@ -16,6 +16,13 @@ PRINTED = (".stl", ".3mf")  # formats in millimetres with z up, as 3D printing p
 _MM = 1000.0
 
 
+class Material(NamedTuple):
+    """What a file tells of a material."""
+
+    name: str
+    color: tuple[float, ...]  # sRGB, 0 to 1
+
+
 class Part(NamedTuple):
     """One object in world space: metres, counter-clockwise from outside."""
 
@@ -24,6 +31,8 @@ class Part(NamedTuple):
     triangles: NDArray[np.int64]  # (m, 3)
     deviation: float  # largest distance of its triangles from the true surface, in metres
     open_edges: int  # edges with a triangle on one side only
+    materials: tuple[Material, ...] = ()
+    material: NDArray[np.int64] | None = None  # (m,) of each triangle, in `materials`
 
 
 MIN_SEPARATION = 2.0**-20  # of the largest coordinate: least distance by which touching edges are separated
@@ -135,13 +144,20 @@ def _ply(parts: Sequence[Part]) -> bytes:
 
 
 def _3mf(parts: Sequence[Part]) -> bytes:
-    """3MF core: a zip archive with an XML model, one object for each part."""
-    objects, items = [], []
-    for number, part in enumerate(parts, 1):
+    """3MF core: a zip archive with an XML model, one object for each part; triangles have materials where a part has several."""
+    known = list(dict.fromkeys(material for part in parts for material in part.materials))
+    bases = "".join(f'<base name={quoteattr(m.name)} displaycolor="{_hex(m.color)}"/>' for m in known)
+    objects, items = [f'<basematerials id="1">{bases}</basematerials>'] if known else [], []
+    for number, part in enumerate(parts, 2):
         vertices = "".join(f'<vertex x="{x:.12g}" y="{y:.12g}" z="{z:.12g}"/>' for x, y, z in part.positions.tolist())
-        triangles = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in part.triangles.tolist())
+        rows = [known.index(material) for material in part.materials]
+        many = part.material is not None and len(rows) > 1
+        looks = [f' pid="1" p1="{rows[k]}"' for k in part.material.tolist()] if many else [""] * len(part.triangles)
+        corners = zip(part.triangles.tolist(), looks, strict=True)
+        triangles = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"{look}/>' for (a, b, c), look in corners)
         mesh = f"<mesh><vertices>{vertices}</vertices><triangles>{triangles}</triangles></mesh>"
-        objects.append(f'<object id="{number}" type="model" name={quoteattr(part.name)}>{mesh}</object>')
+        look = f' pid="1" pindex="{rows[0]}"' if rows else ""
+        objects.append(f'<object id="{number}" type="model" name={quoteattr(part.name)}{look}>{mesh}</object>')
         items.append(f'<item objectid="{number}"/>')
     model = (
         '<?xml version="1.0" encoding="UTF-8"?>\n<model unit="millimeter" xml:lang="en-US" '
@@ -163,6 +179,10 @@ def _3mf(parts: Sequence[Part]) -> bytes:
         for name, text in (("[Content_Types].xml", types), ("_rels/.rels", relations), ("3D/3dmodel.model", model)):
             archive.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), text, zipfile.ZIP_DEFLATED)
     return out.getvalue()
+
+
+def _hex(color: Sequence[float]) -> str:
+    return "#" + "".join(f"{round(255 * min(max(part, 0.0), 1.0)):02X}" for part in color)
 
 
 WRITERS: dict[str, Callable[[Sequence[Part]], bytes]] = {".stl": _stl, ".obj": _obj, ".ply": _ply, ".3mf": _3mf}

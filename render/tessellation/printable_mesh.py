@@ -15,6 +15,7 @@ from ...compiler.mesh import mesh_csg
 from ...lang.diagnostics import Diagnostic
 from ..geometry.bounds import world_bounds
 from . import analytic_shapes, implicit_surfaces
+from .part_materials import material_of, triangle_materials
 
 CONTOUR_SHARE = 0.75  # of a tolerance, for the contour of an implicit surface; simplification uses the rest
 RESOLUTION = 2000  # the default tolerance is the scene's extent over this
@@ -68,11 +69,18 @@ def printable_parts(scene: ir.Scene, tolerance: float | None = None) -> tuple[li
             hint = "a smaller box as `within` has smaller cells"
             say("warning", f"{label} is sampled in cells of {thin * 1000:.3g} mm: {missing}", hint)
         if len(part.triangles):
-            made.append(part)
+            made.append(_with_materials(scene, i, part))
         if part.open_edges:
             why, hint = _why_open(tables, i, part)
             say("warning", f"{label} {why}: {part.open_edges} of its edges do not have one triangle on each side", hint)
     return made, found
+
+
+def _with_materials(scene: ir.Scene, i: int, part: Part) -> Part:
+    """The part with the materials of its triangles, in the order of their rows."""
+    rows = triangle_materials(scene.tables, i, part.positions[part.triangles].mean(axis=1))
+    used, material = np.unique(rows, return_inverse=True)
+    return part._replace(materials=tuple(material_of(scene, row) for row in used.tolist()), material=material.reshape(-1))
 
 
 def _why_open(tables: ir.Tables, i: int, part: Part) -> tuple[str, str]:

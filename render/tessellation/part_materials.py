@@ -1,0 +1,50 @@
+"""Materials of a printable mesh: which material each triangle has, and its color."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...compiler import ir
+from ...compiler.exporters.mesh_files import Material
+from ...compiler.formula import numpy_interpreter
+from ...compiler.formula.tape import load_tape
+from ..image.srgb import encode_srgb
+
+_MODEL, _SLOT = ir.MaterialModel, ir.Slot
+_COLORS = {_MODEL.METAL: _SLOT.SPECULAR, _MODEL.MIRROR: _SLOT.REFLECTION, _MODEL.GLASS: _SLOT.TRANSMISSION, _MODEL.EMISSIVE: _SLOT.EMISSION}
+"""The input that shows a material's color, where it is not DIFFUSE."""
+
+
+def triangle_materials(tables: ir.Tables, i: int, centers: NDArray[np.float64]) -> NDArray[np.int64]:
+    """(m,) rows of the materials of an instance at points (m, 3) of the world: of blends, the part with the greater weight."""
+    materials = tables.materials
+    rows = np.full(len(centers), int(tables.instances.material[i]), np.int64)
+    inverse = tables.transforms.inverse[tables.instances.transform[i]]
+    local = centers @ inverse[:, :3].T + inverse[:, 3]
+    while (blends := np.unique(rows[materials.model[rows] == _MODEL.BLEND])).size:
+        for row in blends.tolist():
+            here = np.flatnonzero(rows == row)
+            second = _weights(tables, row, local[here]) > 0.5
+            rows[here] = np.where(second, materials.second[row], materials.first[row])
+    return rows
+
+
+def _weights(tables: ir.Tables, row: int, local: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Weight of the second part of a blend at points of the instance's frame; textures other than formulas count 1."""
+    weight = np.full(len(local), float(tables.materials.values[row, _SLOT.WEIGHT, 0]))
+    texture = int(tables.materials.textures[row, _SLOT.WEIGHT])
+    if texture >= 0 and tables.textures.kind[texture] == ir.TextureKind.FORMULA:
+        value = numpy_interpreter.points(load_tape(tables, int(tables.textures.tape[texture])), *local.T)[0]
+        weight = weight * (tables.textures.gain[texture, 0] * value + tables.textures.bias[texture, 0])
+    return weight
+
+
+def material_of(scene: ir.Scene, row: int) -> Material:
+    """Name and color of a material; textures are left out."""
+    tables, names = scene.tables, scene.names.materials
+    model = _MODEL(int(tables.materials.model[row]))
+    linear = tables.materials.values[row, _COLORS.get(model, _SLOT.DIFFUSE)]
+    linear = linear / max(float(linear.max()), 1.0)  # emission may exceed 1
+    name = names[row] if row < len(names) else ""
+    return Material(name or f"material{row}", tuple(encode_srgb(linear).tolist()))

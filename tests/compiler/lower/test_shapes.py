@@ -111,7 +111,7 @@ def test_copies_share_geometry(compiled) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["revolve([[0, 0], [1, 0], [0, 1]])", 'text("a")', "heightfield([[0, 1], [1, 0]])", "curve([[0,0,0], [1,1,1]], 1)"]
+    "text", ["revolve([[0, 0], [1, 0], [0, 1]])", 'text("once")', "heightfield([[0, 1], [1, 0]])", "curve([[0,0,0], [1,1,1]], 1)"]
 )
 def test_equal_shapes_are_made_once(compiled, monkeypatch, text) -> None:
     calls = []

@@ -55,6 +55,12 @@ class Font:
         self.capital = float(capital) if capital > 0 else 0.7 * face.upem
         self.line = float(extents.ascender - extents.descender + extents.line_gap) or 1.2 * face.upem
         self._outlines: dict[int, list[F64]] = {}
+        self._draw = self._hb.DrawFuncs()
+        self._draw.set_move_to_func(_Pen.move_to)
+        self._draw.set_line_to_func(_Pen.line_to)
+        self._draw.set_quadratic_to_func(_Pen.curve_to)
+        self._draw.set_cubic_to_func(_Pen.curve_to)
+        self._draw.set_close_path_func(_Pen.close_path)
 
     def outlines(self, text: str, layout: Layout) -> tuple[list[F64], str]:
         """The polygons (n, 2) of a text, and its characters without a glyph.
@@ -92,31 +98,34 @@ class Font:
     def _contours(self, glyph: int) -> list[F64]:
         if glyph not in self._outlines:
             pen = _Pen(self.capital / FINENESS)
-            self._font.draw_glyph_with_pen(glyph, pen)
+            self._font.draw_glyph(glyph, self._draw, pen)
             self._outlines[glyph] = [np.array(contour) for contour in pen.contours if len(contour) > 2]
         return self._outlines[glyph]
 
 
 class _Pen:
-    """Collects the contours of a glyph as polygons, by the pen protocol of fontTools."""
+    """Collects the contours of a glyph as polygons. HarfBuzz calls its functions with coordinates and the pen."""
 
     def __init__(self, tolerance: float) -> None:
         self.contours: list[list[tuple[float, float]]] = []
         self._tolerance = tolerance
 
-    def moveTo(self, point: tuple[float, float]) -> None:
-        self.contours.append([point])
+    @staticmethod
+    def move_to(x: float, y: float, pen: _Pen) -> None:
+        pen.contours.append([(x, y)])
 
-    def lineTo(self, point: tuple[float, float]) -> None:
-        self.contours[-1].append(point)
+    @staticmethod
+    def line_to(x: float, y: float, pen: _Pen) -> None:
+        pen.contours[-1].append((x, y))
 
-    def curveTo(self, *points: tuple[float, float]) -> None:
-        piece = np.array([self.contours[-1][-1], *points])
-        self.contours[-1] += [(float(x), float(y)) for x, y in splines.points_after_first(piece, self._tolerance)]
+    @staticmethod
+    def curve_to(*given: Any) -> None:
+        *numbers, pen = given
+        piece = np.array([*pen.contours[-1][-1], *numbers]).reshape(-1, 2)
+        pen.contours[-1] += [(float(x), float(y)) for x, y in splines.points_after_first(piece, pen._tolerance)]
 
-    qCurveTo = curveTo
-
-    def closePath(self) -> None:
+    @staticmethod
+    def close_path(pen: _Pen) -> None:
         pass
 
 

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 import pytest
+import uharfbuzz  # noqa: F401  (before all else: loaded after some other libraries of the tests, it crashes when it draws a glyph)
 
 os.environ["MAQUETTE_PROGRESS"] = "off"  # stderr does not depend on how long kernels compile
 os.environ["MAQUETTE_KERNELS"] = "special"  # no test starts a process that compiles kernels for later

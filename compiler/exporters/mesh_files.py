@@ -151,8 +151,9 @@ def _3mf(parts: Sequence[Part]) -> bytes:
     for number, part in enumerate(parts, 2):
         vertices = "".join(f'<vertex x="{x:.12g}" y="{y:.12g}" z="{z:.12g}"/>' for x, y, z in part.positions.tolist())
         rows = [known.index(material) for material in part.materials]
-        many = part.material is not None and len(rows) > 1
-        looks = [f' pid="1" p1="{rows[k]}"' for k in part.material.tolist()] if many else [""] * len(part.triangles)
+        looks = [""] * len(part.triangles)
+        if part.material is not None and len(rows) > 1:
+            looks = [f' pid="1" p1="{rows[k]}"' for k in part.material.tolist()]
         corners = zip(part.triangles.tolist(), looks, strict=True)
         triangles = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"{look}/>' for (a, b, c), look in corners)
         mesh = f"<mesh><vertices>{vertices}</vertices><triangles>{triangles}</triangles></mesh>"

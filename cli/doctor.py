@@ -1,4 +1,4 @@
-"""The command `doctor`: what this installation renders with, and what it lacks."""
+"""The command `doctor`: checks the installation, and prints versions, caches and missing packages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What this installation renders with, and what it lacks."""
+"""Checks of the installation: versions, instruction set, caches, prebuilt kernels, missing packages."""
 
 from __future__ import annotations
 

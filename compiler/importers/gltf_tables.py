@@ -1,4 +1,4 @@
-"""Tables of glTF: extensions and properties, and what is drawn of each; reports everything else in a document.
+"""Extensions and properties of glTF, each drawn, without effect or not drawn. Reports the unknown names of a document.
 
 Format: glTF 2.0 (Khronos, ISO/IEC 12113:2022) and the extensions of github.com/KhronosGroup/glTF/tree/main/extensions/2.0.
 """

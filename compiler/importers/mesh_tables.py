@@ -1,4 +1,4 @@
-"""Tables of OBJ, MTL, PLY, STL and OFF: statements, options and properties, and what is drawn of each.
+"""Statements, options and properties of OBJ, MTL, PLY, STL and OFF, each drawn, without effect or not drawn.
 
 Formats: Wavefront's Object Files 3.0 and MTL Material Format (Ramey, Rose, Tyerman 1995), Turk's PLY (1994).
 """

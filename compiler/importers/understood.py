@@ -1,4 +1,4 @@
-"""Tables of the names that a file format defines: what is drawn, what has no effect on a picture, and what is not drawn.
+"""Name tables of file formats: each name is drawn, has no effect on a picture, or is not drawn.
 
 A reader looks up every name that it meets. `docs/usd.md`, `docs/gltf.md` and `docs/meshes.md` are generated from these tables.
 """

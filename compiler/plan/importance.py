@@ -1,4 +1,4 @@
-"""The decisions that matter most for a scene: they determine what its picture shows, and what it costs."""
+"""Orders the decisions of a plan by their effect on the picture and on its cost."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Compiles kernels with Numba: registers what was recorded, links helpers, adds the entry function, emits object code.
+"""Compiles kernels with Numba: registers recorded overloads, links helpers, adds the entry function, emits object code.
 
 Only a process that compiles imports this module.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
+from operator import attrgetter
 from typing import Any
 
 import numba
@@ -132,5 +133,6 @@ def _lower(function: Callable[..., Any], kinds: tuple[ValueType, ...]) -> tuple[
     dispatcher: Any = njit(**_FLAGS, pipeline_class=lto.Kernel)(function)
     made = dispatcher._compiler.compile(tuple(map(numba_types.to_numba, kinds)), None)
     result = numba_types.from_numba(made.signature.return_type)
-    numba_types.add_entry(cpu_target.target_context, made.library, made.fndesc, kinds, result)
-    return made.library, made.fndesc, result
+    code, descriptor = attrgetter("library", "fndesc")(made)
+    numba_types.add_entry(cpu_target.target_context, code, descriptor, kinds, result)
+    return code, descriptor, result

@@ -1,4 +1,4 @@
-"""Tables of USD: prim types, applied API schemas, properties and shaders, and what is drawn of each.
+"""Prim types, applied API schemas, properties and shaders of USD, each drawn, without effect or not drawn.
 
 Schemas: OpenUSD 26.11. `tests/compiler/importers/usd/test_tables.py` compares the tables with usd-core's schema registry.
 """

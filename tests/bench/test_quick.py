@@ -19,6 +19,7 @@ PEERS = {
     "formulas": {"fidget-once": ("fidget jit", "fidget vm")},
     "edits": {},
     "threads": {},
+    "procedural": {},
     "start": {"povray": ("POV-Ray",), "mitsuba": ("Mitsuba llvm",)},
 }
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +18,11 @@ from ...lang.elements import Quaternion
 from .. import ir
 from ..io.sandbox import Files
 from ..mesh import polygon_mesh
+from ..mesh.polygon_mesh import PolyMesh
 from ..scene import transforms
 from ..scene.builder import SceneBuilder
 from ..scene.row_records import WHITE, CameraData, LightData, MeshAttribute, as_color, nonnegative, scale_color
-from . import gltf_animation, gltf_materials, gltf_tables
+from . import gltf_animation, gltf_materials, gltf_tables, uv_sets, vertex_numbers
 from .gltf_container import Container, GltfError, open_container
 from .mesh_parts import Part, add
 
@@ -138,19 +139,20 @@ class _Reader:
         key = (index, weights, None if skin is None else skin.joints.tobytes())
         if key not in self.meshes:
             made = [self.primitive(p, mesh.get("name") or f"mesh {index}", weights, skin) for p in mesh["primitives"]]
-            self.meshes[key] = [p for p in made if p is not None]
+            self.meshes[key] = [part for parts in made for part in parts]
         return self.meshes[key]
 
-    def primitive(self, primitive: dict[str, Any], name: str, weights: tuple[float, ...], skin: gltf_animation.Skin | None) -> Part | None:
-        """One triangle primitive (§3.7.2): positions, normals, one set of texture coordinates, colours; morphed and skinned."""
+    def primitive(self, primitive: dict[str, Any], name: str, weights: tuple[float, ...], skin: gltf_animation.Skin | None) -> list[Part]:
+        """One triangle primitive (§3.7.2), morphed and skinned; several parts if its pictures read several sets of texture coordinates."""
         mode = primitive.get("mode", TRIANGLES)
         if mode not in (TRIANGLES, STRIP, FAN):
             self.warn("points and lines are not drawn")
-            return None
+            return []
         if any(e in primitive.get("extensions", {}) for e in _COMPRESSED):
-            return None
+            return []
         material = primitive.get("material")
-        uv_name = f"TEXCOORD_{0 if material is None else self.materials.uv_set(material)}"
+        sets = [] if material is None else self.materials.uv_sets(material)
+        uv_name = f"TEXCOORD_{sets[0] if sets else 0}"
         attributes = primitive["attributes"]
         accessor = self.container.accessor
         points = gltf_animation.morphed(self.container, primitive, "POSITION", weights).astype(np.float64)
@@ -164,18 +166,54 @@ class _Reader:
         if "NORMAL" in attributes:
             given["NORMAL"] = gltf_animation.morphed(self.container, primitive, "NORMAL", weights)[: len(points)]
         uvs, colors = given.get(uv_name), given.get("COLOR_0")
-        if colors is not None and colors.shape[1] > 3 and (colors[:, 3] < 1).any():
-            self.warn("the opacity of vertex colours is not drawn")
-        mesh = polygon_mesh.PolyMesh(
+        mesh = PolyMesh(
             points, np.full(len(triangles), 3), triangles.reshape(-1),
             MeshAttribute(given["NORMAL"]) if "NORMAL" in given else None,
-            None if uvs is None else MeshAttribute(np.stack([uvs[:, 0], 1.0 - uvs[:, 1]], axis=1)),  # glTF's v points down
+            None if uvs is None else MeshAttribute(_upward(uvs)),
             MeshAttribute(colors[:, :3]) if colors is not None else None,
         )  # fmt: skip
         if skin is not None:
             mesh = skin.deform(mesh, self.container, attributes, self.warn)
-        row = None if material is None else self.materials.row(material)
-        return add(mesh, row, name, self.builder, self.diagnostics, Span(self.name))
+        if material is None:
+            made = [add(mesh, None, name, self.builder, self.diagnostics, Span(self.name))]
+        else:
+            mesh, fit = self.faded(mesh, material, colors, bool(sets))
+            made = [
+                add(part, self.materials.row(material, fit), name, self.builder, self.diagnostics, Span(self.name))
+                for part, fit in self.mapped(mesh, sets, attributes, fit)
+            ]
+        return [part for part in made if part is not None]
+
+    def faded(self, mesh: PolyMesh, material: int, colors: np.ndarray | None, mapped: bool) -> tuple[PolyMesh, gltf_materials.Fit]:
+        """A mesh with the opacity of its vertex colours, as a factor or as its u; its mean if pictures use u."""
+        if colors is None or colors.shape[1] < 4 or not self.materials.is_see_through(material):
+            return mesh, gltf_materials.Fit()
+        alpha = colors[:, 3]
+        if np.ptp(alpha) < 1e-4:
+            return mesh, gltf_materials.Fit(alpha=float(alpha[0]))
+        if mapped:
+            self.warn("the opacity of vertex colours is drawn as its mean on meshes with pictures")
+            return mesh, gltf_materials.Fit(alpha=float(np.clip(alpha.mean(), 0.0, 1.0)))
+        return replace(mesh, uvs=vertex_numbers.coordinates(MeshAttribute(alpha))), gltf_materials.Fit(ramp=True)
+
+    def mapped(
+        self, mesh: PolyMesh, sets: list[int], attributes: dict[str, int], fit: gltf_materials.Fit
+    ) -> Iterator[tuple[PolyMesh, gltf_materials.Fit]]:
+        """The parts of a mesh whose pictures read several sets of texture coordinates."""
+        others = [s for s in sets[1:] if f"TEXCOORD_{s}" in attributes]
+        if not others or mesh.uvs is None:
+            yield mesh, fit
+            return
+        corners = np.asarray(mesh.indices)
+        columns = [_upward(self.container.accessor(attributes[f"TEXCOORD_{s}"])) for s in others]
+        given = [np.nan_to_num(column[corners].astype(np.float64)) for column in (mesh.uvs.values, *columns)]
+        groups = uv_sets.split(given[0], np.concatenate(given[1:], axis=1), np.asarray(mesh.counts))
+        if groups is None:
+            yield mesh, replace(fit, maps=dict.fromkeys(others))
+            return
+        for faces, maps in groups:
+            part = mesh if len(groups) == 1 else polygon_mesh.subset(mesh, faces)
+            yield part, replace(fit, maps=dict(zip(others, maps, strict=True)))
 
     # --- lights and cameras ---
 
@@ -232,6 +270,11 @@ def _local(node: dict[str, Any]) -> np.ndarray:
         return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
     rotation = Quaternion(*map(float, node["rotation"])) if any(node.get("rotation") or ()) else None
     return transforms.place(node.get("translation"), rotation, node.get("scale"))
+
+
+def _upward(uvs: np.ndarray) -> np.ndarray:
+    """Texture coordinates (n, 2) with v up; glTF's points down."""
+    return np.stack([uvs[:, 0], 1.0 - uvs[:, 1]], axis=1)
 
 
 def _triangles(order: np.ndarray, mode: int) -> np.ndarray:

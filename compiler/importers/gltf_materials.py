@@ -17,13 +17,23 @@ from ..io.sandbox import FileError
 from ..scene import metallic_roughness
 from ..scene.builder import NONE, SceneBuilder
 from ..scene.row_records import BLACK, WHITE, Input, MaterialData, TextureData, scale_color
-from . import images
+from . import images, uv_sets, vertex_numbers
 from .gltf_container import Container, GltfError, Warn
 
 _WRAPS = {33071: ir.Wrap.CLAMP, 33648: ir.Wrap.MIRROR, 10497: ir.Wrap.REPEAT}
 _DATA = -2  # all channels of an image, as data
 _LEAST_CUTOFF = 1e-9  # least alphaCutoff: a mask with cutoff 0 is opaque everywhere
+_COLORS = ("baseColorTexture", "diffuseTexture")
 _GLASS_TRANSMISSION = 0.5  # transmission from which a material becomes glass
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """How a part of a mesh uses its material."""
+
+    maps: dict[int, np.ndarray | None] = field(default_factory=dict)  # (3, 3) from the part's coordinates to another set; None: unknown
+    alpha: float = 1.0  # factor of the opacity
+    ramp: bool = False  # whether u is a factor of the opacity
 
 
 @dataclass(slots=True)
@@ -34,21 +44,27 @@ class Materials:
     name: str
     builder: SceneBuilder
     warn: Warn
-    _rows: dict[int, int] = field(default_factory=dict)
+    _rows: dict[Any, int] = field(default_factory=dict)
+    _fit: Fit = field(default_factory=lambda: Fit())  # of the row that is being made
 
-    def row(self, index: int) -> int:
-        """The builder's row of a material."""
-        if index not in self._rows:
+    def row(self, index: int, fit: Fit | None = None) -> int:
+        """The builder's row of a material for a part."""
+        self._fit = fit or Fit()
+        key = (index, self._fit.alpha, self._fit.ramp, *((k, m if m is None else m.tobytes()) for k, m in self._fit.maps.items()))
+        if key not in self._rows:
             written = self.container.document["materials"][index]
-            self._rows[index] = self.builder.material(self._material(written), Span(self.name))
-        return self._rows[index]
+            self._rows[key] = self.builder.material(self._material(written), Span(self.name))
+        return self._rows[key]
 
-    def uv_set(self, index: int) -> int:
-        """The set of texture coordinates of a material's textures. Where they differ: the first, with a warning."""
-        used = {_uv_set(reference) for reference in _references(self.container.document["materials"][index])}
-        if len(used) > 1:
-            self.warn("pictures of one material with different sets of texture coordinates all use the first set")
-        return used.pop() if len(used) == 1 else 0
+    def uv_sets(self, index: int) -> list[int]:
+        """The sets of texture coordinates that a material's pictures read: that of its base colour, if any, first; occlusion last."""
+        found = _references(self.container.document["materials"][index])
+        found.sort(key=lambda item: (item[0] not in _COLORS, item[0] == "occlusionTexture"))
+        return list(dict.fromkeys(_uv_set(reference) for _, reference in found))
+
+    def is_see_through(self, index: int) -> bool:
+        """Whether alpha counts: the material's mode is BLEND or MASK."""
+        return self.container.document["materials"][index].get("alphaMode", "OPAQUE") in ("BLEND", "MASK")
 
     def _material(self, written: dict[str, Any]) -> MaterialData:
         extensions = written.get("extensions", {})
@@ -110,8 +126,10 @@ class Materials:
         """Base colour, metallic, roughness, emission and, for BLEND and MASK, opacity (§3.9)."""
         pbr = written.get("pbrMetallicRoughness", {})
         packed, mode = pbr.get("metallicRoughnessTexture"), written.get("alphaMode", "OPAQUE")
-        whole = mode == "OPAQUE" or (mode == "BLEND" and base.texture == NONE)
-        holes = None if whole else Input.number(alpha, self.builder.alpha_of(base.texture))
+        alpha *= self._fit.alpha
+        through = vertex_numbers.texture(self.builder, Span(self.name)) if self._fit.ramp else self.builder.alpha_of(base.texture)
+        whole = mode == "OPAQUE" or (mode == "BLEND" and through == NONE)
+        holes = None if whole else Input.number(alpha, through)
         strength = float(extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0))
         r, g, b = written.get("emissiveFactor", (0.0, 0.0, 0.0))
         coat = extensions.get("KHR_materials_clearcoat", {})
@@ -121,8 +139,10 @@ class Materials:
             Input.number(float(pbr.get("roughnessFactor", 1.0)), self._texture(packed, 1)),
             Input.number(self._ior(extensions)),
             emissive=Input(scale_color((r, g, b), strength), self._texture(written.get("emissiveTexture"))),
-            coat=Input.number(float(coat.get("clearcoatFactor", 0.0))),
-            coat_roughness=Input.number(float(coat.get("clearcoatRoughnessFactor", 0.0))),
+            coat=Input.number(float(coat.get("clearcoatFactor", 0.0)), self._texture(coat.get("clearcoatTexture"), 0)),
+            coat_roughness=Input.number(
+                float(coat.get("clearcoatRoughnessFactor", 0.0)), self._texture(coat.get("clearcoatRoughnessTexture"), 1)
+            ),
             occlusion=self._occlusion(written.get("occlusionTexture")),
             normal=self._normal(written.get("normalTexture")), opacity=alpha if mode == "BLEND" and holes is None else 1.0, holes=holes,
             threshold=max(float(written.get("alphaCutoff", 0.5)), _LEAST_CUTOFF) if mode == "MASK" else 0.0, name=written.get("name", ""),
@@ -148,6 +168,11 @@ class Materials:
         """The texture row of a texture reference: a colour, one `channel`, or all channels as _DATA."""
         if reference is None:
             return NONE
+        map_ = self._fit.maps.get(_uv_set(reference), uv_sets.PLAIN)
+        if map_ is None:
+            reason = f"more than {uv_sets.MOST_PARTS} affine maps lead to it from the set of the first picture"
+            self.warn(f"pictures with TEXCOORD_{_uv_set(reference)} are left out: {reason}")
+            return NONE
         texture = self.container.document["textures"][reference["index"]]
         image = self._image(texture, color=channel == -1)
         if image == NONE:
@@ -156,7 +181,7 @@ class Materials:
         wrap_u, wrap_v = (_WRAPS.get(sampler.get(k, 10497), ir.Wrap.REPEAT) for k in ("wrapS", "wrapT"))
         made = TextureData(
             ir.TextureKind.IMAGE, image, wrap_u=wrap_u, wrap_v=wrap_v, nearest=sampler.get("magFilter") == 9728,
-            channel=max(channel, -1), frame=_frame(_transform(reference)),
+            channel=max(channel, -1), frame=_frame(_transform(reference), map_),
         )  # fmt: skip
         return self.builder.texture(made, Span(self.name))
 
@@ -179,12 +204,12 @@ class Materials:
         return NONE
 
 
-def _references(material: dict[str, Any]) -> list[dict[str, Any]]:
-    """Texture references of a material and its extensions."""
+def _references(material: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
+    """(name, texture reference) of the pictures of a material and its extensions."""
     found = []
     for key, value in material.items():
         if isinstance(value, dict):
-            found += [value] if key.endswith("Texture") and "index" in value else _references(value)
+            found += [(key, value)] if key.endswith("Texture") and "index" in value else _references(value)
     return found
 
 
@@ -197,11 +222,11 @@ def _uv_set(reference: dict[str, Any]) -> int:
     return int(_transform(reference).get("texCoord", reference.get("texCoord", 0)))
 
 
-def _frame(moved: dict[str, Any]) -> Any:
-    """KHR_texture_transform, uv' = T · R · S · uv with v down, as a frame for v up."""
+def _frame(moved: dict[str, Any], map_: np.ndarray) -> Any:
+    """KHR_texture_transform, uv' = T · R · S · uv with v down, as a frame for v up, after the map (3, 3) to the picture's set."""
     (ox, oy), angle, (sx, sy) = moved.get("offset", (0.0, 0.0)), moved.get("rotation", 0.0), moved.get("scale", (1.0, 1.0))
     c, s = float(np.cos(angle)), float(np.sin(angle))
     down = np.array([[c * sx, s * sy, ox], [-s * sx, c * sy, oy], [0, 0, 1]])
     turn = np.array([[1.0, 0, 0], [0, -1, 1], [0, 0, 1]])
-    up = turn @ down @ turn
+    up = turn @ down @ turn @ map_
     return tuple(map(tuple, (up[:2] + 0.0).tolist()))

@@ -10,8 +10,7 @@ from maquette.compiler.plan import transport_rules
 from maquette.compiler.plan.plan import PlanError
 
 from . import scenes
-from .test_agreement import _interior, _relative, _show
-from .views import rgb
+from .views import interior, relative, rgb, show
 
 pytestmark = pytest.mark.usefixtures("files")
 TRACE = {"raster.secondary_rays": "trace"}
@@ -25,9 +24,9 @@ def test_traced_rays_find_what_the_ray_backend_finds(draw_on, name):
     a = draw_on("raster", scenes.RAYS[name], TRACE, aov=("id",))
     b = draw_on("ray", scenes.RAYS[name], aov=("id",))
     assert a.metadata["notes"] == []
-    inside = _interior(a, b)
-    different = inside & (_relative(rgb(a), rgb(b)) > 1e-3)
-    assert different.sum() <= 5, _show(different, 5)  # a root of glass may fall to the other side of an edge seen through it
+    inside = interior(a, b)
+    different = inside & (relative(rgb(a), rgb(b)) > 1e-3)
+    assert different.sum() <= 5, show(different, 5)  # a root of glass may fall to the other side of an edge seen through it
 
 
 def test_light_between_surfaces_is_traced_too(draw_on):

@@ -1,4 +1,4 @@
-"""Pixel centres, and channels of pictures as float64 arrays, for known answers."""
+"""Pixel centres, channels of pictures as float64 arrays, and pixels where pictures must agree."""
 
 from __future__ import annotations
 
@@ -37,3 +37,27 @@ def grey(image: Image) -> Array:
 def alpha(image: Image) -> Array:
     """(h, w) coverage."""
     return channel(image, "rgba")[..., 3]
+
+
+def interior(*images: Image) -> np.ndarray:
+    """(h, w) pixels whose neighbours belong to the same instance in every picture: no outline passes."""
+    h, w = images[0].height, images[0].width
+    inside = np.ones((h, w), bool)
+    for image in images:
+        ids = np.pad(image.channels["id"][..., 0], 1, mode="edge")
+        for dy in range(3):
+            for dx in range(3):
+                inside &= ids[dy : dy + h, dx : dx + w] == image.channels["id"][..., 0]
+    return inside
+
+
+def relative(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(h, w) largest difference of channels, relative to the pixel's largest value or a thousandth of the picture's."""
+    size = np.maximum(np.abs(b).max(-1), 1e-3 * np.abs(b).max())
+    return np.abs(a - b).max(-1) / np.where(size > 0, size, 1.0)
+
+
+def show(different: np.ndarray, limit: int) -> str:
+    """Message: how many pixels differ, how many may, and where the first are."""
+    where = np.argwhere(different)
+    return f"{len(where)} pixels differ, at most {limit} may: {where[:10].tolist()}"

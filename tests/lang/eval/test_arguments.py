@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from maquette.lang.elements import AxisAngle, Element, Euler, Falloff, Quaternion
-from maquette.lang.eval import coercion
 from maquette.lang.formula_graph import Formula
 from maquette.lang.schema import argument_types
 from maquette.lang.schema import elements as schema_elements
@@ -49,10 +48,18 @@ def test_an_alias_names_its_argument() -> None:
     assert sun.given == {"illuminance"}
 
 
-def test_every_type_of_the_schema_can_be_converted() -> None:
-    assert set(coercion._CONVERTERS) == set(argument_types.TYPES)
-    used = {a.type for e in schema_elements.SCHEMA.values() for a in e.args}
-    assert used <= set(argument_types.TYPES)
+@pytest.mark.parametrize("type_name", argument_types.TYPES)
+def test_every_type_of_the_schema_refuses_a_light(type_name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A light is no value of any type: each type answers with a diagnostic."""
+    entry = argument_types.Entry("probe", "shape", "for tests", (argument_types.Arg("value", type_name, argument_types.REQUIRED),))
+    monkeypatch.setitem(schema_elements.SCHEMA, "probe", entry)
+    document, found = run("probe(sun())")
+    assert not document.elements
+    assert len(found) == 1
+
+
+def test_arguments_have_types_of_the_schema() -> None:
+    assert {a.type for e in schema_elements.SCHEMA.values() for a in e.args} <= set(argument_types.TYPES)
 
 
 @pytest.fixture

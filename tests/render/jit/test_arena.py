@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import weakref
+from typing import Any
+
 import numpy as np
 import pytest
 from maquette.render.jit import arena
@@ -9,12 +12,19 @@ from maquette.render.jit import arena
 
 @pytest.fixture(autouse=True)
 def _empty_arena(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(arena, "_retained", [])
+    with monkeypatch.context() as here:
+        here.setattr(arena, "MAX_RETAINED", 0)
+        borrow(64)
 
 
 def borrow(size: int) -> int:
     with arena.arena(size) as memory:
         return memory.empty((1,), np.uint8).ctypes.data
+
+
+def watched(array: Any) -> weakref.ref[Any]:
+    """A reference to the memory of an array's block: None once it is freed."""
+    return weakref.ref(array.base)
 
 
 def test_a_block_is_reused_and_replaced_by_a_larger_one() -> None:
@@ -27,15 +37,23 @@ def test_a_block_is_reused_and_replaced_by_a_larger_one() -> None:
 
 def test_a_large_block_is_not_retained(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(arena, "MAX_RETAINED", 1 << 20)
-    borrow(1 << 21)
-    assert not arena._retained
+    with arena.arena(1 << 20) as small:
+        retained = watched(small.empty((1,), np.uint8))
+    del small
+    assert retained() is not None
+    with arena.arena(1 << 21) as large:
+        freed = watched(large.empty((1,), np.uint8))
+    del large
+    assert freed() is None
 
 
 def test_nested_arenas_have_their_own_blocks() -> None:
     with arena.arena(64) as one, arena.arena(64) as other:
         a, b = one.empty((64,), np.uint8), other.empty((64,), np.uint8)
+        blocks = watched(a), watched(b)
     assert a.ctypes.data != b.ctypes.data
-    assert len(arena._retained) == 1
+    del one, other, a, b
+    assert sum(block() is not None for block in blocks) == 1
 
 
 def test_arrays_are_consecutive_and_aligned_to_cache_lines() -> None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
+import struct
 import subprocess
 import sys
 import threading
@@ -129,10 +132,20 @@ def test_code_that_needs_unknown_symbols_counts_as_missing(tmp_path: Path, monke
 NO_TUPLE = b'{"name":"n","entry":"e","function":"f","result":["named","os","path",[],[]],"needs":[]}'
 
 
+def with_header(header: bytes) -> bytes:
+    """A file of a header, without code: a line, a digest of 16 bytes, the header's length, the header."""
+    rest = struct.pack("<I", len(header)) + header
+    return b"maquette kernel 1\n" + hashlib.blake2b(rest, digest_size=16).digest() + rest
+
+
+def test_the_format_of_a_file() -> None:
+    header = {"name": "n", "entry": "e", "function": "f", "result": CODE.result.plain, "needs": []}
+    assert kernel_file.unpacked("n", with_header(json.dumps(header).encode())) == Code("e", "f", CODE.result, (), b"")
+
+
 @pytest.mark.parametrize("header", [b"{}", b"[]", b"{", NO_TUPLE])
 def test_a_header_of_another_form_counts_as_missing(header: bytes) -> None:
-    data = kernel_file._SIZE.pack(len(header)) + header
-    assert kernel_file.unpacked("n", kernel_file._MAGIC + kernel_file._digest(data) + data) is None
+    assert kernel_file.unpacked("n", with_header(header)) is None
 
 
 def test_a_damaged_cache_is_compiled_again(tmp_path: Path) -> None:

@@ -74,40 +74,43 @@ def test_kernels_are_current_by_the_sources_in_their_names() -> None:
     assert kernel_cache.is_current(f"tape_points-{cache_key.key('render.formula.interpreter')}-8.kernel")
 
 
-def test_digests_of_modules_come_with_the_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+DIGESTS = """
+import ast
+import sys
+from pathlib import Path
+from maquette.render.jit import cache_key
+cache_key.ROOT = Path(sys.argv[1])
+cache_key.SHIPPED = cache_key.ROOT / "sources.json"
+parsed, parse = [], ast.parse
+ast.parse = lambda text: parsed.append(text) or parse(text)
+print(cache_key.version(), len(parsed), cache_key.ship())
+"""
+
+
+def test_digests_of_modules_come_with_the_package(tmp_path: Path) -> None:
     """Modules that came with the package are not parsed; changed ones are."""
-    package, module = tmp_path / "package", "render.film"
+    package = tmp_path / "package"
     (package / "render").mkdir(parents=True)
-    for name in ("compiler", "lang"):
-        (package / name).mkdir()
     (package / "render" / "film.py").write_text("LIMIT = 1\n", encoding="utf-8")
-    monkeypatch.setenv("MAQUETTE_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(cache_key, "ROOT", package)
-    monkeypatch.setattr(cache_key, "SHIPPED", package / "sources.json")
-    clear()
-    try:
-        before = cache_key.version()
-        (package / "sources.json").write_text(cache_key.ship(), encoding="utf-8")
-        shutil.rmtree(tmp_path / "cache")
-        with monkeypatch.context() as here:
-            here.setattr(cache_key, "_parse", None)
-            clear()
-            assert cache_key.version() == before
-        (package / "sources.json").write_text(json.dumps({"form": 1, "modules": {module: ["other", "digest", [], []]}}), encoding="utf-8")
-        shutil.rmtree(tmp_path / "cache")
-        clear()
-        assert cache_key.version() == before
-        (package / "render" / "film.py").write_text("LIMIT = 2\n", encoding="utf-8")
-        clear()
-        assert cache_key.version() != before
-    finally:
-        monkeypatch.undo()
-        clear()
 
+    def digests(cache: str) -> tuple[str, int, str]:
+        """The version of all modules, the number of modules parsed, and the digests to ship, by a process with a cache folder."""
+        environment = {**os.environ, "MAQUETTE_CACHE": str(tmp_path / cache)}
+        command = [sys.executable, "-c", DIGESTS, str(package)]
+        version, parsed, shipped = subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.split(" ", 2)
+        return version, int(parsed), shipped
 
-def clear() -> None:
-    for each in (cache_key.key, cache_key.version, cache_key._overloads, cache_key._sources, cache_key._is_module):
-        each.cache_clear()
+    before, parsed, shipped = digests("one")
+    assert parsed == 1
+    (package / "sources.json").write_text(shipped, encoding="utf-8")
+    assert digests("two")[:2] == (before, 0)
+    other = {"form": 1, "modules": {"render.film": ["other", "digest", [], []]}}
+    (package / "sources.json").write_text(json.dumps(other), encoding="utf-8")
+    assert digests("three")[:2] == (before, 1)
+    (package / "render" / "film.py").write_text("LIMIT = 2\n", encoding="utf-8")
+    after, parsed, _ = digests("three")
+    assert after != before
+    assert parsed == 1
 
 
 def test_kernels_call_each_other_as_those_of_the_package_do() -> None:

@@ -8,7 +8,7 @@ from maquette.compiler import ir
 from maquette.compiler.scene.builder import lambert
 from maquette.compiler.scene.row_records import CameraData, LightData, MaterialData, MeshAttribute, MeshData, Outlines
 from maquette.render.accel import intersect
-from maquette.render.backends import prepare
+from maquette.render.backends import prepare, raster
 from maquette.render.jit.packed_struct import Handle
 from maquette.render.raster import scalar_raster, view_geometry
 from maquette.render.tessellation import analytic_shapes, pixel_tolerance
@@ -84,10 +84,13 @@ def test_closed_meshes_cover_each_sample_once_a_layer(total):
     model, ranges = view_geometry.build_model(scene, view, {0: tessellation})
     made = Handle(model)
     drawn = pictures.renderer(scene, "raster", size=(48, 48), filter="box")
-    placed = drawn._rasterize(tile, 0, total, total).tables.samples
+    reach = 128 if total > 1 else 0
+    positions = Handle(scalar_raster.scratch_for(tile, total, reach, scalar_raster.workspace_for(scene)))
+    raster.place_samples(tile, drawn.prepared.frame, 0, total, positions)
+    placed = positions.tables.samples
     covered = np.zeros(len(placed.x), int)
     for triangle in range(ranges[0, 0], ranges[0].sum()):
-        scratch = scalar_raster.scratch_for(tile, total, 128 if total > 1 else 0, scalar_raster.workspace_for(scene))
+        scratch = scalar_raster.scratch_for(tile, total, reach, scalar_raster.workspace_for(scene))
         scratch.samples.x[:], scratch.samples.y[:] = placed.x, placed.y
         scalar_raster.draw_triangle(made, 0, triangle, tile, 0, Handle(scratch))
         covered += scratch.depth.instance >= 0

@@ -17,6 +17,7 @@ from ... import ir
 from ...mesh import polygon_mesh, subdivision, triangulate, vertex_normals
 from ...scene.builder import NONE, SceneBuilder
 from ...scene.row_records import MeshAttribute
+from .. import vertex_numbers
 from . import stage
 from .skeletons import Skin
 
@@ -123,11 +124,19 @@ def _colors(given: MeshAttribute | None, diagnostics: Diagnostics, span: Span) -
     return MeshAttribute(np.maximum(given.values, 0), given.interpolation)
 
 
+@dataclass(frozen=True, slots=True)
+class Reads:
+    """The primvars that a mesh takes its texture coordinates and colours from; None: none."""
+
+    uv: str | None = None
+    color: str | None = None
+    ramp: bool = False  # `uv` is a number in 0…1: it becomes u
+
+
 def mesh(
-    prim: Any, time: Any, uv_name: str | None, color_name: str | None, diagnostics: Diagnostics, span: Span, level: int = 0,
-    skin: Skin | None = None,
-) -> Faces | None:  # fmt: skip
-    """A Mesh prim as polygons counter-clockwise from outside, with the texture coordinates and colours of the named primvars.
+    prim: Any, time: Any, reads: Reads, diagnostics: Diagnostics, span: Span, level: int = 0, skin: Skin | None = None
+) -> Faces | None:
+    """A Mesh prim as polygons counter-clockwise from outside, with the texture coordinates and colours of the primvars of `reads`.
 
     Subdivision surfaces are refined `level` times; at 0 they become their control cages with smooth normals (as usdrecord at low
     complexity). Other meshes keep their normals or are flat. `skin` has deformed points. None for an empty mesh, with a warning for
@@ -147,11 +156,11 @@ def mesh(
     api = UsdGeom.PrimvarsAPI(prim)
     sound = _valid_indices(indices, points)
     given = None if subdivided else _normals(schema, api, time, len(points), counts, diagnostics, span)
-    whole = polygon_mesh.PolyMesh(
-        points, counts, indices, given,
-        primvar(api, uv_name, time, 2, len(points), counts, diagnostics, span) if uv_name else None,
-        _colors(primvar(api, color_name, time, 3, len(points), counts, diagnostics, span), diagnostics, span) if color_name else None,
-    )  # fmt: skip
+    uvs = primvar(api, reads.uv, time, 1 if reads.ramp else 2, len(points), counts, diagnostics, span) if reads.uv else None
+    if reads.ramp and uvs is not None:
+        uvs = vertex_numbers.coordinates(uvs)
+    colors = primvar(api, reads.color, time, 3, len(points), counts, diagnostics, span) if reads.color else None
+    whole = polygon_mesh.PolyMesh(points, counts, indices, given, uvs, _colors(colors, diagnostics, span))
     if skin is not None and sound.all():
         whole = skin.deform(whole)
     if schema.GetOrientationAttr().Get(time) == UsdGeom.Tokens.leftHanded:
@@ -164,7 +173,7 @@ def mesh(
         diagnostics.warning(f"{lost} of {len(counts)} faces use points that do not exist or are not finite: they are left out", span)
     holes = stage.numbers(schema.GetHoleIndicesAttr(), time, np.int64)
     holes = holes[(holes >= 0) & (holes < len(counts))]
-    varying = frozenset(kind for kind, name in (("uvs", uv_name), ("colors", color_name)) if name and _is_varying(api, name))
+    varying = frozenset(kind for kind, name in (("uvs", reads.uv), ("colors", reads.color)) if name and _is_varying(api, name))
     how = replace(_scheme(schema, time), linear=varying) if subdivided and level else None
     if how is not None and (refined := _refined(whole, drawn, how, level, diagnostics, span)) is not None:
         kept, rows = refined

@@ -21,12 +21,12 @@ from ... import ir
 from ...scene import metallic_roughness
 from ...scene.builder import NONE, SceneBuilder, lambert
 from ...scene.row_records import WHITE, Color, Input, MaterialData, TextureData, nonnegative, scale_color
-from .. import images
+from .. import images, uv_sets, vertex_numbers
 from . import stage, udim
 from .audit import Audit
 from .stage import Opened, Warnings, primvar_mean
 
-DISPLAY_COLOR = "displayColor"
+DISPLAY_COLOR, DISPLAY_OPACITY = "displayColor", "displayOpacity"
 DEFAULT_COLOR: Color = (0.18, 0.18, 0.18)
 _WRAPS = {"repeat": ir.Wrap.REPEAT, "clamp": ir.Wrap.CLAMP, "mirror": ir.Wrap.MIRROR, "black": ir.Wrap.BLACK, "useMetadata": ir.Wrap.BLACK}
 _SPACES = {"raw": "linear", "sRGB": "srgb", "auto": "auto"}
@@ -35,11 +35,24 @@ _FALLBACKS: dict[str, Any] = {
     "diffuseColor": DEFAULT_COLOR, "emissiveColor": (0.0, 0.0, 0.0), "specularColor": (0.0, 0.0, 0.0), "metallic": 0.0,
     "roughness": 0.5, "ior": 1.5, "opacity": 1.0, "opacityThreshold": 0.0, "useSpecularWorkflow": 0, "clearcoat": 0.0,
     "clearcoatRoughness": 0.01, "occlusion": 1.0, "normal": None,
+    "opacityMode": "transparent",
 }  # fmt: skip
 _NUMBERS = {
     "metallic": "metallic", "roughness": "roughness", "ior": "ior", "coat": "clearcoat", "coat_roughness": "clearcoatRoughness",
     "occlusion": "occlusion",
 }  # fmt: skip
+
+
+_SHARES = ("opacity", "roughness", "metallic", "clearcoat", "clearcoatRoughness", "occlusion")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """How a part of a mesh uses its material."""
+
+    colored: bool = False  # the mesh has vertex colours
+    maps: dict[str, np.ndarray | None] = field(default_factory=dict)  # (3, 3) from the part's coordinates to a primvar's; None: unknown
+    number: str | None = None  # the primvar that is the mesh's u
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,10 +82,15 @@ class Network:
     inputs: dict[str, Any]
 
     @property
-    def uv_name(self) -> str | None:
-        """The primvar of the texture coordinates; where textures differ, that of the diffuse texture."""
-        pictures = [given for given in self.inputs.values() if isinstance(given, Picture)]
-        return pictures[0].varname if pictures else None
+    def varnames(self) -> tuple[str, ...]:
+        """The primvars of the texture coordinates of its pictures, that of the diffuse one first."""
+        return tuple(dict.fromkeys(given.varname for given in self.inputs.values() if isinstance(given, Picture)))
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """The primvars of its numbers from 0 to 1."""
+        found = (self.inputs.get(name) for name in _SHARES)
+        return tuple(given.name for given in found if isinstance(given, Primvar))
 
     @property
     def color_name(self) -> str | None:
@@ -91,6 +109,7 @@ class Materials:
     bindings: dict[tuple[str, str], Any] = field(default_factory=dict)
     warnings: Warnings = field(init=False)
     audit: Audit = field(init=False)
+    _fit: Fit = field(default_factory=Fit)  # of the row that is being made
 
     def __post_init__(self) -> None:
         self.warnings = Warnings(self.opened, self.builder.diagnostics)
@@ -132,12 +151,7 @@ class Materials:
         for name, found in (("displacement", material.ComputeDisplacementSource()[0]), ("volume", material.ComputeVolumeSource()[0])):
             if found and found.GetPath() != shader.GetPath():
                 self.tell(f"the {name} of materials is not drawn", prim)
-        made = Network(str(prim.GetPath()), str(prim.GetName()), inputs)
-        names = list(dict.fromkeys(given.varname for given in inputs.values() if isinstance(given, Picture)))
-        if len(names) > 1:
-            listed = ", ".join(f"`{name}`" for name in names)
-            self.tell(f"the pictures of this material read the primvars {listed}: all are drawn with `{made.uv_name}`", prim)
-        return made
+        return Network(str(prim.GetPath()), str(prim.GetName()), inputs)
 
     def _source(self, given: Any, fallback: Any) -> Any:
         """Source of an input: a value, Picture or Primvar, resolved through node graphs and interfaces."""
@@ -211,29 +225,31 @@ class Materials:
         inputs = {ir.Slot.AMBIENT: Input(color), ir.Slot.DIFFUSE: Input(color), ir.Slot.EMISSION: Input(radiance)}
         return self.builder.material(MaterialData(inputs=inputs, name=name))
 
-    def plain(self, color: Color, opacity: float, name: str) -> int:
-        """The row for a prim without a material: diffuse, in its displayColor."""
+    def plain(self, color: Color, opacity: float, name: str, ramp: bool = False) -> int:
+        """The row for a prim without a material: diffuse, in its displayColor. With `ramp`, its opacity is its u."""
+        if ramp:
+            matt, holes = Input(color), Input.number(1.0, vertex_numbers.texture(self.builder))
+            inputs = {ir.Slot.AMBIENT: matt, ir.Slot.DIFFUSE: matt, ir.Slot.OPACITY: holes}
+            return self.builder.material(MaterialData(ir.MaterialModel.LAMBERT, inputs, name=name))
         if opacity < 1.0:
             matt, clear = Input(scale_color(color, opacity)), Input(scale_color(WHITE, 1.0 - opacity))
             inputs = {ir.Slot.AMBIENT: matt, ir.Slot.DIFFUSE: matt, ir.Slot.TRANSMISSION: clear, ir.Slot.IOR: Input.number(1.0)}
             return self.builder.material(MaterialData(ir.MaterialModel.BLINN_PHONG, inputs, name=name))
         return self.builder.material(lambert(color, name=name))
 
-    def row(self, network: Network, prim: Any, colored: bool) -> int:
-        """The row of a network for a prim, whose primvars it may read. `colored`: the mesh has vertex colours."""
-        i = network.inputs
-        diffuse = Input(WHITE) if colored else self._color(i["diffuseColor"], DEFAULT_COLOR, prim)
+    def row(self, network: Network, prim: Any, fit: Fit) -> int:
+        """The row of a network for a part of a prim, whose primvars it may read."""
+        i, self._fit = network.inputs, fit
+        diffuse = Input(WHITE) if fit.colored else self._color(i["diffuseColor"], DEFAULT_COLOR, prim)
         specular = None
         if int(self._mean_of(i["useSpecularWorkflow"], 0.0, prim)):
             specular = self._color(i["specularColor"], (0.0, 0.0, 0.0), prim)
         threshold = min(max(self._mean_of(i["opacityThreshold"], 0.0, prim), 0.0), 1.0)
-        picture = isinstance(i["opacity"], Picture)
-        opacity = 1.0 if picture else self._mean_of(i["opacity"], 1.0, prim)
-        holes = self._holes(i["opacity"]) if picture else Input.number(opacity) if threshold > 0 else None
+        opacity, holes = self._opacity(i["opacity"], threshold > 0 or str(i["opacityMode"]) == "presence", prim)
         numbers = {name: self._number(i[key], float(_FALLBACKS[key]), prim) for name, key in _NUMBERS.items()}
         surface = metallic_roughness.Surface(
             diffuse, specular=specular, emissive=self._color(i["emissiveColor"], (0.0, 0.0, 0.0), prim),
-            opacity=1.0 if threshold > 0 else opacity, holes=holes, threshold=threshold, normal=self._normal(i["normal"], prim),
+            opacity=opacity, holes=holes, threshold=threshold, normal=self._normal(i["normal"], prim),
             name=network.name, **numbers,
         )  # fmt: skip
         return self.builder.material(metallic_roughness.material(surface), Span(f"{self.opened.name}<{network.path}>"))
@@ -262,6 +278,15 @@ class Materials:
             texture = self.builder.with_levels(texture, (2.0, 2.0, 2.0), (-1.0, -1.0, -1.0))
         return Input(WHITE, texture)
 
+    def _opacity(self, source: Any, presence: bool, prim: Any) -> tuple[float, Input | None]:
+        """(opacity of the diffuse part, opacity of the whole surface): the latter for `presence`, and where it varies."""
+        if isinstance(source, Picture):
+            return 1.0, self._holes(source)
+        if isinstance(source, Primvar) and source.name == self._fit.number:
+            return 1.0, Input.number(1.0, vertex_numbers.texture(self.builder))
+        value = self._mean_of(source, 1.0, prim)
+        return (1.0, Input.number(value)) if presence else (value, None)
+
     def _holes(self, picture: Picture) -> Input:
         """Opacity from a texture; its node's fallback if the image is missing."""
         texture, _ = self._texture(picture)
@@ -270,7 +295,9 @@ class Materials:
         return Input.number(self._levels(picture)[2][_CHANNELS.get(picture.output, 0)])
 
     def _number(self, source: Any, fallback: float, prim: Any) -> Input:
-        """A number, or the channel of a connected texture."""
+        """A number, the channel of a connected texture, or the primvar that is the mesh's u."""
+        if isinstance(source, Primvar) and source.name == self._fit.number and fallback <= 1.0:
+            return Input.number(1.0, vertex_numbers.texture(self.builder))
         if not isinstance(source, Picture):
             return Input.number(self._mean_of(source, fallback, prim))
         texture, _ = self._texture(source, color=False)
@@ -301,6 +328,12 @@ class Materials:
     def _texture(self, picture: Picture, color: bool = True, whole: bool = False) -> tuple[int, Color]:
         """A texture's row: a colour, a number, or `whole` data. NONE and the node's fallback if the image is missing."""
         gain, bias, missing = self._levels(picture)
+        map_ = self._fit.maps.get(picture.varname, uv_sets.PLAIN)
+        if map_ is None:
+            node = picture.shader.GetPath().name
+            reason = f"`{picture.varname}` is absent, or no {uv_sets.MOST_PARTS} affine maps lead to it from the first picture's primvar"
+            self.tell(f"the picture `{node}` is left out, and its fallback drawn: {reason}", picture.shader.GetPrim())
+            return NONE, (missing[0], missing[1], missing[2])
         found = self._picture(picture)
         if found is None:
             return NONE, (missing[0], missing[1], missing[2])
@@ -311,7 +344,7 @@ class Materials:
             self.builder.diagnostics.warning(failure.message, self.opened.span(picture.shader.GetPrim()), failure.hint)
             return NONE, (missing[0], missing[1], missing[2])
         wrap_u, wrap_v = (_WRAPS.get(self._text(picture.shader, key) or "useMetadata", ir.Wrap.BLACK) for key in ("wrapS", "wrapT"))
-        frame = picture.frame
+        frame = picture.frame if map_ is uv_sets.PLAIN else _rows(np.array(picture.frame) @ map_)
         if found.tiles is not None:
             wrap_u, wrap_v, frame = ir.Wrap.CLAMP, ir.Wrap.CLAMP, found.tiles.frame(frame)
         channel = _CHANNELS.get(picture.output, -1 if color or whole else 0)

@@ -88,7 +88,7 @@ PROPERTIES = Table(
         "elementType familyName indices": "GeomSubset",
         "axis size radius height width length radiusBottom radiusTop": "shapes",
         "protoIndices prototypes positions orientations orientationsf scales ids invisibleIds": "PointInstancer",
-        "primvars:*": "displayColor, displayOpacity, normals, and the primvars that a material reads",
+        "primvars:*": "displayColor, displayOpacity, normals; of a material all texture coordinates, its colour, one varying number",
         "projection horizontalAperture verticalAperture horizontalApertureOffset verticalApertureOffset focalLength": "Camera",
         "clippingRange fStop focusDistance shutter:open shutter:close exposure": "Camera",
         "exposure:iso exposure:time exposure:fStop exposure:responsivity": "Camera",
@@ -155,11 +155,12 @@ INPUTS = Table(
     drawn={
         "diffuseColor emissiveColor useSpecularWorkflow specularColor metallic roughness clearcoat clearcoatRoughness": "UsdPreviewSurface",
         "opacity opacityThreshold ior normal occlusion": "UsdPreviewSurface",
+        "opacityMode": "an opacity that varies fades highlights in both modes",
         "file st wrapS wrapT fallback scale bias sourceColorSpace": "UsdUVTexture",
         "in rotation translation": "UsdTransform2d",
         "varname": "UsdPrimvarReader",
     },
-    not_drawn={"displacement": "", "opacityMode": ""},
+    not_drawn={"displacement": ""},
 )
 
 TABLES = (PRIM_TYPES, API_SCHEMAS, PROPERTIES, SHADERS, INPUTS)

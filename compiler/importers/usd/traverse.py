@@ -16,9 +16,9 @@ from ... import ir
 from ...scene import transforms
 from ...scene.builder import NONE, SceneBuilder
 from ...scene.row_records import InstanceData
-from . import curves, lights, skeletons
+from . import curves, lights, mesh_inputs, skeletons
 from . import geometry as geometry_module
-from .materials import DEFAULT_COLOR, DISPLAY_COLOR, Materials, Network
+from .materials import DEFAULT_COLOR, DISPLAY_COLOR, DISPLAY_OPACITY, Fit, Materials, Network
 from .stage import Opened, numbers, primvar_mean, reason
 
 MAX_INSTANCES = 4_000_000
@@ -26,7 +26,6 @@ MAX_BALLS = 5_000  # points drawn as exact spheres
 MAX_NESTING = 32  # levels of nested point instancers
 CAGES = "subdivision surfaces, as meshes are that do not say otherwise, are drawn as their cages with smooth normals"
 REFINE = "--complexity medium, high or veryhigh refines them"
-_UV_NAMES = ("st", "UVMap", "uv", "map1", "Texture_uv")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -226,7 +225,7 @@ class Walk:
         if shape is None or shape.geometry == NONE:
             return []
         network = self.materials.bound(prim)
-        row = self._material(network, prim, False, matrix)
+        row = self._material(network, prim, Fit(), matrix)
         own = network is not None or self._has_color(prim)
         return [Piece(shape.geometry, row, matrix @ shape.matrix, prim, str(prim.GetPath()), own)]
 
@@ -247,38 +246,41 @@ class Walk:
 
     def _part(self, prim: Any, owner: Any, faces: np.ndarray | None, name: str, matrix: np.ndarray) -> list[Piece]:
         network = self.materials.bound(owner)
-        uv_name, color_name = self._primvars(network, prim)
-        key = (self._source(prim), name, uv_name, color_name)
+        reads = mesh_inputs.reads(network, prim)
+        pieces = []
+        for part in mesh_inputs.parts(network, prim, reads, faces, self.opened.time):
+            geometry = self._geometry(prim, reads, part, name)
+            if geometry == NONE:
+                continue
+            row = self._material(network, prim, part.fit, matrix)
+            own = network is not None or reads.color is not None or self._has_color(prim)
+            pieces.append(Piece(geometry, row, matrix, prim, str(owner.GetPath()), own))
+        return pieces
+
+    def _geometry(self, prim: Any, reads: geometry_module.Reads, part: mesh_inputs.Part, name: str) -> int:
+        """The row of a part of a mesh, made once for all instances."""
+        key = (self._source(prim), name, part.name, reads)
         if key not in self._geometries:
-            read = (self._source(prim), uv_name, color_name)
+            read = (self._source(prim), reads)
             span = self.opened.span(prim)
             if read not in self._faces:
                 said, skin = self.builder.diagnostics, self._skins.get(str(prim.GetPath()))
-                self._faces[read] = geometry_module.mesh(prim, self.opened.time, uv_name, color_name, said, span, self.complexity, skin)
+                self._faces[read] = geometry_module.mesh(prim, self.opened.time, reads, said, span, self.complexity, skin)
             found = self._faces[read]
             if found is not None and found.subdivided and not self._told_cages:
                 self._told_cages = True
                 self.builder.diagnostics.note(CAGES, span, REFINE)
-            part = None if found is None else found.part(faces)
-            self._geometries[key] = geometry_module.row(part, self.builder, span, str(prim.GetName()))
-        if self._geometries[key] == NONE:
-            return []
-        row = self._material(network, prim, color_name is not None, matrix)
-        own = network is not None or color_name is not None or self._has_color(prim)
-        return [Piece(self._geometries[key], row, matrix, prim, str(owner.GetPath()), own)]
-
-    def _primvars(self, network: Network | None, prim: Any) -> tuple[str | None, str | None]:
-        """The primvars of the texture coordinates and of varying colours."""
-        uv_name = (network.uv_name if network else None) or self._uv_name(prim)
-        color_name = network.color_name if network else DISPLAY_COLOR
-        return uv_name, color_name if color_name is not None and self._varies(prim, color_name) else None
+            made = None if found is None else found.part(part.faces)
+            self._geometries[key] = geometry_module.row(made, self.builder, span, str(prim.GetName()))
+        return self._geometries[key]
 
     def _strands(self, prim: Any, kind: str, matrix: np.ndarray) -> list[Piece]:
         """Curves as one mesh; points as spheres: exact ones if they are few and of one colour, else one mesh."""
         network = self.materials.bound(prim)
-        uv_name, color_name = self._primvars(network, prim)
+        reads = mesh_inputs.reads(network, prim)
+        uv_name, color_name = None if reads.ramp else reads.uv, reads.color
         span, said, time = self.opened.span(prim), self.builder.diagnostics, self.opened.time
-        material = self._material(network, prim, color_name is not None, matrix)
+        material = self._material(network, prim, Fit(color_name is not None), matrix)
         own = network is not None or color_name is not None or self._has_color(prim)
         if kind == "Points" and color_name is None:
             centers, radii, _ = curves.balls(prim, time, said, span)
@@ -298,30 +300,18 @@ class Walk:
             return []
         return [Piece(self._geometries[key], material, matrix, prim, str(prim.GetPath()), own)]
 
-    def _uv_name(self, prim: Any) -> str | None:
-        """The texture coordinates of a mesh whose material names none, for the uv channel."""
-        for name in _UV_NAMES:
-            attribute = prim.GetAttribute(f"primvars:{name}")
-            if attribute and attribute.HasAuthoredValue():
-                return name
-        return None
-
-    def _varies(self, prim: Any, name: str) -> bool:
-        found = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
-        return bool(found) and found.HasValue() and str(found.GetInterpolation()) != "constant"
-
     def _has_color(self, prim: Any) -> bool:
         return primvar_mean(prim, DISPLAY_COLOR, self.opened.time)[0] is not None
 
-    def _material(self, network: Network | None, prim: Any, colored: bool, matrix: np.ndarray) -> int:
+    def _material(self, network: Network | None, prim: Any, fit: Fit, matrix: np.ndarray) -> int:
         radiance = lights.mesh_radiance(prim, matrix, self.unit, self.opened, self.materials)
         if network is not None and radiance is None:
-            return self.materials.row(network, prim, colored)
-        color, colors = (np.ones(3), 1) if colored else primvar_mean(prim, DISPLAY_COLOR, self.opened.time)
-        opacity, opacities = primvar_mean(prim, "displayOpacity", self.opened.time)
+            return self.materials.row(network, prim, fit)
+        color, colors = (np.ones(3), 1) if fit.colored else primvar_mean(prim, DISPLAY_COLOR, self.opened.time)
+        opacity, opacities = primvar_mean(prim, DISPLAY_OPACITY, self.opened.time)
         if colors > 1:
             self.materials.tell("the displayColor varies over this shape: its mean is drawn", prim)
-        if opacities > 1:
+        if opacities > 1 and fit.number is None:
             self.materials.tell("the displayOpacity varies over this prim: its mean is drawn", prim)
         if color is None and self.material != NONE:
             return self.material
@@ -330,7 +320,7 @@ class Walk:
         if radiance is not None:
             return self.materials.matt_light((r, g, b), radiance, str(prim.GetPath()))
         alpha = 1.0 if opacity is None else float(np.clip(opacity[0], 0.0, 1.0))
-        return self.materials.plain((r, g, b), alpha, DISPLAY_COLOR)
+        return self.materials.plain((r, g, b), alpha, DISPLAY_COLOR, fit.number is not None)
 
     # --- point instancers ---
 

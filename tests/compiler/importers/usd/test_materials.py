@@ -360,23 +360,6 @@ def test_a_constant_normal_is_named(tmp_path):
     assert [m.partition("warning: ")[2] for m in read(tmp_path, stage("normal3f inputs:normal = (1, 0, 0)"))[1]] == [expected]
 
 
-def test_textures_of_different_coordinates_are_named(tmp_path):
-    picture(tmp_path / "p.png")
-    nodes = "".join(
-        f"""def Shader "{name}" {{ uniform token info:id = "UsdUVTexture"
-        asset inputs:file = @p.png@
-        float2 inputs:st.connect = </m/{name}r.outputs:result>
-        float3 outputs:rgb }}
-        def Shader "{name}r" {{ uniform token info:id = "UsdPrimvarReader_float2"
-        string inputs:varname = "{varname}"
-        float2 outputs:result }}"""
-        for name, varname in (("a", "st"), ("b", "st1"))
-    )
-    inputs = "color3f inputs:diffuseColor.connect = </m/a.outputs:rgb>\ncolor3f inputs:emissiveColor.connect = </m/b.outputs:rgb>"
-    messages = read(tmp_path, stage(inputs, nodes))[1]
-    assert messages == ["x.usda</m>: warning: the pictures of this material read the primvars `st`, `st1`: all are drawn with `st`"]
-
-
 def test_udim_tiles_are_one_image(tmp_path):
     """Tiles 1001, 1002 and 1011 of one colour each; coordinates from 0 to 2 reach all."""
     for number, color, side in ((1001, (255, 0, 0), 2), (1002, (0, 255, 0), 4), (1011, (0, 0, 255), 2)):

@@ -1,0 +1,100 @@
+"""Which primvars of a mesh its material reads: texture coordinates, colours, and a number that varies over the mesh."""
+
+# pyright: reportAttributeAccessIssue=false
+# (usd-core creates its modules' names at run time)
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from pxr import UsdGeom
+
+from ....lang.diagnostics import Diagnostics, Span
+from ... import ir
+from ...ir import F64
+from ...scene.row_records import MeshAttribute
+from .. import uv_sets
+from . import geometry, stage
+from .materials import DISPLAY_COLOR, DISPLAY_OPACITY, Fit, Network
+
+_UV_NAMES = ("st", "UVMap", "uv", "map1", "Texture_uv")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """Faces of a mesh (None: all) whose material is used alike."""
+
+    faces: np.ndarray | None
+    fit: Fit = field(default_factory=Fit)
+    name: str = ""
+
+
+def reads(network: Network | None, prim: Any) -> geometry.Reads:
+    """The primvars of the texture coordinates and of varying colours; without pictures a varying number in place of the former."""
+    color = network.color_name if network else DISPLAY_COLOR
+    color = color if color is not None and varies(prim, color) else None
+    numbers = network.numbers if network else (DISPLAY_OPACITY,)
+    if network is None or not network.varnames:
+        number = next((name for name in numbers if varies(prim, name)), None)
+        if number is not None:
+            return geometry.Reads(number, color, True)
+    return geometry.Reads(network.varnames[0] if network and network.varnames else _uv_name(prim), color)
+
+
+def varies(prim: Any, name: str) -> bool:
+    """Whether a prim's own or inherited primvar is not constant."""
+    found = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
+    return bool(found) and found.HasValue() and str(found.GetInterpolation()) != "constant"
+
+
+def _uv_name(prim: Any) -> str | None:
+    """The texture coordinates of a mesh whose material names none, for the uv channel."""
+    for name in _UV_NAMES:
+        attribute = prim.GetAttribute(f"primvars:{name}")
+        if attribute and attribute.HasAuthoredValue():
+            return name
+    return None
+
+
+def parts(network: Network | None, prim: Any, read: geometry.Reads, faces: np.ndarray | None, time: Any) -> list[Part]:
+    """The parts of a mesh's faces: one for each map between the texture coordinates that the material's pictures read."""
+    fit = Fit(read.color is not None, number=read.uv if read.ramp else None)
+    others = network.varnames[1:] if network else ()
+    if not others:
+        return [Part(faces, fit)]
+    counts = stage.numbers(prim.GetAttribute("faceVertexCounts"), time, np.int64)
+    indices = stage.numbers(prim.GetAttribute("faceVertexIndices"), time, np.int64)
+    points = len(stage.numbers(prim.GetAttribute("points"), time, np.float64, 3))
+    if (counts < 0).any() or counts.sum() != len(indices) or not points:
+        return [Part(faces, fit)]
+    api, found = UsdGeom.PrimvarsAPI(prim), {}
+    for name in (str(read.uv), *others):
+        given = geometry.primvar(api, name, time, 2, points, counts, Diagnostics(), Span(""))
+        if given is not None:
+            found[name] = _at_corners(given, counts, np.clip(indices, 0, points - 1))
+    known = [name for name in others if name in found]
+    maps: dict[str, np.ndarray | None] = dict.fromkeys(others)
+    if read.uv not in found or not known:
+        return [Part(faces, Fit(fit.colored, maps))]
+    groups = uv_sets.split(found[read.uv], np.concatenate([found[name] for name in known], axis=1), counts)
+    if groups is None:
+        return [Part(faces, Fit(fit.colored, maps))]
+    made = []
+    for k, (rows, of) in enumerate(groups):
+        chosen = rows if faces is None else np.intersect1d(rows, faces)
+        if len(chosen):
+            each = Fit(fit.colored, maps | dict(zip(known, of, strict=True)))
+            made.append(Part(faces, each) if len(groups) == 1 else Part(chosen, each, f"uv{k}"))
+    return made
+
+
+def _at_corners(given: MeshAttribute, counts: np.ndarray, indices: np.ndarray) -> F64:
+    """Values (c, 2) of a primvar at the corners of the faces."""
+    values, kind = np.asarray(given.values, np.float64), given.interpolation
+    if kind == ir.Interpolation.CONSTANT:
+        return np.tile(values[:1], (len(indices), 1))
+    if kind == ir.Interpolation.FACE:
+        return np.repeat(values, counts, axis=0)
+    return values[indices] if kind == ir.Interpolation.VERTEX else values

@@ -85,7 +85,7 @@ _PICTURE = {
     "size": click.option("--size", type=values.SIZE, help="Size in pixels: 800x600, or 512 for a square."),
     "camera": click.option("--camera", metavar="NAME", help="Name of the camera."),
     "samples": click.option("--samples", type=click.IntRange(1, 1 << 20), help="Samples per pixel."),
-    "error": click.option("--error", type=values.SHARE, help="Render until √relMSE is below this: 1%."),
+    "error": click.option("--error", type=values.SHARE, help="Render until √relMSE is below this: 1%. A warning says if it is not."),
     "budget": click.option("--budget", type=values.DURATION, help="Render for at most this long: 20s."),
     "bounces": click.option("--bounces", type=click.IntRange(0, MAX_BOUNCES), help="Surface interactions after the first hit."),
     "seed": click.option("--seed", type=click.IntRange(0, (1 << 63) - 1), help="Seed of the random numbers."),

@@ -23,9 +23,8 @@ from .. import __version__
 from ..compiler.io.replace_file import replace_file
 from ..lang import file_types
 from ..lang.diagnostics import Diagnostic, Diagnostics, SceneError, Span
-from ..lang.schema.elements import MAX_BOUNCES
 from . import option_types as values
-from . import terminal
+from . import picture_warnings, terminal
 from .memory import peak_memory
 from .progress import Display
 
@@ -33,7 +32,6 @@ if TYPE_CHECKING:
     from ..compiler import ir
     from ..compiler.importers.stage_options import StageOptions
     from ..compiler.plan.plan import Plan
-    from ..render.film.bounce_error import Cut
     from ..render.image.image import Image
 
 STAGES = ("import", "parse", "evaluate", "lower", "validate", "compile_kernels", "build", "render", "write")
@@ -226,9 +224,7 @@ class Job:
             seconds[name] = seconds.get(name, 0.0) + value
         self.laps.end("draw")
         self._report(Diagnostic("note", message, span_of(scene, table, row)) for message, table, row in image.metadata["notes"])
-        self._report(unproved_warnings(image.metadata["unproved"]))
-        self._report(invalid_sample_warnings(image.metadata["issues"]))
-        self._report(bounce_limit_notes(image.metadata.get("cut"), scene, plan))
+        self._report(picture_warnings.of_render(image.metadata, scene, plan))
         partial = bool(image.metadata.get("partial"))
         if partial:
             path = _partial(path, len(parts) > 1)
@@ -419,31 +415,3 @@ def summary(path: Path, figures: Mapping[str, Any]) -> str:
     error = f", √relMSE {figures['error']:.2%}{before}" if figures["error"] is not None else ""
     total = sum(figures["seconds"].values())
     return f"{path}: {width}x{height}, {figures['backend']}, {figures['samples']:g} samples a pixel{error}, {total:.2f} s"
-
-
-def invalid_sample_warnings(samples: int) -> list[Diagnostic]:
-    """The warning about samples with infinite or nan radiance."""
-    if not samples:
-        return []
-    are = "the light of 1 sample was" if samples == 1 else f"the light of {samples:,} samples was"
-    message = f"{are} infinite or no number, and left out of the picture"
-    return [Diagnostic("warning", message, None, "some intensity or size is too large")]
-
-
-def bounce_limit_notes(cut: Cut | None, scene: ir.Scene, plan: Plan) -> list[Diagnostic]:
-    """The note about light lost by the limit on bounces; a warning if an error target is set."""
-    if cut is None or not cut.matters:
-        return []
-    than = "is the error asked for" if plan["error"] else "noise hides"
-    message = f"the limit of {plan['bounces']} bounces leaves out {cut.share:.1%} of a place's light (± {cut.error:.1%}), more than {than}"
-    enough = cut.enough or MAX_BOUNCES
-    hint = f"render(bounces: {enough}) or --bounces {enough} leaves out less" + ("" if cut.enough else "; here light does not fade")
-    return [Diagnostic("warning" if plan["error"] else "note", message, scene.spans.at("settings", 0), hint)]
-
-
-def unproved_warnings(rays: int) -> list[Diagnostic]:
-    """The warning about rays whose first hit of an implicit surface could not be proved."""
-    if not rays:
-        return []
-    message = f"{rays:,} rays passed places where a formula's surface could neither be found nor ruled out"
-    return [Diagnostic("warning", message, None, "--aov issues (in an .exr) shows where")]

@@ -15,8 +15,7 @@ DEFAULT_SIZE = (800, 600)
 DEFAULT_WIDTH = 960  # of cameras whose film has an aspect ratio, as in usdrecord
 SAMPLES_SHARP = 16  # antialiasing alone
 SAMPLES_SOFT = 64  # antialiasing and Monte Carlo integration of light
-MAX_SAMPLES = 4096  # of a render with an error threshold
-ENDLESS_SAMPLES = 1 << 20  # of a render with a time budget
+MAX_SAMPLES = 1 << 20  # of a render with an error target or a time budget
 RASTER_MOMENTS = 16  # times, or lens points, at which the raster backend draws motion blur and depth of field
 FILTERS = ("box", "tent", "gaussian", "blackman-harris")
 NOISES = ("blue", "white")
@@ -96,9 +95,9 @@ def _samples(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     if asked.samples is not None:
         return Decision("samples", asked.samples, "asked for", fixed="--samples")
     if plan["error"] > 0:
-        return Decision("samples", MAX_SAMPLES, "at most; the error or the budget ends the render", fixed="--samples")
+        return Decision("samples", MAX_SAMPLES, "at most; the error, or a budget, ends the render", fixed="--samples")
     if math.isfinite(plan["budget"]):
-        return Decision("samples", ENDLESS_SAMPLES, "at most; the budget ends the render", fixed="--samples")
+        return Decision("samples", MAX_SAMPLES, "at most; the budget ends the render", fixed="--samples")
     if plan["monte_carlo"]:
         return Decision("samples", SAMPLES_SOFT, "light integrated by samples needs more than antialiasing does", fixed="--samples")
     return Decision("samples", SAMPLES_SHARP, "antialiasing; light is exact at each sample", fixed="--samples")

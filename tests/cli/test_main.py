@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import signal
 import subprocess
@@ -16,8 +17,10 @@ import OpenImageIO as oiio
 import pytest
 from click.testing import CliRunner
 from maquette.cli import option_types as values
+from maquette.cli import picture_warnings
 from maquette.cli.main import COMMANDS, PLANNED, cli
 from maquette.compiler import ir
+from maquette.compiler.plan.decision import Decision, Plan
 from maquette.render import render_scene
 from maquette.render.image import image_files, image_reader
 from maquette.render.image.image import Image
@@ -323,6 +326,33 @@ def test_the_limit_on_elements_is_set(tmp_path: Path, monkeypatch: pytest.Monkey
     code, _, err = run("check", "a.obj", "--max-elements", "19")
     assert code == 1
     assert "error: only .scene files make elements" in err
+
+
+def test_a_missed_error_is_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    noisy = SCENE.replace("point([2, 4, 3], intensity: 20)", "sky(luminance: 1)").replace("samples: 1", "bounces: 3")
+    standing_by(tmp_path, monkeypatch, noisy)
+    code, _, err = run("render", "a.scene", "--error", "0.01%", "--budget", "10ms")
+    message, fix = err.splitlines()
+    assert (code, fix.strip()) == (0, "a longer --budget or a larger --error")
+    assert message.startswith("warning: the budget of 0.01 s ended the render ")
+    assert message.endswith("; 0.01% was asked for")
+    assert run("render", "a.scene", "--error", "50%")[2] == ""
+
+
+@pytest.mark.parametrize(
+    ("about", "budget", "message"),
+    [
+        ({"error": 0.052}, 3.0, "the budget of 3 s ended the render at an error of 5.20%; 2.00% was asked for"),
+        ({"error": None}, 0.5, "the budget of 0.5 s ended the render before its error was known; 2.00% was asked for"),
+        ({"error": 0.021}, math.inf, "the limit of 1,048,576 samples a pixel ended the render at an error of 2.10%; 2.00% was asked for"),
+        ({"error": 0.019}, math.inf, None),
+        ({"error": None, "partial": True}, 3.0, None),
+    ],
+)
+def test_how_a_render_missed_its_error(about: dict[str, Any], budget: float, message: str | None) -> None:
+    values = {"error": 0.02, "budget": budget, "samples": 1 << 20}
+    plan = Plan({name: Decision(name, value, "asked for") for name, value in values.items()})
+    assert [d.message for d in picture_warnings.missed_error_warnings(about, plan)] == ([message] if message else [])
 
 
 def test_stats(scene: Path) -> None:

@@ -1,0 +1,64 @@
+"""Diagnostics about a finished picture: unproved rays, invalid samples, light beyond the limit on bounces, a missed error target."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from ..lang.diagnostics import Diagnostic
+from ..lang.schema.elements import MAX_BOUNCES
+
+if TYPE_CHECKING:
+    from ..compiler import ir
+    from ..compiler.plan.plan import Plan
+    from ..render.film.bounce_error import Cut
+
+
+def of_render(about: Mapping[str, Any], scene: ir.Scene, plan: Plan) -> list[Diagnostic]:
+    """All diagnostics about a picture whose metadata is `about`."""
+    return [
+        *unproved_warnings(about["unproved"]),
+        *invalid_sample_warnings(about["issues"]),
+        *bounce_limit_notes(about.get("cut"), scene, plan),
+        *missed_error_warnings(about, plan),
+    ]
+
+
+def invalid_sample_warnings(samples: int) -> list[Diagnostic]:
+    """The warning about samples with infinite or nan radiance."""
+    if not samples:
+        return []
+    are = "the light of 1 sample was" if samples == 1 else f"the light of {samples:,} samples was"
+    message = f"{are} infinite or no number, and left out of the picture"
+    return [Diagnostic("warning", message, None, "some intensity or size is too large")]
+
+
+def bounce_limit_notes(cut: Cut | None, scene: ir.Scene, plan: Plan) -> list[Diagnostic]:
+    """The note about light lost by the limit on bounces; a warning if an error target is set."""
+    if cut is None or not cut.matters:
+        return []
+    than = "is the error asked for" if plan["error"] else "noise hides"
+    message = f"the limit of {plan['bounces']} bounces leaves out {cut.share:.1%} of a place's light (± {cut.error:.1%}), more than {than}"
+    enough = cut.enough or MAX_BOUNCES
+    hint = f"render(bounces: {enough}) or --bounces {enough} leaves out less" + ("" if cut.enough else "; here light does not fade")
+    return [Diagnostic("warning" if plan["error"] else "note", message, scene.spans.at("settings", 0), hint)]
+
+
+def missed_error_warnings(about: Mapping[str, Any], plan: Plan) -> list[Diagnostic]:
+    """The warning about a picture that ended, by its budget or its most samples, above the error asked for."""
+    asked, reached = plan["error"], about.get("error")
+    if about.get("partial") or not asked or (reached is not None and reached <= asked):
+        return []
+    end = f"the budget of {plan['budget']:g} s" if math.isfinite(plan["budget"]) else f"the limit of {plan['samples']:,} samples a pixel"
+    how = "before its error was known" if reached is None else f"at an error of {reached:.2%}"
+    message = f"{end} ended the render {how}; {asked:.2%} was asked for"
+    return [Diagnostic("warning", message, None, "a longer --budget or a larger --error")]
+
+
+def unproved_warnings(rays: int) -> list[Diagnostic]:
+    """The warning about rays whose first hit of an implicit surface could not be proved."""
+    if not rays:
+        return []
+    message = f"{rays:,} rays passed places where a formula's surface could neither be found nor ruled out"
+    return [Diagnostic("warning", message, None, "--aov issues (in an .exr) shows where")]

@@ -20,9 +20,8 @@ from ..simd.registration import overload
 from ..types import Lane, Surface, Vec
 from .path_state import OTHER_RAY, PathState
 from .ray_queue import as_searched, enters, from_search, pad, queue_up
+from .shared_blocks import BLOCK
 
-SIDE = 4  # pixels of a block
-BLOCK = SIDE * SIDE
 FIRST, NORMAL, ALBEDO, SECOND, FACING, OWN = 0, 3, 6, 9, 12, 15  # rows of Shared.rows
 COUNT = 18
 

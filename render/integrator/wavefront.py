@@ -24,9 +24,9 @@ from ..types import Lane, Ray
 from . import path_reuse
 from .path import shade_vertex
 from .path_emission import environment_radiance
-from .path_reuse import BLOCK, SIDE
 from .path_state import Connection, PathState
 from .ray_queue import as_searched, enters, from_search, pad, queue_up
+from .shared_blocks import BLOCK, CELL, SIDE, are_equal, cell_extent, position_in, reaches, shift_of
 from .wave_intersection import intersect_stage, load_hits, surface_at
 from .wave_memory import STATE, load_facing, load_medium, store_facing, store_medium
 
@@ -52,35 +52,52 @@ def draw_tile(accel, scene, frame, tile, first, count, total, film, memory):
     simd.restore_denormals(saved)
 
 
-@helper
-def _of_block(of, x, y, tile):
-    """The entry of the block at x, y, equal for all of its pixels."""
-    return of[max(y - tile.y0, 0), max(x - tile.x0, 0)]
-
-
 @kernel
 def draw_tile_in_blocks(accel, scene, frame, tile, first, count, total, film, memory):
-    """As draw_tile, for equal first samples and counts of all pixels of a block.
+    """As draw_tile, by blocks of pixels that share paths, which have equal first samples and counts.
 
-    Blocks are those of the picture's grid; their pixels outside the tile are traced for path reuse alone.
+    Blocks are those of the picture's grid, shifted between samples where all pixels of the tile have equal ones. Pixels of a block outside
+    the tile are traced for path reuse alone.
     """
     saved = simd.flush_denormals()
     filled = 0
-    width = tile.x1 - tile.x0
-    for y in range(tile.y0 // SIDE * SIDE, tile.y1, SIDE):
-        for x in range(tile.x0 // SIDE * SIDE, tile.x1, SIDE):
-            begin, more = _of_block(first, x, y, tile), _of_block(count, x, y, tile)
-            for s in range(begin, begin + more):
-                for k in range(BLOCK):
-                    column, row = x + k % SIDE - tile.x0, y + k // SIDE - tile.y0
-                    inside = (column >= 0) & (column < width) & (row >= 0) & (row < tile.y1 - tile.y0)
-                    memory.items[filled], memory.items[ROW + filled] = tile.x0 + column, tile.y0 + row
-                    memory.items[2 * ROW + filled], memory.items[3 * ROW + filled] = s, row * width + column if inside else -1
-                    filled += 1
-                if filled == SIZE:
-                    filled = render_wave(accel, scene, frame, total, film, memory, filled, width)
-    render_wave(accel, scene, frame, total, film, memory, filled, width)
+    shifts = are_equal(first) and are_equal(count)
+    for top in range(tile.y0 // CELL * CELL, tile.y1, CELL):
+        for left in range(tile.x0 // CELL * CELL, tile.x1, CELL):
+            for y in range(top, top + cell_extent(top, frame.picture.height), SIDE):
+                for x in range(left, left + cell_extent(left, frame.picture.width), SIDE):
+                    begin, more = _of_block(first, x, y, tile, shifts), _of_block(count, x, y, tile, shifts)
+                    for s in range(begin, begin + more):
+                        right, down = shift_of(s, total) if shifts else (0, 0)
+                        filled += _queue_block(frame, tile, memory, filled, left, top, x - left + right, y - top + down, s)
+                        if filled == SIZE:
+                            filled = render_wave(accel, scene, frame, total, film, memory, filled, tile.x1 - tile.x0)
+    render_wave(accel, scene, frame, total, film, memory, filled, tile.x1 - tile.x0)
     simd.restore_denormals(saved)
+
+
+@helper
+def _of_block(of, x, y, tile, equal):
+    """The entry of the block at x, y, equal for all of its pixels; 0 outside of the tile unless it is equal for the whole tile."""
+    column, row = max(x - tile.x0, 0), max(y - tile.y0, 0)
+    if equal:
+        column, row = 0, 0
+    return of[row, column] if (row < of.shape[0]) & (column < of.shape[1]) else 0
+
+
+@helper
+def _queue_block(frame, tile, memory, filled, left, top, x, y, sample):
+    """Queue a sample of the pixels of the block at x, y of a cell; return their number, 0 if none lies in the tile."""
+    columns, rows = cell_extent(left, frame.picture.width), cell_extent(top, frame.picture.height)
+    if not (reaches(left, columns, x, tile.x0, tile.x1) and reaches(top, rows, y, tile.y0, tile.y1)):
+        return 0
+    for k in range(BLOCK):
+        column, row = position_in(left, columns, x + k % SIDE), position_in(top, rows, y + k // SIDE)
+        inside = (tile.x0 <= column) & (column < tile.x1) & (tile.y0 <= row) & (row < tile.y1)
+        place = (row - tile.y0) * (tile.x1 - tile.x0) + column - tile.x0
+        memory.items[filled + k], memory.items[ROW + filled + k] = column, row
+        memory.items[2 * ROW + filled + k], memory.items[3 * ROW + filled + k] = sample, place if inside else -1
+    return BLOCK
 
 
 @helper

@@ -68,6 +68,18 @@ def test_single_pixels_are_nearer_to_the_answer(draw, lamp):
     assert error[0] < 0.5 * error[1]
 
 
+def test_blocks_do_not_show_as_squares(draw):
+    """Errors of two neighbors are as alike across the lines of the picture's 4 × 4 grid as inside of its blocks."""
+    text = ROOM + LAMPS["point"] + "render(bounces: 3)\n"
+    pictures = np.stack([draw(text, seed=k, size=(64, 64)).mean(axis=-1) for k in range(8)])
+    errors = (pictures - pictures.mean(axis=0)) / pictures.std(axis=0)
+    for axis in (1, 2):
+        product = np.moveaxis(errors * np.roll(errors, -1, axis), axis, 0)[:-1]
+        inside, across = (product[k::4].mean() for k in (1, 3))
+        assert inside > 0.2
+        assert abs(inside - across) < 0.25 * inside
+
+
 WALLS = {"piece": "box([0.02, 3, 4], center: [0, 1.5, 0], {})", "tree": "cylinder(0.02, 6, center: [0, 0, 0], scale: [1, 1, 120], {})"}
 
 

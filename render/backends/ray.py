@@ -46,9 +46,9 @@ class Renderer:
         self._workspaces = threading.local()  # of wavefronts and of ray packets
         self.reuses = prepared.paths is not None and plan["transport.path_reuse"] == "blocks"
         if self.reuses:
-            from ..integrator import shared_blocks
+            from ..sampling import pixel_blocks
 
-            self.block = shared_blocks.SIDE
+            self.block = pixel_blocks.SIDE
         self.primes = prepared.paths is None and hits.is_needed(prepared.accel.tables)
         self.side = hits.tile_side(view.width, view.height, plan["samples"]) if self.primes else TILE
         self.black = self.primes and not prepared.accel.tables.rest & REST and background.is_black(prepared.tables, prepared.options)

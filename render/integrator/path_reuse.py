@@ -16,11 +16,11 @@ from ..jit.kernel import helper, noinline_helper, specialize_if_present
 from ..lanes import crosslane, ops
 from ..lanes.soa import ROW, gather3, load3, scatter_add, store3
 from ..light import lights
+from ..sampling.pixel_blocks import BLOCK
 from ..simd.registration import overload
 from ..types import Lane, Surface, Vec
 from .path_state import OTHER_RAY, PathState
 from .ray_queue import as_searched, enters, from_search, pad, queue_up
-from .shared_blocks import BLOCK
 
 FIRST, NORMAL, ALBEDO, SECOND, FACING, OWN = 0, 3, 6, 9, 12, 15  # rows of Shared.rows
 COUNT = 18

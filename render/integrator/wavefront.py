@@ -19,6 +19,7 @@ from ..lanes.soa import ROW, SIZE, compress_store, compress_store3, gather3, loa
 from ..material import medium_stack
 from ..material.shader import ONLY
 from ..sampling import sobol
+from ..sampling.pixel_blocks import BLOCK, CELL, SIDE, are_equal, cell_extent, position_in, reaches, shift_of
 from ..simd.registration import overload
 from ..types import Lane, Ray
 from . import path_reuse
@@ -26,7 +27,6 @@ from .path import shade_vertex
 from .path_emission import environment_radiance
 from .path_state import Connection, PathState
 from .ray_queue import as_searched, enters, from_search, pad, queue_up
-from .shared_blocks import BLOCK, CELL, SIDE, are_equal, cell_extent, position_in, reaches, shift_of
 from .wave_intersection import intersect_stage, load_hits, surface_at
 from .wave_memory import STATE, load_facing, load_medium, store_facing, store_medium
 

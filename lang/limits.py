@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 
 from .diagnostics import Span
+from .input_error import InputError
 
 MAX_CALLS = 200  # nested calls
 MAX_LIST = 10_000_000  # items of a list, and iterations of a range or a `for`
@@ -18,16 +19,14 @@ MAX_FILES = 200  # files used
 _STACK = 40_000  # Python frames: MAX_CALLS calls with some 50 nested expressions each, or one expression of the greatest depth
 
 
-class Exhausted(Exception):
+class Exhausted(InputError):
     """A limit was reached. The evaluator adds the place and stops the item.
 
     `of_elements`: it is the limit on elements, whose place is the loop that makes most of them.
     """
 
     def __init__(self, message: str, hint: str = "", of_elements: bool = False) -> None:
-        super().__init__(message)
-        self.message = message
-        self.hint = hint
+        super().__init__(message, hint)
         self.of_elements = of_elements
         self.span: Span | None = None
         self.trace: tuple[tuple[str, Span], ...] = ()

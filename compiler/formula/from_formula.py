@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ...lang.formula_graph import Formula, Node
+from ...lang.input_error import InputError
 from . import factor_cancellation, regularize
 from .builder import Builder
 from .opcodes import Op
@@ -19,12 +20,8 @@ _OPCODES = {
 _NEGATED = {"less": "at_least", "at_most": "greater", "greater": "at_most", "at_least": "less"}
 
 
-class NotASurface(ValueError):
-    """A formula that defines no surface. The message says why; `hint` says what to write."""
-
-    def __init__(self, message: str, hint: str = "") -> None:
-        super().__init__(message)
-        self.hint = hint
+class NotASurface(InputError):
+    """A formula that defines no surface."""
 
 
 def add_formula(builder: Builder, formula: Formula, inputs: Sequence[int] = (X, Y, Z), exact: bool = False) -> tuple[int, ...]:

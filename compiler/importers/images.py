@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...lang.diagnostics import Span
+from ...lang.input_error import InputError
 
 if TYPE_CHECKING:
     from ..scene.builder import SceneBuilder
@@ -23,13 +24,8 @@ SPACES = ("auto", "srgb", "linear")
 _MOST_PARTS = 100  # of an EXR file, counted in messages
 
 
-class ImageError(Exception):
+class ImageError(InputError):
     """An image that cannot be read. The caller adds the span."""
-
-    def __init__(self, message: str, hint: str = "") -> None:
-        super().__init__(message)
-        self.message = message
-        self.hint = hint
 
 
 def row(builder: SceneBuilder, path: Path, space: str = "auto", color: bool = True, span: Span | None = None) -> int:

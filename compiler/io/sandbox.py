@@ -7,19 +7,15 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from ...lang.diagnostics import suggest
+from ...lang.input_error import InputError
 
 LIBRARY = Path(__file__).resolve().parents[2] / "stdlib"
 MAX_SOURCE = 16 << 20  # bytes of a .scene file
 MAX_DATA = 2 << 30  # bytes of a mesh, image or stage
 
 
-class FileError(Exception):
+class FileError(InputError):
     """A missing or forbidden file. The caller adds the span."""
-
-    def __init__(self, message: str, hint: str = "") -> None:
-        super().__init__(message)
-        self.message = message
-        self.hint = hint
 
 
 class Files:

@@ -6,6 +6,7 @@ import numpy as np
 
 from ...lang.elements import Element
 from ...lang.formula_graph import Formula
+from ...lang.input_error import InputError
 from ..formula import numpy_interpreter
 from ..formula.builder import Builder
 from ..formula.from_formula import NotASurface, add_formula
@@ -21,12 +22,8 @@ MOST_HEIGHTS = 1 << 22
 LUMINANCE = (0.2126, 0.7152, 0.0722)  # of linear Rec.709
 
 
-class _Unfit(Exception):
-    """Heights that make no surface; the message and the hint of a diagnostic."""
-
-    def __init__(self, message: str, hint: str = "") -> None:
-        super().__init__(message)
-        self.hint = hint
+class _Unfit(InputError):
+    """Heights that make no surface."""
 
 
 def heightfield(lowering: Context, element: Element) -> list[Piece]:

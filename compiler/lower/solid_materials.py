@@ -5,6 +5,7 @@ As in POV-Ray, the surface takes the material of the part that it came from, and
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -108,7 +109,7 @@ def row(lowering: Context, element: Element, looks: Looks, own: int) -> int:
     for material, share in zip(looks.materials, looks.shares(builder, (X, Y, Z)), strict=True):
         found = own if material is None else lowering.materials.row(material)
         by_row.setdefault(lowering.builder.default_material() if found < 0 else found, []).append(share)
-    (mixed, first), *others = [(number, _sum(builder, shares)) for number, shares in by_row.items()]
+    (mixed, first), *others = [(number, functools.reduce(builder.add, shares)) for number, shares in by_row.items()]
     for number, share in others:
         first = builder.add(first, share)
         weight = share if number == others[-1][0] else builder.op(Op.DIVIDE, share, builder.op(Op.MAX, first, builder.constant(1e-9)))
@@ -123,13 +124,6 @@ def row(lowering: Context, element: Element, looks: Looks, own: int) -> int:
         data = MaterialData(ir.MaterialModel.BLEND, {ir.Slot.WEIGHT: Input.number(1.0, texture)}, first=mixed, second=number)
         mixed = lowering.builder.material(data, element.place)
     return mixed
-
-
-def _sum(b: Builder, names: Sequence[int]) -> int:
-    total = names[0]
-    for name in names[1:]:
-        total = b.add(total, name)
-    return total
 
 
 def _refuse_what_blends_lack(lowering: Context, looks: Looks) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...lang.input_error import InputError
 from ..ir import F64
 from . import splines
 
@@ -14,12 +15,8 @@ NO_AREA = 1e-9  # of its extent squared, below which a profile has no area
 _ROWS = 512  # edges compared with all others at a time
 
 
-class ProfileError(ValueError):
-    """A profile that encloses no area. The message says why; `hint` says what to write."""
-
-    def __init__(self, message: str, hint: str = "") -> None:
-        super().__init__(message)
-        self.hint = hint
+class ProfileError(InputError):
+    """A profile that encloses no area."""
 
 
 def extent(points: F64) -> float:

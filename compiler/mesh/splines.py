@@ -6,18 +6,15 @@ import math
 
 import numpy as np
 
+from ...lang.input_error import InputError
 from ..ir import F64
 
 KINDS = ("linear", "bezier", "catmull_rom", "bspline")
 MOST_STEPS = 256  # of one Bézier piece
 
 
-class SplineError(ValueError):
-    """Control points that make no curve of their kind. The message says why; `hint` says what to write."""
-
-    def __init__(self, message: str, hint: str = "") -> None:
-        super().__init__(message)
-        self.hint = hint
+class SplineError(InputError):
+    """Control points that make no curve of their kind."""
 
 
 def pieces(points: F64, kind: str, closed: bool) -> list[F64]:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...lang.input_error import InputError
 from ..ir import F64
 from .polygon_mesh import PolyMesh
 from .swept import Faces
@@ -16,12 +17,8 @@ MOST_TURN = math.radians(5)  # of the section of a closed tube from one ring to 
 SHARPEST = math.radians(160)  # greatest turn of a corner: its mitre reaches 1 / cos 80° = 5.8 radii
 
 
-class TubeError(ValueError):
-    """A path that makes no tube. The message says why; `hint` says what to write."""
-
-    def __init__(self, message: str, hint: str = "") -> None:
-        super().__init__(message)
-        self.hint = hint
+class TubeError(InputError):
+    """A path that makes no tube."""
 
 
 class Tube(NamedTuple):

@@ -10,19 +10,15 @@ from typing import Any, Protocol
 
 from .. import file_types, units
 from ..diagnostics import Diagnostics, Span
+from ..input_error import InputError
 from ..limits import MAX_FILES
 from ..syntax import ast
 from ..syntax.lexer import KEYWORDS
 from ..syntax.parser import parse
 
 
-class ReadError(Exception):
-    """A file that cannot be used, with message and hint."""
-
-    def __init__(self, message: str, hint: str = "") -> None:
-        super().__init__(message)
-        self.message = message
-        self.hint = hint
+class ReadError(InputError):
+    """A file that cannot be used."""
 
 
 @dataclass(frozen=True, slots=True)

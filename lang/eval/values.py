@@ -14,6 +14,7 @@ from .. import colors, units
 from ..diagnostics import Span
 from ..elements import AxisAngle, Element, Euler, Falloff, Quaternion
 from ..formula_graph import Formula, Term
+from ..input_error import InputError
 from ..schema.argument_types import Entry
 from ..schema.elements import SCHEMA
 from ..syntax import ast
@@ -45,13 +46,11 @@ POISON = object()  # the value of an expression with a reported error
 PLACEABLE = ("shape", "solid", "block", "light")
 
 
-class Mistake(Exception):
+class Mistake(InputError):
     """An error of a value. `span` is its place, None for that of the expression; `argument` is the index of a wrong argument."""
 
     def __init__(self, message: str, hint: str = "", argument: int | None = None, span: Span | None = None) -> None:
-        super().__init__(message)
-        self.message = message
-        self.hint = hint
+        super().__init__(message, hint)
         self.argument = argument
         self.span = span
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..lang.diagnostics import Diagnostic
 from ..lang.schema.elements import MAX_BOUNCES
+from .progress import time_range
 
 if TYPE_CHECKING:
     from ..compiler import ir
@@ -15,13 +16,17 @@ if TYPE_CHECKING:
     from ..render.film.bounce_error import Cut
 
 
-def of_render(about: Mapping[str, Any], scene: ir.Scene, plan: Plan) -> list[Diagnostic]:
-    """All diagnostics about a picture whose metadata is `about`."""
+NOISY = 0.05  # √relMSE from which a note says how to lower it
+
+
+def of_render(about: Mapping[str, Any], scene: ir.Scene, plan: Plan, asked: ir.Settings) -> list[Diagnostic]:
+    """All diagnostics about a picture whose metadata is `about`, rendered with the settings `asked` for."""
     return [
         *unproved_warnings(about["unproved"]),
         *invalid_sample_warnings(about["issues"]),
         *bounce_limit_notes(about.get("cut"), scene, plan),
         *missed_error_warnings(about, plan),
+        *([] if asked.samples or scene.settings.samples else noise_notes(about, plan)),
     ]
 
 
@@ -54,6 +59,18 @@ def missed_error_warnings(about: Mapping[str, Any], plan: Plan) -> list[Diagnost
     how = "before its error was known" if reached is None else f"at an error of {reached:.2%}"
     message = f"{end} ended the render {how}; {asked:.2%} was asked for"
     return [Diagnostic("warning", message, None, "a longer --budget or a larger --error")]
+
+
+def noise_notes(about: Mapping[str, Any], plan: Plan) -> list[Diagnostic]:
+    """The note about a noisy picture of the default number of samples: what less noise costs."""
+    error = about.get("error")
+    if not plan["monte_carlo"] or plan["denoise"] or plan["error"] or math.isfinite(plan["budget"]) or about.get("partial"):
+        return []
+    if error is None or error <= NOISY:
+        return []
+    longer = (error / NOISY) ** 2 * about["seconds"]["render"]
+    message = f"the picture is noisy: its error is {error:.0%} with the default of {plan['samples']} samples a pixel"
+    return [Diagnostic("note", message, None, f"--error {NOISY:.0%} takes about {time_range(longer, longer)}; --denoise smooths it")]
 
 
 def unproved_warnings(rays: int) -> list[Diagnostic]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import shlex
 import signal
 import sys
@@ -160,6 +161,7 @@ class Job:
     files: tuple[Path, ...] = ()  # files of the last scene
     exposure: float | None = None  # metered at the first picture
     reported: set[Diagnostic] = field(default_factory=set)
+    noted: set[str] = field(default_factory=set)  # notes so far, without their figures
     laps: Laps = field(default_factory=Laps)  # of the last picture
     display: Display = field(default_factory=lambda: Display(quiet=True))  # of the last picture
 
@@ -224,7 +226,7 @@ class Job:
             seconds[name] = seconds.get(name, 0.0) + value
         self.laps.end("draw")
         self._report(Diagnostic("note", message, span_of(scene, table, row)) for message, table, row in image.metadata["notes"])
-        self._report(picture_warnings.of_render(image.metadata, scene, plan))
+        self._report(picture_warnings.of_render(image.metadata, scene, plan, self.settings))
         partial = bool(image.metadata.get("partial"))
         if partial:
             path = _partial(path, len(parts) > 1)
@@ -307,12 +309,18 @@ class Job:
         )
 
     def _report(self, found: Iterable[Diagnostic]) -> None:
-        """Print the diagnostics that no earlier frame printed; without notes if quiet."""
+        """Print the diagnostics that no earlier frame printed; without notes if quiet. Notes that differ in figures alone count as one."""
         new = [d for d in found if d not in self.reported and not (self.quiet and d.severity == "note")]
+        new = [d for d in new if d.severity != "note" or _without_figures(d) not in self.noted]
         self.reported.update(new)
+        self.noted.update(map(_without_figures, new))
         if new:
             self.display.hide()
         terminal.report(new)
+
+
+def _without_figures(found: Diagnostic) -> str:
+    return re.sub(r"\d[\d.,]*", "#", found.message)
 
 
 def _strip_plans(plan: Plan, path: Path) -> list[Plan]:

@@ -355,6 +355,24 @@ def test_how_a_render_missed_its_error(about: dict[str, Any], budget: float, mes
     assert [d.message for d in picture_warnings.missed_error_warnings(about, plan)] == ([message] if message else [])
 
 
+@pytest.mark.parametrize(
+    ("error", "more", "message"),
+    [
+        (0.47, {}, "the picture is noisy: its error is 47% with the default of 64 samples a pixel"),
+        (0.04, {}, None),
+        (None, {}, None),
+        (0.47, {"denoise": True}, None),
+        (0.47, {"monte_carlo": False}, None),
+    ],
+)
+def test_a_noisy_picture_of_the_defaults(error: float | None, more: dict[str, Any], message: str | None) -> None:
+    values = {"error": 0.0, "budget": math.inf, "samples": 64, "denoise": False, "monte_carlo": True, **more}
+    plan = Plan({name: Decision(name, value, "the default") for name, value in values.items()})
+    notes = picture_warnings.noise_notes({"error": error, "seconds": {"render": 1.5}}, plan)
+    assert [d.message for d in notes] == ([message] if message else [])
+    assert [d.hint for d in notes] == (["--error 5% takes about 2:15 min; --denoise smooths it"] if message else [])
+
+
 def test_stats(scene: Path) -> None:
     assert run("render", scene, "--stats", "stats.json", "--samples", "2")[0] == 0
     stats = json.loads(Path("stats.json").read_text(encoding="utf-8"))

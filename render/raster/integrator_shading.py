@@ -80,6 +80,9 @@ def shade_fragments(shading, sample, start, count):
         pixel, index = sobol.zorder_index(ops.to_int(buffer.x[k]), ops.to_int(buffer.y[k]), number, view.width, frame.order)
         light = shading.vertex_light
         color, alpha, sound = whitted.linked_radiance(frame, tables, accel, light, ray, hit, pixel, index, shading.stack, None)
+        if ops.any_lane(alpha < 1.0):  # the background is added to finished bands
+            behind = background.camera_background(tables, frame.options, ray.direction)
+            color = ops.sub(color, ops.scale(behind, 1.0 - alpha))
         for j in range(min(count - first, crosslane.WIDTH)):
             place = transposed_index(first + j)
             for c in range(3):

@@ -61,3 +61,16 @@ def test_a_formula_lets_as_much_pass_as_the_shape_that_it_is(tmp_path: Path, nam
     shape, formula = (image.channels["rgba"][..., :3].astype(float) for image in found)
     assert formula.mean() == pytest.approx(shape.mean(), rel=1e-3)
     assert np.mean(np.abs(formula - shape).max(axis=-1) > 1e-3) < 0.01
+
+
+@pytest.mark.parametrize("background", ["sky", (0.5, 0.25, 1.0)])
+def test_the_background_shines_once_through_a_veil(tmp_path: Path, backend: str, background: object) -> None:
+    """A black veil of opacity 3/4 lets a quarter of the background pass."""
+    veil = "triangle([[-1, 0, 0], [1, 0, 0], [0, 2, 0]], material: lambert(#000, opacity: 0.75))\n"
+    (tmp_path / "a.scene").write_text(f"{veil}sky(color: #88f, luminance: 0.5)\n{VIEW}")
+    found = maquette.render(tmp_path / "a.scene", size=(24, 18), samples=1, backend=backend, background=background).channels["rgba"]
+    color = found[0, 0, :3] if background == "sky" else np.array(background)
+    middle = found[9, 12]
+    assert found[0, 0, :3] == pytest.approx(color, rel=1e-6)
+    assert middle[3] == pytest.approx(0.75, abs=1e-6)
+    assert middle[:3] == pytest.approx(0.25 * color, rel=1e-3)

@@ -135,6 +135,12 @@ def _extras() -> Iterator[Finding]:
         yield Finding("denoiser", "ok", f"pyoidn {version}, for --denoise", {"version": version})
     except metadata.PackageNotFoundError:
         yield Finding("denoiser", "missing", f"for --denoise: {distribution.install_command('denoise')}", {"version": None})
+    try:
+        version = metadata.version("DracoPy")
+        yield Finding("draco", "ok", f"DracoPy {version}, for compressed glTF meshes", {"version": version})
+    except metadata.PackageNotFoundError:
+        text = f"for compressed glTF meshes: {distribution.install_command('draco')}"
+        yield Finding("draco", "missing", text, {"version": None})
     for peer in registry.every():
         missing = peer.missing
         text = f"for chart --peers {peer.name}: {missing}" if missing else f"{peer.version}, for chart --peers {peer.name}"

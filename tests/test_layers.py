@@ -79,6 +79,7 @@ EXCEPT = {"live": ("measure", "cli", "top"), "measure": ("measure", "live", "cli
 
 # Modules that may be imported inside a function, and why: a command that does not need one must not wait for it.
 LATE = {
+    "DracoPy": "an extra, for compressed glTF meshes",
     "OpenImageIO": "only scenes with pictures need it",
     "fcntl": "some systems lack it",
     "manifold3d": "only solids with meshes in them need it",

@@ -22,13 +22,13 @@ from ..mesh.polygon_mesh import PolyMesh
 from ..scene import transforms
 from ..scene.builder import SceneBuilder
 from ..scene.row_records import WHITE, CameraData, LightData, MeshAttribute, as_color, nonnegative, scale_color
-from . import gltf_animation, gltf_materials, gltf_tables, uv_sets, vertex_numbers
+from . import gltf_animation, gltf_draco, gltf_materials, gltf_tables, uv_sets, vertex_numbers
 from .gltf_container import Container, GltfError, open_container
 from .mesh_parts import Part, add
 
 __all__ = ["GltfError", "read"]
 
-_COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
+_COMPRESSED = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 TRIANGLES, STRIP, FAN = 4, 5, 6
 MAX_NODES = 200_000
 
@@ -148,7 +148,7 @@ class _Reader:
         if mode not in (TRIANGLES, STRIP, FAN):
             self.warn("points and lines are not drawn")
             return []
-        if any(e in primitive.get("extensions", {}) for e in _COMPRESSED):
+        if not self.readable(primitive):
             return []
         material = primitive.get("material")
         sets = [] if material is None else self.materials.uv_sets(material)
@@ -183,6 +183,22 @@ class _Reader:
                 for part, fit in self.mapped(mesh, sets, attributes, fit)
             ]
         return [part for part in made if part is not None]
+
+    def readable(self, primitive: dict[str, Any]) -> bool:
+        """Whether a primitive is not compressed, or was decompressed now."""
+        extensions = primitive.get("extensions", {})
+        if any(e in extensions for e in _COMPRESSED):
+            return False
+        if gltf_draco.EXTENSION in extensions:
+            if reason := gltf_draco.missing():
+                self.warn(reason)
+                return False
+            try:
+                gltf_draco.decode(self.container, primitive)
+            except GltfError as failure:
+                self.warn(f"{failure}: it is left out")
+                return False
+        return True
 
     def faded(self, mesh: PolyMesh, material: int, colors: np.ndarray | None, mapped: bool) -> tuple[PolyMesh, gltf_materials.Fit]:
         """A mesh with the opacity of its vertex colours, as a factor or as its u; its mean if pictures use u."""

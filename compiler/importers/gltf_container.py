@@ -35,6 +35,7 @@ class Container:
     binary: bytes
     folder: Path | None
     files: Files
+    decoded: dict[int, np.ndarray] = field(default_factory=dict)  # (count, width) stored values of accessors that were compressed
     _buffers: dict[int, bytes] = field(default_factory=dict)
 
     def bytes_at(self, uri: str, what: str) -> bytes:
@@ -72,7 +73,10 @@ class Container:
         a = self.document["accessors"][index]
         kind = np.dtype(_TYPES[a["componentType"]])
         width, count = _WIDTHS[a["type"]], int(a["count"])
-        if "bufferView" in a:
+        if index in self.decoded:
+            values = self.decoded[index]
+            kind = values.dtype
+        elif "bufferView" in a:
             values = self._view(a["bufferView"], a.get("byteOffset", 0), kind, width, count)
         else:
             if count * width > len(self.binary) + (1 << 20):

@@ -158,7 +158,7 @@ class Lights(NamedTuple):
     angle: F64  # (n,) angular radius of a SUN
     falloff: I32  # (n,) FalloffKind
     coefficients: F64  # (n, 3)
-    image: I32  # (n,) image of a dome or -1
+    image: I32  # (n,) image of a dome; of POINT, SPOT and area lights a factor by direction, latitude-longitude; -1: none
     instance: I32  # (n,) the area light's visible shape, or -1
     shadows: Bool  # (n,)
 

@@ -174,6 +174,8 @@ def carrier(tables: ir.Tables, transport: str, backend: str, moves: bool) -> tup
         return "paths", "the ray backend alone traces photons", chance
     if moves:
         return "paths", "objects move: photons and paths have different times", chance
+    if scene_facts.profiled(tables).any():
+        return "paths", "a light's emission depends on the direction: photons are not emitted by profiles", chance
     small, shining = caustic_lights(tables)
     endless = ~np.isfinite(bounding_spheres(tables)[1][mirrors])
     if endless.any() and (ir.is_in(tables.lights.kind, FAR) & small).any():

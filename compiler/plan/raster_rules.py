@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from .. import ir
+from . import scene_facts
 from .decision import Decision, Plan, Rule
 from .scene_facts import specular_materials, used_materials
 from .transport_rules import AREA_LIGHTS, PRECISIONS
@@ -86,6 +87,8 @@ def _needs_float64(scene: ir.Scene, plan: Plan) -> str:
     used = np.unique(instances.material[shown])
     if plan["raster.shadows"] != "none" or ir.is_in(scene.tables.lights.kind, AREA_LIGHTS).any():
         return "lights are sampled by rays"
+    if scene_facts.profiled(scene.tables).any():
+        return "some light's emission depends on the direction"
     if (scene.tables.geometries.kind[instances.geometry[shown]] != ir.GeometryKind.MESH).any():
         return "some shape is not a mesh: rays intersect it"
     if plan["opacity"]:

@@ -40,6 +40,11 @@ def partial(tables: ir.Tables) -> np.ndarray:
     return (materials.values[:, ir.Slot.OPACITY, 0] < 1.0) | (materials.textures[:, ir.Slot.OPACITY] >= 0)
 
 
+def profiled(tables: ir.Tables) -> np.ndarray:
+    """(lights,) bool: lights whose emission depends on the direction by an image."""
+    return (tables.lights.image >= 0) & (tables.lights.kind != ir.LightKind.DOME)
+
+
 def shines(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: emissive materials."""
     materials, slot = tables.materials, ir.Slot.EMISSION

@@ -34,7 +34,7 @@ def find_glossy_lights(tables: ir.Tables, general: bool = False) -> GlossyLights
         return NoGlossyLights()
     kinds = tables.lights.kind
     wide = ir.is_in(kinds, (lights.RECTANGLE, lights.DISK, lights.SPHERE)) | ((kinds == lights.SUN) & (tables.lights.angle > 0.0))
-    rows = np.flatnonzero(wide)
+    rows = np.flatnonzero(wide & (tables.lights.image < 0))  # lights with a profile have light samples alone
     return GlossyLights(rows.astype(np.int64)) if len(rows) or general else NoGlossyLights()
 
 
@@ -49,7 +49,7 @@ def _weighted_reflected(
 ) -> Vec:  # fmt: skip
     """`bsdf.reflected` of a light sample, with the MIS weight against lobe samples."""
     glossy = active & bsdf.is_glossy(shader)
-    if lights.is_soft(tables, light) and ops.any_lane(glossy):
+    if lights.is_soft(tables, light) and not lights.has_profile(tables, light) and ops.any_lane(glossy):
         matt, shine, density = bsdf.eval_lobes_pdf(shader, normal, arriving.direction, viewer)
         ratio = density * solid_angle(tables, light, arriving)
         weight = ops.where(glossy, 1.0 / (1.0 + ratio * ratio), 1.0)

@@ -176,11 +176,13 @@ def _table(tables: ir.Tables, rows: list[dict[str, Any]], first: Any, parts: Any
     for name in ("kind", "place", "side_u", "side_v", "normal", "area", "color", "both", "square", "light", "shadows", "weighed"):
         values = [row[name] for row in rows]
         columns[name] = np.array(values, types.get(name, np.float64)).reshape(-1, *shapes.get(name, ()))
-    disks, triangles, tubes = (
+    kind = columns["kind"]
+    shaped = (columns["light"] >= 0) & (kind != DOME) & (np.append(tables.lights.image, -1)[columns["light"]] >= 0)
+    marks = (
         shape_solid_angle.HasLights(int(here.sum())) if here.any() or general else shape_solid_angle.NoLights()
-        for here in ((columns["kind"] == DISK) & columns["square"], columns["kind"] == TRIANGLE, columns["kind"] == TUBE)
+        for here in ((kind == DISK) & columns["square"], kind == TRIANGLE, kind == TUBE, shaped)
     )
-    wide = shape_solid_angle.Wide(disks, triangles, tubes)
+    wide = shape_solid_angle.Wide(*marks)
     return Emitters(**columns, first=first, parts=parts, tree=_build_tree(tables, columns, general), sky=sky, wide=wide)
 
 

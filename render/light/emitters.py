@@ -68,13 +68,26 @@ def sample(tables: Tables, emitters: Emitters, e: Lane, position: Vec, u: Lane, 
         towards = lights.cone_direction(normal, u * 2.0 * half, v)  # `color` is the irradiance of a surface that faces all of it
         direction = ops.where3(far, towards, direction)
         strength = ops.where(far, 1.0 / (1.0 - half), strength)
-    light = ops.scale(color, strength)
+    light = _shape_light(emitters.wide.profiles, ops.scale(color, strength), tables, emitters, e, direction)
     above = kind == DOME
     if ops.any_lane(above):
         towards, radiance, likely = environment_map.sample(emitters.sky, tables, u, v)
         direction, density = ops.where3(above, towards, direction), ops.where(above, likely, density)
         light = ops.where3(above, ops.scale(radiance, 1.0 / ops.maximum(likely, lights.TINY)), light)
     return Arriving(direction, reached.distance, light, density, reached.cosine)
+
+
+@helper
+def _profiled(plain: Vec, tables: Tables, emitters: Emitters, e: Lane, direction: Vec) -> Vec:
+    """Return `plain` times the factors of lights whose emission depends on the direction."""
+    row = ops.maximum(emitters.light[e], 0)
+    shaped = (emitters.light[e] >= 0) & (emitters.kind[e] != DOME) & (tables.lights.image[row] >= 0)
+    if ops.any_lane(shaped):
+        plain = ops.where3(shaped, ops.mul(plain, lights.profile(tables, row, direction)), plain)
+    return plain
+
+
+_shape_light = shape_solid_angle.specialize_if_some(_profiled)
 
 
 @helper

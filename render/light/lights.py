@@ -44,21 +44,51 @@ def sample(tables: Tables, light: int, position: Vec, u: Lane, v: Lane) -> Arriv
     """
     kind = tables.lights.kind[light]
     if kind in (POINT, SPOT):
-        return _sample_point(tables, light, position)
+        return _shaped(tables, light, _sample_point(tables, light, position))
     if kind in (DIRECTIONAL, SUN):
         return _sample_distant(tables, light, u, v)
     if kind == SPHERE:
-        return _sample_sphere(tables, light, position, u, v)
-    return _sample_plate(tables, light, position, u, v)
+        return _shaped(tables, light, _sample_sphere(tables, light, position, u, v))
+    return _shaped(tables, light, _sample_plate(tables, light, position, u, v))
 
 
 @helper
 def sample_sharp(tables: Tables, light: int, position: Vec) -> Arriving:
     """`sample` for lights without an extent, except ambient ones."""
     if tables.lights.kind[light] in (POINT, SPOT):
-        return _sample_point(tables, light, position)
+        return _shaped(tables, light, _sample_point(tables, light, position))
     middle = ops.full_like(position[0], 0.5)
     return _sample_distant(tables, light, middle, middle)
+
+
+@helper
+def _shaped(tables: Tables, light: int, arriving: Arriving) -> Arriving:
+    """The sample of a light with its factor by direction."""
+    if has_profile(tables, light):
+        factor = profile(tables, light, arriving.direction)
+        return Arriving(arriving.direction, arriving.distance, ops.mul(arriving.irradiance, factor))
+    return arriving
+
+
+@helper
+def has_profile(tables: Tables, light: int) -> bool:
+    """Whether a light's emission depends on the direction by an image."""
+    return tables.lights.image[light] >= 0 and tables.lights.kind[light] != DOME
+
+
+@helper
+def profile(tables: Tables, light: Lane, towards: Vec) -> Vec:
+    """Return the factor of a light's emission toward a point from which the light lies in the direction `towards`.
+
+    The light's image is latitude-longitude as that of a dome, with its top toward +y of the light's frame.
+    """
+    row, matrix = tables.lights.transform[light], tables.transforms.matrix
+    x = -ops.dot(towards, ops.normalize(affine.transform_vector(matrix, row, (1.0, 0.0, 0.0))))
+    y = -ops.dot(towards, ops.normalize(affine.transform_vector(matrix, row, (0.0, 1.0, 0.0))))
+    z = -ops.dot(towards, ops.normalize(affine.transform_vector(matrix, row, (0.0, 0.0, 1.0))))
+    from_top = ops.atan2(ops.sqrt(x * x + z * z), y)
+    s, t = 0.5 - ops.atan2(x, z) / (2.0 * math.pi), 1.0 - from_top / math.pi
+    return _look_up(tables, ops.maximum(tables.lights.image[light], 0), s, t)
 
 
 @helper

@@ -40,6 +40,7 @@ class Wide(NamedTuple):
     disks: Any
     triangles: Any
     tubes: Any
+    profiles: Any  # lights of any shape whose emission depends on the direction by an image
 
 
 def specialize_if_some(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ... import ir
-from ...plan import light_shapes
+from ...plan import light_shapes, scene_facts
 from ...plan.plan import Plan
 from ...plan.scene_facts import specular_materials
 from .. import common
@@ -26,12 +26,15 @@ def lights(out: Export, plan: Plan, shapes: Shapes) -> list[Node]:
     tables = out.scene.tables
     shining = [row for row in range(len(tables.lights.kind)) if tables.lights.color[row].max() > 0]
     blocks = light_shapes.blocking(tables) | (len(shining) < 2)
+    profiled = scene_facts.profiled(tables)
     made: list[Node] = []
     for row in shining:
         kind = ir.LightKind(int(tables.lights.kind[row]))
         if not tables.lights.shadows[row] and kind != ir.LightKind.AMBIENT and plan["shadows"]:
             out.cannot("a light without shadows is not carried", "lights", row)
-        if kind in _AREA:
+        if profiled[row]:
+            out.cannot("a light whose emission depends on the direction is not carried", "lights", row)
+        elif kind in _AREA:
             made += _area(out, shapes, row, blocks)
         elif kind == ir.LightKind.AMBIENT:
             out.cannot("ambient light is not carried: Mitsuba has none", "lights", row)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from ... import ir
+from ...plan import scene_facts
 from ...plan.plan import Plan
 from .. import common
 from ..common import F64, Export
@@ -76,6 +77,7 @@ def _camera(out: Export, plan: Plan) -> str:
 def _lights(out: Export, plan: Plan) -> list[str]:
     tables = out.scene.tables
     lights = tables.lights
+    profiled = scene_facts.profiled(tables)
     made, sky = [], np.zeros(3)
     matt = tables.materials.values[np.unique(tables.instances.material)][:, [ir.Slot.DIFFUSE, ir.Slot.SPECULAR]].max(initial=0.0) > 0
     for row in np.flatnonzero(lights.color.max(axis=1, initial=0.0) > 0).tolist():
@@ -83,7 +85,9 @@ def _lights(out: Export, plan: Plan) -> list[str]:
         plain_sky = kind == ir.LightKind.SKY or (kind == ir.LightKind.DOME and lights.image[row] < 0)
         if plain_sky:
             sky = sky + lights.color[row]
-        if kind in _SOFT and (matt or not plain_sky):
+        if profiled[row]:
+            out.cannot("a light whose emission depends on the direction is not carried", "lights", row)
+        elif kind in _SOFT and (matt or not plain_sky):
             out.cannot(f"{_SOFT[kind]}: it draws lights without extent", "lights", row)
         elif kind in (ir.LightKind.POINT, ir.LightKind.SPOT):
             made.append(_point_light(out, row))

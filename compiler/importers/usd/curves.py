@@ -230,7 +230,7 @@ def _nurbs(prim: Any, time: Any, counts: I64, points: int) -> Samples | None:
             return None
         t = np.linspace(low, high, (count - order + 1) * _steps(points) + 1)
         span = np.clip(np.searchsorted(own, t, side="right") - 1, order - 1, count - 1)
-        basis = _de_boor(own, span, t, order)
+        basis = de_boor(own, span, t, order)
         row = span[:, None] - order + 1 + np.arange(order) + first_point
         basis = basis * heavy[row]
         basis = basis / np.where(basis.sum(axis=1, keepdims=True) != 0, basis.sum(axis=1, keepdims=True), 1.0)
@@ -245,7 +245,7 @@ def _nurbs(prim: Any, time: Any, counts: I64, points: int) -> Samples | None:
     return Samples(joined[0], joined[1], joined[2], joined[3], joined[4], none, 2 * len(counts))
 
 
-def _de_boor(knots: F64, span: I64, t: F64, order: int) -> F64:
+def de_boor(knots: F64, span: I64, t: F64, order: int) -> F64:
     """The B-spline basis (m, order) that is not 0 at parameters t in knot spans (The NURBS Book, A2.2)."""
     made = np.zeros((len(t), order))
     made[:, 0] = 1.0

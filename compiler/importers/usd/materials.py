@@ -393,9 +393,16 @@ def _source(path: str) -> str | bytes:
     return bytes(opened.GetBuffer())
 
 
-def asset(value: Any, materials: Materials, prim: Any) -> Asset | None:
+def contents(path: str) -> bytes:
+    """The bytes of a file, on disk or in a package. Raises OSError or images.ImageError."""
+    source = _source(path)
+    return Path(source).read_bytes() if isinstance(source, str) else source
+
+
+def asset(value: Any, materials: Materials, prim: Any, what: str = "picture") -> Asset | None:
     """The file of an asset-valued attribute. None and a warning if it does not exist."""
     written = str(getattr(value, "path", value) or "")
+    without = "its fallback is drawn" if what == "picture" else "it is left out"
     if not written:
         materials.tell("the texture names no file: its fallback is drawn", prim)
         return None
@@ -406,10 +413,10 @@ def asset(value: Any, materials: Materials, prim: Any) -> Asset | None:
         tiles = tuple(sorted((int(number), str(path)) for path, number in found if not materials.opened.fenced_off(str(path))))
         resolved = tiles[0][1] if tiles else str(found[0][0]) if found else ""
     if not resolved:
-        materials.builder.diagnostics.warning(f"there is no picture `{written}`: its fallback is drawn", materials.opened.span(prim))
+        materials.builder.diagnostics.warning(f"there is no {what} `{written}`: {without}", materials.opened.span(prim))
         return None
     if materials.opened.fenced_off(resolved):
-        message = f"the picture `{written}` lies outside of the scene's folder: its fallback is drawn"
+        message = f"the {what} `{written}` lies outside of the scene's folder: {without}"
         hint = f"use --allow {Path(resolved).parent} to let scenes read it"
         materials.builder.diagnostics.warning(message, materials.opened.span(prim), hint)
         return None

@@ -23,6 +23,8 @@ from .stage import Opened, numbers, primvar_mean, reason
 
 MAX_INSTANCES = 4_000_000
 MAX_BALLS = 5_000  # points drawn as exact spheres
+MAX_LIGHTS = 10_000  # of point instancers
+LIGHT = -2  # in place of a geometry: a light of a prototype
 MAX_NESTING = 32  # levels of nested point instancers
 CAGES = "subdivision surfaces, as meshes are that do not say otherwise, are drawn as their cages with smooth normals"
 REFINE = "--complexity medium, high or veryhigh refines them"
@@ -130,11 +132,23 @@ class Walk:
     def _place_copies(self, piece: Piece, span: Span) -> None:
         assert piece.ids is not None
         n = len(piece.ids)
+        if piece.geometry == LIGHT:
+            self._place_lights(piece)
+            return
         spans = [span] * n
         rows = self.builder.transforms(piece.matrix[:, :3], spans)
         materials = np.broadcast_to(piece.material, n)
         names = [f"{self.prefix}{piece.name}[{k}]" for k in piece.ids.tolist()]
         self.builder.instances([piece.geometry] * n, rows, np.where(materials == NONE, self.material, materials).tolist(), names, spans)
+
+    def _place_lights(self, piece: Piece) -> None:
+        """Add the copies of a light that point instancers place."""
+        room = max(MAX_LIGHTS - self.builder.count("lights"), 0)
+        if len(piece.matrix) > room:
+            self.materials.tell(f"the stage has more than {MAX_LIGHTS:,} lights: the rest is left out", piece.prim)
+        for matrix in piece.matrix[:room]:
+            if transforms.inverse(matrix) is not None:
+                lights.light(piece.prim, matrix, self.unit, self.opened, self.builder, self.materials)
 
     def _below(self, root: Any, here: _Inherited, into: dict[str, list[Piece]]) -> None:
         """Traverse a prim and its descendants; recursive only for point instancers."""
@@ -195,7 +209,7 @@ class Walk:
         elif kind == "Camera":
             self.cameras.append((prim, here.matrix))
         elif kind in lights.KINDS:
-            self._light(prim, here)
+            self._light(prim, here, into)
 
     def _audit_once(self, prim: Any, kind: str) -> None:
         """Report what is not drawn of a prim, once for all instances of a prototype. Materials are reported where they are bound."""
@@ -204,9 +218,9 @@ class Walk:
             self._audited.add(source)
             self.materials.audit.prim(prim, kind)
 
-    def _light(self, prim: Any, here: _Inherited) -> None:
+    def _light(self, prim: Any, here: _Inherited, into: dict[str, list[Piece]]) -> None:
         if here.instancers:
-            self.materials.tell("lights inside of point instancers are not drawn", prim)
+            into.setdefault(here.purpose, []).append(Piece(LIGHT, NONE, here.matrix, prim, str(prim.GetPath())))
         elif transforms.inverse(here.matrix) is not None:
             lights.light(prim, here.matrix, self.unit, self.opened, self.builder, self.materials)
 

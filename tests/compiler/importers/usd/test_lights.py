@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from maquette.compiler import ir
+from maquette.compiler.importers.usd import light_plates
 
 from ....files import write_image
 from .stages import SQUARE, read
@@ -84,29 +85,126 @@ def test_disk(tmp_path):
     assert frame(scene, row) @ [0, 1, 0, 0] == pytest.approx([0, 1, 0], abs=1e-7)
 
 
-def test_cylinder_becomes_a_ball_of_the_same_area(tmp_path):
-    _, messages, row = light(tmp_path, 'def CylinderLight "l" { float inputs:length = 8\nfloat inputs:radius = 1\n}')
-    assert messages == ["x.usda</l>: warning: cylinder lights are drawn as balls of the same area"]
-    assert (row["kind"], row["size"][0]) == (ir.LightKind.SPHERE, pytest.approx(2))
+def test_a_cylinder_is_a_prism_of_its_perimeter(tmp_path):
+    """Its sides face outward, touch each other, and have the cylinder's area; normalized they share one power."""
+    text = f'def CylinderLight "l" {{ float inputs:length = 8\nfloat inputs:radius = 1\nMORE\n{TURNED} }}'
+    scene, messages, row = light(tmp_path, text.replace("MORE", ""))
+    lights = scene.tables.lights
+    assert (messages, lights.kind.tolist()) == ([], [ir.LightKind.RECTANGLE] * light_plates.SIDES)
+    assert 4 * lights.size.prod(axis=1).sum() == pytest.approx(2 * math.pi * 8 * 2**2)  # TURNED scales by 2
+    middle = np.array([1, 2, 3])
+    for k in range(len(lights.kind)):
+        matrix = scene.tables.transforms.matrix[lights.transform[k]]
+        outward = matrix[:, 3] - middle
+        assert matrix[:, 1] @ outward == pytest.approx(np.linalg.norm(outward))
+    dim = light(tmp_path, text.replace("MORE", "bool inputs:normalize = 1"))[2]
+    assert dim["color"] == pytest.approx(row["color"] / (2 * math.pi * 8 * 2**2))
 
 
-def test_a_cone_makes_a_spot(tmp_path):
-    text = f"""def SphereLight "l" (prepend apiSchemas = ["ShapingAPI"]) {{ float inputs:intensity = 5
-        float inputs:radius = 0.25
-        float inputs:shaping:cone:angle = 30
-        float inputs:shaping:cone:softness = 0.5
-        {TURNED} }}"""
-    _, messages, row = light(tmp_path, text)
+def shaped(tmp_path, kind, inputs, extra=""):
+    text = f'def {kind} "l" (prepend apiSchemas = ["ShapingAPI"]) {{ {inputs}\n{extra} }}'
+    scene, messages, row = light(tmp_path, text)
     assert messages == []
-    assert (row["kind"], row["position"].tolist()) == (ir.LightKind.SPOT, [1, 2, 3])
-    assert row["color"] == pytest.approx([5 * math.pi * 0.25] * 3)
-    assert row["direction"] == pytest.approx([0, 1, 0], abs=1e-7)
-    assert (row["cos_cone"], row["cos_full"]) == pytest.approx((math.cos(math.radians(30)), math.cos(math.radians(15))))
+    t = scene.tables
+    if row["image"] < 0:
+        return row, np.zeros(0)
+    first, high = t.images.first[row["image"]], t.images.height[row["image"]]
+    return row, t.images.texels[first : first + high * t.images.width[row["image"]], :3].reshape(high, -1, 3)
 
 
-def test_a_wide_cone_shapes_nothing(tmp_path):
-    text = 'def SphereLight "l" (prepend apiSchemas = ["ShapingAPI"]) { float inputs:shaping:cone:angle = 180\n}'
-    assert light(tmp_path, text)[2]["kind"] == ir.LightKind.SPHERE
+@pytest.mark.parametrize("kind", ["SphereLight", "RectLight", "DiskLight"])
+def test_a_cone_is_a_factor_by_direction(tmp_path, kind):
+    row, factor = shaped(tmp_path, kind, "float inputs:shaping:cone:angle = 30\nfloat inputs:shaping:cone:softness = 0.5")
+    assert factor.shape == (2048, 1, 3)
+    angle = (np.arange(2048) + 0.5) * 180 / 2048
+    t = np.clip((angle - 15) / 15, 0, 1)
+    assert factor[:, 0, 0] == pytest.approx(1 - t * t * (3 - 2 * t), abs=1e-6)
+    kinds = {"SphereLight": ir.LightKind.SPHERE, "RectLight": ir.LightKind.RECTANGLE, "DiskLight": ir.LightKind.DISK}
+    assert row["kind"] == kinds[kind]
+
+
+def test_a_focus_has_a_tint(tmp_path):
+    _, factor = shaped(tmp_path, "SphereLight", "float inputs:shaping:focus = 3\ncolor3f inputs:shaping:focusTint = (0.5, 0, 0)")
+    share = np.abs(np.cos((np.arange(2048) + 0.5) * np.pi / 2048)) ** 3
+    assert factor[:, 0] == pytest.approx(np.stack([0.5 + 0.5 * share, share, share], axis=1), abs=1e-6)
+
+
+def test_the_axis_of_a_shaped_ball_is_its_minus_z(tmp_path):
+    text = f'def SphereLight "l" (prepend apiSchemas = ["ShapingAPI"]) {{ float inputs:shaping:focus = 1\n{TURNED} }}'
+    scene, _, row = light(tmp_path, text)
+    assert frame(scene, row)[:3, 1] == pytest.approx([0, 1, 0], abs=1e-7)
+
+
+@pytest.mark.parametrize("inputs", ["float inputs:shaping:cone:angle = 180", "", "float inputs:shaping:focus = 0"])
+def test_shaping_without_effect(tmp_path, inputs):
+    row, factor = shaped(tmp_path, "SphereLight", inputs)
+    assert (row["kind"], factor.size) == (ir.LightKind.SPHERE, 0)
+
+
+PROFILE = "IESNA:LM-63-2002\n[TEST] a\nTILT=NONE\n1 1000 1 3 1 1 2 0 0 0\n1 1 100\n0 90 180\n0\n100 50 0\n"
+
+
+def test_an_ies_profile_is_a_factor_by_direction(tmp_path):
+    (tmp_path / "a.ies").write_text(PROFILE)
+    _, factor = shaped(tmp_path, "SphereLight", "asset inputs:shaping:ies:file = @a.ies@")
+    assert factor[:, 0, 0] == pytest.approx(np.linspace(100, 0, 2049)[:-1] - 100 / 4096, rel=1e-5, abs=1e-3)
+    _, even = shaped(tmp_path, "SphereLight", "asset inputs:shaping:ies:file = @a.ies@\nbool inputs:shaping:ies:normalize = 1")
+    assert even == pytest.approx(factor / 50, rel=1e-3, abs=1e-4)  # the mean of 100 (1 − θ/π) over the sphere is 50
+    _, wide = shaped(tmp_path, "SphereLight", "asset inputs:shaping:ies:file = @a.ies@\nfloat inputs:shaping:ies:angleScale = 1")
+    assert wide[0, 0, 0] == pytest.approx(50, abs=0.1)  # the axis shows the angle π/2
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("nothing", "the IES profile `a.ies` is left out: an IES file has a line with TILT="),
+        (PROFILE[:-12], "the IES profile `a.ies` is left out: the numbers of this IES file end early"),
+        (PROFILE.replace("3 1 1 2", "3 1 2 2"),
+         "the IES profile `a.ies` is left out: photometry of the types A and B is not drawn: type C is"),
+        (None, "there is no IES profile `a.ies`: it is left out"),
+    ],
+)  # fmt: skip
+def test_a_bad_ies_profile_is_left_out(tmp_path, text, expected):
+    if text is not None:
+        (tmp_path / "a.ies").write_text(text)
+    lamp = 'def SphereLight "l" (prepend apiSchemas = ["ShapingAPI"]) { asset inputs:shaping:ies:file = @a.ies@\n}'
+    scene, messages = read(tmp_path, lamp + CUBE)
+    assert messages == [f"x.usda</l>: warning: {expected}"]
+    assert scene.tables.lights.image.tolist() == [-1]
+
+
+def test_an_uneven_scale_makes_an_ellipse(tmp_path):
+    scale = 'float3 xformOp:scale = (2, 1, 1)\nuniform token[] xformOpOrder = ["xformOp:scale"]'
+    scene, messages, row = light(tmp_path, f'def DiskLight "l" {{ float inputs:radius = 3\nbool inputs:normalize = 1\n{scale} }}')
+    assert (messages, row["size"][0]) == ([], 3)
+    assert frame(scene, row)[:3, :3] == pytest.approx(np.array([[2, 0, 0], [0, 0, 1], [0, -1, 0]]))
+    assert row["color"] == pytest.approx([1 / (math.pi * 9 * 2)] * 3)
+
+
+def test_a_picture_of_a_rectangle_is_a_grid_of_its_means(tmp_path):
+    """The lower left pixel is at the lowest x and y."""
+    write_image(tmp_path / "a.png", np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [0, 0, 0]]], np.uint8))
+    text = 'def RectLight "l" { float inputs:width = 4\nfloat inputs:intensity = 2\nasset inputs:texture:file = @a.png@\n}'
+    scene, messages, _ = light(tmp_path, text)
+    t, cells = scene.tables, light_plates.CELLS
+    assert (messages, len(t.lights.kind)) == ([], cells * cells * 3 // 4)
+    assert (4 * t.lights.size.prod(axis=1)) == pytest.approx(np.full(len(t.lights.kind), 4 / cells**2))
+    place = t.transforms.matrix[t.lights.transform][:, :2, 3]
+    for color, left, top in (([2, 0, 0], True, True), ([0, 2, 0], False, True), ([0, 0, 2], True, False)):
+        assert t.lights.color[((place[:, 0] < 0) == left) & ((place[:, 1] > 0) == top)] == pytest.approx(np.tile(color, (16, 1)))
+
+
+def test_point_instancers_place_lights(tmp_path):
+    text = """def PointInstancer "pi" {
+        int[] protoIndices = [0, 0]
+        point3f[] positions = [(1, 0, 0), (0, 5, 0)]
+        rel prototypes = </pi/lamp>
+        def SphereLight "lamp" { float inputs:intensity = 3
+        } }"""
+    scene, messages = read(tmp_path, text + CUBE)
+    assert messages == []
+    assert scene.tables.lights.position.tolist() == [[1, 0, 0], [0, 5, 0]]
+    assert scene.tables.lights.color.tolist() == [[3, 3, 3]] * 2
 
 
 def test_colour_temperature(tmp_path):
@@ -144,9 +242,10 @@ def test_a_dome_s_picture_and_pole(tmp_path, prim, up, pole):
         ('def PortalLight "l" {}', "x.usda</l>: warning: PortalLight is not drawn"),
         ('def SphereLight "l" { float inputs:intensity = inf\n}',
          "x.usda</l>: warning: this light's strength is not finite: it is left out"),
-        ('def RectLight "l" { asset inputs:texture:file = @a.png@\n}', "x.usda</l>: warning: `texture:file` of RectLight is not drawn"),
-        ('def RectLight "l" (prepend apiSchemas = ["ShapingAPI"]) { float inputs:shaping:cone:angle = 20\n}',
-         "x.usda</l>: warning: cones shape balls and disks only: this light shines into its whole side"),
+        ('def RectLight "l" { asset inputs:texture:file = @a.png@\n}',
+         "x.usda</l>: warning: there is no picture `a.png`: its fallback is drawn"),
+        ('def CylinderLight "l" (prepend apiSchemas = ["ShapingAPI"]) { float inputs:shaping:cone:angle = 20\n}',
+         "x.usda</l>: warning: the shaping of cylinder lights is not drawn"),
         ('def DomeLight "l" { asset inputs:texture:file = @gone.png@\n}',
          "x.usda</l>: warning: there is no picture `gone.png`: its fallback is drawn"),
     ],

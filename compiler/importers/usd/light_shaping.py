@@ -1,0 +1,100 @@
+"""Shaping of USD lights: cone, focus and IES profile as an image of the factor by direction.
+
+The formulas are those of OpenUSD's hdEmbree (pxr/imaging/plugin/hdEmbree/lightSamplers.cpp, version 25.05).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ....lang.diagnostics import Span
+from ...ir import F64
+from ...scene.builder import NONE, SceneBuilder
+from .. import ies
+from ..images import ImageError
+from . import stage
+from .materials import Materials, asset, contents
+
+_ROWS = 2048  # of the image, from the axis to its opposite
+_COLUMNS = 128  # of profiles that are not round
+_WIDEST = 180.0  # degrees: a cone of this angle or more has no effect
+
+
+def profile(prim: Any, time: Any, builder: SceneBuilder, materials: Materials, span: Span) -> int:
+    """The row of the image of a light's factor by direction, its top along the light's −z; NONE for an even light."""
+    if not prim.HasAPI("ShapingAPI"):
+        return NONE
+    angle = (np.arange(_ROWS, dtype=np.float64) + 0.5) * (np.pi / _ROWS)
+    factor = np.ones((_ROWS, 1, 3))
+    factor *= _cone(prim, time, angle)[:, None, None]
+    factor *= _focus(prim, time, angle)[:, None]
+    lamp = _photometry(prim, time, materials)
+    if lamp is not None:
+        factor = factor * _profile(prim, time, lamp, angle)[..., None]
+    if (factor == 1.0).all():
+        return NONE
+    if not np.isfinite(factor).all():
+        builder.diagnostics.warning("the shaping of this light is not finite: it is left out", span)
+        return NONE
+    rgba = np.concatenate([factor, np.ones((*factor.shape[:2], 1))], axis=2).astype(np.float32)
+    return builder.shared(("light profile", rgba.tobytes()), lambda: builder.image(rgba, "profile"))
+
+
+def _number(prim: Any, name: str, time: Any, fallback: float) -> float:
+    return stage.number(prim.GetAttribute(f"inputs:shaping:{name}"), time, fallback)
+
+
+def _cone(prim: Any, time: Any, angle: F64) -> F64:
+    """The factor of the cone: 1 − smoothstep of the angle, from (1 − softness) · cone to cone. Without an authored cone 1."""
+    authored = any(prim.GetAttribute(f"inputs:shaping:cone:{name}").HasAuthoredValue() for name in ("angle", "softness"))
+    cone, soft = _number(prim, "cone:angle", time, 90.0), min(max(_number(prim, "cone:softness", time, 0.0), 0.0), 1.0)
+    if not authored or (cone >= _WIDEST and soft == 0.0):
+        return np.ones(len(angle))
+    edge = np.radians(max(cone, 0.0))
+    start = edge * (1.0 - soft)
+    t = np.clip((angle - start) / max(edge - start, 1e-9), 0.0, 1.0)
+    return 1.0 - t * t * (3.0 - 2.0 * t)
+
+
+def _focus(prim: Any, time: Any, angle: F64) -> F64:
+    """The factor of the focus (n, 3): |cos|^focus is the share of white, the rest has the tint."""
+    focus = _number(prim, "focus", time, 0.0)
+    if focus <= 0.0:
+        return np.ones((len(angle), 3))
+    share = np.abs(np.cos(angle))[:, None] ** focus
+    tint = stage.numbers(prim.GetAttribute("inputs:shaping:focusTint"), time, np.float64)
+    tint = np.maximum(tint, 0.0) if len(tint) == 3 else np.zeros(3)
+    return tint + (1.0 - tint) * share
+
+
+def _photometry(prim: Any, time: Any, materials: Materials) -> ies.Photometry | None:
+    value = stage.value(prim.GetAttribute("inputs:shaping:ies:file"), time)
+    if not getattr(value, "path", ""):
+        return None
+    found = asset(value, materials, prim, "IES profile")
+    if found is None:
+        return None
+    try:
+        return ies.read(contents(found.path))
+    except (ies.IesError, ImageError, OSError) as failure:
+        materials.tell(f"the IES profile `{Path(found.path).name}` is left out: {failure}", prim)
+        return None
+
+
+def _profile(prim: Any, time: Any, lamp: ies.Photometry, angle: F64) -> F64:
+    """The factor of an IES profile (rows, columns): candela, over their mean with `normalize`.
+
+    `angleScale` scales angles about the direction opposite to the axis by 1 / (1 + angleScale). Horizontal angles are those of the
+    direction to the light around its z, from x to y.
+    """
+    scale = 1.0 + _number(prim, "ies:angleScale", time, 0.0)
+    vertical = np.clip((angle - np.pi) / scale + np.pi, 0.0, np.pi) if scale > 0 else angle
+    columns = 1 if len(lamp.horizontal) == 1 else _COLUMNS
+    # The image's columns go around −z so that the light's direction has the angle 2π (s − 1/4); the direction to the light is opposite.
+    around = 2 * np.pi * ((np.arange(columns) + 0.5) / columns + 0.25)
+    found = lamp.at(vertical[:, None] + 0 * around, around + 0 * vertical[:, None])
+    mean = lamp.mean() if stage.value(prim.GetAttribute("inputs:shaping:ies:normalize"), time) else 1.0
+    return found / mean if mean > 0 else found

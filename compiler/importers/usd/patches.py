@@ -1,0 +1,118 @@
+"""Imports NurbsPatch prims as meshes: a grid of each span of knots, with the normals of the surface.
+
+Control points are row by row, u fastest (UsdGeomNurbsPatch). Trim curves are reported.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (usd-core creates its modules' names at run time)
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pxr import UsdGeom
+
+from ....lang.diagnostics import Diagnostics, Span
+from ...ir import F64
+from ...mesh.polygon_mesh import PolyMesh, flip
+from ...scene.row_records import MeshAttribute
+from . import stage
+from .curves import de_boor
+from .geometry import Faces, Reads
+
+_STEPS = 8  # of a span of knots
+MOST_CELLS = 1 << 22
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Axis:
+    """Samples along one parameter: the basis (m, count), its derivative, and the parameter from 0 to 1."""
+
+    basis: F64
+    slope: F64
+    share: F64
+
+
+def faces(prim: Any, time: Any, reads: Reads, diagnostics: Diagnostics, span: Span) -> Faces | None:
+    """The mesh of a NurbsPatch; None, with a warning, if its numbers do not fit. Texture coordinates are the parameters, 0 to 1."""
+    points = stage.numbers(prim.GetAttribute("points"), time, np.float64, 3)
+    axes = [_axis(prim, time, letter) for letter in "uv"]
+    u, v = axes
+    if u is None or v is None or len(points) != u.basis.shape[1] * v.basis.shape[1] or not np.isfinite(points).all():
+        diagnostics.warning("the knots, orders and points of this NurbsPatch do not fit each other: it is not drawn", span)
+        return None
+    if len(u.basis) * len(v.basis) > MOST_CELLS:
+        diagnostics.warning(f"this NurbsPatch needs more than {MOST_CELLS:,} faces: it is not drawn", span)
+        return None
+    if len(stage.numbers(prim.GetAttribute("trimCurve:counts"), time, np.int64)):
+        diagnostics.warning("the trim curves of this NurbsPatch are not drawn", span)
+    heavy = stage.numbers(prim.GetAttribute("pointWeights"), time, np.float64)
+    heavy = heavy if len(heavy) == len(points) else np.ones(len(points))
+    grid = (v.basis.shape[1], u.basis.shape[1])
+    weighted = np.concatenate([points * heavy[:, None], heavy[:, None]], axis=1).reshape(*grid, 4)
+
+    def mixed(along_v: F64, along_u: F64, values: F64) -> F64:
+        return np.einsum("iv,vuk,ju->ijk", along_v, values, along_u)
+
+    whole, du, dv = mixed(v.basis, u.basis, weighted), mixed(v.basis, u.slope, weighted), mixed(v.slope, u.basis, weighted)
+    w = np.where(whole[..., 3:] != 0, whole[..., 3:], 1.0)
+    at = whole[..., :3] / w
+    normal = np.cross((du[..., :3] - du[..., 3:] * at) / w, (dv[..., :3] - dv[..., 3:] * at) / w)
+    colors = None
+    if reads.color is not None:
+        given = np.array(UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(reads.color).ComputeFlattened(time), np.float64)
+        if given.shape == points.shape:
+            colors = MeshAttribute(np.maximum(mixed(v.basis, u.basis, given.reshape(*grid, 3)).reshape(-1, 3), 0.0))
+        else:
+            diagnostics.warning(f"`{reads.color}` of a NurbsPatch is drawn with one value a control point: it is left out", span)
+    uvs = np.stack([np.broadcast_to(u.share, at.shape[:2]), np.broadcast_to(v.share[:, None], at.shape[:2])], axis=-1)
+    n, m = len(u.share), len(v.share)
+    corner = (np.arange(m - 1)[:, None] * n + np.arange(n - 1)).reshape(-1)
+    quads = np.stack([corner, corner + 1, corner + n + 1, corner + n], axis=1)
+    mesh = PolyMesh(
+        at.reshape(-1, 3), np.full(len(quads), 4), quads.reshape(-1), MeshAttribute(normal.reshape(-1, 3)),
+        MeshAttribute(uvs.reshape(-1, 2).astype(np.float32)), colors,
+    )  # fmt: skip
+    if str(prim.GetAttribute("orientation").Get(time)) == "leftHanded":
+        mesh = flip(mesh)
+    return Faces(mesh, np.arange(len(quads)), False)
+
+
+def _axis(prim: Any, time: Any, letter: str) -> _Axis | None:
+    """Samples along u or v, over its range; None if the knots do not fit."""
+    count, order = (int(stage.number(prim.GetAttribute(f"{letter}{name}"), time)) for name in ("VertexCount", "Order"))
+    knots = stage.numbers(prim.GetAttribute(f"{letter}Knots"), time, np.float64)
+    if order < 2 or count < order or len(knots) != count + order or (np.diff(knots) < 0).any():
+        return None
+    low, high = knots[order - 1], knots[count]
+    asked = stage.numbers(prim.GetAttribute(f"{letter}Range"), time, np.float64)
+    if len(asked) == 2:
+        low, high = max(low, asked[0]), min(high, asked[1])
+    if not low < high:
+        return None
+    inner = np.unique(np.clip(knots[order - 1 : count + 1], low, high))
+    t = np.interp(np.arange((len(inner) - 1) * _STEPS + 1) / _STEPS, np.arange(len(inner)), inner)
+    return _Axis(_spread(knots, t, count, order), _slopes(knots, t, count, order), (t - low) / (high - low))
+
+
+def _spread(knots: F64, t: F64, count: int, order: int) -> F64:
+    """The B-spline basis (m, count) at parameters."""
+    made = np.zeros((len(t), count))
+    span = np.clip(np.searchsorted(knots, t, side="right") - 1, order - 1, count - 1)
+    rows = span[:, None] - order + 1 + np.arange(order)
+    np.put_along_axis(made, rows, de_boor(knots, span, t, order), axis=1)
+    return made
+
+
+def _slopes(knots: F64, t: F64, count: int, order: int) -> F64:
+    """The derivative (m, count) of the basis: p (N_i,p−1 / (t_i+p − t_i) − N_i+1,p−1 / (t_i+p+1 − t_i+1)) (The NURBS Book, 2.3)."""
+    p = order - 1
+    lower = np.zeros((len(t), count + 1))
+    span = np.clip(np.searchsorted(knots, t, side="right") - 1, p, count - 1)
+    rows = span[:, None] - p + 1 + np.arange(p)
+    np.put_along_axis(lower, rows, de_boor(knots, span, t, p) if p > 1 else np.ones((len(t), 1)), axis=1)
+    width = knots[p : p + count + 1] - knots[: count + 1]
+    scaled = lower * np.where(width > 0, p / np.where(width > 0, width, 1.0), 0.0)
+    return scaled[:, :-1] - scaled[:, 1:]

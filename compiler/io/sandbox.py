@@ -106,11 +106,11 @@ def resolved(path: Path) -> Path:
 
 
 def decode(data: bytes, name: str) -> str:
-    """The text of a UTF-8 source file. Raises FileError for other data."""
+    """The text of a UTF-8 source file, whose lines end with `\\n`. Raises FileError for other data."""
     if b"\0" in data[:65536]:
-        raise FileError(f"`{name}` is not a text file")
+        raise FileError(f"`{name}` is not a text file", "save it as UTF-8" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "")
     try:
-        return data.decode("utf-8-sig")
+        return data.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as failure:
         line = data[: failure.start].count(b"\n") + 1
         raise FileError(f"`{name}` is not UTF-8 text (line {line})", "save it as UTF-8") from None

@@ -112,7 +112,8 @@ def _code(site: CallSite) -> Code:
         children = None
         if collect is not None:
             if not calls.takes_children(function):
-                hint = "" if codes else f"write {site.label}(…)"
+                example = function.example.partition("\n")[0] if isinstance(function, Entry) else ""
+                hint = "" if codes else f"write {example or f'{site.label}(…)'}"
                 scope.evaluator.fail(f"{calls.title(function, site.label)} takes nothing in braces", site.callee.span, hint, scope)
             children = collect(scope)
         try:

@@ -188,7 +188,8 @@ def enter(meter: Meter, label: str) -> None:
     meter.calls += 1
     if meter.calls > MAX_CALLS:
         meter.calls -= 1
-        raise Exhausted(f"{label} calls itself too deeply: {MAX_CALLS} nested calls", "end it with `if … then … else …`")
+        hint = "end it: if (…) { … } around elements, `if … then … else …` in values"
+        raise Exhausted(f"{label} calls itself too deeply: {MAX_CALLS} nested calls", hint)
 
 
 def _user(evaluator: Evaluator, function: UserFunction, givens: list[ArgumentValue], site: Site) -> Value:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -78,6 +79,8 @@ def _show(value: float, arg: Arg) -> str:
 
 
 def _type_error(value: Value, wanted: str, hint: str = "") -> Mistake:
+    if not hint and category(value) == "material" and isinstance(value, Element):
+        hint = f"write material: {value.kind}(…)"
     return Mistake(f"expected {wanted}, got {describe(value)}", hint)
 
 
@@ -87,13 +90,13 @@ def _type_error(value: Value, wanted: str, hint: str = "") -> Mistake:
 def _number(value: Value, place: Place, arg: Arg) -> float:
     if isinstance(value, float):
         return float(value)
-    raise _type_error(value, "number")
+    raise _type_error(value, "number", _unquoted(value))
 
 
 def _int(value: Value, place: Place, arg: Arg) -> int:
     if isinstance(value, float) and value == int(value):
         return int(value)
-    raise _type_error(value, "whole number", f"write {value} without quotes" if isinstance(value, str) and value.isdecimal() else "")
+    raise _type_error(value, "whole number", _unquoted(value))
 
 
 def _bool(value: Value, place: Place, arg: Arg) -> bool:
@@ -107,7 +110,13 @@ def _length(value: Value, place: Place, arg: Arg) -> float:
         return operators.bare(value, units.LENGTH, place.scope)
     if isinstance(value, Quantity) and value.dimension == units.LENGTH:
         return value.value
-    raise _type_error(value, "length")
+    raise _type_error(value, "length", _unquoted(value))
+
+
+def _unquoted(value: Value) -> str:
+    """The hint for a number in quotes."""
+    number = isinstance(value, str) and re.fullmatch(r"-?\d+(\.\d+)?([a-z]+|%)?", value)
+    return f"write {value} without quotes" if number else ""
 
 
 def _of_dimension(name: str) -> Callable[[Value, Place, Arg], float]:
@@ -120,7 +129,7 @@ def _of_dimension(name: str) -> Callable[[Value, Place, Arg], float]:
             if value == 0 or name in LIGHT_TYPES:
                 return float(value)
             raise operators.bare_number_error(value, dimension)
-        raise _type_error(value, name)
+        raise _type_error(value, name, _unquoted(value))
 
     return convert_quantity
 
@@ -184,7 +193,10 @@ def _list_of(item: Item, wanted: str) -> Item:
 def _direction(value: Value, place: Place, arg: Arg) -> tuple[float, ...]:
     """A vector of numbers and lengths; in a mix, bare numbers are in the unit of the file."""
     mixed = isinstance(value, tuple) and any(isinstance(v, Quantity) for v in value)
-    vector = _exactly(3, _length if mixed else _number_or_length, "list of three numbers or lengths")(value, place, arg)
+    wanted = "list of three numbers or lengths"
+    if isinstance(value, str) and value.strip("+-").lower() in suggestions.AXES:
+        raise _type_error(value, wanted, f"write {suggestions.AXES[value.strip('+-').lower()]}, or its negative")
+    vector = _exactly(3, _length if mixed else _number_or_length, wanted)(value, place, arg)
     if not any(vector):
         raise Mistake(f"`{arg.name}` must have a direction, got [0, 0, 0]")
     return vector
@@ -202,6 +214,13 @@ def _index(value: Value, place: Place, arg: Arg) -> int:
     if isinstance(value, float) and value == int(value) and value >= 0:
         return int(value)
     raise _type_error(value, "whole number from 0")
+
+
+def _pixels(value: Value, place: Place, arg: Arg) -> tuple[Any, ...]:
+    size = re.fullmatch(r"\s*(\d+)\s*[x×*, ]\s*(\d+)\s*", value) if isinstance(value, str) else None
+    if size:
+        raise _type_error(value, "[width, height] in pixels", f"write [{size[1]}, {size[2]}]")
+    return _exactly(2, _pixel, "[width, height] in pixels", "write [width, height]")(value, place, arg)
 
 
 def _pixel(value: Value, place: Place, arg: Arg) -> int:
@@ -266,6 +285,8 @@ def _material(value: Value, place: Place, arg: Arg) -> Any:
         hint = f"call it: {value.name}(…)"
     elif isinstance(value, str) and isinstance(place.scope.find(value), UserFunction | Entry):
         hint = f"write {value}() without quotes"
+    elif isinstance(value, str) and place.scope.find(value) is not None:
+        hint = f"write {value} without quotes"
     elif isinstance(value, str):
         hint = "write lambert(#c83232) for a colour"
     raise _type_error(value, "material", hint)
@@ -415,6 +436,6 @@ _CONVERTERS: dict[str, Item] = {
     "formula": _formula,
     "heights": _heights,
     "within": _within,
-    "pixels": _exactly(2, _pixel, "[width, height] in pixels", "write [width, height]"),
+    "pixels": _pixels,
     "strings": _list_of(_string, "list of strings"),
 }

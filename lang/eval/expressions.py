@@ -15,6 +15,7 @@ from ..diagnostics import suggest
 from ..elements import Element
 from ..formula_graph import Term
 from ..limits import Exhausted
+from ..schema.argument_types import Entry
 from ..syntax import ast
 from . import calls, operators, suggestions
 from .context import Code, Evaluator, Names, Scope, Thunk
@@ -373,7 +374,10 @@ def _member(node: ast.Member, names: Names | None) -> Code:
             hint = suggestions.NO_POINT
         elif isinstance(owner, Element):
             hint = f"an element is not changed: write its arguments in {owner.kind}(…)"
-        scope.evaluator.fail(f"{kind(owner)} has no `{name}`", node.name.span, hint, scope)
+        elif isinstance(owner, Entry):
+            hint = f"write it as an argument in {owner.name}(…)"
+        what = f"`{owner.name}`" if isinstance(owner, Entry) else kind(owner)
+        scope.evaluator.fail(f"{what} has no `{name}`", node.name.span, hint, scope)
 
     return run
 

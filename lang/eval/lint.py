@@ -6,11 +6,14 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 from ..diagnostics import Diagnostics, Span, suggest
+from ..schema.elements import SCHEMA
 from ..syntax import ast
 from ..syntax.lexer import KEYWORDS
 from . import parameters, suggestions
 from .modules import Module, use_name
 
+_BLOCKS = frozenset(entry.name for entry in SCHEMA.values() if entry.category == "block" and entry.name != "group")
+"""Blocks that move what they hold, and do nothing without it."""
 RESERVED = frozenset({"true", "false", "children"})
 
 Report = Callable[[str, Span, str], None]
@@ -62,6 +65,11 @@ class _Checker:
             if isinstance(item, ast.Use):
                 self._use(item)
         self._items(file.items, ())
+        known = sorted({*self.outer, *names_of(file)})
+        for name in file.called:
+            if name.id not in known and suggest(name.id, known):
+                message, hint = suggestions.name(name.id, known)
+                self.report(message, name.span, hint)
 
     def _use(self, use: ast.Use) -> None:
         name = use_name(use)
@@ -77,6 +85,8 @@ class _Checker:
             if chain and isinstance(item, ast.Param | ast.Use | ast.Unit):
                 what = type(item).__name__.lower()
                 self.report(f"`{what}` belongs at the top level of a file, not in a block", item.span, "")
+            if isinstance(item, ast.ElementItem):
+                self._warn_empty(item.expression, (scope, *chain))
             self._visit(item, (scope, *chain))
         self._warn_unused(scope)
 
@@ -86,6 +96,17 @@ class _Checker:
             self.report(f"`{definition.name}` is defined twice", definition.span, f"the first is in line {first.span.line}")
         elif definition.name in RESERVED:
             self.report(f"`{definition.name}` cannot be a name", definition.span, "it is reserved by the language")
+
+    def _warn_empty(self, node: ast.Node, chain: Chain) -> None:
+        """Warn of a block that holds nothing, as `translate(…);` of programs where it concerns the next item."""
+        call = node.target if isinstance(node, ast.WithChildren) and not node.block.items else node
+        if self.unused is None or not isinstance(call, ast.Call) or not isinstance(call.function, ast.Name):
+            return
+        if any(isinstance(argument.value, ast.Call) for argument in call.arguments):  # children in parentheses, which is an error
+            return
+        name = call.function.id
+        if name in _BLOCKS and not any(name in scope for scope in chain):
+            self.unused.warning(f"this `{name}` holds nothing", call.function.span, f"write {name}(…) {{ sphere(1) }}")
 
     def _warn_unused(self, scope: dict[str, Definition]) -> None:
         for d in scope.values():

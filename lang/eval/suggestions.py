@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 
 from ..diagnostics import suggest
@@ -21,7 +22,7 @@ _ARGUMENTS: dict[str, tuple[str, ...]] = {
     "direction": ("from", "normal", "look_at"),
     "dir": ("from", "normal", "look_at"),
     "r": ("radius", "round"),
-    "radius": ("round",),
+    "radius": ("round", "r"),
     **dict.fromkeys(("diameter", "d"), ("radius",)),
     **dict.fromkeys(("lens", "focal_length"), ("focal",)),
     **dict.fromkeys(("f_stop", "fstop", "f_number", "dof"), ("aperture",)),
@@ -30,12 +31,13 @@ _ARGUMENTS: dict[str, tuple[str, ...]] = {
     "transmission": ("opacity",),
     "h": ("height",),
     "width": ("size",),
-    "height": ("size", "over"),
+    "height": ("size", "over", "h"),
     "length": ("over",),
     "by": ("over",),
     "depth": ("size", "height"),
     "valign": ("vertical",),
     **dict.fromkeys(("points", "outline", "polygon", "shape", "path"), ("profile", "points")),
+    **dict.fromkeys(("x", "y", "z"), ("center", "position")),
     "dimensions": ("size",),
     "resolution": ("size",),
     "angle": ("cone", "fov", "rotate"),
@@ -77,11 +79,12 @@ _NEAR_HINTS: dict[str, dict[str, str]] = {  # by suggestion, then by the word in
     "did you mean `from`?": dict.fromkeys(("sun_elevation", "elevation", "azimuth"), _ANGLE),
 }
 
+AXES = {"x": "[1, 0, 0]", "y": "[0, 1, 0]", "z": "[0, 0, 1]"}
+
 # Replacements of names that are not in the language.
 _NAMES: dict[str, str] = {
     "range": "write 0..n",
-    "color": "write #rrggbb or rgb(r, g, b)",
-    "colour": "write #rrggbb or rgb(r, g, b)",
+    **dict.fromkeys(("color", "colour"), "write #rrggbb or rgb(r, g, b); for several shapes group(material: lambert(#c83232)) { … }"),
     "vec2": "write [x, y]",
     "vec3": "write [x, y, z]",
     "vector": "write [x, y, z]",
@@ -152,7 +155,7 @@ _NAMES: dict[str, str] = {
     "e": "write exp(x) for a power of e",
     **dict.fromkeys(("Math", "math", "np"), "functions have no prefix: write sin(x)"),
     "lambda": "a function is written |x| x + 1",
-    **dict.fromkeys(("x", "y", "z"), "a formula begins with its parameters: write |x, y, z| before it"),
+    **{axis: f"a formula begins with its parameters: write |x, y, z| before it; an axis is {AXES[axis]}" for axis in "xyz"},
     "mix": "write lerp(a, b, t)",
     "fract": "write mod(x, 1)",
     "saturate": "write clamp(x, 0, 1)",
@@ -182,7 +185,7 @@ _COLOR_NAMES = {
 def color(text: str) -> str:
     """The hint for a string in place of a colour."""
     if text.startswith("#"):
-        return "write #rrggbb without quotes"
+        return f"write {text if re.fullmatch('#([0-9a-fA-F]{3}){1,2}', text) else '#rrggbb'} without quotes"
     if text.rpartition(".")[2].lower() in FILES:
         return f'write image("{text}")'
     return f"write {_COLOR_NAMES.get(text.lower(), '#rrggbb')}"
@@ -197,6 +200,7 @@ BY_CORNERS = "a box from corner a to corner b has size b - a and center (a + b) 
 _BY_POSITION = {  # for surplus arguments, by function
     **{name: f"write {name}([x, y, z])" for name in ("translate", "scale")},
     "atan": "the angle of a direction is atan2(y, x)",
+    "render": "write render(size: [640, 480])",
 }
 
 # Parts of the library, by file.

@@ -118,6 +118,7 @@ CAMERA = Entry(
         Arg("shutter", "time", None, "exposure time from `time` on; moving objects are blurred", minimum=0.0, keyword=True),
     ),
     exclusive=(("fov", "focal", "width"),),
+    example="camera(position: [0, 1, 5], look_at: [0, 1, 0])",
 )
 
 SETTINGS = (

@@ -269,7 +269,8 @@ class ElementItem(Item):
 class File(Node):
     """A file. `items` are in source order; the spans refer to `text`.
 
-    `broken` are the names that items with syntax errors bind. Later stages do not report them as unknown.
+    `broken` are the names that items with syntax errors bind. Later stages do not report them as unknown. `called` are the functions
+    called in such items.
     """
 
     name: str
@@ -277,6 +278,7 @@ class File(Node):
     items: tuple[Item, ...]
     dangling: tuple[Comment, ...] = ()
     broken: frozenset[str] = frozenset()
+    called: tuple[Name, ...] = ()
 
 
 @cache

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from .error_site import VALUES, Answer, ErrorSite, is_end, starts_value
-from .lexer import KEYWORDS, OPERATORS
+from .lexer import CLOSERS, KEYWORDS, OPENERS, OPERATORS
 
 _FOREIGN = {  # keywords of other languages at the beginning of a line
-    "import": 'write use "gear.scene"',
-    "include": 'write use "gear.scene"',
+    **dict.fromkeys(("import", "include", "from"), 'write use "parts.scene" for a file of scenes'),
     "def": "write let name(…) = …",
     "function": "write let name(…) = …",
     "fn": "write let name(…) = …",
@@ -66,7 +65,8 @@ def unit(site: ErrorSite) -> Answer | None:
 def foreign_word(site: ErrorSite) -> Answer | None:
     """A keyword of another language."""
     start = site.start
-    if start in _FOREIGN and site.at == site.first + 1 and start.type == "NAME":
+    late = site.inside() == "" and site.stream[site.first + 1] not in ("(", ".", "=")
+    if start in _FOREIGN and start.type == "NAME" and site.at > site.first and (late or site.at == site.first + 1):
         return f"the language has no `{start}`", _FOREIGN[start], start
     return None
 
@@ -81,8 +81,26 @@ def wrapper_without_braces(site: ErrorSite) -> Answer | None:
     if start in _OPENSCAD:
         return f"`{start}` of OpenSCAD is written otherwise", _OPENSCAD[start].format(token), start
     if start in _WRAPPERS:
-        return f"what `{start}` holds is written in braces", f"write {start}(…) {{ {token}(…) }}", token
+        return f"what `{start}` holds is written in braces", f"write {_nested([start, *_chain(site)])}", token
     return None
+
+
+def _chain(site: ErrorSite) -> list[str]:
+    """The names of calls that follow each other from this token on."""
+    names, depth = [], 0
+    for i in range(site.at, len(site.stream) - 1):
+        token = site.stream[i]
+        if depth == 0 and not (token.type == "NAME" and site.stream[i + 1] == "(") and token not in ("(", ")"):
+            break
+        if depth == 0 and token.type == "NAME":
+            names.append(str(token))
+        depth += (token in OPENERS) - (token in CLOSERS)
+    return names
+
+
+def _nested(names: list[str]) -> str:
+    """Calls of these names, each in the braces of the one before."""
+    return f"{names[0]}(…) {{ {_nested(names[1:])} }}" if len(names) > 1 else f"{names[0]}(…)"
 
 
 def vector_in_angles(site: ErrorSite) -> Answer | None:
@@ -141,7 +159,8 @@ def binding(site: ErrorSite) -> Answer | None:
         return "a `param` takes its value with `=`", f"write param {name} = …", token
     if "EQUAL" in site.expected and site.inside() == "":
         written = f"let {name}(…)" if start == "let" else f"param {name}: {site.near(-1)}"
-        return f"`=` is missing before the value of `{name}`", f"write {written} = …", token if not is_end(token) else name
+        value = "group { … }" if token == "{" else "…"
+        return f"`=` is missing before the value of `{name}`", f"write {written} = {value}", token if not is_end(token) else name
     if start == "let" and token == "in" and site.inside() == "":
         return "only a `param` has a range", f"write param {name} = …", token
     if start == "param" and "STRING" in site.expected and starts_value(token):
@@ -158,7 +177,8 @@ def block_words(site: ErrorSite) -> Answer | None:
         return "`if` needs its condition in parentheses", "write else if (…) { … }", token if not is_end(token) else site.near(-1)
     if start not in ("if", "for"):
         return None
-    form = "if (…) { … }" if start == "if" else "for (k in 0..5) { … }"
+    named = next((str(token) for token in site.stream[site.first : site.at + 1] if token.type == "NAME" and token != "int"), "k")
+    form = "if (…) { … }" if start == "if" else f"for ({named} in 0..5) {{ … }}"
     if site.at == site.first + 1:
         what = "its condition" if start == "if" else "its name and list"
         return f"`{start}` needs {what} in parentheses", f"write {form}", token if not is_end(token) else start
@@ -187,6 +207,8 @@ def line_start(site: ErrorSite) -> Answer | None:
     if token in OPERATORS or token in (",", "=", ":", ".", "|"):
         if token == "-" and site.near(1) == "-":
             return "`--` begins no comment", "write `//`", token
+        if token == "<" and site.near(1).type == "NAME":
+            return "the language has no tags", "an element is written sphere(1)", token
         return f"a line can't begin with `{token}`", f"end the line above with the `{token}`" if token not in ("|", "not") else "", token
     if token in KEYWORDS:
         return f"a line can't begin with `{token}`", "", token

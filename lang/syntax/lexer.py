@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -26,16 +27,12 @@ _REPLACEMENTS = {  # hints for characters of other languages
     "%": "write mod(a, b) for a remainder; a percentage directly follows its number: 50%",
     "?": "write `if … then … else …`",
     "$": "names have no `$`; OpenSCAD's $fn is not needed, as round shapes are drawn round",
-    "`": 'strings are written in double quotes: "…"',
-    "'": 'strings are written in double quotes: "…"',
-    "“": 'strings are written in straight quotes: "…"',
-    "”": 'strings are written in straight quotes: "…"',
-    "„": 'strings are written in straight quotes: "…"',
+    **dict.fromkeys("`'", 'strings are written in double quotes: "…"'),
+    **dict.fromkeys("“”„‘’‚«»", 'strings are written in straight quotes: "…"'),
     "×": "write `*`",
     "·": "write `*`",
     "÷": "write `/`",
-    "−": "write `-`",
-    "–": "write `-`",
+    **dict.fromkeys("−–—‐‑", "write `-`"),
     "≤": "write `<=`",
     "≥": "write `>=`",
     "≠": "write `!=`",
@@ -167,7 +164,7 @@ def _block_comment(token: Token, file: str, diagnostics: Diagnostics) -> ast.Com
 _DIRECTIVES = {  # of POV-Ray
     **dict.fromkeys(("declare", "local"), "write let name = …"),
     "macro": "write let name(…) = …",
-    "include": 'write use "gear.scene"',
+    "include": 'write use "parts.scene" for a file of scenes',
     **dict.fromkeys(("while", "for"), "write for (k in 0..5) { … }"),
     **dict.fromkeys(("if", "ifdef", "ifndef"), "write if (…) { … }"),
     "else": "write else { … }",
@@ -186,20 +183,26 @@ def _hash_comment(token: Token, file: str, diagnostics: Diagnostics) -> ast.Comm
 
 
 def _bad_color(token: Token, file: str, diagnostics: Diagnostics) -> Token:
+    hint = "a colour is #rgb or #rrggbb"
+    if re.fullmatch("#[0-9a-fA-F]{8}", token):
+        hint = f"write {token[:7]}; `opacity` of the material takes the place of the last two digits"
     what = "has a letter that is no hexadecimal digit" if re.search("[g-zG-Z]", token) else f"has {_count(len(token) - 1, 'digit')}"
-    diagnostics.error(f"the colour `{token}` {what}", span_of(token, file), "a colour is #rgb or #rrggbb")
+    diagnostics.error(f"the colour `{token}` {what}", span_of(token, file), hint)
     return token.replaced("COLOR", "#000")
 
 
-def _unknown(token: Token, file: str, diagnostics: Diagnostics) -> None:
+def _unknown(token: Token, file: str, diagnostics: Diagnostics) -> Token | None:
     char = str(token)
     visible = char.isprintable() and not char.isspace()
     shown = "backquote" if char == "`" else f"`{char}`" if visible else f"invisible character U+{ord(char):04X}"
-    hint = _REPLACEMENTS.get(char, "" if visible else "delete it")
+    usual = unicodedata.normalize("NFKC", char)  # of a full-width character
+    hint = _REPLACEMENTS.get(char, f"write `{usual}`" if visible and usual != char and usual.isascii() else "" if visible else "delete it")
+    kept = token.replaced("NAME", char) if char == "$" else None  # the name after it is part of the error
     last = diagnostics.items[-1] if diagnostics.items else None
     if last and last.span and last.span.line == token.line and last.hint == hint:
-        return  # the second of a pair, or one of a sequence
+        return kept  # the second of a pair, or one of a sequence
     diagnostics.error(f"the language has no {shown}", span_of(token, file), hint)
+    return kept
 
 
 def _count(n: int, noun: str) -> str:

@@ -51,12 +51,13 @@ def parse(text: str, name: str, diagnostics: Diagnostics) -> ast.File:
     found = Diagnostics()
     scan = lexer.scan(text.removeprefix("\ufeff"), name, found)
     stream = line_joining.join_lines(scan, name, found)
-    items, dangling, broken = _Parsing(stream, scan, name, found).run()
+    parsing = _Parsing(stream, scan, name, found)
+    items, dangling, broken = parsing.run()
     shown = sort_diagnostics(found.items)
     diagnostics.items.extend(shown[:MAX_ERRORS])
     if len(shown) > MAX_ERRORS:
         diagnostics.error(f"more than {MAX_ERRORS} syntax errors; the rest is not shown", whole)
-    return ast.File(whole, name, text, items, dangling, frozenset(broken))
+    return ast.File(whole, name, text, items, dangling, frozenset(broken), parsing.called())
 
 
 def _too_large(size: int, name: str, diagnostics: Diagnostics) -> None:
@@ -83,6 +84,7 @@ class _Parsing:
     file: str
     diagnostics: Diagnostics
     broken: set[str] = field(default_factory=set)  # names that items with errors bind
+    dropped: list[tuple[int, int]] = field(default_factory=list)  # tokens of items with errors
 
     def run(self) -> tuple[tuple[ast.Item, ...], tuple[ast.Comment, ...], set[str]]:
         self.parser = Automaton(TreeBuilder(self.file, Comments(self.scan.comments)))
@@ -101,7 +103,8 @@ class _Parsing:
             except Unexpected as e:
                 self._report(i, e.expected)
                 is_value = token == "{" and "NUMBER" in e.expected
-                i = self._recover(i, blocks=not is_value)
+                is_vector = token == "<" and "NUMBER" in e.expected  # of POV-Ray, whose blocks hold arguments
+                i = self._recover(i, blocks=not is_value, lines=not is_vector or len(self.levels) == 1)
             except TooDeep:
                 self._report_depth(i)
                 i = self._recover(i)
@@ -119,7 +122,10 @@ class _Parsing:
             return False
         first, last = self._wrong_between(level.first, i)
         del self.wrong[first:last]
-        return first < last and not level.broken
+        drops = first < last and not level.broken
+        if drops:
+            self.dropped.append((level.first, i))
+        return drops
 
     def _wrong_between(self, first: int, last: int) -> tuple[int, int]:
         """The range of `wrong` inside the tokens `first` to `last`."""
@@ -137,30 +143,49 @@ class _Parsing:
         elif token.type == "_NL":
             level.height, level.first, level.broken = len(self.parser.values), i + 1, False
 
-    def _recover(self, i: int, blocks: bool = True) -> int:
-        """Drop the current item and skip the rest of it, up to a block of its own whose items are still parsed."""
-        level = self.levels[-1]
+    def _recover(self, i: int, blocks: bool = True, lines: bool = True) -> int:
+        """Drop the current item and skip the rest of it, up to a block of its own whose items are still parsed.
+
+        Without `lines`, skip all items of the block that the current item is in.
+        """
+        level, start = self.levels[-1], self.levels[-1].first
         level.broken = True
         self._remember_names(level)
         del self.parser.values[level.height :], self.parser.states[level.height + 1 :]
         while i < len(self.stream):
             token, depth = self.stream[i], self.depths[i]
             if token.type == "$END" or (token == "}" and depth < level.depth):
-                return i
-            if depth == level.depth and token.type == "_NL":
+                break
+            if lines and depth == level.depth and token.type == "_NL":
+                self.dropped.append((start, i))
                 level.first, level.broken = i + 1, False
                 return i + 1
-            if blocks and depth == level.depth and token == "{":
+            if lines and blocks and depth == level.depth and token == "{":
                 self.parser.feed(Token("NAME", BROKEN, token.start_pos, token.line, token.column, token.line, token.column))
-                return i
+                break
             i += 1
+        self.dropped.append((start, i))
         return i
+
+    def called(self) -> tuple[ast.Name, ...]:
+        """Functions called in items with errors, of names that the file does not use in another way."""
+        if not self.dropped:
+            return ()
+        calls = [k + 1 < len(self.stream) and self._calls(k) for k in range(len(self.stream))]
+        bound = {str(token) for token, call in zip(self.stream, calls, strict=True) if token.type == "NAME" and not call}
+        found = [self.stream[k] for first, last in self.dropped for k in range(first, last) if calls[k]]
+        return tuple(ast.Name(lexer.span_of(token, self.file), str(token)) for token in found if token not in bound)
+
+    def _calls(self, k: int) -> bool:
+        """Whether token `k` is the name of a function that is called."""
+        before = self.stream[k - 1] if k else ""
+        return self.stream[k].type == "NAME" and self.stream[k + 1] == "(" and before != "." and before not in BINDS
 
     def _remember_names(self, level: _Level) -> None:
         item = self.stream[level.first : level.first + 4]
         if len(item) < 2:
             return
-        if item[0].type == "NAME" and item[1] == "=":
+        if item[0].type == "NAME" and (item[1] == "=" or (len(item) > 2 and item[1] == ":" and item[2] == "=")):
             self.broken.add(str(item[0]))
         elif item[0] in BINDS and item[1].type == "NAME":
             self.broken.add(str(item[1]))

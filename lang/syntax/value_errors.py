@@ -36,7 +36,7 @@ def equals(site: ErrorSite) -> Answer | None:
     if before in ("=", ":"):
         return None
     if inside == "call" and before.type == "NAME":
-        return "arguments are written with `:`, not `=`", f"write {before}: …", token
+        return "arguments are written with `:`, not `=`", f"write {_with_colons(site)}", token
     if inside == "" and site.at == site.first + 1 and before.type == "NAME":
         return "a name is bound with `let`", f"write let {before} = …", site.start
     if inside == "" and site.near(-2) == ".":
@@ -44,6 +44,19 @@ def equals(site: ErrorSite) -> Answer | None:
     if inside == "" and site.start.type == "NAME":
         return "only `let` and `param` bind with `=`", "write let name(…) = …", token
     return "`=` binds a name; values are compared with `==`", "write `==`", token
+
+
+def _with_colons(site: ErrorSite) -> str:
+    """The arguments of a call from this `=` on that have one, each with a `:`."""
+    names, depth = [], 0
+    for i in range(site.at, len(site.stream)):
+        token = site.stream[i]
+        depth += (token in OPENERS) - (token in CLOSERS)
+        if depth < 0 or token.type == "_NL":
+            break
+        if depth == 0 and token == "=" and site.stream[i - 1].type == "NAME":
+            names.append(f"{site.stream[i - 1]}: …")
+    return ", ".join(names)
 
 
 def colon(site: ErrorSite) -> Answer | None:
@@ -118,6 +131,8 @@ def list_in_parentheses(site: ErrorSite) -> Answer | None:
         near = before.type == following.type == "NUMBER" and before.end_pos == (following.start_pos or 0) - 1
         if near and (before == "0" or len(following) != 3):  # not a thousand
             return "a fraction is written with a point", f"write {before}.{following}; a list is [{before}, {following}]", before
+        if is_end(following) or following.line != site.token.line:
+            return "a `,` is only allowed inside ( ) and [ ]", "delete it", site.token
         return "a `,` is only allowed inside ( ) and [ ]", "write 1.5 for a fraction, [1, 5] for a list", site.token
     return None
 
@@ -127,7 +142,13 @@ def foreign_operator(site: ErrorSite) -> Answer | None:
     for first, second in ((site.near(-1), site.token), (site.token, site.near(1))):
         pair = f"{first}{second}"
         if pair in _PAIRS and first.end_pos == second.start_pos:
-            return f"the language has no `{pair}`", _PAIRS[pair], first
+            before = site.near(-1) if first is site.token else site.near(-2)
+            hint = _PAIRS[pair]
+            if pair == ":=" and before is site.start and before.type == "NAME":
+                hint = f"write let {before} = …"
+            elif pair == "=>" and before == ")":
+                hint = _PAIRS["->"]
+            return f"the language has no `{pair}`", hint, first
     return None
 
 
@@ -192,6 +213,8 @@ def two_values(site: ErrorSite) -> Answer | None:
         return "the `|` after a formula's parameters is missing", "write |x, y, z| …", token
     if before == "lambda":
         return "a function is written |x| x + 1", "write |x, y, z| … in place of lambda x, y, z: …", before
+    if token.type == "STRING" and before in ("f", "r", "b") and before.end_pos == token.start_pos:
+        return f"a string has no `{before}` before it", 'write "n = " + string(3) for a number in it', before
     if inside == "call" and before.type == "NAME" and site.near(-2) in ("(", ","):
         return f"`:` is missing after `{before}`", f"write {before}: {token}" if token.type in VALUES else "", token
     if "VBAR" in site.expected and "COMMA" in site.expected:

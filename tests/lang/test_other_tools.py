@@ -30,11 +30,11 @@ MISTAKES = [
     ("scale(2, 1, 1) { sphere(1) }", "1:10: scale takes 1 argument by position | write scale([x, y, z])"),
     # POV-Ray
     ("#declare R = 2;", "1:1: the language has no `#declare` | write let name = …"),
-    ('#include "colors.inc"', '1:1: the language has no `#include` | write use "gear.scene"'),
+    ('#include "colors.inc"', '1:1: the language has no `#include` | write use "parts.scene" for a file of scenes'),
     ("#while (i < 5)", "1:1: the language has no `#while` | write for (k in 0..5) { … }"),
     ("#end", "1:1: the language has no `#end` | a block ends with `}`"),
     ("sphere(1, material: lambert(rgb <1, 0, 0>))", "1:33: arguments are written in parentheses | write rgb(…, …, …)"),
-    ("camera { fov }", "1:1: `camera` takes nothing in braces | write camera(…)"),
+    ("camera { fov }", "1:1: `camera` takes nothing in braces | write camera(position: [0, 1, 5], look_at: [0, 1, 0])"),
     # Blender
     ('camera(position: [0, 1, 5], lens: 50mm)', "1:29: camera has no `lens`; did you mean `focal`? | a length: 50mm"),
     ("camera(position: [0, 1, 5], f_stop: 2.8)", "1:29: camera has no `f_stop`; did you mean `aperture`?"),

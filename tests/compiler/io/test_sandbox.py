@@ -98,6 +98,8 @@ def test_text_must_be_text(home: Path) -> None:
     found = sandbox.Files(home)
     (home / "ok.scene").write_bytes(b"\xef\xbb\xbfsphere(1) // \xc3\xa9")
     assert found.text("ok.scene") == (home / "ok.scene", "sphere(1) // é")
+    (home / "lines.scene").write_bytes(b"sphere(1)\r\nbox(1)\rbox(2)\n")
+    assert found.text("lines.scene")[1] == "sphere(1)\nbox(1)\nbox(2)\n"
     (home / "latin.scene").write_bytes(b"sphere(1)\n// caf\xe9")
     (home / "binary.scene").write_bytes(b"\x7fELF\0\0")
     expected = {"latin.scene": "`latin.scene` is not UTF-8 text (line 2)", "binary.scene": "`binary.scene` is not a text file"}
@@ -105,6 +107,10 @@ def test_text_must_be_text(home: Path) -> None:
         with pytest.raises(sandbox.FileError) as caught:
             found.text(name)
         assert caught.value.message == message
+    (home / "wide.scene").write_bytes("sphere(1)".encode("utf-16"))
+    with pytest.raises(sandbox.FileError) as caught:
+        found.text("wide.scene")
+    assert (caught.value.message, caught.value.hint) == ("`wide.scene` is not a text file", "save it as UTF-8")
 
 
 def test_sizes_as_people_read_them() -> None:

@@ -1,4 +1,4 @@
-"""Imports BasisCurves and NurbsCurves as tubes, or as ribbons where they have normals, and Points as spheres."""
+"""Imports BasisCurves, NurbsCurves and HermiteCurves as tubes, or as ribbons where they have normals, and Points as spheres."""
 
 # pyright: reportAttributeAccessIssue=false
 # (usd-core creates its modules' names at run time)
@@ -17,7 +17,7 @@ from ...mesh import strands
 from ...mesh.polygon_mesh import PolyMesh
 from . import stage
 
-KINDS = ("BasisCurves", "NurbsCurves", "Points")
+KINDS = ("BasisCurves", "NurbsCurves", "HermiteCurves", "Points")
 _STEPS = ((5_000, 16), (1 << 30, 8))  # up to so many segments, samples of a cubic segment or a span of knots
 # Rows: powers 1, t, t², t³; columns: control points (UsdGeomBasisCurves).
 _BASES = {
@@ -72,19 +72,26 @@ def mesh(
         message = f"the vertex counts of the curves add up to {counts.sum()} and there are {len(points)} points: they are not drawn"
         diagnostics.warning(message, span)
         return None
-    samples = _basis(prim, counts) if kind == "BasisCurves" else _nurbs(prim, time, counts, len(points))
+    control, number = points, len(points)
+    if kind == "HermiteCurves":
+        tangents = stage.numbers(prim.GetAttribute("tangents"), time, np.float64, 3)
+        samples = _hermite(counts) if len(tangents) == number and np.isfinite(tangents).all() else None
+        control, number = np.concatenate([points, tangents]), -1  # their values of interpolation vertex are varying
+    else:
+        samples = _basis(prim, counts) if kind == "BasisCurves" else _nurbs(prim, time, counts, number)
     if samples is None:
-        diagnostics.warning(f"the knots or counts of this {kind} do not fit its points: it is not drawn", span)
+        what = "tangents" if kind == "HermiteCurves" else "knots or counts"
+        diagnostics.warning(f"the {what} of this {kind} do not fit its points: it is not drawn", span)
         return None
     if not len(samples.rows):
         diagnostics.warning(f"the curves of this {kind} have too few points: they are not drawn", span)
         return None
     schema = UsdGeom.Curves(prim)
-    read = _Reader(prim, time, len(points), samples, diagnostics, span)
+    read = _Reader(prim, time, number, samples, diagnostics, span)
     widths = read.values("widths", schema.GetWidthsAttr(), str(schema.GetWidthsInterpolation()), 1)
     radii = np.full(len(samples.rows), 0.5) if widths is None else np.maximum(np.nan_to_num(widths[:, 0]), 0.0) / 2
     made = strands.Strands(
-        np.einsum("mo,mok->mk", samples.weights, points[samples.rows]), radii, np.bincount(samples.curve)[np.unique(samples.curve)],
+        np.einsum("mo,mok->mk", samples.weights, control[samples.rows]), radii, np.bincount(samples.curve)[np.unique(samples.curve)],
         samples.closed[np.unique(samples.curve)],
     )  # fmt: skip
     uvs, colors = (read.primvar(name, width) for name, width in ((uv_name, 2), (color_name, 3)))
@@ -190,6 +197,19 @@ def _basis(prim: Any, counts: I64) -> Samples | None:
     after = (segment + 1) % segments[curve] if closed else segment + 1
     ends = np.stack([offset + segment, offset + after], axis=1)
     return Samples(first[:, None] + local, weights, curve, ends, t, np.full(len(counts), closed), int(ends_of.sum()))
+
+
+def _hermite(counts: I64) -> Samples:
+    """Samples of HermiteCurves: cubic between two points and their tangents. The rows of tangents follow those of points."""
+    segments = np.maximum(counts - 1, 0)
+    total = int(counts.sum())
+    curve, segment, t = _grid(segments, _steps(int(segments.sum())), False)
+    start = (np.cumsum(counts) - counts)[curve] + segment
+    rows = np.stack([start, start + 1, total + start, total + start + 1], axis=1)
+    square, cube = t * t, t * t * t
+    weights = np.stack([2 * cube - 3 * square + 1, 3 * square - 2 * cube, cube - 2 * square + t, cube - square], axis=1)
+    ends = np.stack([start, start + 1], axis=1)
+    return Samples(rows, weights, curve, ends, t, np.zeros(len(counts), bool), total)
 
 
 def _steps(segments: int) -> int:

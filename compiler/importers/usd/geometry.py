@@ -144,15 +144,14 @@ def mesh(
     """
     schema = UsdGeom.Mesh(prim)
     points = skin.points if skin else stage.numbers(schema.GetPointsAttr(), time, np.float64, 3)
-    counts = stage.numbers(schema.GetFaceVertexCountsAttr(), time, np.int64)
-    indices = stage.numbers(schema.GetFaceVertexIndicesAttr(), time, np.int64)
+    counts, indices = topology(prim, time)
     if not len(points) or not len(counts):
         return None
     if (counts < 0).any() or counts.sum() != len(indices):
         diagnostics.warning(f"the face counts add up to {counts.sum()} and there are {len(indices)} indices: it is not drawn", span)
         return None
-    scheme = str(schema.GetSubdivisionSchemeAttr().Get(time))
-    subdivided = scheme != "none"
+    solid = str(prim.GetTypeName()) == "TetMesh"
+    subdivided = not solid and str(schema.GetSubdivisionSchemeAttr().Get(time)) != "none"
     api = UsdGeom.PrimvarsAPI(prim)
     sound = _valid_indices(indices, points)
     given = None if subdivided else _normals(schema, api, time, len(points), counts, diagnostics, span)
@@ -171,7 +170,7 @@ def mesh(
     if len(bad):
         lost = int(np.count_nonzero(~drawn))
         diagnostics.warning(f"{lost} of {len(counts)} faces use points that do not exist or are not finite: they are left out", span)
-    holes = stage.numbers(schema.GetHoleIndicesAttr(), time, np.int64)
+    holes = np.zeros(0, np.int64) if solid else stage.numbers(schema.GetHoleIndicesAttr(), time, np.int64)
     holes = holes[(holes >= 0) & (holes < len(counts))]
     varying = frozenset(kind for kind, name in (("uvs", reads.uv), ("colors", reads.color)) if name and _is_varying(api, name))
     how = replace(_scheme(schema, time), linear=varying) if subdivided and level else None
@@ -188,6 +187,21 @@ def mesh(
     if subdivided:
         kept = replace(kept, normals=_smooth(kept))
     return Faces(kept, rows, subdivided)
+
+
+def topology(prim: Any, time: Any) -> tuple[np.ndarray, np.ndarray]:
+    """(face counts, indices) of a Mesh, or of the surface of a TetMesh: its own surface triangles, else those of one tetrahedron alone."""
+    if str(prim.GetTypeName()) != "TetMesh":
+        schema = UsdGeom.Mesh(prim)
+        counts, indices = schema.GetFaceVertexCountsAttr(), schema.GetFaceVertexIndicesAttr()
+        return stage.numbers(counts, time, np.int64), stage.numbers(indices, time, np.int64)
+    given = stage.numbers(prim.GetAttribute("surfaceFaceVertexIndices"), time, np.int64, 3)
+    if not len(given):
+        corners = stage.numbers(prim.GetAttribute("tetVertexIndices"), time, np.int64, 4)
+        sides = corners[:, [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]]].reshape(-1, 3)  # outward for a right-handed tetrahedron
+        _, first, number = np.unique(np.sort(sides, axis=1), axis=0, return_index=True, return_counts=True)
+        given = sides[np.sort(first[number == 1])]
+    return np.full(len(given), 3), given.reshape(-1)
 
 
 def _refined(

@@ -14,7 +14,8 @@ from ...ir import F64
 from ...scene.builder import SceneBuilder
 from .. import images
 from . import stage
-from .materials import Materials, asset, contents
+from .assets import asset, contents
+from .materials import Materials
 
 # The IR's area lights lie in y = 0 of their frame and emit to +y; USD's lie in z = 0 and emit to −z.
 TURNED = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
@@ -106,7 +107,7 @@ def texture(prim: Any, time: Any, builder: SceneBuilder, materials: Materials, s
     value = stage.value(prim.GetAttribute("inputs:texture:file"), time)
     if not getattr(value, "path", ""):
         return None
-    found = asset(value, materials, prim)
+    found = asset(value, materials.warnings, prim)
     if found is None:
         return None
     try:

@@ -16,7 +16,8 @@ from ...scene.builder import NONE, SceneBuilder
 from .. import ies
 from ..images import ImageError
 from . import stage
-from .materials import Materials, asset, contents
+from .assets import asset, contents
+from .materials import Materials
 
 _ROWS = 2048  # of the image, from the axis to its opposite
 _COLUMNS = 128  # of profiles that are not round
@@ -74,7 +75,7 @@ def _photometry(prim: Any, time: Any, materials: Materials) -> ies.Photometry | 
     value = stage.value(prim.GetAttribute("inputs:shaping:ies:file"), time)
     if not getattr(value, "path", ""):
         return None
-    found = asset(value, materials, prim, "IES profile")
+    found = asset(value, materials.warnings, prim, "IES profile")
     if found is None:
         return None
     try:

@@ -18,8 +18,9 @@ from ...scene.builder import SceneBuilder
 from ...scene.row_records import Color, LightData, as_color
 from .. import images
 from . import light_plates, light_shaping, stage
+from .assets import asset
 from .light_plates import TURNED, rigid
-from .materials import Materials, asset
+from .materials import Materials
 from .stage import Opened
 
 KINDS = ("DistantLight", "SphereLight", "RectLight", "DiskLight", "DomeLight", "DomeLight_1", "CylinderLight")
@@ -200,7 +201,7 @@ def _dome(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials: Ma
     if getattr(value, "path", ""):
         if written not in ("automatic", "latlong", "None"):
             materials.tell(f"the dome's format `{written}` is read as latlong", it.prim)
-        found = asset(value, materials, it.prim)
+        found = asset(value, materials.warnings, it.prim)
         try:
             image = found.row(builder, "auto", span=it.span) if found else -1
         except images.ImageError as failure:

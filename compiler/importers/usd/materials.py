@@ -9,12 +9,12 @@ Nodes follow the UsdPreviewSurface Specification, version 2.6.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pxr import Ar, UsdShade
+from pxr import UsdShade
 
 from ....lang.diagnostics import Span
 from ... import ir
@@ -22,7 +22,8 @@ from ...scene import metallic_roughness
 from ...scene.builder import NONE, SceneBuilder, lambert
 from ...scene.row_records import WHITE, Color, Input, MaterialData, TextureData, nonnegative, scale_color
 from .. import images, uv_sets, vertex_numbers
-from . import stage, udim
+from . import stage
+from .assets import Asset, asset, contents
 from .audit import Audit
 from .stage import Opened, Warnings, primvar_mean
 
@@ -93,6 +94,11 @@ class Network:
         return tuple(given.name for given in found if isinstance(given, Primvar))
 
     @property
+    def displaced(self) -> bool:
+        """Whether it moves the points of meshes."""
+        return not isinstance(given := self.inputs["displacement"], float | int) or given != 0.0
+
+    @property
     def color_name(self) -> str | None:
         """The primvar of the diffuse colour."""
         source = self.inputs.get("diffuseColor")
@@ -148,9 +154,15 @@ class Materials:
             return None
         inputs = {name: self._source(shader.GetInput(name), fallback) for name, fallback in _FALLBACKS.items()}
         self.audit.shader(shader.GetPrim(), kind)
-        for name, found in (("displacement", material.ComputeDisplacementSource()[0]), ("volume", material.ComputeVolumeSource()[0])):
+        moved, filled = material.ComputeDisplacementSource()[0], material.ComputeVolumeSource()[0]
+        for name, found in (("displacement", moved), ("volume", filled)):
             if found and found.GetPath() != shader.GetPath():
-                self.tell(f"the {name} of materials is not drawn", prim)
+                self.tell(f"the {name} of materials by another shader is not drawn", prim)
+        moves = moved and moved.GetPath() == shader.GetPath()
+        given = shader.GetInput("displacement")
+        inputs["displacement"] = self._source(given, 0.0) if moves else 0.0
+        if not moves and not moved and self._source(given, 0.0) != 0.0:
+            self.tell("the displacement of this material is not drawn: its outputs:displacement is not connected", prim)
         return Network(str(prim.GetPath()), str(prim.GetName()), inputs)
 
     def _source(self, given: Any, fallback: Any) -> Any:
@@ -327,7 +339,7 @@ class Materials:
 
     def _texture(self, picture: Picture, color: bool = True, whole: bool = False) -> tuple[int, Color]:
         """A texture's row: a colour, a number, or `whole` data. NONE and the node's fallback if the image is missing."""
-        gain, bias, missing = self._levels(picture)
+        missing = self._levels(picture)[2]
         map_ = self._fit.maps.get(picture.varname, uv_sets.PLAIN)
         if map_ is None:
             node = picture.shader.GetPath().name
@@ -338,23 +350,47 @@ class Materials:
         if found is None:
             return NONE, (missing[0], missing[1], missing[2])
         try:
-            space = _SPACES.get(self._text(picture.shader, "sourceColorSpace") or "auto", "auto")
-            row = found.row(self.builder, space, color, self.opened.span(picture.shader.GetPrim()))
+            row = found.row(self.builder, self._space(picture), color, self.opened.span(picture.shader.GetPrim()))
         except images.ImageError as failure:
             self.builder.diagnostics.warning(failure.message, self.opened.span(picture.shader.GetPrim()), failure.hint)
             return NONE, (missing[0], missing[1], missing[2])
-        wrap_u, wrap_v = (_WRAPS.get(self._text(picture.shader, key) or "useMetadata", ir.Wrap.BLACK) for key in ("wrapS", "wrapT"))
         frame = picture.frame if map_ is uv_sets.PLAIN else _rows(np.array(picture.frame) @ map_)
+        made = self._mapping(picture, found, frame, _CHANNELS.get(picture.output, -1 if color or whole else 0))
+        return self.builder.texture(replace(made, image=row), self.opened.span(picture.shader.GetPrim())), WHITE
+
+    def _space(self, picture: Picture) -> str:
+        return _SPACES.get(self._text(picture.shader, "sourceColorSpace") or "auto", "auto")
+
+    def _mapping(self, picture: Picture, found: Asset, frame: Any, channel: int) -> TextureData:
+        """Wrap modes, frame, channel, gain and bias of a picture, without its image."""
+        gain, bias, _ = self._levels(picture)
+        wrap_u, wrap_v = (_WRAPS.get(self._text(picture.shader, key) or "useMetadata", ir.Wrap.BLACK) for key in ("wrapS", "wrapT"))
         if found.tiles is not None:
             wrap_u, wrap_v, frame = ir.Wrap.CLAMP, ir.Wrap.CLAMP, found.tiles.frame(frame)
-        channel = _CHANNELS.get(picture.output, -1 if color or whole else 0)
         if channel >= 0:
             gain, bias = (gain[channel],) * 4, (bias[channel],) * 4
-        made = TextureData(
-            ir.TextureKind.IMAGE, row, wrap_u=wrap_u, wrap_v=wrap_v, channel=channel, frame=frame,
+        return TextureData(
+            ir.TextureKind.IMAGE, wrap_u=wrap_u, wrap_v=wrap_v, channel=channel, frame=frame,
             gain=(gain[0], gain[1], gain[2]), bias=(bias[0], bias[1], bias[2]),
         )  # fmt: skip
-        return self.builder.texture(made, self.opened.span(picture.shader.GetPrim())), WHITE
+
+    def heights(self, network: Network, prim: Any) -> float | tuple[TextureData, np.ndarray]:
+        """The displacement of a network: a number, or a picture's mapping and its texels (h, w, 4). 0 where it cannot be read."""
+        source = network.inputs["displacement"]
+        if not isinstance(source, Picture):
+            return self._mean_of(source, 0.0, prim)
+        found = self._picture(source)
+        if found is None or found.tiles is not None:
+            if found is not None:
+                self.tell("the displacement of UDIM tiles is not drawn", source.shader.GetPrim())
+            return 0.0
+        try:
+            space = self._space(source)
+            texels, _, _ = images.read(contents(found.path), Path(found.path).name, "linear" if space == "auto" else space)
+        except (images.ImageError, OSError) as failure:
+            self.tell(str(failure), source.shader.GetPrim())
+            return 0.0
+        return self._mapping(source, found, source.frame, _CHANNELS.get(source.output, 0)), texels
 
     def _levels(self, picture: Picture) -> tuple[Any, Any, Any]:
         """Scale, bias and fallback of a UsdUVTexture, four floats each."""
@@ -364,67 +400,7 @@ class Materials:
         return scale, bias, fallback
 
     def _picture(self, picture: Picture) -> Asset | None:
-        return asset(self._source(picture.shader.GetInput("file"), None), self, picture.shader.GetPrim())
-
-
-@dataclass(frozen=True, slots=True)
-class Asset:
-    """A file referenced by a stage, on disk or inside a package."""
-
-    path: str
-    tiles: udim.Tiles | None = None  # of a UDIM texture; `path` is the first
-
-    def row(self, builder: SceneBuilder, space: str, color: bool = True, span: Span | None = None) -> int:
-        if self.tiles is not None:
-            return self.tiles.row(builder, space, color, _source)
-        source = _source(self.path)
-        if isinstance(source, str):
-            return images.row(builder, Path(source), space, color, span)
-        return images.row_from_bytes(builder, source, self.path, space, color, span)
-
-
-def _source(path: str) -> str | bytes:
-    """The path of a file, or the bytes of one in a package."""
-    if not path.endswith("]"):
-        return path
-    opened = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path))
-    if opened is None:
-        raise images.ImageError(f"the package has no `{path.rsplit('/', 1)[-1].rstrip(']')}`")
-    return bytes(opened.GetBuffer())
-
-
-def contents(path: str) -> bytes:
-    """The bytes of a file, on disk or in a package. Raises OSError or images.ImageError."""
-    source = _source(path)
-    return Path(source).read_bytes() if isinstance(source, str) else source
-
-
-def asset(value: Any, materials: Materials, prim: Any, what: str = "picture") -> Asset | None:
-    """The file of an asset-valued attribute. None and a warning if it does not exist."""
-    written = str(getattr(value, "path", value) or "")
-    without = "its fallback is drawn" if what == "picture" else "it is left out"
-    if not written:
-        materials.tell("the texture names no file: its fallback is drawn", prim)
-        return None
-    resolved = str(getattr(value, "resolvedPath", "") or "")
-    tiles: tuple[tuple[int, str], ...] = ()
-    if "<UDIM>" in written:
-        found = UsdShade.UdimUtils.ResolveUdimTilePaths(written, _layer(prim))
-        tiles = tuple(sorted((int(number), str(path)) for path, number in found if not materials.opened.fenced_off(str(path))))
-        resolved = tiles[0][1] if tiles else str(found[0][0]) if found else ""
-    if not resolved:
-        materials.builder.diagnostics.warning(f"there is no {what} `{written}`: {without}", materials.opened.span(prim))
-        return None
-    if materials.opened.fenced_off(resolved):
-        message = f"the {what} `{written}` lies outside of the scene's folder: {without}"
-        hint = f"use --allow {Path(resolved).parent} to let scenes read it"
-        materials.builder.diagnostics.warning(message, materials.opened.span(prim), hint)
-        return None
-    return Asset(resolved, udim.Tiles(written, tiles) if tiles else None)
-
-
-def _layer(prim: Any) -> Any:
-    return prim.GetPrimStack()[0].layer if prim.GetPrimStack() else prim.GetStage().GetRootLayer()
+        return asset(self._source(picture.shader.GetInput("file"), None), self.warnings, picture.shader.GetPrim())
 
 
 def _rgb(value: Any, fallback: Color) -> Color:

@@ -64,10 +64,9 @@ def parts(network: Network | None, prim: Any, read: geometry.Reads, faces: np.nd
     others = network.varnames[1:] if network else ()
     if not others:
         return [Part(faces, fit)]
-    counts = stage.numbers(prim.GetAttribute("faceVertexCounts"), time, np.int64)
-    indices = stage.numbers(prim.GetAttribute("faceVertexIndices"), time, np.int64)
+    counts, indices = geometry.topology(prim, time)
     points = len(stage.numbers(prim.GetAttribute("points"), time, np.float64, 3))
-    if (counts < 0).any() or counts.sum() != len(indices) or not points:
+    if not len(counts) or (counts < 0).any() or counts.sum() != len(indices) or not points:
         return [Part(faces, fit)]
     api, found = UsdGeom.PrimvarsAPI(prim), {}
     for name in (str(read.uv), *others):

@@ -1,6 +1,6 @@
 """Imports NurbsPatch prims as meshes: a grid of each span of knots, with the normals of the surface.
 
-Control points are row by row, u fastest (UsdGeomNurbsPatch). Trim curves are reported.
+Control points are row by row, u fastest (UsdGeomNurbsPatch).
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -46,8 +46,6 @@ def faces(prim: Any, time: Any, reads: Reads, diagnostics: Diagnostics, span: Sp
     if len(u.basis) * len(v.basis) > MOST_CELLS:
         diagnostics.warning(f"this NurbsPatch needs more than {MOST_CELLS:,} faces: it is not drawn", span)
         return None
-    if len(stage.numbers(prim.GetAttribute("trimCurve:counts"), time, np.int64)):
-        diagnostics.warning("the trim curves of this NurbsPatch are not drawn", span)
     heavy = stage.numbers(prim.GetAttribute("pointWeights"), time, np.float64)
     heavy = heavy if len(heavy) == len(points) else np.ones(len(points))
     grid = (v.basis.shape[1], u.basis.shape[1])

@@ -12,7 +12,9 @@ PRIM_TYPES = Table(
     drawn={
         "Xform Scope": "transform, visibility and purpose of what is below",
         "Mesh": "polygons; subdivision surfaces are refined by --complexity, else drawn as their cages with smooth normals",
-        "BasisCurves NurbsCurves": "round tubes, or ribbons where they have normals; all bases and wraps",
+        "TetMesh": "the triangles of its surface",
+        "NurbsPatch": "eight by eight faces for each span of knots; without trim curves",
+        "BasisCurves NurbsCurves HermiteCurves": "round tubes, or ribbons where they have normals; all bases and wraps",
         "Points": "spheres; meshes of spheres if they are many or have colours of their own",
         "GeomSubset": "a material for some faces of a mesh",
         "Cube Sphere Cylinder Cylinder_1 Cone Capsule Capsule_1 Plane": "exact shapes; a Capsule_1 of two radii is a mesh",
@@ -34,7 +36,6 @@ PRIM_TYPES = Table(
         "LODDistanceHeuristic LODScreenSizeHeuristic": "read by LODRootAPI",
     },
     not_drawn={
-        "HermiteCurves NurbsPatch TetMesh": "",
         "Volume ParticleField ParticleField3DGaussianSplat": "",
         "PortalLight GeometryLight PluginLight LightFilter PluginLightFilter": "",
         "GenerativeProcedural": "its program is not run",
@@ -83,6 +84,9 @@ PROPERTIES = Table(
         "creaseIndices creaseLengths creaseSharpnesses cornerIndices cornerSharpnesses": "Mesh, refined by --complexity",
         "interpolateBoundary faceVaryingLinearInterpolation triangleSubdivisionRule": "Mesh, refined by --complexity",
         "type basis wrap curveVertexCounts widths order knots ranges pointWeights": "BasisCurves, NurbsCurves and Points",
+        "tangents": "HermiteCurves",
+        "tetVertexIndices surfaceFaceVertexIndices": "TetMesh",
+        "uVertexCount uOrder uKnots uRange vVertexCount vOrder vKnots vRange uForm vForm": "NurbsPatch",
         "skel:*": "animation source, joints, weights, blend shapes, skinning method",
         "joints bindTransforms restTransforms translations rotations blendShapes blendShapeWeights": "skeletons",
         "offsets normalOffsets pointIndices": "BlendShape",
@@ -130,6 +134,7 @@ PROPERTIES = Table(
         "velocities accelerations angularVelocities motion:*": "motion comes from time samples",
         "model:drawMode": "the geometry of the model is drawn",
         "colorSpace:name": "colours are linear with the primaries of sRGB",
+        "trimCurve:*": "the whole patch is drawn",
         "clippingPlanes": "",
         "pixelAspectRatio renderingColorSpace": "pixels are square and colours linear with the primaries of sRGB",
         "inputs:specular light:filters portals inputs:texture:format treatAsLine": "",
@@ -159,8 +164,8 @@ INPUTS = Table(
         "file st wrapS wrapT fallback scale bias sourceColorSpace": "UsdUVTexture",
         "in rotation translation": "UsdTransform2d",
         "varname": "UsdPrimvarReader",
+        "displacement": "moves the points of meshes, refined by --complexity, along their normals",
     },
-    not_drawn={"displacement": ""},
 )
 
 TABLES = (PRIM_TYPES, API_SCHEMAS, PROPERTIES, SHADERS, INPUTS)

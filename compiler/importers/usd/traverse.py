@@ -16,13 +16,14 @@ from ... import ir
 from ...scene import transforms
 from ...scene.builder import NONE, SceneBuilder
 from ...scene.row_records import InstanceData
-from . import curves, lights, mesh_inputs, skeletons
+from . import curves, displacement, lights, mesh_inputs, patches, skeletons
 from . import geometry as geometry_module
-from .materials import DEFAULT_COLOR, DISPLAY_COLOR, DISPLAY_OPACITY, Fit, Materials, Network
+from .materials import DEFAULT_COLOR, DISPLAY_COLOR, DISPLAY_OPACITY, Fit, Materials, Network, Picture
 from .stage import Opened, numbers, primvar_mean, reason
 
 MAX_INSTANCES = 4_000_000
 MAX_BALLS = 5_000  # points drawn as exact spheres
+MESHES = ("Mesh", "TetMesh", "NurbsPatch")
 MAX_LIGHTS = 10_000  # of point instancers
 LIGHT = -2  # in place of a geometry: a light of a prototype
 MAX_NESTING = 32  # levels of nested point instancers
@@ -196,7 +197,7 @@ class Walk:
         if here.purpose == "guide" and "guide" not in (self.purposes or ()):
             return
         self._audit_once(prim, kind)
-        if kind == "Mesh":
+        if kind in MESHES:
             skin = self._skins.get(str(prim.GetPath()))
             into.setdefault(here.purpose, []).extend(self._mesh(prim, here.matrix if skin is None else self._skin_frame @ skin.frame))
         elif kind in geometry_module.SHAPES:
@@ -263,7 +264,7 @@ class Walk:
         reads = mesh_inputs.reads(network, prim)
         pieces = []
         for part in mesh_inputs.parts(network, prim, reads, faces, self.opened.time):
-            geometry = self._geometry(prim, reads, part, name)
+            geometry = self._geometry(prim, reads, part, name, network)
             if geometry == NONE:
                 continue
             row = self._material(network, prim, part.fit, matrix)
@@ -271,16 +272,23 @@ class Walk:
             pieces.append(Piece(geometry, row, matrix, prim, str(owner.GetPath()), own))
         return pieces
 
-    def _geometry(self, prim: Any, reads: geometry_module.Reads, part: mesh_inputs.Part, name: str) -> int:
+    def _geometry(self, prim: Any, reads: geometry_module.Reads, part: mesh_inputs.Part, name: str, network: Network | None) -> int:
         """The row of a part of a mesh, made once for all instances."""
-        key = (self._source(prim), name, part.name, reads)
+        moved = network if network is not None and network.displaced else None
+        key = (self._source(prim), name, part.name, reads, moved.path if moved else "")
         if key not in self._geometries:
             read = (self._source(prim), reads)
             span = self.opened.span(prim)
             if read not in self._faces:
                 said, skin = self.builder.diagnostics, self._skins.get(str(prim.GetPath()))
-                self._faces[read] = geometry_module.mesh(prim, self.opened.time, reads, said, span, self.complexity, skin)
+                if str(prim.GetTypeName()) == "NurbsPatch":
+                    self._faces[read] = patches.faces(prim, self.opened.time, reads, said, span)
+                else:
+                    self._faces[read] = geometry_module.mesh(prim, self.opened.time, reads, said, span, self.complexity, skin)
             found = self._faces[read]
+            if found is not None and moved is not None:
+                self._tell_coarse(moved, prim)
+                found = displacement.displaced(found, self.materials.heights(moved, prim))
             if found is not None and found.subdivided and not self._told_cages:
                 self._told_cages = True
                 self.builder.diagnostics.note(CAGES, span, REFINE)
@@ -319,6 +327,8 @@ class Walk:
 
     def _material(self, network: Network | None, prim: Any, fit: Fit, matrix: np.ndarray) -> int:
         radiance = lights.mesh_radiance(prim, matrix, self.unit, self.opened, self.materials)
+        if network is not None and network.displaced and str(prim.GetTypeName()) not in MESHES:
+            self.materials.tell("displacement is drawn on meshes alone", prim)
         if network is not None and radiance is None:
             return self.materials.row(network, prim, fit)
         color, colors = (np.ones(3), 1) if fit.colored else primvar_mean(prim, DISPLAY_COLOR, self.opened.time)
@@ -335,6 +345,11 @@ class Walk:
             return self.materials.matt_light((r, g, b), radiance, str(prim.GetPath()))
         alpha = 1.0 if opacity is None else float(np.clip(opacity[0], 0.0, 1.0))
         return self.materials.plain((r, g, b), alpha, DISPLAY_COLOR, fit.number is not None)
+
+    def _tell_coarse(self, network: Network, prim: Any) -> None:
+        if self.complexity == 0 and isinstance(network.inputs["displacement"], Picture):
+            message = "displacement moves the points of the meshes as they are"
+            self.builder.diagnostics.note(message, self.opened.span(prim), REFINE)
 
     # --- point instancers ---
 

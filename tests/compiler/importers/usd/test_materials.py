@@ -242,7 +242,8 @@ def test_a_normal_map(tmp_path, levels):
     [
         ("color3f inputs:diffuseColor.connect = </m/t.outputs:rgb>", GONE,
             "x.usda</m/t>: warning: there is no picture `gone.png`: its fallback is drawn"),
-        ("float inputs:displacement = 0.5", "", "x.usda</m/s>: warning: the input `displacement` of UsdPreviewSurface is not drawn"),
+        ("float inputs:displacement = 0.5", "",
+         "x.usda</m>: warning: the displacement of this material is not drawn: its outputs:displacement is not connected"),
         ("color3f inputs:diffuseColor.connect = </m/n.outputs:out>",
             'def Shader "n" { uniform token info:id = "Noise"\ncolor3f outputs:out }',
             "x.usda</m/n>: warning: the shader `Noise` is not drawn: the input it feeds takes its default"),

@@ -98,14 +98,13 @@ def test_proxies_are_drawn_where_there_is_nothing_else(tmp_path):
 
 
 def test_what_cannot_be_drawn_is_said_once_by_name(tmp_path):
-    kinds_ = ("TetMesh", "TetMesh", "HermiteCurves", "NurbsPatch", "Volume", "Unheard", "Cube")
-    text = "\n".join(f'def {kind} "{name}" {{}}' for kind, name in zip(kinds_, "pqbnvuc", strict=True))
+    kinds_ = ("ParticleField", "ParticleField", "GenerativeProcedural", "Volume", "Unheard", "Cube")
+    text = "\n".join(f'def {kind} "{name}" {{}}' for kind, name in zip(kinds_, "pqgvuc", strict=True))
     scene, messages = read(tmp_path, text)
     assert scene.names.instances == ("/c",)
     assert messages == [
-        "x.usda</p>: warning: TetMesh is not drawn",
-        "x.usda</b>: warning: HermiteCurves is not drawn",
-        "x.usda</n>: warning: NurbsPatch is not drawn",
+        "x.usda</p>: warning: ParticleField is not drawn",
+        "x.usda</g>: warning: GenerativeProcedural is not drawn: its program is not run",
         "x.usda</v>: warning: Volume is not drawn",
         "x.usda</u>: warning: `Unheard` is not known: it is not drawn",
     ]

@@ -1,0 +1,78 @@
+"""Files that a stage refers to: pictures, UDIM tiles and profiles, on disk or inside a package."""
+
+# pyright: reportAttributeAccessIssue=false
+# (usd-core creates its modules' names at run time)
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pxr import Ar, UsdShade
+
+from ....lang.diagnostics import Span
+from ...scene.builder import SceneBuilder
+from .. import images
+from . import udim
+from .stage import Warnings
+
+
+@dataclass(frozen=True, slots=True)
+class Asset:
+    """A file referenced by a stage, on disk or inside a package."""
+
+    path: str
+    tiles: udim.Tiles | None = None  # of a UDIM texture; `path` is the first
+
+    def row(self, builder: SceneBuilder, space: str, color: bool = True, span: Span | None = None) -> int:
+        if self.tiles is not None:
+            return self.tiles.row(builder, space, color, _source)
+        source = _source(self.path)
+        if isinstance(source, str):
+            return images.row(builder, Path(source), space, color, span)
+        return images.row_from_bytes(builder, source, self.path, space, color, span)
+
+
+def _source(path: str) -> str | bytes:
+    """The path of a file, or the bytes of one in a package."""
+    if not path.endswith("]"):
+        return path
+    opened = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path))
+    if opened is None:
+        raise images.ImageError(f"the package has no `{path.rsplit('/', 1)[-1].rstrip(']')}`")
+    return bytes(opened.GetBuffer())
+
+
+def contents(path: str) -> bytes:
+    """The bytes of a file, on disk or in a package. Raises OSError or images.ImageError."""
+    source = _source(path)
+    return Path(source).read_bytes() if isinstance(source, str) else source
+
+
+def asset(value: Any, warnings: Warnings, prim: Any, what: str = "picture") -> Asset | None:
+    """The file of an asset-valued attribute. None and a warning if it does not exist."""
+    written = str(getattr(value, "path", value) or "")
+    without = "its fallback is drawn" if what == "picture" else "it is left out"
+    if not written:
+        warnings.tell("the texture names no file: its fallback is drawn", prim)
+        return None
+    resolved = str(getattr(value, "resolvedPath", "") or "")
+    tiles: tuple[tuple[int, str], ...] = ()
+    if "<UDIM>" in written:
+        found = UsdShade.UdimUtils.ResolveUdimTilePaths(written, _layer(prim))
+        tiles = tuple(sorted((int(number), str(path)) for path, number in found if not warnings.opened.fenced_off(str(path))))
+        resolved = tiles[0][1] if tiles else str(found[0][0]) if found else ""
+    if not resolved:
+        warnings.diagnostics.warning(f"there is no {what} `{written}`: {without}", warnings.opened.span(prim))
+        return None
+    if warnings.opened.fenced_off(resolved):
+        message = f"the {what} `{written}` lies outside of the scene's folder: {without}"
+        hint = f"use --allow {Path(resolved).parent} to let scenes read it"
+        warnings.diagnostics.warning(message, warnings.opened.span(prim), hint)
+        return None
+    return Asset(resolved, udim.Tiles(written, tiles) if tiles else None)
+
+
+def _layer(prim: Any) -> Any:
+    return prim.GetPrimStack()[0].layer if prim.GetPrimStack() else prim.GetStage().GetRootLayer()

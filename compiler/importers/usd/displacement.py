@@ -1,0 +1,90 @@
+"""Displacement of meshes: points move along their normals by a number or by a picture, at the mesh's own resolution."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ... import ir
+from ...ir import F64
+from ...mesh import polygon_mesh, triangulate, vertex_normals
+from ...scene.row_records import MeshAttribute, TextureData
+from .geometry import Faces
+
+
+def displaced(found: Faces, heights: float | tuple[TextureData, np.ndarray]) -> Faces:
+    """Faces whose points are moved along smooth normals; points at the same place stay together. Normals become those of the result.
+
+    `heights` is a length, or a picture's mapping and texels (h, w, 4). A point has the mean of the heights at its corners.
+    """
+    mesh = found.mesh
+    indices = np.asarray(mesh.indices)
+    used = np.unique(indices)
+    places, where = np.unique(mesh.points[used], axis=0, return_inverse=True)
+    of_point = np.zeros(len(mesh.points), np.int64)
+    of_point[used] = where.reshape(-1)
+    whole = polygon_mesh.PolyMesh(places, mesh.counts, of_point[indices])
+    if isinstance(heights, float):
+        height = np.full(len(places), heights)
+    elif mesh.uvs is None:
+        return found
+    else:
+        mapping, texels = heights
+        corners = sample(mapping, texels, _at_corners(mesh.uvs, np.asarray(mesh.counts), indices))
+        total = np.bincount(of_point[indices], corners, len(places))
+        height = total / np.maximum(np.bincount(of_point[indices], minlength=len(places)), 1)
+    moved = np.array(mesh.points, np.float64)
+    moved[used] = (places + height[:, None] * _normals(whole))[of_point[used]]
+    smooth = _normals(replace(whole, points=_welded(moved, used, of_point, len(places))))
+    normals = np.zeros((len(moved), 3), np.float32)
+    normals[used] = smooth[of_point[used]]
+    return Faces(replace(mesh, points=moved, normals=MeshAttribute(normals)), found.rows, False)
+
+
+def _welded(points: F64, used: np.ndarray, of_point: np.ndarray, count: int) -> F64:
+    made = np.zeros((count, 3))
+    made[of_point[used]] = points[used]
+    return made
+
+
+def _normals(mesh: polygon_mesh.PolyMesh) -> np.ndarray:
+    cut = triangulate.faces(mesh.points, mesh.indices, mesh.counts)
+    return vertex_normals.vertex_normals(mesh.points, np.asarray(mesh.indices)[cut.corners])
+
+
+def _at_corners(given: MeshAttribute, counts: np.ndarray, indices: np.ndarray) -> F64:
+    values, kind = np.asarray(given.values, np.float64), given.interpolation
+    if kind == ir.Interpolation.CORNER:
+        return values
+    if kind == ir.Interpolation.VERTEX:
+        return values[indices]
+    return np.repeat(values, counts, axis=0) if kind == ir.Interpolation.FACE else np.tile(values[:1], (len(indices), 1))
+
+
+def sample(mapping: TextureData, texels: np.ndarray, uvs: F64) -> F64:
+    """The values (n,) of one channel of a picture at coordinates (n, 2), bilinear, with its frame, wrap modes, gain and bias."""
+    frame = np.array(mapping.frame)
+    s, t = (uvs @ frame[:, :2].T + frame[:, 2]).T
+    height, width = texels.shape[:2]
+    channel = texels[..., max(mapping.channel, 0)].astype(np.float64)
+    x, y = s * width - 0.5, (1.0 - t) * height - 0.5
+    left, top = np.floor(x), np.floor(y)
+    fx, fy = x - left, y - top
+    made = np.zeros(len(uvs))
+    for across, share_x in ((left, 1.0 - fx), (left + 1, fx)):
+        for down, share_y in ((top, 1.0 - fy), (top + 1, fy)):
+            column, inside_x = _wrapped(across.astype(np.int64), width, mapping.wrap_u)
+            row, inside_y = _wrapped(down.astype(np.int64), height, mapping.wrap_v)
+            made += share_x * share_y * np.where(inside_x & inside_y, channel[row, column], 0.0)
+    return mapping.gain[0] * made + mapping.bias[0]
+
+
+def _wrapped(at: np.ndarray, size: int, wrap: ir.Wrap) -> tuple[np.ndarray, np.ndarray]:
+    """(index in the picture, whether the picture is there)."""
+    if wrap == ir.Wrap.REPEAT:
+        return at % size, np.ones(len(at), bool)
+    if wrap == ir.Wrap.MIRROR:
+        turned = at % (2 * size)
+        return np.minimum(turned, 2 * size - 1 - turned), np.ones(len(at), bool)
+    return np.clip(at, 0, size - 1), np.full(len(at), True) if wrap == ir.Wrap.CLAMP else (at >= 0) & (at < size)

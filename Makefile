@@ -49,7 +49,7 @@ pictures: $(NAMES:%=examples/%.png)  ## render the pictures beside the examples 
 define rule
 $(1)/%.png: examples/%.$(2) $$(INPUTS) | $$(STAMP)
 	@mkdir -p $(1)
-	@$$(BIN)/maquette render $$< -o $$@
+	@MAQUETTE_PROGRESS=off $$(BIN)/maquette render $$< -o $$@
 endef
 $(foreach folder,$(DEMO) examples,$(foreach kind,$(KINDS),$(eval $(call rule,$(folder),$(kind)))))
 

@@ -1,6 +1,7 @@
 """Shows on stderr what a command is doing: the stage, samples and error so far, and the time left.
 
-A terminal has one line, rewritten four times a second; other streams get a line every ten seconds. Work that ends sooner shows nothing.
+A terminal has one line, rewritten four times a second; other streams get a line every ten seconds, if it has changed. Work that ends
+sooner shows nothing.
 MAQUETTE_PROGRESS=off shows nothing at all.
 """
 
@@ -73,6 +74,7 @@ class Display:
         quiet = quiet or os.environ.get("MAQUETTE_PROGRESS") == "off"
         self._thread = None if quiet else threading.Thread(target=self._tick, daemon=True)
         self._shown = False
+        self._last = ""  # line where there is no terminal
         self._compiling: compile_events.Compiling | None = None
         self._stopped = 0.0  # when the compilation began
         self.stage("starting")
@@ -154,7 +156,10 @@ class Display:
     def _show(self) -> None:
         with self._lock:
             if not self._rewrites:
-                click.echo(self.text(), err=True)
+                text = self.text()
+                if text != self._last:
+                    click.echo(text, err=True)
+                self._last = text
                 return
             width = shutil.get_terminal_size().columns - 1
             click.echo(f"\r\x1b[K{self.text()[:width]}", err=True, nl=False)

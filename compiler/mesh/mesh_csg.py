@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 Manifold = Any
 FINENESS = 8000  # extent / FINENESS is the largest deviation of contoured analytic shapes
 MAX_CELLS = 128  # cells along an axis
-SHARP = 30.0  # degrees; edges with a larger dihedral angle get split normals
+SHARP = 40.0  # degrees; edges with a larger dihedral angle get split normals, so that meshes of round things with ten sides stay smooth
 
 
 def manifold_of_pieces(builder: SceneBuilder, pieces: Sequence[Piece]) -> tuple[Manifold, bool]:

@@ -62,15 +62,41 @@ def test_volumes_of_closed_triangles(tmp_path, text, volume):
     assert mesh_csg.volume(positions, faces) == pytest.approx(volume, rel=1e-3)
 
 
-def test_normals_are_sharp_where_faces_meet_and_smooth_elsewhere(tmp_path):
-    scene, _ = loaded(tmp_path, f"difference {{ {BOX}; cylinder(0.25, 4) }}")
+def vertices(scene: ir.Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and normals (n, 3) of the first instance's mesh."""
     tables = scene.tables
     g = int(tables.instances.geometry[0])
     row = int(tables.geometries.normals[g])
     first, count = int(tables.attributes.first[row]), int(tables.geometries.vertex_count[g])
     normals = tables.pools.values[first : first + 3 * count].reshape(-1, 3)
     begin = int(tables.geometries.first_vertex[g])
-    positions = tables.pools.positions[begin : begin + count] + tables.geometries.origin[g]
+    return tables.pools.positions[begin : begin + count] + tables.geometries.origin[g], normals
+
+
+def prism(sides: int) -> str:
+    """A mesh of a regular prism of radius 1."""
+    angles = 2 * np.pi * np.arange(sides) / sides
+    ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    points = [[round(x, 9), y, round(z, 9)] for y in (-1, 1) for x, z in ring.tolist()]
+    after = [(k + 1) % sides for k in range(sides)]
+    faces = [[k, k + sides, after[k] + sides, after[k]] for k in range(sides)]
+    return f"mesh(points: {points}, faces: {[*faces, [*range(sides)], [*range(2 * sides - 1, sides - 1, -1)]]})"
+
+
+@pytest.mark.parametrize(("sides", "smooth"), [(6, False), (8, False), (10, True), (12, True), (24, True)])
+def test_walls_of_prisms_with_many_sides_are_smooth_where_they_are_cut(tmp_path, sides, smooth):
+    """A mesh of twelve sides has edges of 30°: it shows a round thing. Those of eight, 45°, are edges of the thing."""
+    scene, _ = loaded(tmp_path, f"difference {{ {prism(sides)}; box([3, 1, 3], center: [0, 1, 0]) }}")
+    positions, normals = vertices(scene)
+    wall = np.abs(normals[:, 1]) < 0.5
+    outwards = positions[wall][:, [0, 2]] / np.linalg.norm(positions[wall][:, [0, 2]], axis=1, keepdims=True)
+    along = (normals[wall][:, [0, 2]] * outwards).sum(axis=1)
+    assert along.min() == pytest.approx(1 if smooth else math.cos(math.pi / sides), abs=0.02)
+
+
+def test_normals_are_sharp_where_faces_meet_and_smooth_elsewhere(tmp_path):
+    scene, _ = loaded(tmp_path, f"difference {{ {BOX}; cylinder(0.25, 4) }}")
+    positions, normals = vertices(scene)
     wall = np.hypot(positions[:, 0], positions[:, 2]) < 0.26
     bore = wall & (np.abs(normals[:, 1]) < 0.5)
     inwards = -positions[bore][:, [0, 2]] / np.linalg.norm(positions[bore][:, [0, 2]], axis=1, keepdims=True)

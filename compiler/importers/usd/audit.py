@@ -41,7 +41,7 @@ class Audit:
         self._properties(prim, kind)
 
     def shader(self, node: Any, kind: str) -> None:
-        """Report the inputs of a shader that are not drawn."""
+        """Report the inputs of a shader that are not drawn; those of MaterialX surfaces are reported where they are read."""
         for given in UsdShade.Shader(node).GetInputs():
             message = tables.INPUTS.report(f"the input `{given.GetBaseName()}` of {kind}", str(given.GetBaseName()))
             if message and self._matters(node, str(given.GetFullName())):

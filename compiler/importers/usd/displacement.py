@@ -25,7 +25,7 @@ def displaced(found: Faces, heights: float | tuple[TextureData, np.ndarray]) -> 
     of_point = np.zeros(len(mesh.points), np.int64)
     of_point[used] = where.reshape(-1)
     whole = polygon_mesh.PolyMesh(places, mesh.counts, of_point[indices])
-    if isinstance(heights, float):
+    if not isinstance(heights, tuple):
         height = np.full(len(places), heights)
     elif mesh.uvs is None:
         return found

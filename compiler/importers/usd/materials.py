@@ -22,7 +22,7 @@ from ...scene import metallic_roughness
 from ...scene.builder import NONE, SceneBuilder, lambert
 from ...scene.row_records import WHITE, Color, Input, MaterialData, TextureData, nonnegative, scale_color
 from .. import images, uv_sets, vertex_numbers
-from . import stage
+from . import materialx, stage
 from .assets import Asset, asset, contents
 from .audit import Audit
 from .stage import Opened, Warnings, primvar_mean
@@ -30,6 +30,9 @@ from .stage import Opened, Warnings, primvar_mean
 DISPLAY_COLOR, DISPLAY_OPACITY = "displayColor", "displayOpacity"
 DEFAULT_COLOR: Color = (0.18, 0.18, 0.18)
 _WRAPS = {"repeat": ir.Wrap.REPEAT, "clamp": ir.Wrap.CLAMP, "mirror": ir.Wrap.MIRROR, "black": ir.Wrap.BLACK, "useMetadata": ir.Wrap.BLACK}
+_WRAPS |= materialx.WRAPS
+_READERS = ("UsdPrimvarReader_", "ND_UsdPrimvarReader_", "ND_geompropvalue_")
+_CONTEXTS = ("", "mtlx", "arnold")  # render contexts in which a surface is looked for
 _SPACES = {"raw": "linear", "sRGB": "srgb", "auto": "auto"}
 _CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3}
 _FALLBACKS: dict[str, Any] = {
@@ -64,6 +67,20 @@ class Picture:
     output: str
     varname: str
     frame: tuple[tuple[float, float, float], tuple[float, float, float]]
+    gain: float = 1.0  # of its values, after the node's own scale and bias
+    bias: float = 0.0
+    strength: float = 1.0  # of a normal map
+
+    def as_normals(self, strength: float) -> Picture:
+        """The picture as a normal map with values from 0 to 1."""
+        return replace(self.times(2.0, -1.0), strength=strength)
+
+    def times(self, gain: float, bias: float = 0.0) -> Picture:
+        return replace(self, gain=self.gain * gain, bias=self.bias * gain + bias)
+
+    def part(self, output: str) -> Picture:
+        """The picture of one channel."""
+        return replace(self, output=output)
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,14 +159,17 @@ class Materials:
 
     def _network(self, material: Any) -> Network | None:
         prim = material.GetPrim()
-        shader, _, _ = material.ComputeSurfaceSource()
+        shader = next((found for found in (material.ComputeSurfaceSource(c)[0] for c in _CONTEXTS) if found), None)
         if not shader:
             others = [o.GetBaseName() for o in material.GetSurfaceOutputs() if o.HasConnectedSource()]
             what = f"only surfaces that are not drawn ({', '.join(others)})" if others else "no surface"
             self.tell(f"the material has {what}: its prims show their displayColor", prim)
             return None
         kind = shader.GetIdAttr().Get()
-        if kind != "UsdPreviewSurface":
+        if kind in materialx.MODELS:
+            made = materialx.surface(shader, kind, self._source, lambda message: self.tell(message, shader.GetPrim()))
+            return Network(str(prim.GetPath()), str(prim.GetName()), {**_FALLBACKS, **made, "displacement": 0.0})
+        if kind not in materialx.PREVIEW:
             self.tell(f"the surface shader `{kind}` is not drawn: its prims show their displayColor", prim)
             return None
         inputs = {name: self._source(shader.GetInput(name), fallback) for name, fallback in _FALLBACKS.items()}
@@ -177,12 +197,14 @@ class Materials:
             kind = str(node.GetIdAttr().Get())
             output = str(attribute.GetName()).rpartition(":")[2]
             self.audit.shader(node.GetPrim(), kind)
-            if kind == "UsdUVTexture":
-                varname, frame = self._coordinates(node)
+            if materialx.is_picture(kind):
+                varname, frame = self._coordinates(node, kind)
                 return Picture(node, output, varname, frame)
-            if kind.startswith("UsdPrimvarReader_"):
-                name = self._text(node, "varname")
-                return Primvar(name, self._source(node.GetInput("fallback"), fallback))
+            if kind.startswith(_READERS):
+                name = self._text(node, "varname") or self._text(node, "geomprop")
+                return Primvar(name, self._source(node.GetInput("fallback") or node.GetInput("default"), fallback))
+            if (passed := materialx.through(node, kind, output, self._source, fallback)) is not NotImplemented:
+                return passed
             self.tell(f"the shader `{kind}` is not drawn: the input it feeds takes its default", node.GetPrim())
         return fallback
 
@@ -192,13 +214,13 @@ class Materials:
         return shader if shader and UsdShade.Output.IsOutput(attribute) else None
 
     def _text(self, node: Any, name: str) -> str:
-        value = self._source(node.GetInput(name), "")
+        value = self._source(materialx.alias(node, name), "")
         return str(value)
 
-    def _coordinates(self, node: Any) -> tuple[str, Any]:
+    def _coordinates(self, node: Any, kind: str) -> tuple[str, Any]:
         """The primvar of a texture's st input, and the frame of the UsdTransform2d nodes between: scaled, rotated, translated."""
-        frame = np.eye(3)
-        given = node.GetInput("st")
+        frame = materialx.tiling(node, self._source) if kind.startswith("ND_tiledimage_") else np.eye(3)
+        given = node.GetInput("st") or node.GetInput("texcoord")
         for _ in range(16):
             attributes = given.GetValueProducingAttributes() if given else []
             source = self._node(attributes[0]) if attributes else None
@@ -206,12 +228,13 @@ class Materials:
                 return "st", _rows(frame)
             kind = str(source.GetIdAttr().Get())
             self.audit.shader(source.GetPrim(), kind)
-            if kind == "UsdTransform2d":
-                frame = frame @ self._transform2d(source)
-                given = source.GetInput("in")
+            if kind in ("UsdTransform2d", "ND_UsdTransform2d", "ND_place2d_vector2"):
+                placed = kind == "ND_place2d_vector2"
+                frame = frame @ (materialx.place2d(source, self._source) if placed else self._transform2d(source))
+                given = source.GetInput("in") or source.GetInput("texcoord")
                 continue
-            if kind.startswith("UsdPrimvarReader"):
-                return self._text(source, "varname") or "st", _rows(frame)
+            if kind.startswith((*_READERS, "ND_texcoord_")):
+                return self._text(source, "varname") or self._text(source, "geomprop") or "st", _rows(frame)
             self.tell(f"the shader `{kind}` gives no texture coordinates: `st` is taken", source.GetPrim())
             break
         return "st", _rows(frame)
@@ -288,7 +311,7 @@ class Materials:
             message = "the normal map has no scale of 2 and bias of -1: it is read as if it had"
             self.tell(message, source.shader.GetPrim())
             texture = self.builder.with_levels(texture, (2.0, 2.0, 2.0), (-1.0, -1.0, -1.0))
-        return Input(WHITE, texture)
+        return Input((source.strength, source.strength, 1.0), texture)
 
     def _opacity(self, source: Any, presence: bool, prim: Any) -> tuple[float, Input | None]:
         """(opacity of the diffuse part, opacity of the whole surface): the latter for `presence`, and where it varies."""
@@ -359,12 +382,14 @@ class Materials:
         return self.builder.texture(replace(made, image=row), self.opened.span(picture.shader.GetPrim())), WHITE
 
     def _space(self, picture: Picture) -> str:
-        return _SPACES.get(self._text(picture.shader, "sourceColorSpace") or "auto", "auto")
+        written = self._text(picture.shader, "sourceColorSpace")
+        return _SPACES.get(written, "auto") if written else materialx.color_space(picture.shader)
 
     def _mapping(self, picture: Picture, found: Asset, frame: Any, channel: int) -> TextureData:
         """Wrap modes, frame, channel, gain and bias of a picture, without its image."""
         gain, bias, _ = self._levels(picture)
-        wrap_u, wrap_v = (_WRAPS.get(self._text(picture.shader, key) or "useMetadata", ir.Wrap.BLACK) for key in ("wrapS", "wrapT"))
+        plain = "useMetadata" if "UVTexture" in str(picture.shader.GetIdAttr().Get()) else "periodic"
+        wrap_u, wrap_v = (_WRAPS.get(self._text(picture.shader, key) or plain, ir.Wrap.BLACK) for key in ("wrapS", "wrapT"))
         if found.tiles is not None:
             wrap_u, wrap_v, frame = ir.Wrap.CLAMP, ir.Wrap.CLAMP, found.tiles.frame(frame)
         if channel >= 0:
@@ -396,8 +421,10 @@ class Materials:
         """Scale, bias and fallback of a UsdUVTexture, four floats each."""
         defaults = {"scale": (1.0,) * 4, "bias": (0.0,) * 4, "fallback": (0.0, 0.0, 0.0, 1.0)}
         found = {k: self._source(picture.shader.GetInput(k), v) for k, v in defaults.items()}
+        if plain := picture.shader.GetInput("default"):
+            found["fallback"] = (*np.ravel(self._source(plain, (0.0, 0.0, 0.0))), 0.0, 0.0, 1.0)[:4]
         scale, bias, fallback = (tuple(map(float, v)) if len(v) == 4 else defaults[k] for k, v in found.items())
-        return scale, bias, fallback
+        return tuple(v * picture.gain for v in scale), tuple(v * picture.gain + picture.bias for v in bias), fallback
 
     def _picture(self, picture: Picture) -> Asset | None:
         return asset(self._source(picture.shader.GetInput("file"), None), self.warnings, picture.shader.GetPrim())

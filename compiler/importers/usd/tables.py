@@ -150,9 +150,20 @@ SHADERS = Table(
         "UsdUVTexture": "with wrap modes, scale, bias, fallback and colour space; UDIM tiles",
         "UsdTransform2d": "",
         "UsdPrimvarReader_float UsdPrimvarReader_float2 UsdPrimvarReader_float3 UsdPrimvarReader_float4": "",
+        "ND_standard_surface_surfaceshader ND_open_pbr_surface_surfaceshader ND_gltf_pbr_surfaceshader arnold:standard_surface": (
+            "base colour, metalness, roughness, index of refraction, coat, emission, opacity, normal; under outputs:mtlx:surface too"
+        ),
+        "ND_UsdPreviewSurface_surfaceshader ND_UsdUVTexture ND_UsdTransform2d ND_UsdPrimvarReader_*": "as those of USD",
+        "ND_image_* ND_tiledimage_*": "pictures with address modes and the colour space of the file's metadata",
+        "ND_texcoord_* ND_geompropvalue_* ND_place2d_vector2": "",
+        "ND_normalmap* ND_separate* ND_extract_* ND_convert_* ND_constant_* ND_dot_*": "",
         "UsdPrimvarReader_int UsdPrimvarReader_string UsdPrimvarReader_normal UsdPrimvarReader_point UsdPrimvarReader_vector": "",
     },
-    not_drawn={"UsdPrimvarReader_matrix": "", "HwPrimvar_1 HwUvTexture_1 HwPtexTexture_1 HwFieldReader_*": "", "ND_*": "MaterialX"},
+    not_drawn={
+        "UsdPrimvarReader_matrix": "",
+        "HwPrimvar_1 HwUvTexture_1 HwPtexTexture_1 HwFieldReader_*": "",
+        "ND_*": "other nodes of MaterialX",
+    },
 )
 
 INPUTS = Table(
@@ -164,8 +175,15 @@ INPUTS = Table(
         "file st wrapS wrapT fallback scale bias sourceColorSpace": "UsdUVTexture",
         "in rotation translation": "UsdTransform2d",
         "varname": "UsdPrimvarReader",
+        "uaddressmode vaddressmode default texcoord uvtiling uvoffset": "ND_image, ND_tiledimage",
+        "geomprop index value pivot rotate offset": "ND_geompropvalue, ND_extract, ND_constant, ND_place2d",
         "displacement": "moves the points of meshes, refined by --complexity, along their normals",
     },
+    no_effect={
+        "filtertype": "pictures are filtered over the pixel",
+        "tangent bitangent space": "ND_normalmap: tangents come from texture coordinates",
+    },
+    not_drawn={"layer framerange frameoffset frameendaction operationorder realworldimagesize realworldtilesize": ""},
 )
 
 TABLES = (PRIM_TYPES, API_SCHEMAS, PROPERTIES, SHADERS, INPUTS)

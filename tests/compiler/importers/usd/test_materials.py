@@ -308,9 +308,9 @@ def test_pictures_inside_of_a_package(tmp_path):
 
 
 def test_a_material_with_other_surfaces_only(tmp_path):
-    text = stage("").replace("token outputs:surface.connect", "token outputs:mtlx:surface.connect")
+    text = stage("").replace("token outputs:surface.connect", "token outputs:ri:surface.connect")
     assert read(tmp_path, text)[1] == [
-        "x.usda</m>: warning: the material has only surfaces that are not drawn (mtlx:surface): its prims show their displayColor"
+        "x.usda</m>: warning: the material has only surfaces that are not drawn (ri:surface): its prims show their displayColor"
     ]
 
 

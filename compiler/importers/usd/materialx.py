@@ -1,0 +1,140 @@
+"""MaterialX surfaces in USD, mapped to the inputs of UsdPreviewSurface.
+
+Names and defaults: MaterialX 1.39, standard_surface 1.0.1, open_pbr_surface 1.1, gltf_pbr 2.0.1.
+`arnold:standard_surface` has the inputs of standard_surface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ... import ir
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """How a surface shader is read: for each input of UsdPreviewSurface the shader's name and default, and a weight that multiplies it."""
+
+    inputs: dict[str, tuple[str, Any]]
+    weights: dict[str, tuple[str, float]] = field(default_factory=dict)
+
+
+_STANDARD = Model(
+    {
+        "diffuseColor": ("base_color", (0.8, 0.8, 0.8)), "metallic": ("metalness", 0.0), "roughness": ("specular_roughness", 0.2),
+        "ior": ("specular_IOR", 1.5), "clearcoat": ("coat", 0.0), "clearcoatRoughness": ("coat_roughness", 0.1),
+        "emissiveColor": ("emission_color", (1.0, 1.0, 1.0)), "opacity": ("opacity", (1.0, 1.0, 1.0)), "normal": ("normal", None),
+    },
+    {"diffuseColor": ("base", 1.0), "emissiveColor": ("emission", 0.0)},
+)  # fmt: skip
+MODELS = {
+    "ND_standard_surface_surfaceshader": _STANDARD,
+    "arnold:standard_surface": _STANDARD,
+    "ND_open_pbr_surface_surfaceshader": Model(
+        {
+            "diffuseColor": ("base_color", (0.8, 0.8, 0.8)), "metallic": ("base_metalness", 0.0), "roughness": ("specular_roughness", 0.3),
+            "ior": ("specular_ior", 1.5), "clearcoat": ("coat_weight", 0.0), "clearcoatRoughness": ("coat_roughness", 0.0),
+            "emissiveColor": ("emission_color", (1.0, 1.0, 1.0)), "opacity": ("geometry_opacity", 1.0), "normal": ("geometry_normal", None),
+        },
+        {"diffuseColor": ("base_weight", 1.0), "emissiveColor": ("emission_luminance", 0.0)},
+    ),
+    "ND_gltf_pbr_surfaceshader": Model(
+        {
+            "diffuseColor": ("base_color", (1.0, 1.0, 1.0)), "metallic": ("metallic", 1.0), "roughness": ("roughness", 1.0),
+            "ior": ("ior", 1.5), "clearcoat": ("clearcoat", 0.0), "clearcoatRoughness": ("clearcoat_roughness", 0.0),
+            "emissiveColor": ("emissive", (0.0, 0.0, 0.0)), "opacity": ("alpha", 1.0), "normal": ("normal", None),
+            "occlusion": ("occlusion", 1.0),
+        },
+        {"emissiveColor": ("emissive_strength", 1.0)},
+    ),
+}  # fmt: skip
+PREVIEW = ("UsdPreviewSurface", "ND_UsdPreviewSurface_surfaceshader")
+_ALIASES = {"wrapS": "uaddressmode", "wrapT": "vaddressmode"}  # of ND_image
+WRAPS = {"periodic": ir.Wrap.REPEAT, "clamp": ir.Wrap.CLAMP, "mirror": ir.Wrap.MIRROR, "constant": ir.Wrap.BLACK}
+_PARTS = {"outr": "r", "outg": "g", "outb": "b", "outa": "a", "outx": "r", "outy": "g", "outz": "b", "outw": "a"}
+Source = Callable[[Any, Any], Any]
+"""(an input or None, fallback) → a value, picture or primvar."""
+
+
+def is_picture(kind: str) -> bool:
+    return kind.startswith(("UsdUVTexture", "ND_UsdUVTexture", "ND_image_", "ND_tiledimage_"))
+
+
+def alias(node: Any, name: str) -> Any:
+    """The input of a texture node that UsdUVTexture calls `name`."""
+    return node.GetInput(name) or node.GetInput(_ALIASES.get(name, name))
+
+
+def surface(shader: Any, kind: str, source: Source, tell: Callable[[str], None]) -> dict[str, Any]:
+    """The inputs of UsdPreviewSurface that a surface of MODELS gives. Every other authored input is told."""
+    model, found = MODELS[kind], {}
+    for name, (own, default) in model.inputs.items():
+        value = source(shader.GetInput(own), default)
+        if name in model.weights:
+            weight_name, fallback = model.weights[name]
+            weight = source(shader.GetInput(weight_name), fallback)
+            if not isinstance(weight, int | float):
+                tell(f"the input `{weight_name}` of {kind} is drawn only as a number")
+                weight = fallback or 1.0
+            value = value.times(float(weight)) if hasattr(value, "times") else _scaled(value, float(weight))
+        found[name] = value
+    if not hasattr(found["opacity"], "times") and np.ndim(found["opacity"]) == 1:
+        found["opacity"] = float(np.mean(found["opacity"]))
+    read = {own for own, _ in model.inputs.values()} | {own for own, _ in model.weights.values()}
+    for given in shader.GetInputs():
+        if str(given.GetBaseName()) not in read:
+            tell(f"the input `{given.GetBaseName()}` of {kind} is not drawn")
+    return found
+
+
+def _scaled(value: Any, weight: float) -> Any:
+    try:
+        return tuple(float(v) * weight for v in value)
+    except TypeError:
+        return value
+
+
+def through(node: Any, kind: str, output: str, source: Source, fallback: Any) -> Any:
+    """What nodes pass on that are no pictures: constants, conversions, single channels, normal maps; NotImplemented for others."""
+    if kind.startswith("ND_constant_"):
+        return source(node.GetInput("value"), fallback)
+    if kind.startswith(("ND_convert_", "ND_dot_")):
+        return source(node.GetInput("in"), fallback)
+    if kind.startswith("ND_normalmap"):
+        found = source(node.GetInput("in"), fallback)
+        strength = float(np.mean(source(node.GetInput("scale"), 1.0)))
+        return found.as_normals(strength) if hasattr(found, "as_normals") else fallback
+    if kind.startswith(("ND_separate", "ND_extract_")):
+        found = source(node.GetInput("in"), fallback)
+        part = "rgba"[int(source(node.GetInput("index"), 0)) % 4] if kind.startswith("ND_extract_") else _PARTS.get(output, "r")
+        return found.part(part) if hasattr(found, "part") else fallback
+    return NotImplemented
+
+
+def place2d(node: Any, source: Source) -> np.ndarray:
+    """The (3, 3) frame of ND_place2d_vector2: less the pivot, over the scale, turned clockwise, less the offset, plus the pivot."""
+    (px, py), (sx, sy), (ox, oy) = (source(node.GetInput(n), v) for n, v in (("pivot", (0, 0)), ("scale", (1, 1)), ("offset", (0, 0))))
+    turn = np.radians(float(source(node.GetInput("rotate"), 0.0)))
+    c, s = np.cos(turn), np.sin(turn)
+    turned = np.array([[c / (sx or 1), s / (sy or 1), 0.0], [-s / (sx or 1), c / (sy or 1), 0.0], [0.0, 0.0, 1.0]])
+    moved, back = np.eye(3), np.eye(3)
+    moved[:2, 2], back[:2, 2] = (-px, -py), (px - ox, py - oy)
+    return back @ turned @ moved
+
+
+def tiling(node: Any, source: Source) -> np.ndarray:
+    """The (3, 3) frame of ND_tiledimage: times uvtiling, less uvoffset."""
+    (tx, ty), (ox, oy) = source(node.GetInput("uvtiling"), (1, 1)), source(node.GetInput("uvoffset"), (0, 0))
+    return np.array([[tx, 0.0, -ox], [0.0, ty, -oy], [0.0, 0.0, 1.0]])
+
+
+def color_space(node: Any) -> str:
+    """The colour space in the metadata of a node's file: "srgb", "linear" or, without one, "auto"."""
+    given = node.GetInput("file")
+    names = [str(attribute.GetColorSpace()) for attribute in given.GetValueProducingAttributes()] if given else []
+    name = next((n for n in names if n), "")
+    return "auto" if not name or name == "auto" else "srgb" if name.lower().startswith("srgb") else "linear"

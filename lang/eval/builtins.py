@@ -12,7 +12,7 @@ from .builtin_table import FUNCTIONS, bare_radians, define, require_list, requir
 from .builtin_vectors import same_dimension
 from .context import Scope
 from .operators import has_term, split
-from .values import Color, Mistake, Value, describe, is_placeable, kind, show
+from .values import AssertionFails, Color, Mistake, Value, describe, is_placeable, kind, show
 
 __all__ = ["CONSTANTS", "FUNCTIONS"]
 
@@ -75,6 +75,17 @@ def _string(scope: Scope, value: Value) -> Value:
     text = show(value)
     limits.check_text(len(text))
     return text
+
+
+@define("assert condition message?", "an error with this message and the values in the condition where it is false")
+def _assert(scope: Scope, condition: Value, message: Value = "") -> Value:
+    if not isinstance(condition, bool):
+        raise Mistake(f"expected truth value, got {describe(condition)}", argument=0)
+    if not isinstance(message, str):
+        raise Mistake(f"expected string, got {describe(message)}", argument=1)
+    if not condition:
+        raise AssertionFails(f"the assertion fails: {message}" if message else "the assertion fails", argument=0)
+    return ()  # which places nothing
 
 
 # --- colours --------------------------------------------------------------------------------------------------------

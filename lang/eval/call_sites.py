@@ -15,13 +15,13 @@ from ..limits import Exhausted
 from ..schema.argument_types import Entry
 from ..schema.elements import SCHEMA
 from ..syntax import ast
-from . import arguments, blocks, calls, quick_conversion, suggestions
+from . import arguments, assertions, blocks, calls, quick_conversion, suggestions
 from . import parameters as eval_parameters
 from .coercion import LIGHT_TYPES
 from .context import ArgumentValue, Code, Names, Scope, Thunk
 from .expressions import MISSING, expression
 from .quick_conversion import SLOW
-from .values import POISON, Builtin, FunctionCode, Mistake, Poisoned, UserFunction, Value, tag_unit
+from .values import POISON, AssertionFails, Builtin, FunctionCode, Mistake, Poisoned, UserFunction, Value, tag_unit
 
 Children = tuple[Element, ...] | None
 Plan = Callable[[Scope, Any, list[Value], Children], Value]
@@ -38,6 +38,7 @@ class CallSite:
         self.args = args
         self.function = expression(callee, names)
         self.codes = tuple([expression(a.value, names) for a in args])
+        self.asserted = assertions.operands(args, names) if self.label == assertions.NAME else ()
         self.collect = blocks.collector(block, names) if block is not None else None
         self.planned: tuple[Any, Plan | None] = (None, None)  # of the function called last
 
@@ -127,7 +128,8 @@ def _code(site: CallSite) -> Code:
                     return result
             return calls.apply(scope.evaluator, function, site.givens(values), site.site(scope, children))
         except Mistake as mistake:
-            scope.evaluator.fail(mistake.message, mistake.span or site.span, mistake.hint, scope)
+            hint = assertions.values_of(site.asserted, scope) if isinstance(mistake, AssertionFails) else mistake.hint
+            scope.evaluator.fail(mistake.message, mistake.span or site.span, hint, scope)
         except Exhausted as limit:
             raise calls.locate(limit, site.callee.span, scope) from None
 

@@ -98,7 +98,6 @@ _NAMES: dict[str, str] = {
     "minkowski": "write offset(radius) { … } to round outwards",
     "resize": "write scale([2, 1, 1]) { … }",
     **dict.fromkeys(("echo", "print"), "nothing is printed; `maquette inspect` lists the params"),
-    "assert": "write the allowed values with a param: param n = 3 in 1..9",
     **dict.fromkeys(("lamp", "Light"), "lights are point, spot, directional, sun, sky, dome, area and ambient"),
     **dict.fromkeys(("area_light", "AreaLight", "RectAreaLight"), "write area(position: …, look_at: …, size: 1)"),
     **dict.fromkeys("world hdri environment skybox envmap background_image".split(), 'write dome("…") for a picture, sky() for a colour'),

@@ -55,6 +55,10 @@ class Mistake(InputError):
         self.span = span
 
 
+class AssertionFails(Mistake):
+    """The condition of an `assert` is false."""
+
+
 @dataclass(frozen=True, slots=True)
 class Color:
     """A colour in scene-linear Rec.709. In a formula the channels can be terms."""

@@ -20,7 +20,6 @@ MISTAKES = [
      "1:14: the language has no `$` | names have no `$`; OpenSCAD's $fn is not needed, as round shapes are drawn round"),
     ("sphere(d: 2)", "1:8: sphere has no `d`; did you mean `radius`? | half of the diameter"),
     ('echo("x")', "1:1: there is no `echo` here | nothing is printed; `maquette inspect` lists the params"),
-    ("assert(1 > 0)", "1:1: there is no `assert` here | write the allowed values with a param: param n = 3 in 1..9"),
     ("let a = [for (i = [0:3]) i]", "1:10: `for` is a keyword, not a value | write [f(k) for k in 0..5]"),
     ("function sq(x) = x * x\nsphere(sq(1))", "1:1: the language has no `function` | write let name(…) = …"),
     ("module leg(h) { box(h) }\nleg(1)", "1:1: the language has no `module` | write let name(…) = group { … }"),

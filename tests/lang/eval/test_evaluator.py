@@ -327,3 +327,8 @@ def test_a_material_with_another_error_at_the_same_call_is_not_shared() -> None:
     _, messages = run("for (k in [0, 1, true, 0.5]) { sphere(material: metal(\"gold\", roughness: k)) }")
     assert len(messages) == 1
     assert "expected number or texture, got true" in messages[0]
+
+
+def test_assertions_that_hold_place_nothing() -> None:
+    text = "let tall(h) = group {\n  assert(h > 0m)\n  sphere(h)\n}\nassert(1 < 2, \"order\")\ntall(2)\nsphere(1)"
+    assert [e.kind for e in good(text).elements] == ["group", "sphere"]

@@ -1,4 +1,4 @@
-"""maquette: a scene-description language compiler and renderer. The public door: load, render, compare.
+"""maquette: a scene-description language compiler and renderer. The public functions: load, render, compare.
 
     import maquette
     scene = maquette.load("room.scene", sets={"hour": "20"})

@@ -33,8 +33,10 @@ BOX = np.array([[-1.0] * 3, [1.0] * 3])
 
 
 def redraw(relation: str, shadows: bool, redraws: int = 15, size: int = 512) -> tuple[list[float], bool]:
-    """CPU seconds of redraws from text to picture, each with another number, one sample a pixel, on one thread; and whether an earlier
-    number gives its earlier picture bit for bit."""
+    """CPU seconds of redraws from text to picture, and whether an earlier number gives its earlier picture bit for bit.
+
+    Each redraw has another number, one sample a pixel and one thread.
+    """
     text = (
         "param k = 0.3\ncamera(position: [0, 0.8, 3], look_at: [0, 0, 0])\n"
         f"directional(from: [1, 2, 1.5], shadows: {str(shadows).lower()})\nimplicit(|x, y, z| {relation}, within: 1.5)\n"

@@ -64,7 +64,7 @@ def section(quick: bool, effort: Effort, only: str = "") -> report.Section:
 
 
 def waits(effort: Effort) -> report.Section:
-    """Measure what a person waits for after an installation: first pictures, thirty edits, and the shortest commands."""
+    """Measure the waits after an installation: first pictures, thirty edits, and the shortest commands."""
     found = report.Section("start waits", "Waiting for kernels", WAITS, level=3)
     with tempfile.TemporaryDirectory() as name:
         environment = edit_session.Environment(Path(name))

@@ -89,7 +89,7 @@ def is_compiled(name: str) -> bool:
 
 
 def main() -> int:
-    """Compile what is missing in processes of their own; returns the exit code."""
+    """Compile missing kernels, each in a process of its own; returns the exit code."""
     from rich.console import Console
     from rich.progress import track
 

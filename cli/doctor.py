@@ -16,7 +16,7 @@ from . import common_options as shared
 def doctor(ctx: click.Context, as_json: bool) -> None:
     """Show what this installation renders with.
 
-    Prints versions, the instruction set, the cache of kernels, prebuilt kernels and what is missing. The exit code is 1 if something
+    Prints versions, the instruction set, the cache of kernels, prebuilt kernels and missing packages. The exit code is 1 if something
     prevents rendering.
     """
     from . import installation

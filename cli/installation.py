@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 class Finding(NamedTuple):
-    """One line. An `error` prevents rendering; what is `missing` can be done without."""
+    """One line. An `error` prevents rendering; rendering works without what is `missing`."""
 
     name: str
     state: str  # "ok", "missing" or "error"

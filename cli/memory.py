@@ -11,7 +11,7 @@ except ImportError:  # Windows
 
 
 def peak_memory() -> int | None:
-    """Largest resident memory of this process so far, in bytes; None where the system does not tell."""
+    """Largest resident memory of this process so far, in bytes; None where the system has no such figure."""
     if resource is None:
         return None
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)

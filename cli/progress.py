@@ -1,4 +1,4 @@
-"""Shows on stderr what a command is doing: the stage, samples and error so far, and the time left.
+"""Shows the progress of a command on stderr: the stage, samples and error so far, and the time left.
 
 A terminal has one line, rewritten four times a second; other streams get a line every ten seconds, if it has changed. Work that ends
 sooner shows nothing.
@@ -25,7 +25,7 @@ from . import terminal
 FIRST = 1.0  # seconds without a line on a terminal
 TICK = 0.25  # seconds between two forms of the line on a terminal
 EVERY = 10.0  # seconds between lines where there is no terminal
-SETTLED = 2.0  # seconds of a stage before its time left is told
+SETTLED = 2.0  # seconds of a stage before its time left is shown
 
 
 class TimeLeft:
@@ -99,7 +99,7 @@ class Display:
             self._progress: Progress | None = None
 
     def __call__(self, progress: Progress) -> None:
-        """Take what the renderer tells."""
+        """Take a message of the renderer."""
         with self._lock:
             if progress.stage != self._name:
                 self.stage(progress.stage)
@@ -107,7 +107,7 @@ class Display:
             self._left.add(time.monotonic() - self._began, progress.share)
 
     def compiling(self, event: compile_events.Compiling | None) -> None:
-        """Take what the compiler tells. Its time does not count as time of the stage."""
+        """Take a message of the compiler. Its time does not count as time of the stage."""
         with self._lock:
             now = time.monotonic()
             if self._compiling is None:
@@ -124,7 +124,7 @@ class Display:
             self._shown = False
 
     def text(self) -> str:
-        """What is shown now."""
+        """The line for the current stage."""
         with self._lock:
             before = f"{self.what}: " if self.what else ""
             if self._compiling is not None:

@@ -38,7 +38,7 @@ class Asset:
 
 @dataclass(slots=True)
 class Thumbnail:
-    """What was drawn of an asset, as in thumbnails.json. `made_from` are the files that it used with their times of change."""
+    """The record of an asset in thumbnails.json. `made_from` are the files that it used with their times of change."""
 
     name: str
     path: str

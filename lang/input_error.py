@@ -1,10 +1,10 @@
-"""The exception of a faulty input: a message, and a hint that says what to write."""
+"""The exception of a faulty input: a message, and a hint for the fix."""
 
 from __future__ import annotations
 
 
 class InputError(Exception):
-    """A fault of the input. `message` says what is wrong, `hint` says what to write; who catches it adds the place."""
+    """A fault of the input. `message` names the fault, `hint` names the fix; the caller adds the place."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)

@@ -17,7 +17,7 @@ _MM = 1000.0
 
 
 class Material(NamedTuple):
-    """What a file tells of a material."""
+    """The properties of a material that a file holds."""
 
     name: str
     color: tuple[float, ...]  # sRGB, 0 to 1

@@ -25,7 +25,7 @@ APART = 2.0  # radii: half of the least distance of faces whose fillets cannot m
 FLOOR = 1e-2  # of the radius: shorter lengths in gradients count as this
 
 EQUAL = 1e-13  # relative difference of equal fields
-SAMPLES = np.random.default_rng(7).normal(size=(3, 16)) * np.geomspace(1, 100, 16)  # places that tell fields apart, in radii
+SAMPLES = np.random.default_rng(7).normal(size=(3, 16)) * np.geomspace(1, 100, 16)  # points to compare fields, in radii
 
 
 @dataclass(eq=False)

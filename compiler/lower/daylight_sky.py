@@ -1,7 +1,7 @@
 """The daylight sky of Preetham, Shirley and Smits 1999, "A Practical Analytic Model for Daylight" (SIGGRAPH), as a picture all around.
 
-Its zenith and Perez's five-parameter course give luminance and chromaticity for a clear to hazy sky while the sun is up. The paper's
-absolute luminances are kept apart (`luminance` tells them); pictures here are scaled so that what a level surface gets is π.
+Its zenith and Perez's five-parameter course give luminance and chromaticity for a clear to hazy sky while the sun is up. `luminance` gives
+the paper's absolute luminances. Pictures here are scaled so that the irradiance of a level surface is π.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def picture(sun: F64, turbidity: float, ground: tuple[float, float, float]) -> N
     rgb = np.maximum(xyz @ _TO_RGB.T, 0.0)
     edges = np.sin(np.pi * (0.5 - np.arange(HEIGHT + 1) / HEIGHT))
     share = (2.0 * np.pi / WIDTH) * 0.5 * (np.maximum(edges[:-1], 0.0) ** 2 - np.maximum(edges[1:], 0.0) ** 2)  # cosine times solid angle
-    level = np.einsum("h,hwc->c", share, rgb)  # what a level surface gets
+    level = np.einsum("h,hwc->c", share, rgb)  # irradiance of a level surface
     rgb = rgb / max(float(level @ _LUMINANCE), 1e-300) * math.pi
     below = level / max(float(level @ _LUMINANCE), 1e-300) * np.array(ground)  # E · ρ / π, where E's luminance is π
     rgb = np.where(up[..., None] > 0.0, rgb, below)

@@ -380,7 +380,7 @@ def _repeat(lowering: Context, element: Element, body: Body) -> Body:
 
 def _mirror(lowering: Context, element: Element, body: Body) -> Body:
     normal = transforms.unit(np.array(element.args["normal"]))
-    assert normal is not None  # the schema wants a direction
+    assert normal is not None  # the schema requires a direction
     turned = np.eye(4)
     turned[:3, :3] -= 2 * np.outer(normal, normal)
     if body.mesh is not None:

@@ -143,7 +143,7 @@ def curve(lowering: Context, element: Element) -> list[Piece]:
 
 
 def _unfit_radii(radii: tuple[float, ...], count: int, closed: bool) -> tuple[str, str]:
-    """What is wrong with the radii of a curve of `count` points, and what to write; empty if nothing is."""
+    """The message and the hint for wrong radii of a curve of `count` points; empty for right ones."""
     if len(radii) not in (1, count):
         return f"the curve has {count} points and {len(radii)} radii", "give one radius for each point, or one for all"
     if len(radii) == 1 and not radii[0]:

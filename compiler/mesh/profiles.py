@@ -90,7 +90,7 @@ def _edges(loop: F64) -> F64:
 
 
 def _distinct(line: F64, closed: bool) -> F64:
-    """The points of a polyline without repetitions, as far as float64 and its extent tell them apart."""
+    """The points of a polyline without repetitions, as far as float64 distinguishes them at its extent."""
     near = np.abs(line - np.roll(line, 1, axis=0)).max(axis=1) <= 1e-12 * extent(line)
     if not closed:
         near[0] = False

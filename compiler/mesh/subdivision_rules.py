@@ -178,7 +178,7 @@ def _vertices(cage: Cage, values: F64, smooth: F64) -> F64:
 
 
 def limit_positions(cage: Cage, values: F64, scheme: str) -> F64:
-    """Values (n, k) at the limit of refinement, of a cage of quads or, for Loop, of triangles. What is still sharp stays sharp."""
+    """Values (n, k) at the limit of refinement, of a cage of quads or, for Loop, of triangles. Sharp edges stay sharp."""
     n = np.maximum(cage.valence(), 1)[:, None]
     if scheme == "loop":
         omega = 1.0 / (n + 0.375 / _loop_beta(n))

@@ -86,7 +86,7 @@ def _fan(corners: np.ndarray, apex: int) -> np.ndarray:
 def _fans(
     shape: F64, normal: F64, solid: np.ndarray, rows: np.ndarray, corners: np.ndarray, points: F64, indices: np.ndarray
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Triangles and rows of faces of equal size: fans from the first apex that sees the whole face, ear clipping otherwise."""
+    """Triangles and rows of faces of equal size: fans from the first apex with a view of all corners, ear clipping otherwise."""
     n = corners.shape[1]
     made = []
     left = np.flatnonzero(solid)

@@ -104,7 +104,7 @@ class SceneBuilder:
         self._matrices.append(affine[fresh])
         self._inverses.append(inverses[fresh])
         for k in np.flatnonzero(~good).tolist():
-            rows[k] = self.transform(affine[k], spans[k])  # tells why it has none
+            rows[k] = self.transform(affine[k], spans[k])  # raises the reason why it has none
         return rows
 
     # --- geometry ---

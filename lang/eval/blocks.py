@@ -102,7 +102,7 @@ def _function(let: ast.Let, parameters: tuple[ast.Parameter, ...], names: Names 
 
 
 def _parameter(p: ast.Parameter, before: tuple[str, ...], names: Names | None) -> ParameterCode:
-    """A parameter whose default sees the parameters before it and the enclosing scope."""
+    """A parameter whose default may use the parameters before it and the enclosing scope."""
     type_name = p.type.id if p.type else eval_parameters.implied_type(p.default)
     if p.default is None:
         return ParameterCode(p.name.id, p, type_name, None, MISSING)

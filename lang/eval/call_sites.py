@@ -57,7 +57,7 @@ class CallSite:
             if a.name is None:
                 name = positional[k] if k < len(positional) else None
                 if any(b.name is not None for b in self.args[:k]):
-                    return None  # a rare order, which arguments.assign knows
+                    return None  # a rare order, which arguments.assign handles
             else:
                 name = names.get(a.name.id)
             if name is None or name in found:
@@ -238,7 +238,7 @@ def _builtin_plan(site: CallSite, function: Builtin) -> Plan | None:
                 if result - result == 0.0:
                     return result
             except (ArithmeticError, ValueError):
-                pass  # told by the function
+                pass  # the function reports it
         try:
             return compute(scope, *values)
         except Mistake as mistake:

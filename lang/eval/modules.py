@@ -40,7 +40,7 @@ class Reader(Protocol):
 
 @dataclass(eq=False, slots=True)
 class Parsed:
-    """A tree, and what the evaluator has compiled it to (a blocks.FileCode), which is kept with it across evaluations."""
+    """A tree, and the blocks.FileCode that the evaluator has compiled it to. Both are kept across evaluations."""
 
     file: ast.File
     code: Any = None

@@ -72,7 +72,7 @@ def foreign_word(site: ErrorSite) -> Answer | None:
 
 
 def wrapper_without_braces(site: ErrorSite) -> Answer | None:
-    """`translate(…) sphere(1)`, as in OpenSCAD: what a block holds stands in braces."""
+    """`translate(…) sphere(1)`, as in OpenSCAD: the children of a block stand in braces."""
     start, token = site.start, site.token
     if token.type != "NAME" or site.near(-1) != ")" or site.near(1) != "(" or site.inside() != "":
         return None

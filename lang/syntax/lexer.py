@@ -51,7 +51,7 @@ class Scan:
 
 
 def lex(text: str) -> Iterator[Token]:
-    """The tokens of a text, without blanks. Every character is part of a token: what is not in the language has kinds of its own."""
+    """The tokens of a text, without blanks. Every character is part of a token: characters outside the language have kinds of their own."""
     known = tables()
     match, keywords, ignored = known.pattern.match, known.keywords, known.ignored
     at, line, begin = 0, 1, 0  # position, its line, and the position of the first character of that line

@@ -18,7 +18,7 @@ LANES = 1 << 23  # rays in flight; more take more memory, not less time
 
 
 def main(scene_file: str, out: str, asked: dict[str, Any]) -> None:
-    """Render and save; `asked` has "variant", "samples", "seed" and "threads"."""
+    """Render and save; `asked` is a dict of "variant", "samples", "seed" and "threads"."""
     seconds = {}
     started = time.perf_counter()
     mi = importlib.import_module("mitsuba")

@@ -18,7 +18,7 @@ NON_FINITE = {"inf": math.inf, "-inf": -math.inf, "nan": math.nan}
 
 
 class FormatError(Exception):
-    """The text is no chart; the message says what is missing or wrong."""
+    """The text is no chart; the message names the missing or wrong part."""
 
 
 def dump(chart: Chart) -> str:

@@ -3,7 +3,7 @@
 Specialised kernels hold only the features of a scene. General kernels hold every feature and branch at run time; one set draws all
 scenes, with bit for bit the same result. A picture takes specialised kernels if they are on disk. Otherwise it takes general ones, while
 another process compiles the specialised kernels for its later tiles and for the next picture. If neither is on disk, this process
-compiles the specialised kernels first. MAQUETTE_KERNELS=special or general asks for one kind.
+compiles the specialised kernels first. MAQUETTE_KERNELS=special or general selects one kind.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ class Changeover:
     """A renderer with general kernels that goes on with specialised ones when another process has compiled these."""
 
     def __init__(self, general: Any, make: Callable[[bool], Any], compiling: Callable[[], bool]) -> None:
-        """`compiling()` tells whether the other process is still at work."""
+        """`compiling()` returns whether the other process is still at work."""
         self.current, self.used = general, [general]
         self._make, self._compiling = make, compiling
         self._open = general.whole is None

@@ -83,7 +83,7 @@ def add_samples(film, count, sums, errors, rgba, least, shown):
 
 @helper
 def clamp(value):
-    """Clamp a number to what a picture can store."""
+    """Clamp a number to the range that a picture can store."""
     return min(max(value, -LARGEST), LARGEST)
 
 

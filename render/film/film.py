@@ -30,7 +30,7 @@ TILE = 32  # pixels
 FIRST = 16  # samples a pixel before the first error estimate
 CALL = 64  # samples a pixel of a tile between checks for cancellation and deadline
 
-ESTIMATE = 2.0  # seconds between estimates of the error that callers are told
+ESTIMATE = 2.0  # seconds between estimates of the error for callers
 
 Counts = NDArray[np.int64]
 

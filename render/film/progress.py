@@ -1,4 +1,4 @@
-"""How far the rendering of a picture is, as told to callers."""
+"""Progress of the rendering of a picture, as callers receive it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 
 class Progress(NamedTuple):
-    """What is being done, and what is reached."""
+    """The current stage of a picture, and its samples and error so far."""
 
     stage: str
     """"building", "rendering", "denoising" or "finishing"."""

@@ -40,7 +40,8 @@ class Bracket(NamedTuple):
 def excludes_root(ends: SegmentBounds, length: Lane) -> Lane:
     """Whether end values of one sign and slope bounds exclude a root in segments of a length.
 
-    |f| falls from both ends at most as fast as the slope bounds allow: the two lines intersect above 0 (Piyavskii 1972; Shubert 1972).
+    The slope bounds limit how fast |f| falls from both ends. A root is excluded where the two lines intersect above 0 (Piyavskii 1972;
+    Shubert 1972).
     """
     a, b, low, high = ends.near, ends.far, ends.low, ends.high
     up = a > 0.0

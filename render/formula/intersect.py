@@ -21,7 +21,8 @@ SMALLEST = 1e-290  # products of a unit vector's components below this lose digi
 def _first_hit(forms, g, origin, direction, t_min, t_max):
     """(t, spacing, u, v, unproved) of the first hit of rays with implicit surface `g`, in its own frame; t is inf without a hit.
 
-    u, v hold the normal (see `hit_geometry.encode_normal`). The point may be off the surface by `spacing` ulps of its largest coordinate.
+    u and v hold the normal, as `hit_geometry.encode_normal` writes it. The point may be off the surface by `spacing` ulps of its largest
+    coordinate.
     """
     k = np.int64(forms.of[g])
     size = ops.length(direction)

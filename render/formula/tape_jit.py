@@ -46,7 +46,7 @@ class _Closing(Exception):
 def addresses(tapes: list[Tape | None]) -> NDArray[np.int64]:
     """Table (n, 3) of the addresses of each tape's code for PROGRAMS: 0 until a background thread writes them, and without a tape.
 
-    The code lives as long as the table: kernels read addresses from the table or a view of it.
+    The code is kept as long as the table: kernels read addresses from the table or a view of it.
     """
     table = np.zeros((len(tapes), len(PROGRAMS)), np.int64)
     for row, tape in enumerate(tapes):

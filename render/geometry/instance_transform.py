@@ -1,7 +1,7 @@
 """Evaluates the transform of an instance at a time: static, or interpolated between two motion keys.
 
 A transform is (3, 4) numbers, row by row, in lanes. `time` is 0 at the shutter's opening and 1 at its closing. Without motion it is None,
-which kernels know at compile time, so they only read the tables.
+a constant at compile time, so kernels only read the tables.
 """
 
 from __future__ import annotations

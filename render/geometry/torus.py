@@ -41,7 +41,7 @@ def torus(ring: Lane, tube: Lane, origin: Vec, direction: Vec, t_min: Lane, t_ma
 
 @helper
 def _turning_points(ring: Lane, tube: Lane, o: Vec, d: Vec, reach: Lane, size: Lane) -> Vec:
-    """Ordered points within ±reach between which t⁴ + a t² + b t + c is monotonic: the roots of 4 t³ + 2 a t + b."""
+    """Ordered points within ±reach: the roots of 4 t³ + 2 a t + b. Between them t⁴ + a t² + b t + c is monotonic."""
     level = 1.0 - d[1] * d[1]
     a = 2.0 * (ops.dot(o, o) + (ring - tube) * (ring + tube)) - 4.0 * ring * ring * level
     b = 8.0 * ring * ring * o[1] * d[1]

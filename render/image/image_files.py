@@ -41,7 +41,7 @@ LIGHT = "light:"  # prefix of light group channels, which are layers light_NAME 
 
 
 class Picture(Protocol):
-    """What is written of an Image: see image.Image."""
+    """The parts of an image.Image that are written."""
 
     @property
     def width(self) -> int: ...

@@ -1,4 +1,4 @@
-"""Reads pictures of any format that OpenImageIO knows as scene-linear Images."""
+"""Reads pictures of any format that OpenImageIO reads as scene-linear Images."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ def shade_vertex(
 ) -> tuple[Vec, Connection, PathState, Lane]:  # fmt: skip
     """(light sent along the path, shadow ray, continuation of the path, whether it continues) at the hits of a mask.
 
-    `depth` counts surfaces from 0. At options.bounces light is sampled for the last time, and rays that go on see only emission.
+    `depth` counts surfaces from 0. At options.bounces light is sampled for the last time, and later rays add only emission.
     """
     zero = 0.0 * path.density
     uses, index = inputs.uses, PathSample(pixel, sample, depth, options.seed)
@@ -118,7 +118,7 @@ def _continue(
     covered = photon_covers_lobe(inputs.caustic_reflectance, point, shader)
     phase = photon_map.phase_after(inputs.photons, path.phase, shader, scattered.density >= ONLY, covered)
     on_surface = bsdf.is_rough_glass(shader, scattered.density >= ONLY)
-    place = ops.where3(on_surface, point.position, interaction.shadow_origin(point))  # the origin of shadow rays: both ways see the same
+    place = ops.where3(on_surface, point.position, interaction.shadow_origin(point))  # the origin of shadow rays: equal both ways
     origin = interaction.offset_origin_at(point, place, scattered.direction)
     return PathState(origin, scattered.direction, weight, density, straight, inside, phase, facing(inputs, point, shader))
 

@@ -1,7 +1,7 @@
 """Whitted integrator: direct light, and reflected, refracted and, on request, one diffuse ray of each surface.
 
-Whitted 1980. Rays to be traced wait on a stack, each with the weight of its radiance. One source serves numpy lanes and kernels; all
-lanes walk the same tree of rays, each with its own mask.
+Whitted 1980. Rays to be traced wait on a stack, each with the weight of its radiance. One source serves numpy lanes and kernels; all lanes
+trace the same tree of rays, each with its own mask.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ _retained: list[NDArray[np.uint8]] = []
 
 
 class Scratch:
-    """A block of memory that hands out consecutive arrays."""
+    """A block of memory for consecutive arrays."""
 
     def __init__(self, block: NDArray[np.uint8]) -> None:
         self._block, self._used = block, 0

@@ -1,4 +1,4 @@
-"""Tells listeners which kernel a picture waits for."""
+"""Calls listeners with the kernel that a picture waits for."""
 
 from __future__ import annotations
 

@@ -76,7 +76,7 @@ def _for_kernels() -> Iterator[None]:
 
 
 def register() -> None:
-    """Register with Numba what was recorded since the last call."""
+    """Register with Numba the functions that were recorded since the last call."""
     global _registered
     while _registered < len(registration.RECORDS):
         kind, arguments = registration.RECORDS[_registered]

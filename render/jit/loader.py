@@ -37,7 +37,7 @@ def _initialize() -> None:
 
 
 def load_object(code: bytes) -> Any:
-    """An engine that holds object code; get_function_address(name) finds a function. The code lives as long as the engine.
+    """An engine that holds object code; get_function_address(name) finds a function. The code is kept as long as the engine.
 
     Raises RuntimeError on a machine that does not run code of this level.
     """

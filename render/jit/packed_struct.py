@@ -1,9 +1,9 @@
 """Packed structs: nested NamedTuples of arrays that kernels receive as one pointer.
 
 A NamedTuple of arrays passed by value costs several words and a reference count an array at each call. A Handle is the address of one
-packed block: [data pointer, length] for an array, one word for a number, nested tuples in place, and the address of another Handle. In a
-kernel, `handle.lights.color[i, 0]` reads as on the tuple itself. The type contains the block's layout, so that field places and row shapes
-are constants. Loads are marked invariant, so that LLVM moves them out of loops.
+packed block. The block has [data pointer, length] for an array, one word for a number, nested tuples in place, and the address of another
+Handle. In a kernel, `handle.lights.color[i, 0]` reads as on the tuple itself. The type contains the block's layout, so that field places
+and row shapes are constants. Loads are marked invariant, so that LLVM moves them out of loops.
 """
 
 from __future__ import annotations

@@ -40,7 +40,7 @@ class Arriving(NamedTuple):
 def sample(tables: Tables, light: int, position: Vec, u: Lane, v: Lane) -> Arriving:
     """Sample a light from a point; u, v in [0, 1) choose a point of one with an extent.
 
-    Skies and domes are sampled by `cosine_sample` and `sky_radiance`; ambient light has no direction, see `ambient`.
+    Skies and domes are sampled by `cosine_sample` and `sky_radiance`; ambient light has no direction.
     """
     kind = tables.lights.kind[light]
     if kind in (POINT, SPOT):
@@ -263,8 +263,8 @@ def sample_ball(way: Vec, radius: Lane, u: Lane, v: Lane) -> tuple[Vec, Lane, La
 def sky_radiance(tables: Tables, light: int, direction: Vec) -> Vec:
     """Return the radiance of a sky or dome in a direction.
 
-    A dome's image is latitude-longitude as in OpenEXR and UsdLux: its center lies toward +z of the dome's frame, its top toward +y,
-    and +x is left of the center, seen from inside.
+    A dome's image is latitude-longitude as in OpenEXR and UsdLux. Its center lies toward +z of the dome's frame, and its top toward +y.
+    Seen from inside, +x is left of the center.
     """
     lights = tables.lights
     if lights.kind[light] == SKY:

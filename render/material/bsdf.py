@@ -264,7 +264,7 @@ def _sample_specular(
 def fresnel_split(point: Surface, shader: Shader, direction: Vec) -> tuple[Vec, Vec, Vec, Lane]:
     """(reflected share, transmitted share, refracted direction, total reflection) of a ray that arrives at a surface.
 
-    Radiance is not scaled by the square of the index in a medium; cameras outside see no difference.
+    Radiance is not scaled by the square of the index in a medium; pictures from outside are the same.
     """
     cosine = ops.clip(-ops.dot(direction, point.normal), 0.0, 1.0)
     eta = ops.where(point.front, 1.0 / shader.ior, shader.ior)

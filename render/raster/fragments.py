@@ -1,7 +1,7 @@
 """Fragments of a band: each visible triangle once in each pixel; and their resolve into the picture.
 
-A fragment is shaded at the mean position of the samples that see its triangle, which the triangle covers. Its light goes to the pixels
-whose filter includes these samples.
+A fragment is shaded at the mean position of the samples in which its triangle is visible. The triangle covers that position. Its light
+goes to the pixels whose filter includes these samples.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class FragmentBuffer(NamedTuple):
     rows: NDArray[np.int32]  # rows of triangle_planes.PlaneCache, for deferred shading
     x: NDArray[np.int32]
     y: NDArray[np.int32]
-    samples: NDArray[np.int32]  # bits: the pixel's samples that see the triangle
+    samples: NDArray[np.int32]  # bits: the pixel's samples in which the triangle is visible
     at_x: NDArray[np.int32]  # shading position, in 1/256 pixel
     at_y: NDArray[np.int32]
     light: NDArray[np.float32]  # (16, 4) of sixteen fragments, k at transposed_index(k)

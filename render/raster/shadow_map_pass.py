@@ -60,7 +60,7 @@ class _ShadowCamera(NamedTuple):
 
 
 def _cameras_of(tables: ir.Tables, light: int) -> list[_ShadowCamera]:
-    """The cameras that see all that a light illuminates: one, or six around it."""
+    """The cameras whose views hold all that a light illuminates: one, or six around it."""
     lights = tables.lights
     kind, position, direction = lights.kind[light], lights.position[light], lights.direction[light]
     if kind in (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN):
@@ -73,7 +73,7 @@ def _cameras_of(tables: ir.Tables, light: int) -> list[_ShadowCamera]:
 
 
 def _parallel_camera(tables: ir.Tables, towards: NDArray[np.float64]) -> _ShadowCamera:
-    """An orthographic camera along a directional light, which sees all bounded instances."""
+    """An orthographic camera along a directional light, whose view holds all bounded instances."""
     boxes = world_bounds(tables)
     boxes = boxes[np.isfinite(boxes).all(axis=1)]
     low, high = (boxes[:, :3].min(axis=0), boxes[:, 3:].max(axis=0)) if len(boxes) else (-np.ones(3), np.ones(3))

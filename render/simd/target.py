@@ -1,10 +1,10 @@
 """The target machine of kernels: instruction set, LLVM's processor and features, lanes of a vector.
 
-Code is compiled for fixed levels of instruction sets, not for the machine at hand, so that it runs on every machine of the level:
+Code is compiled for fixed levels of instruction sets, not for the current machine, so that it runs on every machine of the level:
 x86-64-v4 (AVX-512), x86-64-v3 (AVX2), x86-64-v2 (SSE4.2), and the baseline of aarch64 (NEON). The highest level of the machine is chosen.
 
 MAQUETTE_SIMD=avx512|avx2|sse|scalar selects a level by its vectors, to test every width on one computer. "sse" means any 16-byte vectors
-(also NEON), "scalar" no vectors. MAQUETTE_SIMD=native compiles for all features of the machine at hand.
+(also NEON), "scalar" no vectors. MAQUETTE_SIMD=native compiles for all features of the current machine.
 
 MAQUETTE_REQUESTS=FOLDER lists in the folder which kernels are needed, to compile them later (tools/wheel.py). Then a level above the
 machine's runs too: with the lanes of the level, which are part of types, and the machine's instructions.

@@ -67,10 +67,10 @@ class Pyramids(NamedTuple):
     level_width: NDArray[np.int32]
     level_height: NDArray[np.int32]
     eye: Eye
-    footprint: Any  # a NamedTuple whose fields tell kernels, by its type, what to compute
+    footprint: Any  # a NamedTuple: the types of its fields select the code of kernels
 
 
-_made: dict[int, tuple[Any, Pyramids]] = {}  # by id of the source images, while these live
+_made: dict[int, tuple[Any, Pyramids]] = {}  # by id of the source images, while these exist
 
 
 def without_filter(tables: ir.Tables) -> ir.Tables:

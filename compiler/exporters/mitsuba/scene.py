@@ -123,7 +123,7 @@ def _sensor(out: Export, plan: Plan) -> Node:
         )  # fmt: skip
     else:
         position = position + seen.shift[0] * seen.right + seen.shift[1] * seen.up
-        back = max(-near, 0.0)  # a negative near distance sees objects behind the camera too
+        back = max(-near, 0.0)  # a negative near distance includes objects behind the camera
         frame = common.square(np.stack([left * half_x, up * half_x, seen.forward, position - back * seen.forward], axis=1))
         sensor = node("sensor", "orthographic", near_clip=max(near, NEAR), far_clip=far + back if np.isfinite(far) else FAR, to_world=frame)
     return sensor.with_(_film(plan), node("sampler", SAMPLER, sample_count=int(plan["samples"]), seed=int(plan["seed"]) & 0x7FFFFFFF))

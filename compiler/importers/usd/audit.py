@@ -1,4 +1,4 @@
-"""Reports what a stage has that is not drawn: prim types, applied schemas, authored properties, shaders and their inputs."""
+"""Reports contents of a stage that are not drawn: prim types, applied schemas, authored properties, shaders and their inputs."""
 
 # pyright: reportAttributeAccessIssue=false
 # (usd-core creates its modules' names at run time)
@@ -30,7 +30,7 @@ class Audit:
     _known: dict[tuple[str, ...], tuple[tuple[str, str], ...]] = field(default_factory=dict)
 
     def prim(self, prim: Any, kind: str) -> None:
-        """Report what is not drawn of a prim: its type, else its applied schemas and its authored properties."""
+        """Report undrawn parts of a prim: its type, else its applied schemas and its authored properties."""
         if kind and (message := tables.PRIM_TYPES.report(kind if tables.PRIM_TYPES.find(kind) else f"`{kind}`", kind)):
             self.warnings.tell(message, prim)
             return

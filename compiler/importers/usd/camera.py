@@ -27,7 +27,7 @@ _LENS_UNIT = 0.1  # scene units in one unit of apertures and focal lengths
 def camera(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: SceneBuilder, asked: Asked) -> int:
     """The row of a Camera prim under the (4, 4) matrix. Its scale is ignored except for `unit`, the stage's own.
 
-    For a picture of another aspect than the film, `asked.conform` says what is kept.
+    For a picture of another aspect than the film, `asked.conform` selects the part that is kept.
     """
     lens = UsdGeom.Camera(prim).GetCamera(opened.time)
     width, height = lens.horizontalAperture, lens.verticalAperture
@@ -73,7 +73,7 @@ def _conformed(width: float, height: float, asked: Asked) -> tuple[ir.Fit, float
 
 
 def tell_conform(prim: Any, opened: Opened, builder: SceneBuilder, asked: Asked) -> None:
-    """A note where a picture's aspect is not that of its camera's film, and nobody says what is kept."""
+    """A note where a picture's aspect differs from that of its camera's film and no setting selects the part that is kept."""
     lens = UsdGeom.Camera(prim).GetCamera(opened.time)
     if asked.size and asked.conform is None and lens.verticalAperture > 0:
         picture, film = asked.size[0] / asked.size[1], lens.horizontalAperture / lens.verticalAperture

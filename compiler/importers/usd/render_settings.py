@@ -21,7 +21,7 @@ from .stage import Opened
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What a stage asks of its pictures. Options of the command line precede it."""
+    """Settings of a stage for its pictures. Options of the command line precede it."""
 
     size: tuple[int, int] | None = None
     camera: str | None = None

@@ -117,7 +117,7 @@ class Walk:
         return found
 
     def place(self) -> None:
-        """Make instances of all drawn geometry, and give up its pieces: the matrices of many copies take much memory."""
+        """Make instances of all drawn geometry, and free its pieces: the matrices of many copies take much memory."""
         waiting = self.drawn()[::-1]
         self.pieces = {}
         while waiting:
@@ -213,7 +213,7 @@ class Walk:
             self._light(prim, here, into)
 
     def _audit_once(self, prim: Any, kind: str) -> None:
-        """Report what is not drawn of a prim, once for all instances of a prototype. Materials are reported where they are bound."""
+        """Report undrawn parts of a prim, once for all instances of a prototype. Materials are reported where they are bound."""
         source = self._source(prim)
         if source not in self._audited and kind not in ("Material", "Shader", "NodeGraph"):
             self._audited.add(source)

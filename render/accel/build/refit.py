@@ -1,4 +1,4 @@
-"""Refits the BVH of a mesh whose vertices moved: same topology, new boxes. A large SAH cost asks for a rebuild."""
+"""Refits the BVH of a mesh whose vertices moved: same topology, new boxes. A large SAH cost requires a rebuild."""
 
 from __future__ import annotations
 

@@ -67,6 +67,6 @@ class Bvh(NamedTuple):
 
 
 def absent_features(bvh: Bvh) -> tuple[str, ...]:
-    """Type tags of what a BVH lacks: meshes, and the tree over instances, each take a third of the compile time of traversal."""
+    """Type tags of absent parts of a BVH. Meshes and the tree over instances each take a third of the compile time of traversal."""
     meshes = (bvh.instance_rows[:, 3] == MESH).any()
     return (() if meshes else (NO_MESHES,)) + ((NO_TREE,) if bvh.only >= 0 or not len(bvh.top.links) else ())

@@ -152,7 +152,7 @@ def _no_hit(transmittance: Any) -> RayHit:
 
 @helper
 def _trace_ray(accel: Any, ray: Ray, limit: Any, visible_bit: int, any_hit: bool, stored: ray_state.StoredRays) -> RayHit:
-    """First hit of a ray up to `limit`; with `any_hit`, the transmittance of what it hits."""
+    """First hit of a ray up to `limit`; with `any_hit`, the transmittance of the surfaces that it hits."""
     best = _no_hit(1.0)
     for k in range(len(accel.motion_alpha.unbounded)):
         i = np.int64(accel.motion_alpha.unbounded[k])

@@ -183,7 +183,7 @@ def _store_edge(edges: Any, at: int, p: Vec, q: Vec) -> None:
 def _edge_function(edges: Any, at: int, rays: LeafRays) -> Lane:
     """Twice the area of each ray's crossing point and an edge from p to q, given as the central ray sees them.
 
-    A ray of offset s and slant d sees a corner p at p - s - d z. The cross product of two corners is
+    Relative to a ray of offset s and slant d, a corner p is at p - s - d z. The cross product of two corners is
     p × q + s × (p - q) + d × (q_z p - p_z q) + (s × d) (q_z - p_z).
     """
     area = simd.fma(rays.twist, simd.read(edges, at + 5 * WIDTH), simd.read(edges, at))

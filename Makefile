@@ -19,7 +19,7 @@ INPUTS := $(filter-out %.png %.md,$(wildcard examples/*)) $(wildcard examples/as
 CHARTS := $(patsubst %,examples/%.scene,hello refraction room shapes spotlights) bench/scenes/cornell.scene
 CHART_BUDGET ?= 5min
 
-.PHONY: help venv kernels wheel demo pictures reference grammar charts test test-all check bench bounds clean accuracy
+.PHONY: help venv kernels wheel demo pictures reference grammar editor charts test test-all check bench bounds clean accuracy
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -64,6 +64,10 @@ reference: $(STAMP)  ## write docs/reference.md from the schema again, and the p
 
 grammar: $(STAMP)  ## write the tables of the parser again, after a change of lang/syntax/grammar.lark
 	@mkdir -p build && $(BIN)/python -m maquette.lang.syntax.build_tables > build/tables.json && mv build/tables.json lang/syntax/tables.json
+
+editor: | $(STAMP)  ## bundle the page's editor, CodeMirror, again from tools/editor into live/page, with npm
+	@mkdir -p build/editor && cp tools/editor/* build/editor && cd build/editor && npm ci --no-audit --no-fund
+	@cd build/editor && npx esbuild editor.js --bundle --minify --format=esm --target=es2021 --legal-comments=none --outfile=../../live/page/codemirror.js
 
 charts: $(PEERS)  ## measure the charts of docs/charts.md again, peers too: half an hour on a quiet machine
 	@mkdir -p docs/charts

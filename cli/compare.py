@@ -191,6 +191,7 @@ class _Inputs:
 def _sides(given: _Inputs, quiet: bool) -> tuple[Side, Side]:
     """Both sides, read or rendered. Files and sizes are checked before rendering."""
     from ..measure.comparison import sides
+    from ..render import picture_notes
     from ..render.image import image_files as pictures
 
     paths = (given.first, given.second)
@@ -208,7 +209,7 @@ def _sides(given: _Inputs, quiet: bool) -> tuple[Side, Side]:
             scenes[path] = shared.load(shared.source_of(path, dict(given.options)))
         plans.append((scenes[path], _plan(given, k, scenes[path], ready[1 - k])))
     _check_sizes(paths, ready, plans)
-    terminal.report(warning for planned in plans if planned for warning in jobs.plan_warnings(*planned))
+    terminal.report(warning for planned in plans if planned for warning in picture_notes.plan_warnings(*planned))
     for k, planned in enumerate(plans):
         if planned is not None:
             ready[k] = _draw(given.name(k), *planned, "AB"[k], quiet)

@@ -29,7 +29,7 @@ COMMANDS = {  # in the order of --help, which imports none of them
     "explain": "Show the render plan of SCENE with reasons.",
     "chart": "Measure error against time over backends and settings.",
     "compare": "Measure the difference of A from B.",
-    "watch": "Render SCENE again at every save.",
+    "watch": "Show SCENE in a window that follows edits, or write a picture at every save.",
     "thumbnail": "Draw a picture of each of ASSETS, which are files or folders of them.",
     "convert": "Convert IN for other programs.",
     "format": "Format SCENEs in place; - reads a scene from stdin and writes it to stdout.",
@@ -85,6 +85,8 @@ class Commands(click.Group):
             from .thumbnail import thumbnail as command
         elif cmd_name == "convert":
             from .convert import convert as command
+        elif cmd_name == "watch":
+            from .watch import watch as command
         elif cmd_name == "new":
             from .new import new_command as command
         elif cmd_name == "doctor":
@@ -107,7 +109,7 @@ class Commands(click.Group):
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(__version__, prog_name="maquette")
-@shared.examples("maquette render examples/hello.scene -o hello.png", "maquette watch room.scene -o room.png --size 400x300")
+@shared.examples("maquette render examples/hello.scene -o hello.png", "maquette watch room.scene")
 def cli() -> None:
     """Compile scenes (.scene, USD, OBJ, PLY, STL, GLB) and render them.
 
@@ -216,6 +218,7 @@ def explain(scene: Path, as_json: bool, **given: Any) -> None:
     kernels that a picture takes: those specialised to the scene, or general ones until these are compiled.
     """
     from ..compiler.plan import importance
+    from ..render import picture_notes
     from ..render.backends import kernel_choice
 
     source, settings, overrides = shared.read_options(scene, given)
@@ -233,40 +236,7 @@ def explain(scene: Path, as_json: bool, **given: Any) -> None:
     else:
         terminal.explain(compiled, plan, matters)
         click.echo(f"kernels  {kind}  {state}")
-    terminal.report(jobs.plan_warnings(compiled, plan))
-
-
-@cli.command()
-@click.argument("scene", type=shared.FILE)
-@click.option("-o", "--output", type=shared.OUT, required=True, help="Picture file, rewritten at every save.")
-@shared.scene_options
-@shared.picture_options
-@click.option("--stats", type=shared.OUT, help="Write statistics of the render and of all redraws to this JSON file after every redraw.")
-@shared.examples(
-    "maquette watch room.scene -o room.png --size 400x300 --samples 16",
-    "maquette watch part.scene -o part.png --stats part.json",
-)
-@click.pass_context
-def watch(ctx: click.Context, scene: Path, output: Path, stats: Path | None, **given: Any) -> None:
-    """Render SCENE again at every save.
-
-    Watches SCENE and all files that it uses. After an error the last picture stays. Ctrl-C ends the command with exit code 0.
-
-    The file of --stats is replaced atomically after every redraw without errors. It has the fields of `render --stats`, the cost
-    of the last redraw (`redraw`) and of the last 1000 redraws (`redraws`): seconds from the save to the picture (`total`) and
-    for each part (wait, read, draw, write), and CPU seconds of all threads.
-    """
-    from ..live import watch as live
-    from .watch_stats import Redraws
-
-    source, settings, overrides = shared.read_options(scene, given)
-    jobs.check_output(output, settings.aov or (), None, settings.view or "sRGB")
-    jobs.check_stats(stats, scene, output)
-    redraws = Redraws(jobs.Job(source, settings, overrides, output), stats)
-    try:
-        live.follow(redraws.build)
-    except KeyboardInterrupt:
-        ctx.exit(0)
+    terminal.report(picture_notes.plan_warnings(compiled, plan))
 
 
 def main() -> None:

@@ -18,6 +18,7 @@ from types import TracebackType
 
 import click
 
+from ..lang.plain_values import time_range
 from ..render.film.progress import Progress
 from ..render.jit import compile_events
 from . import terminal
@@ -164,29 +165,3 @@ class Display:
             width = shutil.get_terminal_size().columns - 1
             click.echo(f"\r\x1b[K{self.text()[:width]}", err=True, nl=False)
             self._shown = True
-
-
-def time_range(least: float, most: float) -> str:
-    """Two durations as text, such as "8 to 12 s" or "2:10 min"."""
-    short, long = _rounded(least), _rounded(most)
-    if short == long:
-        return f"{_digits(short, long)} {_unit(long)}"
-    return f"{_digits(short, long)} to {_digits(long, long)} {_unit(long)}"
-
-
-def _rounded(seconds: float) -> int:
-    """Seconds, rounded up to a second, to five above a minute, to a minute above an hour."""
-    step = 1 if seconds < 60 else 5 if seconds < 3600 else 60
-    return -int(-max(seconds, 1.0) // step) * step
-
-
-def _digits(seconds: int, longest: int) -> str:
-    if longest < 60:
-        return str(seconds)
-    if longest < 3600:
-        return f"{seconds // 60}:{seconds % 60:02d}"
-    return f"{seconds // 3600}:{seconds % 3600 // 60:02d}"
-
-
-def _unit(longest: int) -> str:
-    return "s" if longest < 60 else "min" if longest < 3600 else "h"

@@ -23,9 +23,9 @@ import click
 from .. import __version__
 from ..compiler.io.replace_file import replace_file
 from ..lang import file_types
-from ..lang.diagnostics import Diagnostic, Diagnostics, SceneError, Span
+from ..lang.diagnostics import Diagnostic, Diagnostics, SceneError
 from . import option_types as values
-from . import picture_warnings, terminal
+from . import terminal
 from .memory import peak_memory
 from .progress import Display
 
@@ -207,7 +207,7 @@ class Job:
         seconds: dict[str, float] = dict.fromkeys(STAGES, 0.0)
         self.laps = Laps()
         with measure_time(seconds, "import"):
-            from ..render import render_scene
+            from ..render import picture_notes, render_scene
         self.display.stage("reading")
         scene, found = self.source.load(seconds, **moment)
         self.files = tuple(Path(file) for file in scene.files)
@@ -215,7 +215,7 @@ class Job:
         check_output(path, plan["aov"], self.bits, plan["view"])
         parts = _strip_plans(plan, path)
         self._report(found.items)
-        self._report(plan_warnings(scene, plan))
+        self._report(picture_notes.plan_warnings(scene, plan))
         self.laps.end("read")
         with catch_interrupt() as cancel:
             if len(parts) > 1:
@@ -225,8 +225,7 @@ class Job:
         for name, value in image.metadata["seconds"].items():
             seconds[name] = seconds.get(name, 0.0) + value
         self.laps.end("draw")
-        self._report(Diagnostic("note", message, span_of(scene, table, row)) for message, table, row in image.metadata["notes"])
-        self._report(picture_warnings.of_render(image.metadata, scene, plan, self.settings))
+        self._report(picture_notes.of_render(image.metadata, scene, plan, self.settings))
         partial = bool(image.metadata.get("partial"))
         if partial:
             path = _partial(path, len(parts) > 1)
@@ -354,15 +353,6 @@ def _rescue(image: Image, path: Path) -> str:
     return f"its pixels are lost: {reason}"
 
 
-def span_of(scene: ir.Scene, table: str, row: int) -> Span | None:
-    """The source span of a table row, or None."""
-    rows = scene.spans.rows.get(table)
-    if rows is None or not 0 <= row < len(rows):
-        return None
-    source, *place = (int(n) for n in rows[row])
-    return Span(scene.spans.sources[source], *place)
-
-
 @contextmanager
 def measure_time(seconds: dict[str, float], stage: str) -> Iterator[None]:
     """Add the duration of the `with` block to `seconds[stage]`."""
@@ -406,14 +396,6 @@ def json_value(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
-
-
-def plan_warnings(scene: ir.Scene, plan: Plan) -> list[Diagnostic]:
-    """Notes on former names of decisions, and warnings about the scene."""
-    from ..compiler.plan import plan as planner
-
-    notes = [Diagnostic("note", text) for text in plan.notes]
-    return [*notes, *(Diagnostic("warning", text) for text in planner.warnings(scene, plan))]
 
 
 def summary(path: Path, figures: Mapping[str, Any]) -> str:

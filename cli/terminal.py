@@ -5,38 +5,26 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..compiler.io import sandbox
+from ..compiler.io.sandbox import source_text
 from ..lang import diagnostics
+from ..lang.plain_values import show_value
 
 if TYPE_CHECKING:
     from ..compiler import ir
     from ..compiler.plan.decision import Decision
     from ..compiler.plan.plan import Plan
 
-MAX_QUOTED = 4 << 20  # bytes of the largest file whose lines are quoted
 _STYLES = {"error": "bold red", "warning": "bold yellow", "note": "bold cyan"}
 
 
 def supports_color(stream: Any) -> bool:
     """Whether `stream` is a terminal that shows colour, and NO_COLOR is not set."""
     return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
-
-
-def source_text(name: str) -> str | None:
-    """The text of a file by its displayed name (a path, or `std/room` of the library), or None."""
-    try:
-        if name.startswith("std/"):
-            name = str(sandbox.LIBRARY / f"{name[4:].removesuffix('.scene')}.scene")
-        path = Path(name)
-        return path.read_text(encoding="utf-8", errors="replace") if path.stat().st_size <= MAX_QUOTED else None
-    except (OSError, ValueError):
-        return None
 
 
 def report(found: Iterable[diagnostics.Diagnostic], texts: Mapping[str, str | None] = MappingProxyType({})) -> None:
@@ -89,17 +77,6 @@ def table(headings: Sequence[str], rows: Iterable[Sequence[str]], marked: Iterab
         click.echo("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
 
 
-def show_value(value: Any) -> str:
-    """A value of a plan in the syntax of the command line."""
-    if isinstance(value, bool):
-        return "on" if value else "off"
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    if isinstance(value, tuple):
-        return ",".join(show_value(v) for v in value) or "none"
-    return str(value)
-
-
 def explain(scene: ir.Scene, plan: Plan, matters: Iterable[Decision]) -> None:
     """Print the decisions that matter most, every decision with its reason and its switch, and the defaults added to the scene."""
     click.echo("What matters most for this scene:")
@@ -107,16 +84,10 @@ def explain(scene: ir.Scene, plan: Plan, matters: Iterable[Decision]) -> None:
         click.echo(f"  {decision.name} = {show_value(decision.value)}: {decision.reason}")
     click.echo("\nAll decisions:")
     decisions = list(plan.decisions.values())
-    rows = [(d.name, show_value(d.value), d.reason, d.fixed or _switch(d)) for d in decisions]
+    rows = [(d.name, show_value(d.value), d.reason, d.fixed or d.switch) for d in decisions]
     table(("decision", "value", "reason", "changed by"), rows, [d.overridden for d in decisions])
     for added in scene.defaults:
         click.echo(f"added: {added}")
-
-
-def _switch(decision: Any) -> str:
-    if isinstance(decision.value, bool):
-        return f"--plan {decision.name}=on|off"
-    return f"--plan {decision.name}={'|'.join(map(str, decision.choices)) or '…'}"
 
 
 def inspect(scene: ir.Scene, about: Sequence[str] = ()) -> None:

@@ -20,8 +20,12 @@ POLL = 1000  # milliseconds between checks without events, for network disks, wh
 Stamp = tuple[int, int, int] | None  # modification time, size and inode; None for a missing file
 
 
-def follow(build: Callable[[], Iterable[Path]], stop: threading.Event | None = None) -> None:
+def follow(
+    build: Callable[[], Iterable[Path]], stop: threading.Event | None = None, stale: Callable[[], bool] = lambda: False
+) -> None:  # fmt: skip
     """Call `build`, which returns the files it read, and again once after each save of any of them, until `stop` or Ctrl-C.
+
+    Also calls `build` again where `stale()` says so, which is asked at each event and each second.
 
     Watches the folders, not the files, because editors save by renaming a new file over the old one. An event only triggers a
     comparison of each file's stamp with that of its last read. So no save is lost between two watches or built twice.
@@ -33,7 +37,7 @@ def follow(build: Callable[[], Iterable[Path]], stop: threading.Event | None = N
         while not stop.is_set():
             folders = {file.parent for file in read}
             for _ in itertools.chain([()], _events(folders, stop)):
-                if {file: _stamp(file) for file in read} != read:
+                if {file: _stamp(file) for file in read} != read or stale():
                     read = _build(build, read)
                 if {file.parent for file in read} != folders:
                     break

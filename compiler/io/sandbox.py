@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import stat
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
+from types import MappingProxyType
 
 from ...lang.diagnostics import suggest
 from ...lang.input_error import InputError
@@ -12,6 +15,20 @@ from ...lang.input_error import InputError
 LIBRARY = Path(__file__).resolve().parents[2] / "stdlib"
 MAX_SOURCE = 16 << 20  # bytes of a .scene file
 MAX_DATA = 2 << 30  # bytes of a mesh, image or stage
+MAX_QUOTED = 4 << 20  # bytes of the largest file whose lines are quoted in messages
+
+
+_unsaved: ContextVar[Mapping[str, str]] = ContextVar("unsaved", default=MappingProxyType({}))
+
+
+@contextmanager
+def unsaved(texts: Mapping[str, str]) -> Iterator[None]:
+    """In the block, `texts` replace the contents of source files, by resolved path: the unsaved text of an editor."""
+    token = _unsaved.set(texts)
+    try:
+        yield
+    finally:
+        _unsaved.reset(token)
 
 
 class FileError(InputError):
@@ -24,6 +41,7 @@ class Files:
     def __init__(self, root: Path | str, allow: Iterable[Path | str] = ()) -> None:
         """`root` is the scene's folder. Files below `root` and below each path of `allow` are readable."""
         self.root = Path(root).resolve()
+        self._unsaved = _unsaved.get()
         self._allowed = (self.root, LIBRARY, *(Path(a).expanduser().resolve() for a in allow))
         self._read: dict[str, None] = {}
 
@@ -57,6 +75,8 @@ class Files:
     def text(self, name: str, folder: Path | str | None = None, what: str = "file") -> tuple[Path, str]:
         """The path and text of a source file. Raises FileError if it is not UTF-8."""
         path = self.find(name, folder, what, MAX_SOURCE)
+        if str(path) in self._unsaved:
+            return path, self._unsaved[str(path)]
         try:
             data = path.read_bytes()
         except OSError as failure:
@@ -122,3 +142,12 @@ def size(count: int) -> str:
         if count >= step:
             return f"{count / step:.3g} {unit}"
     return f"{count} byte{'s' * (count != 1)}"
+
+
+def source_text(name: str) -> str | None:
+    """The text of a file by its displayed name (a path, or `std/room` of the library), or None."""
+    try:
+        path = LIBRARY / f"{name[4:].removesuffix('.scene')}.scene" if name.startswith("std/") else Path(name)
+        return path.read_text(encoding="utf-8", errors="replace") if path.stat().st_size <= MAX_QUOTED else None
+    except (OSError, ValueError):
+        return None

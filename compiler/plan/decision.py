@@ -29,6 +29,13 @@ class Decision:
     overridden: bool = False
     fixed: str = ""
 
+    @property
+    def switch(self) -> str:
+        """The option that changes the value, unless it is `fixed`."""
+        if isinstance(self.value, bool):
+            return f"--plan {self.name}=on|off"
+        return f"--plan {self.name}={'|'.join(map(str, self.choices)) or '…'}"
+
 
 @dataclass(frozen=True, slots=True)
 class Plan:

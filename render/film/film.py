@@ -24,7 +24,7 @@ from ..simd import target
 from ..types import Film, FirstHits, Tile, View
 from . import accumulate, adaptive_sampling, aov
 from .accumulate import PixelErrors, PixelSums
-from .progress import Progress, Report
+from .progress import Picture, Progress, Report
 
 TILE = 32  # pixels
 FIRST = 16  # samples a pixel before the first error estimate
@@ -422,7 +422,8 @@ class _Canvas:
             self.error = math.sqrt(float(np.mean(known))) if known.size else None
             self.estimate_at = 20.0 * time.perf_counter() - 19.0 * began + ESTIMATE  # takes at most 5 % of the time
         samples = self.spent / (self.width * self.height)
-        self.report(Progress("rendering", min(fraction, 1.0), samples, self.most if self.settled else 0, self.error))
+        most, picture = self.most if self.settled else 0, Picture(self.channels["rgba"], self.samples)
+        self.report(Progress("rendering", min(fraction, 1.0), samples, most, self.error, picture))
 
     def finish(self, view: View) -> image.Image:
         """Return the picture with its metadata."""

@@ -3,7 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+class Picture(NamedTuple):
+    """The picture so far, in the arrays that other threads write."""
+
+    rgba: NDArray[np.float32]
+    """(height, width, 4), as in the channel `rgba`."""
+
+    samples: NDArray[np.integer]
+    """(height, width); where 0, `rgba` is not rendered yet."""
 
 
 class Progress(NamedTuple):
@@ -23,6 +37,9 @@ class Progress(NamedTuple):
 
     error: float | None = None
     """√relMSE so far; None while it is unknown."""
+
+    picture: Picture | None = None
+    """The picture so far while it is rendered in tiles; None in other stages, and for backends that render whole pictures."""
 
 
 Report = Callable[[Progress], None]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -111,7 +111,7 @@ class Strips:
     def add(self, picture: Picture) -> None:
         """Write the next rows."""
         linear = self.path.suffix.lower() in LINEAR
-        pixels = _all_channels(picture) if linear else _displayed(picture, self.path, self.look)
+        pixels = _all_channels(picture) if linear else display(picture.channels["rgba"], self._shown_look())
         if self._target is None:
             spec = self._spec(picture, pixels, linear)
             partial = str(self._new.partial)
@@ -145,6 +145,9 @@ class Strips:
         for key, value in self.about.items():
             spec.attribute(f"{ABOUT}{key}", as_utf8(str(value)) if isinstance(value, str) or not linear else value)
         return spec
+
+    def _shown_look(self) -> Look:
+        return self.look if self.path.suffix.lower() in WITH_ALPHA else replace(self.look, alpha=False)
 
     def __exit__(self, kind: Any, *_: Any) -> None:
         closed = self._target is not None and self._target.close()
@@ -218,13 +221,13 @@ def _ordered(picture: Picture) -> list[str]:
     return known + sorted(channel for channel in picture.channels if channel.startswith(LIGHT))
 
 
-def _displayed(picture: Picture, path: Path, look: Look) -> NDArray[Any]:
-    keep = look.alpha and path.suffix.lower() in WITH_ALPHA
+def display(rgba: NDArray[np.float32], look: Look) -> NDArray[Any]:
+    """Convert (h, w, 4) linear light to (h, w, 3) codes, or (h, w, 4) with `look.alpha`."""
+    keep = look.alpha
     if look.bits == 8 and look.view == "sRGB":
-        rgba = picture.channels["rgba"]
         return srgb.codes_with_alpha(rgba, look.exposure) if keep else srgb.codes(rgba[..., :3], look.exposure)
-    rgba = np.asarray(picture.channels["rgba"], dtype=np.float64)
-    rgb, alpha = rgba[..., :3] * 2.0**look.exposure, np.clip(rgba[..., 3:4], 0.0, 1.0)
+    light = np.asarray(rgba, dtype=np.float64)
+    rgb, alpha = light[..., :3] * 2.0**look.exposure, np.clip(light[..., 3:4], 0.0, 1.0)
     if keep:
         rgb = rgb / np.where(alpha > 0, alpha, 1.0)
     shown = _viewed(rgb, look.view)

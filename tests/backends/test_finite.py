@@ -32,8 +32,8 @@ def test_pictures_are_finite(tmp_path, name, backend, bounces):
 
 
 def test_what_is_left_out_is_said(tmp_path):
-    from maquette.cli import picture_warnings
+    from maquette.render import picture_notes
 
-    assert picture_warnings.invalid_sample_warnings(0) == []
-    (said,) = picture_warnings.invalid_sample_warnings(1234)
+    assert picture_notes.invalid_sample_warnings(0) == []
+    (said,) = picture_notes.invalid_sample_warnings(1234)
     assert said.message == "the light of 1,234 samples was infinite or no number, and left out of the picture"

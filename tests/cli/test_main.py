@@ -17,11 +17,10 @@ import OpenImageIO as oiio
 import pytest
 from click.testing import CliRunner
 from maquette.cli import option_types as values
-from maquette.cli import picture_warnings
 from maquette.cli.main import COMMANDS, PLANNED, cli
 from maquette.compiler import ir
 from maquette.compiler.plan.decision import Decision, Plan
-from maquette.render import render_scene
+from maquette.render import picture_notes, render_scene
 from maquette.render.image import image_files, image_reader
 from maquette.render.image.image import Image
 
@@ -352,7 +351,7 @@ def test_a_missed_error_is_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyP
 def test_how_a_render_missed_its_error(about: dict[str, Any], budget: float, message: str | None) -> None:
     values = {"error": 0.02, "budget": budget, "samples": 1 << 20}
     plan = Plan({name: Decision(name, value, "asked for") for name, value in values.items()})
-    assert [d.message for d in picture_warnings.missed_error_warnings(about, plan)] == ([message] if message else [])
+    assert [d.message for d in picture_notes.missed_error_warnings(about, plan)] == ([message] if message else [])
 
 
 @pytest.mark.parametrize(
@@ -368,7 +367,7 @@ def test_how_a_render_missed_its_error(about: dict[str, Any], budget: float, mes
 def test_a_noisy_picture_of_the_defaults(error: float | None, more: dict[str, Any], message: str | None) -> None:
     values = {"error": 0.0, "budget": math.inf, "samples": 64, "denoise": False, "monte_carlo": True, **more}
     plan = Plan({name: Decision(name, value, "the default") for name, value in values.items()})
-    notes = picture_warnings.noise_notes({"error": error, "seconds": {"render": 1.5}}, plan)
+    notes = picture_notes.noise_notes({"error": error, "seconds": {"render": 1.5}}, plan)
     assert [d.message for d in notes] == ([message] if message else [])
     assert [d.hint for d in notes] == (["--error 5% takes about 2:15 min; --denoise smooths it"] if message else [])
 

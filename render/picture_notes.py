@@ -1,4 +1,4 @@
-"""Diagnostics about a finished picture: unproved rays, invalid samples, light beyond the limit on bounces, a missed error target."""
+"""Diagnostics about a picture: effects left out, unproved rays, invalid samples, light beyond the limit on bounces, a missed error target."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from ..compiler import ir
+from ..compiler.plan import plan as planner
+from ..compiler.plan.plan import Plan
 from ..lang.diagnostics import Diagnostic
+from ..lang.plain_values import time_range
 from ..lang.schema.elements import MAX_BOUNCES
-from .progress import time_range
 
 if TYPE_CHECKING:
-    from ..compiler import ir
-    from ..compiler.plan.plan import Plan
-    from ..render.film.bounce_error import Cut
-
+    from .film.bounce_error import Cut
 
 NOISY = 0.05  # √relMSE from which a note says how to lower it
 
@@ -22,12 +22,19 @@ NOISY = 0.05  # √relMSE from which a note says how to lower it
 def of_render(about: Mapping[str, Any], scene: ir.Scene, plan: Plan, asked: ir.Settings) -> list[Diagnostic]:
     """All diagnostics about a picture whose metadata is `about`, rendered with the settings `asked` for."""
     return [
+        *(Diagnostic("note", message, scene.spans.at(table, row)) for message, table, row in about["notes"]),
         *unproved_warnings(about["unproved"]),
         *invalid_sample_warnings(about["issues"]),
         *bounce_limit_notes(about.get("cut"), scene, plan),
         *missed_error_warnings(about, plan),
         *([] if asked.samples or scene.settings.samples else noise_notes(about, plan)),
     ]
+
+
+def plan_warnings(scene: ir.Scene, plan: Plan) -> list[Diagnostic]:
+    """Notes on former names of decisions, and warnings about the scene."""
+    notes = [Diagnostic("note", text) for text in plan.notes]
+    return [*notes, *(Diagnostic("warning", text) for text in planner.warnings(scene, plan))]
 
 
 def invalid_sample_warnings(samples: int) -> list[Diagnostic]:

@@ -1,0 +1,53 @@
+"""What is at a pixel: name, material, depth and source position of the surface."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from ..compiler import ir
+from .passes import Shown
+from .scene_files import place
+
+
+def pick(scene: ir.Scene, shown: Shown, x: float, y: float) -> dict[str, Any]:
+    """The surface at a place of the picture; x and y are shares of its width and height, 0 to 1 from the top left."""
+    ids, depths = shown.channels.get("id"), shown.channels.get("depth")
+    if ids is None or depths is None:
+        return {"hit": False, "x": x, "y": y}
+    height, width = ids.shape[:2]
+    row, column = min(max(int(y * height), 0), height - 1), min(max(int(x * width), 0), width - 1)
+    instance, material = (int(v) for v in ids[row, column])
+    depth = float(depths[row, column, 0])
+    if instance < 0:
+        return {"hit": False, "x": x, "y": y}
+    tables, names = scene.tables, scene.names
+    geometry = int(tables.instances.geometry[instance])
+    light = int(tables.instances.light[instance])
+    return {
+        "hit": True, "x": x, "y": y, "depth": depth if math.isfinite(depth) else None,
+        "name": _name(names.instances, instance) or _name(names.geometries, geometry),
+        "shape": ir.GeometryKind(int(tables.geometries.kind[geometry])).name.lower(),
+        "material": _name(names.materials, material),
+        "model": ir.MaterialModel(int(tables.materials.model[material])).name.lower() if material >= 0 else "",
+        "light": _name(names.lights, light) if light >= 0 else None,
+        "place": place(scene.spans.at("instances", instance)),
+        "material_place": place(scene.spans.at("materials", material)),
+    }  # fmt: skip
+
+
+def center_depth(shown: Shown) -> float | None:
+    """Depth in metres of what is nearest to the picture's center; None if nothing is seen."""
+    depths = shown.channels.get("depth")
+    if depths is None:
+        return None
+    height, width = depths.shape[:2]
+    depth = float(depths[height // 2, width // 2, 0])
+    if math.isfinite(depth):
+        return depth
+    known = [float(d) for d in depths[::8, ::8, 0].ravel() if math.isfinite(d)]
+    return sorted(known)[len(known) // 2] if known else None
+
+
+def _name(names: tuple[str, ...], row: int) -> str:
+    return names[row] if 0 <= row < len(names) else ""

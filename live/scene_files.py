@@ -1,0 +1,128 @@
+"""The scene of the live window: how it is loaded, which files it uses, and their texts."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ..compiler import ir
+from ..compiler.io import sandbox
+from ..compiler.io.sandbox import LIBRARY, source_text
+from ..lang import file_types
+from ..lang.diagnostics import Diagnostic, Diagnostics, Span, render_text, sort_diagnostics
+from .state import State
+
+MAX_SHOWN = 50  # diagnostics sent to a page
+
+
+@dataclass(frozen=True, slots=True)
+class Opened:
+    """A scene file with the options of the command line."""
+
+    path: Path
+    load: Callable[..., ir.Scene]  # compiler.load.load with its options but sets, time, code and diagnostics
+    settings: ir.Settings = field(default_factory=ir.Settings)
+    overrides: Mapping[str, str] = field(default_factory=dict)
+    sets: Mapping[str, str] = field(default_factory=dict)
+    time: float | None = None
+
+    @property
+    def scene(self) -> bool:
+        """Whether it is a .scene file, whose source and params pages may edit."""
+        return self.path.suffix.lower() in file_types.SCENE
+
+    @property
+    def usd(self) -> bool:
+        return self.path.suffix.lower() in file_types.USD
+
+    def compile(self, state: State, found: Diagnostics) -> ir.Scene:
+        """The scene with the values and unsaved texts of `state`. Raises SceneError."""
+        sets = {**self.sets, **state.sets}
+        moment: dict[str, Any] = {"time": self.time}
+        if state.moment is not None:
+            moment = {"code": state.moment} if self.usd else {"time": state.moment}
+        with sandbox.unsaved(state.texts):
+            return self.load(sets=sets, diagnostics=found, **moment)
+
+    def timeline(self, scene: ir.Scene) -> dict[str, Any] | None:
+        """First and last moment, their unit and the moments a second; None for a scene without animation."""
+        if self.usd:
+            from ..compiler.importers.usd import stage
+
+            codes = stage.time_codes(self.path)
+            return None if codes is None else {"first": codes[0], "last": codes[1], "unit": "frame", "rate": scene.fps}
+        if scene.duration:
+            return {"first": 0.0, "last": scene.duration, "unit": "s", "rate": 1.0}
+        return None
+
+
+def of_scene(files: Iterable[str | Path], main: Path) -> list[Path]:
+    """The files of a scene that the page edits: the main .scene file and those that it uses, without the library."""
+    paths = dict.fromkeys([main.resolve(), *(Path(file).resolve() for file in files)])
+    return [path for path in paths if path.suffix.lower() in file_types.SCENE and not path.is_relative_to(LIBRARY)]
+
+
+def read_text(path: Path) -> str | None:
+    """The text of a source file on disk; None if it is missing or not text. Line ends stay as they are."""
+    try:
+        return path.read_bytes().decode("utf-8")
+    except (OSError, UnicodeDecodeError):
+        return None
+
+
+def digest(text: str | None) -> str:
+    """A short identifier of a text."""
+    return "" if text is None else hashlib.blake2b(text.encode("utf-8", "surrogatepass"), digest_size=12).hexdigest()
+
+
+def fingerprint(files: Iterable[Path], texts: Mapping[str, str]) -> tuple[Any, ...]:
+    """A value that changes with the contents that a scene is compiled from: texts of sources, time and size of other files."""
+    found: list[Any] = []
+    for path in files:
+        if path.suffix.lower() in file_types.SCENE:
+            found.append((str(path), digest(texts.get(str(path), read_text(path)))))
+            continue
+        try:
+            status = path.stat()
+        except OSError:
+            found.append((str(path), None))
+        else:
+            found.append((str(path), status.st_mtime_ns, status.st_size, status.st_ino))
+    return tuple(found)
+
+
+def diagnostics_json(found: Iterable[Diagnostic], texts: Mapping[str, str]) -> list[dict[str, Any]]:
+    """Diagnostics for a page, sorted: the parts, and the text with source line, carets and fix. `texts` are unsaved, by path."""
+    cache: dict[str, str | None] = {}
+
+    def source(name: str) -> str | None:
+        if name not in cache:
+            cache[name] = texts.get(resolved(name) or "", None) or source_text(name)
+        return cache[name]
+
+    return [
+        {"severity": d.severity, "message": d.message, "hint": d.hint, "text": render_text(d, source), "place": place(d.span)}
+        for d in sort_diagnostics(found)[:MAX_SHOWN]
+    ]
+
+
+def place(span: Span | None) -> dict[str, Any] | None:
+    """A source position for a page; `path` is that of the file, if it is one."""
+    if span is None:
+        return None
+    return {
+        "name": str(span), "path": resolved(span.file), "line": span.line, "column": span.column, "end_line": span.end_line,
+        "end_column": span.end_column,
+    }  # fmt: skip
+
+
+def resolved(name: str) -> str | None:
+    """The path of a displayed file name; None if it is not a file's."""
+    try:
+        path = Path(name)
+        return str(path.resolve()) if path.suffix else None
+    except (OSError, ValueError, RuntimeError):
+        return None

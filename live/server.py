@@ -1,0 +1,168 @@
+"""HTTP server of the live window: the page, its socket, and pictures to download, on the loopback interface alone."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import secrets
+import socket
+import tempfile
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from ..render.image import image_files
+from ..render.image.image import Image
+from .address import Address
+from .hub import Hub
+from .session import Session
+from .studio import Current
+
+PAGE = Path(__file__).resolve().parent / "page"
+TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml", ".txt": "text/plain"}
+PICTURES = {"png": "image/png", "exr": "image/x-exr"}
+MAX_MESSAGE = 24 << 20  # bytes of a message of a page
+HEADERS = {
+    "Cache-Control": "no-store",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+}
+
+
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; connect-src 'self' {sockets}; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+
+
+class Guard:
+    """Lets through requests to this host, of this origin, with the token; other requests learn nothing."""
+
+    def __init__(self, app: ASGIApp, address: Address) -> None:
+        self.app, self.address = app, address
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] not in ("http", "websocket") or self._allowed(scope):
+            await self.app(scope, receive, send)
+        elif scope["type"] == "websocket":
+            await send({"type": "websocket.close", "code": 1008})
+        else:
+            await PlainTextResponse("not found\n", 404, HEADERS)(scope, receive, send)
+
+    def _allowed(self, scope: Mapping[str, Any]) -> bool:
+        headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
+        origin = headers.get("origin")
+        if headers.get("host") not in self.address.hosts:
+            return False
+        if origin is None and scope["type"] == "websocket":
+            return False
+        if origin is not None and origin not in [f"http://{host}" for host in self.address.hosts]:
+            return False
+        token = str(scope["path"]).lstrip("/").partition("/")[0]
+        return secrets.compare_digest(token.encode(), self.address.token.encode())
+
+
+def application(session: Session, hub: Hub, address: Address) -> ASGIApp:
+    """The server's ASGI application."""
+    policy = POLICY.format(sockets=" ".join(f"ws://{host}" for host in address.hosts))
+    files = {path.name: path for path in PAGE.iterdir() if path.suffix in TYPES}
+
+    async def page(request: Request) -> Response:
+        file = files.get(request.path_params.get("name") or "index.html")
+        if file is None:
+            return PlainTextResponse("not found\n", 404, HEADERS)
+        return Response(file.read_bytes(), media_type=TYPES[file.suffix], headers={**HEADERS, "Content-Security-Policy": policy})
+
+    async def picture(request: Request) -> Response:
+        kind = request.path_params["kind"]
+        current = session.studio.current
+        if kind not in PICTURES or current is None:
+            return PlainTextResponse("there is no picture yet\n", 404, HEADERS)
+        data = await asyncio.to_thread(encoded, current, kind)
+        name = f"{session.opened.path.stem}.{kind}".encode("ascii", "replace").decode().replace('"', "_")
+        return Response(data, media_type=PICTURES[kind], headers={**HEADERS, "Content-Disposition": f'attachment; filename="{name}"'})
+
+    async def talk(websocket: WebSocket) -> None:
+        await websocket.accept()
+        page = hub.open()
+        sender = asyncio.create_task(page.run(_sender(websocket)))
+        try:
+            while True:
+                session.handle(page, _parsed(await websocket.receive_text()))
+        except (WebSocketDisconnect, RuntimeError, KeyError):
+            pass
+        finally:
+            hub.close(page)
+            sender.cancel()
+            with contextlib.suppress(asyncio.CancelledError, Exception):
+                await sender
+
+    @contextlib.asynccontextmanager
+    async def lifespan(_: Starlette) -> AsyncIterator[None]:
+        hub.loop = asyncio.get_running_loop()
+        yield
+
+    routes = [
+        Route("/{token}/", page), Route("/{token}/picture.{kind}", picture), Route("/{token}/{name}", page),
+        WebSocketRoute("/{token}/socket", talk),
+    ]  # fmt: skip
+    return Guard(Starlette(routes=routes, lifespan=lifespan), address)
+
+
+def _parsed(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except ValueError:
+        return None
+
+
+def _sender(websocket: WebSocket) -> Callable[[str | bytes], Awaitable[None]]:
+    async def send(data: str | bytes) -> None:
+        if isinstance(data, str):
+            await websocket.send_text(data)
+        else:
+            await websocket.send_bytes(data)
+
+    return send
+
+
+def encoded(current: Current, kind: str) -> bytes:
+    """The picture that the window shows as the bytes of a file; all channels of a finished one as EXR."""
+    shown, plan = current.shown, current.plan
+    image = current.finished
+    if image is None:
+        height, width = shown.rgba.shape[:2]
+        image = Image(width, height, {"rgba": shown.rgba}, {})
+    look = image_files.Look(current.exposure, plan["view"], alpha=plan["background"] == "transparent")
+    with tempfile.TemporaryDirectory(prefix="maquette-") as folder:
+        path = Path(folder) / f"picture.{kind}"
+        image_files.write(image, path, look, {"backend": plan["backend"], "exposure": current.exposure})
+        return path.read_bytes()
+
+
+class Server(uvicorn.Server):
+    """A server on a bound socket. `run_until` serves until Ctrl-C or `should_exit`."""
+
+    def __init__(self, app: ASGIApp, bound: socket.socket) -> None:
+        super().__init__(
+            uvicorn.Config(
+                app, log_level="error", access_log=False, lifespan="on", ws="websockets-sansio", ws_max_size=MAX_MESSAGE,
+                ws_per_message_deflate=False, server_header=False, date_header=False, timeout_graceful_shutdown=1,
+            )
+        )  # fmt: skip
+        self.bound = bound
+
+    def serve_here(self) -> None:
+        """Serve in this thread. Raises KeyboardInterrupt after Ctrl-C in the main thread."""
+        self.run(sockets=[self.bound])

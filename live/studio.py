@@ -1,0 +1,361 @@
+"""The renderer of the live window: one thread that compiles and draws the newest state; an edit cancels the picture before it."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ..compiler import ir
+from ..compiler.plan import importance
+from ..compiler.plan import plan as planner
+from ..compiler.plan.plan import Plan
+from ..lang.diagnostics import Diagnostic, Diagnostics, SceneError
+from ..lang.plain_values import show_value
+from ..render import picture_notes, render_scene
+from ..render.film import aov
+from ..render.film.progress import Progress
+from ..render.image import image_files
+from ..render.image.image import Image
+from ..render.jit import compile_events
+from . import channels, params, picking, poses, scene_files
+from .passes import MAX_PIXELS, Pace, Shown, first_plans
+from .scene_files import Opened
+from .state import State
+
+PATIENCE = 1.0  # seconds of a first picture after which an edit cancels it: shorter ones are shown, so that dragging never starves
+TICK = 0.12  # seconds between progress messages and between partial pictures
+SHARE = 0.15  # of the time that may go into partial pictures
+
+Tell = Callable[[dict[str, Any]], None]
+Show = Callable[[dict[str, Any], bytes], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Compiled:
+    """A compiled scene, and what it was compiled from."""
+
+    key: Any
+    scene: ir.Scene
+    warnings: tuple[Diagnostic, ...]
+
+
+@dataclass(eq=False, slots=True)
+class Current:
+    """The last picture: what is shown, of which scene and plan, and the finished image."""
+
+    version: int
+    scene: ir.Scene
+    plan: Plan
+    shown: Shown
+    finished: Image | None = None
+    complete: bool = False  # the last pass is shown
+    exposure: float = 0.0
+
+
+class Studio:
+    """Draws one scene. `tell` takes messages for all pages, `show` pictures with their description; both in this thread."""
+
+    def __init__(self, opened: Opened, tell: Tell, show: Show, finished: Callable[[Current, State], None] | None = None) -> None:
+        """`finished` is called with each finished picture of the saved scene, without changes of the pages."""
+        self.opened = opened
+        self.tell, self.show, self._finished = tell, show, finished
+        self.state = State()
+        self.files: tuple[Path, ...] = (opened.path.resolve(),)
+        self.current: Current | None = None
+        self._compiled: Compiled | None = None
+        self._changed = threading.Condition()
+        self._cancel = threading.Event()
+        self._version = 1  # of the state and the files
+        self._view = 0  # of the exposure
+        self._stopped = False
+        self._quick_since: float | None = None  # when a first picture began
+        self._pace = Pace()
+        self._disk: Any = None
+        self._thread = threading.Thread(target=self._run, name="studio", daemon=True)
+
+    # --- from other threads ---
+
+    def start(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread; a picture that is being drawn is cancelled."""
+        with self._changed:
+            self._stopped = True
+            self._cancel.set()
+            self._changed.notify_all()
+        if self._thread.is_alive():
+            self._thread.join(timeout=10.0)
+
+    def change(self, update: Callable[[State], State]) -> State:
+        """Replace the state by update(state) and draw it. Raises StateError, which `update` raises."""
+        with self._changed:
+            before, self.state = self.state, update(self.state)
+            same_texts = replace(self.state, texts=before.texts)
+            if replace(same_texts, exposure=before.exposure) != before or self._texts_differ(before):
+                self._newer()
+            elif self.state != before:
+                self._view += 1
+                self._changed.notify_all()
+            return self.state
+
+    def _texts_differ(self, before: State) -> bool:
+        """Whether the contents of sources are not those that were compiled last."""
+        texts = self.state.texts
+        return texts != before.texts and scene_files.fingerprint(self.files, texts) != self._disk
+
+    def files_changed(self) -> None:
+        """Compile again if the contents of files have changed."""
+        with self._changed:
+            if self._disk != scene_files.fingerprint(self.files, self.state.texts):
+                self._newer()
+
+    def _newer(self) -> None:
+        self._version += 1
+        began = self._quick_since
+        if began is None or time.monotonic() - began > PATIENCE:
+            self._cancel.set()
+        self._changed.notify_all()
+
+    # --- the thread ---
+
+    def _run(self) -> None:
+        done, viewed = 0, 0
+        while True:
+            with self._changed:
+                while not self._stopped and (self._version, self._view) == (done, viewed):
+                    self._changed.wait()
+                if self._stopped:
+                    return
+                version, viewed, state = self._version, self._view, self.state
+                self._cancel.clear()
+            if version == done:
+                self._publish(state)
+                continue
+            done = version
+            try:
+                self._draw(version, state)
+            except SceneError as error:
+                self._tell_errors(error.diagnostics, state)
+            except planner.PlanError as error:
+                self._tell_errors([Diagnostic("error", str(error))], state)
+            except MemoryError:
+                self._tell_errors([Diagnostic("error", "not enough memory for this picture", None, "give a smaller --size")], state)
+            except Exception as fault:
+                message = f"internal error: {type(fault).__name__}: {fault}"
+                self._tell_errors([Diagnostic("error", message, None, "this is a bug in maquette, not an error in the scene")], state)
+
+    def _tell_errors(self, found: Any, state: State) -> None:
+        self.tell({"type": "diagnostics", "failed": True, "items": scene_files.diagnostics_json(found, state.texts)})
+        self.tell({"type": "progress", "stage": "failed", "share": 0.0})
+
+    def _compile(self, state: State) -> Compiled:
+        key = scene_files.fingerprint(self.files, state.texts), dict(state.sets), state.moment
+        if self._compiled is not None and self._compiled.key == key:
+            return self._compiled
+        self._disk = key[0]
+        self.tell({"type": "progress", "stage": "compiling", "share": 0.0})
+        found = Diagnostics()
+        try:
+            scene = self.opened.compile(state, found)
+        except SceneError as error:
+            self._compiled = None
+            named = (Path(d.span.file).resolve() for d in error.diagnostics if d.span and Path(d.span.file).is_file())
+            self._set_files([*self.files, *named])
+            raise
+        self._set_files([self.opened.path.resolve(), *map(Path, scene.files)])
+        key = (self._disk, *key[1:])
+        self._compiled = Compiled(key, scene, tuple(found.items))
+        self.tell({"type": "params", "items": params.controls(scene)})
+        cameras = [name for name in scene.names.cameras if name]
+        about = {"cameras": cameras, "defaults": list(scene.defaults), "timeline": self.opened.timeline(scene)}
+        self.tell({"type": "scene", "name": self.opened.path.name, **about})
+        return self._compiled
+
+    def _set_files(self, files: list[Path]) -> None:
+        before, self.files = self.files, tuple(dict.fromkeys(files))
+        if before != self.files:
+            self._disk = scene_files.fingerprint(self.files, self.state.texts)
+            self.tell({"type": "files"})
+
+    def _draw(self, version: int, state: State) -> None:
+        compiled = self._compile(state)
+        scene = compiled.scene
+        settings = replace(
+            self.opened.settings, backend=state.backend or self.opened.settings.backend, camera=state.camera or self.opened.settings.camera
+        )
+        plan = planner.make_plan(scene, settings, self.opened.overrides)
+        if plan["size"][0] * plan["size"][1] > MAX_PIXELS:
+            raise planner.PlanError(f"the window shows at most {MAX_PIXELS:,} pixels: give a smaller --size")
+        if state.pose is not None:
+            scene = poses.place(scene, plan["camera"], state.pose)
+            plan = planner.make_plan(scene, settings, self.opened.overrides)
+        warnings = [*compiled.warnings, *picture_notes.plan_warnings(scene, plan)]
+        self.tell({"type": "diagnostics", "failed": False, "items": scene_files.diagnostics_json(warnings, state.texts)})
+        self.tell({"type": "plan", "rows": plan_rows(plan)})
+        began = time.monotonic()
+        listener = self._compiling
+        compile_events.LISTENERS.append(listener)
+        try:
+            whole = self._first_pictures(version, state, scene, plan, settings)
+            if whole and state.channel not in aov.SEEN and not self._cancel.is_set():
+                image = self._last_picture(version, state, scene, plan)
+                self._finish(version, state, image, warnings, began)
+            elif whole and self.current is not None:
+                self.current.complete = True
+                self._publish(self.state)
+                self._tell_done(1.0, None, began)
+        finally:
+            compile_events.LISTENERS.remove(listener)
+
+    def _first_pictures(self, version: int, state: State, scene: ir.Scene, plan: Plan, settings: ir.Settings) -> bool:
+        """Draw the coarse and the whole picture; False if a newer state came."""
+        plans = first_plans(scene, settings, self.opened.overrides, plan, self._pace, state.channel)
+        for k, quick in enumerate(plans):
+            self._quick_since = time.monotonic() if k == 0 else None
+            image = render_scene.draw(scene, quick, self._quick_report(version), self._cancel)
+            self._quick_since = None
+            if image.metadata["partial"]:
+                return False
+            pixels = image.width * image.height
+            self._pace.add(pixels, image.metadata["seconds"]["render"])
+            self.current = Current(version, scene, plan, Shown.of(image))
+            self._publish(self.state)
+            if k == len(plans) - 1 or k == 0:
+                self._tell_view()
+            if self._version != version:
+                return False
+        return True
+
+    def _quick_report(self, version: int) -> Callable[[Progress], None]:
+        def report(_: Progress) -> None:
+            began = self._quick_since
+            if began is not None and self._version != version and time.monotonic() - began > PATIENCE:
+                self._cancel.set()
+
+        return report
+
+    def _last_picture(self, version: int, state: State, scene: ir.Scene, plan: Plan) -> Image:
+        current = self.current
+        assert current is not None
+        first = current.shown
+        last, spent, view, samples = time.monotonic(), 0.0, self._view, None
+
+        def report(progress: Progress) -> None:
+            nonlocal last, spent, view, samples
+            now = time.monotonic()
+            samples = samples if progress.picture is None else progress.picture.samples
+            if now - last < max(TICK, spent / SHARE) and view == self._view:
+                return
+            if progress.picture is not None:
+                current.shown = first.refined(*progress.picture)
+                self._publish(self.state)
+            self._tell_progress(progress)
+            spent, view = time.monotonic() - now, self._view
+            last = time.monotonic()
+
+        self.tell({"type": "progress", "stage": "rendering", "share": 0.0, "samples": 1, "most": 0, "error": None})
+        image = render_scene.draw(scene, plan, report, self._cancel)
+        if not image.metadata["partial"]:
+            current.shown = Shown(image.channels["rgba"], first.channels, samples)
+        return image
+
+    def _finish(self, version: int, state: State, image: Image, warnings: list[Diagnostic], began: float) -> None:
+        current = self.current
+        if image.metadata["partial"] or current is None:
+            return
+        current.finished, current.complete = image, True
+        self._publish(self.state)
+        found = [*warnings, *picture_notes.of_render(image.metadata, current.scene, current.plan, self.opened.settings)]
+        self.tell({"type": "diagnostics", "failed": False, "items": scene_files.diagnostics_json(found, state.texts)})
+        self._tell_done(image.metadata["samples_mean"], _finite(image.metadata.get("error")), began)
+        untouched = State(channel=state.channel, exposure=state.exposure)
+        if self._finished is not None and state == untouched and self._version == version:
+            self._finished(current, state)
+
+    # --- messages ---
+
+    def _publish(self, state: State) -> None:
+        """Show the current picture with the exposure and the channel of `state`."""
+        current = self.current
+        if current is None:
+            return
+        shown, plan = current.shown, current.plan
+        name = state.channel
+        exposure = plan["exposure"] if state.exposure is None else state.exposure
+        metered = exposure == "metered"
+        if metered:
+            exposure = image_files.auto_exposure(shown.rgba)
+        current.exposure = float(exposure)
+        if name == "samples" and shown.samples is not None:
+            codes = channels.auxiliary(name, shown.samples)
+        elif name in shown.channels:
+            codes = channels.auxiliary(name, shown.channels[name])
+        else:
+            name = "color"
+            codes = channels.colors(shown.rgba, float(exposure), plan["view"], plan["background"] == "transparent")
+        height, width = codes.shape[:2]
+        x0, y0, x1, y1 = plan["crop"]
+        about = {
+            "version": current.version, "width": width, "height": height, "full": [x1 - x0, y1 - y0], "channel": name,
+            "exposure": float(exposure), "metered": metered, "finished": current.complete,
+        }  # fmt: skip
+        self.show(about, codes.tobytes())
+
+    def _tell_view(self) -> None:
+        current = self.current
+        assert current is not None
+        camera = current.plan["camera"]
+        pose = self.state.pose or poses.read(current.scene, camera, picking.center_depth(current.shown))
+        cameras = current.scene.tables.cameras
+        names = current.scene.names.cameras
+        self.tell({
+            "type": "view", "position": pose.position, "look_at": pose.look_at, "up": pose.up,
+            "extent": float(cameras.extent[camera]),
+            "projection": ir.Projection(int(cameras.projection[camera])).name.lower(), "horizontal": bool(cameras.fit[camera]),
+            "camera": names[camera] if camera < len(names) else "", "backend": current.plan["backend"], "size": list(current.plan["size"]),
+            "version": current.version,
+        })  # fmt: skip
+
+    def _tell_progress(self, progress: Progress) -> None:
+        self.tell({
+            "type": "progress", "stage": progress.stage, "share": progress.share, "samples": progress.samples, "most": progress.most,
+            "error": _finite(progress.error),
+        })  # fmt: skip
+
+    def _tell_done(self, samples: float, error: float | None, began: float) -> None:
+        seconds = time.monotonic() - began
+        self.tell({"type": "progress", "stage": "done", "share": 1.0, "samples": samples, "error": error, "seconds": seconds})
+
+    def _compiling(self, event: compile_events.Compiling | None) -> None:
+        if event is not None:
+            stage = f"compiling kernel {event.number} of about {event.total}"
+            self.tell({"type": "progress", "stage": stage, "share": event.number / (event.total + 1)})
+
+    def camera_source(self) -> str:
+        """The camera that the window shows, as source; "" before the first picture."""
+        current = self.current
+        if current is None:
+            return ""
+        camera = current.plan["camera"]
+        pose = self.state.pose or poses.read(current.scene, camera, picking.center_depth(current.shown))
+        return poses.source_text(current.scene, camera, pose, current.plan["size"])
+
+
+def plan_rows(plan: Plan) -> list[dict[str, Any]]:
+    """The decisions of a plan for the page, the most important ones first."""
+    first = importance.most_important(plan)
+    rest = [d for d in plan.decisions.values() if d not in first]
+    return [
+        {"name": d.name, "value": show_value(d.value), "reason": d.reason, "switch": d.fixed or d.switch, "matters": d in first}
+        for d in (*first, *rest)
+    ]
+
+
+def _finite(value: Any) -> float | None:
+    return float(value) if value is not None and abs(value) < float("inf") else None

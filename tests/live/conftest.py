@@ -1,0 +1,14 @@
+"""What tests of the live window share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from maquette.live import address
+
+
+@pytest.fixture(autouse=True)
+def own_addresses(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Keep addresses in the folder of the test."""
+    monkeypatch.setattr(address, "_file", lambda scene: tmp_path / "addresses" / f"{scene.name}.json")

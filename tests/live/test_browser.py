@@ -1,0 +1,239 @@
+"""The page in a headless Chromium: what a user does, and what the user then sees."""
+
+from __future__ import annotations
+
+import re
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from . import browser, windows
+from .browser import Browser, Tab
+from .windows import PART, SCENE, served
+
+pytestmark = pytest.mark.skipif(browser.executable() is None, reason="no Chromium: install one, or name it in MAQUETTE_CHROMIUM")
+CANVAS = "document.querySelector('#picture')"
+FAILED = "document.querySelector('#stage').classList.contains('failed')"
+MODIFIER = 4 if sys.platform == "darwin" else 2
+
+
+@pytest.fixture(scope="module")
+def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    with browser.running(tmp_path_factory.mktemp("profile")) as running:
+        yield running
+
+
+def opened(chromium: Browser, url: str) -> Tab:
+    """A page that shows a finished picture."""
+    tab = chromium.tab(url)
+    tab.wait(f"{CANVAS}?.dataset.finished === 'true'", 60)
+    return tab
+
+
+def pixel(tab: Tab, x: float = 0.5, y: float = 0.5) -> list[int]:
+    """A pixel of the picture as it is shown; x and y are shares of its sides."""
+    at = f"{x} * {CANVAS}.width | 0, {y} * {CANVAS}.height | 0"
+    return tab.js(f"[...{CANVAS}.getContext('2d').getImageData({at}, 1, 1).data].slice(0, 3)")
+
+
+def version(tab: Tab) -> int:
+    return int(tab.js(f"{CANVAS}.dataset.version"))
+
+
+def drawn(tab: Tab, after: int) -> None:
+    """Wait for a finished picture of a later version."""
+    tab.wait(f"{CANVAS}.dataset.finished === 'true' && +{CANVAS}.dataset.version > {after}")
+
+
+def text(tab: Tab, selector: str) -> str:
+    return tab.js(f"document.querySelector('{selector}').innerText")
+
+
+def replace_all(tab: Tab, source: str) -> None:
+    """Type a text over the whole source."""
+    tab.js("document.querySelector('#code .cm-content').focus()")
+    tab.key("a", MODIFIER)
+    tab.type(source)
+
+
+def close(tab: Tab) -> None:
+    """Close a page, which had no errors."""
+    tab.js("1")
+    assert tab.errors == []
+    tab.close()
+
+
+def test_edit_break_and_mend(tmp_path: Path, chromium: Browser) -> None:
+    scene = windows.write(tmp_path)
+    with served(scene) as shown:
+        tab = opened(chromium, shown.address.url)
+        red = pixel(tab)
+        assert red[0] > 20 > red[1]
+        before = version(tab)
+        replace_all(tab, SCENE.replace("#203040", "#00ff00"))
+        drawn(tab, before)
+        assert pixel(tab, 0.02, 0.02) == [0, 255, 0]
+        replace_all(tab, SCENE + "box(<b>1</b>)\n")
+        tab.wait(FAILED)
+        assert text(tab, "#messages .first").startswith(f"{scene}:7:")
+        assert "^" in text(tab, "#messages pre")
+        assert tab.js("document.querySelector('#messages b')") is None  # the source is text, not HTML
+        assert pixel(tab, 0.02, 0.02) == [0, 255, 0]
+        assert tab.js("document.querySelectorAll('.cm-lint-marker-error').length") > 0
+        replace_all(tab, SCENE)
+        tab.wait(f"!{FAILED}")
+        tab.wait(f"[...{CANVAS}.getContext('2d').getImageData(0, 0, 1, 1).data].join() === '32,48,64,255'")
+        assert tab.js("document.querySelector('#messages').childElementCount") == 0
+        close(tab)
+    assert scene.read_text(encoding="utf-8") == SCENE
+
+
+def test_saving_writes_the_file_and_a_save_elsewhere_comes_in(tmp_path: Path, chromium: Browser) -> None:
+    scene = windows.write(tmp_path)
+    with served(scene) as shown:
+        tab = opened(chromium, shown.address.url)
+        before = version(tab)
+        changed = SCENE.replace("#203040", "#0000ff")
+        replace_all(tab, changed)
+        drawn(tab, before)
+        assert tab.js("document.querySelector('#tabs .dirty').textContent") == "a.scene"
+        tab.key("s", MODIFIER)
+        tab.wait("!document.querySelector('#tabs .dirty')")
+        assert scene.read_text(encoding="utf-8") == changed
+        new = tmp_path / "new"
+        new.write_text(SCENE.replace("#203040", "#ffffff"), encoding="utf-8")
+        new.replace(scene)  # as many editors save
+        tab.wait(f"[...{CANVAS}.getContext('2d').getImageData(0, 0, 1, 1).data].join() === '255,255,255,255'")
+        assert "#ffffff" in tab.js("document.querySelector('.cm-content').innerText")
+        scene.unlink()
+        tab.wait("!document.querySelector('#conflict').hidden")
+        assert text(tab, "#conflict-text") == "a.scene is missing on disk. Save writes it again."
+        scene.write_text(SCENE, encoding="utf-8")
+        tab.wait(f"!{FAILED} && document.querySelector('#conflict').hidden")
+        replace_all(tab, changed)
+        tab.wait("document.querySelector('#tabs .dirty') !== null")
+        scene.write_text(SCENE + "// elsewhere\n", encoding="utf-8")
+        tab.wait("!document.querySelector('#conflict').hidden")
+        assert text(tab, "#conflict-text") == "a.scene was changed on disk, and here too."
+        tab.click("#keep-mine")
+        tab.wait("document.querySelector('#conflict').hidden")
+        assert scene.read_text(encoding="utf-8") == changed
+        close(tab)
+
+
+def test_a_slider_redraws_and_its_value_is_written(tmp_path: Path, chromium: Browser) -> None:
+    scene = windows.write(tmp_path)
+    with served(scene) as shown:
+        tab = opened(chromium, shown.address.url)
+        assert pixel(tab, 0.2)[0] < 40
+        before = version(tab)
+        tab.drag("[data-name=radius] input[type=range]", 70, 0)
+        drawn(tab, before)
+        tab.wait("+document.querySelector('[data-name=radius] input[type=number]').value > 1.5")
+        value = tab.js("document.querySelector('[data-name=radius] input[type=number]').value")
+        tab.call("Page.reload")
+        tab.wait(f"{CANVAS}?.dataset.finished === 'true'")
+        assert tab.wait("document.querySelector('[data-name=radius] input[type=number]')?.value") == value
+        tab.click("#write")
+        tab.wait(f"document.querySelector('.cm-content').innerText.includes('radius = {value} in')")
+        assert scene.read_text(encoding="utf-8") == SCENE.replace("radius = 1 in", f"radius = {value} in")
+        tab.wait("document.querySelector('#write').disabled")
+        close(tab)
+
+
+def test_orbit_pan_zoom_and_click(tmp_path: Path, chromium: Browser) -> None:
+    scene = windows.write(tmp_path)
+    with served(scene) as shown:
+        tab = opened(chromium, shown.address.url)
+        tab.click("#picture")
+        tab.wait("!document.querySelector('#picked').hidden")
+        assert re.sub(r"\s+", " ", text(tab, "#picked")).startswith("part.ball shape sphere material lambert depth 4.003 m line")
+        for move in ("orbit", "pan", "zoom"):
+            before, picture = version(tab), tab.js(f"{CANVAS}.toDataURL()")
+            if move == "zoom":
+                tab.wheel("#picture", 240)
+            else:
+                tab.drag("#picture", 30, 12, modifiers=8 if move == "pan" else 0)
+            drawn(tab, before)
+            assert tab.js(f"{CANVAS}.toDataURL()") != picture
+        pose = shown.session.studio.state.pose
+        assert pose is not None
+        assert abs(pose.position[0]) > 0.2
+        before = version(tab)
+        tab.click("#reset-view")
+        drawn(tab, before)
+        assert shown.session.studio.state.pose is None
+        close(tab)
+
+
+def test_two_pages_show_the_same(tmp_path: Path, chromium: Browser) -> None:
+    scene = windows.write(tmp_path)
+    with served(scene) as shown:
+        one, two = opened(chromium, shown.address.url), opened(chromium, shown.address.url)
+        replace_all(one, SCENE.replace("#203040", "#00ff00"))
+        two.wait(f"[...{CANVAS}.getContext('2d').getImageData(0, 0, 1, 1).data].join() === '0,255,0,255'")
+        two.wait("document.querySelector('.cm-content').innerText.includes('#00ff00')")
+        two.js("document.querySelector('#channel').value = 'depth'; document.querySelector('#channel').dispatchEvent(new Event('change'))")
+        one.wait(f"{CANVAS}.dataset.channel === 'depth' && document.querySelector('#channel').value === 'depth'")
+        close(one)
+        close(two)
+
+
+def test_a_page_reconnects_to_a_restarted_server_with_its_state(tmp_path: Path, chromium: Browser) -> None:
+    scene = windows.write(tmp_path)
+    green = SCENE.replace("#203040", "#00ff00")
+    with served(scene) as shown:
+        tab = opened(chromium, shown.address.url)
+        before = version(tab)
+        replace_all(tab, green)
+        drawn(tab, before)
+        tab.drag("[data-name=radius] input[type=range]", 70, 0)
+        value = tab.js("document.querySelector('[data-name=radius] input[type=number]').value")
+        windows.until(lambda: shown.session.studio.state.sets == {"radius": value})
+    tab.wait("document.querySelector('#link').className === 'lost'")
+    with served(scene) as shown:
+        tab.wait("document.querySelector('#link').className === 'open'")
+        tab.wait(f"[...{CANVAS}.getContext('2d').getImageData(0, 0, 1, 1).data].join() === '0,255,0,255'")
+        assert shown.session.studio.state.sets == {"radius": value}
+        assert shown.session.studio.state.texts == {str(scene): green}
+        assert tab.js("document.querySelector('.cm-content').innerText.includes('#00ff00')")
+        close(tab)
+    assert scene.read_text(encoding="utf-8") == SCENE
+
+
+def test_a_slow_picture_is_cancelled_at_once(tmp_path: Path, chromium: Browser) -> None:
+    scene = windows.write(tmp_path)
+    slow = SCENE.replace("size: [32, 24], samples: 2", "size: [32, 24], samples: 1000000")
+    scene.write_text(slow, encoding="utf-8")
+    with served(scene) as shown:
+        tab = chromium.tab(shown.address.url)
+        tab.wait("document.querySelector('#status')?.dataset.stage === 'rendering'")
+        assert tab.js(f"{CANVAS}.dataset.finished") == "false"
+        tab.wait(f"{CANVAS}.dataset.count > 0")
+        before, began = version(tab), time.monotonic()
+        replace_all(tab, slow.replace("#203040", "#00ff00"))
+        tab.wait(f"+{CANVAS}.dataset.version > {before}")
+        tab.wait(f"[...{CANVAS}.getContext('2d').getImageData(0, 0, 1, 1).data].join() === '0,255,0,255'")
+        assert time.monotonic() - began < 3.0
+        before = version(tab)
+        for k in range(10):  # the newest edit wins
+            replace_all(tab, slow.replace("#203040", f"#0000{k}f"))
+        tab.wait(f"[...{CANVAS}.getContext('2d').getImageData(0, 0, 1, 1).data].join() === '0,0,159,255'")
+        close(tab)
+
+
+def test_files_of_the_scene_have_tabs(tmp_path: Path, chromium: Browser) -> None:
+    scene = windows.write(tmp_path)
+    with served(scene) as shown:
+        tab = opened(chromium, shown.address.url)
+        tab.wait("document.querySelectorAll('#tabs button').length === 2")
+        tab.click("#tabs button:nth-child(2)")
+        tab.wait(f"document.querySelector('.cm-content').innerText.trim() === {PART.strip()!r}")
+        before = version(tab)
+        replace_all(tab, PART.replace("#ff0000", "#0000ff"))
+        drawn(tab, before)
+        assert pixel(tab)[2] > 20 > pixel(tab)[0]
+        close(tab)

@@ -1,4 +1,4 @@
-"""Diagnostics about a picture: effects left out, unproved rays, invalid samples, light beyond the limit on bounces, a missed error target."""
+"""Diagnostics about a picture: effects left out, unproved rays, invalid samples, light beyond the limit on bounces, a missed error."""
 
 from __future__ import annotations
 

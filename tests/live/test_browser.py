@@ -152,13 +152,12 @@ def test_orbit_pan_zoom_and_click(tmp_path: Path, chromium: Browser) -> None:
         tab.wait("!document.querySelector('#picked').hidden")
         assert re.sub(r"\s+", " ", text(tab, "#picked")).startswith("part.ball shape sphere material lambert depth 4.003 m line")
         for move in ("orbit", "pan", "zoom"):
-            before, picture = version(tab), tab.js(f"{CANVAS}.toDataURL()")
+            tab.js(f"window.before = {CANVAS}.toDataURL()")
             if move == "zoom":
                 tab.wheel("#picture", 240)
             else:
                 tab.drag("#picture", 30, 12, modifiers=8 if move == "pan" else 0)
-            drawn(tab, before)
-            assert tab.js(f"{CANVAS}.toDataURL()") != picture
+            tab.wait(f"{CANVAS}.dataset.finished === 'true' && {CANVAS}.toDataURL() !== window.before")
         pose = shown.session.studio.state.pose
         assert pose is not None
         assert abs(pose.position[0]) > 0.2

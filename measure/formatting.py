@@ -150,7 +150,7 @@ def left_out(chart: Chart, brief: bool = False) -> list[str]:
     lines = [f"not charted: {name}: {why}" for name, why in whole.items()]
     if cut:
         sweeps = "1 sweep stops" if len(cut) == 1 else f"{len(cut)} sweeps stop"
-        lines.append(f"{sweeps} before the most expensive settings (see chart.json): a longer --budget continues them")
+        lines.append(f"{sweeps} before the most expensive settings (the .json lists them): a longer --budget continues them")
     return lines
 
 

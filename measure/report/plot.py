@@ -379,5 +379,5 @@ def _footing(chart: Chart) -> list[str]:
     if any(p.error.median == 0 for p in chart.points):
         marks.append("triangle at the lower edge: no error at all")
     missing = formatting.left_out(chart, brief=True)
-    more = [f"and {len(missing) - MAX_MISSING} more, as chart.json says"] if len(missing) > MAX_MISSING else []
+    more = [f"and {len(missing) - MAX_MISSING} more, listed in the .json"] if len(missing) > MAX_MISSING else []
     return [f"{text[0].upper()}{text[1:]}." for text in ("; ".join(marks), *missing[:MAX_MISSING], *more)]

@@ -166,7 +166,7 @@ def test_sweeps_that_end_early_are_counted() -> None:
     chart = charts.chart(Curve("ray", "samples", charts.sweep("ray", 0.1, 0.1, 0.2, 2)), left_out={"mitsuba": "not installed", **cut})
     assert formatting.left_out(chart) == [
         "not charted: mitsuba: not installed",
-        "3 sweeps stop before the most expensive settings (see chart.json): a longer --budget continues them",
+        "3 sweeps stop before the most expensive settings (the .json lists them): a longer --budget continues them",
     ]
 
 

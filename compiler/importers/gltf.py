@@ -6,10 +6,10 @@ Format: glTF 2.0 (Khronos, ISO/IEC 12113:2022), sections named in the functions.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -30,6 +30,8 @@ __all__ = ["GltfError", "read"]
 
 _COMPRESSED = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 TRIANGLES, STRIP, FAN = 4, 5, 6
+WRONG = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError)  # of a document that contradicts itself
+_T = TypeVar("_T")
 MAX_NODES = 200_000
 
 
@@ -46,7 +48,7 @@ def read(
     container = open_container(data, folder, files)
     try:
         return _Reader(container, name, builder, diagnostics, as_scene, time).parts()
-    except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as failure:
+    except WRONG as failure:
         raise GltfError(f"the glTF file contradicts itself ({type(failure).__name__}: {failure})") from None
 
 
@@ -73,38 +75,55 @@ class _Reader:
         found: list[Part] = []
         nodes = list(self.nodes())
         self.globals = {index: matrix for index, _, matrix, _ in nodes}
-        for _, node, matrix, visible in nodes:
+        for index, node, matrix, visible in nodes:
             if not visible:
                 continue
             if "mesh" in node:
-                title = node.get("name") or ""
-                skin = gltf_animation.Skin.of(self.container, node, self.globals) if "skin" in node else None
-                for place in self.places(node, matrix) if skin is None else [transforms.identity()]:
-                    found += [Part(p.geometry, p.material, title or p.name, place[:3]) for p in self.mesh(node, skin)]
+                found += self.attempt(f"the mesh of node {index}", lambda n=node, m=matrix: self.shown(n, m), [])
             light = node.get("extensions", {}).get("KHR_lights_punctual", {}).get("light")
             if light is not None:
-                self.light(document["extensions"]["KHR_lights_punctual"]["lights"][light], node, matrix)
+                self.attempt(f"the light of node {index}", lambda k=light, n=node, m=matrix: self.light(k, n, m), None)
             if "camera" in node:
-                self.camera(document["cameras"][node["camera"]], node, matrix)
+                self.attempt(f"the camera of node {index}", lambda n=node, m=matrix: self.camera(n, m), None)
         if not found and not self.diagnostics.failed:
             raise GltfError("the glTF file shows no mesh")
         return found
+
+    def attempt(self, what: str, make: Callable[[], _T], otherwise: _T) -> _T:
+        """The result of `make`; `otherwise`, with a warning, where the file contradicts itself."""
+        try:
+            return make()
+        except GltfError as failure:
+            self.warn(f"{what} is left out: {failure}")
+        except WRONG as failure:
+            self.warn(f"{what} is left out: the glTF file contradicts itself ({type(failure).__name__}: {failure})")
+        return otherwise
+
+    def shown(self, node: dict[str, Any], matrix: np.ndarray) -> list[Part]:
+        """The parts of a node's mesh at all its places."""
+        title, skin = node.get("name") or "", None
+        if "skin" in node:
+            skin = self.attempt("a skin", lambda: gltf_animation.Skin.of(self.container, node, self.globals), None)
+        places = self.places(node, matrix) if skin is None else [transforms.identity()]
+        return [Part(p.geometry, p.material, title or p.name, place[:3]) for place in places for p in self.mesh(node, skin)]
 
     def nodes(self) -> Iterator[tuple[int, dict[str, Any], np.ndarray, bool]]:
         """The nodes of the scene: (row, node, (4, 4) matrix to world, whether visible)."""
         document = self.container.document
         scenes = document.get("scenes") or [{"nodes": list(range(len(document.get("nodes", ()))))}]
-        waiting = [(n, transforms.identity(), True) for n in reversed(scenes[document.get("scene", 0)].get("nodes", ()))]
+        scene = self.attempt("the default scene", lambda: scenes[document.get("scene", 0)], scenes[0])
+        waiting = [(n, transforms.identity(), True) for n in reversed(scene.get("nodes", ()))]
         most = min(MAX_NODES, len(waiting) + sum(len(node.get("children", ())) for node in document.get("nodes", ())))
         seen = 0
         while waiting:
             index, above, visible = waiting.pop()
             seen += 1
             if seen > most:
-                raise GltfError("the glTF file's nodes contain each other")
-            node = document["nodes"][index]
+                self.warn("the glTF file's nodes contain each other: the rest is left out")
+                return
+            node = self.attempt(f"node {index}", lambda i=index: document["nodes"][i], {})
             visible = visible and node.get("extensions", {}).get("KHR_node_visibility", {}).get("visible", True) is not False
-            matrix = above @ _local(node)
+            matrix = above @ self.attempt(f"the transform of node {index}", lambda n=node: _local(n), transforms.identity())
             yield index, node, matrix, visible
             waiting += [(child, matrix, visible) for child in reversed(node.get("children", ()))]
 
@@ -138,30 +157,29 @@ class _Reader:
         weights = tuple(map(float, node.get("weights") or mesh.get("weights") or ()))
         key = (index, weights, None if skin is None else skin.joints.tobytes())
         if key not in self.meshes:
-            made = [self.primitive(p, mesh.get("name") or f"mesh {index}", weights, skin) for p in mesh["primitives"]]
-            self.meshes[key] = [part for parts in made for part in parts]
+            name, made = mesh.get("name") or f"mesh {index}", []
+            for k, p in enumerate(mesh["primitives"]):
+                made += self.attempt(f"primitive {k} of `{name}`", lambda p=p: self.primitive(p, name, weights, skin), [])
+            self.meshes[key] = made
         return self.meshes[key]
 
     def primitive(self, primitive: dict[str, Any], name: str, weights: tuple[float, ...], skin: gltf_animation.Skin | None) -> list[Part]:
         """One triangle primitive (§3.7.2), morphed and skinned; several parts if its pictures read several sets of texture coordinates."""
-        mode = primitive.get("mode", TRIANGLES)
-        if mode not in (TRIANGLES, STRIP, FAN):
+        if primitive.get("mode", TRIANGLES) not in (TRIANGLES, STRIP, FAN):
             self.warn("points and lines are not drawn")
             return []
         if not self.readable(primitive):
             return []
-        material = primitive.get("material")
-        sets = [] if material is None else self.materials.uv_sets(material)
+        material: int | None = primitive.get("material")
+        sets: list[int] = []
+        if material is not None:
+            known = self.attempt(f"material {material}", lambda: self.materials.uv_sets(material), None)
+            sets, material = known or [], None if known is None else material
         uv_name = f"TEXCOORD_{sets[0] if sets else 0}"
         attributes = primitive["attributes"]
         accessor = self.container.accessor
         points = gltf_animation.morphed(self.container, primitive, "POSITION", weights).astype(np.float64)
-        order = accessor(primitive["indices"]).reshape(-1) if "indices" in primitive else np.arange(len(points))
-        triangles = _triangles(order.astype(np.int64), mode)
-        if len(triangles) and triangles.max() >= len(points):
-            raise GltfError(f"the glTF file's mesh `{name}` has indices beyond its {len(points)} vertices")
-        sound = np.isfinite(points[triangles]).all(axis=(1, 2))
-        triangles = triangles[sound]
+        triangles = self.triangles(primitive, points, name)
         given = {key: accessor(attributes[key])[: len(points)] for key in (uv_name, "COLOR_0") if key in attributes}
         if "NORMAL" in attributes:
             given["NORMAL"] = gltf_animation.morphed(self.container, primitive, "NORMAL", weights)[: len(points)]
@@ -174,15 +192,28 @@ class _Reader:
         )  # fmt: skip
         if skin is not None:
             mesh = skin.deform(mesh, self.container, attributes, self.warn)
-        if material is None:
-            made = [add(mesh, None, name, self.builder, self.diagnostics, Span(self.name))]
-        else:
-            mesh, fit = self.faded(mesh, material, colors, bool(sets))
-            made = [
-                add(part, self.materials.row(material, fit), name, self.builder, self.diagnostics, Span(self.name))
-                for part, fit in self.mapped(mesh, sets, attributes, fit)
-            ]
+        parts: Iterable[tuple[PolyMesh, gltf_materials.Fit]] = [(mesh, gltf_materials.Fit())]
+        if material is not None:
+            parts = self.mapped(*self.faded(mesh, material, colors, bool(sets)), sets, attributes)
+        made = []
+        for part, fit in parts:
+            row = None if material is None else self.material(material, fit)
+            made.append(add(part, row, name, self.builder, self.diagnostics, Span(self.name)))
         return [part for part in made if part is not None]
+
+    def material(self, index: int, fit: gltf_materials.Fit) -> int | None:
+        return self.attempt(f"material {index}", lambda: self.materials.row(index, fit), None)
+
+    def triangles(self, primitive: dict[str, Any], points: np.ndarray, name: str) -> np.ndarray:
+        """The triangles (t, 3) of a primitive whose corners exist and are finite."""
+        order = self.container.accessor(primitive["indices"]).reshape(-1) if "indices" in primitive else np.arange(len(points))
+        triangles = _triangles(order.astype(np.int64), primitive.get("mode", TRIANGLES))
+        sound = np.asarray((triangles < len(points)).all(axis=1))
+        sound[sound] = np.isfinite(points[triangles[sound]]).all(axis=(1, 2))
+        if not sound.all():
+            lost = f"{np.count_nonzero(~sound)} of {len(sound)} triangles of `{name}`"
+            self.warn(f"{lost} use vertices that do not exist or are not finite: they are left out")
+        return triangles[sound]
 
     def readable(self, primitive: dict[str, Any]) -> bool:
         """Whether a primitive is not compressed, or was decompressed now."""
@@ -213,7 +244,7 @@ class _Reader:
         return replace(mesh, uvs=vertex_numbers.coordinates(MeshAttribute(alpha))), gltf_materials.Fit(ramp=True)
 
     def mapped(
-        self, mesh: PolyMesh, sets: list[int], attributes: dict[str, int], fit: gltf_materials.Fit
+        self, mesh: PolyMesh, fit: gltf_materials.Fit, sets: list[int], attributes: dict[str, int]
     ) -> Iterator[tuple[PolyMesh, gltf_materials.Fit]]:
         """The parts of a mesh whose pictures read several sets of texture coordinates."""
         others = [s for s in sets[1:] if f"TEXCOORD_{s}" in attributes]
@@ -233,11 +264,12 @@ class _Reader:
 
     # --- lights and cameras ---
 
-    def light(self, light: dict[str, Any], node: dict[str, Any], matrix: np.ndarray) -> None:
+    def light(self, index: int, node: dict[str, Any], matrix: np.ndarray) -> None:
         """Adds a KHR_lights_punctual light: lux of a directional light, candela of a point or spot light, pointing to −z."""
         if not self.as_scene:
             self.warn("the lights of a mesh file are left out: only a file that is drawn by itself brings its lights")
             return
+        light = self.container.document["extensions"]["KHR_lights_punctual"]["lights"][index]
         color = scale_color(nonnegative(as_color(light.get("color", WHITE))), max(float(light.get("intensity", 1.0)), 0.0))
         axis = matrix[:3, 2] / max(float(np.linalg.norm(matrix[:3, 2])), 1e-300)
         backward, forward = as_color(axis), as_color(-axis)
@@ -259,11 +291,12 @@ class _Reader:
             return
         self.builder.light(made, Span(self.name))
 
-    def camera(self, camera: dict[str, Any], node: dict[str, Any], matrix: np.ndarray) -> None:
+    def camera(self, node: dict[str, Any], matrix: np.ndarray) -> None:
         """Adds a camera (§3.10), which looks along −z of its node."""
         if not self.as_scene:
             self.warn("the cameras of a mesh file are left out: only a file that is drawn by itself brings its cameras")
             return
+        camera = self.container.document["cameras"][node["camera"]]
         name = node.get("name") or camera.get("name", "")
         row = self.builder.transform(transforms.unscaled(matrix), Span(self.name))
         if camera.get("type") == "orthographic":
@@ -278,6 +311,8 @@ class _Reader:
                 row, math.tan(float(lens["yfov"]) / 2), aspect=float(lens.get("aspectRatio", 0.0)), near=float(lens["znear"]),
                 far=float(lens.get("zfar", math.inf)), name=name,
             )  # fmt: skip
+        if not 0 < made.extent < math.inf:
+            raise GltfError("its field of view is not above 0")
         self.builder.camera(made, Span(self.name))
 
 

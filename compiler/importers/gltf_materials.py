@@ -173,11 +173,15 @@ class Materials:
             reason = f"more than {uv_sets.MOST_PARTS} affine maps lead to it from the set of the first picture"
             self.warn(f"pictures with TEXCOORD_{_uv_set(reference)} are left out: {reason}")
             return NONE
-        texture = self.container.document["textures"][reference["index"]]
-        image = self._image(texture, color=channel == -1)
+        try:
+            texture = self.container.document["textures"][reference["index"]]
+            sampler = self.container.document["samplers"][texture["sampler"]] if "sampler" in texture else {}
+            image = self._image(texture, color=channel == -1)
+        except (KeyError, IndexError, TypeError, AttributeError):
+            self.warn(f"texture {reference['index']}, its sampler or its image does not exist: it is left out")
+            return NONE
         if image == NONE:
             return NONE
-        sampler = self.container.document["samplers"][texture["sampler"]] if "sampler" in texture else {}
         wrap_u, wrap_v = (_WRAPS.get(sampler.get(k, 10497), ir.Wrap.REPEAT) for k in ("wrapS", "wrapT"))
         made = TextureData(
             ir.TextureKind.IMAGE, image, wrap_u=wrap_u, wrap_v=wrap_v, nearest=sampler.get("magFilter") == 9728,

@@ -316,6 +316,8 @@ def _attribute(
             f"`{name}` has {len(values)} values where its interpolation `{interpolation}` wants {wanted}: it is left out", span
         )
         return None
+    if not np.isfinite(values).all():
+        diagnostics.warning(f"`{name}` has values that are not finite: NaN counts as 0", span)
     return MeshAttribute(np.nan_to_num(values), kind)
 
 

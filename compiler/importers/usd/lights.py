@@ -74,7 +74,17 @@ def light(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: S
     if (stage.numbers(prim.GetAttribute("inputs:color"), opened.time, np.float64) < 0).any():
         builder.diagnostics.warning("this light's colour has a negative component, which counts as 0", it.span)
     for made in _MAKERS[kind](it, radiance, builder, materials):
+        if not _is_sound(made):
+            materials.tell("the size or angle of this light is 0, negative or not finite: it is left out", prim)
+            return
         builder.light(replace(made, shadows=_casts_shadows(it)), it.span)
+
+
+def _is_sound(light: LightData) -> bool:
+    """Whether a light's numbers are finite and it has the area of its kind."""
+    sides = {ir.LightKind.RECTANGLE: 2, ir.LightKind.DISK: 1, ir.LightKind.SPHERE: 1}.get(light.kind, 0)
+    numbers = (*light.color, *light.position, *light.direction, *light.size, light.angle)
+    return all(map(math.isfinite, numbers)) and min(light.color) >= 0 and all(side > 0 for side in light.size[:sides])
 
 
 def mesh_radiance(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, materials: Materials) -> Color | None:

@@ -25,6 +25,7 @@ from .. import images, uv_sets, vertex_numbers
 from . import materialx, stage
 from .assets import Asset, asset, contents
 from .audit import Audit
+from .network import Fit, Network, Picture, Primvar
 from .stage import Opened, Warnings, primvar_mean
 
 DISPLAY_COLOR, DISPLAY_OPACITY = "displayColor", "displayOpacity"
@@ -47,79 +48,7 @@ _NUMBERS = {
 }  # fmt: skip
 
 
-_SHARES = ("opacity", "roughness", "metallic", "clearcoat", "clearcoatRoughness", "occlusion")
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Fit:
-    """How a part of a mesh uses its material."""
-
-    colored: bool = False  # the mesh has vertex colours
-    maps: dict[str, np.ndarray | None] = field(default_factory=dict)  # (3, 3) from the part's coordinates to a primvar's; None: unknown
-    number: str | None = None  # the primvar that is the mesh's u
-
-
-@dataclass(frozen=True, slots=True)
-class Picture:
-    """A connected UsdUVTexture: node, output, primvar of the texture coordinates, and their frame."""
-
-    shader: Any
-    output: str
-    varname: str
-    frame: tuple[tuple[float, float, float], tuple[float, float, float]]
-    gain: float = 1.0  # of its values, after the node's own scale and bias
-    bias: float = 0.0
-    strength: float = 1.0  # of a normal map
-
-    def as_normals(self, strength: float) -> Picture:
-        """The picture as a normal map with values from 0 to 1."""
-        return replace(self.times(2.0, -1.0), strength=strength)
-
-    def times(self, gain: float, bias: float = 0.0) -> Picture:
-        return replace(self, gain=self.gain * gain, bias=self.bias * gain + bias)
-
-    def part(self, output: str) -> Picture:
-        """The picture of one channel."""
-        return replace(self, output=output)
-
-
-@dataclass(frozen=True, slots=True)
-class Primvar:
-    """A primvar read by a material."""
-
-    name: str
-    fallback: Any
-
-
-@dataclass(frozen=True, slots=True)
-class Network:
-    """A material's surface: for each input of UsdPreviewSurface a value, Picture or Primvar."""
-
-    path: str
-    name: str
-    inputs: dict[str, Any]
-
-    @property
-    def varnames(self) -> tuple[str, ...]:
-        """The primvars of the texture coordinates of its pictures, that of the diffuse one first."""
-        return tuple(dict.fromkeys(given.varname for given in self.inputs.values() if isinstance(given, Picture)))
-
-    @property
-    def numbers(self) -> tuple[str, ...]:
-        """The primvars of its numbers from 0 to 1."""
-        found = (self.inputs.get(name) for name in _SHARES)
-        return tuple(given.name for given in found if isinstance(given, Primvar))
-
-    @property
-    def displaced(self) -> bool:
-        """Whether it moves the points of meshes."""
-        return not isinstance(given := self.inputs["displacement"], float | int) or given != 0.0
-
-    @property
-    def color_name(self) -> str | None:
-        """The primvar of the diffuse colour."""
-        source = self.inputs.get("diffuseColor")
-        return source.name if isinstance(source, Primvar) else None
+MOST_NODES = 64  # shaders one behind the other
 
 
 @dataclass(slots=True)
@@ -133,6 +62,7 @@ class Materials:
     warnings: Warnings = field(init=False)
     audit: Audit = field(init=False)
     _fit: Fit = field(default_factory=Fit)  # of the row that is being made
+    _depth: int = 0  # of the shader that is being read
 
     def __post_init__(self) -> None:
         self.warnings = Warnings(self.opened, self.builder.diagnostics)
@@ -151,6 +81,9 @@ class Materials:
             if preferred and ":preview" in str(other.GetName()):
                 material = preferred
         if not material:
+            missing = api.GetDirectBinding().GetMaterialPath()
+            if not missing.isEmpty and not prim.GetStage().GetPrimAtPath(missing):
+                self.tell(f"the material {missing} does not exist: its prims show their displayColor", prim)
             return None
         path = str(material.GetPath())
         if path not in self.networks:
@@ -189,6 +122,21 @@ class Materials:
         """Source of an input: a value, Picture or Primvar, resolved through node graphs and interfaces."""
         if not given:
             return fallback
+        if self._depth == MOST_NODES:
+            self.tell(f"more than {MOST_NODES} shaders feed each other: the input takes its default", given.GetPrim())
+            return fallback
+        self._depth += 1
+        try:
+            return self._resolved(given, fallback)
+        finally:
+            self._depth -= 1
+
+    def _value(self, given: Any, fallback: Any) -> Any:
+        """An input that is a value; `fallback` for a Picture or Primvar."""
+        found = self._source(given, fallback)
+        return fallback if isinstance(found, Picture | Primvar) else found
+
+    def _resolved(self, given: Any, fallback: Any) -> Any:
         for attribute in given.GetValueProducingAttributes():
             node = self._node(attribute)
             if node is None:
@@ -214,12 +162,11 @@ class Materials:
         return shader if shader and UsdShade.Output.IsOutput(attribute) else None
 
     def _text(self, node: Any, name: str) -> str:
-        value = self._source(materialx.alias(node, name), "")
-        return str(value)
+        return str(self._value(materialx.alias(node, name), ""))
 
     def _coordinates(self, node: Any, kind: str) -> tuple[str, Any]:
         """The primvar of a texture's st input, and the frame of the UsdTransform2d nodes between: scaled, rotated, translated."""
-        frame = materialx.tiling(node, self._source) if kind.startswith("ND_tiledimage_") else np.eye(3)
+        frame = materialx.tiling(node, self._value) if kind.startswith("ND_tiledimage_") else np.eye(3)
         given = node.GetInput("st") or node.GetInput("texcoord")
         for _ in range(16):
             attributes = given.GetValueProducingAttributes() if given else []
@@ -230,7 +177,7 @@ class Materials:
             self.audit.shader(source.GetPrim(), kind)
             if kind in ("UsdTransform2d", "ND_UsdTransform2d", "ND_place2d_vector2"):
                 placed = kind == "ND_place2d_vector2"
-                frame = frame @ (materialx.place2d(source, self._source) if placed else self._transform2d(source))
+                frame = frame @ (materialx.place2d(source, self._value) if placed else self._transform2d(source))
                 given = source.GetInput("in") or source.GetInput("texcoord")
                 continue
             if kind.startswith((*_READERS, "ND_texcoord_")):
@@ -240,9 +187,9 @@ class Materials:
         return "st", _rows(frame)
 
     def _transform2d(self, node: Any) -> np.ndarray:
-        turn = math.radians(float(self._source(node.GetInput("rotation"), 0.0)))
-        sx, sy = self._source(node.GetInput("scale"), (1.0, 1.0))
-        tx, ty = self._source(node.GetInput("translation"), (0.0, 0.0))
+        turn = math.radians(float(self._value(node.GetInput("rotation"), 0.0)))
+        sx, sy = self._value(node.GetInput("scale"), (1.0, 1.0))
+        tx, ty = self._value(node.GetInput("translation"), (0.0, 0.0))
         c, s = math.cos(turn), math.sin(turn)
         return np.array([[c * sx, -s * sy, tx], [s * sx, c * sy, ty], [0.0, 0.0, 1.0]])
 
@@ -420,14 +367,14 @@ class Materials:
     def _levels(self, picture: Picture) -> tuple[Any, Any, Any]:
         """Scale, bias and fallback of a UsdUVTexture, four floats each."""
         defaults = {"scale": (1.0,) * 4, "bias": (0.0,) * 4, "fallback": (0.0, 0.0, 0.0, 1.0)}
-        found = {k: self._source(picture.shader.GetInput(k), v) for k, v in defaults.items()}
+        found = {k: self._value(picture.shader.GetInput(k), v) for k, v in defaults.items()}
         if plain := picture.shader.GetInput("default"):
-            found["fallback"] = (*np.ravel(self._source(plain, (0.0, 0.0, 0.0))), 0.0, 0.0, 1.0)[:4]
+            found["fallback"] = (*np.ravel(self._value(plain, (0.0, 0.0, 0.0))), 0.0, 0.0, 1.0)[:4]
         scale, bias, fallback = (tuple(map(float, v)) if len(v) == 4 else defaults[k] for k, v in found.items())
         return tuple(v * picture.gain for v in scale), tuple(v * picture.gain + picture.bias for v in bias), fallback
 
     def _picture(self, picture: Picture) -> Asset | None:
-        return asset(self._source(picture.shader.GetInput("file"), None), self.warnings, picture.shader.GetPrim())
+        return asset(self._value(picture.shader.GetInput("file"), None), self.warnings, picture.shader.GetPrim())
 
 
 def _rgb(value: Any, fallback: Color) -> Color:

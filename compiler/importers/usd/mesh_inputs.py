@@ -17,7 +17,8 @@ from ...ir import F64
 from ...scene.row_records import MeshAttribute
 from .. import uv_sets
 from . import geometry, stage
-from .materials import DISPLAY_COLOR, DISPLAY_OPACITY, Fit, Network
+from .materials import DISPLAY_COLOR, DISPLAY_OPACITY
+from .network import Fit, Network
 
 _UV_NAMES = ("st", "UVMap", "uv", "map1", "Texture_uv")
 

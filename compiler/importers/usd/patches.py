@@ -82,7 +82,7 @@ def _axis(prim: Any, time: Any, letter: str) -> _Axis | None:
     """Samples along u or v, over its range; None if the knots do not fit."""
     count, order = (int(stage.number(prim.GetAttribute(f"{letter}{name}"), time)) for name in ("VertexCount", "Order"))
     knots = stage.numbers(prim.GetAttribute(f"{letter}Knots"), time, np.float64)
-    if order < 2 or count < order or len(knots) != count + order or (np.diff(knots) < 0).any():
+    if order < 2 or count < order or len(knots) != count + order or not (np.diff(knots) >= 0).all():
         return None
     low, high = knots[order - 1], knots[count]
     asked = stage.numbers(prim.GetAttribute(f"{letter}Range"), time, np.float64)

@@ -18,7 +18,8 @@ from ...scene.builder import NONE, SceneBuilder
 from ...scene.row_records import InstanceData
 from . import curves, displacement, lights, mesh_inputs, patches, skeletons
 from . import geometry as geometry_module
-from .materials import DEFAULT_COLOR, DISPLAY_COLOR, DISPLAY_OPACITY, Fit, Materials, Network, Picture
+from .materials import DEFAULT_COLOR, DISPLAY_COLOR, DISPLAY_OPACITY, Materials
+from .network import Fit, Network, Picture
 from .stage import Opened, numbers, primvar_mean, reason
 
 MAX_INSTANCES = 4_000_000
@@ -256,6 +257,9 @@ class Walk:
             name = str(subset.GetPrim().GetName())
             pieces += self._part(prim, subset.GetPrim(), faces, name, matrix)
         count = len(numbers(prim.GetAttribute("faceVertexCounts"), self.opened.time, np.int64))
+        outside = sum(int(((faces < 0) | (faces >= count)).sum()) for faces in taken)
+        if outside:
+            self.materials.tell(f"{outside} indices of the subsets of this mesh are no faces of it: they are left out", prim)
         rest = np.setdiff1d(np.arange(count), np.concatenate(taken))
         return pieces + (self._part(prim, prim, rest, "rest", matrix) if len(rest) else [])
 

@@ -352,20 +352,108 @@ def test_glb_strips_and_fans_wind_alike(mode, order, count):
     assert np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])[:, 2].tolist() == [1] * count
 
 
+INDEX = "the glTF file contradicts itself (IndexError: list index out of range)"
+OUTSIDE = "the glTF file's data lies outside of it"
+
+
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
         ({"asset": {"version": "1.0"}}, "the glTF file is of version 1.0; version 2 is read"),
-        ({"nodes": [{"children": [1]}, {"children": [0]}]}, "the glTF file's nodes contain each other"),
         ({"nodes": [{}, {}, {}]}, "the glTF file shows no mesh"),
-        ({"bufferViews": []}, "the glTF file contradicts itself (IndexError: list index out of range)"),
-        ({"bufferViews": [{"buffer": 0, "byteOffset": 9999}] * 3}, "the glTF file's data lies outside of it"),
-        ({"meshes": 7}, "the glTF file contradicts itself (TypeError: 'int' object is not subscriptable)"),
-        ({"scene": 4}, "the glTF file contradicts itself (IndexError: list index out of range)"),
+        ({"scenes": [7]}, "the glTF file contradicts itself (AttributeError: 'int' object has no attribute 'get')"),
     ],
 )
 def test_broken_glb(change, expected):
     assert read(glb(*square(**change)), "a.glb")[2] == [f"a.glb: error: {expected}"]
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        ({"nodes": [{"children": [1]}, {"children": [0]}]}, ["the glTF file's nodes contain each other: the rest is left out"]),
+        ({"bufferViews": []}, [f"primitive 0 of `sq` is left out: {INDEX}"]),
+        ({"bufferViews": [{"buffer": 0, "byteOffset": 9999}] * 3}, [f"primitive 0 of `sq` is left out: {OUTSIDE}"]),
+        ({"meshes": 7}, [
+            f"the mesh of node {k} is left out: the glTF file contradicts itself (TypeError: 'int' object is not subscriptable)"
+            for k in (0, 2)
+        ]),
+    ],
+)  # fmt: skip
+def test_a_glb_without_a_sound_mesh(change, expected):
+    warnings = [f"a.glb: warning: {message}" for message in expected]
+    assert read(glb(*square(**change)), "a.glb")[2] == [*warnings, "a.glb: error: the glTF file shows no mesh"]
+
+
+def bad_primitive(document):
+    document["meshes"][0]["primitives"].append({"attributes": {"POSITION": 9}})
+
+
+def bad_count(document):
+    document["accessors"].append({**document["accessors"][2], "count": 600})
+    document["meshes"][0]["primitives"].append({"attributes": {"POSITION": 0}, "indices": 3})
+
+
+def bad_texture(document):
+    document["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = {"index": 5}
+
+
+def bad_material(document):
+    document["materials"][0]["pbrMetallicRoughness"] = {"baseColorFactor": [1, 0]}
+
+
+def no_material(document):
+    document["meshes"][0]["primitives"][0]["material"] = 4
+
+
+def bad_child(document):
+    document["nodes"][1]["children"].append(77)
+
+
+def bad_skin(document):
+    document["nodes"][0]["skin"] = 3
+
+
+def bad_camera(document):
+    document["cameras"] = [{"type": "perspective", "perspective": {"yfov": 0, "znear": 0.1}}]
+    document["nodes"][0]["camera"] = 0
+
+
+def bad_scene(document):
+    document["scene"] = 4
+
+
+@pytest.mark.parametrize(
+    ("spoil", "expected"),
+    [
+        (bad_primitive, f"primitive 1 of `sq` is left out: {INDEX}"),
+        (bad_count, f"primitive 1 of `sq` is left out: {OUTSIDE}"),
+        (bad_texture, "texture 5, its sampler or its image does not exist: it is left out"),
+        (bad_material, f"material 0 is left out: {INDEX}"),
+        (no_material, f"material 4 is left out: {INDEX}"),
+        (bad_child, f"node 77 is left out: {INDEX}"),
+        (bad_skin, "a skin is left out: the glTF file contradicts itself (KeyError: 'skins')"),
+        (bad_camera, "the camera of node 0 is left out: its field of view is not above 0"),
+        (bad_scene, f"the default scene is left out: {INDEX}"),
+    ],
+)
+def test_one_bad_item_of_a_glb_is_left_out(spoil, expected):
+    """The square is drawn at its two nodes all the same."""
+    document, binary = square()
+    spoil(document)
+    found = Diagnostics()
+    builder = SceneBuilder(found)
+    parts = mesh_files.read(glb(document, binary), "a.glb", builder, found, as_scene=True)
+    assert [f"{d.severity}: {d.message}" for d in found.items if d.severity != "note"] == [f"warning: {expected}"]
+    assert len(parts) == 2
+
+
+def test_triangles_without_their_vertices_are_left_out():
+    document, binary = square()
+    document["accessors"][0]["count"] = 3
+    scene, parts, messages = read(glb(document, binary), "a.glb")
+    assert messages == ["a.glb: warning: 1 of 2 triangles of `sq` use vertices that do not exist or are not finite: they are left out"]
+    assert (len(parts), len(scene.tables.pools.triangles)) == (2, 1)
 
 
 def gltf_lights(kind, **more):

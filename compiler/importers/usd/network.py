@@ -1,0 +1,82 @@
+"""Records of a material's surface: for each input a value, a picture or a primvar; and how a part of a mesh uses it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+_SHARES = ("opacity", "roughness", "metallic", "clearcoat", "clearcoatRoughness", "occlusion")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """How a part of a mesh uses its material."""
+
+    colored: bool = False  # the mesh has vertex colours
+    maps: dict[str, np.ndarray | None] = field(default_factory=dict)  # (3, 3) from the part's coordinates to a primvar's; None: unknown
+    number: str | None = None  # the primvar that is the mesh's u
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A connected UsdUVTexture: node, output, primvar of the texture coordinates, and their frame."""
+
+    shader: Any
+    output: str
+    varname: str
+    frame: tuple[tuple[float, float, float], tuple[float, float, float]]
+    gain: float = 1.0  # of its values, after the node's own scale and bias
+    bias: float = 0.0
+    strength: float = 1.0  # of a normal map
+
+    def as_normals(self, strength: float) -> Picture:
+        """The picture as a normal map with values from 0 to 1."""
+        return replace(self.times(2.0, -1.0), strength=strength)
+
+    def times(self, gain: float, bias: float = 0.0) -> Picture:
+        return replace(self, gain=self.gain * gain, bias=self.bias * gain + bias)
+
+    def part(self, output: str) -> Picture:
+        """The picture of one channel."""
+        return replace(self, output=output)
+
+
+@dataclass(frozen=True, slots=True)
+class Primvar:
+    """A primvar read by a material."""
+
+    name: str
+    fallback: Any
+
+
+@dataclass(frozen=True, slots=True)
+class Network:
+    """A material's surface: for each input of UsdPreviewSurface a value, Picture or Primvar."""
+
+    path: str
+    name: str
+    inputs: dict[str, Any]
+
+    @property
+    def varnames(self) -> tuple[str, ...]:
+        """The primvars of the texture coordinates of its pictures, that of the diffuse one first."""
+        return tuple(dict.fromkeys(given.varname for given in self.inputs.values() if isinstance(given, Picture)))
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """The primvars of its numbers from 0 to 1."""
+        found = (self.inputs.get(name) for name in _SHARES)
+        return tuple(given.name for given in found if isinstance(given, Primvar))
+
+    @property
+    def displaced(self) -> bool:
+        """Whether it moves the points of meshes."""
+        return not isinstance(given := self.inputs["displacement"], float | int) or given != 0.0
+
+    @property
+    def color_name(self) -> str | None:
+        """The primvar of the diffuse colour."""
+        source = self.inputs.get("diffuseColor")
+        return source.name if isinstance(source, Primvar) else None

@@ -41,8 +41,19 @@ class Materials:
         row = self._materials.get(id(element))
         if row is None:
             self._lowering.photometric |= element.photometric
+            self._warn_of_bright_color(element)
             row = self._materials[id(element)] = self._lowering.builder.material(self._data(element), element.place)
         return row
+
+    def _warn_of_bright_color(self, element: Element) -> None:
+        """Warn of a colour that reflects more light than arrives, as of channels from 0 to 255."""
+        color = element.args.get("color")
+        if element.kind == "emissive" or not isinstance(color, tuple) or max(color) <= 1.0:
+            return
+        bytes_of_it = all(c == int(c) and c <= 255 for c in color) and max(color) > 15
+        hint = "write #" + "".join(f"{int(c):02x}" for c in color) if bytes_of_it else "channels of a material's colour are 0 to 1"
+        message = f"this {element.kind} reflects more light than it gets: a channel of its colour is {max(color):g}"
+        self._lowering.warn(element, message, hint)
 
     def _data(self, element: Element) -> MaterialData:
         if element.kind == "blend":

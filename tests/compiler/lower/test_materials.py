@@ -198,3 +198,19 @@ def test_opacity_is_a_share(said) -> None:
     assert said("sphere(1, material: lambert(0.5, opacity: 2))" + REST).startswith(
         "a.scene:1:43: error: `opacity` must be at most 1, got 2\n   1 | sphere(1, material: lambert(0.5, opacity: 2))\n"
     )
+
+
+@pytest.mark.parametrize(("color", "channel", "hint"), [
+    ("rgb(255, 128, 0)", "255", "write #ff8000"),
+    ("rgb(1.5, 0.5, 0)", "1.5", "channels of a material's colour are 0 to 1"),
+])  # fmt: skip
+def test_a_colour_that_reflects_more_than_it_gets(said, color: str, channel: str, hint: str) -> None:
+    expected = f"this lambert reflects more light than it gets: a channel of its colour is {channel}"
+    place = "a.scene:1:21: warning: "
+    source = f"sphere(1, material: lambert({color}))"
+    marks = "^" * len(f"lambert({color})")
+    assert said(source + REST) == f"{place}{expected}\n   1 | {source}\n     |                     {marks} {hint}"
+
+
+def test_colours_of_light_may_exceed_one(said) -> None:
+    assert said("sphere(1, material: emissive(rgb(255, 128, 0)))\nbox(1, material: lambert(rgb(1, 1, 1)))" + REST) == ""

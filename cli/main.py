@@ -119,9 +119,14 @@ def cli() -> None:
 
 @cli.command()
 @click.argument("scene", type=shared.FILE)
-@click.option("-o", "--output", type=shared.OUT, help="Picture file: .exr, .png, .tif or .jpg. Default: SCENE.png in this folder.")
+@click.option(
+    "-o", "--output", type=shared.OUT,
+    help="Picture file: .exr, .png, .tif or .jpg; animation of --frames: .mp4, .gif, .webp or .apng. Default: SCENE.png in this folder.",
+)
 @shared.scene_options
-@click.option("--frames", type=values.FRAMES, help="Frames: 1..24, 1..240x10, 1,5,10 or all, written to out.####.png.")
+@click.option("--frames", type=values.FRAMES, help="Frames: 1..24, 1..240x10, 1,5,10 or all, written to out.####.png or an animation.")
+@click.option("--fps", type=click.FloatRange(0.01, 1000), help="Frames a second of an animation. Default: the scene's.")
+@click.option("--resume", is_flag=True, help="Keep the frames that are there, and render the others.")
 @shared.picture_options
 @click.option("--bits", type=click.Choice(["8", "16"]), help="Bits per channel of .png and .tif. Default: 8.")
 @click.option("--stats", type=shared.OUT, help="Write times, rays, error, plan and warnings to this JSON file.")
@@ -130,22 +135,40 @@ def cli() -> None:
     "maquette render hello.scene -o hello.png",
     "maquette render room.scene -o room.exr --error 0.5% --aov depth,normal --stats room.json",
     "maquette render gear.scene -o gear.####.png --frames 1..48 --set teeth=24",
+    "maquette render motion.scene -o motion.mp4 --frames 0..47",
     "maquette render robot.usdz -o robot.png --size 960x540 --backend raster",
 )
 def render(
-    scene: Path, output: Path | None, frames: tuple[float, ...] | None, bits: str | None, stats: Path | None, quiet: bool, **given: Any
-) -> None:
-    """Render SCENE to a picture."""
-    if frames is not None and given["at"] is not None:
-        raise click.UsageError("--time and --frames exclude each other")
-    source, settings, overrides = shared.read_options(scene, given)
+    scene: Path, output: Path | None, frames: tuple[float, ...] | None, fps: float | None, resume: bool, bits: str | None,
+    stats: Path | None, quiet: bool, **given: Any,
+) -> None:  # fmt: skip
+    """Render SCENE to a picture, or its --frames to pictures or an animation."""
+    from . import animation
+
     output = output or Path(f"{scene.stem}.png")
+    animated = animation.is_animation(output)
+    _check_frames(frames, given["at"], resume, animated, fps)
+    source, settings, overrides = shared.read_options(scene, given)
     depth = int(bits) if bits else None
-    jobs.check_output(output, settings.aov or (), depth, settings.view or "sRGB")
+    if animated:
+        animation.check(output, frames)
+    else:
+        jobs.check_output(output, settings.aov or (), depth, settings.view or "sRGB")
     jobs.check_stats(stats, scene, output)
-    pictures = jobs.Job(source, settings, overrides, output, depth, quiet).run(frames)
+    job = jobs.Job(source, settings, overrides, output, depth, quiet)
+    pictures = animation.render(job, output, frames, fps, resume) if animated and frames is not None else job.run(frames, resume)
     if stats:
         jobs.write_json(stats, pictures[0] if frames is None else {"frames": pictures})
+
+
+def _check_frames(frames: tuple[float, ...] | None, time: float | None, resume: bool, animated: bool, fps: float | None) -> None:
+    """Raise UsageError for options that exclude each other."""
+    if frames is not None and time is not None:
+        raise click.UsageError("--time and --frames exclude each other")
+    if resume and frames is None:
+        raise click.UsageError("--resume continues --frames, which are not given")
+    if fps is not None and not animated:
+        raise click.UsageError("--fps is for animations: .mp4, .gif, .webp or .apng")
 
 
 @cli.command()

@@ -22,74 +22,20 @@ import click
 
 from .. import __version__
 from ..compiler.io.replace_file import replace_file
-from ..lang import file_types
-from ..lang.diagnostics import Diagnostic, Diagnostics, SceneError
+from ..lang.diagnostics import Diagnostic, SceneError
+from ..lang.plain_values import time_range
 from . import option_types as values
 from . import terminal
 from .memory import peak_memory
 from .progress import Display
+from .scene_source import Source, measure_time
 
 if TYPE_CHECKING:
     from ..compiler import ir
-    from ..compiler.importers.stage_options import StageOptions
     from ..compiler.plan.plan import Plan
     from ..render.image.image import Image
 
 STAGES = ("import", "parse", "evaluate", "lower", "validate", "compile_kernels", "build", "render", "write")
-
-
-@dataclass(frozen=True, slots=True)
-class Source:
-    """A scene file with the options for reading it."""
-
-    path: Path
-    sets: Mapping[str, str]
-    time: float | None
-    allow: tuple[Path, ...]
-    stage: StageOptions
-    max_elements: int | None = None
-
-    def load(self, seconds: dict[str, float], time: float | None = None, code: float | None = None) -> tuple[ir.Scene, Diagnostics]:
-        """The scene at `time` seconds or at a USD time code (default: --time), and its diagnostics. Raises SceneError."""
-        with measure_time(seconds, "import"):
-            from ..compiler import load
-
-        found = Diagnostics()
-        scene = load.load(
-            self.path, sets=self.sets, time=self.time if time is None else time, code=code, allow=self.allow, variants=self.stage.variants,
-            stage=self.stage, max_elements=self.max_elements, diagnostics=found, seconds=seconds,
-        )  # fmt: skip
-        return scene, found
-
-    def summary(self) -> list[str]:
-        """Lines about the file itself, of a USD stage; empty for other kinds."""
-        if self.path.suffix.lower() not in file_types.USD:
-            return []
-        from ..compiler.importers.usd import stage
-
-        return stage.summary(self.path, self.stage)
-
-    def frames(self, asked: tuple[float, ...]) -> tuple[float, ...]:
-        """The frames asked for; for `all`, which is (), those from the start to the end of the stage or animation."""
-        if asked:
-            return asked
-        if self.path.suffix.lower() in file_types.USD:
-            from ..compiler.importers.usd import stage
-
-            found = stage.time_codes(self.path)
-        else:
-            scene, _ = self.load({})
-            found = (0.0, scene.duration * scene.fps) if scene.duration else None
-        if found is None:
-            raise click.UsageError(f"{self.path} has no range of frames: name them, as in --frames 1..24")
-        return tuple(found[0] + k for k in range(int(found[1] - found[0] + 1e-6) + 1))
-
-    def moments(self, frames: tuple[float, ...]) -> list[dict[str, float]]:
-        """The arguments of `load` for each frame: time codes for a USD stage, else times at the frame rate of the scene."""
-        if self.path.suffix.lower() in file_types.USD:
-            return [{"code": float(number)} for number in frames]
-        scene, _ = self.load({})
-        return [{"time": number / scene.fps} for number in frames]
 
 
 def make_plan(scene: ir.Scene, settings: ir.Settings, overrides: Mapping[str, str]) -> Plan:
@@ -165,16 +111,38 @@ class Job:
     laps: Laps = field(default_factory=Laps)  # of the last picture
     display: Display = field(default_factory=lambda: Display(quiet=True))  # of the last picture
 
-    def run(self, frames: tuple[float, ...] | None) -> list[dict[str, Any]]:
-        """Render all pictures. Returns the statistics of each (`--stats`). Raises KeyboardInterrupt after a partial one."""
+    def run(self, frames: tuple[float, ...] | None, resume: bool = False) -> list[dict[str, Any]]:
+        """Render all pictures, with `resume` those of frames that have no file. Returns the statistics of each (`--stats`).
+
+        Raises KeyboardInterrupt after a partial one.
+        """
         if frames is None:
             return [self._summarize(self.output, self._picture(self.output, {}))]
-        pictures = []
-        frames = self.source.frames(frames)
-        for i, (number, moment) in enumerate(zip(frames, self.source.moments(frames), strict=True), 1):
-            path = values.frame_path(self.output, number)
-            pictures.append(self._summarize(path, self._picture(path, moment, f"frame {number:g} ({i} of {len(frames)})")))
+        numbers = self.source.frames(frames)
+        every = [(self.frame_file(n), n, moment) for n, moment in zip(numbers, self.source.moments(numbers), strict=True)]
+        missing = [frame for frame in every if not (resume and frame[0].is_file())]
+        if len(missing) < len(every):
+            self._skip(len(every) - len(missing), next(path for path, _, _ in every if path.is_file()))
+        pictures: list[dict[str, Any]] = []
+        began = time.perf_counter()
+        for i, (path, number, moment) in enumerate(missing, 1):
+            each = (time.perf_counter() - began) / max(i - 1, 1)
+            left = f", all in {time_range(each * (len(missing) - i + 1))}" if i > 1 else ""
+            pictures.append(self._summarize(path, self._picture(path, moment, f"frame {number:g} ({i} of {len(missing)}{left})")))
         return pictures
+
+    def frame_file(self, number: float) -> Path:
+        """The file of a frame."""
+        return values.frame_path(self.output, number)
+
+    def _skip(self, count: int, file: Path) -> None:
+        """Tell that frames are there already, and take the exposure of one of them."""
+        from ..render.image import image_reader
+
+        if not self.quiet:
+            click.echo(f"{count} frame{' is' if count == 1 else 's are'} there already", err=True)
+        about = image_reader.read(file).metadata["about"]
+        self.exposure = float(about["exposure"]) if "exposure" in about else None
 
     def _summarize(self, path: Path, figures: dict[str, Any]) -> dict[str, Any]:
         if not self.quiet:
@@ -351,16 +319,6 @@ def _rescue(image: Image, path: Path) -> str:
         else:
             return f"its pixels are in {other}"
     return f"its pixels are lost: {reason}"
-
-
-@contextmanager
-def measure_time(seconds: dict[str, float], stage: str) -> Iterator[None]:
-    """Add the duration of the `with` block to `seconds[stage]`."""
-    began = time.perf_counter()
-    try:
-        yield
-    finally:
-        seconds[stage] = seconds.get(stage, 0.0) + time.perf_counter() - began
 
 
 @contextmanager

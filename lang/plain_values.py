@@ -16,9 +16,9 @@ def show_value(value: Any) -> str:
     return str(value)
 
 
-def time_range(least: float, most: float) -> str:
-    """Two durations as text, such as "8 to 12 s" or "2:10 min"."""
-    short, long = _rounded(least), _rounded(most)
+def time_range(least: float, most: float | None = None) -> str:
+    """One or two durations as text, such as "8 to 12 s" or "2:10 min"."""
+    short, long = _rounded(least), _rounded(least if most is None else most)
     if short == long:
         return f"{_digits(short, long)} {_unit(long)}"
     return f"{_digits(short, long)} to {_digits(long, long)} {_unit(long)}"

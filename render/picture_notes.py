@@ -77,7 +77,7 @@ def noise_notes(about: Mapping[str, Any], plan: Plan) -> list[Diagnostic]:
         return []
     longer = (error / NOISY) ** 2 * about["seconds"]["render"]
     message = f"the picture is noisy: its error is {error:.0%} with the default of {plan['samples']} samples a pixel"
-    return [Diagnostic("note", message, None, f"--error {NOISY:.0%} takes about {time_range(longer, longer)}; --denoise smooths it")]
+    return [Diagnostic("note", message, None, f"--error {NOISY:.0%} takes about {time_range(longer)}; --denoise smooths it")]
 
 
 def unproved_warnings(rays: int) -> list[Diagnostic]:

@@ -81,6 +81,8 @@ EXCEPT = {"live": ("measure", "cli", "top"), "measure": ("measure", "live", "cli
 # Modules that may be imported inside a function, and why: a command that does not need one must not wait for it.
 LATE = {
     "DracoPy": "an extra, for compressed glTF meshes",
+    "PIL": "only animations need it",
+    "av": "an extra, for .mp4 files",
     "OpenImageIO": "only scenes with pictures need it",
     "fcntl": "some systems lack it",
     "manifold3d": "only solids with meshes in them need it",
@@ -96,12 +98,15 @@ ONE_FILE = {
     "flip_evaluator": "measure/errors.py",
     "manifold3d": "compiler/mesh/mesh_csg.py",
     "uharfbuzz": "compiler/importers/fonts.py",
+    "PIL": "render/image/animation.py",
+    "av": "render/image/animation.py",
 }
 # Files whose functions open the next stage's door when it is reached, so that `--help` and `check` stay quick.
 DOORS = {
     "__init__.py": "`import maquette` loads no numpy",
     "cli/main.py": "each command loads its own stages",
     "cli/common_options.py": "settings are asked for once numpy is needed anyway",
+    "cli/animation.py": "only an animation loads what writes it",
     "cli/chart.py": "drawing again loads no scene, and nobody else loads matplotlib",
     "cli/compare.py": "pictures and scenes load what they need",
     "cli/convert.py": "each format loads what writes it",
@@ -111,6 +116,7 @@ DOORS = {
     "live/scene_files.py": "only stages load what reads USD",
     "cli/doctor.py": "`--help` looks at no packages",
     "cli/installation.py": "what cannot be imported is a finding",
+    "cli/scene_source.py": "each kind of file loads what reads it",
     "cli/render_job.py": "a job loads the stages it comes to",
     "render/render_scene.py": "a picture loads the backend that draws it",
     "render/backends/kernel_choice.py": "a picture loads the backend that draws it",

@@ -203,6 +203,11 @@ def time_codes(path: Path) -> tuple[float, float] | None:
     return (stage.GetStartTimeCode(), stage.GetEndTimeCode()) if stage.HasAuthoredTimeCodeRange() else None
 
 
+def time_codes_per_second(path: Path) -> float:
+    """The rate of a stage's time codes, by which frames are numbered."""
+    return Usd.Stage.Open(str(path), Usd.Stage.LoadNone).GetTimeCodesPerSecond()
+
+
 def summary(path: Path, options: StageOptions) -> list[str]:
     """Lines about a stage: its prims by type, up axis and unit, time codes, and variant sets with their choice."""
     found = Diagnostics()

@@ -23,7 +23,7 @@ from . import terminal
 
 COMMANDS = {  # in the order of --help, which imports none of them
     "new": "Write the starter scene NAME.scene.",
-    "render": "Render SCENE to a picture.",
+    "render": "Render SCENE to a picture or an animation.",
     "check": "Report errors and warnings in SCENES without rendering.",
     "inspect": "Show the compiled SCENE.",
     "explain": "Show the render plan of SCENE with reasons.",
@@ -142,7 +142,7 @@ def render(
     scene: Path, output: Path | None, frames: tuple[float, ...] | None, fps: float | None, resume: bool, bits: str | None,
     stats: Path | None, quiet: bool, **given: Any,
 ) -> None:  # fmt: skip
-    """Render SCENE to a picture, or its --frames to pictures or an animation."""
+    """Render SCENE to a picture or an animation."""
     from . import animation
 
     output = output or Path(f"{scene.stem}.png")

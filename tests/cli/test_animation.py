@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
@@ -42,13 +43,13 @@ def frames_of(path: Path) -> tuple[list[np.ndarray], list[float]]:
     """(pictures, durations in seconds)."""
     if path.suffix == ".mp4":
         with av.open(str(path)) as file:
-            stream = file.streams.video[0]
+            stream: Any = file.streams.video[0]
             found = [(frame.to_ndarray(format="rgb24"), frame.time) for frame in file.decode(stream)]
             ends = [*[time for _, time in found[1:]], float(stream.duration * stream.time_base)]
         return [pixels for pixels, _ in found], [end - time for (_, time), end in zip(found, ends, strict=True)]
     with Image.open(path) as file:
         pictures, durations = [], []
-        for k in range(file.n_frames):
+        for k in range(getattr(file, "n_frames")):  # noqa: B009 (not in the types of Pillow)
             file.seek(k)
             file.load()
             durations.append(file.info["duration"] / 1000.0)

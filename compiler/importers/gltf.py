@@ -173,7 +173,7 @@ class _Reader:
         material: int | None = primitive.get("material")
         sets: list[int] = []
         if material is not None:
-            known = self.attempt(f"material {material}", lambda: self.materials.uv_sets(material), None)
+            known = self.attempt(f"material {material}", lambda m=material: self.materials.uv_sets(m), None)
             sets, material = known or [], None if known is None else material
         uv_name = f"TEXCOORD_{sets[0] if sets else 0}"
         attributes = primitive["attributes"]

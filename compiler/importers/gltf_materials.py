@@ -24,6 +24,7 @@ _WRAPS = {33071: ir.Wrap.CLAMP, 33648: ir.Wrap.MIRROR, 10497: ir.Wrap.REPEAT}
 _DATA = -2  # all channels of an image, as data
 _LEAST_CUTOFF = 1e-9  # least alphaCutoff: a mask with cutoff 0 is opaque everywhere
 _COLORS = ("baseColorTexture", "diffuseTexture")
+_EVEN, _SMOOTH = 0.1, 0.1  # difference of a colour's components that is no tint; roughness that is none
 _GLASS_TRANSMISSION = 0.5  # transmission from which a material becomes glass
 
 
@@ -74,18 +75,23 @@ class Materials:
         title = written.get("name", "")
         if "KHR_materials_unlit" in extensions:
             return MaterialData(ir.MaterialModel.LAMBERT, {ir.Slot.DIFFUSE: Input(BLACK), ir.Slot.EMISSION: base}, name=title)
-        transmission = extensions.get("KHR_materials_transmission", {})
-        if transmission.get("transmissionFactor", 0.0) >= _GLASS_TRANSMISSION:
-            if pbr.get("roughnessFactor", 1.0) > 0.1:
-                self.warn("transmission is drawn as clear glass: without its roughness")
+        share = min(max(float(extensions.get("KHR_materials_transmission", {}).get("transmissionFactor", 0.0)), 0.0), 1.0)
+        tinted = picture != NONE or np.ptp(color[:3]) > _EVEN
+        solid = bool(extensions.get("KHR_materials_volume", {}).get("thicknessFactor")) or tinted
+        if share >= _GLASS_TRANSMISSION and solid:
             ior = float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5))
-            inputs = {ir.Slot.TRANSMISSION: base, ir.Slot.IOR: Input.number(max(ior, 1.0))}
+            rough = Input.number(float(pbr.get("roughnessFactor", 1.0)), self._texture(pbr.get("metallicRoughnessTexture"), 1))
+            inputs = {ir.Slot.TRANSMISSION: base, ir.Slot.IOR: Input.number(max(ior, 1.0)), ir.Slot.ROUGHNESS: rough}
             return MaterialData(ir.MaterialModel.GLASS, inputs | self._absorption(extensions), name=title)
-        if transmission.get("transmissionFactor", 0.0) > 0:
-            self.warn("transmission below one half is not drawn")
         if "KHR_materials_pbrSpecularGlossiness" in extensions:
-            return metallic_roughness.material(self._specular_glossiness(written, extensions["KHR_materials_pbrSpecularGlossiness"]))
-        return metallic_roughness.material(self._surface(written, base, float(color[3]), extensions))
+            surface = self._specular_glossiness(written, extensions["KHR_materials_pbrSpecularGlossiness"])
+        else:
+            surface = self._surface(written, base, float(color[3]), extensions)
+        if share > 0:
+            if tinted or pbr.get("roughnessFactor", 1.0) > _SMOOTH:
+                self.warn("light passes thin surfaces straight and white: without the roughness and colour of KHR_materials_transmission")
+            surface = replace(surface, opacity=surface.opacity * (1.0 - share))
+        return metallic_roughness.material(surface)
 
     def _absorption(self, extensions: dict[str, Any]) -> dict[ir.Slot, Input]:
         """KHR_materials_volume: light of `attenuationColor` is left after `attenuationDistance` (Beer and Lambert)."""

@@ -16,7 +16,7 @@ EXTENSIONS = Table(
         "KHR_lights_punctual": "point, spot and directional lights",
         "KHR_materials_clearcoat": "weight and roughness",
         "KHR_materials_emissive_strength KHR_materials_ior": "",
-        "KHR_materials_transmission": "glass from a transmission of one half on",
+        "KHR_materials_transmission": "a thin surface; solid glass, which may be rough, with a volume or a tint and from one half on",
         "KHR_materials_unlit": "the colour as emission",
         "KHR_materials_specular": "the factors, without pictures; a colour as its mean",
         "KHR_materials_volume": "absorption of glass, as a solid",

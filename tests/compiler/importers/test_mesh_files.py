@@ -611,8 +611,8 @@ def test_emission_coats_glass_and_unlit_of_a_gltf():
     clear = {"KHR_materials_transmission": {"transmissionFactor": 1}, "KHR_materials_ior": {"ior": 1.4}}
     document["materials"] = [{"extensions": clear, "pbrMetallicRoughness": {"roughnessFactor": 0}}]
     scene, (part, _), messages = read(glb(document, binary), "a.glb")
-    assert (messages, scene.tables.materials.model[part.material]) == ([], ir.MaterialModel.GLASS)
-    assert scene.tables.materials.values[part.material, ir.Slot.IOR][0] == pytest.approx(1.4)
+    assert (messages, scene.tables.materials.model[part.material]) == ([], ir.MaterialModel.PRINCIPLED)
+    assert scene.tables.materials.values[part.material, [ir.Slot.IOR, ir.Slot.TRANSMISSION], 0] == pytest.approx([1.4, 1])
 
 
 @pytest.mark.parametrize("data", [b"glTF", b"x" * 30, b"glTF" + struct.pack("<III4s", 2, 99, 4000, b"JSON")])
@@ -637,9 +637,25 @@ def test_glass_of_a_volume_absorbs():
         KHR_materials_volume={"thicknessFactor": 1.0, "attenuationDistance": 2.0, "attenuationColor": [1.0, 0.5, 0.25]},
     )
     m = scene.tables.materials
-    assert messages == ["a.glb: warning: transmission is drawn as clear glass: without its roughness"]
-    assert m.model[0] == ir.MaterialModel.GLASS
+    assert (messages, m.model[0]) == ([], ir.MaterialModel.GLASS)
+    assert m.values[0, ir.Slot.ROUGHNESS, 0] == 1
     assert m.values[0, ir.Slot.ABSORPTION] == pytest.approx([0, np.log(2) / 2, np.log(4) / 2])
+
+
+@pytest.mark.parametrize(("color", "share", "model"), [([1, 0.2, 0.2, 1], 0.75, "GLASS"), ([1, 1, 1, 1], 0.75, "PRINCIPLED"),
+                                                       ([1, 0.2, 0.2, 1], 0.25, "PRINCIPLED")])  # fmt: skip
+def test_transmission_without_a_volume_is_thin_or_tinted_glass(color, share, model):
+    pbr = {"baseColorFactor": color, "metallicFactor": 0, "roughnessFactor": 0}
+    extensions = {"KHR_materials_transmission": {"transmissionFactor": share}}
+    scene, _, messages = read(glb(*square(materials=[{"pbrMetallicRoughness": pbr, "extensions": extensions}])), "a.glb")
+    m = scene.tables.materials
+    assert ir.MaterialModel(m.model[0]).name == model
+    if model == "GLASS":
+        assert m.values[0, ir.Slot.TRANSMISSION].tolist() == color[:3]
+        return
+    assert m.values[0, ir.Slot.TRANSMISSION, 0] == pytest.approx(share)
+    white = "light passes thin surfaces straight and white: without the roughness and colour of KHR_materials_transmission"
+    assert messages == ([f"a.glb: warning: {white}"] if color[1] < 1 else [])
 
 
 def test_the_specular_factor_scales_the_reflectance():

@@ -23,12 +23,12 @@ from ..scene import transforms
 from ..scene.builder import SceneBuilder
 from ..scene.row_records import WHITE, CameraData, LightData, MeshAttribute, as_color, nonnegative, scale_color
 from . import gltf_animation, gltf_draco, gltf_materials, gltf_tables, uv_sets, vertex_numbers
-from .gltf_container import Container, GltfError, open_container
+from .gltf_container import Container, open_container
+from .gltf_errors import GltfError
 from .mesh_parts import Part, add
 
 __all__ = ["GltfError", "read"]
 
-_COMPRESSED = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 TRIANGLES, STRIP, FAN = 4, 5, 6
 WRONG = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError)  # of a document that contradicts itself
 _T = TypeVar("_T")
@@ -218,8 +218,6 @@ class _Reader:
     def readable(self, primitive: dict[str, Any]) -> bool:
         """Whether a primitive is not compressed, or was decompressed now."""
         extensions = primitive.get("extensions", {})
-        if any(e in extensions for e in _COMPRESSED):
-            return False
         if gltf_draco.EXTENSION in extensions:
             if reason := gltf_draco.missing():
                 self.warn(reason)

@@ -10,7 +10,8 @@ import numpy as np
 
 from ..mesh import skinning
 from ..mesh.polygon_mesh import PolyMesh
-from .gltf_container import Container, GltfError, Warn
+from .gltf_container import Container, Warn
+from .gltf_errors import GltfError
 
 _PATHS = ("translation", "rotation", "scale", "weights")
 

@@ -18,13 +18,11 @@ from urllib.parse import unquote, unquote_to_bytes
 import numpy as np
 
 from ..io.sandbox import FileError, Files
+from . import gltf_meshopt
+from .gltf_errors import GltfError
 
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-
-
-class GltfError(Exception):
-    """A glTF file that cannot be read, or an invalid part of one."""
 
 
 @dataclass(slots=True)
@@ -37,6 +35,7 @@ class Container:
     files: Files
     decoded: dict[int, np.ndarray] = field(default_factory=dict)  # (count, width) stored values of accessors that were compressed
     _buffers: dict[int, bytes] = field(default_factory=dict)
+    _views: dict[int, bytes] = field(default_factory=dict)  # that were compressed
 
     def bytes_at(self, uri: str, what: str) -> bytes:
         """The content of a data URI, or of a file beside the document. Raises GltfError, FileError."""
@@ -63,8 +62,16 @@ class Container:
         return self._buffers[index]
 
     def view_bytes(self, index: int) -> bytes:
-        """The bytes of a buffer view."""
+        """The bytes of a buffer view, decompressed."""
         view = self.document["bufferViews"][index]
+        extensions = view.get("extensions", {})
+        packed = next((extensions[name] for name in gltf_meshopt.EXTENSIONS if name in extensions), None)
+        if packed is not None:
+            if index not in self._views:
+                start = packed.get("byteOffset", 0)
+                data = self.buffer(packed["buffer"])[start : start + packed["byteLength"]]
+                self._views[index] = gltf_meshopt.decode(data, packed)
+            return self._views[index]
         start = view.get("byteOffset", 0)
         return self.buffer(view.get("buffer", 0))[start : start + view["byteLength"]]
 
@@ -93,9 +100,11 @@ class Container:
 
     def _view(self, index: int, offset: int, kind: np.dtype[Any], width: int, count: int) -> np.ndarray:
         view = self.document["bufferViews"][index]
-        data = self.buffer(view.get("buffer", 0))
         stride = view.get("byteStride", kind.itemsize * width)
-        start = view.get("byteOffset", 0) + offset
+        if any(name in view.get("extensions", {}) for name in gltf_meshopt.EXTENSIONS):
+            data, start = self.view_bytes(index), offset
+        else:
+            data, start = self.buffer(view.get("buffer", 0)), view.get("byteOffset", 0) + offset
         if start < 0 or start + stride * (count - 1) + kind.itemsize * width > len(data):
             raise GltfError("the glTF file's data lies outside of it")
         return np.ndarray((count, width), kind, data, start, (stride, kind.itemsize))

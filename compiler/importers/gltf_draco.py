@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from ...lang.distribution import install_command
-from .gltf_container import Container, GltfError
+from .gltf_container import Container
+from .gltf_errors import GltfError
 
 EXTENSION = "KHR_draco_mesh_compression"
 

@@ -18,7 +18,8 @@ from ..scene import metallic_roughness
 from ..scene.builder import NONE, SceneBuilder
 from ..scene.row_records import BLACK, WHITE, Input, MaterialData, TextureData, scale_color
 from . import images, uv_sets, vertex_numbers
-from .gltf_container import Container, GltfError, Warn
+from .gltf_container import Container, Warn
+from .gltf_errors import GltfError
 
 _WRAPS = {33071: ir.Wrap.CLAMP, 33648: ir.Wrap.MIRROR, 10497: ir.Wrap.REPEAT}
 _DATA = -2  # all channels of an image, as data

@@ -22,6 +22,7 @@ EXTENSIONS = Table(
         "KHR_materials_volume": "absorption of glass, as a solid",
         "KHR_materials_pbrSpecularGlossiness": "",
         "KHR_draco_mesh_compression": "with the package DracoPy (extra draco)",
+        "EXT_meshopt_compression KHR_meshopt_compression": "as gltfpack writes it: version 0 of the attribute codec",
         "KHR_mesh_quantization": "",
         "KHR_node_visibility": "",
         "KHR_texture_transform": "",
@@ -39,7 +40,6 @@ EXTENSIONS = Table(
         "ADOBE_materials_thin_transparency": "a copy of KHR_materials_transmission",
     },
     not_drawn={
-        "EXT_meshopt_compression KHR_meshopt_compression": "meshes compressed by it are left out",
         "KHR_animation_pointer": "",
         "KHR_materials_anisotropy KHR_materials_diffuse_transmission KHR_materials_dispersion KHR_materials_iridescence": "",
         "KHR_materials_sheen KHR_materials_subsurface KHR_materials_volume_scatter KHR_materials_variants": "",
@@ -83,6 +83,7 @@ PROPERTIES = Table(
         "KHR_materials_volume.thicknessFactor KHR_materials_volume.attenuationDistance KHR_materials_volume.attenuationColor": "",
         "KHR_materials_pbrSpecularGlossiness.*": "",
         "KHR_draco_mesh_compression.bufferView KHR_draco_mesh_compression.attributes KHR_draco_mesh_compression.attributes.*": "",
+        "EXT_meshopt_compression.* KHR_meshopt_compression.*": "",
         "KHR_node_visibility.visible KHR_texture_transform.* EXT_texture_webp.source": "",
         "EXT_mesh_gpu_instancing.attributes.TRANSLATION EXT_mesh_gpu_instancing.attributes.ROTATION": "",
         "EXT_mesh_gpu_instancing.attributes.SCALE": "",

@@ -584,15 +584,6 @@ def test_what_is_not_drawn_of_a_gltf_is_named(change, expected):
     assert sorted(messages) == sorted(f"a.glb: warning: {e}" for e in ([expected] if isinstance(expected, str) else expected))
 
 
-def test_compressed_meshes_are_named_and_left_out():
-    document, binary = square()
-    document["meshes"].append({"primitives": [{"attributes": {"POSITION": 0}, "extensions": {"EXT_meshopt_compression": {}}}]})
-    document["nodes"][0]["mesh"] = 1
-    _, parts, messages = read(glb(document, binary), "a.glb")
-    assert len(parts) == 1
-    assert messages == ["a.glb: warning: the extension `EXT_meshopt_compression` is not drawn: meshes compressed by it are left out"]
-
-
 def test_emission_coats_glass_and_unlit_of_a_gltf():
     document, binary = square()
     extensions = {

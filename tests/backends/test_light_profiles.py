@@ -115,3 +115,13 @@ def test_a_thin_cylinder_shines_by_its_projected_area(tmp_path: Path, backend: s
                      backend, samples=4, bounces=1)  # fmt: skip
     middle = found[11:13, 11:13, 0].mean()
     assert middle == pytest.approx(99 / np.pi * 2 * 0.01 * 0.1 / HEIGHT**2, rel=0.03)
+
+
+def test_a_shaped_cylinder_shines_along_its_minus_z(tmp_path: Path, backend: str) -> None:
+    """A thin and short cylinder with a focus, along the line under its middle across it: E = L 2 r l cosⁿ θ · cos θ / d²."""
+    inputs = "float inputs:radius = 0.01\n float inputs:length = 0.05\n float inputs:intensity = 99\n"
+    found, place = floor(tmp_path, "CylinderLight", inputs + "float inputs:shaping:focus = 3", backend, samples=4, bounces=0)
+    light, angle = below(place)
+    across = np.abs(place[..., 0]) < 0.1  # the axis is x
+    expected = light / 10 * 99 * 2 * 0.01 * 0.05 * np.cos(angle) ** 3
+    assert np.abs(found[..., 0] - expected)[across].max() < 0.06 * expected.max()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,7 @@ class Plate:
     frame: F64
     size: tuple[float, float]
     area: float
+    turn: F64 | None = None  # (3, 3) its rotation in the frame of its light
 
 
 def rigid(matrix: np.ndarray) -> np.ndarray:
@@ -84,7 +85,7 @@ def prism(matrix: F64, radius: float, length: float) -> list[Plate]:
         local = np.eye(4)
         local[:3, 0], local[:3, 1], local[:3, 2] = (1, 0, 0), np.cross((1, 0, 0), outward), -outward
         local[:3, 3] = distance * outward
-        plates.append(rectangle(matrix @ local, length, side))
+        plates.append(replace(rectangle(matrix @ local, length, side), turn=local[:3, :3]))
     return plates
 
 

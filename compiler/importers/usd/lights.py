@@ -156,8 +156,8 @@ def _sphere(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials: 
     return [LightData(kind, as_color(radiance), position, transform=row, size=size_, image=profile, name=_name(it))]
 
 
-def _profile(it: _Light, builder: SceneBuilder, materials: Materials) -> int:
-    return light_shaping.profile(it.prim, it.opened.time, builder, materials, it.span)
+def _profile(it: _Light, builder: SceneBuilder, materials: Materials, side: np.ndarray | None = None) -> int:
+    return light_shaping.profile(it.prim, it.opened.time, builder, materials, it.span, side)
 
 
 def _rect(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials: Materials) -> list[LightData]:
@@ -193,13 +193,13 @@ def _cylinder(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials
     area = sum(plate.area for plate in plates)
     if it.number("normalize") and area > 0:
         radiance = radiance / (area / it.unit**2)
-    if _profile(it, builder, materials) >= 0:
-        materials.tell("the shaping of cylinder lights is not drawn", it.prim)
-    rows = [builder.transform(plate.frame, it.span) for plate in plates]
     return [
-        LightData(ir.LightKind.RECTANGLE, as_color(radiance), transform=row, size=plate.size, name=_name(it))
-        for plate, row in zip(plates, rows, strict=True)
-    ]
+        LightData(
+            ir.LightKind.RECTANGLE, as_color(radiance), transform=builder.transform(plate.frame, it.span), size=plate.size,
+            image=_profile(it, builder, materials, plate.turn), name=_name(it),
+        )
+        for plate in plates
+    ]  # fmt: skip
 
 
 def _dome(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials: Materials) -> list[LightData]:

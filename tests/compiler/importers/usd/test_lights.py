@@ -244,8 +244,6 @@ def test_a_dome_s_picture_and_pole(tmp_path, prim, up, pole):
          "x.usda</l>: warning: this light's strength is not finite: it is left out"),
         ('def RectLight "l" { asset inputs:texture:file = @a.png@\n}',
          "x.usda</l>: warning: there is no picture `a.png`: its fallback is drawn"),
-        ('def CylinderLight "l" (prepend apiSchemas = ["ShapingAPI"]) { float inputs:shaping:cone:angle = 20\n}',
-         "x.usda</l>: warning: the shaping of cylinder lights is not drawn"),
         ('def DomeLight "l" { asset inputs:texture:file = @gone.png@\n}',
          "x.usda</l>: warning: there is no picture `gone.png`: its fallback is drawn"),
     ],

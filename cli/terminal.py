@@ -79,7 +79,7 @@ def table(headings: Sequence[str], rows: Iterable[Sequence[str]], marked: Iterab
 
 def explain(scene: ir.Scene, plan: Plan, matters: Iterable[Decision]) -> None:
     """Print the decisions that matter most, every decision with its reason and its switch, and the defaults added to the scene."""
-    click.echo("What matters most for this scene:")
+    click.echo("The decisions with the largest effect on this scene:")
     for decision in matters:
         click.echo(f"  {decision.name} = {show_value(decision.value)}: {decision.reason}")
     click.echo("\nAll decisions:")

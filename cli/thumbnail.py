@@ -63,8 +63,8 @@ class Thumbnail:
 @click.option("--size", type=values.SIZE, default="512", show_default=True, help="Size in pixels: 512 for a square, or 800x600.")
 @click.option("--complexity", type=values.COMPLEXITY, help="Refinement of USD subdivision surfaces: low, medium, high or veryhigh.")
 @click.option("--jobs", type=click.IntRange(1, 1024), help="Assets drawn at a time. Default: one a core.")
-@click.option("--force", is_flag=True, help="Draw also what is up to date.")
-@click.option("--json", "as_json", is_flag=True, help="Print what was drawn as JSON.")
+@click.option("--force", is_flag=True, help="Draw also pictures that are up to date.")
+@click.option("--json", "as_json", is_flag=True, help="Print a record of each asset as JSON.")
 @shared.examples("maquette thumbnail assets -o thumbs", "maquette thumbnail robot.usdz spot.obj -o thumbs --size 256 --json")
 @click.pass_context
 def thumbnail(

@@ -107,7 +107,7 @@ def _line(material: MtlMaterial, keyword: str, rest: str, span: Span) -> str:
     if keyword in _COLORS:
         color = _color(rest)
         if color is None:
-            return f"`{keyword}` wants three numbers (spectra and CIE XYZ are not read)"
+            return f"`{keyword}` needs three numbers (spectra and CIE XYZ are not read)"
         material.colors[keyword] = nonnegative(color)
         if min(color) < 0:
             return f"material `{material.name}`: `{keyword}` has a negative component, which counts as 0"
@@ -115,7 +115,7 @@ def _line(material: MtlMaterial, keyword: str, rest: str, span: Span) -> str:
         plain = rest.split("#")[0]
         number = _number(plain.replace("-halo", "").strip())
         if number is None:
-            return f"`{keyword}` wants a number"
+            return f"`{keyword}` needs a number"
         material.numbers[keyword] = number
         return "`d -halo` is drawn without the halo" if "-halo" in plain else ""
     elif keyword in _MAPS:
@@ -168,7 +168,7 @@ def map_reference(text: str, span: Span) -> tuple[MapReference | None, str]:
 def _option(made: MapReference, option: str, words: list[str]) -> str:
     numbers = [_number(w) for w in words]
     if option in ("-s", "-o", "-mm", "-t", "-bm", "-boost") and any(n is None for n in numbers):
-        return f"the option `{option}` wants numbers"
+        return f"the option `{option}` needs numbers"
     values = [n or 0.0 for n in numbers]
     if option == "-s":
         made.scale = (values[0], values[1] if len(values) > 1 else 1.0)

@@ -141,7 +141,7 @@ def _numbers_by_line(lines: Lines, rows: I64, key: int, least: int, complain: Co
         found = _floats(words)
         if found is None or len(found) < least:
             kind = KEYWORDS[key].decode()
-            complain(int(lines.numbers[row]), f"`{kind}` wants {least} numbers or more" + ("" if found is None else f", got {len(found)}"))
+            complain(int(lines.numbers[row]), f"`{kind}` needs {least} numbers or more" + ("" if found is None else f", got {len(found)}"))
             found = [float("nan")] * least
         values += found
         counts[k] = len(found)

@@ -32,7 +32,7 @@ def camera(lowering: Context, element: Element) -> None:
     if lens is None or not _focused(lowering, element, lens):
         return
     if near < 0.0 and lens.get("projection") != ir.Projection.ORTHOGRAPHIC:
-        lowering.refuse(element, f"the camera's near ({near:.6g} m) lies behind it", "only orthographic cameras see what is behind them")
+        lowering.refuse(element, f"the camera's near ({near:.6g} m) lies behind it", "only orthographic cameras show objects behind them")
         return
     exposure = math.nan if args["exposure"] is None else args["exposure"]
     data = CameraData(
@@ -65,7 +65,7 @@ def _projection(lowering: Context, element: Element) -> dict[str, Any] | None:
     if wanted == "panoramic":
         for name in ("fov", "focal", "width", "shift"):
             if name in element.given:
-                lowering.refuse(element, f"a panoramic camera sees all around: it has no `{name}`", "leave it out")
+                lowering.refuse(element, f"a panoramic camera shows all directions: it has no `{name}`", "leave it out")
                 return None
         return {"extent": math.pi / 2, "projection": ir.Projection.PANORAMIC, "aspect": 2.0}
     if "film" in element.given and args["focal"] is None:

@@ -101,7 +101,7 @@ def lift(graph: Graph, value: Value) -> Term:
     """A value as a term of `graph`: lengths in the unit of the graph, angles in radians, the rest in base units."""
     if isinstance(value, Term):
         if value.graph is not graph:
-            raise Mistake("a formula cannot use what another formula is called with")
+            raise Mistake("a formula cannot use the arguments of another formula")
         return value
     if isinstance(value, ForeignNumber):
         return graph.constant(value.metres / graph.unit)

@@ -194,12 +194,12 @@ SHAPES = (
         Arg("size", "length", 1.0, "height of a capital letter", above=0.0),
         Arg("depth", "length", None, "depth of the letters; 0: flat; default: a fifth of `size`", minimum=0.0),
         Arg("font", "string", "DejaVu Sans", "a font of the package, or a file (.ttf, .otf, .ttc) relative to the scene", keyword=True),
-        Arg("align", "choice", "left", "what stands at x = 0, of each line", choices=("left", "center", "right"), keyword=True),
+        Arg("align", "choice", "left", "the point of each line at x = 0", choices=("left", "center", "right"), keyword=True),
         Arg(
             "vertical",
             "choice",
             "baseline",
-            "what stands at y = 0: the baseline of the first line, or of the last (bottom), or top or center of the capitals",
+            "the height at y = 0: the baseline of the first line, that of the last (bottom), or the top or center of the capitals",
             choices=("baseline", "bottom", "center", "top"),
             keyword=True,
         ),
@@ -215,8 +215,8 @@ SHAPES = (
             "heights",
             "heights",
             REQUIRED,
-            "a picture's file (black is 0, white is `height`), a formula |x, z| … in the file's unit, or rows of heights;"
-            " the first row is at -z, each runs towards +x",
+            "a picture's file (black is 0, white is `height`), a formula |x, z| … in the file's unit, or rows of heights towards +x,"
+            " the first at -z",
         ),
         Arg("size", "size2", (1.0, 1.0), "its extent along x and z", above=0.0),
         Arg("height", "length", 1.0, "height of white, for a picture", above=0.0),

@@ -460,7 +460,7 @@ def test_explain_prints_every_decision_and_reason(scene: Path) -> None:
 def test_explain_begins_with_what_matters(scene: Path) -> None:
     _, out, _ = run("explain", scene, "--plan", "accelerator=bvh")
     lines = out.splitlines()
-    assert lines[0] == "What matters most for this scene:"
+    assert lines[0] == "The decisions with the largest effect on this scene:"
     assert lines[1:3] == ["  accelerator = bvh: set with --plan", "  backend = ray: draws every kind of scene"]
     assert lines[6:8] == ["", "All decisions:"]
     data = json.loads(run("explain", scene, "--json", "--plan", "accelerator=bvh")[1])

@@ -80,7 +80,7 @@ def tell_conform(prim: Any, opened: Opened, builder: SceneBuilder, asked: Asked)
         if abs(asked.size[0] - film * asked.size[1]) > 1:
             effect = "its sides show more" if picture > film else "its sides are cut off"
             message = f"the picture's aspect {picture:.4g} is not the film's {film:.4g}: the film's height is kept, {effect}"
-            builder.diagnostics.note(message, opened.span(prim), "--conform vertical, horizontal, expand or crop says what is kept")
+            builder.diagnostics.note(message, opened.span(prim), "--conform vertical, horizontal, expand or crop selects the part")
 
 
 def _aperture(lens: Any, unit: float, perspective: bool) -> tuple[float, float]:

@@ -313,7 +313,7 @@ def _attribute(
         if len(values) == 1:
             return MeshAttribute(values, _At.CONSTANT)
         diagnostics.warning(
-            f"`{name}` has {len(values)} values where its interpolation `{interpolation}` wants {wanted}: it is left out", span
+            f"`{name}` has {len(values)} values where its interpolation `{interpolation}` needs {wanted}: it is left out", span
         )
         return None
     if not np.isfinite(values).all():

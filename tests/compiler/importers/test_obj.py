@@ -131,9 +131,9 @@ FORMS = ": v, v/vt, v//vn or v/vt/vn, whole numbers"
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("v 0 0 0\nv 1 0 zero\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n", ["x.obj:2:1: warning: malformed line: `v` wants 3 numbers or more"]),
+        ("v 0 0 0\nv 1 0 zero\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n", ["x.obj:2:1: warning: malformed line: `v` needs 3 numbers or more"]),
         ("v 0 0 0\nv 1 0\nv 1 1 0\nv 1\nv 0 1 0\nf 1 2 3\nf 1 3 5\n", [
-            "x.obj:2:1: warning: malformed line: `v` wants 3 numbers or more, got 2; so is 1 more line"]),
+            "x.obj:2:1: warning: malformed line: `v` needs 3 numbers or more, got 2; so is 1 more line"]),
         (SQUARE + "f 1 2 x\nf 1 2 3\n", ["x.obj:5:1: warning: malformed line: `x` is no corner of a face" + FORMS]),
         (SQUARE + "f 1 2 3.5\nf 1 2 3\n", ["x.obj:5:1: warning: malformed line: `3.5` is no corner of a face" + FORMS]),
         (SQUARE + "f 1/1/1/1 2 3\nf 1 2 3\n", ["x.obj:5:1: warning: malformed line: `1/1/1/1` is no corner of a face" + FORMS]),
@@ -300,9 +300,9 @@ def test_map_options(tmp_path):
     ("text", "expected"),
     [
         ("newmtl m\nmap_Kd none.png\n", "m.mtl:2:1: warning: there is no picture `none.png`\n  looked in {folder}"),
-        ("newmtl m\nKd red\n", "m.mtl:2:1: warning: `Kd` wants three numbers (spectra and CIE XYZ are not read)"),
+        ("newmtl m\nKd red\n", "m.mtl:2:1: warning: `Kd` needs three numbers (spectra and CIE XYZ are not read)"),
         ("newmtl m\nKd 1 -0.5 0\n", "m.mtl:2:1: warning: material `m`: `Kd` has a negative component, which counts as 0"),
-        ("newmtl m\nNs lots\n", "m.mtl:2:1: warning: `Ns` wants a number"),
+        ("newmtl m\nNs lots\n", "m.mtl:2:1: warning: `Ns` needs a number"),
         ("newmtl m\ndisp a.png\n", "m.mtl:2:1: warning: `disp` is not drawn"),
         ("newmtl m\nfoo 1\n", "m.mtl:2:1: warning: MTL has no keyword `foo`: the line is left out"),
         ("Kd 1 1 1\nnewmtl m\n", "m.mtl:1:1: warning: `Kd` stands before the first `newmtl`"),

@@ -108,9 +108,10 @@ def test_nothing_said_is_nothing_set(compiled) -> None:
         ),
         ("camera([0,0,5], near: 3, far: 2)", "the camera's near (3 m) is not before its far (2 m)", ""),
         ("camera([0,0,5], film: [1, 1])", "`film` goes with `focal`", "write focal: 50mm, film: [36mm, 24mm]"),
-        ("camera([0,0,5], near: -1)", "the camera's near (-1 m) lies behind it", "only orthographic cameras see what is behind them"),
+        ("camera([0,0,5], near: -1)", "the camera's near (-1 m) lies behind it", "only orthographic cameras show objects behind them"),
         (
-            'camera([0,0,5], projection: "panoramic", fov: 90deg)', "a panoramic camera sees all around: it has no `fov`", "leave it out",
+            'camera([0,0,5], projection: "panoramic", fov: 90deg)', "a panoramic camera shows all directions: it has no `fov`",
+            "leave it out",
         ),
         (
             'camera([0,0,5], projection: "panoramic", aperture: 2)', "only perspective cameras have an aperture",

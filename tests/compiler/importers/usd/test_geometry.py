@@ -63,7 +63,7 @@ def test_indexed_primvars(tmp_path):
 def test_a_primvar_of_the_wrong_length_is_left_out(tmp_path):
     text = SQUARE + 'texCoord2f[] primvars:st = [(0, 0), (1, 1)] (interpolation = "vertex")'
     scene, messages = read(tmp_path, f'def Mesh "m" {{ {text} }}')
-    assert messages == ["x.usda</m>: warning: `st` has 2 values where its interpolation `vertex` wants 4: it is left out"]
+    assert messages == ["x.usda</m>: warning: `st` has 2 values where its interpolation `vertex` needs 4: it is left out"]
     assert not has(scene, "uvs")
 
 

@@ -100,7 +100,7 @@ def test_conform(tmp_path, conform, size, half):
 def test_another_aspect_is_noted(tmp_path):
     assert read(tmp_path, CAMERA, options=StageOptions(size=(100, 100)))[1] == [
         "x.usda</main_cam>: note: the picture's aspect 1 is not the film's 2: the film's height is kept, its sides are cut off\n"
-        "  --conform vertical, horizontal, expand or crop says what is kept"
+        "  --conform vertical, horizontal, expand or crop selects the part"
     ]
 
 

@@ -11,7 +11,7 @@ from maquette.cli import thumbnail
 from maquette.cli.main import cli
 from maquette.render.image import image_reader
 
-CUBE = '#usda 1.0\ndef Cube "c" {\n}\ndef TetMesh "t" {\n}\n'
+CUBE = '#usda 1.0\ndef Cube "c" {\n}\ndef Volume "t" {\n}\n'
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 
 
@@ -38,7 +38,7 @@ def test_thumbnails_of_a_folder(assets, tmp_path):
     assert [one["name"] for one in made] == ["bad.obj", "cube.usda", "sub/flat.obj"]
     assert [one["error"] for one in made] == ["this is no OBJ file: it has neither vertices nor faces", "", ""]
     assert (made[1]["instances"], made[2]["triangles"]) == (1, 1)
-    assert made[1]["warnings"] == [f"{assets}/cube.usda</t>: TetMesh is not drawn"]
+    assert made[1]["warnings"] == [f"{assets}/cube.usda</t>: Volume is not drawn"]
     picture = image_reader.read(out / "cube.usda.png").channels["rgba"]
     assert picture.shape == (24, 24, 4)
     covered = picture[..., 3] > 0.5
@@ -47,7 +47,7 @@ def test_thumbnails_of_a_folder(assets, tmp_path):
     assert len(sides) >= 3  # three sides of the cube, differently lit
     page = (out / "index.html").read_text()
     assert '<img src="sub/flat.obj.png"' in page
-    assert "TetMesh is not drawn" in page
+    assert "Volume is not drawn" in page
     assert "neither vertices nor faces" in page
 
 

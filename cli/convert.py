@@ -12,6 +12,7 @@ from . import common_options as shared
 from . import option_types as options
 from . import render_job as jobs
 from . import terminal
+from .scene_selection import selected
 
 if TYPE_CHECKING:
     from ..compiler import ir
@@ -59,7 +60,7 @@ def convert(
     if deviation is not None and ending not in MESHES:
         raise click.UsageError(f"--deviation applies to triangles: OUT ends in {', '.join(MESHES)}")
     jobs.check_folder(output)
-    compiled = _selected(shared.load(source), only, without)
+    compiled = selected(shared.load(source), only, without)
     if ending in MESHES:
         _write_triangles(compiled, output, ending, deviation)
         return
@@ -72,17 +73,6 @@ def convert(
     made = _export(compiled, plan, ending, output.stem)
     made.save(output)
     terminal.report(made.found)
-
-
-def _selected(scene: ir.Scene, only: tuple[str, ...], without: tuple[str, ...]) -> ir.Scene:
-    if not only and not without:
-        return scene
-    from ..compiler.scene import selection
-
-    try:
-        return selection.select(scene, only, without)
-    except selection.SelectionError as error:
-        raise click.UsageError(str(error)) from None
 
 
 def _write_triangles(scene: ir.Scene, output: Path, ending: str, tolerance: float | None) -> None:

@@ -32,6 +32,7 @@ COMMANDS = {  # in the order of --help, which imports none of them
     "watch": "Show SCENE in a window that follows edits, or write a picture at every save.",
     "thumbnail": "Draw a picture of each of ASSETS, which are files or folders of them.",
     "convert": "Convert IN for other programs.",
+    "measure": "Measure the parts of SCENE: size, volume, area, center, mass, inertia.",
     "format": "Format SCENEs in place; - reads a scene from stdin and writes it to stdout.",
     "doctor": "Show what this installation renders with.",
 }
@@ -87,6 +88,8 @@ class Commands(click.Group):
             from .convert import convert as command
         elif cmd_name == "watch":
             from .watch import watch as command
+        elif cmd_name == "measure":
+            from .measure import measure as command
         elif cmd_name == "new":
             from .new import new_command as command
         elif cmd_name == "doctor":

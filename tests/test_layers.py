@@ -110,6 +110,8 @@ DOORS = {
     "cli/chart.py": "drawing again loads no scene, and nobody else loads matplotlib",
     "cli/compare.py": "pictures and scenes load what they need",
     "cli/convert.py": "each format loads what writes it",
+    "cli/measure.py": "`--help` loads no numpy of meshes",
+    "cli/scene_selection.py": "who selects nothing loads no selection",
     "cli/format.py": "`--help` loads no parser",
     "cli/thumbnail.py": "asking for help, or keeping pictures, loads no renderer",
     "cli/watch.py": "asking for help loads neither server nor renderer",

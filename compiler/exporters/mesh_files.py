@@ -33,6 +33,7 @@ class Part(NamedTuple):
     open_edges: int  # edges with a triangle on one side only
     materials: tuple[Material, ...] = ()
     material: NDArray[np.int64] | None = None  # (m,) of each triangle, in `materials`
+    instance: int = -1  # its row
 
 
 MIN_SEPARATION = 2.0**-20  # of the largest coordinate: least distance by which touching edges are separated

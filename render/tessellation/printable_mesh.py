@@ -47,12 +47,8 @@ def printable_parts(scene: ir.Scene, tolerance: float | None = None) -> tuple[li
     Diagnostics name meshes that are open and instances that are left out: lights and unbounded shapes.
     """
     tables, found, made = scene.tables, [], []
-    boxes = world_bounds(tables)
-    light = np.asarray(np.isin(np.arange(len(boxes)), tables.lights.instance))
-    ends = np.asarray(np.isfinite(boxes).all(axis=1))
-    if tolerance is None and (ends & ~light).any():
-        there = boxes[ends & ~light]
-        tolerance = float((there[:, 3:].max(axis=0) - there[:, :3].min(axis=0)).max()) / RESOLUTION
+    boxes, light, ends = _boxes(tables)
+    tolerance = default_tolerance(scene) if tolerance is None else tolerance
     for i in range(len(boxes)):
         name = scene.names.instances[i] if i < len(scene.names.instances) else ""
         label = f"`{name}`" if name else "an object"
@@ -63,7 +59,7 @@ def printable_parts(scene: ir.Scene, tolerance: float | None = None) -> tuple[li
         if light[i] or not ends[i]:
             say("note", f"{label} is {'a light' if light[i] else 'unbounded'} and is left out")
             continue
-        part, thin = _part(tables, i, name or f"part{i}", tolerance or 0.0)
+        part, thin = _part(tables, i, name or f"part{i}", tolerance)
         if thin > 0.0:
             missing = "thinner parts are missing" if len(part.triangles) else "it is thinner and is left out"
             hint = "a smaller box as `within` has smaller cells"
@@ -76,11 +72,25 @@ def printable_parts(scene: ir.Scene, tolerance: float | None = None) -> tuple[li
     return made, found
 
 
+def default_tolerance(scene: ir.Scene) -> float:
+    """The extent of the bounded instances over RESOLUTION; 0 without any."""
+    boxes, light, ends = _boxes(scene.tables)
+    there = boxes[ends & ~light]
+    return float((there[:, 3:].max(axis=0) - there[:, :3].min(axis=0)).max()) / RESOLUTION if len(there) else 0.0
+
+
+def _boxes(tables: ir.Tables) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
+    """(bounding boxes of the instances, whether each is a light, whether it is bounded)"""
+    boxes = world_bounds(tables)
+    light = np.asarray(np.isin(np.arange(len(boxes)), tables.lights.instance))
+    return boxes, light, np.asarray(np.isfinite(boxes).all(axis=1))
+
+
 def _with_materials(scene: ir.Scene, i: int, part: Part) -> Part:
     """The part with the materials of its triangles, in the order of their rows."""
     rows = triangle_materials(scene.tables, i, part.positions[part.triangles].mean(axis=1))
     used, material = np.unique(rows, return_inverse=True)
-    return part._replace(materials=tuple(material_of(scene, row) for row in used.tolist()), material=material.reshape(-1))
+    return part._replace(materials=tuple(material_of(scene, row) for row in used.tolist()), material=material.reshape(-1), instance=i)
 
 
 def _why_open(tables: ir.Tables, i: int, part: Part) -> tuple[str, str]:

@@ -1,0 +1,128 @@
+"""The `measure` command: closed forms within the errors told, whole output, and messages."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from maquette.cli.main import cli
+from maquette.compiler import load
+from maquette.render.tessellation import mass_properties
+
+
+def run(folder: Path, text: str, *options: str) -> tuple[int, str, str]:
+    path = folder / "a.scene"
+    path.write_text(text, encoding="utf-8")
+    done = CliRunner().invoke(cli, ["measure", str(path), *options])
+    return done.exit_code, done.stdout, done.stderr
+
+
+def is_within(measured: dict[str, float], truth: float) -> bool:
+    return abs(measured["value"] - truth) <= measured["error"]
+
+
+R, H = 0.4, 0.3
+CLOSED_FORMS = {  # (volume, area, inertia of density 1 about y)
+    f"sphere({R})": (4 / 3 * math.pi * R**3, 4 * math.pi * R**2, 0.4 * R**2 * 4 / 3 * math.pi * R**3),
+    f"cylinder({R}, {H})": (math.pi * R**2 * H, 2 * math.pi * R * (R + H), 0.5 * R**2 * math.pi * R**2 * H),
+    f"cone({R}, {H})": (math.pi * R**2 * H / 3, math.pi * R * (R + math.hypot(R, H)), 0.3 * R**2 * math.pi * R**2 * H / 3),
+    f"torus({R}, {H})": (
+        2 * math.pi**2 * R * H**2, 4 * math.pi**2 * R * H, (R**2 + 0.75 * H**2) * 2 * math.pi**2 * R * H**2,
+    ),
+    f"difference {{ box(1); sphere({R}) }}": (
+        1 - 4 / 3 * math.pi * R**3, 6 + 4 * math.pi * R**2, 1 / 6 - 0.4 * R**2 * 4 / 3 * math.pi * R**3,
+    ),
+    "union(round: 0.1) { box([1, 0.5, 1], center: [0, 0.25, 0]); box([0.5, 1, 1], center: [-0.25, 0.5, 0]) }": (
+        0.75 + (1 - math.pi / 4) * 0.01, 4 + 2 * (0.75 + (1 - math.pi / 4) * 0.01) - 0.2 + math.pi / 20, None,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("shape", CLOSED_FORMS)
+def test_closed_forms_lie_within_the_errors(tmp_path: Path, shape: str) -> None:
+    volume, area, inertia = CLOSED_FORMS[shape]
+    code, out, _ = run(tmp_path, shape, "--json", "--density", "2.5g/cm3")
+    (part,) = json.loads(out)
+    assert code == 0
+    assert is_within(part["volume"], volume)
+    assert is_within(part["area"], area)
+    assert part["volume"]["error"] < 2e-3 * volume
+    assert part["mass"]["value"] == pytest.approx(2500 * part["volume"]["value"])
+    if inertia is not None:
+        at = {key: part["inertia"][key][1][1] / 2500 for key in ("value", "error")}
+        assert is_within(at, inertia)
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.tuples(*[st.floats(0.1, 3.0)] * 3), st.tuples(*[st.floats(-5.0, 5.0)] * 3), st.floats(0.0, 360.0))
+def test_a_box_anywhere(tmp_path_factory: pytest.TempPathFactory, size: tuple[float, ...], at: tuple[float, ...], turn: float) -> None:
+    path = tmp_path_factory.mktemp("box") / "a.scene"
+    path.write_text(f"box({list(size)}, center: {list(at)}, rotate: [0, {turn}deg, 0])\n", encoding="utf-8")
+    (part,), _ = mass_properties.measure(load.load(path))
+    assert part.volume is not None
+    assert part.center is not None
+    assert part.inertia is not None
+    x, y, z = size
+    assert float(part.volume.value) == pytest.approx(x * y * z, rel=1e-6)
+    turned = math.radians(turn)
+    middle = [at[0] * math.cos(turned) + at[2] * math.sin(turned), at[1], at[2] * math.cos(turned) - at[0] * math.sin(turned)]
+    assert np.allclose(part.center.value, middle, atol=1e-5)
+    assert float(part.inertia.value[1, 1]) == pytest.approx(x * y * z * (x * x + z * z) / 12, rel=1e-5)
+
+
+def test_the_whole_output(tmp_path: Path) -> None:
+    text = 'unit mm\nbox([40, 10, 20], center: [0, 5, 0], name: "base")\nbox(10, center: [0, 15, 0], name: "peg")\n'
+    code, out, err = run(tmp_path, text, "--density", "1.24g/cm3")
+    assert (code, err) == (0, "")
+    assert out == """\
+base
+  size     40 × 10 × 20 mm
+  area     2800 mm²
+  volume   8000 mm³
+  center   [0, 5, 0] mm
+  mass     9.92 g
+  inertia  [413.333, 1653.33, 1405.33] g mm²
+peg
+  size     10 × 10 × 10 mm
+  area     600 mm²
+  volume   1000 mm³
+  center   [0, 15, 0] mm
+  mass     1.24 g
+  inertia  [20.6667, 20.6667, 20.6667] g mm²
+total volume  9000 mm³, mass 11.16 g
+"""
+
+
+def test_parts_of_one_name_are_told_apart(tmp_path: Path) -> None:
+    code, out, _ = run(tmp_path, 'for (k in 0..2) { sphere(0.5, center: [3 * k, 0, 0], name: "ball") }\n', "--json")
+    assert code == 0
+    for k, part in enumerate(json.loads(out)):
+        assert part["center"]["value"][0] == pytest.approx(3 * k, abs=1e-6)
+        assert max(part["center"]["error"]) < 1e-6
+
+
+def test_open_surfaces_have_no_volume(tmp_path: Path) -> None:
+    code, out, err = run(tmp_path, "cylinder(0.5, 1, capped: false)\nplane(y: 0)\n")
+    assert code == 0
+    assert "  volume   none: the surface is open" in out.splitlines()
+    assert "has no caps" in err
+    assert "is unbounded and is left out" in err
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "code", "message"),
+    [
+        ("sphere(1)", ("--density", "3mm"), 2, "a density is written 1.24g/cm3 or 7850kg/m3, and is more than 0"),
+        ("plane(y: 0)", (), 1, "the scene has no bounded surface to measure"),
+        ('sphere(1, name: "ball")', ("--only", "bal"), 2, "did you mean `ball`?"),
+    ],
+)
+def test_messages(tmp_path: Path, text: str, options: tuple[str, ...], code: int, message: str) -> None:
+    exit_code, _, err = run(tmp_path, text, *options)
+    assert (exit_code, message in err) == (code, True), err

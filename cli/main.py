@@ -30,6 +30,7 @@ COMMANDS = {  # in the order of --help, which imports none of them
     "chart": "Measure error against time over backends and settings.",
     "compare": "Measure the difference of A from B.",
     "watch": "Show SCENE in a window that follows edits, or write a picture at every save.",
+    "sweep": "Render SCENE over values of its params, on one labelled sheet.",
     "thumbnail": "Draw a picture of each of ASSETS, which are files or folders of them.",
     "convert": "Convert IN for other programs.",
     "measure": "Measure the parts of SCENE: size, volume, area, center, mass, inertia.",
@@ -37,7 +38,6 @@ COMMANDS = {  # in the order of --help, which imports none of them
     "doctor": "Show what this installation renders with.",
 }
 PLANNED = {
-    "sweep": "a labelled contact sheet over values of params",
     "lsp": "the language server",
 }
 
@@ -88,6 +88,8 @@ class Commands(click.Group):
             from .convert import convert as command
         elif cmd_name == "watch":
             from .watch import watch as command
+        elif cmd_name == "sweep":
+            from .sweep import sweep as command
         elif cmd_name == "measure":
             from .measure import measure as command
         elif cmd_name == "new":

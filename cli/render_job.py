@@ -131,6 +131,10 @@ class Job:
             pictures.append(self._summarize(path, self._picture(path, moment, f"frame {number:g} ({i} of {len(missing)}{left})")))
         return pictures
 
+    def draw(self, path: Path, what: str) -> dict[str, Any]:
+        """Render one picture of several, `what` in progress lines; returns its statistics. Raises SceneError."""
+        return self._picture(path, {}, what)
+
     def frame_file(self, number: float) -> Path:
         """The file of a frame."""
         return values.frame_path(self.output, number)

@@ -81,7 +81,7 @@ EXCEPT = {"live": ("measure", "cli", "top"), "measure": ("measure", "live", "cli
 # Modules that may be imported inside a function, and why: a command that does not need one must not wait for it.
 LATE = {
     "DracoPy": "an extra, for compressed glTF meshes",
-    "PIL": "only animations need it",
+    "PIL": "only animations and sheets need it",
     "av": "an extra, for .mp4 files",
     "OpenImageIO": "only scenes with pictures need it",
     "fcntl": "some systems lack it",
@@ -98,7 +98,6 @@ ONE_FILE = {
     "flip_evaluator": "measure/errors.py",
     "manifold3d": "compiler/mesh/mesh_csg.py",
     "uharfbuzz": "compiler/importers/fonts.py",
-    "PIL": "render/image/animation.py",
     "av": "render/image/animation.py",
 }
 # Files whose functions open the next stage's door when it is reached, so that `--help` and `check` stay quick.

@@ -36,8 +36,9 @@ def test_every_data_file_is_packaged() -> None:
     patterns = PROJECT["tool"]["setuptools"]["package-data"]["*"]
     for package in folders():
         folder = ROOT.joinpath(*package.split(".")[1:])
-        for path in folder.iterdir():
-            if path.is_file() and package != "maquette" and path.suffix != ".py":
+        data = [folder, *(inside for inside in folder.iterdir() if inside.is_dir() and not (inside / "__init__.py").exists())]
+        for path in (path for place in data for path in place.iterdir()):
+            if path.is_file() and package != "maquette" and path.suffix not in (".py", ".pyc"):
                 assert any(path.match(pattern) for pattern in patterns), f"{path.relative_to(ROOT)} is in no pattern of package-data"
 
 

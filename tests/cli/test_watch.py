@@ -5,16 +5,20 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import threading
 import time
+import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from click.testing import CliRunner
+from maquette.cli.main import cli
 from maquette.live import watch
 from maquette.render.image import image_reader
 
@@ -252,6 +256,49 @@ def test_stats_hold_the_cost_of_each_redraw(tmp_path: Path) -> None:
     lines = (tmp_path / "log").read_text(encoding="utf-8").splitlines()
     assert sum(line.endswith(" s after the save") for line in lines) == 19
     assert not any("Traceback" in line for line in lines)
+
+
+def test_the_window_serves_and_writes_the_saved_scene(tmp_path: Path) -> None:
+    scene, picture = tmp_path / "a.scene", tmp_path / "a.png"
+    text = SCENE.replace('use "part.scene"\npart()', "sphere(1)").replace("samples: 1", 'samples: 1, backend: "reference"')
+    scene.write_text(text, encoding="utf-8")
+
+    def log() -> str:
+        return (tmp_path / "log").read_text(encoding="utf-8")
+
+    with command(tmp_path, "--window", "--no-browser", "--exposure", "1") as process:
+        wait(picture.exists)
+        address = re.search(r"a\.scene: (http://127\.0\.0\.1:\d+/[\w-]+/) \(Ctrl-C ends\)\n", log())
+        assert address, log()
+        with urllib.request.urlopen(address[1]) as answer:
+            assert b"<title>maquette</title>" in answer.read()
+        before = picture.read_bytes()
+        time.sleep(0.5)
+        scene.write_text(text.replace("sphere(1)", "sphere(0.5)"), encoding="utf-8")
+        wait(lambda: picture.read_bytes() != before)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=20) == 0
+    assert "Traceback" not in log()
+    assert log().count("a.png: 16x12, reference, 1 samples a pixel\n") == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--no-window",), "--no-window needs a picture file: -o FILE"),
+        (("--stats", "a.json"), "--stats measures redraws without a window: give -o FILE and leave out --window"),
+        (("-o", "a.png", "--window", "--stats", "a.json"), "--stats measures redraws without a window: give -o FILE and leave out --window"),
+        (("-o", "a.png", "--port", "8000"), "--port is for the window: leave it out, or add --window"),
+        (("-o", "a.gif"), "cannot tell the picture format of a.gif: its name must end in one of .exr, .png, .tif, .tiff, .jpg, .jpeg"),
+    ],
+)
+def test_options_that_exclude_each_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], message: str
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    Path("a.scene").write_text("sphere(1)\n", encoding="utf-8")
+    done = CliRunner().invoke(cli, ["watch", "a.scene", *arguments])
+    assert (done.exit_code, done.output.splitlines()[-1]) == (2, f"Error: {message}")
 
 
 @contextlib.contextmanager

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from maquette.live.window import Window
 
 from . import browser, windows
 from .browser import Browser, Tab
@@ -57,6 +58,14 @@ def replace_all(tab: Tab, source: str) -> None:
     tab.js("document.querySelector('#code .cm-content').focus()")
     tab.key("a", MODIFIER)
     tab.type(source)
+
+
+def drag_slider(tab: Tab, shown: Window) -> str:
+    """Drag the slider of `radius` to the right; its value, which the server has."""
+    tab.drag("[data-name=radius] input[type=range]", 70, 0)
+    field = "document.querySelector('[data-name=radius] input[type=number]').value"
+    windows.until(lambda: float(tab.js(field)) > 1.5 and shown.session.studio.state.sets == {"radius": tab.js(field)})
+    return tab.js(field)
 
 
 def close(tab: Tab) -> None:
@@ -128,12 +137,9 @@ def test_a_slider_redraws_and_its_value_is_written(tmp_path: Path, chromium: Bro
     scene = windows.write(tmp_path)
     with served(scene) as shown:
         tab = opened(chromium, shown.address.url)
-        assert pixel(tab, 0.2)[0] < 40
-        before = version(tab)
-        tab.drag("[data-name=radius] input[type=range]", 70, 0)
-        drawn(tab, before)
-        tab.wait("+document.querySelector('[data-name=radius] input[type=number]').value > 1.5")
-        value = tab.js("document.querySelector('[data-name=radius] input[type=number]').value")
+        assert pixel(tab, 0.8)[0] < 40
+        value = drag_slider(tab, shown)
+        tab.wait(f"[...{CANVAS}.getContext('2d').getImageData(0.8 * {CANVAS}.width | 0, {CANVAS}.height / 2 | 0, 1, 1).data][0] > 40")
         tab.call("Page.reload")
         tab.wait(f"{CANVAS}?.dataset.finished === 'true'")
         assert tab.wait("document.querySelector('[data-name=radius] input[type=number]')?.value") == value
@@ -189,9 +195,7 @@ def test_a_page_reconnects_to_a_restarted_server_with_its_state(tmp_path: Path, 
         before = version(tab)
         replace_all(tab, green)
         drawn(tab, before)
-        tab.drag("[data-name=radius] input[type=range]", 70, 0)
-        value = tab.js("document.querySelector('[data-name=radius] input[type=number]').value")
-        windows.until(lambda: shown.session.studio.state.sets == {"radius": value})
+        value = drag_slider(tab, shown)
     tab.wait("document.querySelector('#link').className === 'lost'")
     with served(scene) as shown:
         tab.wait("document.querySelector('#link').className === 'open'")

@@ -94,6 +94,14 @@ def fingerprint(files: Iterable[Path], texts: Mapping[str, str]) -> tuple[Any, .
     return tuple(found)
 
 
+def changed_since(moment: int, path: Path) -> bool:
+    """Whether a file was changed after `moment`, nanoseconds since 1970."""
+    try:
+        return path.stat().st_mtime_ns > moment
+    except OSError:
+        return False
+
+
 def diagnostics_json(found: Iterable[Diagnostic], texts: Mapping[str, str]) -> list[dict[str, Any]]:
     """Diagnostics for a page, sorted: the parts, and the text with source line, carets and fix. `texts` are unsaved, by path."""
     cache: dict[str, str | None] = {}

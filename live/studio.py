@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -112,7 +112,7 @@ class Studio:
     def files_changed(self) -> None:
         """Compile again if the contents of files have changed."""
         with self._changed:
-            if self._disk != scene_files.fingerprint(self.files, self.state.texts):
+            if self._disk is not None and self._disk != scene_files.fingerprint(self.files, self.state.texts):
                 self._newer()
 
     def _newer(self) -> None:
@@ -158,7 +158,7 @@ class Studio:
         key = scene_files.fingerprint(self.files, state.texts), dict(state.sets), state.moment
         if self._compiled is not None and self._compiled.key == key:
             return self._compiled
-        self._disk = key[0]
+        self._disk, began = key[0], time.time_ns()
         self.tell({"type": "progress", "stage": "compiling", "share": 0.0})
         found = Diagnostics()
         try:
@@ -166,9 +166,9 @@ class Studio:
         except SceneError as error:
             self._compiled = None
             named = (Path(d.span.file).resolve() for d in error.diagnostics if d.span and Path(d.span.file).is_file())
-            self._set_files([*self.files, *named])
+            self._set_files([*self.files, *named], began, state.texts)
             raise
-        self._set_files([self.opened.path.resolve(), *map(Path, scene.files)])
+        self._set_files([self.opened.path.resolve(), *map(Path, scene.files)], began, state.texts)
         key = (self._disk, *key[1:])
         self._compiled = Compiled(key, scene, tuple(found.items))
         self.tell({"type": "params", "items": params.controls(scene)})
@@ -177,11 +177,16 @@ class Studio:
         self.tell({"type": "scene", "name": self.opened.path.name, **about})
         return self._compiled
 
-    def _set_files(self, files: list[Path]) -> None:
-        before, self.files = self.files, tuple(dict.fromkeys(files))
-        if before != self.files:
-            self._disk = scene_files.fingerprint(self.files, self.state.texts)
-            self.tell({"type": "files"})
+    def _set_files(self, files: list[Path], began: int, texts: Mapping[str, str]) -> None:
+        """Set the files that were read since `began`, nanoseconds since 1970; compile again if a new one was changed meanwhile."""
+        with self._changed:
+            before, self.files = self.files, tuple(dict.fromkeys(files))
+            if before == self.files:
+                return
+            self._disk = scene_files.fingerprint(self.files, texts)
+            if any(scene_files.changed_since(began, file) for file in self.files if file not in before):
+                self._newer()
+        self.tell({"type": "files"})
 
     def _draw(self, version: int, state: State) -> None:
         compiled = self._compile(state)

@@ -282,12 +282,15 @@ def test_the_window_serves_and_writes_the_saved_scene(tmp_path: Path) -> None:
     assert log().count("a.png: 16x12, reference, 1 samples a pixel\n") == 2
 
 
+STATS = "--stats measures redraws without a window: give -o FILE and leave out --window"
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (("--no-window",), "--no-window needs a picture file: -o FILE"),
-        (("--stats", "a.json"), "--stats measures redraws without a window: give -o FILE and leave out --window"),
-        (("-o", "a.png", "--window", "--stats", "a.json"), "--stats measures redraws without a window: give -o FILE and leave out --window"),
+        (("--stats", "a.json"), STATS),
+        (("-o", "a.png", "--window", "--stats", "a.json"), STATS),
         (("-o", "a.png", "--port", "8000"), "--port is for the window: leave it out, or add --window"),
         (("-o", "a.gif"), "cannot tell the picture format of a.gif: its name must end in one of .exr, .png, .tif, .tiff, .jpg, .jpeg"),
     ],

@@ -240,3 +240,34 @@ def test_files_of_the_scene_have_tabs(tmp_path: Path, chromium: Browser) -> None
         drawn(tab, before)
         assert pixel(tab)[2] > 20 > pixel(tab)[0]
         close(tab)
+
+
+@pytest.mark.parametrize(("width", "height"), [(1600, 1000), (1280, 720), (390, 844)])
+def test_the_page_fits_its_window(tmp_path: Path, chromium: Browser, width: int, height: int) -> None:
+    scene = windows.write(tmp_path)
+    scene.write_text(SCENE + "// long\n" * 300, encoding="utf-8")
+    with served(scene) as shown:
+        tab = opened(chromium, shown.address.url)
+        tab.size(width, height)
+        tab.click("#picture")
+        tab.wait("!document.querySelector('#picked').hidden")
+        sizes = tab.js("[document.documentElement.scrollWidth, document.documentElement.scrollHeight, innerWidth, innerHeight, scrollY]")
+        assert sizes == [width, height, width, height, 0]
+        inside = "(b => b.top >= 0 && b.left >= 0 && b.right <= innerWidth && b.bottom <= innerHeight)"
+        for selector in ("header", "#picture", "#picked", "footer"):
+            assert tab.js(f"{inside}(document.querySelector('{selector}').getBoundingClientRect())"), selector
+        close(tab)
+
+
+def test_dark_and_light(tmp_path: Path, chromium: Browser) -> None:
+    scene = windows.write(tmp_path)
+    with served(scene) as shown:
+        tab = opened(chromium, shown.address.url)
+        light = "(c => c.match(/\\d+/g).slice(0, 3).reduce((a, b) => a + +b, 0))(getComputedStyle(document.body).backgroundColor)"
+        tab.size(1000, 700, dark=True)
+        tab.wait(f"{light} < 150")
+        tab.js("document.body.focus()")
+        tab.key("t")
+        tab.wait(f"{light} > 600")
+        tab.js("localStorage.clear()")
+        close(tab)

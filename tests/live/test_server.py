@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
+from maquette.compiler import ir
 from maquette.live import address, server
 from maquette.render.image import image_reader
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -305,3 +306,57 @@ def test_a_restarted_server_takes_the_state_of_a_page(tmp_path: Path) -> None:
                 late.wait(lambda: "state" in late.last)
                 assert late.last["state"]["state"]["sets"] == {"radius": "1.8"}
     assert scene.read_text(encoding="utf-8") == SCENE
+
+
+def test_a_scene_with_an_animation_has_a_timeline(tmp_path: Path) -> None:
+    scene = windows.write(tmp_path)
+    ball = "sphere(radius, center: [time / 1s, 0, 0], material: lambert(#ff0000))\nanimate(duration: 4s)"
+    moving = SCENE.replace("part.ball(radius)", ball)
+    scene.write_text(moving.replace('use "part.scene"\n', ""), encoding="utf-8")
+    with served(scene) as shown, client(shown) as page:
+        page.finished()
+        assert page.last["scene"]["timeline"] == {"first": 0.0, "last": 4.0, "unit": "s", "rate": 1.0}
+        assert page.center()[0] > 60
+        page.send("change", state={"moment": 4.0})
+        page.finished(page.version)
+        assert page.center() == [0x20, 0x30, 0x40]
+
+
+STAGE = """#usda 1.0
+( startTimeCode = 1
+  endTimeCode = 24
+  upAxis = "Y" )
+def Sphere "ball" {
+    double radius = 1
+    double3 xformOp:translate.timeSamples = { 1: (0, 0, 0), 24: (5, 0, 0) }
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+def Camera "main" {
+    double3 xformOp:translate = (0, 0, 8)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+def SphereLight "lamp" {
+    double3 xformOp:translate = (2, 4, 6)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+"""
+
+
+def test_a_stage_opens_without_a_source_and_moves(tmp_path: Path) -> None:
+    stage = tmp_path / "a.usda"
+    stage.write_text(STAGE, encoding="utf-8")
+    settings = ir.Settings(size=(32, 18), samples=1, backend="reference")
+    with served(stage, settings=settings) as shown, client(shown) as page:
+        page.finished()
+        assert page.last["scene"]["timeline"] == {"first": 1.0, "last": 24.0, "unit": "frame", "rate": 24.0}
+        assert page.last["files"]["items"] == []
+        assert page.last["params"]["items"] == []
+        assert page.ask("pick", "pick", x=0.5, y=0.5)["name"] == "/ball"
+        page.send("change", state={"moment": 24.0})
+        page.finished(page.version)
+        current = shown.session.studio.current
+        assert current is not None
+        tables = current.scene.tables
+        assert tables.transforms.matrix[tables.instances.transform[0], :, 3].tolist() == [5, 0, 0]
+        assert page.ask("save", "refused", path=str(stage), text="", saved="")["message"] == "that is not a file of the scene"
+    assert stage.read_text(encoding="utf-8") == STAGE

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from maquette.compiler import load
+from maquette.compiler import ir, load
 from maquette.live import window
 from maquette.live.scene_files import Opened
 from websockets.sync.client import ClientConnection, connect
@@ -37,9 +37,9 @@ def write(folder: Path) -> Path:
 
 
 @contextlib.contextmanager
-def served(scene: Path, port: int | None = None, **more: Any) -> Iterator[window.Window]:
+def served(scene: Path, port: int | None = None, settings: ir.Settings | None = None, **more: Any) -> Iterator[window.Window]:
     """The window of a scene, served in a thread."""
-    opened = Opened(scene, partial(load.load, scene))
+    opened = Opened(scene, partial(load.load, scene), settings or ir.Settings())
     with window.Window(opened, port, **more) as shown:
         thread = threading.Thread(target=shown.serve)
         thread.start()

@@ -15,7 +15,7 @@ from maquette.render.jit import compile_process, kernel_cache
 
 ROOT = Path(__file__).resolve().parents[3]
 EXAMPLES = sorted(each for each in (ROOT / "examples").iterdir() if each.suffix in (".scene", ".usda", ".obj"))
-QUICK = (("hello", "auto"), ("textures", "auto"), ("gear", "auto"), ("room", "auto"), ("glass", "auto"), ("principled", "raster"))
+QUICK = (("hello", "auto"), ("textures", "auto"), ("gear", "auto"), ("hello", "raster"))
 BALL = "sphere(1)\ndirectional(from: [1, 1, 1])\ncamera(position: [0, 0, 4])\n"
 
 
@@ -56,7 +56,7 @@ def without_special(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
     return compiled
 
 
-@pytest.mark.parametrize(("name", "samples", "seen"), [("hello", 2, 1), ("room", 16, 3)])
+@pytest.mark.parametrize(("name", "samples", "seen"), [("hello", 2, 1), pytest.param("room", 16, 3, marks=pytest.mark.long)])
 def test_a_picture_goes_on_with_specialised_kernels(
     monkeypatch: pytest.MonkeyPatch, without_special: list[bool], name: str, samples: int, seen: int
 ) -> None:

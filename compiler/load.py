@@ -20,7 +20,7 @@ from .io import source_files
 from .io.sandbox import FileError, Files, resolved
 from .lower import lowering
 from .plan import enclosed_lights
-from .scene import defaults, motion_keys, serialize, transforms, validate
+from .scene import defaults, motion_keys, serialize, texture_coordinates, transforms, validate
 from .scene.builder import SceneBuilder
 from .scene.row_records import InstanceData
 
@@ -43,8 +43,7 @@ def load(
 
     `sets` are values of params as text; `time` is in seconds (None: the file's own default, 0 in a .scene); `code` is a USD
     stage's time code, in place of `time`; `allow` are folders the scene may read beside its own; `variants` choose among a
-    stage's ({"/prim:set": "name"}); `stage` has its other options; `max_elements` limits the elements
-    that a .scene makes and places (None: 10 million).
+    stage's ({"/prim:set": "name"}); `stage` has its other options; `max_elements` limits what a .scene makes (None: 10 million).
     Warnings are added to `diagnostics`, the time each stage took to `seconds`. Raises SceneError with everything found.
     """
     found = diagnostics if diagnostics is not None else Diagnostics()
@@ -85,6 +84,7 @@ def load(
         scene, _ = validate.validate(scene, found)
     found.raise_if_failed()
     enclosed_lights.warn_of_enclosed_lights(scene, found)
+    texture_coordinates.warn_of_missing_coordinates(scene, found)
     return scene
 
 

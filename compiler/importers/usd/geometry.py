@@ -156,6 +156,9 @@ def mesh(
     sound = _valid_indices(indices, points)
     given = None if subdivided else _normals(schema, api, time, len(points), counts, diagnostics, span)
     uvs = primvar(api, reads.uv, time, 1 if reads.ramp else 2, len(points), counts, diagnostics, span) if reads.uv else None
+    if reads.uv and uvs is None and not api.FindPrimvarWithInheritance(reads.uv).HasValue():
+        diagnostics.warning(f"the material reads the primvar `{reads.uv}`, which this mesh lacks: each picture shows one texel", span)
+        uvs = MeshAttribute(np.zeros((1, 2), np.float32), _At.CONSTANT)
     if reads.ramp and uvs is not None:
         uvs = vertex_numbers.coordinates(uvs)
     colors = primvar(api, reads.color, time, 3, len(points), counts, diagnostics, span) if reads.color else None

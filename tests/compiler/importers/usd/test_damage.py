@@ -5,6 +5,7 @@ import pytest
 from maquette.compiler.importers.usd import materials
 
 from .stages import SQUARE, attribute, kinds, read
+from .test_materials import ST
 
 BOUND = '(prepend apiSchemas = ["MaterialBindingAPI"])'
 QUAD = f'def Mesh "q" {BOUND} {{ rel material:binding = </m>\n{SQUARE}\nMORE }}'
@@ -64,7 +65,7 @@ def test_a_picture_that_feeds_its_own_scale(tmp_path):
             float4 inputs:scale.connect = </m/a.outputs:rgb>
             asset inputs:file.connect = </m/a.outputs:rgb>
             float3 outputs:rgb } }"""
-    scene, messages = read(tmp_path, text + QUAD.replace("MORE", ""))
+    scene, messages = read(tmp_path, text + QUAD.replace("MORE", ST))
     assert kinds(scene) == ["MESH"]
     assert messages == ["x.usda</m/a>: warning: the texture names no file: its fallback is drawn"]
 

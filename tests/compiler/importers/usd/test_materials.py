@@ -41,7 +41,11 @@ def Shader "r" { uniform token info:id = "UsdPrimvarReader_float2"
 """
 
 
+ST = 'texCoord2f[] primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1)] (interpolation = "vertex")'
+
+
 def stage(inputs, nodes="", extra=""):
+    extra = extra or (ST if "UsdUVTexture" in nodes else "")
     return SURFACE.replace("INPUTS", inputs).replace("NODES", nodes) + BOUND.replace("EXTRA", extra)
 
 

@@ -95,3 +95,18 @@ def test_presence_fades_the_whole_surface(tmp_path):
     assert (messages, slot(scene, "OPACITY"), slot(scene, "TRANSMISSION")) == ([], [0.5, 0, 0], [0, 0, 0])
     scene, messages = read(tmp_path, stage('float inputs:opacity = 0.5\ntoken inputs:opacityMode = "transparent"'))
     assert (messages, slot(scene, "OPACITY"), slot(scene, "TRANSMISSION")) == ([], [1, 0, 0], [0.5, 0.5, 0.5])
+
+
+def test_coordinates_that_a_mesh_lacks_are_named(tmp_path):
+    write_image(tmp_path / "p.png", np.array([[[255, 0, 0], [0, 0, 0]]], np.uint8))
+    nodes = """def Shader "a" { uniform token info:id = "UsdUVTexture"
+        asset inputs:file = @p.png@
+        float2 inputs:st.connect = </m/r.outputs:result>
+        float3 outputs:rgb }
+        def Shader "r" { uniform token info:id = "UsdPrimvarReader_float2"
+        string inputs:varname = "UVMap"
+        float2 outputs:result }"""
+    messages = read(tmp_path, stage("color3f inputs:diffuseColor.connect = </m/a.outputs:rgb>", nodes, ST))[1]
+    assert messages == [
+        "x.usda</thing>: warning: the material reads the primvar `UVMap`, which this mesh lacks: each picture shows one texel"
+    ]

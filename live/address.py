@@ -37,7 +37,7 @@ def listen(scene: Path, port: int | None) -> tuple[socket.socket, Address]:
 
     Without `port`, the port of the last window of the same scene if it is free, else any free one. Raises OSError.
     """
-    file = _file(scene)
+    file = file_of(scene)
     known_port, token = _read(file)
     bound = None
     for candidate in [port] if port is not None else [known_port, 0]:
@@ -67,7 +67,7 @@ def _bind(port: int) -> socket.socket:
     return made
 
 
-def _file(scene: Path) -> Path:
+def file_of(scene: Path) -> Path:
     """The file that keeps the address of a scene, readable by its owner only."""
     name = hashlib.blake2b(os.fsencode(scene.resolve()), digest_size=12).hexdigest()
     return cache_dirs.cache_root() / "live" / f"{name}.json"

@@ -1,4 +1,4 @@
-"""What tests of the live window share."""
+"""Fixtures of the tests of the live window."""
 
 from __future__ import annotations
 
@@ -11,4 +11,4 @@ from maquette.live import address
 @pytest.fixture(autouse=True)
 def own_addresses(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Keep addresses in the folder of the test."""
-    monkeypatch.setattr(address, "_file", lambda scene: tmp_path / "addresses" / f"{scene.name}.json")
+    monkeypatch.setattr(address, "file_of", lambda scene: tmp_path / "addresses" / f"{scene.name}.json")

@@ -142,7 +142,8 @@ class Display:
             of = f" of {progress.most}" if progress.most else ""
             found.append(f"{progress.samples:.{0 if progress.samples >= 10.0 else 1}f}{of} samples")
         if progress.error is not None:
-            found.append(f"error {progress.error:.2%}")
+            part = " in the tiles drawn" if progress.most and progress.share < 1.0 else ""  # tiles may differ, such as those of the sky
+            found.append(f"error {progress.error:.2%}{part}")
         between = self._left.between(time.monotonic() - self._began)
         if between is not None and progress.share < 1.0:
             found.append(f"{time_range(*between)} left")

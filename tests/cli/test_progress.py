@@ -87,7 +87,7 @@ def test_the_line_names_stage_samples_error_and_time(clock: Clock) -> None:
     for _ in range(10):
         clock.now += 1.0
         display(Progress("rendering", (clock.now - 100.0) / 40.0, 1.6 * (clock.now - 100.0), 64, 0.034))
-    assert display.text() == "rendering, 25 %, 16 of 64 samples, error 3.40%, 30 s left"
+    assert display.text() == "rendering, 25 %, 16 of 64 samples, error 3.40% in the tiles drawn, 30 s left"
     clock.now += 5.0
     assert display.text().endswith("25 s left")
     display(Progress("rendering", 1.0, 64.0, 64, 0.017))

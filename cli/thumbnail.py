@@ -200,7 +200,8 @@ def _draw(asset: Asset, picture: Path, complexity: int, made: Thumbnail) -> None
     usd = asset.path.suffix.lower() in file_types.USD
     scene = load.load(asset.path, diagnostics=found, stage=stage if usd else None)
     own_light = not any(text.startswith("sun") for text in scene.defaults)
-    asked = ir.Settings(size=made.size, samples=SAMPLES, threads=1, background="transparent")
+    background = None if asset.path.suffix.lower() in file_types.SCENE else "transparent"
+    asked = ir.Settings(size=made.size, samples=SAMPLES, threads=1, background=background)
     plan = planner.make_plan(replace(scene, photometric=own_light), asked)
     image = render_scene.draw(scene, plan)
     exposure = plan["exposure"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import tempfile
 import threading
 import webbrowser
 from functools import partial
@@ -16,12 +17,15 @@ from . import common_options as shared
 from . import render_job as jobs
 
 if TYPE_CHECKING:
+    from ..live.scene_files import Opened
     from ..live.state import State
     from ..live.studio import Current
 
+THUMBNAIL = (320, 240)  # pixels
+
 
 @click.command()
-@click.argument("scene", type=shared.FILE)
+@click.argument("scene", type=click.Path(exists=True, path_type=Path))
 @click.option("-o", "--output", type=shared.OUT, help="Picture file, written again at every save. Without --window, no window is opened.")
 @click.option("--window/--no-window", default=None, help="Open the window, also with -o. Default: only without -o.")
 @click.option("--browser/--no-browser", default=True, help="Open the window in the browser, or only print its address. Default: --browser.")
@@ -31,6 +35,7 @@ if TYPE_CHECKING:
 @click.option("--stats", type=shared.OUT, help="Write statistics of the render and of all redraws to this JSON file after every redraw.")
 @shared.examples(
     "maquette watch room.scene",
+    "maquette watch scenes",
     "maquette watch robot.usdz --no-browser --port 8000",
     "maquette watch room.scene -o room.png --size 400x300 --samples 16",
     "maquette watch part.scene -o part.png --stats part.json",
@@ -40,7 +45,7 @@ def watch(
     ctx: click.Context, scene: Path, output: Path | None, window: bool | None, browser: bool, port: int | None, stats: Path | None,
     **given: Any
 ) -> None:  # fmt: skip
-    """Show SCENE in a window that follows edits, or write a picture at every save.
+    """Show SCENE in a window that follows edits, or write a picture at every save. Of a folder, the window shows all scenes.
 
     The window is a page of the browser, which this computer alone can open. It follows saves of SCENE and of all files that it uses,
     and edits in the page. Params are sliders; dragging moves the camera. docs/live.md describes it. Ctrl-C ends the command with exit
@@ -53,6 +58,8 @@ def watch(
     of the last redraw (`redraw`) and of the last 1000 redraws (`redraws`): seconds from the save to the picture (`total`) and
     for each part (wait, read, draw, write), and CPU seconds of all threads.
     """
+    if scene.is_dir() and (output is not None or given["sets"]):
+        raise click.UsageError("a folder has a window alone, and no params: leave out -o and --set")
     source, settings, overrides = shared.read_options(scene, given)
     window = output is None if window is None else window
     if output is not None:
@@ -83,22 +90,37 @@ def _follow(job: jobs.Job, stats: Path | None) -> None:
 
 def _show(job: jobs.Job, output: Path | None, browser: bool, port: int | None) -> None:
     """Serve the window until Ctrl-C."""
-    from ..compiler import load
     from ..live import window
-    from ..live.scene_files import Opened
 
     source = job.source
-    loaded = partial(
-        load.load, source.path, allow=source.allow, variants=source.stage.variants, stage=source.stage, max_elements=source.max_elements
-    )
-    opened = Opened(source.path, loaded, job.settings, job.overrides, source.sets, source.time)
     finished = None if output is None else partial(_write, output)
-    with window.Window(opened, port, finished) as shown:
+    with window.Window(source.path, partial(_opened, job), port, finished, _thumbnail) as shown:
         click.echo(f"{source.path}: {shown.address.url} (Ctrl-C ends)")
         sys.stdout.flush()
         if browser:
             threading.Thread(target=webbrowser.open, args=(shown.address.url,), daemon=True).start()
         shown.serve()
+
+
+def _opened(job: jobs.Job, path: Path) -> Opened:
+    """A scene file of the window, with the options of the command."""
+    from ..compiler import load
+    from ..live.scene_files import Opened
+
+    source, stage = job.source, job.source.stage
+    loaded = partial(load.load, path, allow=source.allow, variants=stage.variants, stage=stage, max_elements=source.max_elements)
+    return Opened(path, loaded, job.settings, job.overrides, source.sets, source.time)
+
+
+def _thumbnail(path: Path) -> bytes:
+    """A PNG of a scene file. Raises ValueError with the errors of the scene."""
+    from . import thumbnail
+
+    with tempfile.TemporaryDirectory(prefix="maquette-") as folder:
+        made = thumbnail.draw(thumbnail.Asset(path, "scene"), Path(folder), THUMBNAIL, 0, "")
+        if made.error:
+            raise ValueError(made.error)
+        return (Path(folder) / made.picture).read_bytes()
 
 
 def _write(output: Path, current: Current, state: State) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 import uvicorn
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import PlainTextResponse, Response
+from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
@@ -23,8 +23,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from ..render.image import image_files
 from ..render.image.image import Image
 from .address import Address
-from .hub import Hub
-from .session import Session
+from .rooms import Rooms
 from .studio import Current
 
 PAGE = Path(__file__).resolve().parent / "page"
@@ -73,51 +72,91 @@ class Guard:
         return secrets.compare_digest(token.encode(), self.address.token.encode())
 
 
-def application(session: Session, hub: Hub, address: Address) -> ASGIApp:
-    """The server's ASGI application."""
-    policy = POLICY.format(sockets=" ".join(f"ws://{host}" for host in address.hosts))
-    files = {path.name: path for path in PAGE.iterdir() if path.suffix in TYPES}
-
-    async def page(request: Request) -> Response:
-        file = files.get(request.path_params.get("name") or "index.html")
-        if file is None:
-            return PlainTextResponse("not found\n", 404, HEADERS)
-        return Response(file.read_bytes(), media_type=TYPES[file.suffix], headers={**HEADERS, "Content-Security-Policy": policy})
-
-    async def picture(request: Request) -> Response:
-        kind = request.path_params["kind"]
-        current = session.studio.current
-        if kind not in PICTURES or current is None:
-            return PlainTextResponse("there is no picture yet\n", 404, HEADERS)
-        data = await asyncio.to_thread(encoded, current, kind)
-        name = f"{session.opened.path.stem}.{kind}".encode("ascii", "replace").decode().replace('"', "_")
-        return Response(data, media_type=PICTURES[kind], headers={**HEADERS, "Content-Disposition": f'attachment; filename="{name}"'})
-
-    async def talk(websocket: WebSocket) -> None:
-        await websocket.accept()
-        page = hub.open()
-        sender = asyncio.create_task(page.run(_sender(websocket)))
-        try:
-            while True:
-                session.handle(page, _parsed(await websocket.receive_text()))
-        except (WebSocketDisconnect, RuntimeError, KeyError):
-            pass
-        finally:
-            hub.close(page)
-            sender.cancel()
-            with contextlib.suppress(asyncio.CancelledError, Exception):
-                await sender
+def application(rooms: Rooms, address: Address, thumbnail: Callable[[Path], bytes] | None = None) -> ASGIApp:
+    """The server's ASGI application: one scene at `/token/`, or a folder there and its scenes at `/token/scene/key/`."""
+    served = _Served(rooms, thumbnail, POLICY.format(sockets=" ".join(f"ws://{host}" for host in address.hosts)))
 
     @contextlib.asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
-        hub.loop = asyncio.get_running_loop()
+        rooms.use_loop(asyncio.get_running_loop())
         yield
 
-    routes = [
-        Route("/{token}/", page), Route("/{token}/picture.{kind}", picture), Route("/{token}/{name}", page),
-        WebSocketRoute("/{token}/socket", talk),
-    ]  # fmt: skip
+    routes = []
+    for place in ("/{token}", "/{token}/scene/{key}"):
+        routes += [WebSocketRoute(f"{place}/socket", served.talk), Route(f"{place}/picture.{{kind}}", served.picture)]
+    routes += [Route("/{token}/list.json", served.listed), Route("/{token}/thumbnail/{key}", served.thumbnail)]
+    for place in ("/{token}", "/{token}/scene/{key}"):
+        routes += [Route(f"{place}/", served.page), Route(f"{place}/{{name}}", served.page)]
     return Guard(Starlette(routes=routes, lifespan=lifespan), address)
+
+
+class _Served:
+    """The answers to requests."""
+
+    def __init__(self, rooms: Rooms, thumbnail: Callable[[Path], bytes] | None, policy: str) -> None:
+        self.rooms, self.policy, self._draw = rooms, policy, thumbnail
+        self.files = {path.name: path for path in PAGE.iterdir() if path.suffix in TYPES}
+        self._thumbnails: dict[str, tuple[int, bytes]] = {}  # by key: time of change and PNG
+        self._drawing = asyncio.Lock()  # one thumbnail at a time
+
+    async def page(self, request: Request) -> Response:
+        first = "gallery.html" if self.rooms.is_folder and "key" not in request.path_params else "index.html"
+        file = self.files.get(request.path_params.get("name") or first)
+        if file is None:
+            return PlainTextResponse("not found\n", 404, HEADERS)
+        headers = {**HEADERS, "Content-Security-Policy": self.policy}
+        return Response(file.read_bytes(), media_type=TYPES[file.suffix], headers=headers)
+
+    async def picture(self, request: Request) -> Response:
+        kind, room = request.path_params["kind"], self.rooms.get(request.path_params.get("key", ""))
+        current = None if room is None else room.session.studio.current
+        if room is None or kind not in PICTURES or current is None:
+            return PlainTextResponse("there is no picture yet\n", 404, HEADERS)
+        data = await asyncio.to_thread(encoded, current, kind)
+        name = f"{room.session.opened.path.stem}.{kind}".encode("ascii", "replace").decode().replace('"', "_")
+        return Response(data, media_type=PICTURES[kind], headers={**HEADERS, "Content-Disposition": f'attachment; filename="{name}"'})
+
+    async def listed(self, _: Request) -> Response:
+        if not self.rooms.is_folder:
+            return PlainTextResponse("not found\n", 404, HEADERS)
+        found = await asyncio.to_thread(self.rooms.listed)
+        scenes = [{"key": key, "name": path.relative_to(self.rooms.path).as_posix()} for key, path in found.items()]
+        return JSONResponse({"folder": self.rooms.path.resolve().name, "scenes": scenes}, headers=HEADERS)
+
+    async def thumbnail(self, request: Request) -> Response:
+        key = request.path_params["key"]
+        path = self.rooms.listed().get(key) if self.rooms.is_folder else None
+        if path is None or self._draw is None:
+            return PlainTextResponse("not found\n", 404, HEADERS)
+        async with self._drawing:
+            try:
+                changed = path.stat().st_mtime_ns
+                if self._thumbnails.get(key, (0, b""))[0] != changed:
+                    self._thumbnails[key] = changed, await asyncio.to_thread(self._draw, path)
+            except (OSError, ValueError) as error:
+                return PlainTextResponse(f"{error}\n", 422, HEADERS)
+        return Response(self._thumbnails[key][1], media_type="image/png", headers=HEADERS)
+
+    async def talk(self, websocket: WebSocket) -> None:
+        key = websocket.path_params.get("key", "")
+        room = await asyncio.to_thread(self.rooms.enter, key)
+        if room is None:
+            await websocket.close(1008)
+            return
+        await websocket.accept()
+        page = room.hub.open()
+        sender = asyncio.create_task(page.run(_sender(websocket)))
+        try:
+            while True:
+                room.session.handle(page, _parsed(await websocket.receive_text()))
+        except (WebSocketDisconnect, RuntimeError, KeyError):
+            pass
+        finally:
+            room.hub.close(page)
+            self.rooms.left(key)
+            sender.cancel()
+            with contextlib.suppress(asyncio.CancelledError, Exception):
+                await sender
 
 
 def _parsed(text: str) -> Any:

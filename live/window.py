@@ -1,12 +1,14 @@
-"""The live window of one scene: session and server together."""
+"""The live window of a scene, or of the scenes of a folder: sessions and server together."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from types import TracebackType
 
 from . import address, server
 from .hub import Hub
+from .rooms import Rooms
 from .scene_files import Opened
 from .session import Session
 from .state import State
@@ -14,17 +16,31 @@ from .studio import Current
 
 
 class Window:
-    """A context in which the window of a scene is served."""
+    """A context in which the window of a scene or a folder is served."""
 
-    def __init__(self, opened: Opened, port: int | None = None, finished: Callable[[Current, State], None] | None = None) -> None:
-        """Bind the port. Raises OSError. `finished` is that of Studio."""
-        self._bound, self.address = address.listen(opened.path, port)
-        self.hub = Hub()
-        self.session = Session(opened, self.hub, finished)
-        self.server = server.Server(server.application(self.session, self.hub, self.address), self._bound)
+    def __init__(
+        self, path: Path, open_scene: Callable[[Path], Opened], port: int | None = None,
+        finished: Callable[[Current, State], None] | None = None, thumbnail: Callable[[Path], bytes] | None = None,
+    ) -> None:  # fmt: skip
+        """Bind the port. `open_scene` gives the options of a scene file; `finished` is that of Studio.
+
+        `thumbnail` returns a PNG of a scene file, for the page of a folder; it raises ValueError. Raises OSError.
+        """
+        self._bound, self.address = address.listen(path, port)
+
+        def make(opened: Opened, hub: Hub) -> Session:
+            return Session(opened, hub, finished)
+
+        self.rooms = Rooms(path, open_scene, make)
+        self.server = server.Server(server.application(self.rooms, self.address, thumbnail), self._bound)
+
+    @property
+    def session(self) -> Session:
+        """The session of a window of one scene."""
+        return self.rooms.rooms[""].session
 
     def __enter__(self) -> Window:
-        self.session.start()
+        self.rooms.start()
         return self
 
     def serve(self) -> None:
@@ -36,5 +52,5 @@ class Window:
         self.server.should_exit = True
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self.session.stop()
+        self.rooms.stop()
         self._bound.close()

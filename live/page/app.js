@@ -185,6 +185,8 @@ $("splitter").addEventListener("pointerdown", (event) => {
   splitter.addEventListener("pointerup", () => splitter.removeEventListener("pointermove", move), { once: true });
 });
 
+$("all").hidden = !/\/scene\/[0-9a-f]+\/$/.test(location.pathname);
+
 // --- keys ---
 
 const keys = {

@@ -271,3 +271,34 @@ def test_dark_and_light(tmp_path: Path, chromium: Browser) -> None:
         tab.wait(f"{light} > 600")
         tab.js("localStorage.clear()")
         close(tab)
+
+
+def test_a_folder_shows_its_scenes(tmp_path: Path, chromium: Browser) -> None:
+    folder = tmp_path / "scenes"
+    (folder / "more").mkdir(parents=True)
+    windows.write(folder)
+    (folder / "more" / "<b>.scene").write_text(SCENE.replace('use "part.scene"\n', "").replace("part.ball", "sphere"), encoding="utf-8")
+    (folder / ".hidden.scene").write_text("", encoding="utf-8")
+    drawn_of: list[str] = []
+
+    def thumbnail(path: Path) -> bytes:
+        drawn_of.append(path.name)
+        if path.name == "part.scene":
+            raise ValueError("nothing <i>is</i> placed")
+        return (Path(__file__).resolve().parents[2] / "examples" / "hello.png").read_bytes()
+
+    with served(folder, thumbnail=thumbnail) as shown:
+        tab = chromium.tab(shown.address.url)
+        tab.wait("document.querySelectorAll('#scenes a').length === 3 && document.querySelector('.broken') !== null")
+        assert tab.js("[...document.querySelectorAll('#scenes b')].map(b => b.textContent)") == ["a.scene", "more/<b>.scene", "part.scene"]
+        assert text(tab, ".broken") == "nothing <i>is</i> placed"
+        tab.click("#scenes a:nth-child(2)")
+        tab.wait(f"location.pathname.includes('/scene/') && {CANVAS}?.dataset.finished === 'true'")
+        assert text(tab, "#name") == "<b>.scene"
+        assert len(shown.rooms.rooms) == 1
+        tab.click("#all")
+        tab.wait("document.querySelectorAll('#scenes a').length === 3")
+        windows.until(lambda: not shown.rooms.rooms)
+        assert sorted(drawn_of[:3]) == ["<b>.scene", "a.scene", "part.scene"]
+        tab.js("1")
+        tab.close()

@@ -39,8 +39,10 @@ def write(folder: Path) -> Path:
 @contextlib.contextmanager
 def served(scene: Path, port: int | None = None, settings: ir.Settings | None = None, **more: Any) -> Iterator[window.Window]:
     """The window of a scene, served in a thread."""
-    opened = Opened(scene, partial(load.load, scene), settings or ir.Settings())
-    with window.Window(opened, port, **more) as shown:
+    def opened(path: Path) -> Opened:
+        return Opened(path, partial(load.load, path), settings or ir.Settings())
+
+    with window.Window(scene, opened, port, **more) as shown:
         thread = threading.Thread(target=shown.serve)
         thread.start()
         try:

@@ -1,7 +1,7 @@
-"""maquette: a scene-description language compiler and renderer. The public functions: load, render, compare.
+"""maquette: a scene-description language compiler and renderer. The public functions: load, load_text, render, compare.
 
     import maquette
-    scene = maquette.load("room.scene", sets={"hour": "20"})
+    scene = maquette.load("room.scene", hour=20)
     image = maquette.render(scene, size=(320, 240), backend="raster")
     print(maquette.compare(image, "reference.exr").error)
 """
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from .render.image.image import Image
     from .render.image.metrics import Difference
 
-__all__ = ["__version__", "compare", "load", "render"]
+__all__ = ["__version__", "compare", "load", "load_text", "render"]
 
 __version__ = VERSION
 
@@ -38,10 +38,12 @@ def load(
     variants: Mapping[str, str] | None = None,
     max_elements: int | None = None,
     diagnostics: Diagnostics | None = None,
+    **params: Any,
 ) -> ir.Scene:
     """Compile a .scene, USD or mesh file.
 
-    `sets` gives params their values, written as in the language; `time` is in seconds; `allow` are folders it may read
+    `params` are values of the scene's params: numbers, truth values, lists, arrays, and texts in the language ("2cm", "#d0402a").
+    `sets` are further ones, all as text, for names that are options here; `time` is in seconds; `allow` are folders it may read
     beside its own; `variants` choose USD variants ({"/prim:set": "name"}). `max_elements` limits the elements that a scene
     makes and places (default 10 million). Warnings are added to `diagnostics`.
     Raises maquette.lang.diagnostics.SceneError with everything that is wrong in it.
@@ -51,9 +53,33 @@ def load(
 
     found = diagnostics if diagnostics is not None else messages.Diagnostics()
     folders = tuple(Path(folder) for folder in allow)
+    given = {**{name: _as_text(value) for name, value in params.items()}, **(sets or {})}
     return loader.load(
-        Path(path), sets=sets, time=time, allow=folders, variants=variants, max_elements=max_elements, diagnostics=found, seconds={}
+        Path(path), sets=given, time=time, allow=folders, variants=variants, max_elements=max_elements, diagnostics=found, seconds={}
     )
+
+
+def load_text(text: str, folder: str | Path = ".", **options: Any) -> ir.Scene:
+    """Compile the text of a scene as if it were a file in `folder`, called text.scene; `options` are those of `load`.
+
+    Raises maquette.lang.diagnostics.SceneError.
+    """
+    from .compiler.io import sandbox
+
+    path = Path(folder) / "text.scene"
+    with sandbox.unsaved({str(sandbox.resolved(path)): text}):
+        return load(path, **options)
+
+
+def _as_text(value: Any) -> str:
+    """A Python value in the syntax of a scene."""
+    if hasattr(value, "tolist"):  # of numpy
+        value = value.tolist()
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_as_text, value))}]"
+    return value if isinstance(value, str) else repr(value)
 
 
 def render(scene: ir.Scene | str | Path, *, plan: Mapping[str, str] | None = None, **settings: Any) -> Image:

@@ -37,6 +37,40 @@ def test_load_then_render(path: Path) -> None:
     assert image.channels["depth"][6, 8, 0] == pytest.approx(4.5, rel=1e-2)
 
 
+PARAMS = """\
+param radius = 1m in 10cm..2m
+param paint: color = #ffffff
+param at = [0, 0, 0]
+param round = false
+param label = "a"
+sphere(if round then radius else 2 * radius, center: at, material: lambert(paint), name: label)
+"""
+
+
+def test_params_are_python_values(tmp_path: Path) -> None:
+    path = tmp_path / "b.scene"
+    path.write_text(PARAMS, encoding="utf-8")
+    given = {"radius": np.float32(0.25), "paint": "#ff0000", "at": np.array([1.0, -2.0, 1e-6]), "round": True, "label": "ball"}
+    scene = maquette.load(path, **given)
+    assert scene.names.instances == ("ball",)
+    assert scene.tables.geometries.parameters[0, 0] == 0.25
+    assert scene.tables.transforms.matrix[scene.tables.instances.transform[0], :, 3].tolist() == [1.0, -2.0, 1e-6]
+    assert maquette.load(path, radius="20cm", round=True).tables.geometries.parameters[0, 0] == pytest.approx(0.2)
+    with pytest.raises(SceneError) as error:
+        maquette.load(path, radios=1)
+    assert error.value.diagnostics[0].message == "the scene has no param `radios`; did you mean `radius`?"
+
+
+def test_the_text_of_a_scene(tmp_path: Path) -> None:
+    (tmp_path / "part.scene").write_text("sphere(0.5)\n", encoding="utf-8")
+    scene = maquette.load_text('use "part.scene"\nparam n: int = 2\nfor (k in 1..n) { part() }\n', tmp_path, n=3)
+    assert len(scene.tables.instances.geometry) == 3
+    assert not (tmp_path / "text.scene").exists()
+    with pytest.raises(SceneError) as error:
+        maquette.load_text("sphere(1,\n")
+    assert [(str(d.span.file), d.span.line) for d in error.value.diagnostics if d.span] == [("text.scene", 1)]
+
+
 def test_render_takes_a_file_and_overrides(path: Path) -> None:
     first = maquette.render(path, backend="reference")
     second = maquette.render(str(path), backend="reference", plan={"shadows": "off"})

@@ -23,7 +23,7 @@ _unsaved: ContextVar[Mapping[str, str]] = ContextVar("unsaved", default=MappingP
 
 @contextmanager
 def unsaved(texts: Mapping[str, str]) -> Iterator[None]:
-    """In the block, `texts` replace the contents of source files, by resolved path: the unsaved text of an editor."""
+    """In the block, `texts` are the contents of source files, by resolved path: the unsaved text of an editor."""
     token = _unsaved.set(texts)
     try:
         yield
@@ -57,6 +57,9 @@ class Files:
         Paths outside the allowed folders are refused before they are opened; so are symbolic links to such paths.
         """
         path = self._inside(name, self.root if folder is None else Path(folder))
+        if str(path) in self._unsaved:  # on disk or not
+            self._read.setdefault(str(path))
+            return path
         try:
             status = path.stat()
         except FileNotFoundError:

@@ -186,11 +186,22 @@ def _table(tables: ir.Tables, rows: list[dict[str, Any]], first: Any, parts: Any
     return Emitters(**columns, first=first, parts=parts, tree=_build_tree(tables, columns, general), sky=sky, wide=wide)
 
 
+def _peaks(tables: ir.Tables, light: Any, kind: Any) -> NDArray[np.float64]:
+    """(n,) the largest factor by direction of each emitter, the mean of its channels; 1 without an image."""
+    made, images = np.ones(len(light)), tables.images
+    for row in np.flatnonzero((light >= 0) & (kind != DOME)).tolist():
+        image = int(tables.lights.image[light[row]])
+        if image >= 0:
+            first, count = int(images.first[image]), int(images.width[image]) * int(images.height[image])
+            made[row] = images.texels[first : first + count, :3].mean(axis=1, dtype=np.float64).max()
+    return made
+
+
 def _build_tree(tables: ir.Tables, of: dict[str, Any], general: bool) -> light_tree.Tree:
     """Build the light tree over the emitters with a position."""
     kind, place, u, v = of["kind"], of["place"], of["side_u"], of["side_v"]
     shown = np.select([kind == SPHERE, kind == TUBE], [0.25, 1.0 / math.pi], 1.0)  # visible share of the area
-    power = of["color"].mean(axis=1) * np.where(of["area"] > 0, of["area"] * shown, 1.0)
+    power = of["color"].mean(axis=1) * np.where(of["area"] > 0, of["area"] * shown, 1.0) * _peaks(tables, of["light"], kind)
     far = ir.is_in(kind, _FAR)
     span = np.abs(u) + np.abs(v)
     span = np.where((kind == DISK)[:, None], np.sqrt(u * u + v * v), span)

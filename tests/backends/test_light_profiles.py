@@ -125,3 +125,14 @@ def test_a_shaped_cylinder_shines_along_its_minus_z(tmp_path: Path, backend: str
     across = np.abs(place[..., 0]) < 0.1  # the axis is x
     expected = light / 10 * 99 * 2 * 0.01 * 0.05 * np.cos(angle) ** 3
     assert np.abs(found[..., 0] - expected)[across].max() < 0.06 * expected.max()
+
+
+def test_paths_choose_lamps_by_their_largest_factor(tmp_path: Path) -> None:
+    """Forty lamps at one place, one of them a thousand times as bright by its profile: choice in proportion leaves no noise."""
+    (tmp_path / "a.ies").write_text(IES.format("\n".join(["1000 1000 1000"] * 5)))
+    place = '\n        double3 xformOp:translate = (0, 1.5, 0)\n        uniform token[] xformOpOrder = ["xformOp:translate"]\n    }\n'
+    head = '    def SphereLight "{}" (\n        prepend apiSchemas = ["ShapingAPI"]\n    ) {{\n        '
+    dim = "".join(POINT + place + head.format(f"lamp{k}") for k in range(39))
+    found, at = floor(tmp_path, "SphereLight", dim + POINT + "asset inputs:shaping:ies:file = @a.ies@", "ray", samples=4, bounces=1)
+    light, _ = below(at)
+    assert np.abs(found[..., 0] / (1039 * light) - 1).mean() < 0.05

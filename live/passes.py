@@ -21,6 +21,7 @@ FIRST = 0.08  # seconds that the first picture may take
 SMALLEST = 16  # pixels of a side of the first picture
 COARSEST = 16  # times that the first picture is smaller than the whole
 PACE = 5e-7  # seconds a pixel at one sample, before any picture
+SMALL = 20_000  # pixels of a picture whose channels are drawn with it
 MAX_PIXELS = 1 << 25  # of a picture in the window
 
 
@@ -42,9 +43,10 @@ class Pace:
 
 
 def first_plans(scene: ir.Scene, settings: ir.Settings, overrides: Mapping[str, str], plan: Plan, pace: Pace, channel: str) -> list[Plan]:
-    """The plans of the pictures before the last: coarse and whole, with one sample a pixel and the channels for `channel` and clicks.
+    """The plans of the pictures before the last, with one sample a pixel: coarse, whole, and whole with the channels for clicks.
 
-    A small picture has one of them, and so has a crop.
+    Channels take several times as long as the picture, so the whole picture comes first without them, unless `channel` is one.
+    A small picture has the last plan alone; a crop has no coarse one.
     """
     width, height = plan["size"]
     known = {name: overrides[name] for name in overrides if name in plan.decisions}
@@ -52,10 +54,13 @@ def first_plans(scene: ir.Scene, settings: ir.Settings, overrides: Mapping[str, 
     quick = replace(scene, settings=replace(scene.settings, error=None, budget=None, aov=None, samples=1))
     cropped = tuple(plan["crop"]) != (0, 0, width, height)
     divisor = 1 if cropped else pace.divisor(width, height)
+    parts = [(divisor, True)] if divisor > 1 else []
+    if channel not in aov.SEEN and width * height > SMALL:
+        parts.append((1, False))
     plans = []
-    for part in dict.fromkeys((divisor, 1)):
+    for part, with_channels in (*parts, (1, True)):
         size = (max(1, width // part), max(1, height // part))
-        asked = replace(settings, size=size, samples=1, error=None, budget=None, aov=names, denoise=False)
+        asked = replace(settings, size=size, samples=1, error=None, budget=None, aov=names if with_channels else None, denoise=False)
         plans.append(planner.make_plan(quick, asked, known))
     return plans
 
@@ -69,9 +74,10 @@ class Shown:
     samples: NDArray[np.integer] | None = None  # (h, w)
 
     @staticmethod
-    def of(image: Image) -> Shown:
-        """What a finished pass shows."""
-        return Shown(image.channels["rgba"], {name: image.channels[name] for name in image.channels if name != "rgba"})
+    def of(image: Image, before: Mapping[str, NDArray[Any]]) -> Shown:
+        """What a finished pass shows, with the channels of the pass before where it has none."""
+        found = {name: image.channels[name] for name in image.channels if name != "rgba"}
+        return Shown(image.channels["rgba"], found or before)
 
     def refined(self, rgba: NDArray[np.float32], samples: NDArray[np.integer]) -> Shown:
         """The picture of a pass that is not finished, over this one where it has no samples yet."""

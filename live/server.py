@@ -8,7 +8,9 @@ import json
 import secrets
 import socket
 import tempfile
+import threading
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -132,7 +134,7 @@ class _Served:
             try:
                 changed = path.stat().st_mtime_ns
                 if self._thumbnails.get(key, (0, b""))[0] != changed:
-                    self._thumbnails[key] = changed, await asyncio.to_thread(self._draw, path)
+                    self._thumbnails[key] = changed, await _in_daemon(partial(self._draw, path))
             except (OSError, ValueError) as error:
                 return PlainTextResponse(f"{error}\n", 422, HEADERS)
         return Response(self._thumbnails[key][1], media_type="image/png", headers=HEADERS)
@@ -157,6 +159,32 @@ class _Served:
             sender.cancel()
             with contextlib.suppress(asyncio.CancelledError, Exception):
                 await sender
+
+
+async def _in_daemon(call: Callable[[], bytes]) -> bytes:
+    """The result of a call in a thread that the end of the server does not wait for."""
+    loop = asyncio.get_running_loop()
+    done: asyncio.Future[bytes] = loop.create_future()
+
+    def finish(result: bytes | None, error: Exception | None) -> None:
+        if done.cancelled():
+            return
+        if error is not None:
+            done.set_exception(error)
+        else:
+            done.set_result(result or b"")
+
+    def run() -> None:
+        result, error = None, None
+        try:
+            result = call()
+        except Exception as fault:
+            error = fault
+        with contextlib.suppress(RuntimeError):  # the loop has ended
+            loop.call_soon_threadsafe(finish, result, error)
+
+    threading.Thread(target=run, daemon=True).start()
+    return await done
 
 
 def _parsed(text: str) -> Any:

@@ -191,8 +191,9 @@ class Session:
         if not isinstance(x, int | float) or not isinstance(y, int | float):
             raise StateError("a click has x and y")
         current = self.studio.current
-        if current is not None:
-            page.put("pick", {"type": "pick", **picking.pick(current.scene, current.shown, float(x), float(y))})
+        if current is None or "id" not in current.shown.channels:
+            raise StateError("the picture is not ready for clicks yet")
+        page.put("pick", {"type": "pick", **picking.pick(current.scene, current.shown, float(x), float(y))})
 
     def _camera(self, page: Page, message: dict[str, Any]) -> None:
         page.put("camera", {"type": "camera", "text": self.studio.camera_source()})

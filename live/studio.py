@@ -90,7 +90,7 @@ class Studio:
             self._cancel.set()
             self._changed.notify_all()
         if self._thread.is_alive():
-            self._thread.join(timeout=10.0)
+            self._thread.join(timeout=3.0)
 
     def change(self, update: Callable[[State], State]) -> State:
         """Replace the state by update(state) and draw it. Raises StateError, which `update` raises."""
@@ -227,9 +227,10 @@ class Studio:
             self._quick_since = None
             if image.metadata["partial"]:
                 return False
-            pixels = image.width * image.height
-            self._pace.add(pixels, image.metadata["seconds"]["render"])
-            self.current = Current(version, scene, plan, Shown.of(image))
+            if k == 0:
+                self._pace.add(image.width * image.height, image.metadata["seconds"]["render"])
+            known = self.current.shown.channels if k > 0 and self.current is not None else {}
+            self.current = Current(version, scene, plan, Shown.of(image, known))
             self._publish(self.state)
             if k == len(plans) - 1 or k == 0:
                 self._tell_view()

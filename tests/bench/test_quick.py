@@ -20,6 +20,7 @@ PEERS = {
     "edits": {},
     "threads": {},
     "procedural": {},
+    "live": {},
     "start": {"povray": ("POV-Ray",), "mitsuba": ("Mitsuba llvm",)},
 }
 

@@ -35,7 +35,7 @@ THUMBNAIL = (320, 240)  # pixels
 @click.option("--stats", type=shared.OUT, help="Write statistics of the render and of all redraws to this JSON file after every redraw.")
 @shared.examples(
     "maquette watch room.scene",
-    "maquette watch scenes",
+    "maquette watch .",
     "maquette watch robot.usdz --no-browser --port 8000",
     "maquette watch room.scene -o room.png --size 400x300 --samples 16",
     "maquette watch part.scene -o part.png --stats part.json",

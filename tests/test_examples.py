@@ -129,4 +129,4 @@ def test_the_tutorials_blocks_make_one_scene(tmp_path):
     found = Diagnostics()
     scene = load.load(path, diagnostics=found)
     assert [d.message for d in found.items] == []
-    assert len(scene.tables.instances.geometry) == 2 + 7 + 2 + 7 + 2 + 5
+    assert len(scene.tables.instances.geometry) == 2 + 7 + 2 + 7 + 2 + 5 + 1

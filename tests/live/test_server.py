@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import http.client
+import json
 import os
 import stat
+import threading
 import time
 from pathlib import Path
 
@@ -360,3 +363,33 @@ def test_a_stage_opens_without_a_source_and_moves(tmp_path: Path) -> None:
         assert tables.transforms.matrix[tables.instances.transform[0], :, 3].tolist() == [5, 0, 0]
         assert page.ask("save", "refused", path=str(stage), text="", saved="")["message"] == "that is not a file of the scene"
     assert stage.read_text(encoding="utf-8") == STAGE
+
+
+def test_the_end_does_not_wait_for_a_thumbnail(tmp_path: Path) -> None:
+    folder = tmp_path / "scenes"
+    folder.mkdir()
+    windows.write(folder)
+    drawing = threading.Event()
+
+    def thumbnail(_: Path) -> bytes:
+        drawing.set()
+        time.sleep(8)
+        return b""
+
+    with served(folder, thumbnail=thumbnail) as shown:
+        port, token = shown.address.port, shown.address.token
+        listed = json.loads(get(port, f"/{token}/list.json")[2])
+        assert [scene["name"] for scene in listed["scenes"]] == ["a.scene", "part.scene"]
+        assert get(port, f"/{token}/thumbnail/0")[0] == 404
+        path = f"/{token}/thumbnail/{listed['scenes'][0]['key']}"
+
+        def ask() -> None:
+            with contextlib.suppress(OSError, http.client.HTTPException):  # the connection ends with the server
+                get(port, path)
+
+        asking = threading.Thread(target=ask)
+        asking.start()
+        assert drawing.wait(10)
+        began = time.monotonic()
+    assert time.monotonic() - began < 5
+    asking.join()

@@ -129,7 +129,7 @@ def test_saving_writes_the_file_and_a_save_elsewhere_comes_in(tmp_path: Path, ch
         assert text(tab, "#conflict-text") == "a.scene was changed on disk, and here too."
         tab.click("#keep-mine")
         tab.wait("document.querySelector('#conflict').hidden")
-        assert scene.read_text(encoding="utf-8") == changed
+        windows.until(lambda: scene.read_text(encoding="utf-8") == changed)
         close(tab)
 
 

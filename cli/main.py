@@ -35,10 +35,8 @@ COMMANDS = {  # in the order of --help, which imports none of them
     "convert": "Convert IN for other programs.",
     "measure": "Measure the parts of SCENE: size, volume, area, center, mass, inertia.",
     "format": "Format SCENEs in place; - reads a scene from stdin and writes it to stdout.",
+    "lsp": "Serve an editor: errors while typing, completion, docs, renames.",
     "doctor": "Show what this installation renders with.",
-}
-PLANNED = {
-    "lsp": "the language server",
 }
 
 
@@ -76,8 +74,6 @@ class Commands(click.Group):
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        if cmd_name in PLANNED:
-            raise click.UsageError(f"`maquette {cmd_name}` ({PLANNED[cmd_name]}) is not built yet")
         if cmd_name == "chart":
             from .chart import chart as command
         elif cmd_name == "compare":
@@ -105,11 +101,6 @@ class Commands(click.Group):
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
             formatter.write_dl(list(COMMANDS.items()))
-
-    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        with formatter.section("Planned, not built yet"):
-            formatter.write_dl(list(PLANNED.items()))
-        super().format_epilog(ctx, formatter)
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -265,6 +256,20 @@ def explain(scene: Path, as_json: bool, **given: Any) -> None:
         terminal.explain(compiled, plan, matters)
         click.echo(f"kernels  {kind}  {state}")
     terminal.report(picture_notes.plan_warnings(compiled, plan))
+
+
+@cli.command()
+@click.option("--stdio", is_flag=True, expose_value=False, help="Speak over stdin and stdout: the default. Some editors pass it.")
+@shared.examples("maquette lsp --stdio")
+def lsp() -> None:
+    """Serve an editor: errors while typing, completion, docs, renames.
+
+    Speaks the Language Server Protocol over stdin and stdout. Editors start it: docs/editors.md has the settings of VS Code, Neovim,
+    Emacs and Helix.
+    """
+    from ..live.lsp import server
+
+    server.serve()
 
 
 def main() -> None:

@@ -101,7 +101,7 @@ def _shared(entries: list[Entry]) -> list[Arg]:
 
 
 def _entry(entry: Entry, shared: list[Arg]) -> str:
-    parts = [f"### {entry.name}\n", f"{_sentence(entry.doc)}{' Takes its children in braces.' if entry.children else ''}\n"]
+    parts = [f"### {entry.name}\n", f"{sentence(entry.doc)}{' Takes its children in braces.' if entry.children else ''}\n"]
     if entry.example:
         parts.append(f"```\n{entry.example}\n```\n")
     own = [a for a in entry.args if a not in shared]
@@ -122,16 +122,17 @@ def _arguments(args: list[Arg]) -> str:
 def _row(arg: Arg) -> tuple[str, ...]:
     name = f"`{arg.name}`" + "".join(f", `{alias}`" for alias in arg.aliases)
     kind = " ".join(f'`"{c}"`' for c in arg.choices) if arg.choices else arg.type
-    return name, kind + _limits(arg), _default(arg), arg.doc
+    return name, kind + limits_text(arg), default_text(arg), arg.doc
 
 
-def _limits(arg: Arg) -> str:
+def limits_text(arg: Arg) -> str:
     """The allowed range, such as ` ≥ 0`."""
     bounds = [(" >", arg.above), (" ≥", arg.minimum), (" ≤", arg.maximum), (" <", arg.below)]
     return ",".join(f"{sign} {_number(value, arg.type)}" for sign, value in bounds if value is not None)
 
 
-def _default(arg: Arg) -> str:
+def default_text(arg: Arg) -> str:
+    """The default of an argument as Markdown: `30deg`, "required", or "–" if nothing is set."""
     if arg.default is REQUIRED:
         return "required"
     return "–" if arg.default is None else f"`{_value(arg.default, arg.type)}`"
@@ -161,21 +162,23 @@ def _number(value: float, type_name: str) -> str:
     return f"{value:g}"
 
 
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:] + "."
+def sentence(text: str) -> str:
+    """A doc of the schema with a capital letter and a full stop."""
+    return text[:1].upper() + text[1:] + "." * (not text.endswith("."))
 
 
 # --- functions, units, types ----------------------------------------------------------------------------------------
 
 
 def _functions() -> str:
-    rows = [(f"`{_signature(f)}`", f.doc) for f in builtins.FUNCTIONS.values()]
+    rows = [(f"`{signature(f)}`", f.doc) for f in builtins.FUNCTIONS.values()]
     names = ", ".join(f"`{name}`" for name in builtins.CONSTANTS)
     constants = f"Constants: {names}. `time` is the time of the frame. `children` are the elements in braces after the call of a part.\n"
     return "\n".join(["## Functions\n", _table(("function", ""), rows), constants])
 
 
-def _signature(function: Builtin) -> str:
+def signature(function: Builtin) -> str:
+    """A function with its parameters: `clamp(x, low, high)`; `?` marks optional ones."""
     names = [name if i < function.required else f"{name}?" for i, name in enumerate(function.parameters)]
     return f"{function.name}({', '.join(names + ['…'] * function.variadic)})"
 
@@ -209,7 +212,7 @@ def _file(name: str, text: str) -> str:
         if heading:
             parts += _take_table(rows) + [f"**{heading}**\n"]
         if isinstance(item, ast.Let) and item.parameters is not None:
-            rows.append((f"`{_call(item, text)}`", _doc(item)))
+            rows.append((f"`{part_signature(item, text)}`", comment_above(item)))
     return "\n".join(parts + _take_table(rows))
 
 
@@ -220,7 +223,8 @@ def _take_table(rows: list[tuple[str, ...]]) -> list[str]:
     return table
 
 
-def _call(let: ast.Let, text: str) -> str:
+def part_signature(let: ast.Let, text: str) -> str:
+    """A part with its parameters and defaults, from the source `text`."""
     return f"{let.name.id}({', '.join(_source(p.span, text) for p in let.parameters or ())})"
 
 
@@ -232,7 +236,7 @@ def _source(span: Span, text: str) -> str:
     return " ".join(line.strip() for line in lines)
 
 
-def _doc(item: ast.Item) -> str:
+def comment_above(item: ast.Item) -> str:
     """The comment directly above an item."""
     if not item.before or item.before[-1].span.line + 1 < item.span.line:
         return ""

@@ -67,6 +67,7 @@ MAY_IMPORT = {
     "render.large_images": "render.render_scene",
     "render.picture_notes": "render.render_scene",
     "live": "*",
+    "live.lsp": "live",
     "measure": "*",
     "measure.peers": "measure",
     "measure.report": "measure",

@@ -22,7 +22,7 @@ from .expressions import COMPILERS, expression
 from .modules import PRELUDE, Loader, Module, Reader, ReadError, Source, asset_kind, is_asset, use_name
 from .values import PLACEABLE, AssetPart, Closure, Color, FilePart, Mistake, Poisoned, UserFunction, Value, category, kind
 
-__all__ = ["Evaluator", "ReadError", "Reader", "Source", "evaluate"]
+__all__ = ["Evaluator", "ReadError", "Reader", "Source", "evaluate", "values"]
 
 COMPILERS.update(call_sites.COMPILERS)
 
@@ -48,6 +48,15 @@ def evaluate(
     return document
 
 
+def values(source: Source, reader: Reader) -> dict[str, Value]:
+    """The values of the names at the top level of a scene at time 0, without those with errors. Never raises on input."""
+    limits.raise_recursion_limit()
+    evaluator = Evaluator(reader, Diagnostics(), 0.0)
+    evaluator.document(source, {})
+    names = evaluator.scene.names if evaluator.scene else {}
+    return {name: value for name, value in names.items() if not isinstance(value, Thunk)}
+
+
 class Evaluator:
     """One evaluation: its files, counters and messages. Implements context.Evaluator."""
 
@@ -62,6 +71,7 @@ class Evaluator:
         self.root.names.update(builtins.CONSTANTS)
         self.root.names["time"] = units.Quantity(time, units.TIME)
         self.root.names["children"] = ()
+        self.scene: Scope | None = None
         self.outer = self.root  # replaced by the scope of the prelude
         self.language: dict[str, Any] = self.root.names.copy()
         self._instances: dict[Module, Scope] = {}
@@ -104,7 +114,7 @@ class Evaluator:
         sink = Sink("scene")
         infos: list[ParamInfo] = []
         try:
-            scope = self.instance(module, self.read_sets(module, sets), "", None, self.outer)
+            scope = self.scene = self.instance(module, self.read_sets(module, sets), "", None, self.outer)
             self._place_scene(module, scope, sink)
             infos = self._infos(module, scope)
         except Exhausted as limit:

@@ -17,7 +17,7 @@ import OpenImageIO as oiio
 import pytest
 from click.testing import CliRunner
 from maquette.cli import option_types as values
-from maquette.cli.main import COMMANDS, PLANNED, cli
+from maquette.cli.main import COMMANDS, cli
 from maquette.compiler import ir
 from maquette.compiler.plan.decision import Decision, Plan
 from maquette.render import picture_notes, render_scene
@@ -61,10 +61,10 @@ def shell(*arguments: object, **more: object) -> subprocess.CompletedProcess[str
 # --- help, usage, exit codes -----------------------------------------------------------------------------------------------
 
 
-def test_help_lists_commands_and_planned_ones() -> None:
+def test_help_lists_commands() -> None:
     code, out, err = run("--help")
     assert (code, err) == (0, "")
-    for name in (*COMMANDS, *PLANNED):
+    for name in COMMANDS:
         assert f"\n  {name} " in out
 
 
@@ -117,11 +117,6 @@ def test_format_takes_scenes_only(scene: Path) -> None:
     code, _, err = run("format", "a.usda")
     assert code == 2
     assert err.endswith("Error: a.usda: only .scene files can be formatted\n")
-
-
-@pytest.mark.parametrize("name", list(PLANNED))
-def test_planned_commands_say_so(name: str) -> None:
-    assert run(name, "a.scene") == (2, "", f"Error: `maquette {name}` ({PLANNED[name]}) is not built yet\n")
 
 
 @pytest.mark.parametrize(

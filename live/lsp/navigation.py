@@ -1,0 +1,296 @@
+"""Hover, signature help, definition, references, rename and symbols."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from lsprotocol import types
+
+from ...lang.diagnostics import Span
+from ...lang.eval import builtins
+from ...lang.eval.lint import RESERVED
+from ...lang.eval.modules import is_asset
+from ...lang.reference_page import sentence
+from ...lang.schema.argument_types import TYPES
+from ...lang.schema.elements import SCHEMA
+from ...lang.syntax import ast
+from ...lang.syntax.lexer import KEYWORDS
+from . import cursor, describe
+from .document import Document, Found, Placed, touching
+from .names import contains
+from .places import Places
+from .project import Project, folder_of
+
+SYMBOLS = {"use": types.SymbolKind.Module, "param": types.SymbolKind.Property}
+
+
+class RenameError(ValueError):
+    """A rename that would change the meaning of the scene. The text says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """What a place means: a definition, an argument of an element, or a name of the language; and its range there."""
+
+    span: Span
+    found: Found | None = None
+    callee: describe.Callee | None = None
+    argument: describe.Parameter | None = None
+    name: str = ""
+    is_type: bool = False  # of a param or a parameter
+
+
+def target(project: Project, document: Document, line: int, column: int) -> Target | None:
+    """What stands at a place; None for numbers, keywords and blanks."""
+    for placed in document.at(line):
+        found = _in_piece(project, document, placed, line - placed.above, column)
+        if found is not None:
+            return found
+    return None
+
+
+def _in_piece(project: Project, document: Document, placed: Placed, line: int, column: int) -> Target | None:
+    names = placed.piece.names
+    for definition in names.definitions:
+        if contains(definition.span, line, column):
+            return Target(placed.span(definition.span), Found(document, placed, definition), name=definition.name)
+    for call in names.calls:
+        for argument in call.arguments:
+            if argument.name is not None and contains(argument.name.span, line, column):
+                return _argument(project, document, placed, call, argument.name)
+    for node, _ in names.members:
+        if contains(node.name.span, line, column):
+            found = project.member(document, placed, node)
+            return Target(placed.span(node.name.span), found, name=node.name.id) if found else None
+    used = touching([*(name for name, _ in names.bound), *names.free], line, column)
+    if used is not None:
+        span = placed.span(used.span)
+        found = document.resolve(placed, used)
+        if found is None and used.id not in SCHEMA and used.id not in builtins.FUNCTIONS:
+            found = project.prelude(used.id)
+        return Target(span, found, None if found else describe.of_name(used.id, "", {}, project), name=used.id)
+    kind = touching(names.types, line, column)
+    return Target(placed.span(kind.span), name=kind.id, is_type=True) if kind else None
+
+
+def _argument(project: Project, document: Document, placed: Placed, call: ast.Call, name: ast.Name) -> Target | None:
+    """The parameter that a named argument means."""
+    span, found = placed.span(name.span), project.called(document, placed, call.function)
+    if found is None:
+        callee = describe.of_name(call.function.id, "", {}, project) if isinstance(call.function, ast.Name) else None
+        entry = SCHEMA.get(callee.name) if callee else None
+        arg = entry.arg(name.id) if entry else None
+        chosen = callee.parameter(arg.name) if callee and arg else None
+        return Target(span, None, callee, chosen, name.id) if chosen else None
+    parameter = parameter_of(found, name.id, project)
+    return Target(span, parameter, name=name.id) if parameter else None
+
+
+def parameter_of(found: Found, name: str, project: Project) -> Found | None:
+    """The definition of a parameter of a part, or of a `param` of a used file."""
+    node = found.definition.node
+    if isinstance(node, ast.Let):
+        parameters = [p for p in node.parameters or () if p.name.id == name]
+        matching = [d for d in found.placed.piece.names.definitions if parameters and d.node is parameters[0]]
+        return Found(found.document, found.placed, matching[0]) if matching else None
+    if isinstance(node, ast.Use):
+        used = project.used(found.document, node)
+        param = used.top.get(name) if used else None
+        return param if param and isinstance(param.definition.node, ast.Param) else None
+    return None
+
+
+def hover(places: Places, document: Document, position: types.Position, values: Mapping[str, str]) -> types.Hover | None:
+    """Docs of what stands at a place. `values` are those of the file's names at the top level."""
+    line, column = places.place(document, position)
+    at = target(places.project, document, line, column)
+    if at is None:
+        return None
+    if at.argument is not None:
+        text = at.argument.markdown
+    elif at.found is not None:
+        top = at.found.document is document and document.top.get(at.name)
+        own = top and top.definition is at.found.definition
+        text = describe.of_found(at.found, places.project, values.get(at.name, "") if own else "")
+        if at.found.document is not document:
+            text += f"\n\nIn `{_shown(at.found.document.path, document)}`"
+    elif at.callee is not None:
+        text = describe.of_callee(at.callee)
+    elif at.name in (TYPES if at.is_type else describe.CONSTANTS):
+        text = f"`{at.name}`: {TYPES[at.name]}." if at.is_type else describe.CONSTANTS[at.name]
+    else:
+        return None
+    return types.Hover(types.MarkupContent(types.MarkupKind.Markdown, text), places.within(document, at.span))
+
+
+def _shown(path: str, document: Document) -> str:
+    return path if path.startswith("std/") else os.path.relpath(path, folder_of(document.path))
+
+
+def signature_help(places: Places, document: Document, position: types.Position) -> types.SignatureHelp | None:
+    """The parameters of the call that a place is in."""
+    line, column = places.place(document, position)
+    for call in cursor.read(document, line, column).calls[:1]:
+        callee = describe.of_name(call.name, call.owner, document.visible(line, column), places.project)
+        if callee is None:
+            return None
+        chosen = callee.parameter(call.argument) if call.argument else None
+        index = callee.parameters.index(chosen) if chosen else call.index
+        count = len(callee.parameters)
+        active = min(index, count - 1) if callee.variadic else index if index < count else None
+        shown = [
+            types.ParameterInformation(p.text, types.MarkupContent(types.MarkupKind.Markdown, sentence(p.doc)) if p.doc else None)
+            for p in callee.parameters
+        ]
+        doc = types.MarkupContent(types.MarkupKind.Markdown, callee.doc) if callee.doc else None
+        return types.SignatureHelp([types.SignatureInformation(callee.signature, doc, shown)], 0, active)
+    return None
+
+
+def definition(places: Places, document: Document, position: types.Position) -> types.Location | None:
+    """Where a name is defined. Of a `use`, the file."""
+    line, column = places.place(document, position)
+    for placed in document.at(line):
+        for each in placed.piece.names.top.values():
+            node = each.node
+            if isinstance(node, ast.Use) and contains(node.path.span, line - placed.above, column):
+                return _file(places, document, node)
+    at = target(places.project, document, line, column)
+    if at is None or at.found is None:
+        return None
+    return types.Location(places.project.uri(at.found.document.path), places.within(at.found.document, at.found.span))
+
+
+def _file(places: Places, document: Document, use: ast.Use) -> types.Location | None:
+    start = types.Range(types.Position(0, 0), types.Position(0, 0))
+    used = places.project.used(document, use)
+    if used is not None:
+        return types.Location(places.project.uri(used.path), start)
+    path = os.path.realpath(folder_of(document.path) / use.path.value)
+    return types.Location(places.project.uri(path), start) if is_asset(use.path.value) and os.path.isfile(path) else None
+
+
+def uses(project: Project, document: Document, found: Found) -> Iterator[Span]:
+    """The spans in `document` that mean a definition, without the definition itself."""
+    wanted = found.definition
+    for placed in document.placed:
+        if placed.stale:
+            continue
+        names = placed.piece.names
+        for name in (*(name for name, _ in names.bound), *names.free):
+            if name.id == wanted.name:
+                means = document.resolve(placed, name)
+                if means is not None and means.definition is wanted:
+                    yield placed.span(name.span)
+        for node, _ in names.members:
+            if node.name.id == wanted.name:
+                means = project.member(document, placed, node)
+                if means is not None and means.definition is wanted:
+                    yield placed.span(node.name.span)
+        for call in names.calls:
+            for argument in call.arguments:
+                if argument.name is not None and argument.name.id == wanted.name:
+                    called = project.called(document, placed, call.function)
+                    means = parameter_of(called, wanted.name, project) if called else None
+                    if means is not None and means.definition is wanted:
+                        yield placed.span(argument.name.span)
+
+
+def references(places: Places, document: Document, position: types.Position, declaration: bool) -> list[types.Location]:
+    """The uses of a definition in its file and in the files beside the document."""
+    at = target(places.project, document, *places.place(document, position))
+    if at is None or at.found is None:
+        return []
+    found = at.found
+    located = [(found.document, found.span)] if declaration else []
+    documents = {d.path: d for d in (found.document, document, *places.project.beside(document.path))}
+    for each in documents.values():
+        located += [(each, span) for span in uses(places.project, each, found)]
+    return [types.Location(places.project.uri(d.path), places.within(d, span)) for d, span in located]
+
+
+def highlights(places: Places, document: Document, position: types.Position) -> list[types.DocumentHighlight]:
+    """The places of this file that mean what stands at a place."""
+    at = target(places.project, document, *places.place(document, position))
+    if at is None or at.found is None:
+        return []
+    spans = [at.found.span] if at.found.document is document else []
+    return [types.DocumentHighlight(places.within(document, s)) for s in (*spans, *uses(places.project, document, at.found))]
+
+
+def renamed(project: Project, document: Document, line: int, column: int) -> Target:
+    """The definition that a rename at a place changes. Raises RenameError if it cannot be renamed."""
+    if document.failed:
+        raise RenameError("the file has syntax errors: mend them first")
+    at = target(project, document, line, column)
+    if at is None or at.found is None:
+        raise RenameError("there is no name of this file here")
+    if at.found.document is not document:
+        raise RenameError(f"`{at.name}` is defined in another file, {_shown(at.found.document.path, document)}")
+    return at
+
+
+def rename(places: Places, document: Document, position: types.Position, new: str) -> types.WorkspaceEdit:
+    """The edits that rename a definition and its uses in this file. Raises RenameError if the scene would change its meaning."""
+    project = places.project
+    at = renamed(project, document, *places.place(document, position))
+    found = at.found
+    assert found is not None
+    if not new.isidentifier() or new in KEYWORDS or new in RESERVED:
+        raise RenameError(f"`{new}` cannot be a name")
+    for other in project.beside(document.path):
+        if other.path != document.path and any(uses(project, other, found)):
+            raise RenameError(f"`{found.definition.name}` is used by {_shown(other.path, document)} as well")
+    node = found.definition.node
+    spans = [*uses(project, document, found)]
+    texts = [(span, new) for span in spans]
+    if isinstance(node, ast.Use) and node.alias is None:
+        end = found.placed.span(node.path.span)
+        texts.append((Span(end.file, end.end_line, end.end_column, end.end_line, end.end_column), f" as {new}"))
+    else:
+        texts.append((found.span, new))
+    _check_rename(document, texts, new)
+    edits = [types.TextEdit(places.within(document, span), text) for span, text in texts]
+    return types.WorkspaceEdit(changes={project.uri(document.path): edits})
+
+
+def _check_rename(document: Document, texts: list[tuple[Span, str]], new: str) -> None:
+    """Raise RenameError unless each name means the same definition after the edits."""
+    lines = [*document.lines]
+    for span, text in sorted(texts, key=lambda each: (each[0].line, each[0].column), reverse=True):
+        row = lines[span.line - 1]
+        lines[span.line - 1] = row[: span.column - 1] + text + row[span.end_column - 1 :]
+    if _meanings(Document(document.path, "\n".join(lines))) != _meanings(document):
+        raise RenameError(f"`{new}` is the name of something else here")
+
+
+def _meanings(document: Document) -> list[tuple[int, ...]]:
+    """For each used name, in order, the number of its definition, or -1; and how often each definition is made."""
+    numbers: dict[int, int] = {}
+    for placed in document.placed:
+        for each in placed.piece.names.definitions:
+            numbers[id(each)] = len(numbers)
+    found = []
+    for placed in document.placed:
+        names = placed.piece.names
+        used = sorted([*(name for name, _ in names.bound), *names.free], key=lambda name: (name.span.line, name.span.column))
+        means = [document.resolve(placed, name) for name in used]
+        found.append(tuple(numbers.get(id(m.definition), -1) if m else -1 for m in means))
+    tops = {name: numbers[id(each.definition)] for name, each in document.top.items()}
+    return [*found, tuple(tops.values())]
+
+
+def symbols(places: Places, document: Document) -> list[types.DocumentSymbol]:
+    """The items at the top level of a file; those of an earlier text where the text does not parse."""
+    found = []
+    for name, each in document.top.items():
+        node = each.definition.node
+        part = isinstance(node, ast.Let) and node.parameters is not None
+        kind = types.SymbolKind.Function if part else SYMBOLS.get(each.definition.kind, types.SymbolKind.Variable)
+        whole, own = places.within(document, each.placed.span(node.span)), places.within(document, each.span)
+        if (own.start.line, own.start.character) < (whole.start.line, whole.start.character) or own.end.line > whole.end.line:
+            own = whole
+        found.append(types.DocumentSymbol(name, kind, whole, own))
+    return sorted(found, key=lambda symbol: (symbol.range.start.line, symbol.range.start.character))

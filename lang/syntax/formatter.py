@@ -47,8 +47,11 @@ def format_text(text: str, name: str, diagnostics: Diagnostics) -> str | None:
     found = Diagnostics()
     parse(text, name, found)
     diagnostics.items.extend(found.items)
-    if found.failed:
-        return None
+    return None if found.failed else lay_out(text)
+
+
+def lay_out(text: str) -> str:
+    """`text`, which has no syntax errors, formatted."""
     lines = _lines(list(lex(text.removeprefix("\ufeff"))))
     _indent(lines)
     _set_spaces(lines)

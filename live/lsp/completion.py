@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 from lsprotocol import types
 
@@ -18,7 +17,7 @@ from . import cursor, describe
 from .describe import Callee
 from .document import Document, Found
 from .places import Places
-from .project import folder_of
+from .project import files_in, folder_of
 
 Kind = types.CompletionItemKind
 PICTURES = (".png", ".jpg", ".jpeg", ".exr", ".hdr", ".tif", ".tiff")
@@ -29,7 +28,6 @@ FILES = {  # of the string arguments that name a file
 ITEMS = ("let", "param", "use", "unit", "for", "if")
 WORDS = ("if", "then", "else", "and", "or", "not", "for", "in")
 KINDS = {"let": Kind.Variable, "param": Kind.Variable, "use": Kind.Module, "parameter": Kind.Variable, "loop": Kind.Variable}
-MAX_FOUND = 500  # names of files
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,18 +167,10 @@ def _is_self(document: Document, name: str) -> bool:
 
 
 def _files(request: _Request, suffixes: tuple[str, ...]) -> list[str]:
-    """The files of these kinds in the document's folder and two levels of folders in it, relative to it."""
-    root = folder_of(request.document.path)
+    """The files of these kinds in the document's folder and the folders in it, relative to it."""
     if request.document.path.startswith("std/") or not suffixes:
         return []
-    found: list[str] = []
-    for folder, folders, files in os.walk(root):
-        beside = Path(folder).relative_to(root)
-        folders[:] = sorted(f for f in folders if not f.startswith(".")) if len(beside.parts) < 2 else []
-        found += sorted((beside / name).as_posix() for name in files if name.lower().endswith(suffixes))
-        if len(found) >= MAX_FOUND:
-            break
-    return found[:MAX_FOUND]
+    return files_in(folder_of(request.document.path), suffixes)
 
 
 def _string(request: _Request, name: str, kind: types.CompletionItemKind) -> types.CompletionItem:

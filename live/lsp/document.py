@@ -37,6 +37,11 @@ class Found:
     definition: Definition
 
     @property
+    def key(self) -> tuple[str, int, int]:
+        """Equal for the same definition of the same file. Equal pieces share their definitions."""
+        return self.document.path, self.placed.above, id(self.definition)
+
+    @property
     def span(self) -> Span:
         return self.placed.span(self.definition.span)
 

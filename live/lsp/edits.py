@@ -8,10 +8,10 @@ from collections.abc import Iterable, Iterator
 from lsprotocol import types
 
 from ...lang import colors
-from ...lang.diagnostics import Diagnostic, Diagnostics, Span
+from ...lang.diagnostics import Diagnostic, Span
 from ...lang.eval.builtins import CONSTANTS, FUNCTIONS
 from ...lang.schema.elements import SCHEMA
-from ...lang.syntax.formatter import format_text
+from ...lang.syntax.formatter import lay_out
 from ...lang.syntax.lexer import lex
 from . import messages
 from .document import Document
@@ -28,8 +28,8 @@ Replacement = tuple[int, int, str]  # first column, column behind the last, new 
 
 def formatted(places: Places, document: Document) -> list[types.TextEdit]:
     """The edit to the standard layout; none for a file with syntax errors."""
-    text = format_text(document.text, document.path, Diagnostics())
-    return [] if text is None or text == document.text else [types.TextEdit(places.whole(document), text)]
+    text = document.text if document.failed else lay_out(document.text)
+    return [] if text == document.text else [types.TextEdit(places.whole(document), text)]
 
 
 def fixes(places: Places, document: Document, found: Iterable[Diagnostic], within: types.Range) -> Iterator[types.CodeAction]:

@@ -112,7 +112,7 @@ def hover(places: Places, document: Document, position: types.Position, values: 
         text = at.argument.markdown
     elif at.found is not None:
         top = at.found.document is document and document.top.get(at.name)
-        own = top and top.definition is at.found.definition
+        own = top and top.key == at.found.key
         text = describe.of_found(at.found, places.project, values.get(at.name, "") if own else "")
         if at.found.document is not document:
             text += f"\n\nIn `{_shown(at.found.document.path, document)}`"
@@ -182,19 +182,19 @@ def uses(project: Project, document: Document, found: Found) -> Iterator[Span]:
         for name in (*(name for name, _ in names.bound), *names.free):
             if name.id == wanted.name:
                 means = document.resolve(placed, name)
-                if means is not None and means.definition is wanted:
+                if means is not None and means.key == found.key:
                     yield placed.span(name.span)
         for node, _ in names.members:
             if node.name.id == wanted.name:
                 means = project.member(document, placed, node)
-                if means is not None and means.definition is wanted:
+                if means is not None and means.key == found.key:
                     yield placed.span(node.name.span)
         for call in names.calls:
             for argument in call.arguments:
                 if argument.name is not None and argument.name.id == wanted.name:
                     called = project.called(document, placed, call.function)
                     means = parameter_of(called, wanted.name, project) if called else None
-                    if means is not None and means.definition is wanted:
+                    if means is not None and means.key == found.key:
                         yield placed.span(argument.name.span)
 
 
@@ -268,17 +268,17 @@ def _check_rename(document: Document, texts: list[tuple[Span, str]], new: str) -
 
 def _meanings(document: Document) -> list[tuple[int, ...]]:
     """For each used name, in order, the number of its definition, or -1; and how often each definition is made."""
-    numbers: dict[int, int] = {}
+    numbers: dict[tuple[str, int, int], int] = {}
     for placed in document.placed:
         for each in placed.piece.names.definitions:
-            numbers[id(each)] = len(numbers)
+            numbers[Found(document, placed, each).key] = len(numbers)
     found = []
     for placed in document.placed:
         names = placed.piece.names
         used = sorted([*(name for name, _ in names.bound), *names.free], key=lambda name: (name.span.line, name.span.column))
         means = [document.resolve(placed, name) for name in used]
-        found.append(tuple(numbers.get(id(m.definition), -1) if m else -1 for m in means))
-    tops = {name: numbers[id(each.definition)] for name, each in document.top.items()}
+        found.append(tuple(numbers.get(m.key, -1) if m else -1 for m in means))
+    tops = {name: numbers[each.key] for name, each in document.top.items()}
     return [*found, tuple(tops.values())]
 
 

@@ -9,11 +9,13 @@ from pathlib import Path
 from pygls import uris
 
 from ...compiler.io.sandbox import LIBRARY
+from ...lang import file_types
 from ...lang.eval.modules import is_asset
 from ...lang.syntax import ast
 from .document import Document, Found, Placed
 
-MAX_FILES = 500  # .scene files of a folder that are searched for uses
+MAX_FILES = 500  # found in a folder
+MAX_FOLDERS = 2000  # searched in a folder
 
 
 class Project:
@@ -83,8 +85,8 @@ class Project:
         """The .scene files of a document's folder and the folders in it, and all open ones."""
         known = dict.fromkeys(self.open)
         if not path.startswith("std/"):
-            paths = sorted(folder_of(path).rglob("*.scene"))[:MAX_FILES]
-            known |= dict.fromkeys(os.path.realpath(file) for file in paths)
+            root = folder_of(path)
+            known |= dict.fromkeys(os.path.realpath(root / name) for name in files_in(root, file_types.SCENE))
         for each in known:
             document = self.document(each)
             if document is not None:
@@ -123,6 +125,24 @@ def path_of(uri: str) -> str:
 def file_of(path: str) -> Path:
     """The file of a document's path."""
     return LIBRARY / f"{path[4:]}.scene" if path.startswith("std/") else Path(path)
+
+
+def files_in(root: Path, suffixes: tuple[str, ...]) -> list[str]:
+    """The names of files of these kinds in a folder and the folders in it, relative to it, up to a limit. Nearer files come first."""
+    found: list[str] = []
+    waiting, seen = [root], 0
+    while waiting and len(found) < MAX_FILES and seen < MAX_FOLDERS:
+        folder, seen = waiting.pop(0), seen + 1
+        try:
+            entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
+        except OSError:
+            continue
+        for entry in entries:
+            if entry.is_dir(follow_symlinks=False):
+                waiting += [Path(entry.path)] * (not entry.name.startswith("."))
+            elif entry.name.lower().endswith(suffixes):
+                found.append(Path(entry.path).relative_to(root).as_posix())
+    return found[:MAX_FILES]
 
 
 def folder_of(path: str) -> Path:

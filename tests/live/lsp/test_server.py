@@ -257,6 +257,12 @@ def test_rename_changes_each_use_and_no_other_name(editor: Editor) -> None:
     assert len(parameter["changes"][editor.uri("a.scene")]) == 3
 
 
+def test_rename_tells_equal_pieces_apart(editor: Editor) -> None:
+    loop = "for (k in 0..2) { sphere(k) }\n"
+    found = editor.at("a.scene", "rename", loop + loop.replace("sphere(k", "sphere(k‸"), newName="i")
+    assert [edit["range"]["start"]["line"] for edit in found["changes"][editor.uri("a.scene")]] == [1, 1]
+
+
 def test_rename_of_a_used_file_gives_it_an_alias(editor: Editor) -> None:
     found = editor.at("a.scene", "rename", HEAD + "par‸ts.post()", newName="table")
     assert found["changes"][editor.uri("a.scene")] == [

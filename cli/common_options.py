@@ -61,10 +61,12 @@ def _pairs(ctx: click.Context, param: click.Parameter, given: Sequence[tuple[str
 FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 OUT = click.Path(path_type=Path)
 
+allow = click.option("--allow", type=click.Path(exists=True, path_type=Path), multiple=True, help="Allow reading files below this folder.")
+
 scene_options = options(
     click.option("--set", "sets", type=values.ASSIGNMENT, multiple=True, callback=_pairs, help="Set a param of the scene."),
     click.option("--time", "at", type=values.SECONDS, help="Time in an animation: 2s."),
-    click.option("--allow", type=click.Path(exists=True, path_type=Path), multiple=True, help="Allow reading files below this folder."),
+    allow,
     click.option("--variant", "variants", type=values.VARIANT, multiple=True, callback=_pairs, help="Select a USD variant."),
     click.option("--purposes", type=values.PURPOSES, help="USD purposes drawn beside default: render,proxy,guide. Default: render."),
     click.option("--mask", type=values.CHANNELS, help="Read only these prims of a USD stage and those they use: /World/Chair,/World/Lamp."),

@@ -260,8 +260,9 @@ def explain(scene: Path, as_json: bool, **given: Any) -> None:
 
 @cli.command()
 @click.option("--stdio", is_flag=True, expose_value=False, help="Speak over stdin and stdout: the default. Some editors pass it.")
-@shared.examples("maquette lsp --stdio")
-def lsp() -> None:
+@shared.allow
+@shared.examples("maquette lsp --stdio", "maquette lsp --allow ~/textures")
+def lsp(allow: tuple[Path, ...]) -> None:
     """Serve an editor: errors while typing, completion, docs, renames.
 
     Speaks the Language Server Protocol over stdin and stdout. Editors start it: docs/editors.md has the settings of VS Code, Neovim,
@@ -269,7 +270,7 @@ def lsp() -> None:
     """
     from ..live.lsp import server
 
-    server.serve()
+    server.serve(allow)
 
 
 def main() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -39,23 +39,23 @@ class Checked:
     values: Mapping[str, str] = field(default_factory=dict)
 
 
-def check(path: str, texts: Mapping[str, str]) -> Checked:
-    """Compile the scene at `path` with these unsaved texts by path."""
+def check(path: str, texts: Mapping[str, str], allow: Sequence[Path] = ()) -> Checked:
+    """Compile the scene at `path` with these unsaved texts by path. It reads files below its folder and below each of `allow`."""
     found = Diagnostics()
     with sandbox.unsaved(texts):
         try:
             if places_nothing(path, texts):
-                reader = SceneReader(sandbox.Files(Path(path).parent))
+                reader = SceneReader(sandbox.Files(Path(path).parent, allow))
                 evaluator.evaluate(reader.main(path, Path(path)), reader, found)
             else:
-                load.load(Path(path), diagnostics=found)
+                load.load(Path(path), allow=allow, diagnostics=found)
             items = found.items
         except SceneError as error:
             items = list(error.diagnostics)
         except Exception as fault:
             message = f"internal error: {type(fault).__name__}: {fault}"
             items = [Diagnostic("error", message, Span(path), "this is a bug in maquette, not an error in the scene")]
-        values = _values(path)
+        values = _values(path, allow)
     by_file: dict[str, list[Diagnostic]] = {path: []}
     for d in sort_diagnostics(items):
         file = _path(d.span)
@@ -71,9 +71,9 @@ def places_nothing(path: str, texts: Mapping[str, str]) -> bool:
     return bool(items) and all(isinstance(item, ast.Let | ast.Param | ast.Use | ast.Unit) for item in items)
 
 
-def _values(path: str) -> dict[str, str]:
+def _values(path: str, allow: Sequence[Path]) -> dict[str, str]:
     try:
-        reader = SceneReader(sandbox.Files(Path(path).parent))
+        reader = SceneReader(sandbox.Files(Path(path).parent, allow))
         found = evaluator.values(reader.main(path, Path(path)), reader)
     except Exception:
         return {}  # `check` has reported what is wrong

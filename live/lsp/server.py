@@ -6,7 +6,8 @@ import asyncio
 import logging
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, TypeVar
 
 from lsprotocol import types
@@ -27,9 +28,10 @@ T = TypeVar("T")
 class Server(LanguageServer):
     """A server of one editor: its project, and the results of the last checks by path."""
 
-    def __init__(self) -> None:
+    def __init__(self, allow: Sequence[Path]) -> None:
         super().__init__("maquette", VERSION, text_document_sync_kind=types.TextDocumentSyncKind.Full)
         self.project = Project()
+        self.allow = tuple(allow)
         self.checked: dict[str, Checked] = {}
         self._waiting: dict[str, None] = {}
         self._published: set[str] = set()
@@ -63,7 +65,7 @@ class Server(LanguageServer):
                 continue
             texts = {open_path: document.text for open_path, document in self.project.open.items()}
             version = self.project.versions[path]
-            result = await asyncio.to_thread(messages.check, path, texts)
+            result = await asyncio.to_thread(messages.check, path, texts, self.allow)
             if path in self.project.open and self.project.versions[path] == version:
                 self.checked[path], self._versions[path] = result, version
                 self.publish()
@@ -84,9 +86,9 @@ class Server(LanguageServer):
         self._published = {path for path, items in found.items() if items}
 
 
-def make_server() -> Server:
-    """A server with all features."""
-    server = Server()
+def make_server(allow: Sequence[Path] = ()) -> Server:
+    """A server with all features. Scenes read files below their own folder and below each of `allow`."""
+    server = Server(allow)
     _synchronize(server)
     _read(server)
     _write(server)
@@ -208,9 +210,12 @@ def _is_fault(record: logging.LogRecord) -> bool:
     return not (record.exc_info and isinstance(record.exc_info[1], JsonRpcException))
 
 
-def serve() -> None:
-    """Serve one editor over stdin and stdout until it says `exit`. What libraries print goes to stderr."""
+def serve(allow: Sequence[Path]) -> None:
+    """Serve one editor over stdin and stdout until it says `exit`. What libraries print goes to stderr.
+
+    Scenes read files below their own folder and below each of `allow`.
+    """
     logging.getLogger("pygls.protocol.json_rpc").addFilter(_is_fault)
     out: Any = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-    make_server().start_io(sys.stdin.buffer, out)
+    make_server(allow).start_io(sys.stdin.buffer, out)

@@ -18,9 +18,9 @@ class Failure(Exception):
 class Editor:
     """One server, and what it has sent. Texts are opened under files of `folder`."""
 
-    def __init__(self, folder: Path, **capabilities: Any) -> None:
+    def __init__(self, folder: Path, *options: str, **capabilities: Any) -> None:
         self.folder = folder
-        self.process = subprocess.Popen(COMMAND, stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=folder)
+        self.process = subprocess.Popen([*COMMAND, *options], stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=folder)
         self.diagnostics: dict[str, list[dict[str, Any]]] = {}
         self.checked_versions: dict[str, int | None] = {}
         self.requests = 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -111,6 +112,32 @@ def test_a_file_that_is_not_saved_yet_is_checked(editor: Editor) -> None:
     assert [each["message"] for each in editor.checked("new.scene")] == ["there is no `sphre` here; did you mean `sphere`?"]
     editor.close("new.scene")
     assert editor.next("new.scene") == []
+
+
+def test_columns_are_in_the_encoding_that_the_editor_asks_for(tmp_path: Path) -> None:
+    text = 'text("ä😀")\r\ntext("ä😀", sise: 1)\r\n'
+    other = tmp_path / "other"
+    other.mkdir()
+    (tmp_path / "scenes").mkdir()
+    (other / "parts.scene").write_text("let post() = sphere(1)\n", encoding="utf-8")
+    for encoding, column in (("utf-8", 15), ("utf-16", 12), ("utf-32", 11)):
+        editor = Editor(tmp_path / "scenes", "--allow", str(other), general={"positionEncodings": [encoding]})
+        assert editor.server["capabilities"]["positionEncoding"] == encoding
+        editor.open("a.scene", text)
+        (found,) = editor.checked("a.scene")
+        assert (found["range"], found["message"]) == (span(1, column, column + 4), "text has no `sise`; did you mean `size`?")
+        editor.open("a.scene", 'use "../other/parts.scene"\nparts.post()\n')
+        assert editor.checked("a.scene") == []  # by --allow
+        assert editor.end() == 0
+
+
+def test_the_server_ends_with_its_editor(tmp_path: Path) -> None:
+    editor = Editor(tmp_path)
+    assert editor.process.stdin is not None
+    editor.process.stdin.close()
+    assert editor.process.wait(timeout=30) == 0
+    assert editor.process.stdout is not None
+    editor.process.stdout.close()
 
 
 # --- completion -------------------------------------------------------------------------------------------------------

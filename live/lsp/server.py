@@ -99,11 +99,15 @@ def _synchronize(server: Server) -> None:
     """Follow the texts of open files."""
 
     @server.feature(types.TEXT_DOCUMENT_DID_OPEN)
-    def opened(params: types.DidOpenTextDocumentParams) -> None:
-        server.check(server.project.change(params.text_document.uri, params.text_document.text, params.text_document.version).path)
+    def open_(params: types.DidOpenTextDocumentParams) -> None:
+        opened = params.text_document
+        if opened.language_id == "scene" or opened.uri.endswith(".scene"):  # else a text file of an editor that takes scenes for text
+            server.check(server.project.change(opened.uri, opened.text, opened.version).path)
 
     @server.feature(types.TEXT_DOCUMENT_DID_CHANGE)
     def changed(params: types.DidChangeTextDocumentParams) -> None:
+        if path_of(params.text_document.uri) not in server.project.open:
+            return
         text = params.content_changes[-1].text
         server.check(server.project.change(params.text_document.uri, text, params.text_document.version).path)
 

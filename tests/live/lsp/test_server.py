@@ -114,6 +114,17 @@ def test_a_file_that_is_not_saved_yet_is_checked(editor: Editor) -> None:
     assert editor.next("new.scene") == []
 
 
+def test_a_text_that_is_no_scene_is_ignored(editor: Editor) -> None:
+    document = {"uri": editor.uri("notes.txt"), "languageId": "plaintext", "version": 1, "text": "sphre(1)"}
+    editor.tell("textDocument/didOpen", {"textDocument": document})
+    changed = {"textDocument": {"uri": document["uri"], "version": 2}, "contentChanges": [{"text": "sphre(2)"}]}
+    editor.tell("textDocument/didChange", changed)
+    editor.tell("textDocument/didClose", {"textDocument": {"uri": document["uri"]}})
+    editor.open("a.scene", "sphere(2)\n")
+    assert editor.checked("a.scene") == []
+    assert document["uri"] not in editor.diagnostics
+
+
 def test_columns_are_in_the_encoding_that_the_editor_asks_for(tmp_path: Path) -> None:
     text = 'text("ä😀")\r\ntext("ä😀", sise: 1)\r\n'
     other = tmp_path / "other"

@@ -153,7 +153,8 @@ def _sheet(files: Sequence[Path | None], across: Sequence[str], down: Sequence[s
     """The sheet: pictures in rows, a label above each column and beside each row."""
     from PIL import Image, ImageDraw, ImageFont
 
-    font = ImageFont.truetype(str(FONT), LABEL)
+    # Without Raqm, because Pillow's HarfBuzz gives wrong widths in a process that has loaded another HarfBuzz.
+    font = ImageFont.truetype(str(FONT), LABEL, layout_engine=ImageFont.Layout.BASIC)
     left = GAP + math.ceil(max(font.getlength(text) for text in down)) if any(down) else 0
     top = LABEL + 2 * GAP
     step = max(size[0], math.ceil(max(font.getlength(text) for text in across))) + GAP

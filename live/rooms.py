@@ -11,7 +11,7 @@ from pathlib import Path
 
 from ..lang import file_types
 from .hub import Hub
-from .scene_files import Opened
+from .scene_files import Opened, import_readers
 from .session import Session
 
 KINDS = (*file_types.SCENE, *file_types.USD, *file_types.MESH)
@@ -38,7 +38,8 @@ class Rooms:
         self._loop: asyncio.AbstractEventLoop | None = None
 
     def start(self) -> None:
-        """Open the scene of a window of one."""
+        """Open the scene of a window of one; call it in the main thread."""
+        import_readers(self.path)
         if not self.is_folder:
             self._add("", self.path)
 

@@ -59,6 +59,16 @@ class Opened:
         return None
 
 
+def import_readers(path: Path) -> None:
+    """Import the reader of USD stages, if a scene file or folder may need it; call it before threads start.
+
+    The first import of pxr beside other threads can deadlock: it runs tasks on threads of its own while it holds Python's lock.
+    """
+    suffix = path.suffix.lower()
+    if path.is_dir() or suffix in file_types.USD or (suffix in file_types.SCENE and "usd" in (read_text(path) or "")):
+        from ..compiler.importers.usd import load  # noqa: F401
+
+
 def of_scene(files: Iterable[str | Path], main: Path) -> list[Path]:
     """The files of a scene that the page edits: the main .scene file and those that it uses, without the library."""
     paths = dict.fromkeys([main.resolve(), *(Path(file).resolve() for file in files)])

@@ -294,7 +294,7 @@ def test_a_folder_shows_its_scenes(tmp_path: Path, chromium: Browser) -> None:
         assert text(tab, ".broken") == "nothing <i>is</i> placed"
         tab.click("#scenes a:nth-child(2)")
         tab.wait(f"location.pathname.includes('/scene/') && {CANVAS}?.dataset.finished === 'true'")
-        assert text(tab, "#name") == "<b>.scene"
+        tab.wait("document.querySelector('#name').textContent === '<b>.scene'")
         assert len(shown.rooms.rooms) == 1
         tab.click("#all")
         tab.wait("document.querySelectorAll('#scenes a').length === 3")

@@ -20,7 +20,19 @@ from numba.core.typing.context import Context
 from numba.core.typing.templates import infer, infer_global, make_intrinsic_template
 from numba.extending import overload
 
-from ..simd import elementary, functions, gather_scatter, operators, registration, target, vector_indexing  # noqa: F401 - define kernels' functions
+from ..simd import (  # noqa: F401 - define kernels' functions
+    constructors,
+    denormals,
+    elementary,
+    functions,
+    gather_scatter,
+    memory,
+    operators,
+    registration,
+    shuffles,
+    target,
+    vector_indexing,
+)
 from . import lto, numba_patches, numba_types, prebuilt
 from .kernel_file import Code
 from .value_types import ValueType

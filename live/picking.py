@@ -1,4 +1,4 @@
-"""What is at a pixel: name, material, depth and source position of the surface."""
+"""Picking: the name, material, depth and source position of the surface at a pixel."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the cursor stands in: a call and its argument, a string, a member of a file. Read from tokens, as the source may be broken."""
+"""The context of a text position: enclosing call and argument, string or member, read from tokens of possibly broken source."""
 
 from __future__ import annotations
 

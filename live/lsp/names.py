@@ -1,4 +1,4 @@
-"""Names of a piece of source: what it defines, where each name is used, and what is visible where."""
+"""Name resolution for the editor: the definitions, references and scopes of a piece of source."""
 
 from __future__ import annotations
 

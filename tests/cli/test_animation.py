@@ -12,6 +12,8 @@ from click.testing import CliRunner
 from maquette.cli.main import cli
 from PIL import Image
 
+from ..files import standing_by
+
 SCENE = """\
 let moment = time / 1s
 box([1, 1, 1], center: [moment, 0, 0], material: lambert(#ffffff))
@@ -24,8 +26,7 @@ render(size: [41, 21], samples: 1, bounces: 0)
 
 @pytest.fixture
 def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    Path("a.scene").write_text(SCENE, encoding="utf-8")
+    standing_by(tmp_path, monkeypatch, SCENE)
     return Path("a.scene")
 
 

@@ -11,6 +11,8 @@ from maquette.cli import sweep
 from maquette.cli.main import cli
 from PIL import Image
 
+from ..files import standing_by
+
 SCENE = """\
 param shade = 0.5 in 0..1
 param wide = 1m in 10cm..3m
@@ -23,8 +25,7 @@ render(size: [400, 200], samples: 1, bounces: 1)
 
 @pytest.fixture
 def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    Path("a.scene").write_text(SCENE, encoding="utf-8")
+    standing_by(tmp_path, monkeypatch, SCENE)
     return Path("a.scene")
 
 

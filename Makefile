@@ -38,10 +38,9 @@ $(STAMP): pyproject.toml constraints.txt
 kernels: $(STAMP)  ## compile the general kernels, which render every scene
 	@$(BIN)/python -P -m maquette.cli.build_kernels
 
-demo: export MAQUETTE_KERNELS = general  # none compiled for one picture alone
 demo: kernels  ## render every example, two at a time, and say where the pictures are
 	@echo "rendering $(words $(NAMES)) examples, two at a time"
-	@$(MAKE) --no-print-directory --output-sync -j$(WORKERS) $(NAMES:%=$(DEMO)/%.png)
+	@MAQUETTE_KERNELS=general $(MAKE) --no-print-directory --output-sync -j$(WORKERS) $(NAMES:%=$(DEMO)/%.png)
 	@echo "$(words $(NAMES)) pictures are in $(CURDIR)/$(DEMO)"
 
 pictures: $(NAMES:%=examples/%.png)  ## render the pictures beside the examples again, where they are older

@@ -394,7 +394,7 @@ _POVRAY = {
     Op.SQUARE: "pow({},2)", Op.CUBE: "pow({},3)",
     Op.SQRT: "sqrt({})", Op.MIN: "min({},{})", Op.MAX: "max({},{})", Op.EXP: "exp({})", Op.SIN: "sin({})",
     Op.COS: "cos({})", Op.COPY: "{}", Op.HYPOT: "sqrt(pow({},2)+pow({},2))",
-    Op.ARC: "max(max({0},{1}),sqrt(pow(max({0},0),2)+pow(max({1},0),2)))",
+    Op.QUARTER_ARC: "max(max({0},{1}),sqrt(pow(max({0},0),2)+pow(max({1},0),2)))",
 }  # fmt: skip
 
 
@@ -424,7 +424,7 @@ def fidget_text(tape: Tape) -> str:
             lines += [f"{out}a square {given[0]}", f"{out}b square {given[1]}", f"{out}s add {out}a {out}b", f"{out} sqrt {out}s"]
         elif op == Op.CUBE:
             lines += [f"{out}s square {given[0]}", f"{out} mul {out}s {given[0]}"]
-        elif op == Op.ARC:  # of cosine 0, as all models have it
+        elif op == Op.QUARTER_ARC:
             lines += [f"{out}z const 0.0", f"{out}r max {given[0]} {out}z", f"{out}s max {given[1]} {out}z", f"{out}t square {out}r"]
             lines += [f"{out}u square {out}s", f"{out}v add {out}t {out}u", f"{out}h sqrt {out}v"]
             lines += [f"{out}m max {given[0]} {given[1]}", f"{out} max {out}m {out}h"]

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..formula import numpy_interpreter
 from ..formula.builder import Builder
-from ..formula.opcodes import Op
+from ..formula.opcodes import ARCS, Op
 from ..formula.tape import INPUTS, Tape
 from .gradients import Gradients
 from .seams import Seams
@@ -298,7 +298,7 @@ class _Blend:
         op, one, other = self.b.row(name)
         if op in (Op.ADD, Op.NEGATE):
             return self._is_arc(other if one < 0 else one)
-        return op == Op.ARC
+        return op in ARCS
 
     # --- corners ---
 

@@ -138,7 +138,7 @@ class Gradients:
             case Op.CHOOSE:
                 pairs = zip(self._divided(turns[1]).along, self._divided(turns[2]).along, strict=True)
                 return Gradient(tuple((1.0, g.op(Op.CHOOSE, used[0], self.value(p), self.value(q))) for p, q in pairs))
-            case Op.ARC:
+            case Op.ARC | Op.QUARTER_ARC:
                 return self._arc(used, turns)
             case Op.MOD:
                 return turns[0]
@@ -189,8 +189,9 @@ class Gradients:
 
         Where both operands are negative, twice the larger one's magnitude is added to both, which leaves their order.
         """
-        g, (a, b, cosine) = self.graph, used
+        g, (a, b) = self.graph, used[:2]
         zero = g.constant(0.0)
+        cosine = used[2] if len(used) > 2 else zero
         lift = g.scale(g.op(Op.MAX, g.op(Op.NEGATE, g.op(Op.MAX, a, b)), zero), 2.0)
         p, q = g.add(a, lift), g.add(b, lift)
         u, v = (g.op(Op.MAX, g.subtract(one, g.multiply(cosine, other)), zero) for one, other in ((p, q), (q, p)))

@@ -89,6 +89,8 @@ class Builder(Graph):
         if op in (Op.MIN, Op.MAX) and self._is_negative_of(a, b):
             size = self.op(Op.ABS, b if self.row(a)[0] == Op.NEGATE else a)
             return size if op == Op.MAX else self.op(Op.NEGATE, size)
+        if op == Op.ARC and self.number(c) == 0.0:
+            return self.op(Op.QUARTER_ARC, a, b)
         if op == Op.CHOOSE and c >= INPUTS and self.rows[c - INPUTS][:2] == (Op.CHOOSE, a):
             return self.op(Op.CHOOSE, a, b, self.rows[c - INPUTS][3])
         if op == Op.SQRT and self.row(a)[0] == Op.SQUARE:

@@ -143,6 +143,8 @@ def _partials(m: Any, op: int, boxes: list[Interval], value: Interval) -> list[I
             return _angle_partials(m, op, boxes)
         case Op.ARC:
             return _arc_partials(m, boxes, value)
+        case Op.QUARTER_ARC:
+            return _quarter_arc_partials(m, boxes)
         case Op.NOISE:
             middle, half = middles(m, boxes)
             reach = NOISE_CURVE * (half[0] + half[1] + half[2]) + 64.0 * m.unit
@@ -227,6 +229,23 @@ def _arc_partials(m: Any, boxes: list[Interval], value: Interval) -> list[Interv
     low, high = multiply(m, multiply(m, by_a, by_b), length)
     free = (c[0] > LEAST_COSINE) & (c[1] < 1.0)
     return [by_a, by_b, (-high, m.where(free, -low, zero))]
+
+
+def _quarter_arc_partials(m: Any, boxes: list[Interval]) -> list[Interval]:
+    """a⁺ / √(a⁺² + b⁺²), which rises with a and falls with b⁺, and the same of b; of two negative operands, the larger one's is 1."""
+    a, b = boxes
+    zero = 0.0 * a[0]
+    one = zero + 1.0
+
+    def share(mine: Interval, other: Interval, only: Number, never: Number) -> Interval:
+        lows, highs = ((end, m.where(across > zero, across, zero)) for end, across in zip(mine, other[::-1], strict=True))
+        low = m.where(lows[0] > m.tiny, lows[0] / hypotenuse(m, *lows) * (1.0 - 16.0 * m.unit), zero)
+        high = m.where(highs[0] > m.tiny, highs[0] / hypotenuse(m, *highs) * (1.0 + 16.0 * m.unit), one)
+        low, high = m.where((low > zero) & ~never, low, zero), m.where(never, zero, m.where(high < one, high, one))
+        return m.where(only, one, low), m.where(only, one, high)
+
+    first, second = choices(m, Op.QUARTER_ARC, a, b)
+    return [share(a, b, first, second), share(b, a, second, first)]
 
 
 def _arc_share(m: Any, a: Number, b: Number, cosine: Number, first: bool) -> Number:

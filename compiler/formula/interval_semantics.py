@@ -47,9 +47,11 @@ def _quotient(m: Any, a: Interval, b: Interval) -> Interval:
 
 
 def choices(m: Any, op: int, a: Interval, b: Interval, c: Any = None) -> tuple[Number, Number]:
-    """Where MIN, MAX or ARC equal one operand over the whole box: (the first, the second). CHOOSE: see `branch_choices`."""
+    """Where MIN, MAX or an arc equal one operand over the whole box: (the first, the second). CHOOSE: see `branch_choices`."""
     if op == Op.ARC:
         return _suffices(m, a, b, c) | (b[0] != b[0]), _suffices(m, b, a, c) | (a[0] != a[0])
+    if op == Op.QUARTER_ARC:
+        return ((b[1] < a[0]) & (b[1] < 0.0)) | (b[0] != b[0]), ((a[1] < b[0]) & (a[1] < 0.0)) | (a[0] != a[0])
     if op == Op.MIN:
         return (a[1] < b[0]) | (b[0] != b[0]), (b[1] < a[0]) | (a[0] != a[0])
     return (a[0] > b[1]) | (a[0] != a[0]), (b[0] > a[1]) | (b[0] != b[0])
@@ -158,7 +160,8 @@ def _choose(m: Any, op: int, a: Interval, b: Any, c: Any) -> Interval:
 def _arc_length(m: Any, op: int, a: Interval, b: Any, c: Any) -> Interval:
     slack = arc_slack(m, a, b)  # grows with a and b, falls with the cosine
     no_a, no_b = a[0] != a[0], b[0] != b[0]
-    low, high = point(m, op, a[0], b[0], c[1]) - slack, point(m, op, a[1], b[1], c[0]) + slack
+    least, most = (None, None) if op == Op.QUARTER_ARC else c
+    low, high = point(m, op, a[0], b[0], most) - slack, point(m, op, a[1], b[1], least) + slack
     low, high = (low, high) if m.lost else saturate(m, low, high)
     low, high = m.where(no_b, a[0], m.where(no_a, b[0], low)), m.where(no_b, a[1], m.where(no_a, b[1], high))
     unsure = m.was_undefined(low)  # one operand alone, or the cosine 1, where another may be undefined
@@ -166,7 +169,7 @@ def _arc_length(m: Any, op: int, a: Interval, b: Any, c: Any) -> Interval:
 
 
 def arc_slack(m: Any, a: Interval, b: Interval) -> Number:
-    """Error of ARC."""
+    """Error of ARC and QUARTER_ARC."""
     size = high_of(m, high_of(m, abs(a[0]), abs(a[1])), high_of(m, abs(b[0]), abs(b[1])))
     return size * (16.0 * m.unit) + m.tiny
 
@@ -357,6 +360,7 @@ def middles(m: Any, boxes: Any) -> tuple[list[Number], list[Number]]:
 
 _BOUNDS = {
     Op.SQUARE: _square, Op.CUBE: _cube, Op.HYPOT: _hypot, Op.MIN: _minimum, Op.MAX: _maximum, Op.EXP: _exp, Op.FLOOR: _step, Op.CEIL: _step,
-    Op.SIGN: _step, Op.ATAN: _atan, Op.CHOOSE: _choose, Op.ARC: _arc_length, Op.SQRT: _sqrt, Op.LOG: log, Op.SIN: _wave, Op.COS: _wave,
-    Op.TAN: _tan, Op.ASIN: _arc, Op.ACOS: _arc, Op.ATAN2: _angle, Op.ANGLE: _angle, Op.MOD: _mod, Op.POWER: _power, Op.NOISE: _noise,
+    Op.SIGN: _step, Op.ATAN: _atan, Op.CHOOSE: _choose, Op.ARC: _arc_length, Op.QUARTER_ARC: _arc_length, Op.SQRT: _sqrt, Op.LOG: log,
+    Op.SIN: _wave, Op.COS: _wave, Op.TAN: _tan, Op.ASIN: _arc,
+    Op.ACOS: _arc, Op.ATAN2: _angle, Op.ANGLE: _angle, Op.MOD: _mod, Op.POWER: _power, Op.NOISE: _noise,
 }  # fmt: skip

@@ -43,6 +43,7 @@ class Op(IntEnum):
     CHOOSE = 28  # b where a ≤ 0, else c
     ARC = 29  # length of the shortest vector with components of at least a and b along unit vectors of cosine c (point_semantics.arc)
     CUBE = 30  # a a a: increasing, with tighter bounds than a product with a square
+    QUARTER_ARC = 31  # ARC of the cosine 0: the larger operand where one is not positive, else √(a² + b²)
 
 
 UNARY = frozenset({
@@ -50,7 +51,8 @@ UNARY = frozenset({
     Op.SIGN, Op.CUBE,
 })  # fmt: skip
 TERNARY = frozenset({Op.NOISE, Op.CHOOSE, Op.ARC})
-CHOICES = frozenset({Op.MIN, Op.MAX, Op.CHOOSE, Op.ARC})  # one operand may be irrelevant over a box
+CHOICES = frozenset({Op.MIN, Op.MAX, Op.CHOOSE, Op.ARC, Op.QUARTER_ARC})  # one operand may be irrelevant over a box
+ARCS = frozenset({Op.ARC, Op.QUARTER_ARC})
 COMMUTES = frozenset({Op.ADD, Op.MULTIPLY, Op.HYPOT})
 STEPS = frozenset({Op.FLOOR, Op.CEIL, Op.SIGN})  # integers for any operand
 KEEP_WHOLE = frozenset({
@@ -78,7 +80,7 @@ LEAST_COSINE = -math.sqrt(0.75)
 """ARC takes smaller cosines as this one: below it the shortest vector is more than 3.9 times as long as its components."""
 
 
-def arc(a: float, b: float, cosine: float) -> float:
+def arc(a: float, b: float, cosine: float = 0.0) -> float:
     """ARC of numbers."""
     cosine, (small, large) = min(max(cosine, LEAST_COSINE), 1.0), sorted((a, b))
     rise = small - cosine * large
@@ -97,5 +99,5 @@ _FOLD: dict[Op, Any] = {
     Op.SIN: math.sin, Op.COS: math.cos, Op.TAN: math.tan, Op.ASIN: math.asin, Op.ACOS: math.acos, Op.ATAN: math.atan,
     Op.ATAN2: _angle, Op.ANGLE: _angle, Op.FLOOR: math.floor, Op.CEIL: math.ceil, Op.MOD: lambda a, b: a - b * math.floor(a / b),
     Op.SIGN: lambda a: 0.0 if a == 0 else math.copysign(1.0, a), Op.NOISE: noise, Op.CHOOSE: lambda a, b, c: b if a <= 0 else c,
-    Op.ARC: arc,
+    Op.ARC: arc, Op.QUARTER_ARC: arc,
 }  # fmt: skip

@@ -108,6 +108,9 @@ def point(m: Any, op: int, a: Number, b: Number = None, c: Number = None) -> Num
         case Op.ARC:
             within, _, large, part, _ = arc(m, a, b, c)
             return m.where(within, hypotenuse(m, large, part), large)
+        case Op.QUARTER_ARC:
+            _, large, small = ordered(m, a, b)
+            return m.where(small > 0.0, hypotenuse(m, large, small), large)
         case Op.POWER:
             return m.power(a, b)
         case Op.ATAN2 | Op.ANGLE:
@@ -150,6 +153,10 @@ def slopes(m: Any, op: int, operands: list[Number], value: Number, turns: list[l
             bends = m.where((operands[2] > LEAST_COSINE) & (operands[2] < 1.0), more * less * value, 0.0 * value)
             found = [more * large_turns[k] + less * small_turns[k] - bends * turns[2][k] for k in ways]
             return [m.where(within, found[k], large_turns[k]) for k in ways]
+        case Op.QUARTER_ARC:
+            first, large, small = ordered(m, a, operands[1])
+            found = [(a * turns[0][k] + operands[1] * turns[1][k]) / value for k in ways]
+            return [m.where(small > 0.0, found[k], m.where(first, turns[0][k], turns[1][k])) for k in ways]
         case Op.MOD:
             turn = m.floor(a / operands[1])
             return [turns[0][k] - turns[1][k] * turn for k in ways]
@@ -187,11 +194,16 @@ def arc(m: Any, a: Number, b: Number, c: Number) -> tuple[Number, Number, Number
     cosine does not count.
     """
     cosine = m.clipped(c, LEAST_COSINE, 1.0)
-    first = (b != b) | (a >= b)
-    large, small = m.where(first, a, b), m.where(first, b, a)
+    first, large, small = ordered(m, a, b)
     rise, square = small - cosine * large, 1.0 - cosine * cosine
     sine = m.sqrt(m.where(square > m.tiny, square, m.tiny + 0.0 * square))
     return rise > 0.0, first, large, rise / sine, (cosine, sine)
+
+
+def ordered(m: Any, a: Number, b: Number) -> tuple[Number, Number, Number]:
+    """(whether a is the larger operand of an arc, the larger one, the smaller one); an undefined one is the smaller one."""
+    first = (b != b) | (a >= b)
+    return first, m.where(first, a, b), m.where(first, b, a)
 
 
 def _factors(m: Any, op: int, operands: list[Number], value: Number) -> tuple[Number, ...]:

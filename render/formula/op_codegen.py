@@ -22,7 +22,7 @@ from typing import Any
 from llvmlite import ir
 
 from ...compiler.formula import derivative_bounds, interval_arithmetic, interval_semantics, point_semantics
-from ...compiler.formula.opcodes import CHOICES, Op
+from ...compiler.formula.opcodes import ARCS, CHOICES, Op
 from ..simd.llvm_expr import I64, Value
 from .llvm_math import DOUBLE, SINGLE, Form, VectorMath
 
@@ -103,7 +103,7 @@ def _spans(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
     if op == Op.SQRT:
         error = interval_arithmetic.low_of(m, error, m.sqrt(off[0]))
     size = interval_arithmetic.high_of(m, abs(value[0]), abs(value[1]))
-    if op == Op.ARC:
+    if op in ARCS:
         error = error + interval_semantics.arc_slack(m, *operands[:2])
     elif op == Op.CUBE:
         error = error + size * u  # rounded twice

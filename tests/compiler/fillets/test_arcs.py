@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from maquette.compiler import load
 from maquette.compiler.formula import numpy_interpreter
-from maquette.compiler.formula.opcodes import Op
+from maquette.compiler.formula.opcodes import ARCS
 from maquette.compiler.formula.tape import Tape, load_tape
 
 MM = 1e-3
@@ -35,7 +35,7 @@ class Field:
 
     @property
     def arcs(self) -> int:
-        return int((self.tape.code[:, 0] == Op.ARC).sum())
+        return int((np.isin(self.tape.code[:, 0], list(ARCS))).sum())
 
 
 def scattered(reach: float, count: int = 40_000) -> np.ndarray:

@@ -239,13 +239,14 @@ def test_bounds_of_whole_powers_of_negative_numbers_hold():
     assert not maybe.any()
 
 
-@pytest.mark.parametrize("op", [Op.CHOOSE, Op.ARC])
+@pytest.mark.parametrize("op", [Op.CHOOSE, Op.ARC, Op.QUARTER_ARC])
 def test_what_is_undefined_on_one_way_hides_nothing_on_the_other(op):
     """Over a box where either way may be gone, one of which is nowhere defined, the other's values count."""
     builder = Builder()
     never, other = builder.op(Op.SQRT, builder.constant(-1.0)), builder.offset(1, 0.25)
     for ways in ((never, other), (other, never)):
-        tape = builder.finish(builder.op(op, *((0, *ways) if op == Op.CHOOSE else (*ways, builder.constant(0.1)))))
+        operands = {Op.CHOOSE: (0, *ways), Op.ARC: (*ways, builder.constant(0.1)), Op.QUARTER_ARC: ways}[op]
+        tape = builder.finish(builder.op(op, *operands))
         (least, most), _, _ = numpy_interpreter.boxes(tape, [[-1.0], [-1.0], [0.0]], [[1.0], [1.0], [0.0]])
         assert least[0] <= -0.75
         assert most[0] >= 1.25

@@ -106,7 +106,7 @@ def random_tape(random: np.random.Generator, rows: int = 30) -> Tape:
     b = Builder()
     names = [0, 1, 2]
     plain = [Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.MIN, Op.MAX, Op.ABS, Op.SQUARE, Op.HYPOT, Op.SIN, Op.COS, Op.ATAN, Op.NEGATE, Op.SQRT,
-             Op.DIVIDE, Op.EXP, Op.FLOOR, Op.NOISE, Op.CHOOSE, Op.ARC]  # fmt: skip
+             Op.DIVIDE, Op.EXP, Op.FLOOR, Op.NOISE, Op.CHOOSE, Op.ARC, Op.QUARTER_ARC]  # fmt: skip
     for _ in range(rows):
         op = plain[random.integers(len(plain))]
         given = [names[random.integers(max(0, len(names) - 6), len(names))] for _ in range(arity(op))]

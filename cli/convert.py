@@ -1,4 +1,4 @@
-"""The `convert` command: writes .npz tables, Mitsuba 3 (.xml), POV-Ray (.pov) and triangle meshes."""
+"""The `convert` command: writes .npz tables, Mitsuba 3 (.xml), POV-Ray (.pov), glTF (.glb) and triangle meshes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from ..compiler.plan.plan import Plan
 
 MESHES = {".stl": "triangles for printing", ".3mf": "the same", ".obj": "triangles", ".ply": "triangles"}
-ENDINGS = {".npz": "a saved IR", ".xml": "Mitsuba 3", ".pov": "POV-Ray 3.7", **MESHES}
+ASSETS = {".glb": "glTF 2.0"}
+ENDINGS = {".npz": "a saved IR", ".xml": "Mitsuba 3", ".pov": "POV-Ray 3.7", **ASSETS, **MESHES}
 
 
 @click.command()
@@ -37,6 +38,7 @@ ENDINGS = {".npz": "a saved IR", ".xml": "Mitsuba 3", ".pov": "POV-Ray 3.7", **M
 @shared.examples(
     "maquette convert part.scene part.stl --deviation 0.05mm",
     "maquette convert scene.scene lid.stl --only lid",
+    "maquette convert room.scene room.glb",
     "maquette convert room.scene room.npz",
     "maquette convert hello.scene hello.xml --size 400x300 --plan filter=box",
     "maquette convert hello.scene hello.pov",
@@ -47,7 +49,8 @@ def convert(
     """Convert IN for other programs.
 
     OUT.npz is a saved IR, which every command reads as a scene. OUT.xml is for Mitsuba 3, OUT.pov for POV-Ray 3.7, each with files
-    of its meshes and images (OUT.0.ply, …). Features that the format lacks are reported with their place and left out. OUT.stl and
+    of its meshes and images (OUT.0.ply, …). OUT.glb is glTF 2.0 with materials, cameras and lights, for Blender, three.js and other
+    viewers. Features that the format lacks are reported with their place and left out. OUT.stl and
     OUT.3mf hold all solids as triangles in millimetres, z up, for 3D printing; OUT.obj and OUT.ply in metres, y up.
     """
     ending = output.suffix.lower()
@@ -57,8 +60,8 @@ def convert(
     source, settings, overrides = shared.read_options(scene, given)
     if ending == ".npz" and (overrides or any(value is not None for value in given.values())):
         raise click.UsageError("a saved IR has no render plan: give options of the picture to `maquette render OUT.npz`")
-    if deviation is not None and ending not in MESHES:
-        raise click.UsageError(f"--deviation applies to triangles: OUT ends in {', '.join(MESHES)}")
+    if deviation is not None and ending not in MESHES | ASSETS:
+        raise click.UsageError(f"--deviation applies to triangles: OUT ends in {', '.join(MESHES | ASSETS)}")
     jobs.check_folder(output)
     compiled = selected(shared.load(source), only, without)
     if ending in MESHES:
@@ -70,7 +73,7 @@ def convert(
         serialize.save(compiled, output)
         return
     plan = jobs.make_plan(compiled, settings, overrides)
-    made = _export(compiled, plan, ending, output.stem)
+    made = _export(compiled, plan, output, deviation)
     made.save(output)
     terminal.report(made.found)
 
@@ -98,10 +101,13 @@ def _write_triangles(scene: ir.Scene, output: Path, ending: str, tolerance: floa
     click.echo(f"{output}: {count} triangles, {closed}, distance from the true surface {off * 1000:.3g} mm at most", err=True)
 
 
-def _export(scene: ir.Scene, plan: Plan, ending: str, name: str) -> Export:
+def _export(scene: ir.Scene, plan: Plan, output: Path, deviation: float | None) -> Export:
+    from ..compiler.exporters.gltf import scene as gltf_scene
     from ..compiler.exporters.mitsuba import scene as mitsuba_scene
     from ..compiler.exporters.povray import scene as povray_scene
     from ..render.tessellation import scene_meshes
 
-    write = mitsuba_scene.write if ending == ".xml" else povray_scene.write
-    return write(scene, plan, name, scene_meshes.make_tessellator(scene, plan))
+    if output.suffix.lower() == ".glb":
+        return gltf_scene.write(scene, plan, scene_meshes.make_converters(scene, deviation))
+    write = mitsuba_scene.write if output.suffix.lower() == ".xml" else povray_scene.write
+    return write(scene, plan, output.stem, scene_meshes.make_tessellator(scene, plan))

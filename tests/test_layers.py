@@ -36,6 +36,7 @@ MAY_IMPORT = {
     "compiler.importers.usd": "compiler.importers",
     "compiler.lower": "compiler.fillets compiler.plan compiler.importers.usd",
     "compiler.exporters": "compiler.scene compiler.plan",
+    "compiler.exporters.gltf": "compiler.exporters",
     "compiler.exporters.mitsuba": "compiler.exporters",
     "compiler.exporters.povray": "compiler.exporters",
     "compiler.load": "compiler.lower",

@@ -37,13 +37,14 @@ Tessellate = Callable[[int], tuple[F64, NDArray[np.int32], F64, F64, F64]]
 
 @dataclass(eq=False)
 class Export:
-    """An exported scene: the main file's text, and the other files by name.
+    """An exported scene: the main file's content, and the other files by name.
 
     `found` has a warning with a fix for each feature that the format lacks, and a note for each feature in another form.
     """
 
     scene: ir.Scene
     text: str = ""
+    data: bytes = b""  # of a binary format, in place of the text
     files: dict[str, bytes] = field(default_factory=dict)
     found: list[Diagnostic] = field(default_factory=list)
 
@@ -77,7 +78,7 @@ class Export:
         """Write the main file to `path` and the other files beside it. Raises OSError."""
         for name, data in self.files.items():
             replace_file(path.parent / name, data)
-        replace_file(path, self.text.encode())
+        replace_file(path, self.data or self.text.encode())
 
     @property
     def lost(self) -> list[str]:
@@ -112,6 +113,14 @@ def square(matrix: Any) -> F64:
     full = np.eye(4)
     full[:3] = matrix
     return full
+
+
+def frame_along(axis: F64) -> F64:
+    """(3, 3) rotation from +z to a unit axis."""
+    side = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    x = np.cross(side, axis)
+    x = x / np.linalg.norm(x)
+    return np.stack([x, np.cross(axis, x), axis], axis=1)
 
 
 def even_scale(matrix: F64) -> float | None:
@@ -254,6 +263,14 @@ def plane(x: float, z: float, radius: float) -> Shell:
     triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]).astype(np.int32)
     normals = np.tile([0.0, 1.0, 0.0], (n * n, 1))
     return Shell(positions, triangles, normals, positions[:, [0, 2]] * [1.0, -1.0], np.ones((len(triangles), 2)))
+
+
+def divided(shell: Shell) -> Shell:
+    """The shell with three vertices for each triangle."""
+    corner = shell.triangles.ravel()
+    positions, normals, uvs, colors = (None if v is None else v[corner] for v in (shell.positions, shell.normals, shell.uvs, shell.colors))
+    assert positions is not None
+    return Shell(positions, _corner_numbers(len(shell.triangles)), normals, uvs, shell.metric, colors)
 
 
 def flip(shell: Shell) -> Shell:

@@ -189,6 +189,7 @@ class _Reader:
             MeshAttribute(given["NORMAL"]) if "NORMAL" in given else None,
             None if uvs is None else MeshAttribute(_upward(uvs)),
             MeshAttribute(colors[:, :3]) if colors is not None else None,
+            None if "NORMAL" in given else np.zeros(len(triangles), np.int64),  # §3.7.2.1: flat faces
         )  # fmt: skip
         if skin is not None:
             mesh = skin.deform(mesh, self.container, attributes, self.warn)

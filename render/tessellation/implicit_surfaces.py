@@ -5,9 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from ...compiler import ir
-from ...compiler.formula import dual_contouring
+from ...compiler.formula import dual_contouring, numpy_interpreter
 from ..formula import scene_surfaces
 from .analytic_shapes import Tessellation
+
+SIDE = 0.1  # of the way from a corner of a triangle to its center
+SMOOTH_COSINE = 0.95  # of two normals of one vertex; below it there is an edge
+EDGE_STEPS = 32  # of a normal's components, which are equal on one side of an edge
 
 
 def contour(tables: ir.Tables, g: int, tolerance: float, whole: bool = False) -> dual_contouring.Contour:
@@ -30,3 +34,25 @@ def tessellate(tables: ir.Tables, g: int, tolerance: float) -> Tessellation:
     triangles = made.triangles.astype(np.int32)
     uvs = np.stack([made.positions[:, 0], -made.positions[:, 2]], axis=1)
     return Tessellation(positions, triangles, made.normals, uvs, np.zeros(len(triangles), np.int32))
+
+
+def with_edges(tables: ir.Tables, g: int, made: Tessellation) -> Tessellation:
+    """The tessellation of implicit surface `g` with vertices divided along its edges: each side has the normals of its own face.
+
+    The gradient is evaluated for each corner of a triangle, from the corner a share of SIDE of the way to the triangle's center.
+    """
+    corners = made.positions[made.triangles, :3]
+    at = corners + SIDE * (corners.mean(axis=1, keepdims=True) - corners)
+    with np.errstate(all="ignore"):
+        _, gradient = numpy_interpreter.gradients(scene_surfaces.tape_of(tables, g), *at.reshape(-1, 3).T)
+        normal = (gradient / np.linalg.norm(gradient, axis=0)).T
+    vertex = made.triangles.ravel()
+    known = made.normals[vertex]
+    normal = np.where(np.isfinite(normal).all(axis=1, keepdims=True), normal, known)
+    smooth = (normal * known).sum(axis=1) >= SMOOTH_COSINE
+    normal = np.where(smooth[:, None], known, normal)
+    keys = np.concatenate([vertex[:, None], np.where(smooth[:, None], 0, np.round(normal * EDGE_STEPS)).astype(np.int64)], axis=1)
+    _, first, index = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    source = vertex[first]
+    triangles = index.reshape(-1, 3).astype(np.int32)
+    return Tessellation(made.positions[source], triangles, normal[first], made.uvs[source], made.parts)

@@ -9,9 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
+from ...compiler.exporters.bodies import Converters
 from ...compiler.plan.plan import Plan
 from ..geometry import analytic_shapes
+from ..image import png
 from ..types import View
+from . import analytic_shapes as tessellation
+from . import implicit_surfaces
+from .part_materials import triangle_materials
+from .printable_mesh import default_tolerance
 from .view import ViewTessellator
 
 
@@ -29,16 +35,30 @@ def make_tessellator(scene: ir.Scene, plan: Plan) -> Callable[[int], ShapeMesh]:
     """A function from an instance (its row) to its mesh, within plan["tolerance"] pixels; not for meshes and unbounded shapes."""
     width, height = plan["size"]
     made = ViewTessellator(scene.tables, View(plan["camera"], width, height), plan["tolerance"])
-    geometries = scene.tables.geometries
+    return lambda instance: _with_metric(scene.tables, instance, made.tessellate(instance))
+
+
+def make_converters(scene: ir.Scene, tolerance: float | None = None) -> Converters:
+    """What exporters of meshes need; shapes are within `tolerance` metres of the world, by default default_tolerance."""
+    tables = scene.tables
+    within = default_tolerance(scene) if tolerance is None else tolerance
 
     def triangles(instance: int) -> ShapeMesh:
-        g = int(scene.tables.instances.geometry[instance])
-        mesh = made.tessellate(instance)
-        parts = mesh.parts.astype(np.int64)
-        kind, row = np.full(len(parts), int(geometries.kind[g])), np.full(len(parts), g)
-        x, y, z = mesh.positions[mesh.triangles, :3].mean(axis=1).T
-        with np.errstate(all="ignore"):
-            _, metric = analytic_shapes.uv(kind, geometries.parameters, row, parts, (x, y, z))
-        return ShapeMesh(mesh.positions[:, :3], mesh.triangles, mesh.normals, mesh.uvs, np.stack(metric, axis=1))
+        g = int(tables.instances.geometry[instance])
+        matrix = tables.transforms.matrix[tables.instances.transform[instance]]
+        local, kind = within / float(np.linalg.norm(matrix[:, :3], 2)), int(tables.geometries.kind[g])
+        if kind == ir.GeometryKind.FORMULA:
+            return _with_metric(tables, instance, implicit_surfaces.with_edges(tables, g, implicit_surfaces.tessellate(tables, g, local)))
+        return _with_metric(tables, instance, tessellation.tessellate(kind, tables.geometries.parameters[g].tolist(), local))
 
-    return triangles
+    return Converters(triangles, triangle_materials, png.encode)
+
+
+def _with_metric(tables: ir.Tables, instance: int, mesh: tessellation.Tessellation) -> ShapeMesh:
+    geometries, g = tables.geometries, int(tables.instances.geometry[instance])
+    parts = mesh.parts.astype(np.int64)
+    kind, row = np.full(len(parts), int(geometries.kind[g])), np.full(len(parts), g)
+    x, y, z = mesh.positions[mesh.triangles, :3].mean(axis=1).T
+    with np.errstate(all="ignore"):
+        _, metric = analytic_shapes.uv(kind, geometries.parameters, row, parts, (x, y, z))
+    return ShapeMesh(mesh.positions[:, :3], mesh.triangles, mesh.normals, mesh.uvs, np.stack(metric, axis=1))

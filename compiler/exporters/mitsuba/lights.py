@@ -79,7 +79,7 @@ def _spot(out: Export, name: str, row: int, color: F64) -> Node:
         out.cannot(f"a spot wider than {np.degrees(WIDEST_SPOT):.0f}° is not carried", "lights", row)
         cone = WIDEST_SPOT
     frame = np.eye(4)
-    frame[:3, :3], frame[:3, 3] = frame_along(lights.direction[row]), lights.position[row]
+    frame[:3, :3], frame[:3, 3] = common.frame_along(lights.direction[row]), lights.position[row]
     degrees = float(np.degrees(cone))
     given = node("emitter", "spot", cutoff_angle=degrees, beam_width=degrees, to_world=frame).with_(rgb("intensity", color))
     file = f"{name}.{len(out.files)}.pfm"
@@ -109,7 +109,7 @@ def _directional(out: Export, plan: Plan, shapes: Shapes, row: int) -> Node:
     if (tables.geometries.kind == ir.GeometryKind.PLANE).any():
         distance = 1e6 * shapes.radius  # beyond the end of planes
     frame = np.eye(4)
-    frame[:3, :3] = frame_along(-direction) * [distance * np.tan(angle), distance * np.tan(angle), 1.0]
+    frame[:3, :3] = common.frame_along(-direction) * [distance * np.tan(angle), distance * np.tan(angle), 1.0]
     frame[:3, 3] = shapes.middle + distance * direction
     radiance = tables.lights.color[row] / (np.pi * np.sin(angle) ** 2)
     out.note("a sun with a size is carried as a bright disk far away", "lights", row)
@@ -161,11 +161,3 @@ def envmap_rows(pixels: np.ndarray) -> np.ndarray:
     rows = np.empty((2 * len(pixels) + 1, *pixels.shape[1:]), np.float32)
     rows[1::2], rows[0::2] = pixels, (above + below) / 2
     return rows
-
-
-def frame_along(axis: F64) -> F64:
-    """(3, 3) rotation from +z to a unit axis."""
-    side = np.eye(3)[int(np.argmin(np.abs(axis)))]
-    x = np.cross(side, axis)
-    x = x / np.linalg.norm(x)
-    return np.stack([x, np.cross(axis, x), axis], axis=1)

@@ -1,0 +1,94 @@
+"""Instances as triangles with materials, for formats that have meshes alone: glTF and USD."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import ir
+from . import common
+from .common import F64, Export, Shell
+
+PLANE_REACH = 20.0  # radii of the scene: half the side of the square that stands for an endless plane
+_EVERYWHERE = ir.Visibility.CAMERA | ir.Visibility.SHADOW | ir.Visibility.REFLECTION
+
+
+class Converters(NamedTuple):
+    """Functions of the renderer that exporters need."""
+
+    tessellate: common.Tessellate
+    materials: Callable[[ir.Tables, int, F64], NDArray[np.int64]]  # rows of the materials of an instance at world points (m, 3)
+    png: Callable[..., bytes]  # (height, width, 3) values from 0 to 1, color: whether they are colours, alpha: (height, width) or None
+
+
+class Body(NamedTuple):
+    """An instance: its mesh in its own frame. Bodies of equal `key` have equal meshes."""
+
+    instance: int
+    name: str
+    matrix: F64  # (4, 4) to the world
+    key: Hashable
+    shell: Shell
+    parts: list[tuple[int, NDArray[np.intp]]]  # (row of a material, the indices of its triangles)
+
+
+class Bodies:
+    """The instances of a scene that a mesh can stand for. Reports the others."""
+
+    def __init__(self, out: Export, converters: Converters) -> None:
+        self.out, self.tables, self._converters = out, out.scene.tables, converters
+        self.middle, self.radius = common.reach(self.tables)
+        self._shells: dict[Hashable, Shell] = {}
+
+    def __iter__(self) -> Iterator[Body]:
+        used: dict[str, int] = {}
+        for i in range(len(self.tables.instances.geometry)):
+            body = self._body(i)
+            if body is not None and len(body.shell.triangles):
+                count = used[body.name] = used.get(body.name, 0) + 1
+                yield body if count == 1 else body._replace(name=f"{body.name}.{count}")
+
+    def _body(self, i: int) -> Body | None:
+        instances, geometries = self.tables.instances, self.tables.geometries
+        g, matrix = int(instances.geometry[i]), common.world(self.tables, i)
+        if instances.visible[i] & _EVERYWHERE != _EVERYWHERE and instances.light[i] < 0:
+            self.out.cannot("this shows in some rays only, and is carried for all", "instances", i)
+        names, kind = self.out.scene.names.instances, ir.GeometryKind(int(geometries.kind[g]))
+        name = (names[i] if i < len(names) else "") or kind.name.lower()
+        if kind == ir.GeometryKind.QUADRIC and not np.isfinite(geometries.bounds[g]).all():
+            self.out.cannot("an endless quadric is not carried", "instances", i, "within: gives it a box")
+            return None
+        endless = kind == ir.GeometryKind.PLANE
+        scale = 0.0 if kind == ir.GeometryKind.MESH else float(np.linalg.norm(matrix[:3, :3], 2))
+        key: Hashable = (g, i) if endless else (g, scale)
+        if key not in self._shells:
+            self._shells[key] = self._plane(i, matrix) if endless else self._shell(i, g, kind)
+        shell = self._shells[key]
+        rows = self._rows(i, shell, matrix)
+        parts = [(int(row), np.flatnonzero(rows == row)) for row in np.unique(rows)]
+        split = tuple((row, None if len(parts) == 1 else chosen.tobytes()) for row, chosen in parts)
+        return Body(i, name, matrix, (key, split, int(instances.light[i])), shell, parts)
+
+    def _shell(self, i: int, g: int, kind: ir.GeometryKind) -> Shell:
+        return common.mesh(self.tables, g) if kind == ir.GeometryKind.MESH else Shell(*self._converters.tessellate(i))
+
+    def _plane(self, i: int, matrix: F64) -> Shell:
+        """A square of an endless plane about the scene's middle; its coordinates are those of the plane."""
+        x, _, z = (np.linalg.inv(matrix) @ [*self.middle, 1.0])[:3]
+        reach = PLANE_REACH * self.radius / min(np.linalg.norm(matrix[:3, :3], axis=0))
+        self.out.note(f"an endless plane is carried as a square of {2 * PLANE_REACH * self.radius:.3g} m", "instances", i)
+        corners = np.array([[x - reach, 0, z - reach], [x - reach, 0, z + reach], [x + reach, 0, z + reach], [x + reach, 0, z - reach]])
+        triangles = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+        normals = np.tile([0.0, 1.0, 0.0], (4, 1))
+        return Shell(corners, triangles, normals, corners[:, [0, 2]] * [1.0, -1.0], np.ones((2, 2)))
+
+    def _rows(self, i: int, shell: Shell, matrix: F64) -> NDArray[np.int64]:
+        row = int(self.tables.instances.material[i])
+        if self.tables.materials.model[row] != ir.MaterialModel.BLEND:
+            return np.full(len(shell.triangles), row, np.int64)
+        self.out.note("of blended materials each triangle has the one that counts more", "materials", row)
+        centers = shell.positions[shell.triangles].mean(axis=1) @ matrix[:3, :3].T + matrix[:3, 3]
+        return self._converters.materials(self.tables, i, centers)

@@ -1,0 +1,220 @@
+"""Writes materials and their pictures: glTF 2.0 §3.9 and ratified KHR_materials_… extensions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ... import ir
+from ...scene.row_records import Input
+from .. import common
+from ..common import F64, Export, Shell
+from ..surfaces import Exported, Surfaces
+from .container import Container
+
+_WRAPS = {ir.Wrap.REPEAT: 10497, ir.Wrap.CLAMP: 33071, ir.Wrap.MIRROR: 33648}
+_NEAREST, _LINEAR, _MIPS = 9728, 9729, 9987
+_GLASS_IOR = 1.5  # glTF's default
+
+
+class Written(NamedTuple):
+    """A material of the file, and the textures (rows) that its sets of coordinates belong to."""
+
+    index: int
+    sets: tuple[int, ...]
+
+
+class Materials:
+    """The materials of the file, each written once."""
+
+    def __init__(self, out: Export, container: Container, png: Callable[..., bytes]) -> None:
+        self.out, self.container, self.tables, self._png = out, container, out.scene.tables, png
+        self._surfaces = Surfaces(out)
+        self._written: dict[tuple[int, bytes], Written] = {}
+        self._images: dict[bytes, int] = {}
+        self._sets: list[int] = []  # of the material that is being written
+
+    def written(self, row: int, radiance: F64 | None = None) -> Written:
+        """The material of a row; with `radiance` a black one that emits it, as an area light's shape does."""
+        key = (row, b"" if radiance is None else radiance.tobytes())
+        if key not in self._written:
+            self._sets = []
+            exported = self._surfaces.of(row)
+            document = self._document(exported) if radiance is None else self._shining(f"light{len(self._written)}", radiance)
+            document["doubleSided"] = True
+            self._written[key] = Written(self.container.add("materials", document), tuple(self._sets))
+        return self._written[key]
+
+    def coordinates(self, written: Written, shell: Shell, scale: float) -> tuple[Shell, list[F64]]:
+        """The shell, its vertices divided where cells need it, and texture coordinates (n, 2) of each set, v down."""
+        if any(map(self._has_cells, written.sets)):
+            shell = common.divided(shell)
+        uvs = np.zeros((len(shell.positions), 2)) if shell.uvs is None else shell.uvs
+        found = []
+        for row in written.sets:
+            if self._has_cells(row):
+                made = common.with_cells(self.tables, row, shell, scale).uvs
+                assert made is not None
+                found.append(made / 2.0)  # a picture of 2 × 2 cells
+            else:
+                frame = common.texture_matrix(self.tables, row)
+                found.append(uvs @ frame[:2, :2].T + frame[:2, 2])
+        return shell, [np.stack([st[:, 0], 1.0 - st[:, 1]], axis=1) for st in found]
+
+    def _has_cells(self, row: int) -> bool:
+        return bool(self.tables.textures.kind[row] in (ir.TextureKind.CHECKER, ir.TextureKind.STRIPES))
+
+    # --- documents ---
+
+    def _shining(self, name: str, radiance: F64) -> dict[str, Any]:
+        pbr = {"baseColorFactor": [0.0, 0.0, 0.0, 1.0], "metallicFactor": 0.0, "roughnessFactor": 1.0}
+        document: dict[str, Any] = {"name": name, "pbrMetallicRoughness": pbr, **self._emission(Input(tuple(radiance.tolist())))}
+        return document
+
+    def _document(self, exported: Exported) -> dict[str, Any]:
+        s = exported.surface
+        if s.diffuse.texture < 0 and s.holes is not None and s.holes.texture >= 0:
+            base = self._reference(s.holes.texture, self._alpha_picture(s.holes.texture))
+        else:
+            base = self._base(s.diffuse, s.holes)
+        alpha = s.opacity if s.holes is None else s.holes.value[0]
+        factor = self._below_one(s.diffuse.value)
+        pbr: dict[str, Any] = {"baseColorFactor": [*factor, min(max(alpha, 0.0), 1.0)]}
+        if base is not None:
+            pbr["baseColorTexture"] = base
+        pbr |= {"metallicFactor": s.metallic.value[0], "roughnessFactor": s.roughness.value[0]}
+        packed = self._packed(s.metallic.texture, s.roughness.texture)
+        if packed is not None:
+            pbr["metallicRoughnessTexture"] = packed
+        document: dict[str, Any] = {"name": s.name, "pbrMetallicRoughness": pbr}
+        if s.threshold > 0:
+            document |= {"alphaMode": "MASK", "alphaCutoff": s.threshold}
+        elif alpha < 1.0 or s.holes is not None:
+            document["alphaMode"] = "BLEND"
+        if s.normal is not None:
+            document["normalTexture"] = {**self._picture(s.normal.texture, levels=True), "scale": s.normal.value[0]}
+        if s.occlusion.texture >= 0:
+            document["occlusionTexture"] = self._picture(s.occlusion.texture)
+        document |= self._emission(s.emissive)
+        if extensions := self._extensions(exported):
+            document.setdefault("extensions", {}).update(extensions)
+        for name in document.get("extensions", {}):
+            self.container.use(name)
+        return document
+
+    def _emission(self, emissive: Input) -> dict[str, Any]:
+        strength = max(emissive.value)
+        if strength <= 0:
+            return {}
+        found: dict[str, Any] = {"emissiveFactor": [c / strength for c in emissive.value]}
+        if emissive.texture >= 0:
+            found["emissiveTexture"] = self._picture(emissive.texture, color=True)
+        self.container.use("KHR_materials_emissive_strength")
+        return {**found, "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": strength}}}
+
+    def _extensions(self, exported: Exported) -> dict[str, Any]:
+        s = exported.surface
+        found: dict[str, Any] = {}
+        if s.ior.value[0] != _GLASS_IOR and s.specular is None:
+            found["KHR_materials_ior"] = {"ior": max(s.ior.value[0], 1.0)}
+        if s.specular is not None:
+            largest = max(*s.specular.value, 1e-9)
+            root = math.sqrt(min(largest, 0.99))
+            found["KHR_materials_ior"] = {"ior": (1.0 + root) / (1.0 - root)}
+            found["KHR_materials_specular"] = {"specularColorFactor": [c / largest for c in s.specular.value]}
+            if s.specular.texture >= 0:
+                self.out.cannot("a texture of `specular` is not carried", "textures", s.specular.texture)
+        if exported.transmission > 0:
+            found["KHR_materials_transmission"] = {"transmissionFactor": exported.transmission}
+            volume: dict[str, Any] = {"thicknessFactor": 1.0}
+            if (most := max(exported.absorption)) > 0:
+                volume |= {"attenuationDistance": 1.0 / most, "attenuationColor": [math.exp(-a / most) for a in exported.absorption]}
+            found["KHR_materials_volume"] = volume
+        if s.coat.value[0] > 0:
+            coat: dict[str, Any] = {"clearcoatFactor": s.coat.value[0], "clearcoatRoughnessFactor": s.coat_roughness.value[0]}
+            for name, given in (("clearcoatTexture", s.coat), ("clearcoatRoughnessTexture", s.coat_roughness)):
+                if given.texture >= 0:
+                    coat[name] = self._picture(given.texture)
+            found["KHR_materials_clearcoat"] = coat
+        return found
+
+    def _below_one(self, color: tuple[float, ...]) -> list[float]:
+        if max(color) > 1.0 + 1e-9:
+            self.out.cannot("glTF reflects no more light than arrives: colours above 1 are cut")
+        return [min(max(c, 0.0), 1.0) for c in color]
+
+    # --- pictures ---
+
+    def _base(self, diffuse: Input, holes: Input | None) -> dict[str, Any] | None:
+        """The reference of a base colour, with the picture of its opacity as alpha."""
+        row = diffuse.texture
+        if row < 0:
+            return None
+        alpha = None
+        if holes is not None and holes.texture >= 0:
+            alpha = self._pixels(holes.texture)[..., 0]
+            if alpha.shape != self._pixels(row).shape[:2] or self._place(holes.texture) != self._place(row):
+                self.out.cannot("an opacity that lies differently from the colour's picture is not carried", "textures", holes.texture)
+                alpha = None
+        return self._reference(row, self._png(self._pixels(row), color=True, alpha=alpha))
+
+    def _alpha_picture(self, row: int) -> bytes:
+        alpha = self._pixels(row)[..., 0]
+        return self._png(np.ones((*alpha.shape, 3), np.float32), alpha=alpha)
+
+    def _packed(self, metallic: int, roughness: int) -> dict[str, Any] | None:
+        """The reference of a picture of roughness in green and of metallic in blue."""
+        row = max(metallic, roughness)
+        if row < 0:
+            return None
+        blue, green = (None if k < 0 else self._pixels(k)[..., 0] for k in (metallic, roughness))
+        if blue is not None and green is not None and (blue.shape != green.shape or self._place(metallic) != self._place(roughness)):
+            self.out.cannot("a metallic picture that lies differently from the roughness picture is not carried", "textures", metallic)
+            row, blue = roughness, None
+        shape = (green if green is not None else blue).shape  # type: ignore[union-attr]
+        parts = [np.ones(shape, np.float32) if part is None else part for part in (None, green, blue)]
+        return self._reference(row, self._png(np.stack(parts, axis=-1)))
+
+    def _picture(self, row: int, color: bool = False, levels: bool = False) -> dict[str, Any]:
+        pixels = self._pixels(row)
+        return self._reference(row, self._png(0.5 * pixels + 0.5 if levels else pixels, color=color))
+
+    def _pixels(self, row: int) -> np.ndarray:
+        """(height, width, 3) the values of a texture: a picture, or 2 × 2 cells."""
+        if not self._has_cells(row):
+            return common.picture(self.tables, row, np.ones(3))
+        a, b = common.cell_colors(self.tables, row, np.ones(3))
+        return np.array([[b, a], [a, b]], np.float32)
+
+    def _place(self, row: int) -> tuple[Any, ...]:
+        """What two textures of one picture have in common."""
+        textures = self.tables.textures
+        return textures.frame[row].tobytes(), int(textures.wrap_u[row]), int(textures.wrap_v[row]), bool(textures.nearest[row])
+
+    def _reference(self, row: int, png: bytes) -> dict[str, Any]:
+        textures, cells = self.tables.textures, self._has_cells(row)
+        wraps = [ir.Wrap(int(wrap[row])) for wrap in (textures.wrap_u, textures.wrap_v)]
+        if not cells and any(wrap not in _WRAPS for wrap in wraps):
+            self.out.cannot("a texture that ends in black is not carried", "textures", row)
+        nearest = cells or bool(textures.nearest[row])
+        filters = {"magFilter": _NEAREST if nearest else _LINEAR, "minFilter": _NEAREST if nearest else _MIPS}
+        modes = [10497, 10497] if cells else [_WRAPS.get(wrap, 33071) for wrap in wraps]
+        sampler = self.container.shared("samplers", {**filters, "wrapS": modes[0], "wrapT": modes[1]})
+        image = self._image(png)
+        number = next((k for k, other in enumerate(self._sets) if self._same_set(other, row)), len(self._sets))
+        if number == len(self._sets):
+            self._sets.append(row)
+        texture = self.container.shared("textures", {"sampler": sampler, "source": image})
+        return {"index": texture, "texCoord": number} if number else {"index": texture}
+
+    def _same_set(self, one: int, other: int) -> bool:
+        frames, cells = self.tables.textures.frame, self._has_cells(one) or self._has_cells(other)
+        return one == other or bool(not cells and (frames[one] == frames[other]).all())
+
+    def _image(self, png: bytes) -> int:
+        if png not in self._images:
+            self._images[png] = self.container.add("images", {"bufferView": self.container.view(png), "mimeType": "image/png"})
+        return self._images[png]

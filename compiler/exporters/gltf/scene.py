@@ -1,0 +1,178 @@
+"""Exports a scene as a binary glTF 2.0 file (.glb): meshes, materials, cameras and KHR_lights_punctual.
+
+Units and axes agree: metres, +y up, cameras and lights look along −z, candela and lux.
+https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ... import ir
+from ...plan import scene_facts
+from ...plan.plan import Plan
+from .. import common
+from ..bodies import Bodies, Body, Converters
+from ..common import F64, Export, Shell
+from .container import Container
+from .materials import Materials
+
+NEAR = 1e-3  # metres: glTF requires a near distance above 0
+_PUNCTUAL = "KHR_lights_punctual"
+_LOST = {
+    ir.LightKind.SKY: "a sky is not carried: glTF has point, spot and directional lights",
+    ir.LightKind.DOME: "a dome is not carried: glTF has point, spot and directional lights",
+    ir.LightKind.AMBIENT: "ambient light is not carried: glTF has none",
+}
+
+
+def write(scene: ir.Scene, plan: Plan, converters: Converters) -> Export:
+    """Exports `scene`, with the camera of `plan` first. Losses are in `found`."""
+    out = Export(scene)
+    _Writer(out, converters).write(plan)
+    return out
+
+
+class _Writer:
+    def __init__(self, out: Export, converters: Converters) -> None:
+        self.out, self.tables, self.container = out, out.scene.tables, Container()
+        self.bodies = Bodies(out, converters)
+        self.materials = Materials(out, self.container, converters.png)
+        self.nodes: list[int] = []
+        self._meshes: dict[Any, int] = {}
+
+    def write(self, plan: Plan) -> None:
+        if len(self.tables.keys.move):
+            self.out.cannot("motion is not carried: everything stands as at the scene's time")
+        for body in self.bodies:
+            self._place({"name": body.name, "mesh": self._mesh(body)}, body.matrix)
+        rows = range(len(self.tables.cameras.projection))
+        for row in sorted(rows, key=lambda row: row != plan["camera"]):
+            self._camera(row, plan["size"])
+        for row in range(len(self.tables.lights.kind)):
+            self._light(row)
+        self.container.document |= {"scene": 0, "scenes": [{"nodes": self.nodes}]}
+        self.out.data = self.container.encode()
+
+    def _place(self, node: dict[str, Any], matrix: F64) -> None:
+        if not np.array_equal(matrix, np.eye(4)):
+            node["matrix"] = matrix.T.ravel().tolist()
+        self.nodes.append(self.container.add("nodes", node))
+
+    # --- meshes ---
+
+    def _mesh(self, body: Body) -> int:
+        scale = common.mean_scale(body.matrix)
+        key = (body.key, scale)
+        if key not in self._meshes:
+            light = int(self.tables.instances.light[body.instance])
+            radiance = self.tables.lights.color[light] if light >= 0 else None
+            if radiance is not None:
+                self.out.note("the shape of an area light is carried as a material that shines", "lights", light)
+            made = [self._primitive(body, row, chosen, scale, radiance) for row, chosen in body.parts]
+            self._meshes[key] = self.container.add("meshes", {"name": body.name, "primitives": made})
+        return self._meshes[key]
+
+    def _primitive(self, body: Body, row: int, chosen: NDArray[np.intp], scale: float, radiance: F64 | None) -> dict[str, Any]:
+        written = self.materials.written(row, radiance)
+        metric = body.shell.metric
+        shell = body.shell._replace(triangles=body.shell.triangles[chosen], metric=None if metric is None else metric[chosen])
+        kind = int(self.tables.geometries.kind[self.tables.instances.geometry[body.instance]])
+        for texture in written.sets:
+            if not common.follows_uv(self.tables, texture, kind):
+                name = ir.TextureMapping(int(self.tables.textures.mapping[texture])).name.lower()
+                self.out.cannot(f"the mapping {name} is not carried: glTF takes a surface's own coordinates", "textures", texture)
+        shell, sets = self.materials.coordinates(written, shell, scale)
+        shell, sets = _compact(shell, sets)
+        attributes = {"POSITION": self.container.floats(shell.positions, bounds=True)}
+        if shell.normals is not None and self.tables.materials.shading[row] != ir.Shading.FLAT:
+            length = np.linalg.norm(shell.normals, axis=1, keepdims=True)
+            attributes["NORMAL"] = self.container.floats(np.where(length > 0, shell.normals / np.maximum(length, 1e-300), [0.0, 1.0, 0.0]))
+        for k, values in enumerate(sets):
+            attributes[f"TEXCOORD_{k}"] = self.container.floats(values)
+        if shell.colors is not None:
+            attributes["COLOR_0"] = self.container.floats(np.clip(shell.colors, 0.0, 1.0))
+        return {"attributes": attributes, "indices": self.container.indices(shell.triangles), "material": written.index}
+
+    # --- cameras and lights ---
+
+    def _camera(self, row: int, size: tuple[int, int]) -> None:
+        cameras, names = self.tables.cameras, self.out.scene.names.cameras
+        if cameras.projection[row] not in (ir.Projection.PERSPECTIVE, ir.Projection.ORTHOGRAPHIC):
+            self.out.cannot("panoramic cameras are not carried", "cameras", row)
+            return
+        seen = common.eye(self.out.scene, row, size)
+        if not seen.regular:
+            self.out.cannot("the camera's frame is stretched or sheared: not carried", "cameras", row)
+        if seen.shift.any():
+            self.out.cannot("the camera's shift is not carried", "cameras", row)
+        if cameras.lens[row] > 0:
+            self.out.cannot("depth of field is not carried: glTF's cameras are pinholes", "cameras", row)
+        half = float(np.linalg.norm(seen.right)), float(np.linalg.norm(seen.up))
+        near, far = max(float(cameras.near[row]), NEAR), float(cameras.far[row])
+        if seen.perspective:
+            lens: dict[str, Any] = {"aspectRatio": half[0] / half[1], "yfov": 2.0 * math.atan(half[1]), "znear": near}
+            if math.isfinite(far):
+                lens["zfar"] = far
+            made = {"type": "perspective", "perspective": lens}
+        else:
+            end = far if math.isfinite(far) else near + 100.0 * self.bodies.radius
+            made = {"type": "orthographic", "orthographic": {"xmag": half[0], "ymag": half[1], "znear": near, "zfar": end}}
+        frame = np.eye(4)
+        frame[:3] = np.stack([seen.right / half[0], seen.up / half[1], -seen.forward, seen.position], axis=1)
+        name = (names[row] if row < len(names) else "") or "camera"
+        self._place({"name": name, "camera": self.container.add("cameras", made)}, frame)
+
+    def _light(self, row: int) -> None:
+        lights, names = self.tables.lights, self.out.scene.names.lights
+        kind, color = ir.LightKind(int(lights.kind[row])), lights.color[row]
+        strength = float(color.max())
+        if strength <= 0 or lights.instance[row] >= 0:
+            return
+        if kind in _LOST:
+            self.out.cannot(_LOST[kind], "lights", row)
+            return
+        made: dict[str, Any] = {"name": (names[row] if row < len(names) else "") or kind.name.lower()}
+        frame = np.eye(4)
+        if kind in (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN):
+            made["type"], frame[:3, :3] = "directional", common.frame_along(lights.direction[row])
+            if lights.angle[row] > 0:
+                self.out.note("the size of a sun is not carried: its shadows are sharp", "lights", row)
+        elif kind in (ir.LightKind.POINT, ir.LightKind.SPOT):
+            made["type"], frame[:3, 3] = "point", lights.position[row]
+            self._check_falloff(row)
+            if kind == ir.LightKind.SPOT:
+                outer, inner = (math.acos(min(max(float(c[row]), -1.0), 1.0)) for c in (lights.cos_cone, lights.cos_full))
+                outer = min(outer, math.pi / 2)
+                made |= {"type": "spot", "spot": {"innerConeAngle": min(inner, 0.999999 * outer), "outerConeAngle": outer}}
+                frame[:3, :3] = common.frame_along(-lights.direction[row])
+        else:
+            self.out.cannot("an area light that is not seen is not carried", "lights", row)
+            return
+        made |= {"color": (color / strength).tolist(), "intensity": strength}
+        self.container.use(_PUNCTUAL)
+        listed = self.container.document.setdefault("extensions", {}).setdefault(_PUNCTUAL, {"lights": []})["lights"]
+        listed.append(made)
+        self._place({"name": made["name"], "extensions": {_PUNCTUAL: {"light": len(listed) - 1}}}, frame)
+
+    def _check_falloff(self, row: int) -> None:
+        lights = self.tables.lights
+        if lights.falloff[row] != ir.FalloffKind.INVERSE_SQUARE:
+            self.out.cannot("a fall-off other than 1/d² is not carried", "lights", row)
+        if scene_facts.profiled(self.tables)[row]:
+            self.out.cannot("a light whose emission depends on the direction is not carried", "lights", row)
+
+
+def _compact(shell: Shell, sets: list[F64]) -> tuple[Shell, list[F64]]:
+    """The shell without vertices that no triangle uses."""
+    used, index = np.unique(shell.triangles, return_inverse=True)
+    if len(used) == len(shell.positions):
+        return shell, sets
+    positions, normals, uvs, colors = (None if v is None else v[used] for v in (shell.positions, shell.normals, shell.uvs, shell.colors))
+    assert positions is not None
+    triangles = index.reshape(-1, 3).astype(np.int32)
+    return Shell(positions, triangles, normals, uvs, shell.metric, colors), [values[used] for values in sets]

@@ -1,0 +1,21 @@
+"""Encodes arrays as PNG files in memory."""
+
+from __future__ import annotations
+
+from io import BytesIO
+
+import numpy as np
+
+from .srgb import encode_srgb
+
+
+def encode(pixels: np.ndarray, color: bool = False, alpha: np.ndarray | None = None) -> bytes:
+    """A PNG of 8 bits a channel of (height, width, 3) values from 0 to 1; colours are linear and become sRGB. alpha: (height, width)."""
+    from PIL import Image
+
+    given = np.clip(encode_srgb(pixels) if color else np.nan_to_num(pixels), 0.0, 1.0)
+    if alpha is not None:
+        given = np.concatenate([given, np.clip(alpha, 0.0, 1.0)[..., None]], axis=2)
+    out = BytesIO()
+    Image.fromarray(np.round(255.0 * given).astype(np.uint8)).save(out, "PNG")
+    return out.getvalue()

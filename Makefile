@@ -38,9 +38,9 @@ $(STAMP): pyproject.toml constraints.txt
 kernels: $(STAMP)  ## compile the general kernels, which render every scene
 	@$(BIN)/python -P -m maquette.cli.build_kernels
 
-demo: kernels  ## render every example, two at a time, and say where the pictures are
+demo: kernels  ## render every example, for at most 5 seconds each, and say where the pictures are
 	@echo "rendering $(words $(NAMES)) examples, two at a time"
-	@MAQUETTE_KERNELS=general $(MAKE) --no-print-directory --output-sync -j$(WORKERS) $(NAMES:%=$(DEMO)/%.png)
+	@MAQUETTE_KERNELS=general $(MAKE) --no-print-directory --output-sync -j$(WORKERS) LIMITS='--budget 5s' $(NAMES:%=$(DEMO)/%.png)
 	@echo "$(words $(NAMES)) pictures are in $(CURDIR)/$(DEMO)"
 
 pictures: $(NAMES:%=examples/%.png)  ## render the pictures beside the examples again, where they are older
@@ -49,7 +49,7 @@ pictures: $(NAMES:%=examples/%.png)  ## render the pictures beside the examples 
 define rule
 $(1)/%.png: examples/%.$(2) $$(INPUTS) | $$(STAMP)
 	@mkdir -p $(1)
-	@MAQUETTE_PROGRESS=off $$(BIN)/maquette render $$< -o $$@
+	@MAQUETTE_PROGRESS=off $$(BIN)/maquette render $$< $$(LIMITS) -o $$@
 endef
 $(foreach folder,$(DEMO) examples,$(foreach kind,$(KINDS),$(eval $(call rule,$(folder),$(kind)))))
 

@@ -1,4 +1,4 @@
-"""The `convert` command: writes .npz tables, Mitsuba 3 (.xml), POV-Ray (.pov), glTF (.glb) and triangle meshes."""
+"""The `convert` command: writes .npz tables, Mitsuba 3 (.xml), POV-Ray (.pov), glTF, USD and triangle meshes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ..compiler.plan.plan import Plan
 
 MESHES = {".stl": "triangles for printing", ".3mf": "the same", ".obj": "triangles", ".ply": "triangles"}
-ASSETS = {".glb": "glTF 2.0"}
+ASSETS = {".glb": "glTF 2.0", ".usda": "USD, as text", ".usdc": "USD", ".usdz": "USD with its pictures"}
 ENDINGS = {".npz": "a saved IR", ".xml": "Mitsuba 3", ".pov": "POV-Ray 3.7", **ASSETS, **MESHES}
 
 
@@ -48,10 +48,10 @@ def convert(
 ) -> None:  # fmt: skip
     """Convert IN for other programs.
 
-    OUT.npz is a saved IR, which every command reads as a scene. OUT.xml is for Mitsuba 3, OUT.pov for POV-Ray 3.7, each with files
-    of its meshes and images (OUT.0.ply, …). OUT.glb is glTF 2.0 with materials, cameras and lights, for Blender, three.js and other
-    viewers. Features that the format lacks are reported with their place and left out. OUT.stl and
-    OUT.3mf hold all solids as triangles in millimetres, z up, for 3D printing; OUT.obj and OUT.ply in metres, y up.
+    OUT.npz is a saved IR, which every command reads as a scene. OUT.glb is glTF 2.0; OUT.usda, OUT.usdc and OUT.usdz are USD: meshes,
+    materials, cameras and lights for Blender, three.js, usdview and others. OUT.xml is for Mitsuba 3, OUT.pov for POV-Ray 3.7, each
+    with files of its meshes and images (OUT.0.ply, …). Features that a format lacks are reported with their place and left out.
+    OUT.stl and OUT.3mf hold all solids as triangles in millimetres, z up, for 3D printing; OUT.obj and OUT.ply in metres, y up.
     """
     ending = output.suffix.lower()
     if ending not in ENDINGS:
@@ -107,7 +107,13 @@ def _export(scene: ir.Scene, plan: Plan, output: Path, deviation: float | None) 
     from ..compiler.exporters.povray import scene as povray_scene
     from ..render.tessellation import scene_meshes
 
-    if output.suffix.lower() == ".glb":
-        return gltf_scene.write(scene, plan, scene_meshes.make_converters(scene, deviation))
-    write = mitsuba_scene.write if output.suffix.lower() == ".xml" else povray_scene.write
+    ending = output.suffix.lower()
+    if ending in ASSETS:
+        converters = scene_meshes.make_converters(scene, deviation)
+        if ending == ".glb":
+            return gltf_scene.write(scene, plan, converters)
+        from ..compiler.exporters.usd import scene as usd_scene
+
+        return usd_scene.write(scene, plan, output.stem, ending, converters)
+    write = mitsuba_scene.write if ending == ".xml" else povray_scene.write
     return write(scene, plan, output.stem, scene_meshes.make_tessellator(scene, plan))

@@ -39,6 +39,7 @@ MAY_IMPORT = {
     "compiler.exporters.gltf": "compiler.exporters",
     "compiler.exporters.mitsuba": "compiler.exporters",
     "compiler.exporters.povray": "compiler.exporters",
+    "compiler.exporters.usd": "compiler.exporters",
     "compiler.load": "compiler.lower",
     "compiler.format_pages": "compiler.importers.usd",
     "render.types": "compiler.ir",

@@ -22,6 +22,7 @@ class Converters(NamedTuple):
     tessellate: common.Tessellate
     materials: Callable[[ir.Tables, int, F64], NDArray[np.int64]]  # rows of the materials of an instance at world points (m, 3)
     png: Callable[..., bytes]  # (height, width, 3) values from 0 to 1, color: whether they are colours, alpha: (height, width) or None
+    exr: Callable[[NDArray[np.float32]], bytes]  # (height, width, 3)
 
 
 class Body(NamedTuple):
@@ -92,3 +93,19 @@ class Bodies:
         self.out.note("of blended materials each triangle has the one that counts more", "materials", row)
         centers = shell.positions[shell.triangles].mean(axis=1) @ matrix[:3, :3].T + matrix[:3, 3]
         return self._converters.materials(self.tables, i, centers)
+
+
+def part_of(shell: Shell, chosen: NDArray[np.intp]) -> Shell:
+    """The shell with some of its triangles; all vertices stay."""
+    return shell._replace(triangles=shell.triangles[chosen], metric=None if shell.metric is None else shell.metric[chosen])
+
+
+def compact(shell: Shell, sets: list[F64]) -> tuple[Shell, list[F64]]:
+    """The shell without vertices that no triangle uses."""
+    used, index = np.unique(shell.triangles, return_inverse=True)
+    if len(used) == len(shell.positions):
+        return shell, sets
+    positions, normals, uvs, colors = (None if v is None else v[used] for v in (shell.positions, shell.normals, shell.uvs, shell.colors))
+    assert positions is not None
+    triangles = index.reshape(-1, 3).astype(np.int32)
+    return Shell(positions, triangles, normals, uvs, shell.metric, colors), [values[used] for values in sets]

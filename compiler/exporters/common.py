@@ -58,6 +58,12 @@ class Export:
         for row in np.unique(used[scene_facts.partial(self.scene.tables)[used]]):
             self.cannot("opacity is not carried: the surface is opaque there", "materials", int(row))
 
+    @property
+    def lights(self) -> list[int]:
+        """The rows of lights that shine, without those added to a scene that has none: other programs have their own."""
+        lights = self.scene.tables.lights
+        return [row for row in np.flatnonzero(lights.color.max(axis=1, initial=0.0) > 0).tolist() if self.scene.spans.at("lights", row)]
+
     def tessellated(self, kind: ir.GeometryKind, instance: int, triangles: int, tolerance: float) -> None:
         """Report that a shape is exported as triangles, unless the triangles are exact."""
         if kind not in (ir.GeometryKind.BOX, ir.GeometryKind.RECTANGLE):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,7 +35,7 @@ class Surfaces:
         model = MODEL(int(self.tables.materials.model[material]))
         name = self._name(material)
         opaque = {"opacity": 1.0, "holes": self._holes(material), "threshold": float(self.tables.materials.threshold[material])}
-        more = {**opaque, **self._maps(material), "name": name}
+        more: dict[str, Any] = {**opaque, **self._maps(material), "name": name}
         if model in MATT:
             return Exported(self._matt(material, model, more))
         if model == MODEL.MIRROR:
@@ -80,19 +80,19 @@ class Surfaces:
         normal = self._input(material, SLOT.NORMAL)
         return {"normal": normal if normal.texture >= 0 else None}
 
-    def _matt(self, material: int, model: ir.MaterialModel, more: dict[str, object]) -> Surface:
+    def _matt(self, material: int, model: ir.MaterialModel, more: dict[str, Any]) -> Surface:
         diffuse = self._color(material, SLOT.DIFFUSE)
         if self._constant(material, SLOT.REFLECTION).max() > 0 or self._constant(material, SLOT.TRANSMISSION).max() > 0:
             self.out.cannot("k_r and k_t are not carried", "materials", material, "mirror(…) and glass(…) are")
         shine = self._constant(material, SLOT.SPECULAR)
         if model == MODEL.LAMBERT or shine.max() <= 0:
-            return Surface(diffuse, NOTHING, ALL, NO_HIGHLIGHT, **more)  # type: ignore[arg-type]
+            return Surface(diffuse, NOTHING, ALL, NO_HIGHLIGHT, **more)
         self.out.note("a Phong highlight is carried as one of microfacets of the same width", "materials", material)
         exponent = float(self._constant(material, SLOT.SHININESS)[0]) / (1.0 if model == MODEL.BLINN_PHONG else 0.25)
         rough = (2.0 / (exponent + 2.0)) ** 0.25  # its square is the α of Walter et al. 2007, √(2 / (n + 2)) for half vectors
-        return Surface(diffuse, NOTHING, Input.number(rough), **more)  # type: ignore[arg-type]
+        return Surface(diffuse, NOTHING, Input.number(rough), **more)
 
-    def _principled(self, material: int, model: ir.MaterialModel, more: dict[str, object]) -> Surface:
+    def _principled(self, material: int, model: ir.MaterialModel, more: dict[str, Any]) -> Surface:
         through = float(self._constant(material, SLOT.TRANSMISSION).max())
         specular = model == MODEL.PRINCIPLED_SPECULAR
         if through > 0.0:
@@ -103,4 +103,4 @@ class Surfaces:
             specular=self._color(material, SLOT.SPECULAR) if specular else None, emissive=self._color(material, SLOT.EMISSION),
             coat=self._input(material, SLOT.COAT), coat_roughness=self._input(material, SLOT.COAT_ROUGHNESS),
             occlusion=self._input(material, SLOT.AMBIENT), **more,
-        )  # type: ignore[arg-type]  # fmt: skip
+        )  # fmt: skip

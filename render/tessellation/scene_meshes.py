@@ -12,7 +12,7 @@ from ...compiler import ir
 from ...compiler.exporters.bodies import Converters
 from ...compiler.plan.plan import Plan
 from ..geometry import analytic_shapes
-from ..image import png
+from ..image import encoded
 from ..types import View
 from . import analytic_shapes as tessellation
 from . import implicit_surfaces
@@ -51,7 +51,7 @@ def make_converters(scene: ir.Scene, tolerance: float | None = None) -> Converte
             return _with_metric(tables, instance, implicit_surfaces.with_edges(tables, g, implicit_surfaces.tessellate(tables, g, local)))
         return _with_metric(tables, instance, tessellation.tessellate(kind, tables.geometries.parameters[g].tolist(), local))
 
-    return Converters(triangles, triangle_materials, png.encode)
+    return Converters(triangles, triangle_materials, encoded.png, encoded.exr)
 
 
 def _with_metric(tables: ir.Tables, instance: int, mesh: tessellation.Tessellation) -> ShapeMesh:

@@ -10,9 +10,9 @@ import numpy as np
 
 from ... import ir
 from ...scene.row_records import Input
-from .. import common
-from ..common import F64, Export, Shell
+from ..common import F64, Export
 from ..surfaces import Exported, Surfaces
+from ..texture_sets import TextureSets
 from .container import Container
 
 _WRAPS = {ir.Wrap.REPEAT: 10497, ir.Wrap.CLAMP: 33071, ir.Wrap.MIRROR: 33648}
@@ -21,10 +21,10 @@ _GLASS_IOR = 1.5  # glTF's default
 
 
 class Written(NamedTuple):
-    """A material of the file, and the textures (rows) that its sets of coordinates belong to."""
+    """A material of the file, and the sets of texture coordinates that its pictures use."""
 
     index: int
-    sets: tuple[int, ...]
+    sets: TextureSets
 
 
 class Materials:
@@ -35,37 +35,18 @@ class Materials:
         self._surfaces = Surfaces(out)
         self._written: dict[tuple[int, bytes], Written] = {}
         self._images: dict[bytes, int] = {}
-        self._sets: list[int] = []  # of the material that is being written
+        self._sets = TextureSets(self.tables)  # of the material that is being written
 
     def written(self, row: int, radiance: F64 | None = None) -> Written:
         """The material of a row; with `radiance` a black one that emits it, as an area light's shape does."""
         key = (row, b"" if radiance is None else radiance.tobytes())
         if key not in self._written:
-            self._sets = []
+            self._sets = TextureSets(self.tables)
             exported = self._surfaces.of(row)
             document = self._document(exported) if radiance is None else self._shining(f"light{len(self._written)}", radiance)
             document["doubleSided"] = True
-            self._written[key] = Written(self.container.add("materials", document), tuple(self._sets))
+            self._written[key] = Written(self.container.add("materials", document), self._sets)
         return self._written[key]
-
-    def coordinates(self, written: Written, shell: Shell, scale: float) -> tuple[Shell, list[F64]]:
-        """The shell, its vertices divided where cells need it, and texture coordinates (n, 2) of each set, v down."""
-        if any(map(self._has_cells, written.sets)):
-            shell = common.divided(shell)
-        uvs = np.zeros((len(shell.positions), 2)) if shell.uvs is None else shell.uvs
-        found = []
-        for row in written.sets:
-            if self._has_cells(row):
-                made = common.with_cells(self.tables, row, shell, scale).uvs
-                assert made is not None
-                found.append(made / 2.0)  # a picture of 2 × 2 cells
-            else:
-                frame = common.texture_matrix(self.tables, row)
-                found.append(uvs @ frame[:2, :2].T + frame[:2, 2])
-        return shell, [np.stack([st[:, 0], 1.0 - st[:, 1]], axis=1) for st in found]
-
-    def _has_cells(self, row: int) -> bool:
-        return bool(self.tables.textures.kind[row] in (ir.TextureKind.CHECKER, ir.TextureKind.STRIPES))
 
     # --- documents ---
 
@@ -155,14 +136,14 @@ class Materials:
             return None
         alpha = None
         if holes is not None and holes.texture >= 0:
-            alpha = self._pixels(holes.texture)[..., 0]
-            if alpha.shape != self._pixels(row).shape[:2] or self._place(holes.texture) != self._place(row):
+            alpha = self._sets.pixels(holes.texture)[..., 0]
+            if alpha.shape != self._sets.pixels(row).shape[:2] or self._place(holes.texture) != self._place(row):
                 self.out.cannot("an opacity that lies differently from the colour's picture is not carried", "textures", holes.texture)
                 alpha = None
-        return self._reference(row, self._png(self._pixels(row), color=True, alpha=alpha))
+        return self._reference(row, self._png(self._sets.pixels(row), color=True, alpha=alpha))
 
     def _alpha_picture(self, row: int) -> bytes:
-        alpha = self._pixels(row)[..., 0]
+        alpha = self._sets.pixels(row)[..., 0]
         return self._png(np.ones((*alpha.shape, 3), np.float32), alpha=alpha)
 
     def _packed(self, metallic: int, roughness: int) -> dict[str, Any] | None:
@@ -170,7 +151,7 @@ class Materials:
         row = max(metallic, roughness)
         if row < 0:
             return None
-        blue, green = (None if k < 0 else self._pixels(k)[..., 0] for k in (metallic, roughness))
+        blue, green = (None if k < 0 else self._sets.pixels(k)[..., 0] for k in (metallic, roughness))
         if blue is not None and green is not None and (blue.shape != green.shape or self._place(metallic) != self._place(roughness)):
             self.out.cannot("a metallic picture that lies differently from the roughness picture is not carried", "textures", metallic)
             row, blue = roughness, None
@@ -179,15 +160,8 @@ class Materials:
         return self._reference(row, self._png(np.stack(parts, axis=-1)))
 
     def _picture(self, row: int, color: bool = False, levels: bool = False) -> dict[str, Any]:
-        pixels = self._pixels(row)
+        pixels = self._sets.pixels(row)
         return self._reference(row, self._png(0.5 * pixels + 0.5 if levels else pixels, color=color))
-
-    def _pixels(self, row: int) -> np.ndarray:
-        """(height, width, 3) the values of a texture: a picture, or 2 × 2 cells."""
-        if not self._has_cells(row):
-            return common.picture(self.tables, row, np.ones(3))
-        a, b = common.cell_colors(self.tables, row, np.ones(3))
-        return np.array([[b, a], [a, b]], np.float32)
 
     def _place(self, row: int) -> tuple[Any, ...]:
         """What two textures of one picture have in common."""
@@ -195,7 +169,7 @@ class Materials:
         return textures.frame[row].tobytes(), int(textures.wrap_u[row]), int(textures.wrap_v[row]), bool(textures.nearest[row])
 
     def _reference(self, row: int, png: bytes) -> dict[str, Any]:
-        textures, cells = self.tables.textures, self._has_cells(row)
+        textures, cells = self.tables.textures, self._sets.has_cells(row)
         wraps = [ir.Wrap(int(wrap[row])) for wrap in (textures.wrap_u, textures.wrap_v)]
         if not cells and any(wrap not in _WRAPS for wrap in wraps):
             self.out.cannot("a texture that ends in black is not carried", "textures", row)
@@ -204,15 +178,9 @@ class Materials:
         modes = [10497, 10497] if cells else [_WRAPS.get(wrap, 33071) for wrap in wraps]
         sampler = self.container.shared("samplers", {**filters, "wrapS": modes[0], "wrapT": modes[1]})
         image = self._image(png)
-        number = next((k for k, other in enumerate(self._sets) if self._same_set(other, row)), len(self._sets))
-        if number == len(self._sets):
-            self._sets.append(row)
+        number = self._sets.add(row)
         texture = self.container.shared("textures", {"sampler": sampler, "source": image})
         return {"index": texture, "texCoord": number} if number else {"index": texture}
-
-    def _same_set(self, one: int, other: int) -> bool:
-        frames, cells = self.tables.textures.frame, self._has_cells(one) or self._has_cells(other)
-        return one == other or bool(not cells and (frames[one] == frames[other]).all())
 
     def _image(self, png: bytes) -> int:
         if png not in self._images:

@@ -16,8 +16,8 @@ from ... import ir
 from ...plan import scene_facts
 from ...plan.plan import Plan
 from .. import common
-from ..bodies import Bodies, Body, Converters
-from ..common import F64, Export, Shell
+from ..bodies import Bodies, Body, Converters, compact, part_of
+from ..common import F64, Export
 from .container import Container
 from .materials import Materials
 
@@ -53,7 +53,7 @@ class _Writer:
         rows = range(len(self.tables.cameras.projection))
         for row in sorted(rows, key=lambda row: row != plan["camera"]):
             self._camera(row, plan["size"])
-        for row in range(len(self.tables.lights.kind)):
+        for row in self.out.lights:
             self._light(row)
         self.container.document |= {"scene": 0, "scenes": [{"nodes": self.nodes}]}
         self.out.data = self.container.encode()
@@ -79,21 +79,16 @@ class _Writer:
 
     def _primitive(self, body: Body, row: int, chosen: NDArray[np.intp], scale: float, radiance: F64 | None) -> dict[str, Any]:
         written = self.materials.written(row, radiance)
-        metric = body.shell.metric
-        shell = body.shell._replace(triangles=body.shell.triangles[chosen], metric=None if metric is None else metric[chosen])
+        shell = part_of(body.shell, chosen)
         kind = int(self.tables.geometries.kind[self.tables.instances.geometry[body.instance]])
-        for texture in written.sets:
-            if not common.follows_uv(self.tables, texture, kind):
-                name = ir.TextureMapping(int(self.tables.textures.mapping[texture])).name.lower()
-                self.out.cannot(f"the mapping {name} is not carried: glTF takes a surface's own coordinates", "textures", texture)
-        shell, sets = self.materials.coordinates(written, shell, scale)
-        shell, sets = _compact(shell, sets)
+        shell, sets = written.sets.coordinates(self.out, shell, kind, scale)
+        shell, sets = compact(shell, sets)
         attributes = {"POSITION": self.container.floats(shell.positions, bounds=True)}
         if shell.normals is not None and self.tables.materials.shading[row] != ir.Shading.FLAT:
             length = np.linalg.norm(shell.normals, axis=1, keepdims=True)
             attributes["NORMAL"] = self.container.floats(np.where(length > 0, shell.normals / np.maximum(length, 1e-300), [0.0, 1.0, 0.0]))
         for k, values in enumerate(sets):
-            attributes[f"TEXCOORD_{k}"] = self.container.floats(values)
+            attributes[f"TEXCOORD_{k}"] = self.container.floats(np.stack([values[:, 0], 1.0 - values[:, 1]], axis=1))  # v down
         if shell.colors is not None:
             attributes["COLOR_0"] = self.container.floats(np.clip(shell.colors, 0.0, 1.0))
         return {"attributes": attributes, "indices": self.container.indices(shell.triangles), "material": written.index}
@@ -131,8 +126,8 @@ class _Writer:
         lights, names = self.tables.lights, self.out.scene.names.lights
         kind, color = ir.LightKind(int(lights.kind[row])), lights.color[row]
         strength = float(color.max())
-        if strength <= 0 or lights.instance[row] >= 0:
-            return
+        if lights.instance[row] >= 0:
+            return  # its shape shines
         if kind in _LOST:
             self.out.cannot(_LOST[kind], "lights", row)
             return
@@ -165,14 +160,3 @@ class _Writer:
             self.out.cannot("a fall-off other than 1/d² is not carried", "lights", row)
         if scene_facts.profiled(self.tables)[row]:
             self.out.cannot("a light whose emission depends on the direction is not carried", "lights", row)
-
-
-def _compact(shell: Shell, sets: list[F64]) -> tuple[Shell, list[F64]]:
-    """The shell without vertices that no triangle uses."""
-    used, index = np.unique(shell.triangles, return_inverse=True)
-    if len(used) == len(shell.positions):
-        return shell, sets
-    positions, normals, uvs, colors = (None if v is None else v[used] for v in (shell.positions, shell.normals, shell.uvs, shell.colors))
-    assert positions is not None
-    triangles = index.reshape(-1, 3).astype(np.int32)
-    return Shell(positions, triangles, normals, uvs, shell.metric, colors), [values[used] for values in sets]

@@ -1,0 +1,4 @@
+"""Writes a scene as a USD stage.
+
+May import: compiler.exporters.
+"""

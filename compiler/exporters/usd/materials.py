@@ -1,0 +1,126 @@
+"""Writes materials as UsdPreviewSurface with UsdUVTexture pictures (UsdPreviewSurface 2.6)."""
+
+# pyright: reportAttributeAccessIssue=false
+# (usd-core creates its modules' names at run time)
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Gf, Sdf, UsdShade
+
+from ... import ir
+from ...scene.row_records import Input
+from ..common import Export
+from ..surfaces import Exported, Surfaces
+from ..texture_sets import TextureSets
+
+_WRAPS = {ir.Wrap.REPEAT: "repeat", ir.Wrap.CLAMP: "clamp", ir.Wrap.MIRROR: "mirror", ir.Wrap.BLACK: "black"}
+_TYPES = {
+    "color": (Sdf.ValueTypeNames.Color3f, "rgb"), "number": (Sdf.ValueTypeNames.Float, "r"), "normal": (Sdf.ValueTypeNames.Normal3f, "rgb"),
+}  # fmt: skip
+
+
+class Written(NamedTuple):
+    """A material of the stage, and the sets of texture coordinates that its pictures use."""
+
+    material: Any
+    sets: TextureSets
+
+
+class Materials:
+    """The materials of the stage, each written once."""
+
+    def __init__(self, out: Export, stage: Any, parent: str, name: str, png: Callable[..., bytes]) -> None:
+        self.out, self.stage, self.tables, self._png = out, stage, out.scene.tables, png
+        self._parent, self._name = parent, name
+        self._surfaces = Surfaces(out)
+        self._written: dict[int, Written] = {}
+        self._files: dict[tuple[int, str], str] = {}
+
+    def written(self, row: int) -> Written:
+        """The material of a row."""
+        if row not in self._written:
+            sets = TextureSets(self.tables)
+            self._written[row] = Written(self._material(self._surfaces.of(row), row, sets), sets)
+        return self._written[row]
+
+    def _material(self, exported: Exported, row: int, sets: TextureSets) -> Any:
+        s, path = exported.surface, f"{self._parent}/material{row}"
+        made = UsdShade.Material.Define(self.stage, path)
+        if s.name != f"material{row}":
+            made.GetPrim().SetDisplayName(s.name)
+        shader = UsdShade.Shader.Define(self.stage, f"{path}/surface")
+        shader.CreateIdAttr("UsdPreviewSurface")
+        made.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
+        inputs: list[tuple[str, str, Input | None]] = [
+            ("diffuseColor", "color", s.diffuse), ("metallic", "number", s.metallic), ("roughness", "number", s.roughness),
+            ("emissiveColor", "color", s.emissive), ("occlusion", "number", s.occlusion), ("ior", "number", s.ior),
+            ("specularColor", "color", s.specular), ("normal", "normal", s.normal),
+        ]  # fmt: skip
+        if s.coat.value[0] > 0:
+            inputs += [("clearcoat", "number", s.coat), ("clearcoatRoughness", "number", s.coat_roughness)]
+        if s.specular is not None:
+            shader.CreateInput("useSpecularWorkflow", Sdf.ValueTypeNames.Int).Set(1)
+        if exported.transmission > 0:
+            self.out.cannot("refraction is not carried: glass is a surface that light passes straight", "materials", row)
+        holes = s.holes if s.holes is not None else Input.number(min(s.opacity, 1.0 - exported.transmission))
+        inputs.append(("opacity", "number", holes))
+        if s.threshold > 0:
+            shader.CreateInput("opacityThreshold", Sdf.ValueTypeNames.Float).Set(s.threshold)
+        elif s.holes is not None:
+            shader.CreateInput("opacityMode", Sdf.ValueTypeNames.Token).Set("presence")
+        for name, kind, given in inputs:
+            if given is not None:
+                self._input(shader, path, name, kind, given, sets)
+        return made
+
+    def _input(self, shader: Any, path: str, name: str, kind: str, given: Input, sets: TextureSets) -> None:
+        type_, output = _TYPES[kind]
+        slot = shader.CreateInput(name, type_)
+        if given.texture < 0:
+            slot.Set(given.value[0] if kind == "number" else Gf.Vec3f(*given.value))
+            return
+        number, colored = sets.add(given.texture), name in ("diffuseColor", "emissiveColor", "specularColor")
+        reader = UsdShade.Shader.Define(self.stage, f"{path}/st{number}")
+        reader.CreateIdAttr("UsdPrimvarReader_float2")
+        reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set(set_name(number))
+        picture = UsdShade.Shader.Define(self.stage, f"{path}/{name}")
+        picture.CreateIdAttr("UsdUVTexture")
+        picture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(self._file(given.texture, kind, colored, sets))
+        picture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set("sRGB" if colored else "raw")
+        picture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(reader.ConnectableAPI(), "result")
+        cells, textures = sets.has_cells(given.texture), self.tables.textures
+        for axis, wrap in (("wrapS", textures.wrap_u), ("wrapT", textures.wrap_v)):
+            mode = "repeat" if cells else _WRAPS[ir.Wrap(int(wrap[given.texture]))]
+            picture.CreateInput(axis, Sdf.ValueTypeNames.Token).Set(mode)
+        scale = (2.0, 2.0, 2.0) if kind == "normal" else given.value if kind == "color" else (given.value[0],) * 3
+        picture.CreateInput("scale", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*scale, 1.0))
+        if kind == "normal":
+            picture.CreateInput("bias", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(-1.0, -1.0, -1.0, 0.0))
+            if given.value[0] != 1.0:
+                self.out.cannot("the strength of a normal map is not carried", "textures", given.texture)
+        slot.ConnectToSource(picture.ConnectableAPI(), output)
+
+    def _file(self, row: int, kind: str, colored: bool, sets: TextureSets) -> str:
+        """The name of a picture's file, written once."""
+        key = (row, "color" if colored else kind)
+        if key not in self._files:
+            pixels: NDArray[np.float32] = sets.pixels(row)
+            name = f"{self._name}.{len(self.out.files)}.png"
+            if sets.has_cells(row):
+                pixels = pixels.repeat(CELL, axis=0).repeat(CELL, axis=1)
+            self.out.files[name] = self._png(0.5 * pixels + 0.5 if kind == "normal" else pixels, color=colored)
+            self._files[key] = f"./{name}"
+        return self._files[key]
+
+
+CELL = 16  # texels of the side of a cell: UsdUVTexture interpolates
+
+
+def set_name(number: int) -> str:
+    """The primvar of a set of texture coordinates."""
+    return f"st{number}" if number else "st"

@@ -1,0 +1,252 @@
+"""Exports a scene as a USD stage (.usda, .usdc, .usdz): meshes, UsdPreviewSurface materials, cameras and UsdLux lights.
+
+Metres, +y up. Equal meshes are written once and referenced.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (usd-core creates its modules' names at run time)
+
+from __future__ import annotations
+
+import math
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux, UsdShade, UsdUtils, Vt
+
+from ... import ir
+from ...plan import scene_facts
+from ...plan.plan import Plan
+from .. import common
+from ..bodies import Bodies, Body, Converters, compact, part_of
+from ..common import F64, Export, Shell
+from .materials import Materials, set_name
+
+ROOT = "/World"
+MAIN_CAMERA = "main_cam"  # the name that usdrecord looks for
+FOCAL = 50.0  # tenths of a metre: any focal length makes the same picture with its aperture
+_TURNED = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # USD's plates shine along −z, ours along +y
+_AREA = (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)
+
+
+def write(scene: ir.Scene, plan: Plan, name: str, ending: str, converters: Converters) -> Export:
+    """Exports `scene`, with the camera of `plan` first. Pictures are called `name`.0.png and so on. Losses are in `found`."""
+    out = Export(scene)
+    made = _Writer(out, name, converters)
+    made.write(plan)
+    _encode(out, made.stage, name, ending)
+    return out
+
+
+def _encode(out: Export, stage: Any, name: str, ending: str) -> None:
+    """Set the main file's content; a .usdz holds the pictures."""
+    if ending == ".usda":
+        out.text = stage.GetRootLayer().ExportToString()
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, f"{name}.usdc")
+        stage.GetRootLayer().Export(str(path))
+        if ending == ".usdz":
+            for picture, data in out.files.items():
+                (path.parent / picture).write_bytes(data)
+            out.files, package = {}, path.with_suffix(".usdz")
+            UsdUtils.CreateNewUsdzPackage(str(path), str(package))
+            path = package
+        out.data = path.read_bytes()
+
+
+class _Writer:
+    def __init__(self, out: Export, name: str, converters: Converters) -> None:
+        self.out, self.tables, self.name, self.converters = out, out.scene.tables, name, converters
+        self.stage = Usd.Stage.CreateInMemory()
+        UsdGeom.SetStageUpAxis(self.stage, UsdGeom.Tokens.y)
+        UsdGeom.SetStageMetersPerUnit(self.stage, 1.0)
+        self.stage.SetDefaultPrim(UsdGeom.Xform.Define(self.stage, ROOT).GetPrim())
+        self.bodies = Bodies(out, converters)
+        self.materials = Materials(out, self.stage, f"{ROOT}/Materials", name, converters.png)
+        self._meshes: dict[Any, Any] = {}
+        self._used: dict[str, int] = {}
+
+    def write(self, plan: Plan) -> None:
+        if len(self.tables.keys.move):
+            self.out.cannot("motion is not carried: everything stands as at the scene's time")
+        for row in sorted(range(len(self.tables.cameras.projection)), key=lambda row: row != plan["camera"]):
+            self._camera(row, plan["size"], row == plan["camera"])
+        for row in self.out.lights:
+            self._light(row)
+        for body in self.bodies:
+            if self.tables.instances.light[body.instance] < 0:
+                self._place(body)
+
+    def _path(self, name: str) -> str:
+        """A free path of a prim."""
+        plain = Tf.MakeValidIdentifier(name)
+        count = self._used[plain] = self._used.get(plain, 0) + 1
+        return f"{ROOT}/{plain}" if count == 1 else self._path(f"{plain}_{count}")
+
+    # --- meshes ---
+
+    def _place(self, body: Body) -> None:
+        scale, path = common.mean_scale(body.matrix), self._path(body.name)
+        key = (body.key, scale)
+        if key in self._meshes:
+            prim = self.stage.DefinePrim(path)
+            prim.GetReferences().AddInternalReference(self._meshes[key])
+        else:
+            prim = self._mesh(path, body, scale)
+            self._meshes[key] = path
+        if path != f"{ROOT}/{body.name}":
+            prim.SetDisplayName(body.name)
+        transform = UsdGeom.Xformable(prim)
+        transform.ClearXformOpOrder()
+        transform.MakeMatrixXform().Set(Gf.Matrix4d(body.matrix.T.tolist()))
+
+    def _mesh(self, path: str, body: Body, scale: float) -> Any:
+        kind = int(self.tables.geometries.kind[self.tables.instances.geometry[body.instance]])
+        if len(body.parts) > 1:
+            parent = UsdGeom.Xform.Define(self.stage, path).GetPrim()
+            for number, (row, chosen) in enumerate(body.parts):
+                self._part(f"{path}/part{number}", row, part_of(body.shell, chosen), kind, scale)
+            return parent
+        return self._part(path, body.parts[0][0], body.shell, kind, scale)
+
+    def _part(self, path: str, row: int, shell: Shell, kind: int, scale: float) -> Any:
+        """One mesh with one material."""
+        written = self.materials.written(row)
+        shell, sets = compact(*written.sets.coordinates(self.out, shell, kind, scale))
+        mesh = UsdGeom.Mesh.Define(self.stage, path)
+        mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+        mesh.CreateDoubleSidedAttr(True)
+        mesh.CreatePointsAttr(_vectors(shell.positions))
+        mesh.CreateExtentAttr(_vectors(np.stack([shell.positions.min(axis=0), shell.positions.max(axis=0)])))
+        mesh.CreateFaceVertexCountsAttr(Vt.IntArray(len(shell.triangles), 3))
+        mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(np.ascontiguousarray(shell.triangles.ravel(), np.int32)))
+        shares = UsdGeom.PrimvarsAPI(mesh)
+        if shell.normals is not None and self.tables.materials.shading[row] != ir.Shading.FLAT:
+            mesh.CreateNormalsAttr(_vectors(shell.normals))
+            mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+        else:
+            mesh.CreateNormalsAttr(_vectors(_face_normals(shell)))
+            mesh.SetNormalsInterpolation(UsdGeom.Tokens.uniform)
+        for number, values in enumerate(sets):
+            coordinates = shares.CreatePrimvar(set_name(number), Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex)
+            coordinates.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(values, np.float32)))
+        if shell.colors is not None:
+            self.out.cannot("the mesh's colours are carried beside its material, which does not use them", "materials", row)
+            mesh.CreateDisplayColorAttr(_vectors(shell.colors))
+            UsdGeom.Primvar(mesh.GetDisplayColorAttr()).SetInterpolation(UsdGeom.Tokens.vertex)
+        UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(written.material)
+        return mesh.GetPrim()
+
+    # --- cameras and lights ---
+
+    def _camera(self, row: int, size: tuple[int, int], main: bool) -> None:
+        cameras, names = self.tables.cameras, self.out.scene.names.cameras
+        if cameras.projection[row] not in (ir.Projection.PERSPECTIVE, ir.Projection.ORTHOGRAPHIC):
+            self.out.cannot("panoramic cameras are not carried", "cameras", row)
+            return
+        seen = common.eye(self.out.scene, row, size)
+        if not seen.regular:
+            self.out.cannot("the camera's frame is stretched or sheared: not carried", "cameras", row)
+        half = np.array([np.linalg.norm(seen.right), np.linalg.norm(seen.up)])
+        name = (names[row] if row < len(names) else "") or "camera"
+        made = UsdGeom.Camera.Define(self.stage, self._path(MAIN_CAMERA if main else name))
+        if main and name != "camera":
+            made.GetPrim().SetDisplayName(name)
+        aperture = 2.0 * half * (FOCAL if seen.perspective else 10.0)
+        made.CreateProjectionAttr(UsdGeom.Tokens.perspective if seen.perspective else UsdGeom.Tokens.orthographic)
+        made.CreateFocalLengthAttr(FOCAL)
+        made.CreateHorizontalApertureAttr(float(aperture[0]))
+        made.CreateVerticalApertureAttr(float(aperture[1]))
+        made.CreateHorizontalApertureOffsetAttr(float(0.5 * seen.shift[0] * aperture[0]))
+        made.CreateVerticalApertureOffsetAttr(float(0.5 * seen.shift[1] * aperture[1]))
+        near, far = max(float(cameras.near[row]), 1e-3), float(cameras.far[row])
+        made.CreateClippingRangeAttr(Gf.Vec2f(near, far if math.isfinite(far) else 1e6))
+        if cameras.lens[row] > 0:
+            made.CreateFStopAttr(0.1 * FOCAL / (2.0 * float(cameras.lens[row])))
+            made.CreateFocusDistanceAttr(float(cameras.focus[row]))
+        frame = np.eye(4)
+        frame[:3] = np.stack([seen.right / half[0], seen.up / half[1], -seen.forward, seen.position], axis=1)
+        made.MakeMatrixXform().Set(Gf.Matrix4d(frame.T.tolist()))
+
+    def _light(self, row: int) -> None:
+        lights, names = self.tables.lights, self.out.scene.names.lights
+        kind, strength = ir.LightKind(int(lights.kind[row])), float(lights.color[row].max())
+        if kind == ir.LightKind.AMBIENT:
+            self.out.cannot("ambient light is not carried: USD has none", "lights", row)
+            return
+        name = (names[row] if row < len(names) else "") or kind.name.lower()
+        path = self._path(name.strip("/").replace("/", "_"))
+        made, factor, frame = self._kind_of_light(path, row, kind)
+        if scene_facts.profiled(self.tables)[row]:
+            self.out.cannot("a light whose emission depends on the direction is not carried", "lights", row)
+        made.CreateIntensityAttr(strength * factor)
+        made.CreateColorAttr(Gf.Vec3f(*(lights.color[row] / strength).tolist()))
+        if not lights.shadows[row]:
+            UsdLux.ShadowAPI.Apply(made.GetPrim()).CreateShadowEnableAttr(False)
+        made.MakeMatrixXform().Set(Gf.Matrix4d(frame.T.tolist()))
+
+    def _kind_of_light(self, path: str, row: int, kind: ir.LightKind) -> tuple[Any, float, F64]:
+        """(the light, its intensity over our color, its frame)"""
+        lights, frame = self.tables.lights, np.eye(4)
+        if kind in _AREA:
+            return self._area(path, row, kind)
+        if kind in (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN):
+            made = UsdLux.DistantLight.Define(self.stage, path)
+            made.CreateAngleAttr(2.0 * math.degrees(float(lights.angle[row])))
+            made.CreateNormalizeAttr(True)
+            frame[:3, :3] = common.frame_along(lights.direction[row])
+            return made, 1.0, frame
+        if kind in (ir.LightKind.SKY, ir.LightKind.DOME):
+            made = UsdLux.DomeLight.Define(self.stage, path)
+            if kind == ir.LightKind.DOME and lights.image[row] >= 0:
+                name = f"{self.name}.{len(self.out.files)}.exr"
+                self.out.files[name] = self.converters.exr(common.pixels(self.tables.images, int(lights.image[row]))[..., :3])
+                made.CreateTextureFileAttr(f"./{name}")
+                made.CreateTextureFormatAttr(UsdLux.Tokens.latlong)
+                frame = common.square(self.tables.transforms.matrix[lights.transform[row]])
+            return made, 1.0, frame
+        made = UsdLux.SphereLight.Define(self.stage, path)
+        made.CreateTreatAsPointAttr(True)
+        made.CreateNormalizeAttr(True)
+        frame[:3, 3] = lights.position[row]
+        if lights.falloff[row] != ir.FalloffKind.INVERSE_SQUARE:
+            self.out.cannot("a fall-off other than 1/d² is not carried", "lights", row)
+        if kind == ir.LightKind.SPOT:
+            outer, inner = (math.acos(min(max(float(c[row]), -1.0), 1.0)) for c in (lights.cos_cone, lights.cos_full))
+            shaping = UsdLux.ShapingAPI.Apply(made.GetPrim())
+            shaping.CreateShapingConeAngleAttr(math.degrees(outer))
+            shaping.CreateShapingConeSoftnessAttr(1.0 - inner / outer if outer > 0 else 0.0)
+            frame[:3, :3] = common.frame_along(-lights.direction[row])
+        return made, 4.0, frame  # a ball's intensity is a quarter of its normalized one
+
+    def _area(self, path: str, row: int, kind: ir.LightKind) -> tuple[Any, float, F64]:
+        lights, size = self.tables.lights, self.tables.lights.size[row]
+        frame = common.square(self.tables.transforms.matrix[lights.transform[row]])
+        if lights.instance[row] >= 0:
+            self.out.cannot("the shape of an area light is not carried: USD's lights light what is there, and are not seen", "lights", row)
+        if kind == ir.LightKind.SPHERE:
+            made = UsdLux.SphereLight.Define(self.stage, path)
+            made.CreateRadiusAttr(float(size[0]))
+            return made, 1.0, frame
+        frame[:3, :3] = frame[:3, :3] @ _TURNED.T
+        if kind == ir.LightKind.DISK:
+            made = UsdLux.DiskLight.Define(self.stage, path)
+            made.CreateRadiusAttr(float(size[0]))
+            return made, 1.0, frame
+        made = UsdLux.RectLight.Define(self.stage, path)
+        made.CreateWidthAttr(2.0 * float(size[0]))
+        made.CreateHeightAttr(2.0 * float(size[1]))
+        return made, 1.0, frame
+
+
+def _vectors(values: F64) -> Any:
+    return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(values, np.float32))
+
+
+def _face_normals(shell: Shell) -> F64:
+    a, b, c = (shell.positions[shell.triangles[:, k]] for k in range(3))
+    normals = np.cross(b - a, c - a)
+    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)

@@ -33,7 +33,8 @@ MAY_IMPORT = {
     "compiler.mesh": "compiler.scene",
     "compiler.plan": "lang.schema compiler.formula",
     "compiler.importers": "compiler.mesh",
-    "compiler.importers.usd": "compiler.importers",
+    "compiler.importers.usd.layers": "lang",
+    "compiler.importers.usd": "compiler.importers compiler.importers.usd.layers",
     "compiler.lower": "compiler.fillets compiler.plan compiler.importers.usd",
     "compiler.exporters": "compiler.scene compiler.plan",
     "compiler.exporters.gltf": "compiler.exporters",
@@ -91,7 +92,6 @@ LATE = {
     "manifold3d": "only solids with meshes in them need it",
     "pyoidn": "an extra, for who asks for pictures without noise",
     "rich": "only a terminal sees colours",
-    "trimesh": "only OFF files need it, and it takes half a second",
     "uharfbuzz": "only text needs it",
 }
 # Libraries that one file alone may import: everything else goes through it. That file is loaded when a picture of it is wanted.

@@ -46,10 +46,14 @@ def read(
     Raises GltfError if nothing can be drawn.
     """
     container = open_container(data, folder, files)
+    reader = _Reader(container, name, builder, diagnostics, as_scene, time)
     try:
-        return _Reader(container, name, builder, diagnostics, as_scene, time).parts()
+        return reader.parts()
     except WRONG as failure:
         raise GltfError(f"the glTF file contradicts itself ({type(failure).__name__}: {failure})") from None
+    finally:
+        for message in container.warnings:
+            reader.warn(message)
 
 
 @dataclass(slots=True)
@@ -70,8 +74,12 @@ class _Reader:
 
     def parts(self) -> list[Part]:
         document = self.container.document
+        for message in self.container.warnings:
+            self.warn(message)
         gltf_tables.report(document, self.warn)
-        document["nodes"] = gltf_animation.animated(self.container, self.time, self.warn)
+        document["nodes"] = self.attempt(
+            "the animation", lambda: gltf_animation.animated(self.container, self.time, self.warn), document.get("nodes", [])
+        )
         found: list[Part] = []
         nodes = list(self.nodes())
         self.globals = {index: matrix for index, _, matrix, _ in nodes}
@@ -183,6 +191,8 @@ class _Reader:
         given = {key: accessor(attributes[key])[: len(points)] for key in (uv_name, "COLOR_0") if key in attributes}
         if "NORMAL" in attributes:
             given["NORMAL"] = gltf_animation.morphed(self.container, primitive, "NORMAL", weights)[: len(points)]
+        for key in [key for key, values in given.items() if len(values) < len(points)]:
+            self.warn(f"`{key}` of `{name}` has {len(given.pop(key))} values for {len(points)} vertices: it is left out")
         uvs, colors = given.get(uv_name), given.get("COLOR_0")
         mesh = PolyMesh(
             points, np.full(len(triangles), 3), triangles.reshape(-1),

@@ -24,6 +24,12 @@ from .gltf_errors import GltfError
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 
+_TABLES = (
+    "scenes", "nodes", "meshes", "materials", "textures", "images", "samplers", "accessors", "bufferViews", "buffers", "cameras", "skins",
+    "animations",
+)  # fmt: skip
+_CHILDREN = {"scenes": ("nodes",), "nodes": ("children",), "meshes": ("primitives",), "animations": ("channels", "samplers")}
+
 
 @dataclass(slots=True)
 class Container:
@@ -34,6 +40,7 @@ class Container:
     folder: Path | None
     files: Files
     decoded: dict[int, np.ndarray] = field(default_factory=dict)  # (count, width) stored values of accessors that were compressed
+    warnings: list[str] = field(default_factory=list)  # of the container itself
     _buffers: dict[int, bytes] = field(default_factory=dict)
     _views: dict[int, bytes] = field(default_factory=dict)  # that were compressed
 
@@ -104,22 +111,30 @@ class Container:
         if any(name in view.get("extensions", {}) for name in gltf_meshopt.EXTENSIONS):
             data, start = self.view_bytes(index), offset
         else:
-            data, start = self.buffer(view.get("buffer", 0)), view.get("byteOffset", 0) + offset
-        if start < 0 or start + stride * (count - 1) + kind.itemsize * width > len(data):
+            first = view.get("byteOffset", 0)
+            data = self.buffer(view.get("buffer", 0))
+            data, start = memoryview(data)[: max(first + view.get("byteLength", len(data)), 0)], first + offset
+        size = kind.itemsize * width
+        held = min(count, (len(data) - start - size) // stride + 1 if stride > 0 else count)
+        if start < 0 or stride < 0 or held < min(count, 1) or start + size > len(data):
             raise GltfError("the glTF file's data lies outside of it")
-        return np.ndarray((count, width), kind, data, start, (stride, kind.itemsize))
+        if held < count:
+            self.warnings.append(f"buffer view {index} ends early: {held:,} of {count:,} elements are read")
+        return np.ndarray((held, width), kind, data, start, (stride, kind.itemsize))
 
 
 def open_container(data: bytes, folder: Path | None, files: Files) -> Container:
     """Parses the bytes of a .glb or .gltf file. Raises GltfError."""
+    warnings: list[str] = []
     if data[:4] == b"glTF":
-        return Container(*_chunks(data), folder, files)
+        document, binary = _chunks(data, warnings)
+        return Container(_tidy(document, warnings), binary, folder, files, warnings=warnings)
     if data.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] != b"{":
         raise GltfError("this is no glTF file: it begins neither with `glTF` nor with `{`")
-    return Container(_document(data), b"", folder, files)
+    return Container(_tidy(_document(data, warnings), warnings), b"", folder, files, warnings=warnings)
 
 
-def _chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
+def _chunks(data: bytes, warnings: list[str]) -> tuple[dict[str, Any], bytes]:
     """The JSON document and the binary chunk of a .glb (§4.4)."""
     if len(data) < 20:
         raise GltfError("the glTF file ends early")
@@ -129,19 +144,55 @@ def _chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
     if kind != b"JSON" or 20 + length > len(data):
         raise GltfError("the glTF file ends early")
     rest = data[20 + length :]
-    return _document(data[20 : 20 + length]), rest[8 : 8 + struct.unpack_from("<I", rest)[0]] if len(rest) >= 8 else b""
+    return _document(data[20 : 20 + length], warnings), rest[8 : 8 + struct.unpack_from("<I", rest)[0]] if len(rest) >= 8 else b""
 
 
-def _document(text: bytes) -> dict[str, Any]:
+def _document(text: bytes, warnings: list[str]) -> dict[str, Any]:
     try:
-        document = json.loads(text.decode("utf-8-sig"))
-    except (ValueError, RecursionError):
-        raise GltfError("the glTF file's JSON is damaged") from None
+        document, end = json.JSONDecoder().raw_decode(written := text.decode("utf-8-sig", "replace").lstrip())
+    except (ValueError, RecursionError) as failure:
+        raise GltfError(f"the glTF file's JSON is damaged: {failure}") from None
     if not isinstance(document, dict):
         raise GltfError("the glTF file's JSON is damaged")
-    version = str(document.get("asset", {}).get("version", "2.0"))
+    if rest := written[end:].strip():
+        warnings.append(f"{len(rest)} characters after the document are left out")
+    about = document.get("asset")
+    version = str(about.get("version", "2.0")) if isinstance(about, dict) else "2.0"
     if not version.startswith("2."):
         raise GltfError(f"the glTF file is of version {version[:10]}; version 2 is read")
+    return document
+
+
+def _tidy(document: dict[str, Any], warnings: list[str]) -> dict[str, Any]:
+    """The document without tables, rows and extensions of another JSON type than the format's, which are named in the warnings."""
+    for table in _TABLES:
+        rows = document.get(table, [])
+        if not isinstance(rows, list):
+            warnings.append(f"`{table}` is no list: it is left out")
+            document[table] = rows = []
+        for k, row in enumerate(rows):
+            if not isinstance(row, dict):
+                warnings.append(f"`{table}[{k}]` is no object: it is left out")
+                rows[k] = row = {}
+            for key in _CHILDREN.get(table, ()):
+                if not isinstance(row.get(key, []), list):
+                    warnings.append(f"`{table}[{k}].{key}` is no list: it is left out")
+                    row[key] = []
+    waiting: list[Any] = [document]
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, dict):
+            extensions = value.get("extensions", {})
+            named = extensions.items() if isinstance(extensions, dict) else [("extensions", extensions)]
+            for name in [name for name, given in named if not isinstance(given, dict)]:
+                warnings.append(f"`{name[:40]}` is no object: it is left out")
+                if isinstance(extensions, dict):
+                    del extensions[name]
+                else:
+                    del value["extensions"]
+            waiting += [item for key, item in value.items() if key != "extras" and isinstance(item, dict | list)]
+        else:
+            waiting += [item for item in value if isinstance(item, dict | list)]
     return document
 
 

@@ -81,8 +81,8 @@ STL = Table(
 
 OFF = Table(
     "OFF content",
-    drawn={"vertices faces": "read through trimesh"},
-    not_drawn={"colours normals": "of COFF, NOFF and STOFF files, and of faces"},
+    drawn={"vertices faces": "polygons", "colours normals coordinates": "of COFF, NOFF and STOFF files, and colours of faces"},
+    not_drawn={"BINARY 4OFF nOFF": "binary files and other dimensions than 3", "colour maps": "a single number as the colour of a face"},
 )
 
 TABLES = (OBJ, MTL, MTL_OPTIONS, PLY, STL, OFF)

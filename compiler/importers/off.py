@@ -1,14 +1,23 @@
-"""Reads OFF files through trimesh, which reads this format without loss: it has no materials, outlines or packages."""
+"""Reads OFF files, the text format of Geomview: polygons with normals, texture coordinates and colours.
+
+Format: OFF(5) of the Geomview manual. The keyword's letters ST, C and N name what follows a vertex's position, in the order N, C, ST.
+"""
 
 from __future__ import annotations
 
-import io
+import codecs
 import re
 
 import numpy as np
 
 from ...lang.diagnostics import Diagnostics, Span
+from .. import ir
 from ..mesh.polygon_mesh import PolyMesh
+from ..scene.row_records import MeshAttribute
+from .obj import linear
+
+_KEYWORD = re.compile(r"(ST)?(C)?(N)?(4)?(n)?OFF$")
+_MOST_SIDES = 1 << 20
 
 
 class OffError(Exception):
@@ -16,18 +25,77 @@ class OffError(Exception):
 
 
 def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
-    """The mesh of an OFF file, triangulated. Raises OffError."""
-    import trimesh
-
-    try:
-        mesh = trimesh.load_mesh(io.BytesIO(data), file_type="off", process=False)
-        points, faces = np.array(mesh.vertices, np.float64), np.array(mesh.faces, np.int64)
-    except Exception as failure:  # the parser raises exceptions of any type
-        raise OffError(f"the OFF file cannot be read: {failure}") from None
-    if points.ndim != 2 or points.shape[1] != 3 or faces.ndim != 2 or not len(faces):
+    """The mesh of an OFF file. Damaged vertices and faces are left out with a warning. Raises OffError."""
+    text = data.removeprefix(codecs.BOM_UTF8).decode("latin-1")
+    rows = [words for line in text.splitlines() if (words := line.partition("#")[0].split())]
+    kind = _KEYWORD.match(rows[0][0]) if rows else None
+    if kind is None:
+        raise OffError("this is no OFF file: it does not begin with `OFF`")
+    if kind[4] or kind[5] or rows[0][1:2] == ["BINARY"]:
+        raise OffError("OFF files in binary or of another dimension than 3 are not read")
+    rows[0] = rows[0][1:]
+    rows = [row for row in rows if row]
+    if not rows or len(rows[0]) < 2 or not all(word.isdecimal() for word in rows[0][:2]):
+        raise OffError("the OFF file does not say how many vertices and faces it has")
+    vertices, count = int(rows[0][0]), int(rows[0][1])
+    points, given = rows[1 : 1 + vertices], rows[1 + vertices : 1 + vertices + count]
+    if len(given) < count:
+        message = f"the OFF file ends early: it promises {vertices} vertices and {count} faces and holds {len(points)} and {len(given)}"
+        diagnostics.warning(message, span)
+    if not given:
         raise OffError("the OFF file holds no faces")
-    lines = [line.split(b"#")[0].split() for line in data.splitlines()]
-    tinted = any(len(words) > int(words[0]) + 1 for words in [w for w in lines if w][-len(faces) :] if words[0].isdigit())
-    if tinted or re.match(rb"\s*(ST|C|N)+OFF", data):
-        diagnostics.warning("the colours, normals and texture coordinates of OFF files are not drawn", span)
-    return PolyMesh(points, np.full(len(faces), 3), faces.reshape(-1))
+    normals, colors, uvs = 3, 3 + 3 * bool(kind[3]), 3 + 3 * bool(kind[3]) + 4 * bool(kind[2])
+    table = _table(points, uvs + 2 * bool(kind[1]))
+    faces = [face for row in given if (face := _face(row, table)) is not None]
+    if len(faces) < len(given):
+        lost = f"{len(given) - len(faces)} of {len(given)} faces"
+        diagnostics.warning(f"{lost} are damaged, or use vertices that do not exist or are not finite: they are left out", span)
+    tints = MeshAttribute(_colors(table[:, colors : colors + 3])) if kind[2] else _face_colors([tail for _, tail in faces])
+    return PolyMesh(
+        np.nan_to_num(table[:, :3]), np.array([len(face) for face, _ in faces], np.int64),
+        np.array([index for face, _ in faces for index in face], np.int64),
+        MeshAttribute(np.nan_to_num(table[:, normals : normals + 3])) if kind[3] else None,
+        MeshAttribute(np.nan_to_num(table[:, uvs : uvs + 2])) if kind[1] else None, tints,
+    )  # fmt: skip
+
+
+def _table(rows: list[list[str]], width: int) -> np.ndarray:
+    """Numbers (n, width) of rows; NaN for absent ones and for other words."""
+    try:
+        return np.array([row[:width] for row in rows], np.float64).reshape(len(rows), width)
+    except ValueError:
+        return np.array([[_number(word) for word in (*row, *["nan"] * width)[:width]] for row in rows]).reshape(len(rows), width)
+
+
+def _number(word: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        return np.nan
+
+
+def _face(row: list[str], table: np.ndarray) -> tuple[list[int], list[str]] | None:
+    """(vertices, words after them) of a face; None if it is damaged."""
+    if not row[0].isdecimal() or not 0 < int(row[0]) <= min(_MOST_SIDES, len(row) - 1):
+        return None
+    sides = int(row[0])
+    if not all(word.isdecimal() for word in row[1 : sides + 1]):
+        return None
+    found = [int(word) for word in row[1 : sides + 1]]
+    return (found, row[sides + 1 :]) if max(found) < len(table) and np.isfinite(table[found, :3]).all() else None
+
+
+def _face_colors(tails: list[list[str]]) -> MeshAttribute | None:
+    """The colours of faces, white for those without; None without any. A single number is a row of a colour map, which is not read."""
+    colored = [k for k, tail in enumerate(tails) if len(tail) >= 3]
+    if not colored:
+        return None
+    values = np.ones((len(tails), 3))
+    values[colored] = _colors(_table([tails[k] for k in colored], 3))
+    return MeshAttribute(values, ir.Interpolation.FACE)
+
+
+def _colors(values: np.ndarray) -> np.ndarray:
+    """Linear colours of sRGB numbers from 0 to 1, or to 255 if some number is above 1."""
+    found = np.nan_to_num(values)
+    return linear(np.clip(found / (255.0 if (found > 1.0).any() else 1.0), 0.0, 1.0))

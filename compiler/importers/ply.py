@@ -5,7 +5,9 @@ Format: the Stanford Polygon File Format (Turk 1994); property names as today's 
 
 from __future__ import annotations
 
+import codecs
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -25,6 +27,9 @@ _TYPES = {
 _ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": ""}
 _UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
 MAX_HEADER = 1 << 16
+
+
+Warn = Callable[[str], None]
 
 
 class PlyError(Exception):
@@ -50,9 +55,12 @@ class _Data:
 
 def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
     """The mesh of a PLY file. Faces with invalid indices are dropped with a warning. Raises PlyError."""
-    order, elements, body = _header(data)
+    def warn(message: str) -> None:
+        diagnostics.warning(message, span)
+
+    order, elements, body = _header(data.removeprefix(codecs.BOM_UTF8), warn)
     with np.errstate(all="ignore"):
-        found = _ascii(body, elements) if order == "ascii" else _binary(body, elements, _ORDERS[order])
+        found = _ascii(body, elements, warn) if order == "ascii" else _binary(body, elements, _ORDERS[order], warn)
     vertices, faces = found.get("vertex"), found.get("face")
     if vertices is None or any(axis not in vertices.scalars for axis in "xyz"):
         raise PlyError("the PLY file has no vertices with x, y and z")
@@ -131,7 +139,7 @@ def _colors(data: _Data) -> np.ndarray | None:
     return linear(tints / np.iinfo(kind).max if kind.kind in "iu" else tints)
 
 
-def _header(data: bytes) -> tuple[str, list[_Element], bytes]:
+def _header(data: bytes, warn: Warn) -> tuple[str, list[_Element], bytes]:
     end = data.find(b"end_header", 0, MAX_HEADER)
     if not data.startswith(b"ply") or end < 0:
         raise PlyError("this is no PLY file: it does not begin with a PLY header")
@@ -150,6 +158,11 @@ def _header(data: bytes) -> tuple[str, list[_Element], bytes]:
             elements[-1].properties.append((words[2], _TYPES[words[1]], ""))
         elif words[0] == "property" and elements and len(words) == 5 and words[1] == "list" and {words[2], words[3]} <= set(_TYPES):
             elements[-1].properties.append((words[4], _TYPES[words[3]], _TYPES[words[2]]))
+        elif words[0].startswith("prop") and elements and len(words) == 3 and order == "ascii":
+            warn(f"the PLY header has a property of no known type, which is read as a number: `{line[:60]}`")
+            elements[-1].properties.append((words[2], "f8", ""))
+        elif order == "ascii" and words[0] not in ("element", "property", "format"):
+            warn(f"the PLY header has a line that says nothing: `{line[:60]}`")
         else:
             raise PlyError(f"the PLY header has a line that says nothing: `{line[:60]}`")
     if order not in _ORDERS:
@@ -157,12 +170,12 @@ def _header(data: bytes) -> tuple[str, list[_Element], bytes]:
     return order, elements, body
 
 
-def _binary(body: bytes, elements: list[_Element], order: str) -> dict[str, _Data]:
+def _binary(body: bytes, elements: list[_Element], order: str, warn: Warn) -> dict[str, _Data]:
     found, at = {}, 0
     for element in elements:
         if not element.properties:
             continue
-        data, at = _rows_alike(body, at, element, order) or _rows_one_by_one(body, at, element, order)
+        data, at = _rows_alike(body, at, element, order) or _rows_one_by_one(body, at, element, order, warn)
         found[element.name] = data
     return found
 
@@ -203,53 +216,80 @@ def _rows_alike(body: bytes, at: int, element: _Element, order: str) -> tuple[_D
     return data, at + row.itemsize * element.count
 
 
-def _rows_one_by_one(body: bytes, at: int, element: _Element, order: str) -> tuple[_Data, int]:
+def _rows_one_by_one(body: bytes, at: int, element: _Element, order: str, warn: Warn) -> tuple[_Data, int]:
     values: dict[str, list[Any]] = {name: [] for name, _, _ in element.properties}
     types = [(name, np.dtype(order + kind), np.dtype(order + counted) if counted else None) for name, kind, counted in element.properties]
-    try:
-        for _ in range(element.count):
-            for name, kind, counted in types:
-                length = 1
-                if counted is not None:
-                    length = int(np.frombuffer(body, counted, 1, at)[0])
-                    at += counted.itemsize
-                values[name].append(np.frombuffer(body, kind, length, at))
-                at += kind.itemsize * length
-    except ValueError:
-        raise PlyError(f"the PLY file ends in the middle of its `{element.name}` rows") from None
+    for k in range(element.count):
+        row = {}
+        for name, kind, counted in types:
+            length = 1
+            if counted is not None and at + counted.itemsize <= len(body):
+                length = int(np.frombuffer(body, counted, 1, at)[0])
+                at += counted.itemsize
+            if length < 0 or at + kind.itemsize * length > len(body):
+                break
+            row[name] = np.frombuffer(body, kind, length, at)
+            at += kind.itemsize * length
+        if not _kept(row, values, element, k, warn):
+            return _gather(element, values), len(body)
     return _gather(element, values), at
 
 
-def _ascii(body: bytes, elements: list[_Element]) -> dict[str, _Data]:
+def _kept(row: dict[str, Any], values: dict[str, list[Any]], element: _Element, k: int, warn: Warn) -> bool:
+    """Append a whole row to the values; a warning and False for one that the file ends in."""
+    if len(row) < len(element.properties):
+        warn(f"the PLY file ends in the middle of its `{element.name}` rows: it promises {element.count:,} and has {k:,}")
+        return False
+    for name, value in row.items():
+        values[name].append(value)
+    return True
+
+
+def _ascii(body: bytes, elements: list[_Element], warn: Warn) -> dict[str, _Data]:
     """Reads ASCII rows as one stream of numbers, as many as each element declares; line ends do not matter."""
+    words = body.split()
     try:
-        stream = np.array(body.split(), dtype=np.float64)
+        stream = np.array(words, dtype=np.float64)
     except ValueError:
-        raise PlyError("the PLY file has something among its numbers that is no number") from None
+        stream = np.array([_number(word) for word in words])
+        bad = next(word for word, value in zip(words, stream.tolist(), strict=True) if value != value and word.lower() != b"nan")
+        warn(f"the PLY file has `{bad.decode('latin-1')[:40]}` among its numbers: it is read as not finite")
     found, at = {}, 0
     for element in elements:
         if not any(counted for _, _, counted in element.properties):
             width = len(element.properties)
-            table = stream[at : at + width * element.count]
-            if len(table) < width * element.count:
-                raise PlyError(f"the PLY file ends in the middle of its `{element.name}` rows")
-            columns = table.reshape(element.count, width)
+            held = min(element.count, (len(stream) - at) // max(width, 1))
+            if held < element.count:
+                warn(f"the PLY file ends in the middle of its `{element.name}` rows: it promises {element.count:,} and has {held:,}")
+            columns = stream[at : at + width * held].reshape(held, width)
             found[element.name] = _Data({name: _typed(columns[:, k], kind) for k, (name, kind, _) in enumerate(element.properties)})
-            at += width * element.count
+            at = at + width * held if held == element.count else len(stream)
             continue
         values: dict[str, list[Any]] = {name: [] for name, _, _ in element.properties}
-        for _ in range(element.count):
+        for k in range(element.count):
+            row = {}
             for name, _, counted in element.properties:
                 length = 1
                 if counted and at < len(stream):
                     length = int(min(max(np.nan_to_num(stream[at]), 0), len(stream)))
                     at += 1
                 if at + length > len(stream):
-                    raise PlyError(f"the PLY file ends in the middle of its `{element.name}` rows")
-                values[name].append(stream[at : at + length])
+                    break
+                row[name] = stream[at : at + length]
                 at += length
+            if not _kept(row, values, element, k, warn):
+                at = len(stream)
+                break
         found[element.name] = _gather(element, values)
     return found
+
+
+def _number(word: bytes) -> float:
+    """A number; NaN for other text."""
+    try:
+        return float(word)
+    except ValueError:
+        return np.nan
 
 
 def _gather(element: _Element, values: dict[str, list[Any]]) -> _Data:

@@ -25,10 +25,10 @@ class StlError(Exception):
 
 def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
     """The mesh of an STL file, oriented by winding; stored normals are ignored. Raises StlError."""
-    found = _binary(data)
+    found = _binary(data, diagnostics, span)
     colors = None
     if found is None:
-        corners = _ascii(data)
+        corners = _ascii(data, diagnostics, span)
     else:
         with np.errstate(invalid="ignore"):  # signalling NaN
             corners = found["corners"].astype(np.float64)
@@ -67,28 +67,47 @@ def _begins_as_text(data: bytes) -> bool:
     return data.removeprefix(codecs.BOM_UTF8).lstrip()[:5].lower() == b"solid"
 
 
-def _binary(data: bytes) -> np.ndarray | None:
+def _binary(data: bytes, diagnostics: Diagnostics, span: Span) -> np.ndarray | None:
     """Rows (t,) of _ROW; None for an ASCII file: too short, or text whose length does not fit the triangle count."""
     if len(data) < _HEADER:
         return None
     count = int(np.frombuffer(data, "<u4", 1, 80)[0])
     held = (len(data) - _HEADER) // _ROW.itemsize
     solid = _begins_as_text(data)
-    if count > held or (solid and count != held):
-        if solid:
-            return None
-        raise StlError(f"the STL file ends early: it promises {count} triangles and holds {held}")
-    return np.frombuffer(data, _ROW, count, _HEADER)
+    if solid and count != held and _VERTEX.search(data.lower()):
+        return None
+    if count > held:
+        message = f"the STL file ends early: it promises {count} triangles and holds {held}"
+        if not held:
+            raise StlError(message)
+        diagnostics.warning(message, span)
+    return np.frombuffer(data, _ROW, min(count, held), _HEADER)
 
 
-def _ascii(data: bytes) -> np.ndarray:
+def _ascii(data: bytes, diagnostics: Diagnostics, span: Span) -> np.ndarray:
+    """The corners (t, 3, 3) of the triangles of a text file; a facet without three vertices is left out, with a warning."""
     if not _begins_as_text(data):
         raise StlError("this is no STL file: it is neither binary nor does it begin with `solid`")
+    text = _NAME.sub(b"", data.removeprefix(codecs.BOM_UTF8).lower())
+    facets = [_VERTEX.findall(facet) for facet in text.split(b"endloop")] if text.count(b"endloop") else [_VERTEX.findall(text)]
+    sound = [facet for facet in facets if len(facet) and len(facet) % 3 == 0]
+    if not sound:
+        found = sum(map(len, facets))
+        raise StlError(f"the STL file has {found} vertices, which make no whole number of triangles")
+    damaged = sum(1 for facet in facets if len(facet) % 3)
+    if damaged:
+        diagnostics.warning(f"{damaged} facets of the STL file have no three vertices: they are left out", span)
+    corners = [number for facet in sound for vertex in facet for number in vertex]
     try:
-        text = _NAME.sub(b"", data.removeprefix(codecs.BOM_UTF8).lower())
-        numbers = np.array([m.groups() for m in _VERTEX.finditer(text)], dtype=np.float64)
+        numbers = np.array(corners, dtype=np.float64)
     except ValueError:
-        raise StlError("the STL file has a vertex that is not three numbers") from None
-    if not len(numbers) or len(numbers) % 3:
-        raise StlError(f"the STL file has {len(numbers)} vertices, which make no whole number of triangles")
+        numbers = np.array([_number(text) for text in corners])
     return numbers.reshape(-1, 3, 3)
+
+
+def _number(text: bytes) -> float:
+    """A number; NaN for other text."""
+    try:
+        return float(text)
+    except ValueError:
+        return np.nan

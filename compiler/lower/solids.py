@@ -19,8 +19,8 @@ from ..formula.solid_fields import NoSolid, Point
 from ..formula.tape import Tape, X, Y, Z
 from ..mesh import mesh_csg
 from ..scene import transforms
-from ..scene.builder import boxes_under
 from ..scene.row_records import Piece
+from ..scene.shape_bounds import boxes_under
 from . import formulas, solid_materials, sweeps
 from .context import Context
 from .solid_materials import Field, Looks

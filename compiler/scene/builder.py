@@ -33,6 +33,10 @@ NONE = -1  # the row of a rejected item; a diagnostic says why
 FARTHEST = 1e100  # largest coordinate; its square stays finite
 FARTHEST_PLACE = 1e30  # largest coordinate of a transform; single precision ends at 3.4e38
 SPANNED = ("geometries", "instances", "materials", "textures", "lights", "cameras", "settings")
+_NO_INVERSE = {
+    True: ("this is flattened to nothing by its transform (no inverse)", "a scale must not be 0 along any axis"),
+    False: ("the transform of this has numbers that are not finite", ""),
+}
 _EXPECTED = {ir.Interpolation.FACE: "one a triangle", ir.Interpolation.VERTEX: "one a vertex", ir.Interpolation.CORNER: "one a corner"}
 
 
@@ -72,9 +76,8 @@ class SceneBuilder:
             return row
         inverse = transforms.inverse(affine)
         if inverse is None:
-            self.diagnostics.warning(
-                "this is flattened to nothing by its transform (no inverse): it is not drawn", span, "a scale must not be 0 along any axis"
-            )
+            reason, hint = _NO_INVERSE[bool(np.isfinite(affine).all())]
+            self.diagnostics.warning(f"{reason}: it is not drawn", span, hint)
             return NONE
         if not (np.abs(affine) < FARTHEST_PLACE).all():
             self.diagnostics.warning(f"this is placed or scaled beyond {FARTHEST_PLACE:g}: it is not drawn", span)
@@ -328,7 +331,7 @@ class SceneBuilder:
 
     def bounds(self, geometry: int, matrix: np.ndarray) -> np.ndarray:
         """(2, 3) bounds of a geometry under a matrix; ±inf for an unbounded one."""
-        return boxes_under(np.array([self._rows["geometries"][geometry][2]]), np.asarray(matrix)[None, :3])[0]
+        return shape_bounds.boxes_under(np.array([self._rows["geometries"][geometry][2]]), np.asarray(matrix)[None, :3])[0]
 
     def world_bounds(self) -> np.ndarray | None:
         """(2, 3) bounds of all bounded instances within a camera's reach; None without any."""
@@ -336,7 +339,7 @@ class SceneBuilder:
         if not rows:
             return None
         local = np.array([row[2] for row in self._rows["geometries"]])[[row[0] for row in rows]]
-        boxes = boxes_under(local, np.concatenate(self._matrices)[[row[1] for row in rows]])
+        boxes = shape_bounds.boxes_under(local, np.concatenate(self._matrices)[[row[1] for row in rows]])
         bounded = boxes[(np.abs(boxes) < FARTHEST).all(axis=(1, 2))]
         return np.stack([bounded[:, 0].min(axis=0), bounded[:, 1].max(axis=0)]) if len(bounded) else None
 
@@ -415,15 +418,6 @@ def lambert(albedo: Color, texture: int = -1, name: str = "") -> MaterialData:
     """A diffuse material: k_a = k_d = albedo, times a texture."""
     matt = Input(albedo, texture)
     return MaterialData(ir.MaterialModel.LAMBERT, {ir.Slot.AMBIENT: matt, ir.Slot.DIFFUSE: matt}, name=name)
-
-
-def boxes_under(boxes: np.ndarray, matrices: np.ndarray) -> np.ndarray:
-    """(n, 2, 3) bounds of boxes (n, 2, 3) under matrices (n, 3, 4); ±inf along each axis that an unbounded box extends to."""
-    linear, moved = matrices[:, :, :3], matrices[:, :, 3]
-    with np.errstate(invalid="ignore"):
-        ends = linear[:, :, :, None] * np.swapaxes(boxes, 1, 2)[:, None]  # (n, out, in, low or high)
-        ends = np.where(linear[:, :, :, None] == 0, 0.0, ends)
-        return np.stack([ends.min(axis=3).sum(axis=2) + moved, ends.max(axis=3).sum(axis=2) + moved], axis=1)
 
 
 def _columns(table: str, rows: Sequence[tuple[Any, ...]]) -> Mapping[str, Any]:

@@ -39,6 +39,13 @@ class Samples:
     closed: np.ndarray  # (c,)
     varying: int  # number of values of interpolation varying
 
+    def without(self, curves: I64) -> Samples:
+        """The samples of the other curves."""
+        kept = ~np.isin(self.curve, curves)
+        return Samples(
+            self.rows[kept], self.weights[kept], self.curve[kept], self.ends[kept], self.share[kept], self.closed, self.varying
+        )  # fmt: skip
+
     def of(self, values: np.ndarray, interpolation: str, points: int) -> np.ndarray | None:
         """Values (m, k) at the samples; None if their number does not fit."""
         if interpolation == "constant" or len(values) == 1:
@@ -60,29 +67,27 @@ def mesh(
     if not len(points):
         return None
     kind = str(prim.GetTypeName())
-    if kind != "Points" and not np.isfinite(points).all():
-        diagnostics.warning(f"this {kind} has points that are not finite: it is not drawn", span)
-        return None
     if kind == "Points":
         centers, radii, sound = balls(prim, time, diagnostics, span)
         colors = _reader_of_points(prim, time, len(points), diagnostics, span).primvar(color_name, 3)
         return strands.balls(centers, radii, None if colors is None else colors[sound]) if len(centers) else None
     counts = stage.numbers(prim.GetAttribute("curveVertexCounts"), time, np.int64)
-    if (counts < 0).any() or counts.sum() != len(points):
-        message = f"the vertex counts of the curves add up to {counts.sum()} and there are {len(points)} points: they are not drawn"
-        diagnostics.warning(message, span)
-        return None
-    control, number = points, len(points)
+    counts = _fitting(counts, len(points), diagnostics, span)
+    damaged = np.unique(np.repeat(np.arange(len(counts)), counts)[~np.isfinite(points[: counts.sum()]).all(axis=1)])
+    if len(damaged):
+        diagnostics.warning(f"{len(damaged)} of {len(counts)} curves have points that are not finite: they are left out", span)
+    control, number = np.nan_to_num(points), len(points)
     if kind == "HermiteCurves":
         tangents = stage.numbers(prim.GetAttribute("tangents"), time, np.float64, 3)
         samples = _hermite(counts) if len(tangents) == number and np.isfinite(tangents).all() else None
-        control, number = np.concatenate([points, tangents]), -1  # their values of interpolation vertex are varying
+        control, number = np.concatenate([control, tangents]), -1  # their values of interpolation vertex are varying
     else:
         samples = _basis(prim, counts) if kind == "BasisCurves" else _nurbs(prim, time, counts, number)
     if samples is None:
         what = "tangents" if kind == "HermiteCurves" else "knots or counts"
         diagnostics.warning(f"the {what} of this {kind} do not fit its points: it is not drawn", span)
         return None
+    samples = samples.without(damaged)
     if not len(samples.rows):
         diagnostics.warning(f"the curves of this {kind} have too few points: they are not drawn", span)
         return None
@@ -99,6 +104,16 @@ def mesh(
     if facing is not None:
         return strands.ribbons(made, facing.astype(np.float64), uvs, colors)
     return strands.tubes(made, uvs, colors)
+
+
+def _fitting(counts: I64, points: int, diagnostics: Diagnostics, span: Span) -> I64:
+    """Vertex counts of curves; 0, with a warning, for negative ones and from the first on whose points are not there."""
+    found = np.maximum(counts, 0)
+    found = np.where(np.cumsum(found) <= points, found, 0)
+    if found.sum() != points or (found != counts).any():
+        message = f"the vertex counts of the curves add up to {counts.sum()} and there are {points} points"
+        diagnostics.warning(f"{message}: {np.count_nonzero(found)} of {len(counts)} curves are drawn", span)
+    return found
 
 
 def balls(prim: Any, time: Any, diagnostics: Diagnostics, span: Span) -> tuple[F64, F64, np.ndarray]:

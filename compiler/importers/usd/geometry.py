@@ -147,9 +147,7 @@ def mesh(
     counts, indices = topology(prim, time)
     if not len(points) or not len(counts):
         return None
-    if (counts < 0).any() or counts.sum() != len(indices):
-        diagnostics.warning(f"the face counts add up to {counts.sum()} and there are {len(indices)} indices: it is not drawn", span)
-        return None
+    counts, indices = _fitting(counts, indices, diagnostics, span)
     solid = str(prim.GetTypeName()) == "TetMesh"
     subdivided = not solid and str(schema.GetSubdivisionSchemeAttr().Get(time)) != "none"
     api = UsdGeom.PrimvarsAPI(prim)
@@ -190,6 +188,16 @@ def mesh(
     if subdivided:
         kept = replace(kept, normals=_smooth(kept))
     return Faces(kept, rows, subdivided)
+
+
+def _fitting(counts: np.ndarray, indices: np.ndarray, diagnostics: Diagnostics, span: Span) -> tuple[np.ndarray, np.ndarray]:
+    """Face counts that add up to the indices: 0, with a warning, for negative ones and from the first on whose indices are not there."""
+    found = np.maximum(counts, 0)
+    found = np.where(np.cumsum(found) <= len(indices), found, 0)
+    if found.sum() != len(indices) or (found != counts).any():
+        message = f"the face counts add up to {counts.sum()} and there are {len(indices)} indices"
+        diagnostics.warning(f"{message}: {np.count_nonzero(found)} of {len(counts)} faces are drawn", span)
+    return found, indices[: found.sum()]
 
 
 def topology(prim: Any, time: Any) -> tuple[np.ndarray, np.ndarray]:

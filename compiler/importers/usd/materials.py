@@ -241,6 +241,8 @@ class Materials:
             texture, value = self._texture(source)
             return Input(WHITE, texture) if texture != NONE else Input(value)
         given = self._primvar(source, prim) if isinstance(source, Primvar) else source
+        if not np.isfinite(_floats(given)).all():
+            self.tell("a colour of this prim's material is not finite: its default is drawn", prim)
         return Input(self.without_negatives(_rgb(given, fallback), prim, "a colour of this prim's material"))
 
     def _normal(self, source: Any, prim: Any) -> Input | None:
@@ -298,7 +300,10 @@ class Materials:
             value = float(np.mean(np.array(source, dtype=np.float64)))
         except (TypeError, ValueError):
             return fallback
-        return value if math.isfinite(value) else fallback
+        if math.isfinite(value):
+            return value
+        self.tell("a number of this prim's material is not finite: its default is drawn", prim)
+        return fallback
 
     def _primvar(self, source: Primvar, prim: Any) -> Any:
         """A primvar's constant value on a prim; its mean, with a warning, if it varies."""
@@ -375,6 +380,13 @@ class Materials:
 
     def _picture(self, picture: Picture) -> Asset | None:
         return asset(self._value(picture.shader.GetInput("file"), None), self.warnings, picture.shader.GetPrim())
+
+
+def _floats(value: Any) -> np.ndarray:
+    try:
+        return np.array(value, np.float64)
+    except (TypeError, ValueError):
+        return np.zeros(0)
 
 
 def _rgb(value: Any, fallback: Color) -> Color:

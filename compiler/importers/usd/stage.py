@@ -17,7 +17,7 @@ from pxr import Sdf, Tf, Usd, UsdGeom, UsdUtils
 from ....lang.diagnostics import Diagnostics, Span, suggest
 from ...io.sandbox import Files
 from ..stage_options import StageOptions
-from . import prim_count
+from .layers import prim_count, repair
 
 Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # −90° about x
 MAX_WARNINGS = 20
@@ -73,24 +73,35 @@ class Warnings:
 def value(attribute: Any, time: Any) -> Any:
     """An attribute's value; None if absent, or if its type differs from the schema's."""
     found = attribute.Get(time) if attribute else None
-    return None if isinstance(found, Sdf.UnregisteredValue) else found
+    return _fallback(attribute) if isinstance(found, Sdf.UnregisteredValue) else found
+
+
+def _fallback(attribute: Any) -> Any:
+    """The schema's default of an attribute whose value has another type, with a warning; None without one."""
+    Tf.Warn(f"the value of <{attribute.GetPath()}> is no {attribute.GetTypeName()}: its default is drawn")
+    return attribute.GetPrim().GetPrimDefinition().GetAttributeFallbackValue(attribute.GetName())
 
 
 def number(attribute: Any, time: Any, fallback: float = 0.0) -> float:
-    """An attribute's value as a float; `fallback` if absent."""
-    try:
-        return float(value(attribute, time))
-    except (TypeError, ValueError):
+    """An attribute's value as a float; `fallback` if absent, the schema's default for a value of another type."""
+    found = value(attribute, time)
+    if found is None:
         return fallback
+    try:
+        return float(found)
+    except (TypeError, ValueError):
+        default = _fallback(attribute)
+        return float(default) if isinstance(default, int | float) else fallback
 
 
 def numbers(attribute: Any, time: Any, dtype: type, width: int = 0) -> np.ndarray:
-    """An attribute's value as an array (n,) or (n, width); empty if absent."""
+    """An attribute's value as an array (n,) or (n, width); empty if absent or of another type, with a warning."""
     found = value(attribute, time)
     try:
         made = np.array(found if found is not None else (), dtype=dtype)
         return made.reshape(-1, width) if width else made.reshape(-1)
     except (TypeError, ValueError, OverflowError):
+        _fallback(attribute)
         return np.zeros((0, width) if width else 0, dtype)
 
 
@@ -117,12 +128,19 @@ class Reports:
         self._delegate = UsdUtils.CoalescingDiagnosticDelegate()
 
     def tell(self, diagnostics: Diagnostics, span: Span) -> None:
-        said = dict.fromkeys(_plain(d.commentary, self._path) for d in self._delegate.TakeUncoalescedDiagnostics())
+        said = dict.fromkeys(_plain(_commentary(d), self._path) for d in self._delegate.TakeUncoalescedDiagnostics())
         for count, message in enumerate(said):
             if count == MAX_WARNINGS:
                 diagnostics.warning(f"usd-core has {len(said) - count} more warnings", span)
                 break
             diagnostics.warning(message, span)
+
+
+def _commentary(diagnostic: Any) -> str:
+    try:
+        return diagnostic.commentary
+    except UnicodeDecodeError:
+        return "usd-core has a message that is not UTF-8"
 
 
 def open_(
@@ -170,9 +188,17 @@ def _open(path: Path, options: StageOptions, diagnostics: Diagnostics, span: Spa
     if bad:
         diagnostics.error(f"`{bad[0]}` is no path of a prim", span, "write --mask /World/Chair")
         return None
-    root = Sdf.Layer.FindOrOpen(str(path))
+    try:
+        root = Sdf.Layer.FindOrOpen(str(path))
+    except Tf.ErrorException:
+        root = repair.repaired(path, diagnostics)
+        if root is None:
+            raise
+    if root is None and path.suffix.lower() == ".usdz":
+        root = repair.package(path, diagnostics)
     if root is None:
         return None
+    below = [] if options.mask else repair.layers(root, diagnostics)  # kept until the stage has them
     count = 0 if options.mask else prim_count.estimate(root)
     if count > prim_count.MAX_PRIMS:
         message = f"the stage has about {count:,} prims, more than {prim_count.MAX_PRIMS:,}"
@@ -183,7 +209,9 @@ def _open(path: Path, options: StageOptions, diagnostics: Diagnostics, span: Spa
         diagnostics.error(f"cannot read the session layer `{options.session_layer}`", span)
         return None
     if not options.mask:
-        return Usd.Stage.Open(root, session)
+        stage = Usd.Stage.Open(root, session)
+        below.clear()
+        return stage
     stage = Usd.Stage.OpenMasked(root, session, Usd.StagePopulationMask(list(options.mask)))
     for p in options.mask:
         if not stage.GetPrimAtPath(p):
@@ -262,7 +290,7 @@ def _listed(what: str, names: list[str]) -> str:
 
 def reason(failure: Exception, path: Path) -> str:
     """The first of usd-core's messages. Its lines are `Error in 'function' at line n in file f : 'message'`."""
-    lines = str(failure).strip().splitlines() or ["no reason given"]
+    lines = repair.text_of(failure).strip().splitlines() or ["no reason given"]
     first = next((line for line in lines if "Error in" in line), lines[-1])
     return _plain(first.partition(" : '")[2].rstrip("'") or first, path)
 

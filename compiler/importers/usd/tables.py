@@ -22,7 +22,7 @@ PRIM_TYPES = Table(
         "Camera": "perspective and orthographic",
         "DistantLight SphereLight RectLight DiskLight DomeLight DomeLight_1": "lights of these shapes",
         "CylinderLight": "a prism of twelve sides with its perimeter",
-        "Material Shader NodeGraph": "networks of UsdPreviewSurface",
+        "Material Shader NodeGraph": "networks of UsdPreviewSurface and MaterialX, also from .mtlx files",
         "SkelRoot Skeleton SkelAnimation BlendShape": "meshes below a SkelRoot, deformed at the time that is drawn",
         "RenderSettings RenderProduct": "the prim of --render-settings, else of the stage's renderSettingsPrimPath",
     },

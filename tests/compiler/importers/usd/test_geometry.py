@@ -106,7 +106,9 @@ def test_holes_are_open(tmp_path):
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        (SQUARE.replace("[4]", "[3]"), ["x.usda</m>: warning: the face counts add up to 3 and there are 4 indices: it is not drawn"]),
+        (SQUARE.replace("[4]", "[5]"), [
+            "x.usda</m>: warning: the face counts add up to 5 and there are 4 indices: 0 of 1 faces are drawn",
+            "x.usda</m>: note: 1 of 1 faces have no area: they are left out"]),
         (SQUARE.replace("2, 3]", "2, 9]"), [
             "x.usda</m>: warning: 1 of 1 faces use points that do not exist or are not finite: they are left out"]),
         (SQUARE.replace("(1, 1, 0)", "(1, nan, 0)"), [
@@ -118,6 +120,13 @@ def test_broken_meshes_are_not_drawn(tmp_path, text, expected):
     scene, messages = read(tmp_path, f'def Mesh "m" {{ {text} }}\ndef Cube "c" {{}}')
     assert messages == expected
     assert kinds(scene) == ["BOX"]
+
+
+def test_faces_whose_indices_are_there_are_drawn(tmp_path):
+    text = SQUARE.replace("[4]", "[3, -1, 7]").replace("[0, 1, 2, 3]", "[0, 1, 2, 0, 2]")
+    scene, messages = read(tmp_path, f'def Mesh "m" {{ {text} }}')
+    assert messages[0] == "x.usda</m>: warning: the face counts add up to 9 and there are 5 indices: 1 of 3 faces are drawn"
+    assert corners(scene).tolist() == [[[0, 0, 0], [1, 0, 0], [1, 1, 0]]]
 
 
 def test_subsets_split_a_mesh_by_material(tmp_path):

@@ -10,7 +10,7 @@ import pytest
 from maquette.compiler import ir
 from maquette.compiler.importers.stage_options import StageOptions
 from maquette.compiler.importers.usd import load as usd_load
-from maquette.compiler.importers.usd import prim_count
+from maquette.compiler.importers.usd.layers import prim_count
 from maquette.compiler.io.sandbox import Files
 from maquette.compiler.scene.builder import SceneBuilder
 from maquette.lang.diagnostics import Diagnostics, Span
@@ -227,11 +227,14 @@ def test_point_instancers_inside_of_each_other(tmp_path):
     assert sorted(positions(read(tmp_path, text)[0])) == [[1, 10, 0], [1, 20, 0], [2, 10, 0], [2, 20, 0]]
 
 
-def test_a_broken_point_instancer_is_left_out(tmp_path):
+def test_instances_without_a_position_or_prototype_are_left_out(tmp_path):
     text = instancer().replace("(3, 0, 0), (4, 0, 0)", "(3, 0, 0)")
-    assert read(tmp_path, text)[1][0] == "x.usda</i>: warning: the instancer has 4 instances and 3 positions: they are left out"
-    text = instancer().replace("[0, 1, 0, 0]", "[0, 1, 0, 7]")
-    assert read(tmp_path, text)[1][0].startswith("x.usda</i>: warning: 4 instances have 4 places and 2 prototypes, which do not fit")
+    scene, messages = read(tmp_path, text)
+    assert messages[0] == "x.usda</i>: warning: the instancer has 4 instances and 3 positions: the rest is left out"
+    assert len(scene.tables.instances.geometry) == 3
+    scene, messages = read(tmp_path, instancer().replace("[0, 1, 0, 0]", "[0, 1, 0, 7]"))
+    assert messages[0] == "x.usda</i>: warning: 1 instances have none of the 2 prototypes of this instancer: they are left out"
+    assert len(scene.tables.instances.geometry) == 3
 
 
 # --- time ---
@@ -404,8 +407,9 @@ def test_values_of_types_that_nobody_expects(tmp_path):
         string inputs:color = "red" }
     """
     scene, messages = read(tmp_path, text)
-    assert kinds(scene) == ["BOX"]
-    assert messages[0] == "x.usda</s>: warning: this Sphere has no size: it is not drawn"
+    assert kinds(scene) == ["SPHERE", "BOX"]
+    assert "x.usda: warning: the value of </s.radius> is no double: its default is drawn" in messages
+    assert "x.usda: warning: the value of </m.points> is no point3f[]: its default is drawn" in messages
     assert slot(scene, "DIFFUSE") == [0.18] * 3
     assert scene.tables.lights.color.tolist() == [[1, 1, 1]]
 

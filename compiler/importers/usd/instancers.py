@@ -1,0 +1,79 @@
+"""Reads the instances of point instancers: prototype, id and transform of each, as UsdGeomPointInstancer defines them."""
+
+# pyright: reportAttributeAccessIssue=false
+# (usd-core creates its modules' names at run time)
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...ir import F64, I64
+from .stage import numbers
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Instances:
+    """Visible instances of a point instancer."""
+
+    ids: I64  # (n,) their rows in the instancer's arrays
+    prototypes: I64  # (n,) rows of its prototypes
+    positions: F64  # (n, 3)
+    linear: F64 | None  # (n, 3, 3) rotation and scale; None for none
+
+    def places(self, chosen: I64) -> F64:
+        """Transforms (m, 4, 4) of the chosen ones, without their prototypes' own."""
+        made = np.zeros((len(chosen), 4, 4))
+        made[:, :3, :3] = np.eye(3) if self.linear is None else self.linear[chosen]
+        made[:, :3, 3], made[:, 3, 3] = self.positions[chosen], 1.0
+        return made
+
+
+def read(instancer: Any, time: Any, prototypes: int, tell: Callable[[str], None]) -> Instances:
+    """The instances of an instancer with a number of prototypes; those that cannot be placed are told and left out."""
+    prim = instancer.GetPrim()
+    of = numbers(instancer.GetProtoIndicesAttr(), time, np.int64)
+    positions = numbers(instancer.GetPositionsAttr(), time, np.float64, 3)
+    if len(positions) != len(of):
+        tell(f"the instancer has {len(of)} instances and {len(positions)} positions: the rest is left out")
+    count = min(len(of), len(positions))
+    ids = np.arange(count)
+    mask = np.array(instancer.ComputeMaskAtTime(time), dtype=bool)
+    if len(mask) == len(of):
+        ids = np.flatnonzero(mask[:count])
+    absent = (of[ids] < 0) | (of[ids] >= prototypes)
+    if absent.any():
+        tell(f"{np.count_nonzero(absent)} instances have none of the {prototypes} prototypes of this instancer: they are left out")
+        ids = ids[~absent]
+    turned = _fitting(prim, ("orientationsf", "orientations"), time, 4, len(of), tell)
+    scaled = _fitting(prim, ("scales",), time, 3, len(of), tell)
+    linear = None
+    if turned is not None or scaled is not None:
+        linear = np.broadcast_to(np.eye(3), (len(ids), 3, 3)) if turned is None else _rotations(turned[ids])
+        linear = linear if scaled is None else linear * scaled[ids][:, None, :]
+    return Instances(ids, of[ids], positions[ids], linear)
+
+
+def _fitting(prim: Any, names: tuple[str, ...], time: Any, width: int, count: int, tell: Callable[[str], None]) -> F64 | None:
+    """The first of some attributes that has values, (count, width); None without one, or with a warning if it does not fit."""
+    for name in names:
+        values = numbers(prim.GetAttribute(name), time, np.float64, width)
+        if len(values) == count:
+            return values
+        if len(values):
+            tell(f"the {name} of this instancer have {len(values)} values for {count} instances: they are left out")
+            return None
+    return None
+
+
+def _rotations(turns: F64) -> F64:
+    """Matrices (n, 3, 3) of quaternions (x, y, z, w), as they are: usd-core does not normalize them either."""
+    x, y, z, w = turns.T
+    made = np.empty((len(turns), 3, 3))
+    made[:, 0] = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)], axis=1)
+    made[:, 1] = np.stack([2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)], axis=1)
+    made[:, 2] = np.stack([2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)], axis=1)
+    return made

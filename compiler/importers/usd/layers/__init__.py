@@ -1,0 +1,5 @@
+"""Layers of USD before a stage is opened: repair of damaged ones, MaterialX documents as layers, number of prims.
+
+May import: lang.
+Begin with `repair.py`.
+"""

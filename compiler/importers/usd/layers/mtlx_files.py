@@ -1,0 +1,150 @@
+"""Reads MaterialX documents (.mtlx) as USD layers, for which usd-core has no file format.
+
+The layer has the prims of OpenUSD's UsdMtlx plugin: /MaterialX/Materials/NAME, with shaders and node graphs below each material.
+Format: MaterialX Specification 1.39.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (usd-core creates its modules' names at run time)
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+from pxr import Sdf, Tf, Usd, UsdShade
+
+from .....lang.diagnostics import Diagnostics, Span
+
+_TYPES = {
+    "float": Sdf.ValueTypeNames.Float, "integer": Sdf.ValueTypeNames.Int, "boolean": Sdf.ValueTypeNames.Bool,
+    "color3": Sdf.ValueTypeNames.Color3f, "color4": Sdf.ValueTypeNames.Color4f, "vector2": Sdf.ValueTypeNames.Float2,
+    "vector3": Sdf.ValueTypeNames.Float3, "vector4": Sdf.ValueTypeNames.Float4, "string": Sdf.ValueTypeNames.String,
+    "filename": Sdf.ValueTypeNames.Asset,
+}  # fmt: skip
+_ROOT = Sdf.Path("/MaterialX/Materials")
+
+
+def layer(path: Path, diagnostics: Diagnostics) -> Any:
+    """An anonymous layer with the materials of a document; None, with a warning, for one that is no MaterialX."""
+    span = Span(path.name)
+
+    def warn(message: str) -> None:
+        diagnostics.warning(message, span)
+
+    try:
+        root = ElementTree.fromstring(path.read_bytes())
+    except (ElementTree.ParseError, OSError, ValueError, LookupError) as failure:
+        warn(f"the MaterialX file `{path.name}` cannot be read: {failure}")
+        return None
+    made = Sdf.Layer.CreateAnonymous(".usda")
+    stage = Usd.Stage.Open(made)
+    stage.SetDefaultPrim(stage.DefinePrim("/MaterialX"))
+    materials = root.findall("surfacematerial")
+    if not materials:
+        warn(f"`{path.name}` has no `surfacematerial`: nothing of it is drawn")
+    for unread in sorted({child.tag.rpartition("}")[2] for child in root} & {"include", "look", "material"}):
+        warn(f"the elements `{unread}` of `{path.name}` are not drawn")
+    for element in materials:
+        at = _ROOT.AppendChild(_identifier(element.get("name", "")))
+        document = _Document(stage, root, path.parent, root.get("fileprefix", ""), warn)
+        shader = next((given for given in element.findall("input") if given.get("type") == "surfaceshader"), None)
+        material = UsdShade.Material.Define(stage, at)
+        if shader is not None and (source := document.source(shader, root, at)) is not None:
+            material.CreateSurfaceOutput("mtlx").ConnectToSource(source)
+    return made
+
+
+def _identifier(name: str) -> str:
+    return Tf.MakeValidIdentifier(name)
+
+
+@dataclass(slots=True)
+class _Document:
+    """Copies the nodes that one material uses to prims."""
+
+    stage: Any
+    root: ElementTree.Element
+    folder: Path
+    prefix: str
+    warn: Callable[[str], None]
+    made: set[Any] = field(default_factory=set)  # paths of prims
+
+    def source(self, given: ElementTree.Element, scope: ElementTree.Element, at: Any) -> Any:
+        """The path of the output that feeds an input or output of `scope`, whose prim is `at`; None for none."""
+        output = _identifier(given.get("output") or "out")
+        if name := given.get("nodegraph"):
+            graph = self._named(name, self.root)
+            return None if graph is None else self._graph(graph, at, given.get("output"))
+        node = self._named(given.get("nodename", ""), scope)
+        if node is None:
+            return None
+        path = at.AppendChild(_identifier(node.get("name", "")))
+        if path not in self.made:
+            self.made.add(path)
+            self._shader(node, scope, at, path)
+        UsdShade.Shader(self.stage.GetPrimAtPath(path)).CreateOutput(output, Sdf.ValueTypeNames.Token)
+        return path.AppendProperty(f"outputs:{output}")
+
+    def _named(self, name: str, scope: ElementTree.Element) -> ElementTree.Element | None:
+        found = next((child for child in scope if child.get("name") == name), None)
+        if found is None:
+            self.warn(f"there is no node `{name}`: the input that it feeds takes its default")
+        return found
+
+    def _graph(self, graph: ElementTree.Element, at: Any, output: str | None) -> Any:
+        """The path of an output of a node graph, which is copied below `at`."""
+        path = at.AppendChild(_identifier(graph.get("name", "")))
+        made = UsdShade.NodeGraph.Define(self.stage, path)
+        outputs = [child for child in graph.findall("output") if output in (None, child.get("name"))]
+        if not outputs:
+            self.warn(f"the node graph `{graph.get('name')}` has no output `{output}`")
+            return None
+        if path not in self.made:
+            self.made.add(path)
+            for given in graph.findall("input"):
+                self._input(made, given, self.root, at)
+        own = made.CreateOutput(_identifier(outputs[0].get("name", "out")), Sdf.ValueTypeNames.Token)
+        if (source := self.source(outputs[0], graph, path)) is not None:
+            own.ConnectToSource(source)
+        return own.GetAttr().GetPath()
+
+    def _shader(self, node: ElementTree.Element, scope: ElementTree.Element, at: Any, path: Any) -> None:
+        made = UsdShade.Shader.Define(self.stage, path)
+        made.CreateIdAttr(node.get("nodedef") or f"ND_{node.tag}_{node.get('type')}")
+        for given in node.findall("input"):
+            self._input(made, given, scope, at)
+
+    def _input(self, owner: Any, given: ElementTree.Element, scope: ElementTree.Element, at: Any) -> None:
+        name, type_ = given.get("name", ""), given.get("type", "")
+        if type_ not in _TYPES:
+            self.warn(f"inputs of the type `{type_}` are not drawn")
+            return
+        made = owner.CreateInput(_identifier(name), _TYPES[type_])
+        if interface := given.get("interfacename"):
+            made.ConnectToSource(at.AppendProperty(f"inputs:{_identifier(interface)}"))
+        elif given.get("nodename") or given.get("nodegraph"):
+            if (source := self.source(given, scope, at)) is not None:
+                made.ConnectToSource(source)
+        elif (value := self._value(given.get("value", ""), type_)) is not None:
+            made.Set(value)
+        if space := given.get("colorspace"):
+            made.GetAttr().SetColorSpace(space)
+
+    def _value(self, text: str, type_: str) -> Any:
+        if type_ == "filename":
+            return Sdf.AssetPath(os.fspath(self.folder / (self.prefix + text)))
+        if type_ == "string":
+            return text
+        if type_ == "boolean":
+            return text.strip().lower() == "true"
+        try:
+            numbers = tuple(map(float, text.split(",")))
+            return int(numbers[0]) if type_ == "integer" else numbers[0] if type_ == "float" else numbers
+        except ValueError:
+            self.warn(f"`{text[:40]}` is no {type_}: the input takes its default")
+            return None

@@ -1,0 +1,174 @@
+"""Reads damaged `.usda` layers: byte order marks, stray bytes, and statements that usd-core refuses are left out with warnings."""
+
+# pyright: reportAttributeAccessIssue=false
+# (usd-core creates its modules' names at run time)
+
+from __future__ import annotations
+
+import codecs
+import re
+import tempfile
+import zipfile
+from pathlib import Path
+from typing import Any
+
+from pxr import Sdf, Tf
+
+from .....lang.diagnostics import Diagnostics, Span
+from . import mtlx_files
+
+MOST = 20  # statements of a layer that may be left out
+_HEADER = "#usda 1.0"
+_FARTHEST = 1000  # characters before the header
+_CRATE = b"PXR-USDC"
+_MARKS = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
+_ODD = re.compile("[\0-\x08\x0b\x0c\x0e-\x1f\ufffd\ufeff]+")
+_PLACE = re.compile(r":(\d+):\d+: ")
+_PROPERTY = re.compile(r" in <[^<>]*?([^/<>.]+)\.([\w:]+)>")
+
+
+def text_of(failure: Exception) -> str:
+    """The text of an error of usd-core; "" where it is not UTF-8."""
+    try:
+        return str(failure)
+    except UnicodeDecodeError:
+        return ""
+
+
+def layers(root: Any, diagnostics: Diagnostics) -> list[Any]:
+    """The layers that a layer refers to, and those that they refer to. They stay in memory as long as they are kept.
+
+    Damaged ones are repaired. A reference to a .mtlx file becomes one to a layer with its materials, in memory alone.
+    """
+    made, seen, waiting = [], set(), [root]
+    while waiting:
+        layer = waiting.pop()
+        for asset in layer.GetCompositionAssetDependencies():
+            path = layer.ComputeAbsolutePath(asset)
+            if not path or path in seen:
+                continue
+            seen.add(path)
+            if Path(path).suffix.lower() == ".mtlx":
+                found = mtlx_files.layer(Path(path), diagnostics) if Path(path).is_file() else None
+                if found:
+                    layer.UpdateCompositionAssetDependency(asset, found.identifier)
+                    made.append(found)
+                continue
+            try:
+                found = Sdf.Layer.FindOrOpen(path)
+            except Tf.ErrorException:
+                found = repaired(Path(path), diagnostics)
+            if found:
+                made.append(found)
+                waiting.append(found)
+    return made
+
+
+def repaired(path: Path, diagnostics: Diagnostics) -> Any:
+    """The layer of a damaged text file, under the file's path; None for another file or one of which no prim can be read."""
+    if path.suffix.lower() not in (".usda", ".usdc", ".usd") or not path.is_file():
+        return None
+    data = path.read_bytes()
+    if data.startswith(_CRATE):
+        return _crate(path, diagnostics) if path.suffix.lower() == ".usda" else None
+    mark = next((mark for mark in _MARKS if data.startswith(mark)), b"")
+    before, header, rest = data.removeprefix(mark).decode(_MARKS.get(mark, "utf-8"), "replace").partition(_HEADER)
+    if not header or len(before) > _FARTHEST:
+        return None
+    said = Diagnostics()  # for a layer that can be read
+    if path.suffix.lower() == ".usdc":
+        _warn(path, 1, "this file is text, and its name ends as those of binary files", said)
+    if mark:
+        _warn(path, 1, f"a byte order mark ({_MARKS[mark].upper()}) is left out", said)
+    skipped = before.count("\n")
+    if odd := _ODD.search(rest):
+        _warn(path, skipped + rest[: odd.start()].count("\n") + 1, "bytes that are no text are left out", said)
+    lines = [""] * skipped + (header + _ODD.sub(" ", rest)).split("\n")
+    found = Sdf.Layer.CreateAnonymous(".usda")
+    if not _read(found, lines, skipped, path, said) or (said.items and not found.rootPrims):
+        return None
+    diagnostics.items += said.items
+    made = _layer(path)
+    made.TransferContent(found)
+    return made
+
+
+def _layer(path: Path) -> Any:
+    """An empty layer under a file's path. It is in memory alone."""
+    return Sdf.Layer.New(Sdf.FileFormat.FindByExtension(path.suffix[1:].lower()), str(path.resolve()))
+
+
+def _crate(path: Path, diagnostics: Diagnostics) -> Any:
+    """The layer of a binary file whose name ends as those of text; None if it is damaged."""
+    with tempfile.TemporaryDirectory() as folder:
+        (link := Path(folder) / "x.usdc").symlink_to(path.resolve())
+        try:
+            found = Sdf.Layer.OpenAsAnonymous(str(link))
+        except Tf.ErrorException:
+            return None
+        _warn(path, 1, "this file is binary, and its name ends as those of text", diagnostics)
+        made = _layer(path)
+        made.TransferContent(found)
+        return made
+
+
+def package(path: Path, diagnostics: Diagnostics) -> Any:
+    """The first layer in a .usdz whose first file is none, which usd-core refuses; None without any."""
+    try:
+        with zipfile.ZipFile(path) as files:
+            names = [name for name in files.namelist() if name.lower().endswith((".usd", ".usda", ".usdc"))]
+        found = Sdf.Layer.FindOrOpen(f"{path}[{names[0]}]") if names else None
+    except (zipfile.BadZipFile, OSError, Tf.ErrorException):
+        return None
+    if found:
+        diagnostics.warning(f"the first file of the package is no layer: `{names[0]}` is drawn", Span(path.name))
+    return found
+
+
+def _read(layer: Any, lines: list[str], skipped: int, path: Path, diagnostics: Diagnostics) -> bool:
+    """Fill the layer from lines, after `skipped` empty ones. Lines that cannot be read are made empty."""
+    closed = 0
+    for _ in range(MOST):
+        try:
+            return bool(layer.ImportFromString("\n".join(lines[skipped:]) + "\n" + "}\n" * closed))
+        except Tf.ErrorException as failure:
+            text = text_of(failure)
+        layer.Clear()
+        found = _bad(text, lines, skipped)
+        if found is None:
+            return False
+        first, last = found
+        if first >= len(lines) or not any(line.strip() for line in lines[first:]):
+            if not closed:
+                _warn(path, len(lines), "the file ends early: it is read as if its prims ended there", diagnostics)
+            closed += 1
+            continue
+        _warn(path, first + 1, f"this statement cannot be read and is left out: `{lines[first].strip()[:60]}`", diagnostics)
+        lines[first : last + 1] = [""] * (last + 1 - first)
+    return False
+
+
+def _bad(text: str, lines: list[str], skipped: int) -> tuple[int, int] | None:
+    """The first and last line of the statement that an error of the parser names; None if it names none."""
+    if named := _PROPERTY.search(text):
+        prim, name = named.groups()
+        opening = next((k for k, line in enumerate(lines) if f'"{prim}"' in line), 0)
+        statement = re.compile(rf"(?:^|[\s\]]){re.escape(name)}(?:\.\w+)?\s*=")
+        first = next((k for k in range(opening, len(lines)) if statement.search(lines[k])), -1)
+    elif at := _PLACE.search(text):
+        first = int(at[1]) - 1 + skipped
+    else:
+        return None
+    if first < 0:
+        return None
+    last, depth = first, 0
+    while last < len(lines):
+        depth += sum(lines[last].count(c) for c in "([{") - sum(lines[last].count(c) for c in ")]}")
+        if depth <= 0:
+            break
+        last += 1
+    return first, first if last == len(lines) else last
+
+
+def _warn(path: Path, line: int, message: str, diagnostics: Diagnostics) -> None:
+    diagnostics.warning(message, Span(path.name, line, 1, line, 1))

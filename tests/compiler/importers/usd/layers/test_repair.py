@@ -1,0 +1,87 @@
+"""Damaged layers: what can be read of them is drawn, and what cannot is named."""
+
+import codecs
+import zipfile
+
+import pytest
+
+from ..stages import kinds, load
+
+GOOD = """#usda 1.0
+def Sphere "a"
+{
+    double radius = 2
+}
+def Cube "b"
+{
+    double size = 3
+}
+"""
+LOST = "this statement cannot be read and is left out"
+
+
+@pytest.mark.parametrize(
+    ("data", "expected"),
+    [
+        (codecs.BOM_UTF8 + GOOD.encode(), ["1:1: warning: a byte order mark (UTF-8) is left out"]),
+        (codecs.BOM_UTF16_LE + GOOD.encode("utf-16-le"), ["1:1: warning: a byte order mark (UTF-16-LE) is left out"]),
+        (GOOD.encode() + b"\x1a", ["10:1: warning: bytes that are no text are left out"]),
+        (GOOD.encode() + b"\0\0", ["10:1: warning: bytes that are no text are left out"]),
+        (b"\n\n" + GOOD.encode(), []),
+        (GOOD.replace("}\ndef", "}\nrubbish here\ndef").encode(), [f"6:1: warning: {LOST}: `rubbish here`"]),
+        (GOOD.encode() + b"end of file", [f"10:1: warning: {LOST}: `end of file`"]),
+        (GOOD.replace("radius = 2", "radius = ").encode(), [f"4:1: warning: {LOST}: `double radius =`"]),
+        (GOOD.replace("radius = 2", 'radius = "big"').encode(), [f'4:1: warning: {LOST}: `double radius = "big"`']),
+        (GOOD.replace("radius = 2", "radius = \udc80").encode(errors="surrogateescape"), [
+            "4:1: warning: bytes that are no text are left out", f"4:1: warning: {LOST}: `double radius =`"]),
+        (GOOD.replace("size = 3", "size = 3\n    float3[] extent = [(0, 0, 0),\n        (1, 1)]").encode(), [
+            f"9:1: warning: {LOST}: `float3[] extent = [(0, 0, 0),`"]),
+        (GOOD.rstrip().rstrip("}").encode(), ["9:1: warning: the file ends early: it is read as if its prims ended there"]),
+    ],
+)  # fmt: skip
+def test_a_damaged_text_file_is_drawn(tmp_path, data, expected):
+    path = tmp_path / "x.usda"
+    path.write_bytes(data)
+    scene, messages = load(path)
+    assert kinds(scene) == ["SPHERE", "BOX"]
+    assert [message.splitlines()[0] for message in messages] == [f"x.usda:{message}" for message in expected]
+
+
+def test_a_layer_that_is_referred_to_is_repaired(tmp_path):
+    (tmp_path / "part.usda").write_bytes(codecs.BOM_UTF8 + GOOD.encode())
+    (tmp_path / "x.usda").write_text('#usda 1.0\ndef "r" (\n    references = @part.usda@</b>\n)\n{\n}\n')
+    scene, messages = load(tmp_path / "x.usda")
+    assert kinds(scene) == ["BOX"]
+    assert messages == ["part.usda:1:1: warning: a byte order mark (UTF-8) is left out"]
+
+
+def test_formats_under_the_name_of_the_other(tmp_path):
+    from pxr import Sdf
+
+    layer = Sdf.Layer.CreateAnonymous(".usda")  # pyright: ignore[reportAttributeAccessIssue]
+    layer.ImportFromString(GOOD)
+    layer.Export(str(tmp_path / "a.usdc"))
+    (tmp_path / "x.usda").write_bytes((tmp_path / "a.usdc").read_bytes())
+    scene, messages = load(tmp_path / "x.usda")
+    assert kinds(scene) == ["SPHERE", "BOX"]
+    assert messages == ["x.usda:1:1: warning: this file is binary, and its name ends as those of text"]
+    (tmp_path / "y.usdc").write_text(GOOD)
+    scene, messages = load(tmp_path / "y.usdc")
+    assert kinds(scene) == ["SPHERE", "BOX"]
+    assert messages == ["y.usdc:1:1: warning: this file is text, and its name ends as those of binary files"]
+
+
+def test_a_package_that_begins_with_a_picture(tmp_path):
+    with zipfile.ZipFile(tmp_path / "x.usdz", "w", zipfile.ZIP_STORED) as package:
+        package.writestr("a.png", b"no picture")
+        package.writestr("b.usda", GOOD)
+    scene, messages = load(tmp_path / "x.usdz")
+    assert kinds(scene) == ["SPHERE", "BOX"]
+    assert messages == ["x.usdz: warning: the first file of the package is no layer: `b.usda` is drawn"]
+
+
+def test_a_file_without_a_sound_prim_is_an_error(tmp_path):
+    (tmp_path / "x.usda").write_text("#usda 1.0\ndef Cube {\n")
+    _, messages = load(tmp_path / "x.usda")
+    assert len(messages) == 1
+    assert messages[0].startswith("x.usda:2:1: error: cannot read the stage `x.usda`")

@@ -44,7 +44,7 @@ class Container:
     def floats(self, values: np.ndarray, bounds: bool = False) -> int:
         """The accessor of vertex values (n, width), in single precision."""
         given = np.ascontiguousarray(values, "<f4")
-        accessor = {"bufferView": self.view(given.tobytes(), _ARRAY), "componentType": _FLOAT, "count": len(given)}
+        accessor: dict[str, Any] = {"bufferView": self.view(given.tobytes(), _ARRAY), "componentType": _FLOAT, "count": len(given)}
         accessor["type"] = _TYPES[given.shape[1]]
         if bounds:
             accessor |= {"min": given.min(axis=0).tolist(), "max": given.max(axis=0).tolist()}

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import shutil
+import socket
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+PREFIX = ".maquette-"  # of temporary files: the prefix, the host, the process, random digits
+ABANDONED = 60.0  # seconds since the last change of a temporary file whose process has ended
 
 
 class Replacement:
@@ -15,14 +21,16 @@ class Replacement:
 
     At any time the path holds the complete old file or the complete new one. The new file gets the permissions of the old one.
     A symbolic link stays; its target is replaced.
-    The name of `partial` is valid UTF-8 even if the path is not, and has the same extension.
+    The name of `partial` is valid UTF-8 even if the path is not, and has the same extension. A process that was killed leaves its
+    `partial` behind; the next one that writes into the folder removes it.
     """
 
     def __init__(self, path: Path) -> None:
         target = Path(os.path.realpath(path))
         folder = target.parent if _is_utf8(str(target.parent)) else Path(tempfile.gettempdir())
         suffix = target.suffix if _is_utf8(target.suffix) else ""
-        self.partial = folder / f".maquette-{os.urandom(6).hex()}{suffix}"
+        remove_abandoned(folder)
+        self.partial = folder / f"{PREFIX}{_host()}-{os.getpid()}-{os.urandom(6).hex()}{suffix}"
 
     def place(self, path: Path, good: bool = True) -> None:
         """Rename the new file to `path`, or remove it if not `good`. Raises OSError and keeps the old file."""
@@ -54,6 +62,34 @@ def replace_file(path: Path, data: bytes) -> None:
     """Write `data` to `path` atomically. Raises OSError and keeps the old file."""
     with replacing(path) as partial:
         partial.write_bytes(data)
+
+
+def remove_abandoned(folder: Path) -> None:
+    """Remove temporary files of processes of this host that have ended."""
+    try:
+        with os.scandir(folder) as entries:
+            found = [entry for entry in entries if entry.name.startswith(f"{PREFIX}{_host()}-")]
+        for entry in found:
+            process = entry.name.removeprefix(f"{PREFIX}{_host()}-").partition("-")[0]
+            if process.isdecimal() and not _is_alive(int(process)) and time.time() - entry.stat().st_mtime > ABANDONED:
+                os.unlink(entry.path)
+    except OSError:
+        return  # the folder, or another process's file, is not ours to change
+
+
+def _host() -> str:
+    """Eight digits of this host: processes of other hosts may write into a shared folder."""
+    return hashlib.sha256(socket.gethostname().encode()).hexdigest()[:8]
+
+
+def _is_alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True
 
 
 def _is_utf8(text: str) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from io import BytesIO
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -18,6 +19,8 @@ from .srgb import encode_srgb
 
 LINEAR = (".exr",)
 DEPTHS = {".png": (8, 16), ".tif": (8, 16), ".tiff": (8, 16), ".jpg": (8,), ".jpeg": (8,)}  # bits a channel, by extension
+JPEG = (".jpg", ".jpeg")
+EXIF_DESCRIPTION, EXIF_SOFTWARE = 0x10E, 0x131
 WITH_ALPHA = (".png", ".tif", ".tiff")
 PNG_SUB = 16  # libpng's Sub filter: with zlib level 4 a quarter of the default time, for about the same size
 MIDDLE_GREY = 0.18
@@ -104,6 +107,7 @@ class Strips:
         self._new = Replacement(self.path)
         self._target: Any = None
         self._top = self._rows = 0
+        self._codes: list[NDArray[Any]] = []  # of a JPEG
 
     def __enter__(self) -> Strips:
         return self
@@ -112,6 +116,10 @@ class Strips:
         """Write the next rows."""
         linear = self.path.suffix.lower() in LINEAR
         pixels = _all_channels(picture) if linear else display(picture.channels["rgba"], self._shown_look())
+        if self.path.suffix.lower() in JPEG:
+            self._codes.append(pixels)
+            self._rows += picture.height
+            return
         if self._target is None:
             spec = self._spec(picture, pixels, linear)
             partial = str(self._new.partial)
@@ -136,8 +144,6 @@ class Strips:
         if self.path.suffix.lower() == ".png":
             spec.attribute("png:filter", PNG_SUB)
             spec.attribute("png:compressionLevel", 4)
-        if self.path.suffix.lower() in (".jpg", ".jpeg"):
-            spec.attribute("Compression", "jpeg:95")
         spec.attribute("oiio:ColorSpace", WORKING_SPACE if linear else "srgb_rec709_scene")
         spec.attribute("oiio:UnassociatedAlpha", 0 if linear else 1)
         spec.attribute("Software", f"maquette {self.about.get('version', '')}".strip())
@@ -149,14 +155,30 @@ class Strips:
     def _shown_look(self) -> Look:
         return self.look if self.path.suffix.lower() in WITH_ALPHA else replace(self.look, alpha=False)
 
+    def _write_jpeg(self) -> str:
+        """Encode a JPEG in memory, then write it: why that failed, or "". libjpeg's own files end the process on a full disk."""
+        from PIL import Image
+
+        out = BytesIO()
+        described = as_utf8(str(self.about.get("command", "")))
+        exif = Image.Exif()
+        exif[EXIF_DESCRIPTION], exif[EXIF_SOFTWARE] = described, f"maquette {self.about.get('version', '')}".strip()
+        Image.fromarray(np.concatenate(self._codes)).save(out, "JPEG", quality=95, comment=described, exif=exif)
+        try:
+            self._new.partial.write_bytes(out.getvalue())
+        except OSError as failure:
+            return failure.strerror or str(failure)
+        return ""
+
     def __exit__(self, kind: Any, *_: Any) -> None:
         closed = self._target is not None and self._target.close()
         problem = ""
         if kind is None:
-            if not closed or self._rows < self.height:
+            if self._codes:
+                problem = self._write_jpeg()
+            elif not closed or self._rows < self.height:
                 problem = self._target.geterror() if self._target else "it has no pixels"
-            else:
-                problem = _problem_at_end(self._new.partial)
+            problem = problem or _problem_at_end(self._new.partial)
         self._new.place(self.path, kind is None and not problem)
         if problem:
             raise OSError(f"cannot write {self.path}: {' '.join(problem.split())}")

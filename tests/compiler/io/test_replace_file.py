@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -54,3 +56,29 @@ def test_what_is_not_good_leaves_the_old_file(tmp_path: Path) -> None:
 
 def test_bytes_that_are_not_utf8_are_written_out() -> None:
     assert as_utf8(f"{NOT_UTF8} é") == "a\\xff é"
+
+
+def test_files_of_killed_processes_are_removed(tmp_path: Path) -> None:
+    """Those of a process of this host that has ended, a minute after their last change; others stay."""
+    program = f"""
+from pathlib import Path
+from maquette.compiler.io.replace_file import Replacement
+print(Replacement(Path({str(tmp_path / "a.png")!r})).partial)
+"""
+    left = Path(subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.strip())
+    host, process = left.name.split("-")[1:3]
+    fresh, mine, foreign, other = (
+        tmp_path / name
+        for name in (
+            f".maquette-{host}-{process}-1.png",
+            f".maquette-{host}-{os.getpid()}-2.png",
+            f".maquette-0-{process}-3.png",
+            ".hidden",
+        )
+    )
+    for path in (left, fresh, mine, foreign, other):
+        path.write_bytes(b"half")
+        if path != fresh:
+            os.utime(path, (0, 0))
+    replace_file(tmp_path / "b.png", b"whole")
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([fresh.name, mine.name, foreign.name, other.name, "b.png"])

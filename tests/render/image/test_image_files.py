@@ -240,7 +240,7 @@ def test_far_from_one_the_numbers_stay(tmp_path: Path, gain: float) -> None:
     assert np.array_equal(image_reader.read(tmp_path / "x.exr").channels["rgba"], values * np.float32(gain))
 
 
-@pytest.mark.parametrize("name", ["a.png", "a.tif", "a.exr"])
+@pytest.mark.parametrize("name", ["a.png", "a.tif", "a.exr", "a.jpg"])
 def test_a_file_cut_short_is_an_error_and_the_old_one_stays(tmp_path: Path, name: str) -> None:
     """As on a full disk: libraries that write pictures do not all tell of it."""
     (tmp_path / name).write_bytes(b"old")

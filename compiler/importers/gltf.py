@@ -17,7 +17,7 @@ from ...lang.diagnostics import Diagnostics, Span
 from ...lang.elements import Quaternion
 from .. import ir
 from ..io.sandbox import Files
-from ..mesh import polygon_mesh
+from ..mesh import polygon_mesh, strands
 from ..mesh.polygon_mesh import PolyMesh
 from ..scene import transforms
 from ..scene.builder import SceneBuilder
@@ -29,7 +29,8 @@ from .mesh_parts import Part, add
 
 __all__ = ["GltfError", "read"]
 
-TRIANGLES, STRIP, FAN = 4, 5, 6
+POINTS, LINES, LOOP, TRIANGLES, STRIP, FAN = 0, 1, 2, 4, 5, 6
+THIN = 150  # the diameter of points and lines is 1 / THIN of their extent
 WRONG = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError)  # of a document that contradicts itself
 _T = TypeVar("_T")
 MAX_NODES = 200_000
@@ -173,11 +174,10 @@ class _Reader:
 
     def primitive(self, primitive: dict[str, Any], name: str, weights: tuple[float, ...], skin: gltf_animation.Skin | None) -> list[Part]:
         """One triangle primitive (§3.7.2), morphed and skinned; several parts if its pictures read several sets of texture coordinates."""
-        if primitive.get("mode", TRIANGLES) not in (TRIANGLES, STRIP, FAN):
-            self.warn("points and lines are not drawn")
-            return []
         if not self.readable(primitive):
             return []
+        if primitive.get("mode", TRIANGLES) not in (TRIANGLES, STRIP, FAN):
+            return self.thin(primitive, name, weights)
         material: int | None = primitive.get("material")
         sets: list[int] = []
         if material is not None:
@@ -211,6 +211,33 @@ class _Reader:
             row = None if material is None else self.material(material, fit)
             made.append(add(part, row, name, self.builder, self.diagnostics, Span(self.name)))
         return [part for part in made if part is not None]
+
+    def thin(self, primitive: dict[str, Any], name: str, weights: tuple[float, ...]) -> list[Part]:
+        """A primitive of points as spheres, or of lines as tubes: glTF gives them no width (§3.7.2.1). Pictures show one texel."""
+        points = gltf_animation.morphed(self.container, primitive, "POSITION", weights).astype(np.float64)
+        order = self.container.accessor(primitive["indices"]).reshape(-1) if "indices" in primitive else np.arange(len(points))
+        order = order.astype(np.int64)
+        sound = order < len(points)
+        sound[sound] = np.isfinite(points[order[sound]]).all(axis=1)
+        if not sound.all():
+            self.warn(f"{np.count_nonzero(~sound)} of {len(sound)} points of `{name}` do not exist or are not finite: they are left out")
+        runs = _polylines(order, sound, primitive["mode"])
+        rows = np.concatenate(runs) if runs else np.zeros(0, np.int64)
+        if not len(rows):
+            return []
+        radius = max(float(np.linalg.norm(np.ptp(points[rows], axis=0))), 1e-9) / THIN / 2
+        given = primitive["attributes"].get("COLOR_0")
+        colors = None if given is None else self.container.accessor(given)
+        tints = None if colors is None or len(colors) < len(points) else colors[rows, :3]
+        if primitive["mode"] == POINTS:
+            mesh = strands.balls(points[rows], np.full(len(rows), radius), tints)
+        else:
+            counts = np.array([len(run) for run in runs])
+            lines = strands.Strands(points[rows], np.full(len(rows), radius), counts, np.zeros(len(runs), bool))
+            mesh = strands.tubes(lines, None, tints)
+        material = None if "material" not in primitive else self.material(primitive["material"], gltf_materials.Fit())
+        part = add(mesh, material, name, self.builder, self.diagnostics, Span(self.name))
+        return [] if part is None else [part]
 
     def material(self, index: int, fit: gltf_materials.Fit) -> int | None:
         return self.attempt(f"material {index}", lambda: self.materials.row(index, fit), None)
@@ -335,6 +362,20 @@ def _local(node: dict[str, Any]) -> np.ndarray:
 def _upward(uvs: np.ndarray) -> np.ndarray:
     """Texture coordinates (n, 2) with v up; glTF's points down."""
     return np.stack([uvs[:, 0], 1.0 - uvs[:, 1]], axis=1)
+
+
+def _polylines(order: np.ndarray, sound: np.ndarray, mode: int) -> list[np.ndarray]:
+    """The sound points, or the polylines of two sound points or more: of pairs, a loop or a strip."""
+    if mode == POINTS:
+        return [order[sound]]
+    if mode == LINES:
+        pairs, whole = order[: len(order) // 2 * 2].reshape(-1, 2), sound[: len(order) // 2 * 2].reshape(-1, 2).all(axis=1)
+        return list(pairs[whole])
+    if mode == LOOP:
+        order, sound = np.append(order, order[:1]), np.append(sound, sound[:1])
+    runs = np.split(order, np.flatnonzero(~sound))
+    runs = [run if k == 0 else run[1:] for k, run in enumerate(runs)]
+    return [run for run in runs if len(run) > 1]
 
 
 def _triangles(order: np.ndarray, mode: int) -> np.ndarray:

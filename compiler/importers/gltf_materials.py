@@ -117,17 +117,28 @@ class Materials:
         return replace(plain, specular=Input((r, g, b), self._texture(packed)), roughness=rough)
 
     def _ior(self, extensions: dict[str, Any]) -> float:
-        """The index of refraction of the reflectance along the normal, times the factor of KHR_materials_specular."""
+        """The index of refraction of the reflectance along the normal, times the mean factor of KHR_materials_specular."""
         ior = float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5))
         given = extensions.get("KHR_materials_specular", {})
         color = given.get("specularColorFactor", (1.0, 1.0, 1.0))
         share = float(given.get("specularFactor", 1.0)) * float(np.mean(color))
-        if np.ptp(color) > 0:
-            self.warn("the colour of KHR_materials_specular is drawn as its mean")
+        if _is_tinted(given):
+            self.warn("the colour and the pictures of KHR_materials_specular are drawn as the mean of its factors where metallic is not 0")
         if share == 1.0:
             return ior
         root = math.sqrt(min(((ior - 1) / (ior + 1)) ** 2 * share, 0.9))
         return (1 + root) / (1 - root)
+
+    def _specular(self, extensions: dict[str, Any]) -> Input:
+        """The reflectance along the normal of KHR_materials_specular on a surface that is no metal."""
+        ior = float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5))
+        given = extensions["KHR_materials_specular"]
+        share = ((ior - 1) / (ior + 1)) ** 2 * float(given.get("specularFactor", 1.0))
+        tint, weight = self._texture(given.get("specularColorTexture")), given.get("specularTexture")
+        if tint != NONE and weight:
+            self.warn("the specularTexture of KHR_materials_specular is not drawn beside its specularColorTexture")
+        r, g, b = (min(share * float(c), 1.0) for c in given.get("specularColorFactor", (1.0, 1.0, 1.0)))
+        return Input((r, g, b), tint if tint != NONE else self._texture(weight, 3))
 
     def _surface(self, written: dict[str, Any], base: Input, alpha: float, extensions: dict[str, Any]) -> metallic_roughness.Surface:
         """Base colour, metallic, roughness, emission and, for BLEND and MASK, opacity (§3.9)."""
@@ -139,12 +150,14 @@ class Materials:
         holes = None if whole else Input.number(alpha, through)
         strength = float(extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0))
         r, g, b = written.get("emissiveFactor", (0.0, 0.0, 0.0))
-        coat = extensions.get("KHR_materials_clearcoat", {})
+        coat, metallic = extensions.get("KHR_materials_clearcoat", {}), float(pbr.get("metallicFactor", 1.0))
+        tinted = metallic == 0.0 and _is_tinted(extensions.get("KHR_materials_specular", {}))
         return metallic_roughness.Surface(
             base,
-            Input.number(float(pbr.get("metallicFactor", 1.0)), self._texture(packed, 2)),
+            Input.number(metallic, self._texture(packed, 2)),
             Input.number(float(pbr.get("roughnessFactor", 1.0)), self._texture(packed, 1)),
-            Input.number(self._ior(extensions)),
+            metallic_roughness.GLASS if tinted else Input.number(self._ior(extensions)),
+            specular=self._specular(extensions) if tinted else None,
             emissive=Input(scale_color((r, g, b), strength), self._texture(written.get("emissiveTexture"))),
             coat=Input.number(float(coat.get("clearcoatFactor", 0.0)), self._texture(coat.get("clearcoatTexture"), 0)),
             coat_roughness=Input.number(
@@ -213,6 +226,11 @@ class Materials:
         except GltfError as failure:
             self.warn(str(failure))
         return NONE
+
+
+def _is_tinted(specular: dict[str, Any]) -> bool:
+    """Whether KHR_materials_specular has a colour or a picture."""
+    return bool(np.ptp(specular.get("specularColorFactor", (1.0, 1.0, 1.0))) > 0) or any(key.endswith("Texture") for key in specular)
 
 
 def _references(material: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:

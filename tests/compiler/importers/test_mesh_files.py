@@ -2,6 +2,7 @@
 
 import base64
 import codecs
+import itertools
 import json
 import struct
 
@@ -629,10 +630,13 @@ def test_a_gltf_with_a_file_and_a_data_uri(tmp_path):
     [
         ({"animations": [{}]}, "the file has 1 animation of up to 0 s: --time draws the first"),
         ({"extensionsUsed": ["EXT_new", "KHR_mesh_quantization"]}, "the extension `EXT_new` is not known: it is not drawn"),
-        ({"materials": [{"extensions": {"KHR_materials_sheen": {}}}]}, "the extension `KHR_materials_sheen` is not drawn"),
+        ({"materials": [{"extensions": {"KHR_materials_sheen": {}}}]},
+         "the extension `KHR_materials_sheen` is not drawn: no material has this lobe: the others are drawn"),
         ({"textures": [{"extensions": {"KHR_texture_basisu": {"source": 0}}}],
           "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]},
-         ("the extension `KHR_texture_basisu` is not drawn", "a texture is not drawn: its picture is given by KHR_texture_basisu alone")),
+         ("the extension `KHR_texture_basisu` is not drawn: "
+          "pictures in KTX 2: `gltf-transform ktxdecompress a.glb b.glb` writes them as PNG",
+          "a texture is not drawn: its picture is given by KHR_texture_basisu alone")),
         ({"scenes": [{"nodes": [1], "mood": 1}],
           "materials": [{"glow": 2}, {"glow": 2}]},
          ("`scenes[0].mood` is not known: it is not drawn", "`materials[0].glow` is not known: it is not drawn")),
@@ -720,9 +724,56 @@ def test_the_specular_factor_scales_the_reflectance():
     ior = scene.tables.materials.values[0, ir.Slot.IOR, 0]
     assert messages == []
     assert ((ior - 1) / (ior + 1)) ** 2 == pytest.approx(0.04 / 4)
-    assert extended(KHR_materials_specular={"specularColorFactor": [1, 0, 0]})[1] == [
-        "a.glb: warning: the colour of KHR_materials_specular is drawn as its mean"
+    metal = {"extensions": {"KHR_materials_specular": {"specularColorFactor": [1, 0, 0]}}}
+    assert read(glb(*square(materials=[metal])), "a.glb")[2] == [
+        "a.glb: warning: the colour and the pictures of KHR_materials_specular are drawn as the mean of its factors where metallic is not 0"
     ]
+
+
+def test_the_specular_colour_of_a_surface_that_is_no_metal():
+    given = {"specularFactor": 0.5, "specularColorFactor": [1, 0.5, 80]}
+    written = {"pbrMetallicRoughness": {"metallicFactor": 0}, "extensions": {"KHR_materials_specular": given}}
+    scene, _, messages = read(glb(*square(materials=[written])), "a.glb")
+    m = scene.tables.materials
+    assert messages == []
+    assert ir.MaterialModel(m.model[0]) == ir.MaterialModel.PRINCIPLED_SPECULAR
+    assert m.values[0, ir.Slot.SPECULAR] == pytest.approx([0.02, 0.01, 1])
+
+
+@pytest.mark.parametrize(("mode", "parts"), [(1, [[0, 1], [2, 3]]), (2, [[0, 1, 2, 3, 0]]), (3, [[0, 1, 2, 3]])])
+def test_lines_of_a_glb_are_tubes(mode, parts):
+    document, binary = square()
+    primitive = document["meshes"][0]["primitives"][0]
+    primitive["mode"] = mode
+    del primitive["indices"]
+    scene, _, messages = read(glb(document, binary), "a.glb")
+    assert messages == []
+    corners = tables.corners(scene.tables)
+    radius = 2**0.5 / 300
+    ends = [(SQUARE[a], SQUARE[b]) for part in parts for a, b in itertools.pairwise(part)]
+    away = np.stack([distance(corners.reshape(-1, 3), a, b) for a, b in ends]).min(axis=0)
+    assert away.max() < 1.5 * radius
+    assert away.max() > 0.9 * radius
+    for a, b in ends:
+        assert distance(corners.reshape(-1, 3), a, b).min() < 1.01 * radius
+        assert distance(corners.mean(axis=1), (a + b) / 2, (a + b) / 2).min() < 0.6
+
+
+def distance(points, a, b):
+    """Distances (n,) of points from a segment."""
+    along = np.clip((points - a) @ (b - a) / max((b - a) @ (b - a), 1e-30), 0, 1)
+    return np.linalg.norm(points - a - along[:, None] * (b - a), axis=1)
+
+
+def test_points_of_a_glb_are_spheres():
+    document, binary = square()
+    primitive = document["meshes"][0]["primitives"][0]
+    primitive["mode"] = 0
+    document["accessors"][2]["count"] = 3
+    scene, _, messages = read(glb(document, binary), "a.glb")
+    assert messages == []
+    corners = tables.corners(scene.tables).reshape(-1, 3)
+    assert np.linalg.norm(corners[:, None] - SQUARE[[0, 1, 2]], axis=2).min(axis=1) == pytest.approx(2**0.5 / 300, rel=1e-4)
 
 
 def test_specular_and_glossiness():

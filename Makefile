@@ -19,7 +19,7 @@ INPUTS := $(filter-out %.png %.md,$(wildcard examples/*)) $(wildcard examples/as
 CHARTS := $(patsubst %,examples/%.scene,hello refraction room shapes spotlights) bench/scenes/cornell.scene
 CHART_BUDGET ?= 5min
 
-.PHONY: help venv kernels wheel demo pictures reference grammar editor charts test test-all check bench bounds clean accuracy
+.PHONY: help venv kernels wheel demo pictures library reference grammar editor charts test test-all check bench bounds clean accuracy
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -61,6 +61,10 @@ reference: $(STAMP)  ## write docs/reference.md from the schema again, and the p
 	@for name in usd gltf meshes; do \
 	  $(BIN)/python -m maquette.compiler.format_pages $$name > build/$$name.md && mv build/$$name.md docs/$$name.md || exit; \
 	done
+
+library: $(STAMP)  ## write docs/library.md from the comments in stdlib, and draw its pictures
+	@mkdir -p build && $(BIN)/python -m maquette.lang.library_page > build/library.md && mv build/library.md docs/library.md
+	@MAQUETTE_KERNELS=general $(BIN)/python -P tools/library_pictures.py
 
 grammar: $(STAMP)  ## write the tables of the parser again, after a change of lang/syntax/grammar.lark
 	@mkdir -p build && $(BIN)/python -m maquette.lang.syntax.build_tables > build/tables.json && mv build/tables.json lang/syntax/tables.json

@@ -44,6 +44,7 @@ UNITS_ACROSS_FILES = """\
 `unit mm`, `part.post(at: [10, 20, 30])` places the post at 10 mm, 20 mm, 30 mm, for any unit of the part's file. A factor that
 multiplies bare lengths of the part is declared as a number: `let post(scale: number = 1) = …`, and a list of factors as a `list`."""
 
+EXAMPLE = "Example: "  # begins the last line of the comment above a part of the library
 _ANGLE_TYPES = ("angle",)
 _LENGTH_TYPES = ("length", "point", "size2", "size3")
 
@@ -205,12 +206,12 @@ def _file(name: str, text: str) -> str:
     file = parse(text, f"std/{name}", Diagnostics())
     parts = [f"### std/{name}\n"]
     rows: list[tuple[str, ...]] = []
-    head = _paragraphs(file.items[0].before)[:1] if file.items else []
+    head = paragraphs(file.items[0].before)[:1] if file.items else []
     parts += [f"{paragraph}\n" for paragraph in head]
     for item in file.items:
-        heading = _heading(item)
-        if heading:
-            parts += _take_table(rows) + [f"**{heading}**\n"]
+        title = heading(item)
+        if title:
+            parts += _take_table(rows) + [f"**{title}**\n"]
         if isinstance(item, ast.Let) and item.parameters is not None:
             rows.append((f"`{part_signature(item, text)}`", comment_above(item)))
     return "\n".join(parts + _take_table(rows))
@@ -237,13 +238,22 @@ def _source(span: Span, text: str) -> str:
 
 
 def comment_above(item: ast.Item) -> str:
-    """The comment directly above an item."""
+    """The comment directly above an item, without its example."""
+    return _comment(item).partition(EXAMPLE)[0].rstrip()
+
+
+def example_above(item: ast.Item) -> str:
+    """The code after `Example:` in the comment directly above an item; empty if there is none."""
+    return _comment(item).partition(EXAMPLE)[2]
+
+
+def _comment(item: ast.Item) -> str:
     if not item.before or item.before[-1].span.line + 1 < item.span.line:
         return ""
-    return _paragraphs(item.before)[-1]
+    return paragraphs(item.before)[-1]
 
 
-def _heading(item: ast.Item) -> str:
+def heading(item: ast.Item) -> str:
     """`matt` for a comment line `// --- matt ---` above an item."""
     for comment in item.before:
         match = re.fullmatch(r"// --- (.*) ---", comment.text)
@@ -252,7 +262,7 @@ def _heading(item: ast.Item) -> str:
     return ""
 
 
-def _paragraphs(comments: tuple[ast.Comment, ...]) -> list[str]:
+def paragraphs(comments: tuple[ast.Comment, ...]) -> list[str]:
     """The text of comments; comments on consecutive lines are one paragraph."""
 
     def pieces() -> Iterator[str]:

@@ -204,13 +204,15 @@ _BY_POSITION = {  # for surplus arguments, by function
 
 # Parts of the library, by file.
 LIBRARY = {
-    "patterns": "wood marble bricks dots granite turbulence",
+    "patterns": "wood marble bricks dots granite turbulence hexagons boards herringbone weave clouds",
     "materials": "clay plaster paper slate asphalt grey_card porcelain lacquer enamel tiles planks striped_cloth squared_cloth water ice "
-    "crown_glass flint_glass acrylic sapphire diamond bottle_glass amber_glass silver_mirror bronze_mirror grey_mirror",
-    "lights": "softbox three_point studio daylight overcast moonlight rim_only",
-    "cameras": "isometric product standing turntable",
-    "room": "panel bulb window downlight standing_lamp table picture",
-    "shapes": "crate slab stairs column tetrahedron octahedron icosahedron",
+    "crown_glass flint_glass acrylic sapphire diamond bottle_glass amber_glass silver_mirror bronze_mirror grey_mirror brick concrete sand "
+    "snow charcoal skin leather cherry maple pine walnut nylon car_paint chocolate obsidian terrazzo tungsten ruby emerald amber honey",
+    "lights": "softbox three_point studio daylight overcast moonlight rim_only ring_light golden_hour blue_hour candle",
+    "cameras": "isometric product standing turntable full_frame portrait telephoto macro",
+    "room": "panel bulb window downlight standing_lamp table_lamp table picture chair books",
+    "shapes": "crate slab stairs column arch roof vessel cushion tetrahedron octahedron dodecahedron icosahedron knot chain mountains",
+    "mechanics": "gear thread hex_bolt hex_nut washer spring bearing pulley",
     "surfaces": "parametric revolved voxels",
     "profiles": "circle arc ellipse rectangle slot regular star",
 }

@@ -50,7 +50,7 @@ def test_every_implemented_element_is_on_the_page():
         "| formula | a formula \\|x, y, z\\| … |",
         "| `clay(color = #b5654a)` | Fired clay. |",
         "| `gold(roughness = 0.1)` | Polished gold. |",
-        "**glazed**",
+        "**plastic, paint and glaze**",
     ],
 )
 def test_lines_of_the_page(line):

@@ -12,9 +12,11 @@ from maquette.lang import formula_graph
 from maquette.lang.diagnostics import Diagnostics, render_text
 from maquette.lang.eval import suggestions
 from maquette.lang.eval.evaluator import ReadError, Source, evaluate
+from maquette.lang.library_page import entries
 from maquette.lang.syntax import ast, parser
 
 LIBRARY = Path(maquette.__file__).parent / "stdlib"
+MATERIALS = ("lambert", "phong", "blinn_phong", "mirror", "glass", "principled", "metal", "blend")
 FILES = sorted(LIBRARY.glob("*.scene"))
 
 
@@ -46,45 +48,50 @@ GIVEN = {  # arguments of the library's functions that have no default
     "roughness": "0.5", "f0": "rgb(0.9, 0.8, 0.7)", "x": "0.3", "y": "0.3", "z": "0.3", "k": "1", "seed": "2",
     "at": "|u, v| [u, v, 0]", "first": "0", "across": "3", "t": "0.5", "degree": "1", "s": "1", "knots": "[0, 0, 1, 1]", "count": "4",
     "points": "[[0, 0, 0], [1, 0, 0]]", "rows": "[[[0, 0, 0], [1, 0, 0]], [[0, 1, 0], [1, 1, 0]]]", "profile": "[[1, 0], [1, 1]]",
+    "u": "0.2", "v": "0.3", "row": "2", "size": "8mm", "column": "1", "angle": "0.3rad", "r": "2", "base": "1.8", "module": "0.2",
+    "pressure": "0.35rad", "teeth": "12", "tooth": "3", "radius": "4", "pitch": "1", "length": "5", "height": "2", "n": "2.5",
     "weighted": "[[[i, j, 0, 1] for i in 0..3] for j in 0..3]", "is_full": "|x, y, z| x > 0",
 }  # fmt: skip
 
 
 def parts(file):
-    """Each function and part of a library file, with a call that has only the required arguments."""
+    """Each function and part of a library file, with its example, or with a call that has only the required arguments.
+
+    (call, whether it is a helper).
+    """
     items = parser.parse(file.read_text(encoding="utf-8"), file.name, Diagnostics()).items
     prefix = "" if file.stem == "prelude" else f"{file.stem}."
+    shown = {entry.name: entry.example for entry in entries(file.stem, file.read_text(encoding="utf-8"))}
     for item in items:
         if isinstance(item, ast.Let) and item.parameters is not None:
-            needed = ", ".join(f"{p.name.id}: {GIVEN[p.name.id]}" for p in item.parameters if p.default is None)
-            yield f"{prefix}{item.name.id}({needed})"
+            missing = [p.name.id for p in item.parameters if p.default is None and item.name.id not in shown]
+            needed = ", ".join(f"{name}: {GIVEN[name]}" for name in missing)
+            yield shown.get(item.name.id) or f"{prefix}{item.name.id}({needed})", item.name.id not in shown
 
 
-CALLS = [(file.stem, call) for file in FILES for call in parts(file)]
-VALUES = ("shininess_of", "profiles.", "lights.metres", "lights.direction", "patterns.octave", "patterns.turbulence",
-          "surfaces.face", "surfaces.bezier_at", "surfaces.stretch", "surfaces.spline_at", "surfaces.clamped")  # fmt: skip
+CALLS = [(file.stem, call, helper) for file in FILES for call, helper in parts(file)]
 
 
-def scene(name, call):
+def scene(name, call, helper):
     """A scene that uses a part of the library."""
     use = "" if name == "prelude" else f'use "std/{name}"\n'
-    if call.startswith(VALUES):
+    if helper or name == "profiles":
         return f"{use}let it = {call}"
     if name == "patterns":
         return f"{use}sphere(1, material: lambert({call}))"
     return use + (f"sphere(1, material: {call})" if name in ("prelude", "materials") else call)
 
 
-@pytest.mark.parametrize(("name", "call"), CALLS, ids=[call for _, call in CALLS])
-def test_every_part_evaluates_with_its_defaults(name, call):
-    document = evaluated(scene(name, call))
-    if name in ("prelude", "materials") and not call.startswith(VALUES):
+@pytest.mark.parametrize(("name", "call", "helper"), CALLS, ids=[call for _, call, _ in CALLS])
+def test_every_part_evaluates_with_its_defaults(name, call, helper):
+    document = evaluated(scene(name, call, helper))
+    if name in ("prelude", "materials") and not helper:
         (sphere,) = document.elements
-        assert sphere.args["material"].kind in ("lambert", "phong", "blinn_phong", "mirror", "glass")
+        assert sphere.args["material"].kind in MATERIALS
     elif name == "cameras":
         (camera,) = document.cameras
-        assert camera.args["name"] == call.partition(".")[2].rstrip("()")
-    elif not call.startswith(VALUES):
+        assert camera.args["name"] == call.partition(".")[2].partition("(")[0]
+    elif not helper and name != "profiles":
         assert len(document.elements) == 1
 
 

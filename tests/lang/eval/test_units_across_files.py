@@ -12,6 +12,7 @@ import pytest
 from maquette.lang.diagnostics import Diagnostics
 from maquette.lang.elements import Element
 from maquette.lang.formula_graph import Formula
+from maquette.lang.reference_page import heading
 from maquette.lang.schema.elements import SCHEMA
 from maquette.lang.syntax import ast, parser
 
@@ -112,15 +113,19 @@ def arguments(parameters: tuple[ast.Parameter, ...], numbers: list[float], unit:
 
 
 PLACED_BY = {"std/profiles": "extrude({}, 1m)"}
-NOT_PLACED = "std/prelude std/materials std/patterns metres direction face bezier_at stretch spline_at clamped side corner".split()
+NOT_PLACED = "std/prelude std/materials std/patterns face bezier_at stretch spline_at clamped".split()
 
 
 def placing() -> list[tuple[str, str, tuple[ast.Parameter, ...]]]:
     """File, name and parameters of each part of the library that places something."""
     found = []
     for path, text in LIBRARY.items():
+        section = ""
         for item in parser.parse(text, path, Diagnostics()).items:
-            if isinstance(item, ast.Let) and item.parameters and path not in NOT_PLACED and item.name.id not in NOT_PLACED:
+            section = heading(item) or section
+            if section == "helpers" or path in NOT_PLACED:
+                continue
+            if isinstance(item, ast.Let) and item.parameters and item.name.id not in NOT_PLACED:
                 found.append((path, item.name.id, item.parameters))
     return found
 

@@ -1,0 +1,68 @@
+"""Draws docs/library/FILE.jpg: a sheet of pictures for each file of the library, one picture an entry, with its name.
+
+python tools/library_pictures.py [FILE …]
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+
+import maquette
+from maquette.lang.library_page import Entry, entries, library
+from PIL import Image, ImageDraw, ImageFont
+
+ROOT = Path(__file__).resolve().parent.parent
+CELL = (132, 112)
+LABEL = 15
+ACROSS = 7
+QUALITY = 88  # of JPEG
+SAMPLES = {"room": 400, "lights": 128, "mechanics": 64}
+
+
+EXPOSURE = {"candle": 2.0}  # ev, where metering of a dark room is too bright
+
+
+def picture(entry: Entry) -> Image.Image:
+    """One entry."""
+    scene = maquette.load_text(entry.scene)
+    image = maquette.render(scene, size=(2 * CELL[0], 2 * CELL[1]), samples=SAMPLES.get(entry.file, 48), bounces=8)
+    image.save(ROOT / "build" / "entry.png", exposure=EXPOSURE.get(entry.name, "metered" if _photometric(entry) else 0.0))
+    with Image.open(ROOT / "build" / "entry.png") as file:
+        flat = Image.new("RGB", file.size, "white")
+        flat.paste(file.convert("RGB"))
+        return flat.resize(CELL, Image.Resampling.LANCZOS)
+
+
+def _photometric(entry: Entry) -> bool:
+    return entry.file == "room" or entry.name in ("daylight", "overcast", "moonlight", "golden_hour", "blue_hour", "window")
+
+
+def sheet(file: str, text: str) -> Image.Image:
+    """All entries of a library file."""
+    found = entries(file, text)
+    step = (CELL[0] + 6, CELL[1] + LABEL + 6)
+    across = min(ACROSS, len(found))
+    made = Image.new("RGB", (step[0] * across, step[1] * math.ceil(len(found) / across)), "white")
+    draw = ImageDraw.Draw(made)
+    font = ImageFont.truetype(str(ROOT / "stdlib" / "fonts" / "DejaVuSans.ttf"), 11, layout_engine=ImageFont.Layout.BASIC)
+    for k, entry in enumerate(found):
+        at = 3 + k % across * step[0], 3 + k // across * step[1]
+        made.paste(picture(entry), at)
+        draw.text((at[0], at[1] + CELL[1] + 1), entry.name, "black", font)
+    return made
+
+
+def main() -> None:
+    """Draw the sheets that are asked for, or all."""
+    (ROOT / "build").mkdir(exist_ok=True)
+    texts = library()
+    for file in sys.argv[1:] or texts:
+        made = sheet(file, texts[file])
+        made.save(ROOT / "docs" / "library" / f"{file}.jpg", quality=QUALITY, subsampling=0, optimize=True)
+        print(f"docs/library/{file}.jpg: {made.width}x{made.height}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,107 +1,216 @@
-"""The live window: seconds from the write of a file to the changed picture at a page."""
+"""The live window in Chromium: milliseconds from an edit to the changed picture on screen, and frames a second of an orbit."""
 
 from __future__ import annotations
 
-import json
+import contextlib
+import math
 import os
 import re
 import statistics
-import struct
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
 
-from websockets.sync.client import ClientConnection, connect
-
-from . import report
+from . import chromium, meshes, report
+from .chromium import Tab
 from .harness import Effort
 
 TEXT = """
-`maquette watch` of a scene, 960 × 540 pixels, 16 samples a pixel; each edit changes a number and writes the file over the old one. Seconds
-from the write to the end of the message that brings the picture to a page. *First*: the first changed picture, which may be coarse.
-*Whole*: the first one in full size. The watch waits 50 to 200 ms for further writes of the same save.
+`maquette watch` of a scene, 960 × 540 pixels, 16 samples a pixel, in a headless Chromium. Milliseconds from the edit to the frame of the
+screen that shows the changed picture. An edit is a write of the file, a move of a slider, or a key in the source pane; it comes 0.2 s after
+the finished picture of the edit before. *First*: the first changed picture, which may be coarse. *Whole*: the first one in full size, which
+has one sample a pixel. The room has a mesh of 500,000 triangles.
 """
-SCENES = {
-    "a ball": "sphere(1, center: [{0}, 1, 0], material: plastic(#d0402a))\nplane(0)\n",
-    "a formula": "implicit(|x, y, z| x^2 + y^2 + z^2 + 0.2 * sin(5 * x) < {0} + 1, within: box(3))\nplane(-1.5)\n",
-}
+ORBIT_TEXT = """
+*Orbit*: the mouse is dragged over the picture of 512², 4 samples a pixel, for some seconds: pictures on screen a second, and how many of
+them have full size.
+"""
 REST = """\
 point([2, 4, 3], intensity: 60)
 camera(position: [0, 1, 6], look_at: [0, 0.5, 0], fov: 35deg)
 render(size: [{w}, {h}], samples: 16)
 """
+BALL = "let red = 0.{0}\nparam size = 1 in 0.5..1.5\nsphere(size, center: [0, 1, 0], material: plastic(rgb(red, 0.2, 0.1)))\nplane(0)\n"
+FORMULA = "implicit(|x, y, z| x^2 + y^2 + z^2 + 0.2 * sin(5 * x) < 1.{0}, within: box(3))\nplane(-1.5)\n"
+ROOM = """\
+mesh("knot.ply", material: plastic(#4080c0), translate: [0, 1, 0])
+sphere(0.3, center: [-0.{0}, 0.3, 1.2], material: plastic(#d0402a))
+box([8, 6, 14], center: [0, 3, 0], material: lambert(#dddddd))
+"""
+MESH = 'mesh("knot.ply", material: plastic(#4080c0))\npoint([2, 4, 3], intensity: 60)\ncamera(position: [0, 1, 4], look_at: [0, 0, 0])\n'
 EDITS = 50
+PAUSE = 0.2  # seconds between a finished picture and the next edit
 TIMEOUT = 600.0  # seconds of the first picture, which may wait for kernels
+EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
+CANVAS = "document.querySelector('#picture')"
+SEEN = """new Promise((done) => {
+  const began = performance.now(), times = [];
+  const shown = () => { const port = new MessageChannel(); port.port1.onmessage = end; port.port2.postMessage(0); };
+  const end = () => { times.push(performance.now() - began); if (whole()) done(times); else look(); };
+  const canvas = CANVAS, changed = () => +canvas.dataset.version > AFTER;
+  const whole = () => changed() && canvas.width === WIDTH && canvas.height === HEIGHT;
+  const look = () => { if (changed() && (whole() || !times.length)) requestAnimationFrame(shown); else requestAnimationFrame(look); };
+  look();
+})"""  # milliseconds to the end of the frames that show the first and the whole picture of a later version; once, if they are the same
+
+
+@dataclass(frozen=True, slots=True)
+class Edited:
+    """An open scene: its page, its file, the pattern of its text and the size of its picture."""
+
+    tab: Tab
+    scene: Path
+    text: str
+    size: tuple[int, int]
+
+    def write(self, k: int) -> None:
+        """Write the text with another number over the file, as editors do."""
+        new = self.scene.with_name(".new")
+        new.write_text(self.text.replace("{0}", f"{20 + k % 60}"), encoding="utf-8")
+        new.replace(self.scene)
+
+    def slide(self, k: int) -> None:
+        """Move the slider of the first param."""
+        self.tab.js(
+            "(slider => { slider.value = " + f"{0.8 + 0.005 * k}" + "; slider.dispatchEvent(new Event('input')); })"
+            "(document.querySelector('#params input[type=range]'))"
+        )
+
+    def type(self, k: int) -> None:
+        """Type a digit after the number of the first line, or remove it."""
+        if k == 0:
+            self.tab.js("document.querySelector('#code .cm-content').focus()")
+            self.tab.key("Home", 2)
+            self.tab.key("End")
+        if k % 2 == 0:
+            self.tab.type("5")
+        else:
+            self.tab.key("Backspace")
+
+
+EDITS_OF: Sequence[tuple[str, str, Callable[[Edited, int], None]]] = (
+    ("material, file", BALL, Edited.write), ("material, key", BALL, Edited.type), ("parameter, slider", BALL, Edited.slide),
+    ("formula, file", FORMULA, Edited.write), ("transform in a room, file", ROOM, Edited.write),
+)  # fmt: skip
 
 
 def section(quick: bool, effort: Effort, only: str = "") -> report.Section:
-    """Measure the latency of edits, on every core."""
-    found = report.Section("live", "The live window", TEXT)
-    width, height, edits = (96, 54, 5) if quick else (960, 540, EDITS)
-    rows = []
-    for name, text in SCENES.items():
-        first, whole = latencies(text + REST.replace("{w}", str(width)).replace("{h}", str(height)), (width, height), edits)
-        rows.append((name, *(f"{1e3 * value:.0f}" for times in (first, whole) for value in quantiles(times))))
-    found.blocks.append(report.grid(("", "first, ms, median", "95 %", "whole, ms, median", "95 %"), rows))
+    """Measure latency of edits and frames of orbits, on every core."""
+    found = report.Section("live", "The live window", TEXT + ORBIT_TEXT)
+    path = chromium.executable()
+    if path is None:
+        found.missing = ["Chromium is not installed (apt install chromium, or name it in MAQUETTE_CHROMIUM)"]
+        found.blocks.append("Nothing of maquette was measured.")
+        return found
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
+        folder = Path(name)
+        with chromium.running(folder / "profile") as browser:
+            found.versions = {"Chromium": browser.version()}
+            if only in ("", "edits"):
+                found.blocks.append(_edits(browser, folder, quick))
+            if only in ("", "orbit"):
+                found.blocks.append(_orbits(browser, folder, quick))
     return found
 
 
-def quantiles(times: list[float]) -> tuple[float, float]:
+def _edits(browser: chromium.Browser, folder: Path, quick: bool) -> str:
+    """The table of latencies."""
+    size, count = ((96, 54), 5) if quick else ((960, 540), EDITS)
+    meshes.write_ply(folder / "knot.ply", meshes.knot(*((40, 20) if quick else (1000, 250))))
+    rows = []
+    for name, text, edit in EDITS_OF:
+        full = (text + REST).replace("{w}", str(size[0])).replace("{h}", str(size[1]))
+        scene = folder / "edited.scene"
+        scene.write_text(full.replace("{0}", "19"), encoding="utf-8")
+        with opened(browser, scene) as tab:
+            first, whole = latencies(Edited(tab, scene, full, size), edit, count)
+        rows.append((name, *(f"{value:.0f}" for times in (first, whole) for value in quantiles(times))))
+    return report.grid(("", "first, ms, median", "95 %", "whole, ms, median", "95 %"), rows)
+
+
+def _orbits(browser: chromium.Browser, folder: Path, quick: bool) -> str:
+    """The table of orbits."""
+    side, seconds = (64, 0.5) if quick else (512, 4.0)
+    meshes.write_ply(folder / "knot.ply", meshes.knot(*((40, 20) if quick else (500, 100))))
+    mesh = folder / "mesh.scene"
+    mesh.write_text(MESH, encoding="utf-8")
+    rows = []
+    for name, scene in (("hello", EXAMPLES / "hello.scene"), ("gear", EXAMPLES / "gear.scene"), ("mesh of 100,000 triangles", mesh)):
+        with opened(browser, scene, "--size", f"{side}x{side}", "--samples", "4") as tab:
+            shown, whole = frames(tab, seconds, side)
+        rows.append((name, f"{shown:.1f}", f"{whole:.1f}"))
+    return report.grid(("orbit", "pictures a second", "in full size"), rows)
+
+
+def quantiles(times: Sequence[float]) -> tuple[float, float]:
     """Median and 95th percentile."""
     return statistics.median(times), statistics.quantiles(times, n=20, method="inclusive")[-1]
 
 
-def latencies(text: str, size: tuple[int, int], edits: int) -> tuple[list[float], list[float]]:
-    """Seconds to the first and to the whole picture of each edit of a scene with a place `{0}` for a number."""
-    with tempfile.TemporaryDirectory() as name:
-        scene, new = Path(name) / "a.scene", Path(name) / ".new"
-        scene.write_text(text.replace("{0}", "0"), encoding="utf-8")
-        command = [sys.executable, "-P", "-m", "maquette", "watch", str(scene), "--no-browser"]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"}) as process:
-            try:
-                assert process.stdout is not None
-                return _edit(_address(process.stdout), scene, new, text, size, edits)
-            finally:
-                process.kill()
+@contextlib.contextmanager
+def opened(browser: chromium.Browser, scene: Path, *options: str) -> Iterator[Tab]:
+    """A page of `maquette watch`, with the finished picture of a scene."""
+    command = [sys.executable, "-P", "-m", "maquette", "watch", str(scene), "--no-browser", *options]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"}) as process:
+        try:
+            assert process.stdout is not None
+            found = re.search(r"http://\S+", process.stdout.readline())
+            if found is None:
+                raise RuntimeError("maquette watch printed no address")
+            tab = browser.tab(found[0])
+            tab.size(1600, 900)
+            finished(tab)
+            yield tab
+            tab.close()
+        finally:
+            process.kill()
 
 
-def _address(output: IO[str]) -> str:
-    found = re.search(r"http://\S+", output.readline())
-    if found is None:
-        raise RuntimeError("maquette watch printed no address")
-    return found[0]
+def finished(tab: Tab) -> None:
+    """Wait for the finished picture. Raises RuntimeError for a scene with errors."""
+    failed = "document.querySelector('#stage')?.classList.contains('failed')"
+    tab.wait(f"{failed} || {CANVAS}?.dataset.finished === 'true'", TIMEOUT)
+    if tab.js(failed):
+        raise RuntimeError(tab.js("document.querySelector('#messages').innerText"))
+    time.sleep(PAUSE)
 
 
-def _edit(address: str, scene: Path, new: Path, text: str, size: tuple[int, int], edits: int) -> tuple[list[float], list[float]]:
-    origin: Any = address[: address.index("/", 7)]
+def latencies(edited: Edited, edit: Callable[[Edited, int], None], edits: int) -> tuple[list[float], list[float]]:
+    """Milliseconds to the first and to the whole picture of each edit."""
     first: list[float] = []
     whole: list[float] = []
-    with connect(address.replace("http", "ws", 1) + "socket", origin=origin, max_size=None, compression=None) as socket:
-        socket.send(json.dumps({"type": "hello", "boot": None}))
-        about = _picture(socket, 0)
-        for k in range(edits):
-            while not about["finished"]:
-                about = _picture(socket, 0)
-            time.sleep(0.3)
-            new.write_text(text.replace("{0}", f"{0.01 * (k + 1):.2f}"), encoding="utf-8")
-            began, before = time.perf_counter(), about["version"]
-            new.replace(scene)
-            about = _picture(socket, before)
-            first.append(time.perf_counter() - began)
-            while (about["width"], about["height"]) != size:
-                about = _picture(socket, before)
-            whole.append(time.perf_counter() - began)
+    width, height = edited.size
+    for k in range(edits):
+        finished(edited.tab)
+        before = edited.tab.js(f"+{CANVAS}.dataset.version")
+        look = SEEN.replace("CANVAS", CANVAS).replace("AFTER", str(before)).replace("WIDTH", str(width)).replace("HEIGHT", str(height))
+        edited.tab.js(f"window.seen = {look}, 0")
+        began = time.perf_counter()
+        edit(edited, k)
+        times = edited.tab.js("window.seen")
+        whole.append(1e3 * (time.perf_counter() - began))
+        first.append(whole[-1] - (times[-1] - times[0]))
     return first, whole
 
 
-def _picture(socket: ClientConnection, after: int) -> dict[str, Any]:
-    """The description of the next picture of a later version."""
-    while True:
-        data = socket.recv(timeout=TIMEOUT)
-        if isinstance(data, bytes):
-            about = json.loads(data[4 : 4 + struct.unpack_from("<I", data)[0]])
-            if about["version"] > after:
-                return about
+def frames(tab: Tab, seconds: float, side: int) -> tuple[float, float]:
+    """Changed pictures on screen a second while the mouse is dragged, and those in full size."""
+    tab.js(
+        "window.counted = { shown: 0, whole: 0, last: 0 };"
+        f"(function look() {{ const c = {CANVAS}, w = window.counted;"
+        " if (c.dataset.count !== w.last) { w.last = c.dataset.count; w.shown += 1; w.whole += c.width === " + str(side) + " ? 1 : 0; }"
+        " if (!w.done) requestAnimationFrame(look); })(), 0"
+    )
+    x, y = tab.place("#picture")
+    tab.mouse("mousePressed", x, y, buttons=1)
+    began = time.perf_counter()
+    while (passed := time.perf_counter() - began) < seconds:
+        tab.mouse("mouseMoved", x + 150.0 * math.sin(2.0 * passed), y + 40.0 * math.sin(3.0 * passed), buttons=1)
+        time.sleep(0.008)
+    found = tab.js("window.counted.done = true, window.counted")
+    tab.mouse("mouseReleased", x, y)
+    return found["shown"] / passed, found["whole"] / passed

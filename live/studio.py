@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..compiler import ir
+from ..compiler.io import stage_cache
 from ..compiler.plan import importance
 from ..compiler.plan import plan as planner
 from ..compiler.plan.plan import Plan
@@ -67,6 +68,7 @@ class Studio:
         self.files: tuple[Path, ...] = (opened.path.resolve(),)
         self.current: Current | None = None
         self._compiled: Compiled | None = None
+        self._stages = stage_cache.StageCache()
         self._changed = threading.Condition()
         self._cancel = threading.Event()
         self._version = 1  # of the state and the files
@@ -162,7 +164,8 @@ class Studio:
         self.tell({"type": "progress", "stage": "compiling", "share": 0.0})
         found = Diagnostics()
         try:
-            scene = self.opened.compile(state, found)
+            with self._stages.compiling():
+                scene = self.opened.compile(state, found)
         except SceneError as error:
             self._compiled = None
             named = (Path(d.span.file).resolve() for d in error.diagnostics if d.span and Path(d.span.file).is_file())

@@ -7,14 +7,17 @@ import itertools
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import watchfiles
 
-DEBOUNCE = 200  # milliseconds in which several writes of an editor count as one save
-STEP = 50
+from ..lang import file_types
+
+STEP = 5  # milliseconds between looks for events, and without an event until those that came count as one
+QUIET = 0.05  # seconds without a change after which a file that is missing, empty or no source counts as complete
+LONGEST = 0.2  # seconds that such a file is waited for
 POLL = 1000  # milliseconds between checks without events, for network disks, which send none
 
 Stamp = tuple[int, int, int] | None  # modification time, size and inode; None for a missing file
@@ -37,7 +40,8 @@ def follow(
         while not stop.is_set():
             folders = {file.parent for file in read}
             for _ in itertools.chain([()], _events(folders, stop)):
-                if {file: _stamp(file) for file in read} != read or stale():
+                if _changed(read) or stale():
+                    _settle(read, stop)
                     read = _build(build, read)
                 if {file.parent for file in read} != folders:
                     break
@@ -77,6 +81,22 @@ def _stamp_before(began: int, file: Path) -> Stamp | str:
     return "unknown" if stamp and stamp[0] > began else stamp
 
 
+def _changed(read: Mapping[Path, Stamp | str]) -> dict[Path, Stamp]:
+    """The files whose stamps differ from those of the last build."""
+    now = {file: _stamp(file) for file in read}
+    return {file: stamp for file, stamp in now.items() if stamp != read[file]}
+
+
+def _settle(read: Mapping[Path, Stamp | str], stop: threading.Event) -> None:
+    """Wait until the changed files are complete: a source with text is so at once, as editors write it in one piece."""
+    end, before = time.monotonic() + LONGEST, None
+    while (changed := _changed(read)) != before and time.monotonic() < end:
+        if all(stamp and stamp[1] and file.suffix.lower() in file_types.SCENE for file, stamp in changed.items()):
+            return
+        before = changed
+        stop.wait(QUIET)
+
+
 def _stamp(file: Path) -> Stamp:
     try:
         status = file.stat()
@@ -89,6 +109,6 @@ def _events(folders: set[Path], stop: threading.Event) -> Iterable[object]:
     """An item for each event in `folders`, and one each second. Missing folders are skipped."""
     there = sorted(str(folder) for folder in folders if folder.is_dir())
     return watchfiles.watch(
-        *there, watch_filter=None, recursive=False, debounce=DEBOUNCE, step=STEP, rust_timeout=POLL, yield_on_timeout=True,
+        *there, watch_filter=None, recursive=False, debounce=10 * STEP, step=STEP, rust_timeout=POLL, yield_on_timeout=True,
         stop_event=stop, raise_interrupt=True,
     )  # fmt: skip

@@ -13,6 +13,7 @@ import numpy as np
 
 from ...lang.diagnostics import Span
 from ...lang.input_error import InputError
+from ..io import stage_cache
 
 if TYPE_CHECKING:
     from ..scene.builder import SceneBuilder
@@ -49,7 +50,7 @@ def _row(builder: SceneBuilder, key: str, space: str, color: bool, source: Any, 
     limit = min(MAX_TEXELS, MAX_ALL_TEXELS - builder.texels)
 
     def made() -> int:
-        texels, odd, unread = read(source(), name, space, limit)
+        texels, odd, unread = _read_cached(source(), name, space, limit)
         if unread:
             builder.diagnostics.warning(f"of the picture `{name}`, {unread} are not drawn", span)
         if odd:
@@ -59,6 +60,15 @@ def _row(builder: SceneBuilder, key: str, space: str, color: bool, source: Any, 
         return builder.image(texels, key)
 
     return builder.shared(("image", key, space), made)
+
+
+def _read_cached(source: str | bytes, name: str, space: str, limit: int) -> tuple[np.ndarray, int, str]:
+    """As `read`, or its result of the last compilation."""
+    try:
+        data = source if isinstance(source, bytes) else Path(source).read_bytes()
+    except OSError:
+        return read(source, name, space, limit)
+    return stage_cache.cached("images read", (data, name, space, limit), lambda: read(source, name, space, limit))
 
 
 def read(source: str | bytes, name: str, space: str = "auto", limit: int = MAX_TEXELS) -> tuple[np.ndarray, int, str]:

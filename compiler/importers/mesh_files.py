@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from ...lang import file_types
 from ...lang.diagnostics import Diagnostics, Span
 from .. import ir
+from ..io import stage_cache
 from ..io.sandbox import FileError, Files
 from ..mesh import polygon_mesh
 from ..scene.builder import NONE, SceneBuilder
 from ..scene.row_records import WHITE, Input, MaterialData
 from . import gltf, mtl, obj, off, ply, stl
 from .mesh_parts import Part, add
+
+T = TypeVar("T")
 
 
 def read(
@@ -49,15 +54,22 @@ def read(
         if format_ == ".ply":
             return _ply(data, name, folder, builder, files, diagnostics)
         if format_ == ".stl":
-            return _parts(stl.read(data, diagnostics, whole), Path(name).stem, builder, diagnostics, whole)
+            mesh = _cached(data, diagnostics, lambda found: stl.read(data, found, whole), name)
+            return _parts(mesh, Path(name).stem, builder, diagnostics, whole)
         if format_ == ".off":
-            return _parts(off.read(data, diagnostics, whole), Path(name).stem, builder, diagnostics, whole)
+            mesh = _cached(data, diagnostics, lambda found: off.read(data, found, whole), name)
+            return _parts(mesh, Path(name).stem, builder, diagnostics, whole)
         return gltf.read(data, name, folder, files, builder, diagnostics, as_scene, time)
     except (ply.PlyError, stl.StlError, gltf.GltfError, off.OffError) as failure:
         diagnostics.error(str(failure), whole)
     except MemoryError:
         diagnostics.error(f"`{name}` does not fit into memory", whole)
     return []
+
+
+def _cached(data: bytes, diagnostics: Diagnostics, read: Callable[[Diagnostics], T], name: str) -> T:
+    """read(diagnostics), or its result of the last compilation."""
+    return stage_cache.cached_read("meshes read", (data, name), diagnostics, read)
 
 
 def _parts(mesh: polygon_mesh.PolyMesh, name: str, builder: SceneBuilder, diagnostics: Diagnostics, span: Span) -> list[Part]:
@@ -67,7 +79,7 @@ def _parts(mesh: polygon_mesh.PolyMesh, name: str, builder: SceneBuilder, diagno
 
 def _ply(data: bytes, name: str, folder: Path | None, builder: SceneBuilder, files: Files, diagnostics: Diagnostics) -> list[Part]:
     span = Span(name)
-    mesh = ply.read(data, diagnostics, span)
+    mesh = _cached(data, diagnostics, lambda found: ply.read(data, found, span), name)
     pictures = ply.texture_files(data)
     material = None
     if len(pictures) > 1:
@@ -83,7 +95,7 @@ def _ply(data: bytes, name: str, folder: Path | None, builder: SceneBuilder, fil
 
 
 def _obj(data: bytes, name: str, folder: Path | None, builder: SceneBuilder, files: Files, diagnostics: Diagnostics) -> list[Part]:
-    found = obj.read(data, name, diagnostics)
+    found = _cached(data, diagnostics, lambda said: obj.read(data, name, said), name)
     if found is None or diagnostics.failed:
         return []
     library = _libraries(found, folder, files, diagnostics)

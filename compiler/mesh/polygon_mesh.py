@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .. import ir
+from ..io import stage_cache
 from ..scene.row_records import MeshAttribute, MeshData, Outlines
 from . import triangulate, vertex_normals
 
@@ -36,6 +37,10 @@ def assemble(mesh: PolyMesh, crease: float = vertex_normals.CREASE, name: str = 
     smoothing
     group. Without, they are smooth except across creases sharper than `crease` radians (0: flat faces).
     """
+    return stage_cache.cached("meshes triangulated", (mesh, crease, name), lambda: _assemble(mesh, crease, name))
+
+
+def _assemble(mesh: PolyMesh, crease: float, name: str) -> tuple[MeshData, int]:
     cut = triangulate.faces(mesh.points, mesh.indices, mesh.counts)
     triangles = np.asarray(mesh.indices)[cut.corners]
     used, triangles = _compact(triangles, len(mesh.points))

@@ -163,25 +163,22 @@ class SceneBuilder:
 
         Attributes of wrong length are left out with a warning. A mesh without triangles is NONE.
         """
-        return self.shared(("mesh", mesh_storage.digest(mesh)), lambda: self._mesh(mesh, span, name or mesh.name))
+        content = mesh_storage.digest(mesh)
+        return self.shared(("mesh", content), lambda: self._mesh(mesh, content, span, name or mesh.name))
 
-    def _mesh(self, mesh: MeshData, span: Span | None, name: str) -> int:
-        positions = np.asarray(mesh.positions, dtype=np.float64).reshape(-1, 3)
+    def _mesh(self, mesh: MeshData, content: bytes, span: Span | None, name: str) -> int:
         triangles = np.asarray(mesh.triangles, dtype=np.int32).reshape(-1, 3)
         if not len(triangles):
             self.diagnostics.warning(f"the mesh{f' `{name}`' if name else ''} has no triangles: nothing is drawn", span)
             return NONE
-        origin = mesh_storage.origin(positions)
-        with np.errstate(over="ignore", invalid="ignore"):
-            stored = (positions - origin).astype(np.float32)
-        bounds = mesh_storage.bounds(stored) + origin
+        origin, stored, bounds = mesh_storage.stored(mesh, content)
         first_vertex, first_triangle = self._length["positions"], self._length["triangles"]
         first_polygon, polygon_count = self._outlines(mesh, first_vertex, first_triangle)
         self._pool("positions", stored)
         self._pool("triangles", triangles + np.int32(first_vertex))
-        ranges = (first_vertex, len(positions), first_triangle, len(triangles), first_polygon, polygon_count)
+        ranges = (first_vertex, len(stored), first_triangle, len(triangles), first_polygon, polygon_count)
         attributes = tuple(
-            self._attribute(kind, given, width, len(positions), len(triangles), span)
+            self._attribute(kind, given, width, len(stored), len(triangles), span)
             for kind, given, width in (("normals", mesh.normals, 3), ("uvs", mesh.uvs, 2), ("colors", mesh.colors, 3))
         )
         return self._geometry(ir.GeometryKind.MESH, (), bounds, origin, ranges, (*attributes, NONE), span, name)

@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
-import hashlib
-
 import numpy as np
 
+from ..io import stage_cache
 from .row_records import MeshData
 
 
 def digest(mesh: MeshData) -> bytes:
     """Hash of a mesh's content."""
-    hashed = hashlib.blake2b(digest_size=16)
-    outlines = mesh.outlines
-    arrays = [mesh.positions, mesh.triangles] + ([outlines.corners, outlines.loops, outlines.polygons] if outlines else [])
-    for attribute in (mesh.normals, mesh.uvs, mesh.colors):
-        arrays += [np.array([-1 if attribute is None else int(attribute.interpolation)])] + ([attribute.values] if attribute else [])
-    for array in arrays:
-        values = np.ascontiguousarray(array)
-        hashed.update(f"{values.dtype.str}{values.shape}".encode())
-        hashed.update(values.data if values.size else b"")
-    return hashed.digest()
+    attributes = (mesh.normals, mesh.uvs, mesh.colors)
+    return stage_cache.digest(mesh.positions, mesh.triangles, mesh.outlines, attributes)
+
+
+def stored(mesh: MeshData, content: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(origin (3,), float32 positions relative to it (v, 3), bounds (2, 3)) of a mesh with the digest `content`."""
+    return stage_cache.cached("meshes stored", (content,), lambda: _stored(mesh))
+
+
+def _stored(mesh: MeshData) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    positions = np.asarray(mesh.positions, dtype=np.float64).reshape(-1, 3)
+    center = origin(positions)
+    with np.errstate(over="ignore", invalid="ignore"):
+        relative = (positions - center).astype(np.float32)
+    return center, relative, bounds(relative) + center
 
 
 def bounds(positions: np.ndarray) -> np.ndarray:

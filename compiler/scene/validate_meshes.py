@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
 from .. import ir
+from ..io import stage_cache
 from . import t_junctions
 from .check import Check, Columns
 
 FLAT = 1e-12  # 2 · area / longest edge² below which a triangle is degenerate
+T = TypeVar("T")
 MAX_SEARCHED_TRIANGLES = 1 << 18  # largest mesh, in triangles, to search for T-junctions: 0.1 s
 _WIDTHS = {"normals": 3, "uvs": 2, "colors": 3}
 
@@ -26,7 +31,7 @@ def validate(check: Check) -> None:
     missing, flat = np.zeros(len(table["kind"]), dtype=np.int64), np.zeros(len(table["kind"]), dtype=np.int64)
     for row in meshes:
         first, count = int(table["first_triangle"][row]), int(table["triangle_count"][row])
-        absent, degenerate = _faulty(check, int(row), first, count)
+        absent, degenerate = _cached(check, int(row), "meshes checked", partial(_faulty, check, int(row), first, count))
         missing[row], flat[row] = np.count_nonzero(absent), np.count_nonzero(degenerate)
         keep[first : first + count] &= ~(absent | degenerate)
     _say(check, missing, ("names", "name"), "vertices that are not there")
@@ -37,6 +42,14 @@ def validate(check: Check) -> None:
     _positions(check)
     _bounds(check, meshes)
     _t_junctions(check, meshes)
+
+
+def _cached(check: Check, row: int, stage: str, make: Callable[[], T]) -> T:
+    """make() of a mesh's vertices and triangles, or its result of the last compilation."""
+    table, pools = check.tables["geometries"], check.tables["pools"]
+    low, first = int(table["first_vertex"][row]), int(table["first_triangle"][row])
+    end, last = low + int(table["vertex_count"][row]), first + int(table["triangle_count"][row])
+    return stage_cache.cached(stage, (low, pools["positions"][low:end], pools["triangles"][first:last]), make)
 
 
 def _say(check: Check, counts: np.ndarray, verbs: tuple[str, str], what: str) -> None:
@@ -193,16 +206,22 @@ def _bounds(check: Check, meshes: np.ndarray) -> None:
         check.set("geometries", "bounds", np.where(wrong[:, None, None], right, bounds))
 
 
+def _junctions(check: Check, row: int) -> int:
+    """T-junctions of a mesh."""
+    table, pools = check.tables["geometries"], check.tables["pools"]
+    low, first = int(table["first_vertex"][row]), int(table["first_triangle"][row])
+    corners = pools["positions"][low : low + int(table["vertex_count"][row])]
+    return t_junctions.count(corners, pools["triangles"][first : first + int(table["triangle_count"][row])] - low)
+
+
 def _t_junctions(check: Check, meshes: np.ndarray) -> None:
     """Reports T-junctions, where rounding opens cracks. Large meshes are not searched."""
-    table, pools = check.tables["geometries"], check.tables["pools"]
+    table = check.tables["geometries"]
     found = np.zeros(len(table["kind"]), dtype=np.int64)
     for row in meshes:
         count = int(table["triangle_count"][row])
         if 2 <= count <= MAX_SEARCHED_TRIANGLES:
-            low, first = int(table["first_vertex"][row]), int(table["first_triangle"][row])
-            corners = pools["positions"][low : low + int(table["vertex_count"][row])]
-            found[row] = t_junctions.count(corners, pools["triangles"][first : first + count] - low)
+            found[row] = _cached(check, int(row), "meshes searched for seams", partial(_junctions, check, int(row)))
     total = int(found.sum())
     who = "1 corner lies" if total == 1 else f"{total} corners lie"
     what = f"{who} on the edge of a triangle that goes on: the seam may show cracks"

@@ -20,13 +20,13 @@ PEERS = {
     "edits": {},
     "threads": {},
     "procedural": {},
-    "live": {},
+    "live": {"chromium": ("material, file", "orbit")},
     "start": {"povray": ("POV-Ray",), "mitsuba": ("Mitsuba llvm",)},
 }
 
 
 def installed(peer: str) -> bool:
-    return bool(shutil.which(peer)) if peer in ("povray", "fidget-once") else importlib.util.find_spec(peer) is not None
+    return bool(shutil.which(peer)) if peer in ("povray", "fidget-once", "chromium") else importlib.util.find_spec(peer) is not None
 
 
 @pytest.mark.parametrize("name", command.NAMES)

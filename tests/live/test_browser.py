@@ -9,10 +9,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from maquette.bench import chromium as browser
+from maquette.bench.chromium import Browser, Tab
 from maquette.live.window import Window
 
-from . import browser, windows
-from .browser import Browser, Tab
+from . import windows
 from .windows import PART, SCENE, served
 
 pytestmark = pytest.mark.skipif(browser.executable() is None, reason="no Chromium: install one, or name it in MAQUETTE_CHROMIUM")

@@ -1,4 +1,4 @@
-"""A headless Chromium under test, driven by the Chrome DevTools Protocol over a WebSocket."""
+"""A headless Chromium, driven by the Chrome DevTools Protocol over a WebSocket."""
 
 from __future__ import annotations
 
@@ -139,6 +139,11 @@ class Browser:
             assert self.process.poll() is None, "Chromium ended"
             time.sleep(0.05)
         self.port = int(file.read_text().split()[0])
+
+    def version(self) -> str:
+        """Its version, such as 142.0.7444.59."""
+        with urllib.request.urlopen(f"http://127.0.0.1:{self.port}/json/version", timeout=30) as answer:
+            return str(json.load(answer)["Browser"]).rpartition("/")[2]
 
     def tab(self, url: str = "about:blank") -> Tab:
         """A new page."""

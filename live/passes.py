@@ -17,7 +17,10 @@ from ..render.film import aov
 from ..render.image.image import Image
 from .channels import resized
 
-FIRST = 0.08  # seconds that the first picture may take
+FIRST = 0.1  # seconds that a whole first picture may take; where it takes longer, a coarse one comes before it
+COARSE = 0.05  # seconds that a coarse picture may take
+DRAGGED = 0.03  # seconds that the first picture may take while the camera moves
+START = 0.004  # seconds of a picture of any size
 SMALLEST = 16  # pixels of a side of the first picture
 COARSEST = 16  # times that the first picture is smaller than the whole
 PACE = 5e-7  # seconds a pixel at one sample, before any picture
@@ -31,38 +34,60 @@ class Pace:
 
     seconds: float = PACE
 
-    def divisor(self, width: int, height: int) -> int:
-        """How many times smaller each side of the first picture is."""
-        wanted = math.ceil(math.sqrt(width * height * self.seconds / FIRST))
+    def divisor(self, width: int, height: int, moving: bool) -> int:
+        """How many times smaller each side of the first picture is; with `moving`, the camera is dragged."""
+        whole = width * height * self.seconds
+        if whole <= (DRAGGED if moving else FIRST):
+            return 1
+        wanted = math.ceil(math.sqrt(whole / (DRAGGED if moving else COARSE)))
         return max(1, min(wanted, COARSEST, min(width, height) // SMALLEST))
 
     def add(self, pixels: int, seconds: float) -> None:
         """Take in a picture of one sample a pixel."""
-        measured = seconds / max(pixels, 1)
+        measured = max(seconds - START, 0.25 * seconds) / max(pixels, 1)
         self.seconds = measured if self.seconds == PACE else 0.5 * (self.seconds + measured)
 
 
-def first_plans(scene: ir.Scene, settings: ir.Settings, overrides: Mapping[str, str], plan: Plan, pace: Pace, channel: str) -> list[Plan]:
-    """The plans of the pictures before the last, with one sample a pixel: coarse, whole, and whole with the channels for clicks.
+@dataclass(frozen=True, eq=False, slots=True)
+class Quick:
+    """Plans of pictures with one sample a pixel, at parts of the size of the last picture."""
 
-    Channels take several times as long as the picture, so the whole picture comes first without them, unless `channel` is one.
-    A small picture has the last plan alone; a crop has no coarse one.
-    """
-    width, height = plan["size"]
-    known = {name: overrides[name] for name in overrides if name in plan.decisions}
-    names = tuple(dict.fromkeys(("id", "depth", *([channel] if channel in aov.SEEN else []))))
-    quick = replace(scene, settings=replace(scene.settings, error=None, budget=None, aov=None, samples=1))
-    cropped = tuple(plan["crop"]) != (0, 0, width, height)
-    divisor = 1 if cropped else pace.divisor(width, height)
-    parts = [(divisor, True)] if divisor > 1 else []
-    if channel not in aov.SEEN and width * height > SMALL:
-        parts.append((1, False))
-    plans = []
-    for part, with_channels in (*parts, (1, True)):
+    scene: ir.Scene
+    settings: ir.Settings
+    overrides: Mapping[str, str]
+    plan: Plan  # of the last picture
+    channel: str  # that the window shows
+
+    def first(self, pace: Pace, moving: bool) -> list[Plan]:
+        """The plans before the last: coarse, if the whole one takes long, and whole. A crop has no coarse one.
+
+        Channels take several times as long as a picture: only small pictures, and windows that show a channel, have them at once.
+        """
+        width, height = self.plan["size"]
+        divisor = pace.divisor(width, height, moving) if self._is_whole() else 1
+        at_once = self.channel in aov.SEEN
+        return [self._made(part, at_once or width * height <= SMALL * part * part) for part in dict.fromkeys((divisor, 1))]
+
+    def channels(self, whole: bool) -> Plan | None:
+        """The plan of channels for clicks and outlines, in full size or small; None where the first pictures have them."""
+        width, height = self.plan["size"]
+        if self.channel in aov.SEEN or width * height <= SMALL:
+            return None
+        part = 1 if whole or not self._is_whole() else math.ceil(math.sqrt(width * height / SMALL))
+        return self._made(part, True)
+
+    def _is_whole(self) -> bool:
+        return tuple(self.plan["crop"]) == (0, 0, *self.plan["size"])
+
+    def _made(self, part: int, with_channels: bool) -> Plan:
+        width, height = self.plan["size"]
+        known = {name: self.overrides[name] for name in self.overrides if name in self.plan.decisions}
+        names = tuple(dict.fromkeys(("id", "depth", *([self.channel] if self.channel in aov.SEEN else []))))
+        quick = replace(self.scene, settings=replace(self.scene.settings, error=None, budget=None, aov=None, samples=1))
         size = (max(1, width // part), max(1, height // part))
-        asked = replace(settings, size=size, samples=1, error=None, budget=None, aov=names if with_channels else None, denoise=False)
-        plans.append(planner.make_plan(quick, asked, known))
-    return plans
+        aovs = names if with_channels else None
+        asked = replace(self.settings, size=size, samples=1, error=None, budget=None, aov=aovs, denoise=False)
+        return planner.make_plan(quick, asked, known)
 
 
 @dataclass(eq=False, slots=True)

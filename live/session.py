@@ -44,8 +44,8 @@ class Session:
 
         def build() -> tuple[Path, ...]:
             known[0] = self.studio.files
-            self._tell_files()
             self.studio.files_changed()
+            self._tell_files()
             return known[0]
 
         watch.follow(build, self._stop, lambda: self.studio.files != known[0])

@@ -23,13 +23,15 @@ from ..render.image import image_files
 from ..render.image.image import Image
 from ..render.jit import compile_events
 from . import channels, params, picking, poses, scene_files
-from .passes import MAX_PIXELS, Pace, Shown, first_plans
+from .edit_counts import Work
+from .passes import MAX_PIXELS, Pace, Quick, Shown
 from .scene_files import Opened
 from .state import State
 
 PATIENCE = 1.0  # seconds of a first picture after which an edit cancels it: shorter ones are shown, so that dragging never starves
 TICK = 0.12  # seconds between progress messages and between partial pictures
 SHARE = 0.15  # of the time that may go into partial pictures
+REST = 0.03  # seconds after the first whole picture in which no other is drawn, so that pages can show it
 
 Tell = Callable[[dict[str, Any]], None]
 Show = Callable[[dict[str, Any], bytes], None]
@@ -60,15 +62,20 @@ class Current:
 class Studio:
     """Draws one scene. `tell` takes messages for all pages, `show` pictures with their description; both in this thread."""
 
-    def __init__(self, opened: Opened, tell: Tell, show: Show, finished: Callable[[Current, State], None] | None = None) -> None:
-        """`finished` is called with each finished picture of the saved scene, without changes of the pages."""
-        self.opened = opened
+    def __init__(
+        self, opened: Opened, tell: Tell, show: Show, finished: Callable[[Current, State], None] | None = None,
+        edited: Callable[[dict[str, Any]], None] | None = None,
+    ) -> None:  # fmt: skip
+        """`finished` is called with each finished picture of the saved scene, without changes of the pages; `edited` with the
+        counts of each edit, see edit_counts.py, when it ends or the next one comes."""
+        self.opened, self._edited = opened, edited
         self.tell, self.show, self._finished = tell, show, finished
         self.state = State()
         self.files: tuple[Path, ...] = (opened.path.resolve(),)
         self.current: Current | None = None
         self._compiled: Compiled | None = None
         self._stages = stage_cache.StageCache()
+        self.work = Work(self._stages)
         self._changed = threading.Condition()
         self._cancel = threading.Event()
         self._version = 1  # of the state and the files
@@ -76,6 +83,8 @@ class Studio:
         self._stopped = False
         self._quick_since: float | None = None  # when a first picture began
         self._pace = Pace()
+        self._pose: Any = None  # of the last picture
+        self._rows: Any = None  # of the last plan that was told
         self._disk: Any = None
         self._thread = threading.Thread(target=self._run, name="studio", daemon=True)
 
@@ -140,6 +149,7 @@ class Studio:
                 self._publish(state)
                 continue
             done = version
+            self.work.begin()
             try:
                 self._draw(version, state)
             except SceneError as error:
@@ -151,6 +161,9 @@ class Studio:
             except Exception as fault:
                 message = f"internal error: {type(fault).__name__}: {fault}"
                 self._tell_errors([Diagnostic("error", message, None, "this is a bug in maquette, not an error in the scene")], state)
+            counts = self.work.end()
+            if self._edited is not None:
+                self._edited(counts)
 
     def _tell_errors(self, found: Any, state: State) -> None:
         self.tell({"type": "diagnostics", "failed": True, "items": scene_files.diagnostics_json(found, state.texts)})
@@ -163,6 +176,7 @@ class Studio:
         self._disk, began = key[0], time.time_ns()
         self.tell({"type": "progress", "stage": "compiling", "share": 0.0})
         found = Diagnostics()
+        self.work.own["scenes evaluated"] += 1
         try:
             with self._stages.compiling():
                 scene = self.opened.compile(state, found)
@@ -205,15 +219,19 @@ class Studio:
             plan = planner.make_plan(scene, settings, self.opened.overrides)
         warnings = [*compiled.warnings, *picture_notes.plan_warnings(scene, plan)]
         self.tell({"type": "diagnostics", "failed": False, "items": scene_files.diagnostics_json(warnings, state.texts)})
-        self.tell({"type": "plan", "rows": plan_rows(plan)})
+        self._tell_plan(plan)
+        self.work.reach("compiled")
         began = time.monotonic()
         listener = self._compiling
         compile_events.LISTENERS.append(listener)
         try:
-            whole = self._first_pictures(version, state, scene, plan, settings)
+            quick = Quick(scene, settings, self.opened.overrides, plan, state.channel)
+            whole = self._first_pictures(version, state, quick) and self._draw_channels(version, quick, False)
             if whole and state.channel not in aov.SEEN and not self._cancel.is_set():
                 image = self._last_picture(version, state, scene, plan)
                 self._finish(version, state, image, warnings, began)
+                if not image.metadata["partial"]:
+                    self._draw_channels(version, quick, True)
             elif whole and self.current is not None:
                 self.current.complete = True
                 self._publish(self.state)
@@ -221,25 +239,52 @@ class Studio:
         finally:
             compile_events.LISTENERS.remove(listener)
 
-    def _first_pictures(self, version: int, state: State, scene: ir.Scene, plan: Plan, settings: ir.Settings) -> bool:
+    def _first_pictures(self, version: int, state: State, quick: Quick) -> bool:
         """Draw the coarse and the whole picture; False if a newer state came."""
-        plans = first_plans(scene, settings, self.opened.overrides, plan, self._pace, state.channel)
-        for k, quick in enumerate(plans):
+        moving, self._pose = state.pose != self._pose, state.pose
+        for k, plan in enumerate(quick.first(self._pace, moving)):
             self._quick_since = time.monotonic() if k == 0 else None
-            image = render_scene.draw(scene, quick, self._quick_report(version), self._cancel)
+            image = self._draw_picture(quick.scene, plan, self._quick_report(version))
             self._quick_since = None
             if image.metadata["partial"]:
                 return False
-            if k == 0:
+            if not plan["aov"]:
                 self._pace.add(image.width * image.height, image.metadata["seconds"]["render"])
-            known = self.current.shown.channels if k > 0 and self.current is not None else {}
-            self.current = Current(version, scene, plan, Shown.of(image, known))
+            self.current = Current(version, quick.scene, quick.plan, Shown.of(image, {}))
             self._publish(self.state)
-            if k == len(plans) - 1 or k == 0:
-                self._tell_view()
+            self.work.reach("first picture")
+            if image.channels.keys() > {"rgba"}:
+                self._tell_channels()
             if self._version != version:
                 return False
+        self.work.reach("whole picture")
+        with self._changed:
+            return not self._changed.wait_for(lambda: self._stopped or self._version != version, REST)
+
+    def _draw_channels(self, version: int, quick: Quick, whole: bool) -> bool:
+        """Draw the channels for clicks and outlines; False if a newer state came."""
+        plan, current = quick.channels(whole), self.current
+        if plan is None or current is None:
+            return True
+        image = self._draw_picture(quick.scene, plan)
+        if image.metadata["partial"] or self._version != version:
+            return False
+        current.shown = Shown(current.shown.rgba, {name: image.channels[name] for name in plan["aov"]}, current.shown.samples)
+        self._tell_channels()
         return True
+
+    def _draw_picture(self, scene: ir.Scene, plan: Plan, report: Callable[[Progress], None] | None = None) -> Image:
+        image = render_scene.draw(scene, plan, report, self._cancel)
+        self.work.own["pictures drawn"] += 1
+        self.work.own["pixels drawn"] += image.width * image.height
+        return image
+
+    def _tell_channels(self) -> None:
+        """Tell the camera, whose distance channels give, and that clicks and outlines have new channels."""
+        current = self.current
+        assert current is not None
+        self._tell_view()
+        self.tell({"type": "channels", "version": current.version})
 
     def _quick_report(self, version: int) -> Callable[[Progress], None]:
         def report(_: Progress) -> None:
@@ -269,7 +314,7 @@ class Studio:
             last = time.monotonic()
 
         self.tell({"type": "progress", "stage": "rendering", "share": 0.0, "samples": 1, "most": 0, "error": None})
-        image = render_scene.draw(scene, plan, report, self._cancel)
+        image = self._draw_picture(scene, plan, report)
         if not image.metadata["partial"]:
             current.shown = Shown(image.channels["rgba"], first.channels, samples)
         return image
@@ -279,6 +324,7 @@ class Studio:
         if image.metadata["partial"] or current is None:
             return
         current.finished, current.complete = image, True
+        self.work.reach("finished")
         self._publish(self.state)
         found = [*warnings, *picture_notes.of_render(image.metadata, current.scene, current.plan, self.opened.settings)]
         self.tell({"type": "diagnostics", "failed": False, "items": scene_files.diagnostics_json(found, state.texts)})
@@ -315,6 +361,12 @@ class Studio:
             "exposure": float(exposure), "metered": metered, "finished": current.complete,
         }  # fmt: skip
         self.show(about, codes.tobytes())
+
+    def _tell_plan(self, plan: Plan) -> None:
+        rows = plan_rows(plan)
+        if rows != self._rows:
+            self._rows = rows
+            self.tell({"type": "plan", "rows": rows})
 
     def _tell_view(self) -> None:
         current = self.current

@@ -175,6 +175,11 @@ def _parse_cached(text: str, name: str) -> Parsed | None:
     return None if diagnostics.items else Parsed(file)
 
 
+def parsed() -> int:
+    """How many texts this process has parsed so far, without those that were taken from the cache."""
+    return _parse_cached.cache_info().misses
+
+
 def _parse(text: str, name: str, diagnostics: Diagnostics) -> Parsed:
     """The tree of a file, cached across evaluations. A file with errors is parsed again to report them."""
     cached = _parse_cached(text, name) if len(text) <= MAX_CACHED_TEXT else None

@@ -22,6 +22,7 @@ LISTENERS: list[Listener] = []
 
 _lock = threading.Lock()
 _active: list[Compiling] = []
+_compiled = 0
 _ready = _total = 0
 
 
@@ -39,11 +40,18 @@ def ready() -> None:
         _ready += 1
 
 
+def compiled() -> int:
+    """How many kernels this process has compiled, or waited for."""
+    return _compiled
+
+
 @contextmanager
 def compiling(name: str) -> Iterator[None]:
     """The block compiles a kernel, or waits for a process that compiles it."""
+    global _compiled
     event = Compiling(name, _ready + 1, max(_ready + 1, _total))
     with _lock:
+        _compiled += 1
         _active.append(event)
     _tell(event)
     try:

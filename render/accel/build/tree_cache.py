@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import os
 import threading
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +25,8 @@ IN_MEMORY = 256 << 20  # bytes of BVHs in memory, at most
 _known: OrderedDict[str, Wide] = OrderedDict()
 _shapes: OrderedDict[str, tuple[Wide, float]] = OrderedDict()  # by hash of the triangles: the last BVH built and its cost
 _lock = threading.Lock()
+COUNTS: Counter[str] = Counter()
+"""BVHs of meshes that this process has "built", "refitted" and "read" from disk."""
 
 
 def cached_mesh_bvh(positions: NDArray[np.float32], triangles: NDArray[np.int32], threads: int = 0) -> Wide:
@@ -41,9 +43,11 @@ def cached_mesh_bvh(positions: NDArray[np.float32], triangles: NDArray[np.int32]
             return known
     file = kernel_cache.CACHE / "trees" / f"{cache_key.key(__name__)}-{name}"
     made = read(file) if len(triangles) >= LARGE else None
+    how = "read"
     if made is None:
-        made = _refit_last(shape, positions, triangles)
+        made, how = _refit_last(shape, positions, triangles), "refitted"
     if made is None:
+        how = "built"
         made = wide_bvh.build(positions, triangles, threads)
         with _lock:
             _shapes[shape] = made, refit.cost(made)
@@ -53,6 +57,7 @@ def cached_mesh_bvh(positions: NDArray[np.float32], triangles: NDArray[np.int32]
         if len(triangles) >= LARGE:
             write(file, made)
     with _lock:
+        COUNTS[how] += 1
         _known[name] = made
         while len(_known) > 1 and sum(each.nbytes for each in _known.values()) > IN_MEMORY:
             _known.popitem(last=False)

@@ -46,9 +46,8 @@ def same(one: Any, other: Any) -> bool:
 def test_an_edit_of_a_material_reads_no_mesh_and_no_image_again(tmp_path: Path) -> None:
     cache = StageCache()
     first = loaded(write(tmp_path), cache)
-    assert cache.made == {
-        "meshes read": 1, "meshes triangulated": 1, "meshes stored": 1, "meshes checked": 1, "meshes searched for seams": 1, "images read": 1,
-    }  # fmt: skip
+    stages = ("read", "triangulated", "stored", "checked", "searched for seams")
+    assert cache.made == {**{f"meshes {stage}": 1 for stage in stages}, "images read": 1}
     assert not cache.reused
     scene = write(tmp_path, "#00ff00")
     second = loaded(scene, cache)

@@ -41,17 +41,17 @@ def check(path: Path, frames: tuple[float, ...] | None) -> None:
     check_folder(path)
 
 
-def render(job: Job, path: Path, frames: tuple[float, ...], fps: float | None, resume: bool) -> list[dict[str, Any]]:
+def render(job: Job, path: Path, frames: tuple[float, ...], fps: float | None) -> list[dict[str, Any]]:
     """Render an animation; returns the statistics of the frames rendered. Raises KeyboardInterrupt after a partial one."""
     from ..render.image import animation
 
     job.output = frame_files(path)
     folder = job.output.parent
-    if not resume:
+    if not job.resume:
         _remove(folder)
     folder.mkdir(exist_ok=True)
     try:
-        pictures = job.run(frames, resume)
+        pictures = job.run(frames)
     except BaseException:
         if done := len(_pictures(folder)):
             click.echo(f"{done} frame{'' if done == 1 else 's'} in {folder}: --resume continues from there", err=True)

@@ -122,7 +122,11 @@ def cli() -> None:
 @shared.scene_options
 @click.option("--frames", type=values.FRAMES, help="Frames: 1..24, 1..240x10, 1,5,10 or all, written to out.####.png or an animation.")
 @click.option("--fps", type=click.FloatRange(0.01, 1000), help="Frames a second of an animation. Default: the scene's.")
-@click.option("--resume", is_flag=True, help="Keep the frames that are there, and render the others.")
+@click.option("--resume", is_flag=True, help="Go on from the checkpoint of the picture; keep the frames that are there.")
+@click.option(
+    "--checkpoint", type=values.CHECKPOINT, metavar="TIME",
+    help="Seconds between checkpoints in OUT.checkpoint, or off. Default: 30s, after the first minute.",
+)
 @shared.picture_options
 @click.option("--bits", type=click.Choice(["8", "16"]), help="Bits per channel of .png and .tif. Default: 8.")
 @click.option("--stats", type=shared.OUT, help="Write times, rays, error, plan and warnings to this JSON file.")
@@ -135,15 +139,15 @@ def cli() -> None:
     "maquette render robot.usdz -o robot.png --size 960x540 --backend raster",
 )
 def render(
-    scene: Path, output: Path | None, frames: tuple[float, ...] | None, fps: float | None, resume: bool, bits: str | None,
-    stats: Path | None, quiet: bool, **given: Any,
+    scene: Path, output: Path | None, frames: tuple[float, ...] | None, fps: float | None, resume: bool,
+    checkpoint: float | None, bits: str | None, stats: Path | None, quiet: bool, **given: Any,
 ) -> None:  # fmt: skip
     """Render SCENE to a picture or an animation."""
     from . import animation
 
     output = output or Path(f"{scene.stem}.png")
     animated = animation.is_animation(output)
-    _check_frames(frames, given["at"], resume, animated, fps)
+    _check_frames(frames, given["at"], animated, fps)
     source, settings, overrides = shared.read_options(scene, given)
     depth = int(bits) if bits else None
     if animated:
@@ -151,18 +155,16 @@ def render(
     else:
         jobs.check_output(output, settings.aov or (), depth, settings.view or "sRGB")
     jobs.check_stats(stats, scene, output)
-    job = jobs.Job(source, settings, overrides, output, depth, quiet)
-    pictures = animation.render(job, output, frames, fps, resume) if animated and frames is not None else job.run(frames, resume)
+    job = jobs.Job(source, settings, overrides, output, depth, quiet, checkpoint=checkpoint, resume=resume)
+    pictures = animation.render(job, output, frames, fps) if animated and frames is not None else job.run(frames)
     if stats:
         jobs.write_json(stats, pictures[0] if frames is None else {"frames": pictures})
 
 
-def _check_frames(frames: tuple[float, ...] | None, time: float | None, resume: bool, animated: bool, fps: float | None) -> None:
+def _check_frames(frames: tuple[float, ...] | None, time: float | None, animated: bool, fps: float | None) -> None:
     """Raise UsageError for options that exclude each other."""
     if frames is not None and time is not None:
         raise click.UsageError("--time and --frames exclude each other")
-    if resume and frames is None:
-        raise click.UsageError("--resume continues --frames, which are not given")
     if fps is not None and not animated:
         raise click.UsageError("--fps is for animations: .mp4, .gif, .webp or .apng")
 

@@ -103,6 +103,16 @@ def duration(text: str) -> float:
     return value
 
 
+def checkpoint(text: str) -> float:
+    """A time above zero, or 0 for `off`."""
+    if text == "off":
+        return 0.0
+    value = seconds(text)
+    if value <= 0:
+        raise ValueError("a time between checkpoints is more than 0 seconds, or off")
+    return value
+
+
 def exposure(text: str) -> float:
     """Stops: `-1.5`, or `-1.5ev` as in a scene."""
     message = "an exposure is a number of stops, like -1.5 or 2ev"
@@ -221,6 +231,7 @@ SHARE = Value("share", share)
 LIMIT = Value("share", limit)
 SECONDS = Value("time", seconds)
 DURATION = Value("time", duration)
+CHECKPOINT = Value("checkpoint", checkpoint)
 EXPOSURE = Value("ev", exposure)
 FRAMES = Value("frames", frames)
 PURPOSES = Value("names", purposes)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import math
 import os
@@ -33,8 +34,10 @@ from .scene_source import Source, measure_time
 if TYPE_CHECKING:
     from ..compiler import ir
     from ..compiler.plan.plan import Plan
+    from ..render.film.checkpoint import Keeper
     from ..render.image.image import Image
 
+FIRST_CHECKPOINT, CHECKPOINT = 60.0, 30.0  # seconds to the first checkpoint, and between others
 STAGES = ("import", "parse", "evaluate", "lower", "validate", "compile_kernels", "build", "render", "write")
 
 
@@ -105,13 +108,15 @@ class Job:
     bits: int | None = None
     quiet: bool = False
     files: tuple[Path, ...] = ()  # files of the last scene
+    checkpoint: float | None = 0.0  # seconds between checkpoints; 0: none; None: CHECKPOINT, after the first minute
+    resume: bool = False  # go on from checkpoints
     exposure: float | None = None  # metered at the first picture
     reported: set[Diagnostic] = field(default_factory=set)
     noted: set[str] = field(default_factory=set)  # notes so far, without their figures
     laps: Laps = field(default_factory=Laps)  # of the last picture
     display: Display = field(default_factory=lambda: Display(quiet=True))  # of the last picture
 
-    def run(self, frames: tuple[float, ...] | None, resume: bool = False) -> list[dict[str, Any]]:
+    def run(self, frames: tuple[float, ...] | None) -> list[dict[str, Any]]:
         """Render all pictures, with `resume` those of frames that have no file. Returns the statistics of each (`--stats`).
 
         Raises KeyboardInterrupt after a partial one.
@@ -120,7 +125,7 @@ class Job:
             return [self._summarize(self.output, self._picture(self.output, {}))]
         numbers = self.source.frames(frames)
         every = [(self.frame_file(n), n, moment) for n, moment in zip(numbers, self.source.moments(numbers), strict=True)]
-        missing = [frame for frame in every if not (resume and frame[0].is_file())]
+        missing = [frame for frame in every if not (self.resume and frame[0].is_file())]
         if len(missing) < len(every):
             self._skip(len(every) - len(missing), next(path for path, _, _ in every if path.is_file()))
         pictures: list[dict[str, Any]] = []
@@ -189,11 +194,12 @@ class Job:
         self._report(found.items)
         self._report(picture_notes.plan_warnings(scene, plan))
         self.laps.end("read")
+        keeper = self._keeper(scene, plan, path) if len(parts) == 1 else None
         with catch_interrupt() as cancel:
             if len(parts) > 1:
                 image = self._render_strips(scene, plan, parts, path, cancel)
             else:
-                image = render_scene.draw(scene, plan, self.display, cancel)
+                image = render_scene.draw(scene, plan, self.display, cancel, keeper)
         for name, value in image.metadata["seconds"].items():
             seconds[name] = seconds.get(name, 0.0) + value
         self.laps.end("draw")
@@ -208,9 +214,33 @@ class Job:
         self.laps.end("write")
         if partial:
             self.display.hide()
-            click.echo(f"interrupted: the partial picture is in {path}", err=True)
+            kept = f"; --resume goes on from {keeper.path}" if keeper is not None and keeper.path.is_file() else ""
+            click.echo(f"interrupted: the partial picture is in {path}{kept}", err=True)
             raise KeyboardInterrupt
+        if keeper is not None:
+            keeper.remove()
         return self._figures(scene, plan, image, seconds)
+
+    def _keeper(self, scene: ir.Scene, plan: Plan, path: Path) -> Keeper | None:
+        """What writes the checkpoints of a picture, beside its file; tells what is there already."""
+        if self.checkpoint == 0.0:
+            return None
+        from ..render.film import checkpoint
+
+        file = path.with_name(f"{path.name}.checkpoint")
+        first, every = (FIRST_CHECKPOINT, CHECKPOINT) if self.checkpoint is None else (self.checkpoint, self.checkpoint)
+        there = file.is_file()
+        keeper = checkpoint.Keeper(file, functools.partial(checkpoint.key_of, scene, plan, __version__), first, every, self.resume)
+        if self.resume and keeper.found is not None:
+            note = f"goes on from {file}, with {keeper.found.arrays['samples'].mean():.3g} samples a pixel"
+        elif self.resume and there:
+            note = f"{file} is damaged, or of another scene, version or settings: the picture begins anew"
+        else:
+            note = f"{file} is there: --resume goes on from it" if there else ""
+        if note and not self.quiet:
+            self.display.hide()
+            click.echo(note, err=True)
+        return keeper
 
     def _write(self, image: Image, path: Path, plan: Plan) -> None:
         from ..render.image import image_files

@@ -11,6 +11,7 @@ from ..compiler.plan.plan import Plan
 from . import types
 from .backends import accumulation, kernel_choice, light_groups
 from .film import bounce_error, film
+from .film.checkpoint import Keeper
 from .film.progress import Progress, Report
 from .image import cryptomatte
 from .image.image import Image
@@ -19,10 +20,13 @@ from .jit import compile_events, kernel_cache
 MISSING_LIGHT = 0.02  # share of a pixel's light that the limit on bounces may leave out, unless an error was asked for
 
 
-def draw(scene: ir.Scene, plan: Plan, report: Report | None = None, cancel: threading.Event | None = None) -> Image:
+def draw(
+    scene: ir.Scene, plan: Plan, report: Report | None = None, cancel: threading.Event | None = None, keeper: Keeper | None = None
+) -> Image:  # fmt: skip
     """Render a validated scene under a plan.
 
-    Calls `report` in the calling thread. Setting `cancel` ends the work; the picture is then partial, as
+    Calls `report` in the calling thread. `keeper` writes checkpoints, and brings the one to go on from; pictures by light groups, and
+    those that a backend draws as a whole, have none. Setting `cancel` ends the work; the picture is then partial, as
     `metadata["partial"]` says. Other metadata: the "seconds" of "build", "compile_kernels" and "render"; samples; the error reached;
     "notes" on effects that the backend does not draw, each (message, table, row); the number of rays "unproved"; "cut", the light lost
     to the limit on bounces, a bounce_error.Cut, or None if not measured; "exposure", "view" and "transparent" of the plan, for files.
@@ -48,7 +52,7 @@ def draw(scene: ir.Scene, plan: Plan, report: Report | None = None, cancel: thre
         layers = [name for name in plan["aov"] if name in cryptomatte.LAYERS]
         mattes = cryptomatte.Mattes(scene, layers) if layers else None
     with kernel_cache.timed(seconds, "render"):
-        image = film.run(renderer, plan, view, report, cancel, mattes)
+        image = film.run(renderer, plan, view, report, cancel, mattes, None if lit or by_moments else keeper)
         if lit:
             renderer.put(image)
         if plan["denoise"]:

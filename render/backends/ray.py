@@ -77,11 +77,20 @@ class Renderer:
         maps = self.prepared.photon_tracer.make(samples)
         self.packed = Handle(scene._replace(light=scene.light._replace(photons=maps)))
 
+    def shared(self) -> tuple[int, ...]:
+        """See film.Renderer."""
+        tracer = self.prepared.photon_tracer
+        return () if tracer is None else (tracer.maps, tracer.so_far)
+
+    def share(self, state: tuple[int, ...]) -> None:
+        """See film.Renderer."""
+        tracer = self.prepared.photon_tracer
+        if tracer is not None:
+            tracer.maps, tracer.so_far = state
+
     def continue_from(self, other: Renderer) -> None:
         """See film.Renderer."""
-        mine, theirs = self.prepared.photon_tracer, other.prepared.photon_tracer
-        if mine is not None:
-            mine.maps, mine.so_far = theirs.maps, theirs.so_far
+        self.share(other.shared())
 
     def limit(self, bounces: int) -> None:
         """Set the limit on bounces. No thread may be drawing."""

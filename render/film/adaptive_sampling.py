@@ -161,7 +161,7 @@ class Decline:
 
     def shares(self) -> Map:
         """Return (levels,) variance of the means over the estimate from halves: 1 for independent samples, less for nets."""
-        before, after = np.sum([self._shown[tile] for tile in sorted(self._shown)], axis=0).T
+        before, after = np.sum([np.zeros((self.LEVELS, 2)), *(self._shown[tile] for tile in sorted(self._shown))], axis=0).T
         known = (after > 0.0) & (before > after)
         slope = np.log2(np.divide(before, after, out=np.ones_like(before), where=known), where=known, out=np.ones_like(before))
         return 1.0 / (2.0 ** (1.0 + self.BELIEVED * (np.clip(slope, 1.0, self.STEEPEST) - 1.0)) - 1.0)

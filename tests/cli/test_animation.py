@@ -111,7 +111,6 @@ def test_an_animation_resumes_after_an_error(scene: Path) -> None:
     ("options", "message"),
     [
         (("-o", "a.gif"), "a.gif is an animation: give its --frames, such as 1..48"),
-        (("-o", "a.png", "--resume"), "--resume continues --frames, which are not given"),
         (("-o", "a.png", "--frames", "0..2", "--fps", "12"), "--fps is for animations: .mp4, .gif, .webp or .apng"),
     ],
 )

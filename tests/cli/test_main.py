@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -403,7 +404,7 @@ def test_ctrl_c_writes_the_partial_picture(scene: Path) -> None:
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130, err
-    assert err == "interrupted: the partial picture is in a.partial.exr\n"
+    assert re.fullmatch(r"interrupted: the partial picture is in a\.partial\.exr(; --resume goes on from a\.png\.checkpoint)?\n", err)
     assert set(out.split()) <= {"begun"}
     assert image_reader.read(Path("a.partial.exr")).channels["rgba"].any()
     assert not Path("a.png").exists()
@@ -521,9 +522,9 @@ def test_a_saved_ir_draws_the_same(scene: Path) -> None:
     run("render", scene, "-o", "scene.exr")
     assert run("render", "a.npz", "-o", "npz.exr")[0] == 0
     assert run("compare", "scene.exr", "npz.exr", "--threshold", "0")[0] == 0
-    code, _, err = run("convert", scene, "a.usda")
+    code, _, err = run("convert", scene, "a.fbx")
     assert code == 2
-    assert "Error: writing .usda is not built yet: OUT ends in .npz (a saved IR), .xml (Mitsuba 3), .pov (POV-Ray 3.7), .stl (" in err
+    assert "Error: writing .fbx is not built yet: OUT ends in .npz (a saved IR), .xml (Mitsuba 3), .pov (POV-Ray 3.7), .glb (" in err
 
 
 # --- imported modules, terminal output ------------------------------------------------------------------------------------------
@@ -595,3 +596,35 @@ def test_a_fault_of_our_own_is_no_traceback(scene: Path, monkeypatch: pytest.Mon
     assert (code, out) == (1, "")
     assert err.startswith("internal error: ZeroDivisionError: division by zero\n")
     assert "Traceback" not in err
+
+
+# --- checkpoints -----------------------------------------------------------------------------------------------------------
+
+
+def test_a_killed_render_goes_on(scene: Path) -> None:
+    """From its last checkpoint, with the same bits; the checkpoint is removed at the end."""
+    options = ("--backend", "reference", "--size", "96x64", "--samples", "32", "--threads", "1")
+    run("render", scene, "-o", "whole.exr", *options)
+    keep = "c.Canvas.finish = lambda self, view: (self.keep(), print('kept', flush=True), time.sleep(60))"
+    code = f"import time; from maquette.render.film import canvas as c; {keep}; from maquette.cli import main; main.main()"
+    command = [sys.executable, "-c", code, "render", "a.scene", "-o", "a.exr", *options, "--checkpoint", "1s", "-q"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "kept\n"
+    process.kill()
+    process.wait()
+    assert not Path("a.exr").exists()
+    code, _, err = run("render", scene, "-o", "a.exr", *options, "--resume")
+    assert (code, err) == (0, "goes on from a.exr.checkpoint, with 32 samples a pixel\n")
+    assert not Path("a.exr.checkpoint").exists()
+    np.testing.assert_array_equal(image_reader.read(Path("a.exr")).channels["rgba"], image_reader.read(Path("whole.exr")).channels["rgba"])
+
+
+def test_a_checkpoint_of_another_picture_is_told(scene: Path) -> None:
+    Path("a.png.checkpoint").write_bytes(b"")
+    code, _, err = run("render", scene, "--size", "16", "--samples", "2", "--backend", "reference", "--resume")
+    assert (code, err) == (0, "a.png.checkpoint is damaged, or of another scene, version or settings: the picture begins anew\n")
+    Path("a.png.checkpoint").write_bytes(b"")
+    code, _, err = run("render", scene, "--size", "16", "--samples", "2", "--backend", "reference")
+    assert (code, err) == (0, "a.png.checkpoint is there: --resume goes on from it\n")
+    assert not Path("a.png.checkpoint").exists()

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from maquette.render.film import adaptive_sampling, film
+from maquette.render.film import adaptive_sampling, canvas, film
 from maquette.render.film.progress import Progress
 from maquette.render.image import image, metrics
 from maquette.render.types import Film, Tile, View
@@ -206,7 +206,7 @@ def test_progress_is_told_in_the_callers_thread(asked: dict[str, Any]) -> None:
 
 
 def test_the_error_so_far_is_told_and_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(film, "ESTIMATE", 0.0)
+    monkeypatch.setattr(canvas, "ESTIMATE", 0.0)
     seen: list[Progress] = []
     picture = draw(Painter(wait=0.002), seen.append, samples=256)
     np.testing.assert_array_equal(picture.channels["rgba"], draw(samples=256).channels["rgba"])
@@ -352,6 +352,7 @@ class Clockwork(Painter):
 @pytest.mark.parametrize("seconds", [0.5, 2.0])
 def test_a_budget_is_spent_to_a_tenth_and_where_the_noise_is(monkeypatch: pytest.MonkeyPatch, seconds: float) -> None:
     painter = Clockwork()
+    monkeypatch.setattr(canvas, "time", painter)
     monkeypatch.setattr(film, "time", painter)
     picture = draw(painter, budget=seconds, samples=100_000, threads=1)
     assert painter.now == pytest.approx(seconds, rel=0.1)

@@ -1,0 +1,381 @@
+"""Canvas: a picture that is being rendered, its sums and error estimates, and the order of the work."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...compiler.plan import decision
+from ...compiler.plan.plan import Plan
+from ..image import cryptomatte, image, metrics
+from ..image.cryptomatte import Mattes
+from ..jit import thread_pool
+from ..simd import target
+from ..types import Film, Tile, View
+from . import accumulate, adaptive_sampling, aov
+from .accumulate import PixelErrors, PixelSums
+from .checkpoint import Keeper, State
+from .progress import Picture, Progress, Report
+
+TILE = 32  # pixels
+FIRST = 16  # samples a pixel before the first error estimate
+CALL = 64  # samples a pixel of a tile between checks for cancellation and deadline
+
+ESTIMATE = 2.0  # seconds between estimates of the error for callers
+
+Counts = NDArray[np.int64]
+
+
+def tiles(crop: tuple[int, int, int, int], side: int = TILE) -> list[Tile]:
+    """Return the tiles of a crop, from the center outwards."""
+    x0, y0, x1, y1 = crop
+    every = [Tile(x, y, min(x + side, x1), min(y + side, y1)) for y in range(y0, y1, side) for x in range(x0, x1, side)]
+    corners = np.array(every)
+    away = (corners[:, 0] + corners[:, 2] - x0 - x1) ** 2 + (corners[:, 1] + corners[:, 3] - y0 - y1) ** 2
+    return [every[i] for i in np.argsort(away, kind="stable")]
+
+
+def draw_auxiliary(renderer: Any, tile: Tile, out: dict[str, NDArray[np.float32]], samples: int, mattes: Mattes | None) -> None:
+    """Write the auxiliary channels of a tile."""
+    names = tuple(name for name in out if name in aov.SEEN)
+    if names:
+        renderer.channels(tile, names, {name: out[name] for name in names})
+    if mattes is not None:
+        count = min(samples, cryptomatte.SAMPLES)
+        seen = np.stack([renderer.first(tile, s, samples).hit.instance for s in range(count)])
+        mattes.put(seen, {name: out[name] for name in mattes.channels})
+
+
+def _film(tile: Tile) -> Film:
+    shape = (tile.y1 - tile.y0, tile.x1 - tile.x0)
+    return Film(np.zeros((*shape, 3)), np.zeros(shape), np.zeros(shape, np.int64))
+
+
+class Canvas:
+    """A picture that is being rendered."""
+
+    def __init__(
+        self, renderer: Any, plan: Plan, cancel: threading.Event, report: Report | None, mattes: Mattes | None = None,
+        keeper: Keeper | None = None,
+    ) -> None:  # fmt: skip
+        """`renderer` is a film.Renderer. With a `keeper`, checkpoints are written, and the work goes on from the one it found."""
+        self.mattes, self.keeper = mattes, keeper
+        self.renderer, self.cancel, self.report = renderer, cancel, report
+        self.crop = tuple(plan["crop"])
+        self.names = tuple(plan["aov"])
+        self.most = int(plan["samples"])
+        self.threads = int(plan["threads"]) or target.cores()
+        self.width, self.height = self.crop[2] - self.crop[0], self.crop[3] - self.crop[1]
+        self.channels = image.blank(self.width, self.height, ("rgba", *self.names))
+        several = (self.height, self.width, 3) if self.most > 1 else (0, 0, 3)  # one sample has no error estimate
+        self.variance = np.full(several, np.inf)  # of the means; inf after one batch
+        self.value = np.zeros(several, np.float32)  # denominator of relative errors
+        self.samples = np.zeros((self.height, self.width), np.int64 if self.most > 1 else np.int8)
+        self.decline = adaptive_sampling.Decline()
+        self.least = 0.0  # ε², after the first round
+        self.tiles = tiles(self.crop, renderer.side)
+        self.issues = dict.fromkeys(self.tiles, 0)
+        self.drawn = dict.fromkeys(self.tiles, 0)  # samples of all pixels
+        self.spent = 0  # samples of all finished tiles
+        self._local = threading.local()
+        self.settled = not decision.adaptive(plan)
+        self.error: float | None = None  # √relMSE so far, for `report`
+        self.estimate_at = time.perf_counter() + ESTIMATE
+        self.sums: PixelSums | None = None  # of the whole picture, where it is drawn in rounds
+        self.round: dict[str, Any] = {}  # what a checkpoint needs to go on with the round
+        self.lock = threading.Lock()  # a checkpoint is made between two batches
+        self.resumed = keeper.found if keeper is not None and self.most > 1 else None
+        if self.resumed is not None:
+            self._restore(self.resumed)
+
+    def fixed(self) -> None:
+        """Render with the same number of samples for every pixel."""
+        if self.renderer.round is not None:
+            self._in_rounds(self.renderer.round)
+            return
+        if self.most == 1:
+            self._work(self._draw_single, self.tiles, lambda: self.spent / (self.width * self.height))
+            return
+        goals = dict.fromkeys(-(-self.most // share) for share in (4, 2, 1))  # one doubling measures the error, two its decline
+
+        def draw(tile: Tile) -> None:
+            if not self._is_finished(tile):
+                part = PixelSums.zeros(tile.y1 - tile.y0, tile.x1 - tile.x0)
+                for goal in goals:
+                    self._draw(tile, part, np.full(part.samples.shape, goal))
+            self._draw_extras(tile)
+
+        whole = self.most * self.width * self.height
+        self._work(draw, self.tiles, lambda: self.spent / whole)
+
+    def _is_finished(self, tile: Tile) -> bool:
+        """Whether a tile of fixed samples is whole."""
+        return self.drawn[tile] == self.most * (tile.y1 - tile.y0) * (tile.x1 - tile.x0)
+
+    def _draw_single(self, tile: Tile) -> None:
+        """Render a tile of one sample a pixel, with memory of the thread."""
+        shape = tile.y1 - tile.y0, tile.x1 - tile.x0
+        window = self._window(tile)
+        if self.renderer.single is not None:
+            self.issues[tile] = self.renderer.single(tile, self.channels["rgba"][window])
+        else:
+            if getattr(self._local, "shape", None) != shape:
+                self._local.shape, self._local.film = shape, _film(tile)
+                self._local.counts = np.zeros(shape, np.int64), np.ones(shape, np.int64)
+            first, count = self._local.counts
+            self.renderer.sample(tile, first, count, 1, self._local.film)
+            self.issues[tile] = accumulate.set_first(self._local.film, self.channels["rgba"][window])
+        self.samples[window] = 1
+        self.drawn[tile] = shape[0] * shape[1]
+        self._draw_extras(tile)
+
+    def _in_rounds(self, most: int) -> None:
+        """Render all tiles in rounds of equally many samples, with `Renderer.refresh` before each."""
+        whole_sums = self.sums = self.sums or PixelSums.zeros(self.height, self.width)
+        goals = sorted({-(-self.most // share) for share in (4, 2, 1)} | set(range(most, self.most, most)))
+        pixels, before = self.width * self.height, 0
+        for goal in goals:
+            if self.round and goal < self.round["goal"]:  # done before the checkpoint
+                before = goal
+                continue
+            self._refresh((goal - before) * pixels, goal=goal)
+
+            def draw(tile: Tile, goal: int = goal) -> None:
+                part = whole_sums.window(self._window(tile))
+                if self.drawn[tile] < goal * part.samples.size:
+                    self._draw(tile, part, np.full(part.samples.shape, goal))
+
+            self._work(draw, self.tiles, lambda: self.spent / (self.most * pixels))
+            if self.cancel.is_set():
+                return
+            before = goal
+        self.round = {"goal": self.most + 1}
+        self._work(self._draw_extras, self.tiles, lambda: 1.0)
+
+    def adaptive(self, error: float, deadline: float) -> None:
+        """Render in rounds; the pixels of greatest benefit get two or four times their samples."""
+        whole_sums = self.sums = self.sums or PixelSums.zeros(self.height, self.width)
+        first = min(FIRST, self.most)
+        began = time.perf_counter()
+
+        def begin(tile: Tile) -> None:
+            part = whole_sums.window(self._window(tile))
+            for goal in dict.fromkeys((-(-first // 2), first)):
+                if goal == first and time.perf_counter() > deadline:
+                    break
+                if self.drawn[tile] < goal * part.samples.size:
+                    self._draw(tile, part, np.full(part.samples.shape, goal))
+            self._draw_extras(tile)
+
+        whole = math.inf  # samples at the end, unknown before the first estimate
+        rounds = [(int(spent), float(mean)) for spent, mean in self.round.get("rounds", [])]  # samples, mean of `relative`
+        started = self.round.get("goals")  # of a round that a checkpoint interrupted
+        if started is None:
+            self._refresh(first * whole_sums.samples.size)
+
+        def share() -> float:
+            return max(self.spent / whole, (time.perf_counter() - began) / (deadline - began))
+
+        self._work(begin, self.tiles, share)
+        blocks = adaptive_sampling.Blocks(self.crop, self.renderer.block)
+        while self.most > 1 and not self.cancel.is_set() and (now := time.perf_counter()) < deadline:
+            again = started is not None
+            if started is None:
+                relative = blocks.means(self._relative())
+                excess = adaptive_sampling.excess(relative, error) if error > 0.0 else 1.0
+                rounds.append((self.spent, float(np.mean(relative))))
+                self.error = math.sqrt(rounds[-1][1])
+                if excess <= 0.0:
+                    break
+                pace = self.spent / (now - began)
+                samples = blocks.means(whole_sums.samples).astype(np.int64)
+                goals = blocks.spread(self._goals(relative, samples, excess, (deadline - now) * pace / self.renderer.block**2))
+                goals = np.maximum(goals, whole_sums.samples)
+            else:
+                goals, excess, started = started, self.round["excess"], None
+            self._refresh(int(np.sum(goals - whole_sums.samples)), goals=goals, rounds=rounds, excess=excess)
+            added = {tile: int(np.sum(goals[self._window(tile)] - whole_sums.samples[self._window(tile)])) for tile in self.tiles}
+            more = sorted((tile for tile in self.tiles if added[tile]), key=lambda tile: -added[tile])  # longest first, for load balance
+            if not more and again:  # a checkpoint at the end of its round
+                continue
+            if not more:
+                break
+
+            def draw(tile: Tile, goals: Counts = goals) -> None:
+                window = self._window(tile)
+                self._double(tile, whole_sums.window(window), goals[window], deadline)
+
+            if error > 0.0:
+                expected = adaptive_sampling.expected_samples(rounds, excess)
+                whole = max(int(goals.sum()), min(expected, self.most * self.samples.size))
+            self._work(draw, more, share)
+
+    def _double(self, tile: Tile, part: PixelSums, goals: Counts, deadline: float) -> None:
+        """Render a tile's pixels up to their goals, by doublings."""
+        for _ in range(adaptive_sampling.MOST_DOUBLINGS):
+            step = np.minimum(goals, 2 * part.samples)
+            if np.array_equal(step, part.samples):
+                break
+            self._draw(tile, part, step, deadline)
+
+    def _goals(self, relative: NDArray[np.float64], samples: Counts, excess: float, affordable: float) -> Counts:
+        """Return (h, w) samples of each pixel after the next round, so that `relative` falls by the share `excess`."""
+        if self.renderer.by_tile:
+            known = relative.copy()
+            for tile in self.tiles:
+                known[self._window(tile)] = known[self._window(tile)].mean()
+        else:
+            known = adaptive_sampling.smooth(relative, samples)
+        if excess < 1.0:
+            doublings = adaptive_sampling.doublings_for_error(known, samples, self.most, excess)
+            if np.sum(samples * (2**doublings - 1)) <= affordable:
+                return np.minimum(samples * 2**doublings, self.most)
+        # A round at most doubles all samples: beyond that, pixels at four times their own leave samples to pixels without need.
+        doublings = adaptive_sampling.doublings_for_samples(known, samples, self.most, min(affordable, float(samples.sum())))
+        return np.minimum(samples * 2**doublings, self.most)
+
+    def _draw(self, tile: Tile, part: PixelSums, goals: Counts, deadline: float = math.inf) -> None:
+        """Render the pixels of a tile up to their goals as one batch; less if cancelled or after the deadline."""
+        film, count = _film(tile), goals - part.samples
+        start, most = 0, int(count.max(initial=0))
+        while start < most and not (self.cancel.is_set() or time.perf_counter() > deadline):
+            call = CALL * max(1, count.size // int(np.count_nonzero(count > start)))
+            self.renderer.sample(tile, part.samples + start, np.clip(count - start, 0, call), self.most, film)
+            start += call
+        if start < most:
+            count = np.minimum(count, start)
+        window = self._window(tile)
+        errors = PixelErrors(self.variance[window], self.value[window])
+        with self.lock:
+            if start < most and self.keeper is not None and self.cancel.is_set():
+                return  # a checkpoint holds whole batches
+            accumulate.add_samples(film, count, part, errors, self.channels["rgba"][window], self.least, self.decline.of(tile))
+            self.samples[window] = part.samples
+            self.drawn[tile] = int(part.samples.sum())
+            self.issues[tile] = int(part.issues.sum())
+
+    def _draw_extras(self, tile: Tile) -> None:
+        if self.names:
+            window = self._window(tile)
+            draw_auxiliary(self.renderer, tile, {name: self.channels[name][window] for name in self.names}, self.most, self.mattes)
+
+    def _window(self, tile: Tile) -> tuple[slice, slice]:
+        x0, y0 = self.crop[:2]
+        return slice(tile.y0 - y0, tile.y1 - y0), slice(tile.x0 - x0, tile.x1 - x0)
+
+    def _relative(self, passing: bool = False) -> NDArray[np.float64]:
+        """(h, w) variance / (value² + ε²) of all pixels, ε as in metrics.root_relmse; sets `least`, ε², unless `passing`."""
+        rgba = self.channels["rgba"]
+        mean = np.einsum("ijk->k", rgba, dtype=np.float64) / (rgba.size // rgba.shape[-1])
+        luminance = float(mean[:3] @ metrics.LUMINANCE)
+        least = max((metrics.EPSILON * luminance) ** 2, float(np.finfo(np.float64).tiny))
+        if not passing:
+            self.least = least
+        out = np.empty(self.samples.shape)
+        accumulate.relative_error(self.variance, self.value, rgba, self.samples, self.decline.shares(), least, out)
+        return out
+
+    def _work(self, draw: Callable[[Tile], None], jobs: Sequence[Tile], fraction: Callable[[], float]) -> None:
+        """Render tiles on all threads, and report the `fraction` done after each; the first exception is raised here."""
+        known = dict(self.drawn)
+
+        def count(tile: Tile, _: None) -> None:
+            self.spent += self.drawn[tile] - known[tile]
+            self._report(fraction())
+            if self.keeper is not None and self.keeper.due():
+                self.keep()
+
+        thread_pool.parallel_for(draw, jobs, self.threads, self.cancel, count)
+
+    # --- checkpoints ---
+
+    def _refresh(self, samples: int, **round_: Any) -> None:
+        """Begin a round of this many samples, or go on with the one of a checkpoint, with the same data shared by its samples."""
+        if self.renderer.round is not None:
+            if self.keeper is not None:
+                before = self.renderer.shared()
+                if self.resumed is not None and "samples" in self.resumed.numbers:
+                    before, samples = tuple(self.resumed.numbers["shared"]), int(self.resumed.numbers["samples"])
+                    self.renderer.share(before)
+                round_ |= {"shared": before, "samples": samples}
+            self.renderer.refresh(samples)
+        self.round, self.resumed = round_, None
+
+    def keep(self) -> None:
+        """Write a checkpoint, if there is a keeper and anything to keep."""
+        if self.keeper is not None and self.most > 1 and (self.spent if self.sums is not None else any(map(self._is_finished, self.tiles))):
+            with self.lock:  # without copies: threads wait at the end of their batches
+                self.keeper.save(self._state())
+
+    def _state(self) -> State:
+        arrays = {"rgba": self.channels["rgba"], "variance": self.variance, "value": self.value, "samples": self.samples}
+        arrays["decline"] = np.stack([self.decline.of(tile) for tile in self.tiles])
+        arrays["finished"] = np.array([self.sums is not None or self._is_finished(tile) for tile in self.tiles])
+        arrays["issues"] = np.array([self.issues[tile] for tile in self.tiles])
+        if self.sums is not None:
+            arrays |= {f"sums.{name}": array for name, array in self.sums._asdict().items()}
+        numbers = {name: value for name, value in self.round.items() if name != "goals"}
+        if "goals" in self.round:
+            arrays["goals"] = self.round["goals"]
+        return State(arrays, {**numbers, "least": self.least, "error": self.error})
+
+    def _restore(self, state: State) -> None:
+        """Go on from a checkpoint. Tiles of fixed samples that were not finished begin anew."""
+        found = state.arrays
+        for tile, finished, issues, decline in zip(self.tiles, found["finished"], found["issues"], found["decline"], strict=True):
+            if finished:
+                window = self._window(tile)
+                self.channels["rgba"][window], self.samples[window] = found["rgba"][window], found["samples"][window]
+                self.variance[window], self.value[window] = found["variance"][window], found["value"][window]
+                self.decline.of(tile)[...] = decline
+                self.issues[tile], self.drawn[tile] = int(issues), int(found["samples"][window].sum())
+        self.spent = sum(self.drawn.values())
+        self.least, self.error = state.numbers["least"], state.numbers["error"]
+        if "sums.color" in found:
+            self.sums = PixelSums(*(found[f"sums.{name}"] for name in PixelSums._fields))
+        self.round = dict(state.numbers)
+        if "goals" in found:
+            self.round["goals"] = found["goals"]
+
+    def _report(self, fraction: float) -> None:
+        if self.report is None:
+            return
+        if self.settled and self.most > 1 and time.perf_counter() > self.estimate_at:
+            began = time.perf_counter()
+            relative = self._relative(passing=True)
+            known = relative[np.isfinite(relative)]
+            self.error = math.sqrt(float(np.mean(known))) if known.size else None
+            self.estimate_at = 20.0 * time.perf_counter() - 19.0 * began + ESTIMATE  # takes at most 5 % of the time
+        samples = self.spent / (self.width * self.height)
+        most, picture = self.most if self.settled else 0, Picture(self.channels["rgba"], self.samples)
+        self.report(Progress("rendering", min(fraction, 1.0), samples, most, self.error, picture))
+
+    def finish(self, view: View) -> image.Image:
+        """Return the picture with its metadata."""
+        partial = self.cancel.is_set() and bool(self.samples.min() == 0 or self.samples.min() < self.most)
+        error = None
+        if self.most > 1 and np.isfinite(self.variance).all():
+            error = math.sqrt(float(np.mean(self._relative())))
+        self.error = error
+        if not partial:
+            self._report(1.0)
+        rays = int(self.samples.sum() if self.most > 1 else np.count_nonzero(self.samples))
+        if "samples" in self.channels:
+            self.channels["samples"][..., 0] = self.samples
+        if "variance" in self.channels and self.most > 1:
+            shares = self.decline.shares()[np.log2(np.maximum(self.samples, 1)).astype(int)]
+            known = np.where(np.isfinite(self.variance), self.variance, 0.0) * shares[..., None]
+            self.channels["variance"][...] = np.minimum(known, accumulate.LARGEST)
+        about: dict[str, Any] = {
+            "size": (view.width, view.height), "crop": self.crop, "samples": int(self.samples.max()),
+            "samples_mean": rays / self.samples.size, "error": error, "partial": partial,
+            "variance": self.variance if self.most > 1 else None,
+            "rays": rays, "issues": sum(self.issues.values()), "threads": self.threads,
+        }  # fmt: skip
+        return image.Image(self.width, self.height, self.channels, about)

@@ -1,4 +1,4 @@
-"""maquette: a scene-description language compiler and renderer. The public functions: load, load_text, render, compare.
+"""maquette: a scene-description language compiler and renderer. The public functions: load, load_text, render, show, compare.
 
     import maquette
     scene = maquette.load("room.scene", hour=20)
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,10 +22,11 @@ from .lang.distribution import VERSION
 if TYPE_CHECKING:
     from .compiler import ir
     from .lang.diagnostics import Diagnostics
+    from .live.widget import Widget
     from .render.image.image import Image
     from .render.image.metrics import Difference
 
-__all__ = ["__version__", "compare", "load", "load_text", "render"]
+__all__ = ["__version__", "compare", "load", "load_text", "render", "show"]
 
 __version__ = VERSION
 
@@ -98,6 +100,27 @@ def render(scene: ir.Scene | str | Path, *, plan: Mapping[str, str] | None = Non
     for note in made.notes:
         warnings.warn(note, DeprecationWarning, stacklevel=2)
     return render_scene.draw(scene, made)
+
+
+def show(path: str | Path, *, plan: Mapping[str, str] | None = None, allow: Sequence[str | Path] = (), **settings: Any) -> Widget:
+    """The live window of a scene file as a widget of a notebook, which follows its edits; see docs/live.md.
+
+    `settings` and `plan` are those of `render`, `allow` that of `load`. Raises ImportError without anywidget.
+    """
+    from .compiler import ir
+    from .compiler import load as loader
+    from .lang.distribution import install_command
+    from .live.scene_files import Opened
+
+    try:
+        from .live.widget import Widget
+    except ModuleNotFoundError as missing:
+        raise ImportError(f"the widget of notebooks needs {missing.name}: {install_command('notebook')}") from missing
+    file = Path(path)
+    if not file.is_file():
+        raise FileNotFoundError(f"there is no file {file}")
+    made = partial(loader.load, file, allow=tuple(Path(folder) for folder in allow))
+    return Widget(Opened(file, made, ir.Settings(**settings), plan or {}))
 
 
 def compare(image: Image | str | Path, reference: Image | str | Path) -> Difference:

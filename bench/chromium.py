@@ -18,7 +18,7 @@ from typing import Any
 from websockets.sync.client import ClientConnection, connect
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
-KEYS = {"Enter": 13, "Backspace": 8, "Home": 36, "End": 35, "Escape": 27}
+KEYS = {"Enter": 13, "Backspace": 8, "Home": 36, "End": 35, "Escape": 27, "ArrowDown": 40}
 
 
 def executable() -> str | None:

@@ -32,7 +32,7 @@ THUMBNAIL = (320, 240)  # pixels
 @click.option("--port", type=click.IntRange(1, 65535), help="Port of the window on 127.0.0.1. Default: the last one, or a free one.")
 @shared.scene_options
 @shared.picture_options
-@click.option("--stats", type=shared.OUT, help="Write statistics of the render and of all redraws to this JSON file after every redraw.")
+@click.option("--stats", type=shared.OUT, help="Write statistics of all redraws, or of edits in the window, to a JSON file after each.")
 @shared.examples(
     "maquette watch room.scene",
     "maquette watch .",
@@ -56,23 +56,22 @@ def watch(
 
     The file of --stats is replaced atomically after every redraw without errors. It has the fields of `render --stats`, the cost
     of the last redraw (`redraw`) and of the last 1000 redraws (`redraws`): seconds from the save to the picture (`total`) and
-    for each part (wait, read, draw, write), and CPU seconds of all threads.
+    for each part (wait, read, draw, write), and CPU seconds of all threads. With a window it has what each edit redid (`edits`, the last
+    1000): files parsed, meshes read, BVHs built, kernels compiled, pixels drawn, and the seconds until each picture.
     """
-    if scene.is_dir() and (output is not None or given["sets"]):
-        raise click.UsageError("a folder has a window alone, and no params: leave out -o and --set")
+    if scene.is_dir() and (output is not None or given["sets"] or stats is not None):
+        raise click.UsageError("a folder has a window alone, and no params: leave out -o, --set and --stats")
     source, settings, overrides = shared.read_options(scene, given)
     window = output is None if window is None else window
     if output is not None:
         jobs.check_output(output, settings.aov or (), None, settings.view or "sRGB")
     elif not window:
         raise click.UsageError("--no-window needs a picture file: -o FILE")
-    if stats is not None and (window or output is None):
-        raise click.UsageError("--stats measures redraws without a window: give -o FILE and leave out --window")
     if not window and port is not None:
         raise click.UsageError("--port is for the window: leave it out, or add --window")
     try:
         if window:
-            _show(jobs.Job(source, settings, overrides, output or Path()), output, browser, port)
+            _show(jobs.Job(source, settings, overrides, output or Path()), output, browser, port, stats)
         elif output is not None:
             _follow(jobs.Job(source, settings, overrides, output), stats)
     except KeyboardInterrupt:
@@ -88,13 +87,16 @@ def _follow(job: jobs.Job, stats: Path | None) -> None:
     live.follow(Redraws(job, stats).build)
 
 
-def _show(job: jobs.Job, output: Path | None, browser: bool, port: int | None) -> None:
+def _show(job: jobs.Job, output: Path | None, browser: bool, port: int | None, stats: Path | None) -> None:
     """Serve the window until Ctrl-C."""
     from ..live import window
+    from .watch_stats import Edits
 
     source = job.source
     finished = None if output is None else partial(_write, output)
-    with window.Window(source.path, partial(_opened, job), port, finished, _thumbnail) as shown:
+    jobs.check_stats(stats, source.path, *([] if output is None else [output]))
+    edited = None if stats is None else Edits(stats).note
+    with window.Window(source.path, partial(_opened, job), port, finished, _thumbnail, edited) as shown:
         click.echo(f"{source.path}: {shown.address.url} (Ctrl-C ends)")
         sys.stdout.flush()
         if browser:

@@ -18,6 +18,21 @@ CHANGED = "st_ctime_ns" if os.name == "posix" else "st_mtime_ns"  # renaming a f
 
 
 @dataclass(slots=True)
+class Edits:
+    """Statistics of the edits in a window."""
+
+    stats: Path
+    rows: list[dict[str, Any]] = field(default_factory=list)
+    total: dict[str, int] = field(default_factory=dict)
+
+    def note(self, row: dict[str, Any]) -> None:
+        """Add the counts of an edit, see live/edit_counts.py, and write the file."""
+        self.rows = [*self.rows, row][-MAX_ROWS:]
+        self.total = {name: self.total.get(name, 0) + count for name, count in row["work"].items()}
+        jobs.write_json(self.stats, {"edits": self.rows, "total": self.total})
+
+
+@dataclass(slots=True)
 class Redraws:
     """A job that renders at every save, with its statistics. A render with errors changes neither picture nor statistics."""
 

@@ -91,6 +91,11 @@ class Element:
         calls = self.calls if self.trace and self.span.in_library else ()
         return calls[0][1] if calls else self.span
 
+    @property
+    def call(self) -> Span:
+        """The place of the outermost call that makes it, or its own."""
+        return self.trace[-1][1] if self.trace else self.span
+
 
 @dataclass(frozen=True, slots=True)
 class ParamInfo:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..compiler.io.replace_file import replace_file
-from . import params, picking, scene_files, watch
+from . import outlines, params, picking, scene_files, watch
 from .hub import Hub, Page
 from .scene_files import Opened
 from .state import State, StateError
@@ -19,10 +19,14 @@ from .studio import Current, Studio
 class Session:
     """Draws a scene, follows its files, and answers pages."""
 
-    def __init__(self, opened: Opened, hub: Hub, finished: Callable[[Current, State], None] | None = None) -> None:
+    def __init__(
+        self, opened: Opened, hub: Hub, finished: Callable[[Current, State], None] | None = None,
+        edited: Callable[[dict[str, Any]], None] | None = None,
+    ) -> None:  # fmt: skip
+        """`finished` and `edited` are those of Studio."""
         self.boot = secrets.token_hex(8)  # tells a page that the server has restarted
         self.opened, self.hub = opened, hub
-        self.studio = Studio(opened, self._tell, hub.show, finished)
+        self.studio = Studio(opened, self._tell, hub.show, finished, edited)
         self._touched = False  # whether a page has set something
         self._stop = threading.Event()
         self._watcher = threading.Thread(target=self._follow, name="watch", daemon=True)
@@ -48,7 +52,7 @@ class Session:
             self._tell_files()
             return known[0]
 
-        watch.follow(build, self._stop, lambda: self.studio.files != known[0])
+        watch.follow(build, self._stop, lambda: self.studio.files != known[0], at_once=True)
 
     # --- to the pages ---
 
@@ -195,6 +199,16 @@ class Session:
             raise StateError("the picture is not ready for clicks yet")
         page.put("pick", {"type": "pick", **picking.pick(current.scene, current.shown, float(x), float(y))})
 
+    def _outline(self, page: Page, message: dict[str, Any]) -> None:
+        """Send the outlines of the instances that a line of a source makes."""
+        path, line = self._path(message), message.get("line")
+        if not isinstance(line, int):
+            raise StateError("an outline has a line")
+        current = self.studio.current
+        if current is not None and "id" in current.shown.channels:
+            found = outlines.of_line(current.scene, current.shown.channels["id"], path, line)
+            page.put("outline", {"type": "outline", "path": path, "line": line, **found})
+
     def _camera(self, page: Page, message: dict[str, Any]) -> None:
         page.put("camera", {"type": "camera", "text": self.studio.camera_source()})
 
@@ -206,5 +220,5 @@ def _short_name(path: Path, main: Path) -> str:
 
 _HANDLERS: dict[str, Callable[[Session, Page, dict[str, Any]], None]] = {
     "hello": Session._hello, "change": Session._change, "text": Session._text, "save": Session._save,
-    "write_params": Session._write_params, "pick": Session._pick, "camera": Session._camera,
+    "write_params": Session._write_params, "pick": Session._pick, "outline": Session._outline, "camera": Session._camera,
 }  # fmt: skip

@@ -22,8 +22,10 @@ from ..render.film.progress import Progress
 from ..render.image import image_files
 from ..render.image.image import Image
 from ..render.jit import compile_events
+from ..render.jit.cancellation import Cancelled
 from . import channels, params, picking, poses, scene_files
 from .edit_counts import Work
+from .interrupts import Interrupted, Interruptible
 from .passes import MAX_PIXELS, Pace, Quick, Shown
 from .scene_files import Opened
 from .state import State
@@ -59,6 +61,17 @@ class Current:
     exposure: float = 0.0
 
 
+class _Patient(threading.Event):
+    """Set once a newer state has come and PATIENCE has passed."""
+
+    def __init__(self, newer: Callable[[], bool]) -> None:
+        super().__init__()
+        self._newer, self._began = newer, time.monotonic()
+
+    def is_set(self) -> bool:
+        return self._newer() and time.monotonic() - self._began > PATIENCE
+
+
 class Studio:
     """Draws one scene. `tell` takes messages for all pages, `show` pictures with their description; both in this thread."""
 
@@ -76,12 +89,12 @@ class Studio:
         self._compiled: Compiled | None = None
         self._stages = stage_cache.StageCache()
         self.work = Work(self._stages)
+        self._compilation = Interruptible()
         self._changed = threading.Condition()
         self._cancel = threading.Event()
         self._version = 1  # of the state and the files
         self._view = 0  # of the exposure
         self._stopped = False
-        self._quick_since: float | None = None  # when a first picture began
         self._pace = Pace()
         self._pose: Any = None  # of the last picture
         self._rows: Any = None  # of the last plan that was told
@@ -98,6 +111,7 @@ class Studio:
         """End the thread; a picture that is being drawn is cancelled."""
         with self._changed:
             self._stopped = True
+            self._compilation.interrupt(0.0)
             self._cancel.set()
             self._changed.notify_all()
         if self._thread.is_alive():
@@ -128,9 +142,8 @@ class Studio:
 
     def _newer(self) -> None:
         self._version += 1
-        began = self._quick_since
-        if began is None or time.monotonic() - began > PATIENCE:
-            self._cancel.set()
+        self._compilation.interrupt(PATIENCE)
+        self._cancel.set()
         self._changed.notify_all()
 
     # --- the thread ---
@@ -152,6 +165,8 @@ class Studio:
             self.work.begin()
             try:
                 self._draw(version, state)
+            except (Interrupted, Cancelled):
+                pass  # the next state is there
             except SceneError as error:
                 self._tell_errors(error.diagnostics, state)
             except planner.PlanError as error:
@@ -175,13 +190,12 @@ class Studio:
             return self._compiled
         self._disk, began = key[0], time.time_ns()
         self.tell({"type": "progress", "stage": "compiling", "share": 0.0})
-        found = Diagnostics()
+        found, self._compiled = Diagnostics(), None
         self.work.own["scenes evaluated"] += 1
         try:
-            with self._stages.compiling():
+            with self._compilation.running(), self._stages.compiling():
                 scene = self.opened.compile(state, found)
         except SceneError as error:
-            self._compiled = None
             named = (Path(d.span.file).resolve() for d in error.diagnostics if d.span and Path(d.span.file).is_file())
             self._set_files([*self.files, *named], began, state.texts)
             raise
@@ -243,9 +257,8 @@ class Studio:
         """Draw the coarse and the whole picture; False if a newer state came."""
         moving, self._pose = state.pose != self._pose, state.pose
         for k, plan in enumerate(quick.first(self._pace, moving)):
-            self._quick_since = time.monotonic() if k == 0 else None
-            image = self._draw_picture(quick.scene, plan, self._quick_report(version))
-            self._quick_since = None
+            cancel = _Patient(lambda: self._stopped or self._version != version) if k == 0 else self._cancel
+            image = self._draw_picture(quick.scene, plan, None, cancel)
             if image.metadata["partial"]:
                 return False
             if not plan["aov"]:
@@ -273,8 +286,10 @@ class Studio:
         self._tell_channels()
         return True
 
-    def _draw_picture(self, scene: ir.Scene, plan: Plan, report: Callable[[Progress], None] | None = None) -> Image:
-        image = render_scene.draw(scene, plan, report, self._cancel)
+    def _draw_picture(
+        self, scene: ir.Scene, plan: Plan, report: Callable[[Progress], None] | None = None, cancel: threading.Event | None = None
+    ) -> Image:  # fmt: skip
+        image = render_scene.draw(scene, plan, report, cancel or self._cancel)
         self.work.own["pictures drawn"] += 1
         self.work.own["pixels drawn"] += image.width * image.height
         return image
@@ -285,14 +300,6 @@ class Studio:
         assert current is not None
         self._tell_view()
         self.tell({"type": "channels", "version": current.version})
-
-    def _quick_report(self, version: int) -> Callable[[Progress], None]:
-        def report(_: Progress) -> None:
-            began = self._quick_since
-            if began is not None and self._version != version and time.monotonic() - began > PATIENCE:
-                self._cancel.set()
-
-        return report
 
     def _last_picture(self, version: int, state: State, scene: ir.Scene, plan: Plan) -> Image:
         current = self.current

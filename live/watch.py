@@ -16,19 +16,21 @@ import watchfiles
 from ..lang import file_types
 
 STEP = 5  # milliseconds between looks for events, and without an event until those that came count as one
-QUIET = 0.05  # seconds without a change after which a file that is missing, empty or no source counts as complete
-LONGEST = 0.2  # seconds that such a file is waited for
+QUIET = 0.05  # seconds without a change after which a file counts as complete
+LONGEST = 0.2  # seconds that a file is waited for
 POLL = 1000  # milliseconds between checks without events, for network disks, which send none
 
 Stamp = tuple[int, int, int] | None  # modification time, size and inode; None for a missing file
 
 
 def follow(
-    build: Callable[[], Iterable[Path]], stop: threading.Event | None = None, stale: Callable[[], bool] = lambda: False
+    build: Callable[[], Iterable[Path]], stop: threading.Event | None = None, stale: Callable[[], bool] = lambda: False,
+    at_once: bool = False,
 ) -> None:  # fmt: skip
     """Call `build`, which returns the files it read, and again once after each save of any of them, until `stop` or Ctrl-C.
 
-    Also calls `build` again where `stale()` says so, which is asked at each event and each second.
+    Several writes count as one save until the files are quiet; with `at_once`, a source with text is read at once, for builds that the
+    next write cancels. Also calls `build` again where `stale()` says so, which is asked at each event and each second.
 
     Watches the folders, not the files, because editors save by renaming a new file over the old one. An event only triggers a
     comparison of each file's stamp with that of its last read. So no save is lost between two watches or built twice.
@@ -41,7 +43,7 @@ def follow(
             folders = {file.parent for file in read}
             for _ in itertools.chain([()], _events(folders, stop)):
                 if _changed(read) or stale():
-                    _settle(read, stop)
+                    _settle(read, stop, at_once)
                     read = _build(build, read)
                 if {file.parent for file in read} != folders:
                     break
@@ -87,11 +89,11 @@ def _changed(read: Mapping[Path, Stamp | str]) -> dict[Path, Stamp]:
     return {file: stamp for file, stamp in now.items() if stamp != read[file]}
 
 
-def _settle(read: Mapping[Path, Stamp | str], stop: threading.Event) -> None:
-    """Wait until the changed files are complete: a source with text is so at once, as editors write it in one piece."""
+def _settle(read: Mapping[Path, Stamp | str], stop: threading.Event, at_once: bool) -> None:
+    """Wait until the changed files are complete: with `at_once` a source with text is so, as editors write it in one piece."""
     end, before = time.monotonic() + LONGEST, None
     while (changed := _changed(read)) != before and time.monotonic() < end:
-        if all(stamp and stamp[1] and file.suffix.lower() in file_types.SCENE for file, stamp in changed.items()):
+        if at_once and all(stamp and stamp[1] and file.suffix.lower() in file_types.SCENE for file, stamp in changed.items()):
             return
         before = changed
         stop.wait(QUIET)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 from . import address, server
 from .hub import Hub
@@ -21,15 +22,16 @@ class Window:
     def __init__(
         self, path: Path, open_scene: Callable[[Path], Opened], port: int | None = None,
         finished: Callable[[Current, State], None] | None = None, thumbnail: Callable[[Path], bytes] | None = None,
+        edited: Callable[[dict[str, Any]], None] | None = None,
     ) -> None:  # fmt: skip
-        """Bind the port. `open_scene` gives the options of a scene file; `finished` is that of Studio.
+        """Bind the port. `open_scene` gives the options of a scene file; `finished` and `edited` are those of Studio.
 
         `thumbnail` returns a PNG of a scene file, for the page of a folder; it raises ValueError. Raises OSError.
         """
         self._bound, self.address = address.listen(path, port)
 
         def make(opened: Opened, hub: Hub) -> Session:
-            return Session(opened, hub, finished)
+            return Session(opened, hub, finished, edited)
 
         self.rooms = Rooms(path, open_scene, make)
         self.server = server.Server(server.application(self.rooms, self.address, thumbnail), self._bound)

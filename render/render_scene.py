@@ -15,7 +15,7 @@ from .film.checkpoint import Keeper
 from .film.progress import Progress, Report
 from .image import cryptomatte
 from .image.image import Image
-from .jit import compile_events, kernel_cache
+from .jit import cancellation, compile_events, kernel_cache
 
 MISSING_LIGHT = 0.02  # share of a pixel's light that the limit on bounces may leave out, unless an error was asked for
 
@@ -27,9 +27,10 @@ def draw(
 
     Calls `report` in the calling thread. `keeper` writes checkpoints, and brings the one to go on from; pictures by light groups, and
     those that a backend draws as a whole, have none. Setting `cancel` ends the work; the picture is then partial, as
-    `metadata["partial"]` says. Other metadata: the "seconds" of "build", "compile_kernels" and "render"; samples; the error reached;
-    "notes" on effects that the backend does not draw, each (message, table, row); the number of rays "unproved"; "cut", the light lost
-    to the limit on bounces, a bounce_error.Cut, or None if not measured; "exposure", "view" and "transparent" of the plan, for files.
+    `metadata["partial"]` says; before its first sample Cancelled is raised between two BVHs of meshes. Other metadata: the "seconds" of
+    "build", "compile_kernels" and "render"; samples; the error reached; "notes" on effects that the backend does not draw, each
+    (message, table, row); the number of rays "unproved"; "cut", the light lost to the limit on bounces, a bounce_error.Cut, or None if
+    not measured; "exposure", "view" and "transparent" of the plan, for files.
     """
     seconds: dict[str, float] = {}
     width, height = plan["size"]
@@ -38,7 +39,7 @@ def draw(
     tell = report or (lambda _: None)
     tell(Progress("building"))
     compile_events.expect(_expected_kernels(scene, plan))
-    with kernel_cache.timed(seconds, "build"):
+    with cancellation.cancelled_by(cancel), kernel_cache.timed(seconds, "build"):
 
         def made(scene: ir.Scene, plan: Plan) -> Any:
             def still(scene: ir.Scene) -> Any:

@@ -56,7 +56,8 @@ class Names:
 class Spans:
     """For each row of a table, (source, line, column, end line, end column); `sources` are names of files.
 
-    Tables: geometries, instances, materials, textures, lights, cameras; settings has at most one row. Line 0: the whole file or prim;
+    Tables: geometries, instances, materials, textures, lights, cameras; "calls" are the outermost calls that make the instances;
+    settings has at most one row. Line 0: the whole file or prim;
     source -1: unknown.
     """
 

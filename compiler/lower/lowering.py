@@ -157,7 +157,7 @@ class Lowering:
         if element.kind in shapes.CENTERED and (material is None or material.kind != "emissive"):
             geometry, center = shapes.centered(self, element)
             row = -1 if material is None else self.materials.row(material)
-            self.placements.add(frame, center, geometry, row, name, element.place)
+            self.placements.add(frame, center, geometry, row, name, element.place, element.call)
             return
         for piece in self.pieces(element):
             if material is not None and material.kind == "emissive":
@@ -169,7 +169,8 @@ class Lowering:
                 row = self.materials.row(material)
             if piece.mixed is not None:
                 row = piece.mixed(row)
-            self.placements.add(frame, piece.matrix, piece.geometry, row, f"{name}/{piece.name}" if piece.name else name, element.place)
+            full = f"{name}/{piece.name}" if piece.name else name
+            self.placements.add(frame, piece.matrix, piece.geometry, row, full, element.place, element.call)
 
     def _shining_sphere(self, element: Element, material: Element, matrix: np.ndarray) -> bool:
         """Make a uniformly scaled sphere of one emitted colour a light. Returns whether it is one."""

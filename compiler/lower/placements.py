@@ -43,19 +43,19 @@ class Placements:
 
     def __init__(self, builder: SceneBuilder) -> None:
         self._builder = builder
-        self._waiting: list[tuple[Frame, Frame, int, int, str, Span]] = []
+        self._waiting: list[tuple[Frame, Frame, int, int, str, Span, Span]] = []
 
-    def add(self, outer: Frame, inner: Frame, geometry: int, material: int, name: str, span: Span) -> None:
-        """Add an instance of a geometry with the frame `inner` within `outer`."""
-        self._waiting.append((outer, inner, geometry, material, name, span))
+    def add(self, outer: Frame, inner: Frame, geometry: int, material: int, name: str, span: Span, call: Span) -> None:
+        """Add an instance of a geometry with the frame `inner` within `outer`; `call` is the outermost call that makes it."""
+        self._waiting.append((outer, inner, geometry, material, name, span, call))
 
     def flush(self) -> None:
         """Add the waiting instances to the builder. Call it before anything else adds transforms or instances."""
         if self._waiting:
-            outer, inner, geometries, materials, names, spans = zip(*self._waiting, strict=True)
+            outer, inner, geometries, materials, names, spans, calls = zip(*self._waiting, strict=True)
             self._waiting = []
             rows = self._builder.transforms(products(outer, inner), spans)
-            self._builder.instances(geometries, rows, materials, names, spans)
+            self._builder.instances(geometries, rows, materials, names, spans, calls)
 
 
 def products(outer: Sequence[Frame], inner: Sequence[Frame]) -> np.ndarray:

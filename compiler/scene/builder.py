@@ -32,7 +32,7 @@ from .row_records import (
 NONE = -1  # the row of a rejected item; a diagnostic says why
 FARTHEST = 1e100  # largest coordinate; its square stays finite
 FARTHEST_PLACE = 1e30  # largest coordinate of a transform; single precision ends at 3.4e38
-SPANNED = ("geometries", "instances", "materials", "textures", "lights", "cameras", "settings")
+SPANNED = ("geometries", "instances", "calls", "materials", "textures", "lights", "cameras", "settings")
 _NO_INVERSE = {
     True: ("this is flattened to nothing by its transform (no inverse)", "a scale must not be 0 along any axis"),
     False: ("the transform of this has numbers that are not finite", ""),
@@ -223,13 +223,14 @@ class SceneBuilder:
         if instance.geometry < 0 or instance.transform < 0:
             return NONE
         row = (instance.geometry, instance.transform, instance.material, instance.light, instance.visible)
+        self._spans["calls"].append(span)
         return self._add("instances", row, span, instance.name)
 
     def instances(
         self, geometries: Sequence[int], transforms: Sequence[int], materials: Sequence[int], names: Sequence[str],
-        spans: Sequence[Span | None],
+        spans: Sequence[Span | None], calls: Sequence[Span | None] | None = None,
     ) -> None:  # fmt: skip
-        """Adds instances, except those whose geometry or transform is NONE."""
+        """Adds instances, except those whose geometry or transform is NONE. `calls` are the outermost calls that make them."""
         if min(geometries) < 0 or min(transforms) < 0:
             for geometry, transform, material, name, span in zip(geometries, transforms, materials, names, spans, strict=True):
                 self.instance(InstanceData(geometry, transform, material, name=name), span)
@@ -237,6 +238,7 @@ class SceneBuilder:
         self._rows["instances"].extend(zip(geometries, transforms, materials, repeat(NONE), repeat(ALL_RAYS)))
         self._names["instances"].extend(names)
         self._spans["instances"].extend(spans)
+        self._spans["calls"].extend(spans if calls is None else calls)
 
     def material(self, material: MaterialData, span: Span | None = None) -> int:
         """The row of a material; equal materials of the same name share one."""

@@ -37,8 +37,8 @@ def select(scene: ir.Scene, only: Sequence[str] = (), without: Sequence[str] = (
     instances = ir.Instances(*(column[rows] for column in tables.instances))
     lights = tables.lights._replace(instance=place[tables.lights.instance])
     spans = dict(scene.spans.rows)
-    if "instances" in spans:
-        spans["instances"] = spans["instances"][rows]
+    for table in spans.keys() & {"instances", "calls"}:
+        spans[table] = spans[table][rows]
     return replace(
         scene, tables=tables._replace(instances=instances, lights=lights),
         names=replace(scene.names, instances=tuple(names[row] for row in rows)), spans=replace(scene.spans, rows=spans),

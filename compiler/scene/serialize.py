@@ -106,7 +106,7 @@ def _scene(arrays: Any, about: dict[str, Any]) -> ir.Scene:
             if values.dtype != dtype or values.shape[1:] != shape:
                 raise ValueError(f"{name}.{column}")
         tables[name] = ir.table_of(name, found)
-    spans = {name: arrays[f"spans.{name}"] for name in (*ir.TABLES, "settings") if f"spans.{name}" in arrays}
+    spans = {name: arrays[f"spans.{name}"] for name in (*ir.TABLES, "calls", "settings") if f"spans.{name}" in arrays}
     if any(rows.dtype != np.int32 or rows.ndim != 2 or rows.shape[1] != 5 for rows in spans.values()):
         raise ValueError("spans")
     known = {f.name for f in fields(ir.Settings)}

@@ -104,7 +104,8 @@ def _structure(check: Check) -> None:
         if count != check.rows(table) and not (names == "groups" and count == 0):
             check.fatal(f"the IR has {check.rows(table)} {table} and {count} names of them")
     for table, rows in check.spans.items():
-        count = len(rows) if table == "settings" else check.rows(table) if table in check.tables else -1
+        of = "instances" if table == "calls" else table
+        count = len(rows) if table == "settings" else check.rows(of) if of in check.tables else -1
         if np.shape(rows) != (count, 5):
             check.fatal(f"the IR's spans of {table} do not go with its rows")
     if not check.rows("transforms") or not np.array_equal(check.tables["transforms"]["matrix"][0], np.eye(3, 4)):
@@ -338,7 +339,7 @@ def _without_empty_instances(check: Check) -> None:
         check.set("instances", column, values[keep])
     names = tuple(name for name, kept in zip(check.names.instances, keep, strict=True) if kept)
     check.names = replace(check.names, instances=names)
-    if "instances" in check.spans:
-        check.spans["instances"] = check.spans["instances"][keep]
+    for table in check.spans.keys() & {"instances", "calls"}:
+        check.spans[table] = check.spans[table][keep]
     shapes = check.tables["lights"]["instance"]
     check.set("lights", "instance", np.where(shapes >= 0, renumbered[np.maximum(shapes, 0)], -1).astype(np.int32))

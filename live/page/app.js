@@ -67,6 +67,7 @@ link.on("scene", (scene) => {
 });
 link.on("view", (view) => { $("facts").textContent = `${view.size[0]} × ${view.size[1]}, ${view.backend}${view.camera ? `, ${view.camera}` : ""}`; });
 link.on("picture", ({ about }) => { shownExposure = about.exposure; metered = about.metered; showExposure(); });
+link.on("outline", (message) => picture.outlines(message));
 link.on("camera", async (message) => {
   try { await navigator.clipboard.writeText(message.text); messages.toast(`Copied: ${message.text}`); }
   catch { messages.toast(message.text); }

@@ -10,15 +10,14 @@ const turned = (v, axis, angle) => { // Rodrigues' rotation
   return v.map((x, i) => x * c + w[i] * s + axis[i] * d);
 };
 const STEEPEST = 0.998; // cosine of the smallest angle between the view and up
+const OUTLINED = 2500; // milliseconds
 const STILL = 4; // pixels that a click may move
 
 export class Picture {
-  constructor(link, change) {
+  constructor(link, change, root = document) {
     this.link = link;
     this.change = change; // (state) => void
-    this.canvas = document.getElementById("picture");
-    this.stage = document.getElementById("view");
-    this.mark = document.getElementById("mark");
+    [this.canvas, this.stage, this.mark, this.outline] = ["#picture", "#view", "#mark", "#outline"].map((id) => root.querySelector(id));
     this.context = this.canvas.getContext("2d");
     this.full = [0, 0];
     this.fill = false;
@@ -61,7 +60,30 @@ export class Picture {
     this.place();
   }
 
+  // Draw outlines of a part of the scene over the picture: runs of pixels of the channel's size. They fade after a while.
+  outlines({ width, height, runs }) {
+    const canvas = this.outline;
+    clearTimeout(this.fading);
+    canvas.hidden = runs.length === 0;
+    if (canvas.hidden) return;
+    canvas.width = width;
+    canvas.height = height;
+    const context = canvas.getContext("2d");
+    context.fillStyle = "#fff";
+    for (let k = 0; k < runs.length; k += 3) context.fillRect(runs[k + 1], runs[k], runs[k + 2], 1);
+    canvas.classList.remove("faded");
+    this.place();
+    this.fading = setTimeout(() => canvas.classList.add("faded"), OUTLINED);
+  }
+
+  unoutline() {
+    clearTimeout(this.fading);
+    this.outline.hidden = true;
+  }
+
   place() {
+    const { offsetLeft, offsetTop, offsetWidth, offsetHeight } = this.canvas;
+    Object.assign(this.outline.style, { left: `${offsetLeft}px`, top: `${offsetTop}px`, width: `${offsetWidth}px`, height: `${offsetHeight}px` });
     this.mark.hidden = !this.marked;
     if (!this.marked) return;
     this.mark.style.left = `${this.canvas.offsetLeft + this.marked.x * this.canvas.offsetWidth}px`;

@@ -2,10 +2,9 @@
 const digits = (value) => String(+Number(value).toPrecision(6));
 
 export class Controls {
-  constructor(link, change) {
+  constructor(link, change, root = document) {
     this.change = change; // (state) => void
-    this.root = document.getElementById("params");
-    this.button = document.getElementById("write");
+    [this.root, this.button] = ["#params", "#write"].map((id) => root.querySelector(id));
     this.rows = new Map();
     this.shape = "";
     this.sets = {};

@@ -82,6 +82,7 @@ export class Editor {
         ]),
         EditorView.contentAttributes.of({ "aria-label": "Source of the scene" }),
         EditorView.updateListener.of((update) => {
+          if (update.selectionSet || update.docChanged) this.moved(update);
           if (!update.docChanged) return;
           const own = !update.transactions.some((transaction) => transaction.annotation(remote));
           if (own && this.shown) this.later(this.shown);
@@ -224,6 +225,15 @@ export class Editor {
   }
 
   // --- places ---
+
+  // Ask for the outline of the statement at the cursor after a move of the cursor; a change of the text removes it.
+  moved(update) {
+    clearTimeout(this.outlining);
+    const line = update.state.doc.lineAt(update.state.selection.main.head).number;
+    this.outlined = !update.docChanged && update.view.hasFocus && this.shown ? { path: this.shown, line } : null;
+    if (this.outlined) this.outlining = setTimeout(() => this.outlined && this.link.send({ type: "outline", ...this.outlined }), 60);
+    else this.link.emit("outline", { runs: [] });
+  }
 
   underline(items) {
     this.items = items;

@@ -266,7 +266,7 @@ def test_the_window_serves_and_writes_the_saved_scene(tmp_path: Path) -> None:
     def log() -> str:
         return (tmp_path / "log").read_text(encoding="utf-8")
 
-    with command(tmp_path, "--window", "--no-browser", "--exposure", "1") as process:
+    with command(tmp_path, "--window", "--no-browser", "--exposure", "1", "--stats", "a.json") as process:
         wait(picture.exists)
         address = re.search(r"a\.scene: (http://127\.0\.0\.1:\d+/[\w-]+/) \(Ctrl-C ends\)\n", log())
         assert address, log()
@@ -278,19 +278,18 @@ def test_the_window_serves_and_writes_the_saved_scene(tmp_path: Path) -> None:
         wait(lambda: picture.read_bytes() != before)
         process.send_signal(signal.SIGINT)
         assert process.wait(timeout=20) == 0
+    figures = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))
+    assert [edit["number"] for edit in figures["edits"]] == list(range(1, len(figures["edits"]) + 1))
+    assert figures["total"]["scenes evaluated"] == sum(edit["work"]["scenes evaluated"] for edit in figures["edits"]) == 2
     assert "Traceback" not in log()
     assert log().count("a.png: 16x12, reference, 1 samples a pixel\n") == 2
-
-
-STATS = "--stats measures redraws without a window: give -o FILE and leave out --window"
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (("--no-window",), "--no-window needs a picture file: -o FILE"),
-        (("--stats", "a.json"), STATS),
-        (("-o", "a.png", "--window", "--stats", "a.json"), STATS),
+        (("--stats", "a.scene"), "--stats a.scene would replace a.scene: choose another file, such as a.json"),
         (("-o", "a.png", "--port", "8000"), "--port is for the window: leave it out, or add --window"),
         (("-o", "a.gif"), "cannot tell the picture format of a.gif: its name must end in one of .exr, .png, .tif, .tiff, .jpg, .jpeg"),
     ],

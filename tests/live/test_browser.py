@@ -175,6 +175,25 @@ def test_orbit_pan_zoom_and_click(tmp_path: Path, chromium: Browser) -> None:
         close(tab)
 
 
+def test_the_line_of_the_cursor_is_outlined(tmp_path: Path, chromium: Browser) -> None:
+    scene = windows.write(tmp_path)
+    outline = "document.querySelector('#outline')"
+    with served(scene) as shown:
+        tab = opened(chromium, shown.address.url)
+        tab.js("document.querySelector('#code .cm-content').focus()")
+        tab.key("Home", MODIFIER)
+        assert tab.js(f"{outline}.hidden")
+        for _ in range(2):
+            tab.key("ArrowDown")
+        tab.wait(f"!{outline}.hidden && {outline}.getContext('2d').getImageData(0, 0, 32, 24).data.some(code => code > 0)")
+        place = "(b => [b.left, b.top, b.width, b.height].map(Math.round).join())"
+        assert tab.js(f"{place}({outline}.getBoundingClientRect()) === {place}({CANVAS}.getBoundingClientRect())")
+        tab.type("x")  # typing hides it
+        tab.wait(f"{outline}.hidden")
+        tab.key("Backspace")
+        close(tab)
+
+
 def test_two_pages_show_the_same(tmp_path: Path, chromium: Browser) -> None:
     scene = windows.write(tmp_path)
     with served(scene) as shown:

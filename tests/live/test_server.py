@@ -11,6 +11,7 @@ import threading
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from maquette.compiler import ir
 from maquette.live import address, server
@@ -251,6 +252,28 @@ def test_a_click_names_what_is_there(tmp_path: Path) -> None:
         assert found["material_place"]["path"] == str(tmp_path / "part.scene")
         assert page.ask("pick", "pick", x=0.01, y=0.01)["hit"] is False
         assert page.ask("pick", "refused", x="a", y=0)["message"] == "a click has x and y"
+
+
+def test_a_line_outlines_what_it_makes(tmp_path: Path) -> None:
+    scene = windows.write(tmp_path)
+    scene.write_text(SCENE + "sphere(0.3,\n  center: [-1, 1, 1])\n", encoding="utf-8")
+    with served(scene) as shown, client(shown) as page:
+        page.finished()
+        found = page.ask("outline", "outline", path=str(scene), line=3)
+        assert (found["width"], found["height"], found["names"]) == (32, 24, ["part.ball"])
+        mask = np.zeros((24, 32), bool)
+        for row, first, count in np.reshape(found["runs"], (-1, 3)):
+            mask[row, first : first + count] = True
+        ids = shown.session.studio.current.shown.channels["id"][..., 0]  # type: ignore[union-attr]
+        ball = ids == ids[12, 16]
+        assert mask.any()
+        assert not mask[12, 16]
+        assert (ball | ~mask).all()
+        assert [bool(mask[12, x]) for x in (0, np.flatnonzero(ball[12])[0], 31)] == [False, True, False]
+        lines = {line: page.ask("outline", "outline", path=str(scene), line=line)["names"] for line in (1, 4, 7, 8)}
+        assert lines == {1: [], 4: [], 7: ["sphere"], 8: ["sphere"]}
+        assert page.ask("outline", "refused", path="/etc/passwd", line=1)["message"] == "that is not a file of the scene"
+        assert page.ask("outline", "refused", path=str(scene), line="a")["message"] == "an outline has a line"
 
 
 @pytest.mark.parametrize("channel", ["depth", "normal", "albedo", "uv", "id", "samples"])

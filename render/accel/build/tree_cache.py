@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....compiler.io.replace_file import replacing
-from ...jit import cache_folder, cache_key, kernel_cache
+from ...jit import cache_folder, cache_key, cancellation, kernel_cache
 from . import refit, wide_bvh
 from .wide_bvh import LEAF, NODE, WIDTH, Wide
 
@@ -47,6 +47,7 @@ def cached_mesh_bvh(positions: NDArray[np.float32], triangles: NDArray[np.int32]
     if made is None:
         made, how = _refit_last(shape, positions, triangles), "refitted"
     if made is None:
+        cancellation.check()
         how = "built"
         made = wide_bvh.build(positions, triangles, threads)
         with _lock:

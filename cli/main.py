@@ -30,6 +30,7 @@ COMMANDS = {  # in the order of --help, which imports none of them
     "chart": "Measure error against time over backends and settings.",
     "compare": "Measure the difference of A from B.",
     "watch": "Show SCENE in a window that follows edits, or write a picture at every save.",
+    "test": "Test scenes: their asserts, and their pictures against kept ones.",
     "sweep": "Render SCENE over values of its params, on one labelled sheet.",
     "thumbnail": "Draw a picture of each of ASSETS, which are files or folders of them.",
     "convert": "Convert IN for other programs.",
@@ -86,6 +87,8 @@ class Commands(click.Group):
             from .watch import watch as command
         elif cmd_name == "sweep":
             from .sweep import sweep as command
+        elif cmd_name == "test":
+            from .scene_tests.command import test as command
         elif cmd_name == "measure":
             from .measure import measure as command
         elif cmd_name == "new":

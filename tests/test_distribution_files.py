@@ -158,3 +158,12 @@ def test_changed_scenes_are_compared_with_their_base(repository: Path) -> None:
     assert re.fullmatch(r".* is \S+%, above the threshold of 0\.1%", rows["rooms/red.scene"])
     assert (repository / "differences/rooms-red.png").exists()
     assert run_action(repository, base, threshold="50%", scenes="rooms/*\nuses.scene")[0] == 0
+
+
+def test_every_package_is_installed() -> None:
+    """The list of packages names each folder of modules."""
+    found = {
+        ".".join(("maquette", *path.parent.relative_to(ROOT).parts))
+        for name in ("cli", "compiler", "lang", "live", "measure", "render", "stdlib") for path in (ROOT / name).rglob("__init__.py")
+    }  # fmt: skip
+    assert found <= set(PROJECT["tool"]["setuptools"]["packages"])

@@ -86,7 +86,7 @@ def _arrays(value: Any, name: str) -> Iterator[tuple[str, np.ndarray]]:
 def save(file: Any, key: str, state: State) -> None:
     """Write a checkpoint to an open binary file."""
     head = np.frombuffer(json.dumps({"format": FORMAT, "key": key, **state.numbers}).encode(), np.uint8)
-    np.savez(file, head=head, **state.arrays)
+    np.savez(file, **{"head": head, **state.arrays})  # pyright: ignore[reportArgumentType]
 
 
 def load(path: Path, key: str) -> State | None:

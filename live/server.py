@@ -43,7 +43,7 @@ HEADERS = {
 
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; connect-src 'self' {sockets}; "
-    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    "base-uri 'none'; form-action 'none'; frame-ancestors vscode-file: vscode-webview:"  # the preview of VS Code: tools/vscode
 )
 
 

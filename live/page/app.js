@@ -188,6 +188,22 @@ $("splitter").addEventListener("pointerdown", (event) => {
 
 $("all").hidden = !/\/scene\/[0-9a-f]+\/$/.test(location.pathname);
 
+// --- inside the preview of VS Code, which has the source: tools/vscode ---
+
+if (parent !== window) {
+  main.classList.add("no-editor", "embedded");
+  $("toggle-editor").hidden = true;
+  editor.elsewhere = ({ path, line, column }) => parent.postMessage({ type: "jump", path, line, column }, "*");
+  addEventListener("message", ({ source, origin, data }) => {
+    if (source !== parent || !origin.startsWith("vscode-webview://") || !editor.files.has(data?.path)) return;
+    editor.replace(data.path, String(data.text));
+    editor.sendText(data.path);
+  });
+  link.on("files", () => { $("toggle-editor").hidden = true; });
+  let asked = false;
+  link.on("files", () => { if (!asked) parent.postMessage({ type: "ready" }, "*"); asked = true; });
+}
+
 // --- keys ---
 
 const keys = {

@@ -57,6 +57,7 @@ export class Editor {
     this.files = new Map(); // path -> {name, state, disk, saved, crlf, missing, conflict}
     this.shown = null;
     this.timers = new Map();
+    this.elsewhere = null; // (place) => void: shows places where the source is in another editor
     this.tabs = document.getElementById("tabs");
     this.button = document.getElementById("save");
     this.conflict = document.getElementById("conflict");
@@ -249,6 +250,10 @@ export class Editor {
 
   jump(place) {
     if (!this.files.has(place?.path)) return false;
+    if (this.elsewhere) {
+      this.elsewhere(place);
+      return true;
+    }
     if (this.shown !== place.path) this.open(place.path);
     const doc = this.view.state.doc;
     const line = doc.line(Math.min(Math.max(place.line, 1), doc.lines));

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -10,13 +11,20 @@ from numpy.typing import NDArray
 from ..render.image import image_files, srgb
 
 Codes = NDArray[np.uint8]
+PARTS = 2  # of a picture, converted at the same time
+POOL = ThreadPoolExecutor(PARTS, "display")
 HEAT = np.array([[30, 30, 60], [60, 70, 160], [40, 150, 150], [130, 200, 90], [250, 220, 80], [250, 120, 60]], np.float64)
 
 
 def colors(rgba: NDArray[np.float32], exposure: float, view: str, transparent: bool) -> Codes:
     """(h, w, 4) codes of linear light; coverage is kept if `transparent`, else it is 255."""
-    shown = image_files.display(rgba, image_files.Look(exposure, view, alpha=transparent))
-    return shown if transparent else _opaque(shown)
+    look = image_files.Look(exposure, view, alpha=transparent)
+    parts = list(POOL.map(lambda rows: image_files.display(rows, look), np.array_split(rgba, PARTS)))  # numpy frees Python's lock
+    made = np.empty((*rgba.shape[:2], 4), np.uint8)
+    np.concatenate(parts, out=made[..., : parts[0].shape[2]])
+    if not transparent:
+        made[..., 3] = 255
+    return made
 
 
 def auxiliary(name: str, values: NDArray[Any]) -> Codes:

@@ -66,7 +66,12 @@ def import_readers(path: Path) -> None:
     """
     suffix = path.suffix.lower()
     if path.is_dir() or suffix in file_types.USD or (suffix in file_types.SCENE and "usd" in (read_text(path) or "")):
-        from ..compiler.importers.usd import load  # noqa: F401
+        import_usd()
+
+
+def import_usd() -> None:
+    """Import the reader of USD stages; call it in the main thread."""
+    from ..compiler.importers.usd import load  # noqa: F401
 
 
 def of_scene(files: Iterable[str | Path], main: Path) -> list[Path]:

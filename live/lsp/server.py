@@ -15,6 +15,7 @@ from pygls.exceptions import JsonRpcException
 from pygls.lsp.server import LanguageServer
 
 from ...lang.distribution import VERSION
+from ..scene_files import import_usd
 from . import completion, edits, messages, navigation
 from .document import Document
 from .messages import Checked
@@ -65,6 +66,8 @@ class Server(LanguageServer):
                 continue
             texts = {open_path: document.text for open_path, document in self.project.open.items()}
             version = self.project.versions[path]
+            if any("usd" in document.text for used in self.project.files(path) if (document := self.project.document(used))):
+                import_usd()  # here, as its first import beside other threads can deadlock
             result = await asyncio.to_thread(messages.check, path, texts, self.allow)
             if path in self.project.open and self.project.versions[path] == version:
                 self.checked[path], self._versions[path] = result, version

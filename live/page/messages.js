@@ -14,6 +14,9 @@ export class Messages {
   }
 
   diagnostics({ failed, items }) {
+    const shape = JSON.stringify([failed, items]);
+    if (shape === this.shape) return;
+    this.shape = shape;
     this.stage.classList.toggle("failed", failed);
     this.editor.underline(items);
     const errors = items.filter((item) => item.severity === "error");

@@ -21,7 +21,8 @@ MISSING_LIGHT = 0.02  # share of a pixel's light that the limit on bounces may l
 
 
 def draw(
-    scene: ir.Scene, plan: Plan, report: Report | None = None, cancel: threading.Event | None = None, keeper: Keeper | None = None
+    scene: ir.Scene, plan: Plan, report: Report | None = None, cancel: threading.Event | None = None, keeper: Keeper | None = None,
+    quick: bool = False,
 ) -> Image:  # fmt: skip
     """Render a validated scene under a plan.
 
@@ -30,7 +31,7 @@ def draw(
     `metadata["partial"]` says; before its first sample Cancelled is raised between two BVHs of meshes. Other metadata: the "seconds" of
     "build", "compile_kernels" and "render"; samples; the error reached; "notes" on effects that the backend does not draw, each
     (message, table, row); the number of rays "unproved"; "cut", the light lost to the limit on bounces, a bounce_error.Cut, or None if
-    not measured; "exposure", "view" and "transparent" of the plan, for files.
+    not measured, as of `quick` pictures, which others replace soon; "exposure", "view" and "transparent" of the plan, for files.
     """
     seconds: dict[str, float] = {}
     width, height = plan["size"]
@@ -63,7 +64,7 @@ def draw(
             denoise.denoise(image, renderer, plan)
     tell(Progress("finishing"))
     notes = _notes(scene, plan) + (accumulation.notes(scene, plan) if by_moments else [])
-    unproved, cut = _count_unproved(renderer), _measure_bounce_error(renderer, plan, image)
+    unproved, cut = _count_unproved(renderer), None if quick else _measure_bounce_error(renderer, plan, image)
     shown = {"exposure": plan["exposure"], "view": plan["view"], "transparent": plan["background"] == "transparent"}
     image.metadata.update(backend=backend, seconds=seconds, notes=notes, unproved=unproved, cut=cut, **shown)
     if mattes is not None:

@@ -63,7 +63,7 @@ def mesh(
     prim: Any, time: Any, uv_name: str | None, color_name: str | None, diagnostics: Diagnostics, span: Span
 ) -> PolyMesh | None:  # fmt: skip
     """The mesh of a prim of a type in KINDS; None, with a warning, if its arrays do not fit each other."""
-    points = stage.numbers(prim.GetAttribute("points"), time, np.float64, 3)
+    points = stage.points(prim, time)
     if not len(points):
         return None
     kind = str(prim.GetTypeName())
@@ -118,7 +118,7 @@ def _fitting(counts: I64, points: int, diagnostics: Diagnostics, span: Span) -> 
 
 def balls(prim: Any, time: Any, diagnostics: Diagnostics, span: Span) -> tuple[F64, F64, np.ndarray]:
     """The centers (n, 3) and radii (n,) of a Points prim, and which points they are of: those that are finite and have a width."""
-    points = stage.numbers(prim.GetAttribute("points"), time, np.float64, 3)
+    points = stage.points(prim, time)
     schema = UsdGeom.Points(prim)
     read = _reader_of_points(prim, time, len(points), diagnostics, span)
     widths = read.values("widths", schema.GetWidthsAttr(), str(schema.GetWidthsInterpolation()), 1)

@@ -143,7 +143,7 @@ def mesh(
     inconsistent data.
     """
     schema = UsdGeom.Mesh(prim)
-    points = skin.points if skin else stage.numbers(schema.GetPointsAttr(), time, np.float64, 3)
+    points = skin.points if skin else stage.points(prim, time)
     counts, indices = topology(prim, time)
     if not len(points) or not len(counts):
         return None

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...ir import F64, I64
-from .stage import numbers
+from .stage import moves, numbers
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,6 +48,11 @@ def read(instancer: Any, time: Any, prototypes: int, tell: Callable[[str], None]
     if absent.any():
         tell(f"{np.count_nonzero(absent)} instances have none of the {prototypes} prototypes of this instancer: they are left out")
         ids = ids[~absent]
+    if moves(prim, time):
+        kind = type(instancer)
+        matrices = np.array(instancer.ComputeInstanceTransformsAtTime(time, time, kind.ExcludeProtoXform, kind.IgnoreMask), np.float64)
+        if len(matrices) == len(of):
+            return Instances(ids, of[ids], matrices[ids, 3, :3], matrices[ids, :3, :3].transpose(0, 2, 1))
     turned = _fitting(prim, ("orientationsf", "orientations"), time, 4, len(of), tell)
     scaled = _fitting(prim, ("scales",), time, 3, len(of), tell)
     linear = None

@@ -248,10 +248,10 @@ class Materials:
     def _normal(self, source: Any, prim: Any) -> Input | None:
         """A normal map; None if its image is missing. Without scale and bias, values 0 to 1 are read as −1 to 1."""
         if not isinstance(source, Picture):
-            plain = isinstance(source, Primvar) or source is None or np.allclose(np.array(source, np.float64), (0, 0, 1))
-            if isinstance(source, Primvar) or not plain:
-                self.tell("a constant `normal` of UsdPreviewSurface, or one from a primvar, is not drawn", prim)
-            return None
+            if isinstance(source, Primvar):
+                self.tell("a `normal` of UsdPreviewSurface from a primvar is not drawn", prim)
+                return None
+            return self._constant_normal(_floats(source))
         gain, bias, _ = self._levels(source)
         texture, _ = self._texture(source, color=False, whole=True)
         if texture == NONE:
@@ -261,6 +261,14 @@ class Materials:
             self.tell(message, source.shader.GetPrim())
             texture = self.builder.with_levels(texture, (2.0, 2.0, 2.0), (-1.0, -1.0, -1.0))
         return Input((source.strength, source.strength, 1.0), texture)
+
+    def _constant_normal(self, normal: np.ndarray) -> Input | None:
+        """A normal map of one texel; None for the surface's own normal."""
+        if normal.shape != (3,) or not np.isfinite(normal).all() or np.allclose(normal, (0, 0, 1)):
+            return None
+        texel = np.append(normal, 1.0).astype(np.float32).reshape(1, 1, 4)
+        image = self.builder.shared(("normal", texel.tobytes()), lambda: self.builder.image(texel, "normal"))
+        return Input((1.0, 1.0, 1.0), self.builder.texture(TextureData(ir.TextureKind.IMAGE, image)))
 
     def _opacity(self, source: Any, presence: bool, prim: Any) -> tuple[float, Input | None]:
         """(opacity of the diffuse part, opacity of the whole surface): the latter for `presence`, and where it varies."""

@@ -105,6 +105,23 @@ def numbers(attribute: Any, time: Any, dtype: type, width: int = 0) -> np.ndarra
         return np.zeros((0, width) if width else 0, dtype)
 
 
+_SPEEDS = ("velocities", "accelerations", "angularVelocities")
+
+
+def moves(prim: Any, time: Any) -> bool:
+    """Whether velocities move the points or instances of a prim at a time away from their samples."""
+    if time in (Usd.TimeCode.EarliestTime(), Usd.TimeCode.Default()):
+        return False
+    return any(attribute.HasAuthoredValue() for name in _SPEEDS if (attribute := prim.GetAttribute(name)))
+
+
+def points(prim: Any, time: Any) -> np.ndarray:
+    """The points (n, 3) of a prim: those of the sample before the time, moved by their velocities, if it has these, else interpolated."""
+    if moves(prim, time) and (found := UsdGeom.PointBased(prim).ComputePointsAtTime(time, time)):
+        return np.array(found, np.float64).reshape(-1, 3)
+    return numbers(prim.GetAttribute("points"), time, np.float64, 3)
+
+
 def primvar_mean(prim: Any, name: str, time: Any) -> tuple[np.ndarray | None, int]:
     """Mean (width,) of a prim's own or inherited primvar, and its number of values; None if absent."""
     found = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name) if name else None

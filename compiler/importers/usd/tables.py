@@ -94,6 +94,7 @@ PROPERTIES = Table(
         "axis size radius height width length radiusBottom radiusTop": "shapes",
         "protoIndices prototypes positions orientations orientationsf scales ids invisibleIds": "PointInstancer",
         "primvars:*": "displayColor, displayOpacity, normals; of a material all texture coordinates, its colour, one varying number",
+        "velocities accelerations angularVelocities": "points and instances move from the sample before the time",
         "projection horizontalAperture verticalAperture horizontalApertureOffset verticalApertureOffset focalLength": "Camera",
         "clippingRange fStop focusDistance shutter:open shutter:close exposure": "Camera",
         "exposure:iso exposure:time exposure:fStop exposure:responsivity": "Camera",
@@ -131,7 +132,7 @@ PROPERTIES = Table(
         "userProperties:*": "data of the user",
     },
     not_drawn={
-        "velocities accelerations angularVelocities motion:*": "motion comes from time samples",
+        "motion:*": "velocities count as they are, between all samples",
         "model:drawMode": "the geometry of the model is drawn",
         "colorSpace:name": "colours are linear with the primaries of sRGB",
         "trimCurve:*": "the whole patch is drawn",

@@ -359,10 +359,18 @@ def PointInstancer "pi" {{
     assert scene.tables.materials.values[rows, ir.Slot.DIFFUSE].tolist() == [[1, 0, 0], [0, 1, 0], [1, 0, 0]]
 
 
-def test_a_constant_normal_is_named(tmp_path):
-    assert read(tmp_path, stage("normal3f inputs:normal = (0, 0, 1)"))[1] == []
-    expected = "a constant `normal` of UsdPreviewSurface, or one from a primvar, is not drawn"
-    assert [m.partition("warning: ")[2] for m in read(tmp_path, stage("normal3f inputs:normal = (1, 0, 0)"))[1]] == [expected]
+@pytest.mark.parametrize("normal", [(0, 0, 1), (0.6, 0, 0.8)])
+def test_a_constant_normal(tmp_path, normal):
+    scene, messages = read(tmp_path, stage(f"normal3f inputs:normal = {normal}"))
+    t = scene.tables
+    row = t.materials.textures[t.instances.material[0], ir.Slot.NORMAL]
+    assert messages == []
+    if normal == (0, 0, 1):
+        assert row == -1
+    else:
+        assert t.images.texels[t.images.first[t.textures.image[row]], :3] == pytest.approx(normal)
+        assert (t.textures.gain[row] == 1).all()
+        assert (t.textures.bias[row] == 0).all()
 
 
 def test_udim_tiles_are_one_image(tmp_path):

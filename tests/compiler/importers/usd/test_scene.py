@@ -239,6 +239,36 @@ def test_instances_without_a_position_or_prototype_are_left_out(tmp_path):
 
 # --- time ---
 
+
+def test_velocities_move_points_and_instances(tmp_path):
+    text = """
+    def PointInstancer "i" { rel prototypes = [</i/a>]
+        int[] protoIndices = [0, 0]
+        quatf[] orientationsf = [(1, 0, 0, 0), (0, 1, 0, 0)]
+        float3[] scales = [(1, 1, 1), (1, 2, 3)]
+        point3f[] positions.timeSamples = {
+            1: [(0, 0, 0), (2, 0, 0)],
+            2: [(9, 9, 9), (8, 8, 8)],
+        ENDvector3f[] velocities.timeSamples = {
+            1: [(0, 24, 0), (0, 0, 48)],
+            2: [(0, 0, 0), (0, 0, 0)],
+        ENDdef Sphere "a" {} }
+    def Points "p" { float[] widths = [1]
+        point3f[] points.timeSamples = {
+            1: [(5, 0, 0)],
+            2: [(9, 9, 9)],
+        ENDvector3f[] velocities.timeSamples = {
+            1: [(0, 24, 0)],
+            2: [(0, 0, 0)],
+        END}
+    """
+    scene, messages = read(tmp_path, text.replace("END", "}\n"), code=1.5)
+    assert messages == []
+    assert positions(scene) == [[0, 0.5, 0], [2, 0, 1], [5, 0.5, 0]]
+    assert np.allclose(world(scene, 1)[:, :3], np.diag([1, -2, -3]))
+    assert positions(read(tmp_path, text.replace("END", "}\n"))[0]) == [[0, 0, 0], [2, 0, 0], [5, 0, 0]]
+
+
 TIMED = """
 def Cube "c" {
     double3 xformOp:translate.timeSamples = { 1: (1, 0, 0), 25: (3, 0, 0) }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from ..compiler import ir
@@ -49,5 +50,5 @@ def center_depth(shown: Shown) -> float | None:
     return sorted(known)[len(known) // 2] if known else None
 
 
-def _name(names: tuple[str, ...], row: int) -> str:
+def _name(names: Sequence[str], row: int) -> str:
     return names[row] if 0 <= row < len(names) else ""

@@ -31,6 +31,7 @@ from .kinds import (
     Wrap,
 )
 from .scene import (
+    CopyNames,
     Names,
     Scene,
     Settings,
@@ -69,6 +70,7 @@ __all__ = [
     "Attributes",
     "Bool",
     "Cameras",
+    "CopyNames",
     "FalloffKind",
     "Fit",
     "Geometries",

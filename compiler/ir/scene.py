@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import Any, overload
 
 from ...lang.diagnostics import Span
-from .tables import I32, Tables
+from .tables import I32, I64, Tables
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,12 +38,33 @@ class Settings:
         return Settings(**merged)
 
 
+class CopyNames(Sequence[str]):
+    """Names of many instances: `stem[id]`, or the stem alone where the id is negative. They are made when they are asked for."""
+
+    def __init__(self, stems: Sequence[str], rows: I32, ids: I64) -> None:
+        """`rows` (n,) are those of the stems, `ids` (n,)."""
+        self._stems, self._rows, self._ids = stems, rows, ids
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    @overload
+    def __getitem__(self, index: int) -> str: ...
+    @overload
+    def __getitem__(self, index: slice) -> CopyNames: ...
+    def __getitem__(self, index: int | slice) -> str | CopyNames:
+        if isinstance(index, slice):
+            return CopyNames(self._stems, self._rows[index], self._ids[index])
+        stem, number = str(self._stems[int(self._rows[index])]), int(self._ids[index])
+        return stem if number < 0 else f"{stem}[{number}]"
+
+
 @dataclass(frozen=True, slots=True)
 class Names:
     """Names of rows, one each; the groups of lights."""
 
     geometries: tuple[str, ...] = ()
-    instances: tuple[str, ...] = ()
+    instances: Sequence[str] = ()
     materials: tuple[str, ...] = ()
     lights: tuple[str, ...] = ()
     cameras: tuple[str, ...] = ()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from itertools import repeat
 from typing import Any
@@ -13,7 +13,8 @@ from ...lang.diagnostics import Diagnostics, Span
 from .. import ir
 from ..formula.tape import Tape
 from ..io.sandbox import LIBRARY, Files
-from . import mesh_storage, shape_bounds, transforms
+from . import mesh_storage, row_tables, shape_bounds, transforms
+from .instance_rows import InstanceNames, InstanceRows
 from .row_records import (
     ALL_RAYS,
     BLACK,
@@ -37,6 +38,7 @@ _NO_INVERSE = {
     True: ("this is flattened to nothing by its transform (no inverse)", "a scale must not be 0 along any axis"),
     False: ("the transform of this has numbers that are not finite", ""),
 }
+_CHUNK = 1 << 16  # copies that are added at once: their temporaries stay small
 _EXPECTED = {ir.Interpolation.FACE: "one a triangle", ir.Interpolation.VERTEX: "one a vertex", ir.Interpolation.CORNER: "one a corner"}
 
 
@@ -57,7 +59,9 @@ class SceneBuilder:
         self._names: dict[str, list[str]] = {f.name: [] for f in fields(ir.Names)}
         self._spans: dict[str, list[Span | None]] = {name: [] for name in SPANNED}
         self._known: dict[Any, int] = {}
+        self._instances, self._instance_names = InstanceRows(), InstanceNames()
         self._known_transforms: dict[bytes, int] = {}
+        self._places = 0  # rows of transforms
         self._tapes: list[Tape] = []
         self._pools: dict[str, list[np.ndarray]] = {name: [] for name in (*ir.Pools._fields, "texels")}
         self._length: dict[str, int] = dict.fromkeys(self._pools, 0)
@@ -82,7 +86,8 @@ class SceneBuilder:
         if not (np.abs(affine) < FARTHEST_PLACE).all():
             self.diagnostics.warning(f"this is placed or scaled beyond {FARTHEST_PLACE:g}: it is not drawn", span)
             return NONE
-        row = self._known_transforms[key] = len(self._known_transforms)
+        row = self._known_transforms[key] = self._places
+        self._places += 1
         self._matrices.append(affine[None])
         self._inverses.append(inverse[None])
         return row
@@ -101,9 +106,10 @@ class SceneBuilder:
                 if not flat[k]:
                     rows.append(NONE)
                     continue
-                row = known[key] = len(known)
+                row = known[key] = self._places + len(fresh)
                 fresh.append(k)
             rows.append(row)
+        self._places += len(fresh)
         self._matrices.append(affine[fresh])
         self._inverses.append(inverses[fresh])
         for k in np.flatnonzero(~good).tolist():
@@ -143,8 +149,9 @@ class SceneBuilder:
         """(positions (n, 3), triangles (m, 3)) of a mesh row, in its own frame."""
         row = dict(zip(ir.Geometries._fields, self._rows["geometries"][geometry], strict=True))
         first, begin = row["first_triangle"], row["first_vertex"]
-        triangles = _pool_rows(self._pools["triangles"], first, row["triangle_count"])
-        return _pool_rows(self._pools["positions"], begin, row["vertex_count"]).astype(np.float64) + row["origin"], triangles - begin
+        triangles = mesh_storage.pool_rows(self._pools["triangles"], first, row["triangle_count"])
+        points = mesh_storage.pool_rows(self._pools["positions"], begin, row["vertex_count"])
+        return points.astype(np.float64) + row["origin"], triangles - begin
 
     def tape(self, tape: Tape) -> int:
         """The row of a tape; equal tapes share one."""
@@ -235,10 +242,31 @@ class SceneBuilder:
             for geometry, transform, material, name, span in zip(geometries, transforms, materials, names, spans, strict=True):
                 self.instance(InstanceData(geometry, transform, material, name=name), span)
             return
-        self._rows["instances"].extend(zip(geometries, transforms, materials, repeat(NONE), repeat(ALL_RAYS)))
-        self._names["instances"].extend(names)
+        self._instances.extend(zip(geometries, transforms, materials, repeat(NONE), repeat(ALL_RAYS)))
+        self._instance_names.extend(names)
         self._spans["instances"].extend(spans)
         self._spans["calls"].extend(spans if calls is None else calls)
+
+    def copies(self, geometry: int, matrices: np.ndarray, materials: np.ndarray, name: str, ids: np.ndarray, span: Span) -> None:
+        """Adds instances `name[id]` of a geometry under matrices (n, 4, 4), with n materials. Equal matrices have rows of their own."""
+        kept = []
+        for first in range(0, len(matrices), _CHUNK):
+            affine = np.ascontiguousarray(matrices[first : first + _CHUNK, :3], dtype=np.float64)
+            inverses, good = transforms.inverses(affine)
+            good &= (np.abs(affine) < FARTHEST_PLACE).all(axis=(1, 2))
+            for k in np.flatnonzero(~good).tolist():
+                self.transform(affine[k], span)  # warns of the reason
+            count = int(np.count_nonzero(good))
+            self._matrices.append(affine[good])
+            self._inverses.append(inverses[good])
+            rows = np.full((count, len(ir.Instances._fields)), NONE, np.int32)
+            rows[:, 0], rows[:, 1], rows[:, 2] = geometry, self._places + np.arange(count), materials[first : first + _CHUNK][good]
+            rows[:, 4] = ALL_RAYS
+            self._places += count
+            self._instances.block(rows)
+            kept.append(ids[first : first + _CHUNK][good])
+            self._spans["instances"].extend([span] * count)
+        self._instance_names.copies(name, np.concatenate(kept) if kept else ids)
 
     def material(self, material: MaterialData, span: Span | None = None) -> int:
         """The row of a material; equal materials of the same name share one."""
@@ -334,23 +362,27 @@ class SceneBuilder:
 
     def world_bounds(self) -> np.ndarray | None:
         """(2, 3) bounds of all bounded instances within a camera's reach; None without any."""
-        rows = self._rows["instances"]
-        if not rows:
-            return None
-        local = np.array([row[2] for row in self._rows["geometries"]])[[row[0] for row in rows]]
-        boxes = shape_bounds.boxes_under(local, np.concatenate(self._matrices)[[row[1] for row in rows]])
-        bounded = boxes[(np.abs(boxes) < FARTHEST).all(axis=(1, 2))]
-        return np.stack([bounded[:, 0].min(axis=0), bounded[:, 1].max(axis=0)]) if len(bounded) else None
+        rows = self._instances.table()
+        local, (matrices, _) = np.array([row[2] for row in self._rows["geometries"]]), self._joined()
+        found = []
+        for first in range(0, len(rows), _CHUNK):
+            chosen = rows[first : first + _CHUNK]
+            boxes = shape_bounds.boxes_under(local[chosen[:, 0]], matrices[chosen[:, 1]])
+            bounded = boxes[(np.abs(boxes) < FARTHEST).all(axis=(1, 2))]
+            if len(bounded):
+                found.append(np.stack([bounded[:, 0].min(axis=0), bounded[:, 1].max(axis=0)]))
+        return np.stack([np.min(found, axis=0)[0], np.max(found, axis=0)[1]]) if found else None
 
     def shines(self) -> bool:
         """Whether some instance's material emits light."""
         values = ir.Materials._fields.index("values")
         emitting = {index for index, row in enumerate(self._rows["materials"]) if any(row[values][ir.Slot.EMISSION])}
-        return any(row[2] in emitting for row in self._rows["instances"])
+        return bool(np.isin(self._instances.table()[:, 2], list(emitting)).any())
 
     def count(self, table: str) -> int:
         """Number of rows of a table so far."""
-        return len(self._known_transforms) if table == "transforms" else len(self._rows[table])
+        apart = {"instances": len(self._instances), "transforms": self._places}
+        return apart[table] if table in apart else len(self._rows[table])
 
     # --- result ---
 
@@ -363,32 +395,38 @@ class SceneBuilder:
 
         Instances without a material get the default one. Area lights are linked to the instances of their shapes.
         """
+        instances = self._instances.table().copy()
+        if (instances[:, 2] < 0).any():
+            instances[instances[:, 2] < 0, 2] = self.default_material()
         rows = dict(self._rows)
-        if any(row[2] < 0 for row in rows["instances"]):
-            grey = self.default_material()
-            rows["instances"] = [row if row[2] >= 0 else (*row[:2], grey, *row[3:]) for row in rows["instances"]]
-        shape_of = {row[3]: index for index, row in enumerate(rows["instances"]) if row[3] >= 0}
+        shape_of = {int(instances[index, 3]): index for index in np.flatnonzero(instances[:, 3] >= 0).tolist()}
         at = ir.Lights._fields.index("instance")
         rows["lights"] = [(*row[:at], shape_of.get(index, NONE), *row[at + 1 :]) for index, row in enumerate(rows["lights"])]
-        made = {table: ir.table_of(table, _columns(table, rows[table])) for table in ir.TABLES}
+        made = {table: ir.table_of(table, row_tables.columns(table, rows[table])) for table in ir.TABLES}
+        made["instances"] = ir.table_of("instances", dict(zip(ir.Instances._fields, instances.T, strict=True)))
         made["transforms"] = self._transforms()
         made["pools"] = ir.table_of("pools", {column: self._pooled(column) for column in ir.Pools._fields})
-        made["images"] = ir.table_of("images", {**_columns("images", rows["images"]), "texels": self._pooled("texels")})
-        names = ir.Names(**{table: tuple(of) for table, of in self._names.items() if table != "groups" or any(of)})
-        return ir.Scene(name, ir.Tables(**made), names, _spans(self._spans), **about)
+        made["images"] = ir.table_of("images", {**row_tables.columns("images", rows["images"]), "texels": self._pooled("texels")})
+        named: dict[str, Any] = {table: tuple(of) for table, of in self._names.items() if table != "groups" or any(of)}
+        named["instances"] = self._instance_names.names()
+        return ir.Scene(name, ir.Tables(**made), ir.Names(**named), row_tables.spans(self._spans), **about)
+
+    def _joined(self) -> tuple[np.ndarray, np.ndarray]:
+        """The matrices and inverses of all transforms, (n, 3, 4) each."""
+        self._matrices, self._inverses = [np.concatenate(self._matrices)], [np.concatenate(self._inverses)]
+        return self._matrices[0], self._inverses[0]
 
     def _transforms(self) -> ir.Transforms:
-        matrices = np.concatenate(self._matrices)
+        matrices, inverses = self._joined()
         flips = np.linalg.det(matrices[:, :, :3]) < 0
         still = np.full(len(matrices), NONE)
-        columns = {"matrix": matrices, "inverse": np.concatenate(self._inverses), "flips": flips, "first_key": still, "keys": still + 1}
-        return ir.table_of("transforms", columns)
+        return ir.table_of("transforms", {"matrix": matrices, "inverse": inverses, "flips": flips, "first_key": still, "keys": still + 1})
 
     def _add(self, table: str, row: tuple[Any, ...], span: Span | None, name: str) -> int:
-        rows = self._rows[table]
+        rows = self._instances if table == "instances" else self._rows[table]
         rows.append(row)
         if table in self._names:
-            self._names[table].append(name)
+            (self._instance_names if table == "instances" else self._names[table]).append(name)
         if table in self._spans:
             self._spans[table].append(span)
         return len(rows) - 1
@@ -401,15 +439,6 @@ class SceneBuilder:
         return np.concatenate(self._pools[name]) if self._pools[name] else ()
 
 
-def _pool_rows(pieces: Sequence[np.ndarray], first: int, count: int) -> np.ndarray:
-    """Rows first … first + count − 1 of a pool; they lie in one of the arrays added to it."""
-    for piece in pieces:
-        if first < len(piece):
-            return piece[first : first + count]
-        first -= len(piece)
-    raise IndexError(first)
-
-
 DEFAULT_ALBEDO: Color = (0.8, 0.8, 0.8)
 
 
@@ -417,27 +446,3 @@ def lambert(albedo: Color, texture: int = -1, name: str = "") -> MaterialData:
     """A diffuse material: k_a = k_d = albedo, times a texture."""
     matt = Input(albedo, texture)
     return MaterialData(ir.MaterialModel.LAMBERT, {ir.Slot.AMBIENT: matt, ir.Slot.DIFFUSE: matt}, name=name)
-
-
-def _columns(table: str, rows: Sequence[tuple[Any, ...]]) -> Mapping[str, Any]:
-    """Columns by name, without columns that the rows lack (an image's texels)."""
-    columns = ir.TABLES[table]._fields  # type: ignore[attr-defined]
-    return dict(zip(columns, zip(*rows, strict=True), strict=False))
-
-
-def _spans(spans: Mapping[str, list[Span | None]]) -> ir.Spans:
-    sources: dict[str, int] = {}
-    rows = {}
-    for table, of in spans.items():
-        places: dict[int, int] = {}  # the rows of a loop share few spans
-        numbers = [places.setdefault(id(span), len(places)) for span in of]
-        each: list[Span | None] = [None] * len(places)
-        for number, span in zip(numbers, of, strict=True):
-            each[number] = span
-        made = [
-            (-1, 0, 0, 0, 0) if s is None else (sources.setdefault(s.file, len(sources)), s.line, s.column, s.end_line, s.end_column)
-            for s in each
-        ]
-        rows[table] = np.array(made, dtype=np.int32).reshape(-1, 5)[numbers]
-        rows[table].flags.writeable = False
-    return ir.Spans(tuple(sources), rows)

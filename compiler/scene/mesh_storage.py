@@ -1,6 +1,8 @@
-"""How a mesh is stored: the digest that finds equal meshes, the origin of its float32 positions, and their bounds."""
+"""How a mesh is stored: the digest that finds equal meshes, the origin of its float32 positions, their bounds, and rows of pools."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -46,3 +48,12 @@ def origin(positions: np.ndarray) -> np.ndarray:
     crowd = np.median(some, axis=0)
     away = np.median(np.abs(some - crowd).max(axis=1))
     return crowd if (box[1] - box[0]).max() > 1000.0 * away > 0.0 else box.mean(axis=0)
+
+
+def pool_rows(pieces: Sequence[np.ndarray], first: int, count: int) -> np.ndarray:
+    """Rows first … first + count − 1 of a pool; they lie in one of the arrays added to it."""
+    for piece in pieces:
+        if first < len(piece):
+            return piece[first : first + count]
+        first -= len(piece)
+    raise IndexError(first)

@@ -85,7 +85,7 @@ def _about(scene: ir.Scene) -> dict[str, Any]:
         "format": FORMAT,
         "version": VERSION,
         "name": scene.name,
-        "names": asdict(scene.names),
+        "names": {f.name: list(getattr(scene.names, f.name)) for f in fields(scene.names)},
         "sources": scene.spans.sources,
         "settings": asdict(scene.settings),
         "photometric": scene.photometric,

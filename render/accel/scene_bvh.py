@@ -50,7 +50,7 @@ def build(
     moving = tables.transforms.first_key[instances.transform] >= 0
     plain = drawable & ~partial & ~(moving & moves)
     still = np.flatnonzero(plain & (root >= 0))
-    instance_extent.tighten_bounds(boxes, still, meshes, root, *frames(tables), bounds.SLACK)
+    instance_extent.tighten_bounds(boxes, still, meshes, root, lambda rows: frames(tables, rows), bounds.SLACK)
     inside = np.flatnonzero(plain & bounded).astype(np.int32)
     large = inside[tlas.too_large(boxes[inside])]
     if len(large):
@@ -67,10 +67,13 @@ def build(
     unbounded = np.flatnonzero(plain & ~bounded).astype(np.int32)
     moves = moves and bool(moving.any())
     only = int(inside[0]) if len(inside) == 1 else -1
+    top = tlas.build(boxes, inside, threads)
+    motion_alpha = _motion_alpha(tables, boxes, drawable & ~plain, bounded, partial, moves, threads, general)
+    del boxes  # 48 MB of a million instances
     return Bvh(
         wide=meshes,
         boxes=_local_bounds(tables, leaf_extents),
-        top=tlas.build(boxes, inside, threads),
+        top=top,
         unbounded=unbounded,
         only=only,
         instance_rows=rows,
@@ -79,7 +82,7 @@ def build(
         origin=geometries.origin,
         forms=found,
         rest=int(np.bitwise_or.reduce(visible[drawable], initial=0)) & (CAMERA_REST | SHADOW_REST),
-        motion_alpha=_motion_alpha(tables, boxes, drawable & ~plain, bounded, partial, moves, threads, general),
+        motion_alpha=motion_alpha,
     )
 
 
@@ -95,15 +98,18 @@ def _motion_alpha(
     return MotionAlpha(tlas.build(boxes, inside, threads), unbounded, partial, tables, opacity=opacity, moving=motion)
 
 
-def frames(tables: ir.Tables) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(origins of the instances' meshes (instances, 3), their matrices (instances, 3, 4))."""
-    return tables.geometries.origin[tables.instances.geometry], tables.transforms.matrix[tables.instances.transform]
+def frames(tables: ir.Tables, rows: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(origins of the meshes of some instances (n, 3), their matrices (n, 3, 4))."""
+    return tables.geometries.origin[tables.instances.geometry[rows]], tables.transforms.matrix[tables.instances.transform[rows]]
 
 
 def _inverses(tables: ir.Tables) -> NDArray[np.float64]:
     rows = simd.aligned_empty((len(tables.instances.transform), 4, 4), np.float64)
-    rows[:, :3], rows[:, 3, 3] = tables.transforms.inverse[tables.instances.transform], 0.0
-    rows[:, 3, :3] = tables.geometries.origin[tables.instances.geometry]
+    rows[:, 3, 3] = 0.0
+    for first in range(0, len(rows), bounds.CHUNK):
+        chosen = slice(first, first + bounds.CHUNK)
+        rows[chosen, :3] = tables.transforms.inverse[tables.instances.transform[chosen]]
+        rows[chosen, 3, :3] = tables.geometries.origin[tables.instances.geometry[chosen]]
     return rows
 
 

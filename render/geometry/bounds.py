@@ -8,15 +8,22 @@ from numpy.typing import NDArray
 from ...compiler import ir
 from . import instance_transform
 
+CHUNK = 1 << 16  # instances whose matrices are gathered at once: a million of them are 96 MB
 _SWEEP = 0.25  # radians of rotation between the moments at which swept bounds evaluate a transform
 SLACK = 1e-12  # relative growth of an instance's box: covers the rounding of transforms
 
 
 def world_bounds(tables: ir.Tables) -> NDArray[np.float64]:
     """World boxes of instances, (instances, 6), with the rounding error of transforms; not finite for unbounded shapes."""
-    instances = tables.instances
-    boxes = tables.geometries.bounds[instances.geometry]
-    matrix = tables.transforms.matrix[instances.transform]
+    made = np.empty((len(tables.instances.geometry), 6))
+    for first in range(0, len(made), CHUNK):
+        made[first : first + CHUNK] = _world_bounds(tables, slice(first, first + CHUNK))
+    return made
+
+
+def _world_bounds(tables: ir.Tables, chosen: slice) -> NDArray[np.float64]:
+    boxes = tables.geometries.bounds[tables.instances.geometry[chosen]]
+    matrix = tables.transforms.matrix[tables.instances.transform[chosen]]
     with np.errstate(invalid="ignore"):
         middle, half = 0.5 * (boxes[:, 0] + boxes[:, 1]), 0.5 * (boxes[:, 1] - boxes[:, 0])
         centre = np.einsum("nij,nj->ni", matrix[:, :, :3], middle) + matrix[:, :, 3]

@@ -137,11 +137,9 @@ class Walk:
         if piece.geometry == LIGHT:
             self._place_lights(piece)
             return
-        spans = [span] * n
-        rows = self.builder.transforms(piece.matrix[:, :3], spans)
         materials = np.broadcast_to(piece.material, n)
-        names = [f"{self.prefix}{piece.name}[{k}]" for k in piece.ids.tolist()]
-        self.builder.instances([piece.geometry] * n, rows, np.where(materials == NONE, self.material, materials).tolist(), names, spans)
+        rows = np.where(materials == NONE, self.material, materials)
+        self.builder.copies(piece.geometry, piece.matrix, rows, self.prefix + piece.name, piece.ids, span)
 
     def _place_lights(self, piece: Piece) -> None:
         """Add the copies of a light that point instancers place."""

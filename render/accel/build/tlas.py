@@ -67,7 +67,7 @@ def build(boxes: NDArray[np.float64], instances: NDArray[np.int32], threads: int
 def _links(boxes: NDArray[np.float64], threads: int) -> NDArray[np.int32]:
     low, high = boxes[:, :3], boxes[:, 3:]
     middle = 0.5 * low.min(axis=0) + 0.5 * high.max(axis=0)
-    size = float(np.abs(boxes - np.tile(middle, 2)).max()) or 1.0
+    size = float(np.maximum(high - middle, middle - low).max()) or 1.0
     items = simd.paged_empty((len(boxes), 8), np.float32)
     items[:, :3], items[:, 4:7], items[:, binned_sah.COUNT] = (low - middle) / size, (middle - high) / size, 1.0
     items.view(np.int32)[:, binned_sah.NUMBER] = np.arange(len(boxes)) | binned_sah.TAG
@@ -81,7 +81,10 @@ def refit(top: Top, boxes: NDArray[np.float64]) -> None:
     middle = 0.5 * low + 0.5 * high
     top.frame[:3] = middle
     top.frame[3] = math.ldexp(1.0, -math.frexp(float(np.maximum(middle - low, high - middle).max()))[1])
-    local = ((boxes.reshape(-1, 2, 3) - middle) * top.frame[3]).reshape(-1, 6)
+    del inside, low, high
+    local = boxes.reshape(-1, 2, 3) - middle
+    local *= top.frame[3]
+    local = local.reshape(-1, 6)
     if len(top.links) > 1:
         enclose(top.nodes, top.links, local)
         return

@@ -6,6 +6,7 @@ along a direction is found like a nearest hit: children that reach farthest are 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -16,31 +17,35 @@ from ...jit.kernel import helper, kernel
 from ..build.wide_bvh import DEPTH, EMPTY, NODE, WIDTH, Wide, spread32
 from . import node_stack
 
+Frames = Callable[[NDArray[np.int64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
+_CHUNK = 1 << 16  # instances whose matrices are gathered at once
 MIN_ROTATED = 64  # rotated instances from which on tight bounds pay off
 ROUNDING = 2.0**-21  # relative to the parts of the largest sum: float32 error of three products and their sum
 
 
 def tighten_bounds(
-    boxes: NDArray[np.float64], which: NDArray[np.int64], tree: Wide, roots: NDArray[np.int32], origins: NDArray[np.float64],
-    matrices: NDArray[np.float64], slack: float,
+    boxes: NDArray[np.float64], which: NDArray[np.int64], tree: Wide, roots: NDArray[np.int32], frames: Frames, slack: float,
 ) -> None:  # fmt: skip
     """Shrink boxes (instances, 6) of the mesh instances in `which` to their contents, in place.
 
-    The mesh of instance i has its root at roots[i] and its origin at origins[i] (instances, 3); matrices[i] (instances, 3, 4) takes it to
-    the world. Bounds grow by `slack`, relative to their coordinates.
+    The mesh of instance i has its root at roots[i]. `frames` gives the origins (n, 3) of the meshes of some instances, and the matrices
+    (n, 3, 4) that take these to the world. Bounds grow by `slack`, relative to their coordinates.
     """
-    if len(which) < MIN_ROTATED:
+    parts = np.array_split(which, len(which) // _CHUNK + 1)
+    parts = [part[np.count_nonzero(frames(part)[1][:, :, :3], axis=(1, 2)) > 3] for part in parts]
+    if sum(map(len, parts)) < MIN_ROTATED:
         return
-    rotated = which[np.count_nonzero(matrices[which, :, :3], axis=(1, 2)) > 3]
-    if len(rotated) >= MIN_ROTATED:
-        shrink(boxes, rotated, tree.nodes, tree.links, roots, origins, matrices, slack)
+    for part in parts:
+        close = boxes[part]
+        shrink(close, tree.nodes, tree.links, roots[part], *frames(part), slack)
+        boxes[part] = close
 
 
 @kernel
-def shrink(boxes, which, nodes, links, roots, origins, matrices, slack):
-    """Kernel of `tighten_bounds` for the rotated instances in `which`."""
+def shrink(boxes, nodes, links, roots, origins, matrices, slack):
+    """Kernel of `tighten_bounds` for boxes (n, 6) of instances that are all rotated."""
     stack, distances = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float32, DEPTH)
-    for i in which:
+    for i in range(len(boxes)):
         for axis in range(3):
             x, y, z = matrices[i, axis, 0], matrices[i, axis, 1], matrices[i, axis, 2]
             place = matrices[i, axis, 3] + x * origins[i, 0] + y * origins[i, 1] + z * origins[i, 2]

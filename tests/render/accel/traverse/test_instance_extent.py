@@ -1,5 +1,7 @@
 """Tight bounds of rotated instances: they hold all vertices, with no more margin than the boxes of leaves."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from maquette.bench import meshes
@@ -27,7 +29,7 @@ def boxes_of(made, places):
     tree, roots, _ = scene_bvh.mesh_bvhs(tables, np.unique(tables.instances.geometry))
     close = loose.copy()
     which = np.arange(len(places))
-    instance_extent.tighten_bounds(close, which, tree, roots[tables.instances.geometry], *scene_bvh.frames(tables), SLACK)
+    instance_extent.tighten_bounds(close, which, tree, roots[tables.instances.geometry], partial(scene_bvh.frames, tables), SLACK)
     points = tables.pools.positions.astype(np.float64) + tables.geometries.origin[tables.instances.geometry[0]]
     return loose, close, np.einsum("nij,vj->nvi", places[:, :, :3], points) + places[:, None, :, 3]
 

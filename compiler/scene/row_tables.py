@@ -1,0 +1,36 @@
+"""Rows of the scene builder as columns of the IR, and their source positions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...lang.diagnostics import Span
+from .. import ir
+
+
+def spans(given: Mapping[str, list[Span | None]]) -> ir.Spans:
+    """ir.Spans of the spans of each table's rows."""
+    sources: dict[str, int] = {}
+    rows = {}
+    for table, of in given.items():
+        places: dict[int, int] = {}  # the rows of a loop share few spans
+        numbers = [places.setdefault(id(span), len(places)) for span in of]
+        each: list[Span | None] = [None] * len(places)
+        for number, span in zip(numbers, of, strict=True):
+            each[number] = span
+        made = [
+            (-1, 0, 0, 0, 0) if s is None else (sources.setdefault(s.file, len(sources)), s.line, s.column, s.end_line, s.end_column)
+            for s in each
+        ]
+        rows[table] = np.array(made, dtype=np.int32).reshape(-1, 5)[numbers]
+        rows[table].flags.writeable = False
+    return ir.Spans(tuple(sources), rows)
+
+
+def columns(table: str, rows: Sequence[tuple[Any, ...]]) -> Mapping[str, Any]:
+    """Columns by name, without columns that the rows lack (an image's texels)."""
+    names = ir.TABLES[table]._fields  # type: ignore[attr-defined]
+    return dict(zip(names, zip(*rows, strict=True), strict=False))

@@ -16,7 +16,7 @@ const link = new Link(() => ({ state: { ...state }, texts: editor.unsaved() }));
 const editor = new Editor(link);
 let pending = null;
 
-// Merge into the state, and send it with the next frame of the screen.
+// Merge into the state, and send it: the first change at once, those that follow it closely together.
 function change(given) {
   for (const [name, value] of Object.entries(given)) {
     if (name !== "sets") state[name] = value;
@@ -26,13 +26,16 @@ function change(given) {
     }
   }
   pending = { ...pending, ...given, ...(given.sets ? { sets: { ...pending?.sets, ...given.sets } } : {}) };
-  if (Object.keys(pending).length && !change.frame) change.frame = setTimeout(flush, 12);
+  if (!change.waits) flush();
   show();
 }
 
 function flush() {
-  change.frame = null;
-  if (pending && link.send({ type: "change", state: pending })) pending = null;
+  change.waits = false;
+  if (!pending || !Object.keys(pending).length || !link.send({ type: "change", state: pending })) return;
+  pending = null;
+  change.waits = true;
+  setTimeout(flush, 12);
 }
 
 const picture = new Picture(link, change);

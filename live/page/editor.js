@@ -7,7 +7,7 @@ import {
 
 const KEYWORDS = /^(?:use|as|unit|param|in|let|for|if|else|then|or|and|not|true|false)\b/;
 const remote = Annotation.define(); // a change that the server or the disk made
-const DELAY = 15; // milliseconds from a keystroke to the message
+const DELAY = 15; // milliseconds between messages of a text
 
 const language = StreamLanguage.define({
   name: "scene",
@@ -57,6 +57,7 @@ export class Editor {
     this.files = new Map(); // path -> {name, state, disk, saved, crlf, missing, conflict}
     this.shown = null;
     this.timers = new Map();
+    this.waiting = new Set(); // paths whose text has changed since it was sent
     this.elsewhere = null; // (place) => void: shows places where the source is in another editor
     this.tabs = document.getElementById("tabs");
     this.button = document.getElementById("save");
@@ -110,14 +111,24 @@ export class Editor {
     return Object.fromEntries([...this.files.keys()].filter((path) => this.dirty(path)).map((path) => [path, this.text(path)]));
   }
 
+  // Send a changed text: the first change at once, those that follow it closely together.
   later(path) {
+    if (this.timers.has(path)) {
+      this.waiting.add(path);
+      return;
+    }
+    this.sendText(path);
+    this.timers.set(path, setTimeout(() => { this.timers.delete(path); if (this.waiting.has(path)) this.later(path); }, DELAY));
+  }
+
+  settle(path) {
     clearTimeout(this.timers.get(path));
-    this.timers.set(path, setTimeout(() => this.sendText(path), DELAY));
+    this.timers.delete(path);
+    this.waiting.delete(path);
   }
 
   sendText(path) {
-    clearTimeout(this.timers.get(path));
-    this.timers.delete(path);
+    this.settle(path);
     this.link.send({ type: "text", path, text: this.text(path) });
   }
 
@@ -208,8 +219,7 @@ export class Editor {
   save() {
     const path = this.shown, file = this.files.get(path);
     if (!file) return;
-    clearTimeout(this.timers.get(path));
-    this.timers.delete(path);
+    this.settle(path);
     this.link.send({ type: "save", path, text: this.text(path), saved: file.saved, force: file.missing });
   }
 

@@ -130,6 +130,7 @@ def cli() -> None:
     "--checkpoint", type=values.CHECKPOINT, metavar="TIME",
     help="Seconds between checkpoints in OUT.checkpoint, or off. Default: 30s, after the first minute.",
 )
+@click.option("--memory", type=values.MEMORY, metavar="SIZE", help="Memory to take at most: 8GB. Larger pictures are drawn in strips.")
 @shared.picture_options
 @click.option("--bits", type=click.Choice(["8", "16"]), help="Bits per channel of .png and .tif. Default: 8.")
 @click.option("--stats", type=shared.OUT, help="Write times, rays, error, plan and warnings to this JSON file.")
@@ -142,14 +143,15 @@ def cli() -> None:
     "maquette render robot.usdz -o robot.png --size 960x540 --backend raster",
 )
 def render(
-    scene: Path, output: Path | None, frames: tuple[float, ...] | None, fps: float | None, resume: bool,
-    checkpoint: float | None, bits: str | None, stats: Path | None, quiet: bool, **given: Any,
+    scene: Path, output: Path | None, frames: tuple[float, ...] | None, fps: float | None, bits: str | None,
+    stats: Path | None, quiet: bool, **given: Any,
 ) -> None:  # fmt: skip
     """Render SCENE to a picture or an animation."""
     from . import animation
 
     output = output or Path(f"{scene.stem}.png")
     animated = animation.is_animation(output)
+    kept = {name: given.pop(name) for name in ("checkpoint", "memory", "resume")}
     _check_frames(frames, given["at"], animated, fps)
     source, settings, overrides = shared.read_options(scene, given)
     depth = int(bits) if bits else None
@@ -158,7 +160,7 @@ def render(
     else:
         jobs.check_output(output, settings.aov or (), depth, settings.view or "sRGB")
     jobs.check_stats(stats, scene, output)
-    job = jobs.Job(source, settings, overrides, output, depth, quiet, checkpoint=checkpoint, resume=resume)
+    job = jobs.Job(source, settings, overrides, output, depth, quiet, **kept)
     pictures = animation.render(job, output, frames, fps) if animated and frames is not None else job.run(frames)
     if stats:
         jobs.write_json(stats, pictures[0] if frames is None else {"frames": pictures})

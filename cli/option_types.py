@@ -103,6 +103,14 @@ def duration(text: str) -> float:
     return value
 
 
+def memory(text: str) -> int:
+    """Bytes: `8GB`, `500MB`."""
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([MG])i?B?", text, re.IGNORECASE)
+    if not match or not float(match[1]):
+        raise ValueError("a memory is written 8GB or 500MB")
+    return int(float(match[1]) * (1e9 if match[2].upper() == "G" else 1e6))
+
+
 def checkpoint(text: str) -> float:
     """A time above zero, or 0 for `off`."""
     if text == "off":
@@ -231,6 +239,7 @@ SHARE = Value("share", share)
 LIMIT = Value("share", limit)
 SECONDS = Value("time", seconds)
 DURATION = Value("time", duration)
+MEMORY = Value("memory", memory)
 CHECKPOINT = Value("checkpoint", checkpoint)
 EXPOSURE = Value("ev", exposure)
 FRAMES = Value("frames", frames)

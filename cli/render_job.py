@@ -27,7 +27,7 @@ from ..lang.diagnostics import Diagnostic, SceneError
 from ..lang.plain_values import time_range
 from . import option_types as values
 from . import terminal
-from .memory import peak_memory
+from .memory import free_memory, peak_memory
 from .progress import Display
 from .scene_source import Source, measure_time
 
@@ -110,6 +110,7 @@ class Job:
     files: tuple[Path, ...] = ()  # files of the last scene
     checkpoint: float | None = 0.0  # seconds between checkpoints; 0: none; None: CHECKPOINT, after the first minute
     resume: bool = False  # go on from checkpoints
+    memory: int | None = None  # bytes that may be taken; None: what is free
     exposure: float | None = None  # metered at the first picture
     reported: set[Diagnostic] = field(default_factory=set)
     noted: set[str] = field(default_factory=set)  # notes so far, without their figures
@@ -190,7 +191,7 @@ class Job:
         self.files = tuple(Path(file) for file in scene.files)
         plan = make_plan(scene, self.settings, self.overrides)
         check_output(path, plan["aov"], self.bits, plan["view"])
-        parts = _strip_plans(plan, path)
+        parts = _strip_plans(scene, plan, path, self.memory)
         self._report(found.items)
         self._report(picture_notes.plan_warnings(scene, plan))
         self.laps.end("read")
@@ -324,14 +325,34 @@ def _without_figures(found: Diagnostic) -> str:
     return re.sub(r"\d[\d.,]*", "#", found.message)
 
 
-def _strip_plans(plan: Plan, path: Path) -> list[Plan]:
-    """The plan, or the plans of its strips for a picture larger than memory. Raises UsageError for options that exclude strips."""
-    from ..render import large_images
+def _strip_plans(scene: ir.Scene, plan: Plan, path: Path, memory: int | None) -> list[Plan]:
+    """The plan, or the plans of its strips for a picture larger than memory.
+
+    Raises UsageError for options that exclude strips, and for a picture that does not fit.
+    """
+    from ..render import large_images, memory_estimate
     from ..render.image import image_files
 
-    parts = large_images.strip_plans(plan)
-    if len(parts) > 1 and (why := large_images.refusal(plan, exposed=path.suffix.lower() not in image_files.LINEAR)):
-        raise click.UsageError(f"a picture of {plan['size'][0]} by {plan['size'][1]} pixels is rendered in strips: {why}")
+    linear = path.suffix.lower() in image_files.LINEAR
+    needs, free = memory_estimate.estimate(scene, plan, linear), free_memory() if memory is None else memory
+    x0, y0, x1, y1 = plan["crop"]
+    whole, most = needs.total((x1 - x0) * (y1 - y0)), large_images.MAX_PIXELS
+    limit = None if free is None else free + (memory_estimate.PROGRAM if memory is None else 0)  # the program itself is there
+    if limit is not None:
+        most = needs.most_pixels(limit)
+    parts = large_images.strip_plans(plan, max(most, 0))
+    if len(parts) == 1:
+        return parts
+    why = large_images.refusal(plan, exposed=not linear)
+    size = f"a picture of {plan['size'][0]} by {plan['size'][1]} pixels"
+    if free is not None and limit is not None and most < large_images.MAX_PIXELS:
+        there = f"{size} takes about {whole / 1e9:.2g} GB of memory, and {free / 1e9:.2g} GB are {'free' if memory is None else 'allowed'}"
+        if why:
+            raise click.UsageError(f"{there}; in strips it takes less, but {why}")
+        if needs.total((x1 - x0) * (parts[0]["crop"][3] - y0)) > limit:
+            raise click.UsageError(f"{there}; a strip of it does not fit either: give a smaller --size")
+    elif why:
+        raise click.UsageError(f"{size} is rendered in strips: {why}")
     return parts
 
 

@@ -25,12 +25,12 @@ MAX_PIXELS = 1 << 27  # of a picture rendered at once: 2 GiB of red, green, blue
 STRIP_PIXELS = 1 << 24
 
 
-def strip_plans(plan: Plan) -> list[Plan]:
-    """The plan itself, or one for each strip from the top."""
+def strip_plans(plan: Plan, most: int = MAX_PIXELS) -> list[Plan]:
+    """The plan itself, or one for each strip from the top; `most` pixels fit into memory."""
     x0, y0, x1, y1 = plan["crop"]
-    if (x1 - x0) * (y1 - y0) <= MAX_PIXELS:
+    if (x1 - x0) * (y1 - y0) <= min(most, MAX_PIXELS):
         return [plan]
-    rows = max(STRIP_PIXELS // (x1 - x0) // film.TILE, 1) * film.TILE  # the same tiles as of the whole picture
+    rows = max(min(STRIP_PIXELS, most) // (x1 - x0) // film.TILE, 1) * film.TILE  # the same tiles as of the whole picture
     ends = [(y, min(y + rows, y1)) for y in range(y0, y1, rows)]
     return [_with_values(plan, crop=(x0, top, x1, end), budget=plan["budget"] * (end - top) / (y1 - y0)) for top, end in ends]
 

@@ -69,6 +69,7 @@ MAY_IMPORT = {
     "render.quality_settings": "compiler.plan",
     "render.render_scene": "render.backends",
     "render.large_images": "render.render_scene",
+    "render.memory_estimate": "compiler.plan render.image",
     "render.picture_notes": "render.render_scene",
     "live": "*",
     "live.lsp": "live",

@@ -628,3 +628,22 @@ def test_a_checkpoint_of_another_picture_is_told(scene: Path) -> None:
     code, _, err = run("render", scene, "--size", "16", "--samples", "2", "--backend", "reference")
     assert (code, err) == (0, "a.png.checkpoint is there: --resume goes on from it\n")
     assert not Path("a.png.checkpoint").exists()
+
+
+# --- memory ------------------------------------------------------------------------------------------------------------------
+
+
+def test_a_picture_is_drawn_in_strips_where_memory_is_short(scene: Path) -> None:
+    """With the same pixels; a picture that does not fit in strips is refused before it is drawn."""
+    options = ("--backend", "reference", "--samples", "1", "--size", "128x96")
+    run("render", scene, "-o", "whole.exr", *options)
+    assert run("render", scene, "-o", "strips.exr", *options, "--memory", "451MB")[0] == 0
+    strips, whole = (image_reader.read(Path(name)).channels["rgba"] for name in ("strips.exr", "whole.exr"))
+    np.testing.assert_array_equal(strips, whole)
+    code, _, err = run("render", scene, "-o", "a.exr", "--size", "8000x6000", "--samples", "1", "--memory", "100MB", "--backend", "ray")
+    assert code == 2
+    what = "a picture of 8000 by 6000 pixels takes about 2 GB of memory, and 0.1 GB are allowed"
+    assert f"Error: {what}; a strip of it does not fit either: give a smaller --size" in err
+    code, _, err = run("render", scene, "--memory", "lots")
+    assert code == 2
+    assert "a memory is written 8GB or 500MB" in err

@@ -265,7 +265,8 @@ class SceneBuilder:
             self._places += count
             self._instances.block(rows)
             kept.append(ids[first : first + _CHUNK][good])
-            self._spans["instances"].extend([span] * count)
+            for table in ("instances", "calls"):
+                self._spans[table].extend([span] * count)
         self._instance_names.copies(name, np.concatenate(kept) if kept else ids)
 
     def material(self, material: MaterialData, span: Span | None = None) -> int:

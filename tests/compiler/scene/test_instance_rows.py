@@ -23,6 +23,7 @@ def test_copies_between_single_instances():
     t = scene.tables
     assert [d.message for d in found.items] == ["this is flattened to nothing by its transform (no inverse): it is not drawn"]
     assert len(t.instances.geometry) == len(scene.names.instances) == COUNT + 3
+    assert {len(scene.spans.rows[table]) for table in ("instances", "calls")} == {COUNT + 3}
     names = list(scene.names.instances)
     assert (names[0], names[1], names[7], names[8], names[-3:]) == ("first", "many[0]", "many[6]", "many[8]", ["few[4]", "few[9]", "last"])
     assert list(scene.names.instances[-3:]) == names[-3:]

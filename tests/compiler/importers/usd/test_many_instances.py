@@ -31,6 +31,12 @@ def test_nested_instancers(tmp_path):
     assert colors == [[1, 0, 0], [1, 0, 0], [0, 1, 0], [0, 1, 0]]
 
 
+def test_nested_instancers_make_a_valid_scene(tmp_path):
+    read(tmp_path, NESTED)
+    scene = load.load(tmp_path / "x.usda")
+    assert len(scene.names.instances) == 4
+
+
 @pytest.mark.long
 def test_a_million_instances(tmp_path):
     n = 1_000_000

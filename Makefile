@@ -19,7 +19,7 @@ INPUTS := $(filter-out %.png %.md,$(wildcard examples/*)) $(wildcard examples/as
 CHARTS := $(patsubst %,examples/%.scene,hello refraction room shapes spotlights) bench/scenes/cornell.scene
 CHART_BUDGET ?= 5min
 
-.PHONY: help venv kernels wheel demo pictures library reference grammar editor charts test test-all check bench bounds clean accuracy
+.PHONY: help venv kernels wheel demo pictures library gallery site reference grammar editor charts test test-all check bench bounds clean accuracy
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -31,7 +31,7 @@ $(STAMP): pyproject.toml constraints.txt
 	@echo "making $(VENV) with $(PYTHON)"
 	@$(PYTHON) -m venv $(VENV)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt setuptools
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --no-build-isolation -e '.[test,check]'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --no-build-isolation -e '.[test,check,docs]'
 	@mkdir -p $(VENV)/typing && ln -sfn ../.. $(VENV)/typing/maquette
 	@touch $@
 
@@ -62,9 +62,21 @@ reference: $(STAMP)  ## write docs/reference.md from the schema again, and the p
 	  $(BIN)/python -m maquette.compiler.format_pages $$name > build/$$name.md && mv build/$$name.md docs/$$name.md || exit; \
 	done
 
-library: $(STAMP)  ## write docs/library.md from the comments in stdlib, and draw its pictures
+gallery: $(STAMP)  ## render the pictures of docs/gallery.md again: half an hour on two cores (needs the extra denoise)
+	@mkdir -p build
+	@for scene in examples/gallery/*.scene; do \
+	  MAQUETTE_PROGRESS=off $(BIN)/maquette render $$scene -o build/gallery.png --denoise && \
+	  $(BIN)/python -c "import sys; from PIL import Image; Image.open('build/gallery.png').convert('RGB').save(sys.argv[1], quality=92, subsampling=0)" $${scene%.scene}.jpg || exit; \
+	done
+
+site: $(STAMP)  ## build the documentation as a site into build/site/html: python -m http.server -d build/site/html
+	@$(BIN)/python tools/site.py build/site
+	@echo "the site is in $(CURDIR)/build/site/html"
+
+library: $(STAMP)  ## write docs/library.md from the comments in stdlib, and draw its pictures and those of the tutorial
 	@mkdir -p build && $(BIN)/python -m maquette.lang.library_page > build/library.md && mv build/library.md docs/library.md
 	@MAQUETTE_KERNELS=general $(BIN)/python -P tools/library_pictures.py
+	@$(BIN)/python -P tools/page_pictures.py
 
 grammar: $(STAMP)  ## write the tables of the parser again, after a change of lang/syntax/grammar.lark
 	@mkdir -p build && $(BIN)/python -m maquette.lang.syntax.build_tables > build/tables.json && mv build/tables.json lang/syntax/tables.json

@@ -100,7 +100,7 @@ def _blocks(page: Path) -> list[str]:
     return [t for t in plain if not re.match(r"(make|pip|maquette|import|git|\S+:\d+:\d+:|\s*\S+ *[─▶])", t) and "▶" not in t]
 
 
-SNIPPETS = [(page, k, text) for page in (ROOT / "README.md", ROOT / "docs" / "tutorial.md") for k, text in enumerate(_blocks(page))]
+SNIPPETS = [(page, k, text) for page in (ROOT / "README.md", ROOT / "docs" / "language.md") for k, text in enumerate(_blocks(page))]
 
 
 def test_the_pages_show_scenes():
@@ -121,9 +121,9 @@ def test_a_scene_in_the_pages_works(page, k, text, tmp_path):
     assert [render_text(d, lambda _: path.read_text(encoding="utf-8")) for d in found.items] == []
 
 
-def test_the_tutorials_blocks_make_one_scene(tmp_path):
+def test_the_blocks_of_the_language_page_make_one_scene(tmp_path):
     """What is written into one file, block after block, is a scene; only the first ball, of which a fuller one follows, is left out."""
-    blocks = _blocks(ROOT / "docs" / "tutorial.md")
+    blocks = _blocks(ROOT / "docs" / "language.md")
     path = tmp_path / "first.scene"
     path.write_text("\n".join(blocks[1:]), encoding="utf-8")
     found = Diagnostics()

@@ -57,7 +57,7 @@ def test_each_entry_is_drawn(file: str, monkeypatch: pytest.MonkeyPatch) -> None
         found = Diagnostics()
         scene = maquette.load_text(entry.scene, diagnostics=found)
         assert [d.message for d in found.items] == [], entry.example
-        image = maquette.render(scene, size=(24, 20), samples=1, bounces=1)
+        image = maquette.render(scene, size=(24, 20), samples=1, bounces=0)
         rgba = np.asarray(image)
         assert np.isfinite(rgba).all(), entry.example
         assert (rgba[..., 3] > 0).mean() > 0.02, entry.example

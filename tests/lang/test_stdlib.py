@@ -245,7 +245,10 @@ def test_a_turntable_makes_one_turn():
 
 
 @pytest.mark.parametrize(
-    "call", ["marble()", "wood(ring: 2cm)", "bricks(size: [20cm, 6cm])", "dots(size: 5cm, radius: 1cm)", "granite(grain: 5mm, seed: 4)"]
+    "call",
+    ["marble()", "wood(ring: 2cm)", "bricks(size: [20cm, 6cm])", "dots(size: 5cm, radius: 1cm)", "granite(grain: 5mm, seed: 4)",
+     "cubes(size: 3cm)", "clouds(size: 9mm)", "tiles(size: 3cm, gap: 8mm)", "hexagons(size: 4cm)", "boards(size: [9cm, 1cm])",
+     "herringbone(width: 1cm)", "weave(size: 3mm)"],
 )
 def test_patterns_give_colours_of_their_own(call):
     """At random points each value is between the two colours, and both occur."""

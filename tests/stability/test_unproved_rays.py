@@ -42,7 +42,7 @@ def scenes() -> dict[str, str]:
     """The texts of all scenes with formulas or solids that are shown to users, and of a vase."""
     files = [path for folder in ("examples", "stdlib/new") for path in (ROOT / folder).glob("*.scene")]
     found = {path.name: path.read_text(encoding="utf-8") for path in files}
-    for page in ("README.md", "docs/tutorial.md"):
+    for page in ("README.md", "docs/language.md"):
         blocks = re.findall(r"^```(?:scene)?\n(.*?)^```", (ROOT / page).read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
         found.update({f"{page} {k}": block for k, block in enumerate(blocks)})
     shaped = re.compile(r"\b(implicit|union|difference|intersection|shell|twist|bend)\b\s*[({]")
@@ -80,7 +80,7 @@ def unproved(number: int, size: tuple[int, int], folder: Path) -> tuple[str, int
 
 def test_there_are_scenes_with_formulas() -> None:
     assert {"vase", "vase.scene", "gear.scene", "formula.scene", "part.scene", "bracket.scene"} <= set(scenes())
-    assert any(name.startswith("docs/tutorial.md") for name in scenes())
+    assert any(name.startswith("docs/language.md") for name in scenes())
 
 
 @pytest.mark.parametrize("part", range(2))

@@ -11,6 +11,7 @@ import numpy as np
 from ..ir import F64, I32, I64
 
 FLAT = 1e-12  # 2 · area / extent² below which a face or triangle counts as degenerate
+_LEAST = 1e-280  # squared area that is far from underflow
 FAN_APEXES = 8  # most corners of a face for which every fan apex is tried; larger faces try the first corner only, then ear clipping
 
 
@@ -50,6 +51,10 @@ def faces(points: F64, indices: I32 | I64, counts: I32 | I64) -> Cut:
     for n in np.unique(counts[counts >= 3]):
         rows = np.flatnonzero(counts == n)
         corners = firsts[rows][:, None] + np.arange(n)
+        if n == 3 and (solid := _solid_triangles(points, indices, corners)) is not None:
+            dropped += int(np.count_nonzero(~solid))
+            made.append((corners[solid], rows[solid]))
+            continue
         shape = points[indices[corners]]
         shape = shape - shape[:, :1]
         normal = newell(shape)
@@ -68,6 +73,18 @@ def faces(points: F64, indices: I32 | I64, counts: I32 | I64) -> Cut:
         order = np.argsort(owners, kind="stable")
         triangles, owners = triangles[order], owners[order]
     return Cut(triangles.astype(np.int32), owners.astype(np.int32), dropped)
+
+
+def _solid_triangles(points: F64, indices: np.ndarray, corners: np.ndarray) -> np.ndarray | None:
+    """Whether triangles have area, by the rule of `faces`, one coordinate at a time; None if some area is too small or large to square."""
+    a, b, c = (np.ascontiguousarray(points[indices[corners[:, k]]].T) for k in range(3))
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+        u, v = b - a, c - a
+        x, y, z = u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
+        square = x * x + y * y + z * z
+        extent = (np.maximum(np.maximum(u, v), 0.0) - np.minimum(np.minimum(u, v), 0.0)).max(axis=0)
+        solid = np.sqrt(square) > FLAT * extent**2
+    return solid if (square[solid] > _LEAST).all() and np.isfinite(square).all() else None
 
 
 def newell(shape: F64) -> F64:

@@ -12,7 +12,7 @@ from pathlib import Path
 from . import limits, report
 from .harness import Effort
 
-NAMES = ("rays", "build", "paths", "raster", "formulas", "edits", "start", "threads", "procedural", "live")
+NAMES = ("rays", "build", "paths", "raster", "formulas", "edits", "start", "threads", "procedural", "live", "imports")
 SECTION_PARTS = {  # parts that can be measured separately
     "paths": ("cornell", "knot", "lamps", "glossy", "glass", "interior"), "formulas": ("512", "1024", "povray"), "start": ("waits",),
     "live": ("edits", "orbit"),

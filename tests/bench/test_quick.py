@@ -20,6 +20,7 @@ PEERS = {
     "edits": {},
     "threads": {},
     "procedural": {},
+    "imports": {},
     "live": {"chromium": ("material, file", "orbit")},
     "start": {"povray": ("POV-Ray",), "mitsuba": ("Mitsuba llvm",)},
 }

@@ -28,10 +28,14 @@ def picture(entry: Entry) -> Image.Image:
     """One entry."""
     scene = maquette.load_text(entry.scene)
     image = maquette.render(scene, size=(2 * CELL[0], 2 * CELL[1]), samples=SAMPLES.get(entry.file, 48), bounces=8)
-    image.save(ROOT / "build" / "entry.png", exposure=EXPOSURE.get(entry.name, "metered" if _photometric(entry) else 0.0))
-    with Image.open(ROOT / "build" / "entry.png") as file:
-        flat = Image.new("RGB", file.size, "white")
-        flat.paste(file.convert("RGB"))
+    file = ROOT / "build" / "entry.png"
+    if _photometric(entry):
+        image.save(file, exposure="metered")
+    else:
+        image.save(file, exposure=EXPOSURE.get(entry.name, 0.0))
+    with Image.open(file) as drawn:
+        flat = Image.new("RGB", drawn.size, "white")
+        flat.paste(drawn.convert("RGB"))
         return flat.resize(CELL, Image.Resampling.LANCZOS)
 
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
 from .. import ir
 from . import scene_facts
 from .decision import Decision, Plan, Rule
@@ -84,7 +82,7 @@ def _needs_float64(scene: ir.Scene, plan: Plan) -> str:
     """Why shading needs float64; "" if it does not."""
     instances, materials = scene.tables.instances, scene.tables.materials
     shown = instances.visible & ir.Visibility.CAMERA != 0
-    used = np.unique(instances.material[shown])
+    used = scene_facts.used_rows(instances.material[shown])
     if plan["raster.shadows"] != "none" or ir.is_in(scene.tables.lights.kind, AREA_LIGHTS).any():
         return "lights are sampled by rays"
     if scene_facts.profiled(scene.tables).any():

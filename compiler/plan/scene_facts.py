@@ -34,6 +34,11 @@ def ground(tables: ir.Tables) -> int:
     return -1
 
 
+def used_rows(rows: np.ndarray) -> np.ndarray:
+    """The distinct rows of a column in ascending order, without −1. np.unique sorts, and loads numpy.ma."""
+    return np.flatnonzero(np.bincount(rows.ravel() + 1))[1:] - 1 if (rows < 0).any() else np.flatnonzero(np.bincount(rows.ravel()))
+
+
 def partial(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: materials with an opacity below 1 anywhere."""
     materials = tables.materials

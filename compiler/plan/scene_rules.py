@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from .. import ir
 from .decision import Decision, Plan, Rule
 from .picture_rules import RASTER_MOMENTS
-from .scene_facts import moving
+from .scene_facts import moving, used_rows
 
 BACKENDS = ("ray", "raster", "reference")
 BRUTE_FORCE_INSTANCES = 2  # analytic shapes, up to which a loop is as fast as a BVH (9.2 against 8.9 million rays a second at 2)
@@ -37,7 +35,7 @@ def _accelerator(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
 
 def _implicit_surfaces(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     name, tables, choices = "implicit_surfaces", scene.tables, ("closed_form", "interval")
-    shown = np.unique(tables.instances.geometry)
+    shown = used_rows(tables.instances.geometry)
     surfaces = shown[tables.geometries.kind[shown] == ir.GeometryKind.FORMULA].tolist()
     if plan["backend"] == "reference":
         return Decision(name, "interval", "the reference backend isolates roots by interval arithmetic alone", fixed="--backend")
@@ -69,8 +67,7 @@ def _motion_blur(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
 
 def _texture_filter(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     name, tables = "texture_filter", scene.tables
-    rows = np.unique(tables.materials.textures[np.unique(tables.instances.material)])
-    rows = rows[rows >= 0]
+    rows = used_rows(tables.materials.textures[used_rows(tables.instances.material)])
     kind, nearest = tables.textures.kind[rows], tables.textures.nearest[rows]
     patterns, images = bool((kind == ir.TextureKind.FORMULA).any()), bool(((kind == ir.TextureKind.IMAGE) & ~nearest).any())
     cells = bool(ir.is_in(kind, (ir.TextureKind.CHECKER, ir.TextureKind.STRIPES)).any())

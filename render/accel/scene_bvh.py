@@ -40,7 +40,8 @@ def build(
     geometries, instances = tables.geometries, tables.instances
     included = np.ones(len(instances.geometry), np.bool_) if left_out is None else ~left_out
     used = instances.geometry[included & (geometries.kind[instances.geometry] == ir.GeometryKind.MESH)]
-    meshes, roots, leaf_extents = mesh_bvhs(tables, np.unique(used), threads, tree_cache.cached_mesh_bvh if keep else wide_bvh.build)
+    make = tree_cache.cached_mesh_bvh if keep else wide_bvh.build
+    meshes, roots, leaf_extents = mesh_bvhs(tables, scene_facts.used_rows(used), threads, make)
     boxes = bounds.swept_bounds(tables) if moves else bounds.world_bounds(tables)
     kind = geometries.kind[instances.geometry]
     root = roots[instances.geometry]

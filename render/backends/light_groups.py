@@ -53,6 +53,13 @@ class Renderer:
             if part.round is not None:
                 part.refresh(samples)
 
+    def shared(self) -> tuple[int, ...]:
+        """Nothing: pictures by groups have no checkpoints."""
+        return ()
+
+    def share(self, state: tuple[int, ...]) -> None:
+        """Do nothing."""
+
     def continue_from(self, other: Any) -> None:
         """Do nothing: the renderer of each group changes kernels by itself."""
 

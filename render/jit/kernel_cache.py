@@ -7,7 +7,6 @@ types, so that stale code is never loaded. kernel_file.py describes the files.
 from __future__ import annotations
 
 import hashlib
-import importlib.metadata
 import marshal
 import sys
 import threading
@@ -28,8 +27,17 @@ SUFFIX = ".kernel"
 
 def _folder_name() -> str:
     """Name of the folder for these versions of Numba and llvmlite and this target."""
-    versions = " ".join(importlib.metadata.version(name) for name in ("numba", "llvmlite"))
+    versions = " ".join(map(_version_of, ("numba", "llvmlite")))
     return f"{target.LEVEL.cpu}-{_digest(f'{versions} {target.fingerprint()}'.encode())}"
+
+
+def _version_of(package: str) -> str:
+    """The installed version of a package, from the name of its .dist-info folder. importlib.metadata takes 12 ms to load."""
+    found = (path.name for folder in sys.path for path in Path(folder).glob(f"{package}-*.dist-info"))
+    name = next(found, None)
+    if name is None:
+        raise ModuleNotFoundError(f"there is no {package}-….dist-info in sys.path")
+    return name.removeprefix(f"{package}-").removesuffix(".dist-info")
 
 
 def _digest(data: bytes) -> str:

@@ -19,7 +19,7 @@ def test_an_error_inside_of_the_library_points_at_the_call(tmp_path: Path) -> No
     (found,) = caught.value.diagnostics
     text = scene.read_text(encoding="utf-8")
     assert render_text(found, lambda name: text) == (
-        f"{scene}:2:1: error: `translate` holds 1e+40: that is too big to be drawn (in room.table, std/room:43:55)\n"
+        f"{scene}:2:1: error: `translate` holds 1e+40: that is too big to be drawn (in room.table, std/room:100:55)\n"
         "   2 | room.table(at: [1e40, 0, 0])\n"
         "     | ^^^^^^^^^^ at most 1e+18"
     )

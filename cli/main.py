@@ -131,6 +131,7 @@ def cli() -> None:
     help="Seconds between checkpoints in OUT.checkpoint, or off. Default: 30s, after the first minute.",
 )
 @click.option("--memory", type=values.MEMORY, metavar="SIZE", help="Memory to take at most: 8GB. Larger pictures are drawn in strips.")
+@click.option("--sandbox", is_flag=True, help="Open no files but those that the scene may read and the folder of OUT (Linux).")
 @shared.picture_options
 @click.option("--bits", type=click.Choice(["8", "16"]), help="Bits per channel of .png and .tif. Default: 8.")
 @click.option("--stats", type=shared.OUT, help="Write times, rays, error, plan and warnings to this JSON file.")
@@ -150,6 +151,8 @@ def render(
     from . import animation
 
     output = output or Path(f"{scene.stem}.png")
+    if given.pop("sandbox"):
+        jobs.confine(scene, output, stats, given)
     animated = animation.is_animation(output)
     kept = {name: given.pop(name) for name in ("checkpoint", "memory", "resume")}
     _check_frames(frames, given["at"], animated, fps)

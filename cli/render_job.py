@@ -82,6 +82,18 @@ def check_output(path: Path, aov: tuple[str, ...] = (), bits: int | None = None,
     check_folder(path)
 
 
+def confine(scene: Path, output: Path, stats: Path | None, given: Mapping[str, Any]) -> None:
+    """Confine the process to what a render needs: the options' files and folders. Raises UsageError where the system cannot."""
+    from ..compiler.io import confinement
+
+    session = [path for path in (given["session_layer"],) if path]
+    folders = [path.resolve().parent for path in (output, stats) if path is not None]
+    try:
+        confinement.confine([scene.resolve().parent, *given["allow"], *session], folders, given["memory"])
+    except (OSError, ImportError) as fault:
+        raise click.UsageError(f"--sandbox: {fault}") from None
+
+
 class Laps:
     """Seconds, and CPU seconds of all threads, of consecutive parts."""
 

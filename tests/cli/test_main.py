@@ -20,6 +20,7 @@ from click.testing import CliRunner
 from maquette.cli import option_types as values
 from maquette.cli.main import COMMANDS, cli
 from maquette.compiler import ir
+from maquette.compiler.io import landlock
 from maquette.compiler.plan.decision import Decision, Plan
 from maquette.render import picture_notes, render_scene
 from maquette.render.image import image_files, image_reader
@@ -647,3 +648,23 @@ def test_a_picture_is_drawn_in_strips_where_memory_is_short(scene: Path) -> None
     code, _, err = run("render", scene, "--memory", "lots")
     assert code == 2
     assert "a memory is written 8GB or 500MB" in err
+
+
+# --- sandbox -----------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(not landlock.version(), reason="this system has no Landlock")
+def test_a_sandboxed_render_draws_and_reads_nothing_else(scene: Path, tmp_path: Path) -> None:
+    """The picture is the same; code in the process cannot read the home folder of the test."""
+    inside, outside = tmp_path / "in", tmp_path / "secret.txt"
+    inside.mkdir()
+    outside.write_text("secret", encoding="utf-8")
+    scene.rename(inside / "a.scene")
+    options = ["--backend", "reference", "--size", "16", "--samples", "1", "-q"]
+    attack = f"from pathlib import Path; d.draw = lambda *a, real=d.draw, **k: (Path({str(outside)!r}).read_text(), real(*a, **k))[1]"
+    for code, returned in (("pass", 0), (f"import importlib; d = importlib.import_module('maquette.render.render_scene'); {attack}", 1)):
+        command = [sys.executable, "-c", f"{code}; from maquette.cli import main; main.main()"]
+        done = subprocess.run([*command, "render", "in/a.scene", "-o", "in/a.png", "--sandbox", *options], capture_output=True, text=True)
+        assert done.returncode == returned, done.stderr
+    assert "Permission denied" in done.stderr
+    assert sorted(path.name for path in inside.iterdir()) == ["a.png", "a.scene"]

@@ -2,13 +2,13 @@
 
     import maquette
     scene = maquette.load("room.scene", hour=20)
-    image = maquette.render(scene, size=(320, 240), backend="raster")
+    image = scene.render(size=(320, 240), backend="raster")
     print(maquette.compare(image, "reference.exr").error)
 """
 
 from __future__ import annotations
 
-import warnings
+import tempfile
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from .live.widget import Widget
     from .render.image.image import Image
     from .render.image.metrics import Difference
+    from .render.python_scene import Scene
 
 __all__ = ["__version__", "compare", "load", "load_text", "render", "show"]
 
@@ -32,7 +33,7 @@ __version__ = VERSION
 
 
 def load(
-    path: str | Path,
+    source: str | Path | Any,
     *,
     sets: Mapping[str, str] | None = None,
     time: float | None = None,
@@ -41,8 +42,8 @@ def load(
     max_elements: int | None = None,
     diagnostics: Diagnostics | None = None,
     **params: Any,
-) -> ir.Scene:
-    """Compile a .scene, USD or mesh file.
+) -> Scene:
+    """Compile a .scene, USD or mesh file, a Usd.Stage, or a mesh or scene of trimesh.
 
     `params` are values of the scene's params: numbers, truth values, lists, arrays, and texts in the language ("2cm", "#d0402a").
     `sets` are further ones, all as text, for names that are options here; `time` is in seconds; `allow` are folders it may read
@@ -52,16 +53,39 @@ def load(
     """
     from .compiler import load as loader
     from .lang import diagnostics as messages
+    from .render.python_scene import Scene
 
+    if not isinstance(source, str | Path):
+        with tempfile.TemporaryDirectory(prefix="maquette-") as folder:
+            path, more = _written(source, Path(folder))
+            return load(
+                path, sets=sets, time=time, allow=(*allow, *more), variants=variants, max_elements=max_elements, diagnostics=diagnostics,
+                **params,
+            )  # fmt: skip
     found = diagnostics if diagnostics is not None else messages.Diagnostics()
     folders = tuple(Path(folder) for folder in allow)
     given = {**{name: _as_text(value) for name, value in params.items()}, **(sets or {})}
-    return loader.load(
-        Path(path), sets=given, time=time, allow=folders, variants=variants, max_elements=max_elements, diagnostics=found, seconds={}
+    made = loader.load(
+        Path(source), sets=given, time=time, allow=folders, variants=variants, max_elements=max_elements, diagnostics=found, seconds={}
     )
+    return Scene.of(made)
 
 
-def load_text(text: str, folder: str | Path = ".", **options: Any) -> ir.Scene:
+def _written(source: Any, folder: Path) -> tuple[Path, list[Path]]:
+    """(a file of an open stage or of a trimesh object, the folders of what it refers to)"""
+    if hasattr(source, "GetUsedLayers"):
+        path = folder / "stage.usdc"
+        source.Export(str(path))  # flattened: paths of textures become absolute
+        return path, sorted({Path(layer.realPath).parent for layer in source.GetUsedLayers() if layer.realPath})
+    if hasattr(source, "export"):
+        path = folder / "mesh.glb"
+        source.export(path)
+        return path, []
+    kind = type(source)
+    raise TypeError(f"load takes a file, a pxr.Usd.Stage, or a mesh or scene of trimesh, not {kind.__module__}.{kind.__name__}")
+
+
+def load_text(text: str, folder: str | Path = ".", **options: Any) -> Scene:
     """Compile the text of a scene as if it were a file in `folder`, called text.scene; `options` are those of `load`.
 
     Raises maquette.lang.diagnostics.SceneError.
@@ -91,15 +115,9 @@ def render(scene: ir.Scene | str | Path, *, plan: Mapping[str, str] | None = Non
     on; they go before the scene's own. `plan` overrides decisions by name. The Image holds float32 linear channels.
     """
     from .compiler import ir
-    from .compiler.plan import plan as planner
-    from .render import render_scene
+    from .render.python_scene import Scene
 
-    if not isinstance(scene, ir.Scene):
-        scene = load(scene)
-    made = planner.make_plan(scene, ir.Settings(**settings), plan)
-    for note in made.notes:
-        warnings.warn(note, DeprecationWarning, stacklevel=2)
-    return render_scene.draw(scene, made)
+    return Scene.of(scene if isinstance(scene, ir.Scene) else load(scene)).render(plan=plan, **settings)
 
 
 def show(path: str | Path, *, plan: Mapping[str, str] | None = None, allow: Sequence[str | Path] = (), **settings: Any) -> Widget:

@@ -1,5 +1,8 @@
 """The public door: load, render and compare from Python, as the package's own docstring shows them."""
 
+# pyright: reportAttributeAccessIssue=false
+# (usd-core creates its modules' names at run time)
+
 from __future__ import annotations
 
 import re
@@ -8,10 +11,15 @@ from pathlib import Path
 import maquette
 import numpy as np
 import pytest
+import trimesh
+from click.testing import CliRunner
+from maquette.cli.main import cli
 from maquette.compiler.plan.plan import PlanError
 from maquette.lang.diagnostics import Diagnostics, SceneError, sort_diagnostics
 from maquette.render.image import image_files, image_reader
 from maquette.render.image.image import Image
+from PIL import Image as pillow
+from pxr import Usd, UsdGeom
 
 SCENE = """\
 param radius = 1 in 0.2..2
@@ -133,3 +141,39 @@ def test_the_page_on_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     printed = capsys.readouterr().out.splitlines()
     assert printed[0] == "<Image 160x120, ray, 4 samples a pixel, channels rgba>"
     assert (tmp_path / "hello.png").is_file()
+
+
+def test_a_scene_draws_itself(path: Path) -> None:
+    scene = maquette.load(path)
+    assert repr(scene) == f"<Scene {scene.name}, 1 instance, 1 light, 1 camera>"
+    image = scene.render(size=(16, 12), backend="reference")
+    np.testing.assert_array_equal(np.asarray(image), np.asarray(maquette.render(path, size=(16, 12), backend="reference")))
+
+
+def test_an_open_stage_and_trimesh_objects_are_scenes(tmp_path: Path) -> None:
+    """A cube of 2 m as each: the same bounds, and the depth of its front in the middle."""
+    stage = Usd.Stage.CreateInMemory()
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    stage.SetDefaultPrim(UsdGeom.Cube.Define(stage, "/cube").GetPrim())
+    camera = UsdGeom.Camera.Define(stage, "/main_cam")
+    UsdGeom.XformCommonAPI(camera).SetTranslate((0, 0, 5))
+    image = maquette.load(stage).render(size=(16, 12), samples=1, backend="reference", aov=("depth",))
+    assert image.channels["depth"][6, 8, 0] == pytest.approx(4.0)
+    box = trimesh.creation.box((2, 2, 2))
+    for source in (box, trimesh.Scene([box])):
+        scene = maquette.load(source)
+        assert len(scene.tables.pools.triangles) == 12
+        assert np.ptp(scene.tables.pools.positions, axis=0).tolist() == [2, 2, 2]
+    with pytest.raises(TypeError, match=r"load takes a file, a pxr\.Usd\.Stage, or a mesh or scene of trimesh, not builtins\.int"):
+        maquette.load(3)
+
+
+def test_textures_of_an_open_stage_are_found(tmp_path: Path) -> None:
+    """A picture beside the layer, named relative to it."""
+    pillow.new("RGB", (4, 4), (255, 0, 0)).save(tmp_path / "red.png")
+    scene = tmp_path / "a.scene"
+    scene.write_text('box(1, material: lambert(image("red.png")))\ncamera(position: [0, 0, 5], look_at: [0, 0, 0])\n', encoding="utf-8")
+    assert CliRunner().invoke(cli, ["convert", str(scene), str(tmp_path / "a.usda")]).exit_code == 0
+    loaded = maquette.load(Usd.Stage.Open(str(tmp_path / "a.usda")))
+    assert len(loaded.tables.images.width) == 1

@@ -71,6 +71,7 @@ MAY_IMPORT = {
     "render.large_images": "render.render_scene",
     "render.memory_estimate": "compiler.plan render.image",
     "render.picture_notes": "render.render_scene",
+    "render.python_scene": "render.render_scene",
     "live": "*",
     "live.lsp": "live",
     "measure": "*",

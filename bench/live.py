@@ -98,6 +98,9 @@ EDITS_OF: Sequence[tuple[str, str, Callable[[Edited, int], None]]] = (
 )  # fmt: skip
 
 
+NAMES = ("edits", "orbit")  # parts
+
+
 def section(quick: bool, effort: Effort, only: str = "") -> report.Section:
     """Measure latency of edits and frames of orbits, on every core."""
     found = report.Section("live", "The live window", TEXT + ORBIT_TEXT)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from maquette.bench import __main__ as command
-from maquette.bench import formulas, paths, report, start
+from maquette.bench import formulas, live, paths, report, start
 from maquette.bench.harness import Case, Contender, Result, Seconds, Times
 
 CASES = Case("primary", [], lambda answers: "")
@@ -96,4 +96,4 @@ def test_a_part_measured_anew_leaves_the_others(tmp_path: Path) -> None:
 
 
 def test_parts_are_those_that_the_command_names() -> None:
-    assert command.SECTION_PARTS == {"paths": paths.NAMES, "formulas": formulas.NAMES, "start": start.NAMES}
+    assert command.SECTION_PARTS == {"paths": paths.NAMES, "formulas": formulas.NAMES, "start": start.NAMES, "live": live.NAMES}

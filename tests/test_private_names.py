@@ -16,6 +16,8 @@ ALLOWED = {
     "_fields": "collections.namedtuple",
     "_make": "collections.namedtuple",
     "_replace": "collections.namedtuple",
+    "_handle_custom_msg": "ipywidgets: messages of the page arrive by it",
+    "_repr_mimebundle_": "notebooks show an object by it",
     "_repr_png_": "notebooks show an object by it",
     "_tm_features": "Numba: no other name has the features of its target machine",
 }

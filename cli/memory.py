@@ -35,14 +35,16 @@ def _of_system() -> int | None:
 
 
 def _of_group() -> int | None:
-    """Of control groups, version 2 or 1."""
-    for limit, used in (("memory.max", "memory.current"), ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes")):
+    """Of control groups, version 2 or 1. Cached files that are not in use count as free."""
+    for folder, limit, used in (("", "memory.max", "memory.current"), ("memory", "memory.limit_in_bytes", "memory.usage_in_bytes")):
+        group = Path("/sys/fs/cgroup", folder)
         try:
-            numbers = [Path("/sys/fs/cgroup", name).read_text(encoding="ascii").strip() for name in (limit, used)]
+            numbers = [(group / name).read_text(encoding="ascii").strip() for name in (limit, used)]
+            cached = re.search(r"^(?:total_)?inactive_file (\d+)", (group / "memory.stat").read_text(encoding="ascii"), re.MULTILINE)
         except OSError:
             continue
         if all(text.isdecimal() for text in numbers) and int(numbers[0]) < 1 << 60:
-            return max(int(numbers[0]) - int(numbers[1]), 0)
+            return max(int(numbers[0]) - int(numbers[1]) + (int(cached[1]) if cached else 0), 0)
     return None
 
 

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from ..render.image.image import Image
 
 FIRST_CHECKPOINT, CHECKPOINT = 60.0, 30.0  # seconds to the first checkpoint, and between others
+SMALL_PICTURE = 256_000_000  # bytes of pixels that are tried in any case
 STAGES = ("import", "parse", "evaluate", "lower", "validate", "compile_kernels", "build", "render", "write")
 
 
@@ -348,9 +349,10 @@ def _strip_plans(scene: ir.Scene, plan: Plan, path: Path, memory: int | None) ->
     linear = path.suffix.lower() in image_files.LINEAR
     needs, free = memory_estimate.estimate(scene, plan, linear), free_memory() if memory is None else memory
     x0, y0, x1, y1 = plan["crop"]
-    whole, most = needs.total((x1 - x0) * (y1 - y0)), large_images.MAX_PIXELS
-    limit = None if free is None else free + (memory_estimate.PROGRAM if memory is None else 0)  # the program itself is there
-    if limit is not None:
+    pixels = (x1 - x0) * (y1 - y0)
+    whole, most = needs.total(pixels), large_images.MAX_PIXELS
+    limit = None if free is None else free + (memory_estimate.loaded(scene) if memory is None else 0)
+    if limit is not None and (memory is not None or needs.pixel * pixels > SMALL_PICTURE):
         most = needs.most_pixels(limit)
     parts = large_images.strip_plans(plan, max(most, 0))
     if len(parts) == 1:

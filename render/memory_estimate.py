@@ -37,6 +37,11 @@ class Estimate(NamedTuple):
         return (memory - self.fixed) // self.pixel
 
 
+def loaded(scene: ir.Scene) -> int:
+    """Bytes that the process has already when a scene is loaded."""
+    return PROGRAM + sum(array.nbytes for array in _arrays(scene.tables))
+
+
 def estimate(scene: ir.Scene, plan: Plan, linear: bool) -> Estimate:
     """The estimate for a picture that is written as floats (`linear`) or as codes."""
     fixed = PROGRAM + int(SCENE * sum(array.nbytes for array in _arrays(scene.tables)))

@@ -23,6 +23,14 @@ PROGRAM = 1 << 30  # bytes of data of the program itself
 _SYSTEM = ("/usr", "/lib", "/lib64", "/etc", "/opt", "/proc", "/sys/devices/system", "/sys/fs/cgroup", "/dev/urandom")
 
 
+_confined = False
+
+
+def is_confined() -> bool:
+    """Whether `confine` was called."""
+    return _confined
+
+
 def confine(read: Iterable[Path], write: Iterable[Path], memory: int | None = None) -> None:
     """Confine this process for good. Call it before libraries start threads. Raises OSError where the system cannot.
 
@@ -30,6 +38,7 @@ def confine(read: Iterable[Path], write: Iterable[Path], memory: int | None = No
     temporary files. `memory`: bytes, by default MEMORY. The cache of kernels cannot be written: code that a hostile file has put into it
     would run in later processes.
     """
+    global _confined
     if resource is None:
         raise OSError("this system has no limits of processes")
     folders = list(write)
@@ -44,3 +53,4 @@ def confine(read: Iterable[Path], write: Iterable[Path], memory: int | None = No
         _, hard = resource.getrlimit(limit)
         least = most if hard == resource.RLIM_INFINITY else min(most, hard)
         resource.setrlimit(limit, (least, least))
+    _confined = True

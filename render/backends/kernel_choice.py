@@ -17,7 +17,7 @@ from functools import partial
 from typing import Any
 
 from ...compiler import ir
-from ...compiler.io import environment
+from ...compiler.io import confinement, environment
 from ...compiler.plan.plan import Plan
 from ..jit import compile_process, kernel_cache
 from ..types import Film, FirstHits, Tile, View
@@ -78,7 +78,12 @@ def choose_renderer(scene: ir.Scene, plan: Plan, view: View) -> Any:
 
 
 def _compile_later(key: str, scene: ir.Scene, plan: Plan, view: View) -> Callable[[], bool]:
-    """Let another process compile a picture's specialised kernels; return whether it is still to end."""
+    """Let another process compile a picture's specialised kernels; return whether it is still to end.
+
+    A confined process cannot write the cache, so nothing is compiled for the next picture.
+    """
+    if confinement.is_confined():
+        return lambda: False
     try:
         with tempfile.NamedTemporaryFile(prefix="maquette-", suffix=".picture", delete=False) as file:
             pickle.dump((scene, plan, view), file)

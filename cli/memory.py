@@ -1,4 +1,4 @@
-"""The memory that this process has taken, and what is free."""
+"""Memory of this process: the peak so far, and the bytes still free."""
 
 from __future__ import annotations
 

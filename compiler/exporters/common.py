@@ -190,6 +190,31 @@ def eye(scene: ir.Scene, camera: int, size: tuple[int, int]) -> Eye:
     return Eye(matrix[:, 3], x * half[0], y * half[1], -z / long, 2.0 * cameras.shift[camera], perspective, regular)
 
 
+class PlacedCamera(NamedTuple):
+    """A camera as formats of scene files have it: it looks along −z of a frame without scale."""
+
+    name: str
+    seen: Eye
+    half: tuple[float, float]  # half of the picture's width and height at distance 1; orthographic: in metres
+    frame: F64  # (4, 4) to the world
+
+
+def placed_camera(out: Export, row: int, size: tuple[int, int]) -> PlacedCamera | None:
+    """The camera (a row) for a picture of `size` pixels; None, with a report, for a panoramic one."""
+    scene = out.scene
+    if scene.tables.cameras.projection[row] not in (ir.Projection.PERSPECTIVE, ir.Projection.ORTHOGRAPHIC):
+        out.cannot("panoramic cameras are not carried", "cameras", row)
+        return None
+    seen = eye(scene, row, size)
+    if not seen.regular:
+        out.cannot("the camera's frame is stretched or sheared: not carried", "cameras", row)
+    half = float(np.linalg.norm(seen.right)), float(np.linalg.norm(seen.up))
+    frame = np.eye(4)
+    frame[:3] = np.stack([seen.right / half[0], seen.up / half[1], -seen.forward, seen.position], axis=1)
+    names = scene.names.cameras
+    return PlacedCamera((names[row] if row < len(names) else "") or "camera", seen, half, frame)
+
+
 # --- triangles -----------------------------------------------------------------------------------------------------------
 
 

@@ -96,18 +96,14 @@ class _Writer:
     # --- cameras and lights ---
 
     def _camera(self, row: int, size: tuple[int, int]) -> None:
-        cameras, names = self.tables.cameras, self.out.scene.names.cameras
-        if cameras.projection[row] not in (ir.Projection.PERSPECTIVE, ir.Projection.ORTHOGRAPHIC):
-            self.out.cannot("panoramic cameras are not carried", "cameras", row)
+        cameras, placed = self.tables.cameras, common.placed_camera(self.out, row, size)
+        if placed is None:
             return
-        seen = common.eye(self.out.scene, row, size)
-        if not seen.regular:
-            self.out.cannot("the camera's frame is stretched or sheared: not carried", "cameras", row)
+        seen, half = placed.seen, placed.half
         if seen.shift.any():
             self.out.cannot("the camera's shift is not carried", "cameras", row)
         if cameras.lens[row] > 0:
             self.out.cannot("depth of field is not carried: glTF's cameras are pinholes", "cameras", row)
-        half = float(np.linalg.norm(seen.right)), float(np.linalg.norm(seen.up))
         near, far = max(float(cameras.near[row]), NEAR), float(cameras.far[row])
         if seen.perspective:
             lens: dict[str, Any] = {"aspectRatio": half[0] / half[1], "yfov": 2.0 * math.atan(half[1]), "znear": near}
@@ -117,10 +113,7 @@ class _Writer:
         else:
             end = far if math.isfinite(far) else near + 100.0 * self.bodies.radius
             made = {"type": "orthographic", "orthographic": {"xmag": half[0], "ymag": half[1], "znear": near, "zfar": end}}
-        frame = np.eye(4)
-        frame[:3] = np.stack([seen.right / half[0], seen.up / half[1], -seen.forward, seen.position], axis=1)
-        name = (names[row] if row < len(names) else "") or "camera"
-        self._place({"name": name, "camera": self.container.add("cameras", made)}, frame)
+        self._place({"name": placed.name, "camera": self.container.add("cameras", made)}, placed.frame)
 
     def _light(self, row: int) -> None:
         lights, names = self.tables.lights, self.out.scene.names.lights

@@ -143,19 +143,14 @@ class _Writer:
     # --- cameras and lights ---
 
     def _camera(self, row: int, size: tuple[int, int], main: bool) -> None:
-        cameras, names = self.tables.cameras, self.out.scene.names.cameras
-        if cameras.projection[row] not in (ir.Projection.PERSPECTIVE, ir.Projection.ORTHOGRAPHIC):
-            self.out.cannot("panoramic cameras are not carried", "cameras", row)
+        cameras, placed = self.tables.cameras, common.placed_camera(self.out, row, size)
+        if placed is None:
             return
-        seen = common.eye(self.out.scene, row, size)
-        if not seen.regular:
-            self.out.cannot("the camera's frame is stretched or sheared: not carried", "cameras", row)
-        half = np.array([np.linalg.norm(seen.right), np.linalg.norm(seen.up)])
-        name = (names[row] if row < len(names) else "") or "camera"
+        seen, name = placed.seen, placed.name
         made = UsdGeom.Camera.Define(self.stage, self._path(MAIN_CAMERA if main else name))
         if main and name != "camera":
             made.GetPrim().SetDisplayName(name)
-        aperture = 2.0 * half * (FOCAL if seen.perspective else 10.0)
+        aperture = 2.0 * np.array(placed.half) * (FOCAL if seen.perspective else 10.0)
         made.CreateProjectionAttr(UsdGeom.Tokens.perspective if seen.perspective else UsdGeom.Tokens.orthographic)
         made.CreateFocalLengthAttr(FOCAL)
         made.CreateHorizontalApertureAttr(float(aperture[0]))
@@ -167,9 +162,7 @@ class _Writer:
         if cameras.lens[row] > 0:
             made.CreateFStopAttr(0.1 * FOCAL / (2.0 * float(cameras.lens[row])))
             made.CreateFocusDistanceAttr(float(cameras.focus[row]))
-        frame = np.eye(4)
-        frame[:3] = np.stack([seen.right / half[0], seen.up / half[1], -seen.forward, seen.position], axis=1)
-        made.MakeMatrixXform().Set(Gf.Matrix4d(frame.T.tolist()))
+        made.MakeMatrixXform().Set(Gf.Matrix4d(placed.frame.T.tolist()))
 
     def _light(self, row: int) -> None:
         lights, names = self.tables.lights, self.out.scene.names.lights

@@ -74,7 +74,7 @@ site: $(STAMP)  ## build the documentation as a site into build/site/html: pytho
 	@echo "the site is in $(CURDIR)/build/site/html"
 
 library: $(STAMP)  ## write docs/library.md from the comments in stdlib, and draw its pictures and those of the tutorial
-	@mkdir -p build && $(BIN)/python -m maquette.lang.library_page > build/library.md && mv build/library.md docs/library.md
+	@mkdir -p build && $(BIN)/python -m maquette.lang.stdlib_page > build/library.md && mv build/library.md docs/library.md
 	@MAQUETTE_KERNELS=general $(BIN)/python -P tools/library_pictures.py
 	@$(BIN)/python -P tools/page_pictures.py
 

@@ -24,7 +24,7 @@ MAY_IMPORT = {
     "lang.schema": "lang",
     "lang.eval": "lang.syntax lang.schema",
     "lang.reference_page": "lang.eval",
-    "lang.library_page": "lang.reference_page",
+    "lang.stdlib_page": "lang.reference_page",
     "stdlib": "",
     "compiler.ir": "lang",
     "compiler.io": "lang.eval",
@@ -327,7 +327,7 @@ def test_lang_knows_no_arrays_and_no_disk() -> None:
     own = {
         "lang/syntax/build_tables.py",
         "lang/syntax/tables.py",
-        "lang/library_page.py",
+        "lang/stdlib_page.py",
         "lang/reference_page.py",
     }  # grammar and tables stand in files of their own; the pages read the library
     lang = [i for i in IMPORTS if i.file.startswith("lang/") and not (i.file in own and i.target == "pathlib")]

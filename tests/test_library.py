@@ -10,7 +10,7 @@ import maquette
 import numpy as np
 import pytest
 from maquette.lang.diagnostics import Diagnostics
-from maquette.lang.library_page import entries, library, page
+from maquette.lang.stdlib_page import entries, library, page
 
 DOCS = Path(maquette.__file__).parent / "docs"
 FILES = library()
@@ -22,7 +22,7 @@ def test_the_page_is_up_to_date() -> None:
 
 
 def test_the_command_prints_the_page() -> None:
-    command = [sys.executable, "-m", "maquette.lang.library_page"]
+    command = [sys.executable, "-m", "maquette.lang.stdlib_page"]
     assert subprocess.run(command, capture_output=True, check=True, encoding="utf-8").stdout == page(FILES)
 
 

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import maquette
-from maquette.lang.library_page import Entry, entries, library
+from maquette.lang.stdlib_page import Entry, entries, library
 from PIL import Image, ImageDraw, ImageFont
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -12,7 +12,7 @@ from maquette.lang import formula_graph
 from maquette.lang.diagnostics import Diagnostics, render_text
 from maquette.lang.eval import suggestions
 from maquette.lang.eval.evaluator import ReadError, Source, evaluate
-from maquette.lang.library_page import entries
+from maquette.lang.stdlib_page import entries
 from maquette.lang.syntax import ast, parser
 
 LIBRARY = Path(maquette.__file__).parent / "stdlib"

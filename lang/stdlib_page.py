@@ -1,6 +1,6 @@
 """Generator of docs/library.md from the comments of the library: entries, their examples, and a scene for the picture of each.
 
-python -m maquette.lang.library_page > docs/library.md; tools/library_pictures.py draws the pictures.
+python -m maquette.lang.stdlib_page > docs/library.md; tools/library_pictures.py draws the pictures.
 """
 
 from __future__ import annotations

@@ -72,7 +72,7 @@ def load(
 
 
 def _written(source: Any, folder: Path) -> tuple[Path, list[Path]]:
-    """(a file of an open stage or of a trimesh object, the folders of what it refers to)"""
+    """(file written from an open stage or a trimesh object, folders of the layers that the stage refers to)"""
     if hasattr(source, "GetUsedLayers"):
         path = folder / "stage.usdc"
         source.Export(str(path))  # flattened: paths of textures become absolute

@@ -84,7 +84,7 @@ def check_output(path: Path, aov: tuple[str, ...] = (), bits: int | None = None,
 
 
 def confine(scene: Path, output: Path, stats: Path | None, given: Mapping[str, Any]) -> None:
-    """Confine the process to what a render needs: the options' files and folders. Raises UsageError where the system cannot."""
+    """Confine the process to the files and folders of the options. Raises UsageError on a system without Landlock."""
     from ..compiler.io import confinement
 
     session = [path for path in (given["session_layer"],) if path]
@@ -236,7 +236,7 @@ class Job:
         return self._figures(scene, plan, image, seconds)
 
     def _keeper(self, scene: ir.Scene, plan: Plan, path: Path) -> Keeper | None:
-        """What writes the checkpoints of a picture, beside its file; tells what is there already."""
+        """The writer of a picture's checkpoints, beside its file; None for none. Prints a note on a checkpoint that exists."""
         if self.checkpoint == 0.0:
             return None
         from ..render.film import checkpoint

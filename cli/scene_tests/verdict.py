@@ -1,4 +1,4 @@
-"""Whether a picture is the kept one within the noise of both: as a whole, and in each block of pixels."""
+"""Verdict on a new picture: equal to the kept one within the noise of both, as a whole and in each block of pixels, or not."""
 
 from __future__ import annotations
 

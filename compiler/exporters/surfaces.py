@@ -17,7 +17,7 @@ NO_HIGHLIGHT = Input.number(1.0)  # index of refraction without a reflectance
 
 
 class Exported(NamedTuple):
-    """A surface, and what light does behind it. The textures of its inputs are rows of Textures."""
+    """A surface, its transmission and its absorption. The textures of its inputs are rows of Textures."""
 
     surface: Surface
     transmission: float = 0.0  # 1: glass
@@ -25,7 +25,7 @@ class Exported(NamedTuple):
 
 
 class Surfaces:
-    """The surfaces of materials. Reports what differs."""
+    """The surfaces of materials. Reports inputs that the format lacks."""
 
     def __init__(self, out: Export) -> None:
         self.out, self.tables = out, out.scene.tables

@@ -39,7 +39,7 @@ def make_tessellator(scene: ir.Scene, plan: Plan) -> Callable[[int], ShapeMesh]:
 
 
 def make_converters(scene: ir.Scene, tolerance: float | None = None) -> Converters:
-    """What exporters of meshes need; shapes are within `tolerance` metres of the world, by default default_tolerance."""
+    """The renderer's functions for exporters; triangles are within `tolerance` metres of the surface, by default default_tolerance."""
     tables = scene.tables
     within = default_tolerance(scene) if tolerance is None else tolerance
 

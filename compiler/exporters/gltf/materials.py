@@ -164,7 +164,7 @@ class Materials:
         return self._reference(row, self._png(0.5 * pixels + 0.5 if levels else pixels, color=color))
 
     def _place(self, row: int) -> tuple[Any, ...]:
-        """What two textures of one picture have in common."""
+        """Frame, wrap modes and filter of a texture: equal for textures that can share one picture."""
         textures = self.tables.textures
         return textures.frame[row].tobytes(), int(textures.wrap_u[row]), int(textures.wrap_v[row]), bool(textures.nearest[row])
 

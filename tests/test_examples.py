@@ -130,3 +130,9 @@ def test_the_blocks_of_the_language_page_make_one_scene(tmp_path):
     scene = load.load(path, diagnostics=found)
     assert [d.message for d in found.items] == []
     assert len(scene.tables.instances.geometry) == 2 + 7 + 2 + 7 + 2 + 5 + 1
+
+
+def test_pictures_name_no_folder_of_a_machine() -> None:
+    """The command in a picture's metadata has paths of the project alone."""
+    for path in EXAMPLES.glob("*.png"):
+        assert not re.search(rb"(?:-o|render) +/[a-z]", path.read_bytes()), path.name

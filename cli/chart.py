@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 KINDS = (".svg", ".png", ".html")
 BACKENDS = ("ray", "raster", "reference")
 PEERS = ("mitsuba", "povray")
-METRICS = ("relmse", "flip", "max", "silhouette")
+METRICS = ("relmse", "blocks", "flip", "max", "silhouette")
 BUDGET = 60.0  # seconds
 
 

@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 BACKENDS = ("auto", "ray", "raster", "reference")
 SIDE_OPTIONS = ("samples", "error", "budget", "bounces", "seed")  # options in --backends; other names are decisions of the plan
 FIGURES = {
-    "relmse": "√relMSE", "flip": "FLIP", "maximum": "the maximum", "silhouette": "the silhouette difference", "bias": "the bias",
+    "relmse": "√relMSE", "blocks": "√relMSE of 4 × 4 blocks", "flip": "FLIP", "maximum": "the maximum",
+    "silhouette": "the silhouette difference", "bias": "the bias",
     "noise": "the difference over what noise alone makes", "significance": "the difference of the means in standard errors",
 }  # fmt: skip
 OF_SCENES = (  # parameters that need a scene
@@ -36,7 +37,7 @@ OF_SCENES = (  # parameters that need a scene
     "session_layer", "max_elements", "backend", "size", "camera", "samples", "error", "budget", "bounces", "seed", "threads", "crop",
     "background", "plan_values",
 )  # fmt: skip
-SHARES = ("relmse", "flip", "bias")  # shown in per cent
+SHARES = ("relmse", "blocks", "flip", "bias")  # shown in per cent
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,6 +43,7 @@ def _with_doubt(value: float, doubt: float | None) -> str:
 
 def _figures(found: Comparison) -> Iterator[tuple[str, str]]:
     yield "√relMSE", f"{found.error:.6g} ({found.error:.4%})"
+    yield "blocks", f"{found.blocks:.6g} ({found.blocks:.4%}): √relMSE of means over 4 × 4 pixels"
     yield "FLIP", f"{found.flip:.4g}" + (f" (at {found.exposure:+g} stops)" if found.exposure else "")
     on = f" on {found.largest_on}" if found.largest_on and found.maximum else ""
     yield "maximum", f"{found.maximum:.6g} at pixel {found.at[0]},{found.at[1]}{on}"

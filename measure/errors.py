@@ -1,4 +1,4 @@
-"""Errors of a picture: √relMSE, trimmed √relMSE, FLIP, maximum and silhouette distance."""
+"""Errors of a picture: √relMSE, that of block means, trimmed √relMSE, FLIP, maximum and silhouette distance."""
 
 from __future__ import annotations
 
@@ -50,13 +50,15 @@ def measures(
 ) -> dict[str, float]:
     """Every error of a picture (height, width, 3) by name. FLIP takes longer than all others together and is optional.
 
-    "relmse": √relMSE; "relmse 99.9%": without the 0.1 % of pixels with the largest error; "flip": mean FLIP after exposure by
+    "relmse": √relMSE; "relmse 99.9%": without the 0.1 % of pixels with the largest error; "blocks": √relMSE of means over
+    4 × 4 pixels; "flip": mean FLIP after exposure by
     `exposure` stops; "max": the largest linear |I − R| of any channel; "silhouette": in pixels, if both coverages are known.
     """
     squared = metrics.squared_relative(rgb, reference)
     found = {
         "relmse": float(np.sqrt(squared.mean())),
         "relmse 99.9%": trim(squared),
+        "blocks": metrics.block_relmse(rgb, reference),
         "max": float(metrics.distance(np.asarray(rgb, np.float64), np.asarray(reference, np.float64)).max()),
     }
     if with_flip:

@@ -28,6 +28,7 @@ BACKENDS = ("ray", "raster", "reference")
 METRICS = {
     "relmse": Metric("error, √relMSE", "√relMSE", share=True),
     "relmse 99.9%": Metric("error, √relMSE of 99.9 % of the pixels", "√relMSE of 99.9 %", share=True),
+    "blocks": Metric("error of 4 × 4 pixel means, √relMSE", "√relMSE of 4 × 4", share=True),
     "flip": Metric("error a person sees, mean FLIP", "FLIP"),
     "max": Metric("largest error of a pixel, linear light", "largest"),
     "silhouette": Metric("how far outlines lie apart, pixels", "outlines apart", unit="px"),

@@ -29,7 +29,7 @@ class Wanted:
     settings: ir.Settings
     backends: tuple[str, ...] = ("ray", "raster", "reference")
     peers: tuple[str, ...] = ()
-    metric: str = "relmse"  # "relmse", "flip", "max" or "silhouette"
+    metric: str = "relmse"  # "relmse", "blocks", "flip", "max" or "silhouette"
     budget: float = 60.0  # seconds in all, including the reference
     seeds: int | None = None  # renders of a setting with different seeds; None: as many as bias and noise need
     repeats: int | None = None  # the least number of timed renders of a setting

@@ -20,7 +20,7 @@ from .sides import Side, match_encoding, recorded_exposure, zero_shared_nonfinit
 
 NOISE_RATIO = 1.2  # largest ratio of a difference to the noise estimate that is noise; independent noise gives 0.7 to 1.1
 SIGNIFICANCE = 4.0  # standard errors above which a mean difference is significant
-METRICS = ("relmse", "flip", "maximum", "silhouette", "bias", "noise", "significance")
+METRICS = ("relmse", "blocks", "flip", "maximum", "silhouette", "bias", "noise", "significance")
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +77,7 @@ class Comparison:
     a: Side
     b: Side
     error: float
+    blocks: float  # √relMSE of means over 4 × 4 pixels
     flip: float
     maximum: float
     at: tuple[int, int]
@@ -106,16 +107,16 @@ class Comparison:
     def value(self, metric: str) -> float | None:
         """The figure of one of METRICS; None if it is unknown."""
         return {
-            "relmse": self.error, "flip": self.flip, "maximum": self.maximum, "silhouette": self.silhouette, "bias": self.bias.largest,
-            "noise": self.noise.ratio, "significance": self.bias.significance,
+            "relmse": self.error, "blocks": self.blocks, "flip": self.flip, "maximum": self.maximum, "silhouette": self.silhouette,
+            "bias": self.bias.largest, "noise": self.noise.ratio, "significance": self.bias.significance,
         }[metric]  # fmt: skip
 
     def to_json(self) -> dict[str, Any]:
         """Every figure as plain data."""
         return {
             "a": _side(self.a), "b": _side(self.b),
-            "relmse": self.error, "flip": self.flip, "maximum": self.maximum, "at": list(self.at), "at_object": self.largest_on,
-            "differing": self.differing, "pixels": self.pixels, "silhouette": self.silhouette,
+            "relmse": self.error, "blocks": self.blocks, "flip": self.flip, "maximum": self.maximum, "at": list(self.at),
+            "at_object": self.largest_on, "differing": self.differing, "pixels": self.pixels, "silhouette": self.silhouette,
             "exposure": self.exposure,
             "bias": self.bias.channels, "bias_standard_error": self.bias.standard_error, "bias_significance": self.bias.significance,
             "biased": self.biased,
@@ -154,7 +155,7 @@ def compare(a: Side, b: Side, exposure: float | None = None) -> Comparison:
     distance = metrics.distance(a.rgb, b.rgb).max(axis=2)
     of_luminance = None if variance is None else variance @ metrics.LUMINANCE**2
     return Comparison(
-        a, b, found.error, _flip(a, b, stops), found.maximum, found.at, found.differing, found.pixels,
+        a, b, found.error, metrics.block_relmse(a.rgb, b.rgb), _flip(a, b, stops), found.maximum, found.at, found.differing, found.pixels,
         silhouette=None if a.coverage is None or b.coverage is None else errors.silhouette(a.coverage, b.coverage),
         exposure=stops,
         bias=_bias(a, b, variance),

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 LUMINANCE = np.array([0.2126729, 0.7151522, 0.0721750])  # Y of the Rec.709 primaries
+BLOCK = 4  # pixels of a side of the blocks of block_relmse
 EPSILON = 0.01  # of the reference's mean luminance: lower bound of the denominator of relative errors
 
 Pixels = NDArray[np.floating]
@@ -41,6 +42,25 @@ def root_relmse(image: Pixels, reference: Pixels) -> float:
     """
     squared = squared_relative(image, reference)
     return float(np.sqrt(squared.mean())) if squared.size else 0.0
+
+
+def block_relmse(image: Pixels, reference: Pixels) -> float:
+    """Return √relMSE of the means over blocks of BLOCK × BLOCK pixels, smaller at the right and the bottom.
+
+    Noise that is independent from pixel to pixel falls to 1/BLOCK of `root_relmse`; noise shared by the pixels of a block keeps its size.
+    """
+    a, b = _same_size(image, reference)
+    return root_relmse(block_means(a), block_means(b))
+
+
+def block_means(values: Pixels, side: int = BLOCK) -> NDArray[np.float64]:
+    """Return the means (rows, columns, …) over blocks of side × side pixels of (height, width, …), from the upper left corner."""
+    rows, columns = (np.arange(0, count, side) for count in values.shape[:2])
+    if values.size == 0:
+        return np.asarray(values, np.float64)
+    total = np.add.reduceat(np.add.reduceat(np.asarray(values, np.float64), rows, axis=0), columns, axis=1)
+    pixels = np.multiply.outer(*(np.diff(starts, append=count) for starts, count in zip((rows, columns), values.shape[:2], strict=True)))
+    return total / pixels.reshape(*pixels.shape, *(1 for _ in values.shape[2:]))
 
 
 def squared_relative(image: Pixels, reference: Pixels) -> NDArray[np.float64]:

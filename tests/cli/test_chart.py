@@ -146,7 +146,7 @@ def test_a_chart_is_drawn_again_from_its_numbers(folder: Path) -> None:
         ),
         (("--backends", ","), "Invalid value for '--backends': separate names by commas, as in ray,raster"),
         (("--peers", "povray,povray"), "Invalid value for '--peers': `povray` is given twice"),
-        (("--metric", "mse"), "Invalid value for '--metric': 'mse' is not one of 'relmse', 'flip', 'max', 'silhouette'."),
+        (("--metric", "mse"), "Invalid value for '--metric': 'mse' is not one of 'relmse', 'blocks', 'flip', 'max', 'silhouette'."),
         (("--budget", "0s"), "Invalid value for '--budget': '0s': a budget is more than 0 seconds"),
         (("--seeds", "1"), "Invalid value for '--seeds': 1 is not in the range 2<=x<=1024."),
     ],

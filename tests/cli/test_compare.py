@@ -119,6 +119,7 @@ def test_the_command_prints_figures(tmp_path: Path) -> None:
 A  {a}
 B  {b}
 √relMSE     0.14433 (14.4330%)
+blocks      0.0416646 (4.1665%): √relMSE of means over 4 × 4 pixels
 FLIP        0
 maximum     0.5 at pixel 3,2
 bias        red +4.17%, green +4.17%, blue +4.17%
@@ -197,6 +198,7 @@ BOTH = """\
 A  two.scene, raster, 1 sample, seed 0
 B  two.scene, reference, 1 sample, seed 0
 √relMSE     0 (0.0000%)
+blocks      0 (0.0000%): √relMSE of means over 4 × 4 pixels
 FLIP        0
 maximum     0 at pixel 0,0
 bias        red 0%, green 0%, blue 0%
@@ -261,7 +263,7 @@ def test_features_that_a_backend_lacks(scene: Path) -> None:
 def test_json_has_every_figure(scene: Path) -> None:
     found = figures(scene, "--backends", "ray:samples=4,ray:samples=4:seed=1")
     assert set(found) == {
-        "a", "b", "relmse", "flip", "maximum", "at", "at_object", "differing", "pixels", "silhouette", "exposure", "bias",
+        "a", "b", "relmse", "blocks", "flip", "maximum", "at", "at_object", "differing", "pixels", "silhouette", "exposure", "bias",
         "bias_standard_error", "bias_significance", "biased", "noise", "within_noise", "outline", "interior", "objects", "changes",
     }  # fmt: skip
     assert found["outline"]["pixels"] + found["interior"]["pixels"] == found["pixels"] == 32 * 24
@@ -277,6 +279,7 @@ def test_json_has_every_figure(scene: Path) -> None:
     ("metric", "said"),
     [
         ("relmse", "√relMSE is 50%, above the threshold of 1%\n"),
+        ("blocks", "√relMSE of 4 × 4 blocks is 50%, above the threshold of 1%\n"),
         ("flip", "FLIP is 53.1%, above the threshold of 1%\n"),
         ("maximum", "the maximum is 0.5, above the threshold of 0.01\n"),
         ("bias", "the bias is 50%, above the threshold of 1%\n"),

@@ -19,7 +19,7 @@ def measured(rgb: np.ndarray, reference: np.ndarray, exposure: float = 0.0) -> d
 
 
 def test_a_picture_of_itself_has_none() -> None:
-    assert measured(GREY, GREY) == dict.fromkeys(("relmse", "relmse 99.9%", "flip", "max", "silhouette"), 0.0)
+    assert measured(GREY, GREY) == dict.fromkeys(("relmse", "relmse 99.9%", "blocks", "flip", "max", "silhouette"), 0.0)
     assert "flip" not in errors.measures(GREY, None, GREY, None, 0.0, with_flip=False)
 
 
@@ -40,6 +40,25 @@ def test_two_pixels_in_two_thousand_are_trimmed() -> None:
     assert found["relmse 99.9%"] == 0.0
     spark[20, 20] = 0.6
     assert measured(spark, GREY)["relmse 99.9%"] == pytest.approx(math.sqrt(0.1**2 / 0.250025 / 1998), rel=1e-5)
+
+
+def test_block_means_keep_shared_noise_alone() -> None:
+    """Independent noise falls to a quarter, noise that 4 × 4 pixels share keeps its size, and a mean of 0 leaves nothing."""
+    rng = np.random.default_rng(3)
+    alone = measured(GREY + rng.normal(0.0, 0.01, SHAPE), GREY)
+    assert alone["blocks"] == pytest.approx(alone["relmse"] / 4.0, rel=0.1)
+    shared = np.repeat(np.repeat(rng.normal(0.0, 0.01, (10, 13, 3)), 4, axis=0), 4, axis=1)[:40, :50]
+    together = measured(GREY + shared, GREY)
+    assert together["blocks"] == pytest.approx(together["relmse"], rel=0.05)
+    sign = np.where(np.add.outer(np.arange(40), np.arange(50)) % 2, 0.01, -0.01)[..., None]
+    assert measured(GREY + sign, GREY)["blocks"] < 1e-6
+
+
+def test_blocks_are_cropped_at_the_edges() -> None:
+    values = np.arange(30.0).reshape(5, 6)
+    expected = [[values[:4, :4].mean(), values[:4, 4:].mean()], [values[4:, :4].mean(), values[4:, 4:].mean()]]
+    assert metrics.block_means(values) == pytest.approx(np.array(expected))
+    assert metrics.block_means(np.dstack([values, 2 * values])) == pytest.approx(np.dstack([expected, 2 * np.array(expected)]))
 
 
 def test_flip_sees_what_is_shown_at_the_exposure() -> None:

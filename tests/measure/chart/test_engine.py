@@ -184,7 +184,7 @@ def test_what_the_chart_says_of_itself(made: Chart) -> None:
     for point in made.points:
         assert {"import", "compile_kernels", "build", "render"} <= set(point.stages)
         assert point.stages["render"] == pytest.approx(point.seconds.median)
-        assert set(point.errors) == {"relmse", "relmse 99.9%", "flip", "max", "silhouette"}
+        assert set(point.errors) == {"relmse", "relmse 99.9%", "blocks", "flip", "max", "silhouette"}
         assert point.errors["relmse 99.9%"].median <= point.errors["relmse"].median * (1 + 1e-9)
         assert point.cpu is not None
         assert (point.errors["flip"].count, point.errors["max"].count) == (3, 16)

@@ -14,7 +14,7 @@ from pxr import Ar, UsdShade
 from ....lang.diagnostics import Span
 from ...scene.builder import SceneBuilder
 from .. import images
-from . import udim
+from .pictures import udim
 from .stage import Warnings
 
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...scene.builder import SceneBuilder
-from .. import images
+from ....scene.builder import SceneBuilder
+from ... import images
 
 Frame = tuple[tuple[float, float, float], tuple[float, float, float]]
 

@@ -105,6 +105,19 @@ def read(source: str | bytes, name: str, space: str = "auto", limit: int = MAX_T
     return np.nan_to_num(texels, copy=False, nan=0.0, posinf=LARGEST, neginf=0.0), odd, unread
 
 
+def matrix(source: str | bytes, name: str, names: tuple[str, ...]) -> np.ndarray | None:
+    """The first of the metadata `names` with sixteen numbers in an image file, (4, 4), row by row; None without one. Raises ImageError."""
+    import OpenImageIO as oiio
+
+    with _on_disk(source) as path:
+        picture = oiio.ImageInput.open(path)
+        if picture is None:
+            raise ImageError(f"cannot read the picture `{name}`", _reason(oiio.geterror()))
+        found = [picture.spec().getattribute(key) for key in names]
+        picture.close()
+    return next((np.array(values, np.float64).reshape(4, 4) for values in found if np.size(values) == 16), None)
+
+
 def _unread(picture: Any, spec: Any) -> str:
     """Names of the channels after the fourth and the further parts of an image file, for a message; "" without any.
 

@@ -14,13 +14,6 @@ from pxr import UsdShade
 from . import tables
 from .stage import Warnings
 
-# Values that equal what is drawn, of properties that are not drawn otherwise; the schema's fallback is one as well.
-_DRAWN_VALUES: dict[str, tuple[str, ...]] = {
-    "model:drawMode": ("default", "inherited"),
-    "inputs:texture:format": ("automatic", "latlong"),
-    "colorSpace:name": ("lin_rec709_scene", "lin_rec709", "lin_srgb", "srgb_rec709_scene"),
-}
-
 
 @dataclass(slots=True)
 class Audit:
@@ -65,7 +58,7 @@ class Audit:
         if attribute.HasAuthoredConnections():
             return True
         found = attribute.Get(self.warnings.opened.time)
-        if found is None or str(found) in _DRAWN_VALUES.get(name, ()):
+        if found is None:
             return False
         if not attribute.IsCustom() and str(found) == str(prim.GetPrimDefinition().GetAttributeFallbackValue(name)):
             return False

@@ -162,7 +162,7 @@ class _Reader:
             values = np.array(found.ComputeFlattened(self.time), np.float64).reshape(-1, width)
         except (TypeError, ValueError):
             values = np.zeros((0, width))
-        return self._fitted(str(name), np.nan_to_num(values), str(found.GetInterpolation()))
+        return self._fitted(str(name), stage.linear(found.GetAttr(), np.nan_to_num(values)), str(found.GetInterpolation()))
 
     def _fitted(self, name: str, values: np.ndarray, interpolation: str) -> np.ndarray | None:
         if not len(values):

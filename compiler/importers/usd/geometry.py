@@ -312,7 +312,8 @@ def primvar(
     if values.shape[1] < width:
         diagnostics.warning(f"the primvar `{name}` has the wrong type: it is left out", span)
         return None
-    return _attribute(name, values[:, :width], str(found.GetInterpolation()), points, counts, diagnostics, span)
+    values = stage.linear(found.GetAttr(), values[:, :width])
+    return _attribute(name, values, str(found.GetInterpolation()), points, counts, diagnostics, span)
 
 
 def _attribute(

@@ -76,8 +76,9 @@ def _focus(prim: Any, time: Any, angle: F64) -> F64:
     if focus <= 0.0:
         return np.ones((*angle.shape, 3))
     share = np.abs(np.cos(angle))[..., None] ** focus
-    tint = stage.numbers(prim.GetAttribute("inputs:shaping:focusTint"), time, np.float64)
-    tint = np.maximum(tint, 0.0) if len(tint) == 3 else np.zeros(3)
+    attribute = prim.GetAttribute("inputs:shaping:focusTint")
+    tint = stage.numbers(attribute, time, np.float64)
+    tint = np.maximum(stage.linear(attribute, tint), 0.0) if len(tint) == 3 else np.zeros(3)
     return tint + (1.0 - tint) * share
 
 

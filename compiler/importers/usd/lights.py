@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,11 +19,13 @@ from ...scene.builder import SceneBuilder
 from ...scene.row_records import Color, LightData, as_color
 from .. import images
 from . import light_plates, light_shaping, stage
-from .assets import asset
+from .assets import Asset, asset, contents
 from .light_plates import TURNED, rigid
 from .materials import Materials
+from .pictures import dome_pictures
 from .stage import Opened
 
+_LINE = 1e-3  # radius of a CylinderLight with treatAsLine, over its length
 KINDS = ("DistantLight", "SphereLight", "RectLight", "DiskLight", "DomeLight", "DomeLight_1", "CylinderLight")
 
 
@@ -49,8 +52,9 @@ class _Light:
 
     def radiance(self) -> np.ndarray:
         """Radiance L before normalization, (3,)."""
-        written = stage.numbers(self.prim.GetAttribute("inputs:color"), self.opened.time, np.float64)
-        color = np.maximum(written, 0.0) if len(written) == 3 else np.ones(3)
+        attribute = self.prim.GetAttribute("inputs:color")
+        written = stage.numbers(attribute, self.opened.time, np.float64)
+        color = np.maximum(stage.linear(attribute, written), 0.0) if len(written) == 3 else np.ones(3)
         if self.number("enableColorTemperature"):
             color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(self.number("colorTemperature", 6500.0)))
         exposure = min(max(self.number("exposure"), -60.0), 60.0)
@@ -188,11 +192,14 @@ def _disk(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials: Ma
 
 
 def _cylinder(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials: Materials) -> list[LightData]:
-    """A prism of rectangles with the perimeter of the cylinder; its ends do not shine."""
-    plates = light_plates.prism(it.matrix, it.number("radius", 0.5), it.number("length", 1.0))
+    """A prism of rectangles with the perimeter of the cylinder; its ends do not shine. With treatAsLine it is thin, of the same power."""
+    radius, length = it.number("radius", 0.5), it.number("length", 1.0)
+    plates = light_plates.prism(it.matrix, radius, length)
     area = sum(plate.area for plate in plates)
     if it.number("normalize") and area > 0:
         radiance = radiance / (area / it.unit**2)
+    if it.number("treatAsLine") and radius > (thin := _LINE * length) > 0:
+        plates, radiance = light_plates.prism(it.matrix, thin, length), radiance * (radius / thin)
     return [
         LightData(
             ir.LightKind.RECTANGLE, as_color(radiance), transform=builder.transform(plate.frame, it.span), size=plate.size,
@@ -204,22 +211,30 @@ def _cylinder(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials
 
 def _dome(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials: Materials) -> list[LightData]:
     """A dome light; its image is latitude–longitude with the top at the dome's +y."""
-    layout = it.prim.GetAttribute("inputs:texture:format")
-    written = str(layout.Get(it.opened.time)) if layout else "automatic"
     value = stage.value(it.prim.GetAttribute("inputs:texture:file"), it.opened.time)
     image = -1
-    if getattr(value, "path", ""):
-        if written not in ("automatic", "latlong", "None"):
-            materials.tell(f"the dome's format `{written}` is read as latlong", it.prim)
-        found = asset(value, materials.warnings, it.prim)
+    if getattr(value, "path", "") and (found := asset(value, materials.warnings, it.prim)):
         try:
-            image = found.row(builder, "auto", span=it.span) if found else -1
-        except images.ImageError as failure:
-            builder.diagnostics.warning(failure.message, it.span, failure.hint)
+            image = _dome_image(it, found, builder, materials)
+        except (images.ImageError, OSError) as failure:
+            builder.diagnostics.warning(str(failure), it.span, getattr(failure, "hint", ""))
     if image < 0:
         return [LightData(ir.LightKind.SKY, as_color(radiance), name=_name(it))]
     row = builder.transform(rigid(it.matrix @ _pole(it)), it.span)
     return [LightData(ir.LightKind.DOME, as_color(radiance), transform=row, image=image, name=_name(it))]
+
+
+def _dome_image(it: _Light, file: Asset, builder: SceneBuilder, materials: Materials) -> int:
+    """The row of a dome's picture, resampled if its layout is not latitude–longitude; `automatic` is. Raises ImageError and OSError."""
+    attribute = it.prim.GetAttribute("inputs:texture:format")
+    layout = str(attribute.Get(it.opened.time)) if attribute else "automatic"
+    if layout not in dome_pictures.LAYOUTS:
+        if layout not in ("automatic", "latlong", "None"):
+            materials.tell(f"the dome's format `{layout}` is read as latlong", it.prim)
+        return file.row(builder, "auto", span=it.span)
+    texels, _, _ = images.read(contents(file.path), Path(file.path).name)
+    made = dome_pictures.latitude_longitude(texels, layout)
+    return builder.shared(("dome", file.path, layout), lambda: builder.image(made, file.path))
 
 
 def _pole(it: _Light) -> np.ndarray:

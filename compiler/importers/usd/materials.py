@@ -141,7 +141,7 @@ class Materials:
             node = self._node(attribute)
             if node is None:
                 found = stage.value(attribute, self.opened.time)
-                return fallback if found is None else found
+                return fallback if found is None else self._linear(attribute, found)
             kind = str(node.GetIdAttr().Get())
             output = str(attribute.GetName()).rpartition(":")[2]
             self.audit.shader(node.GetPrim(), kind)
@@ -155,6 +155,12 @@ class Materials:
                 return passed
             self.tell(f"the shader `{kind}` is not drawn: the input it feeds takes its default", node.GetPrim())
         return fallback
+
+    def _linear(self, attribute: Any, found: Any) -> Any:
+        """A value, in linear colours with the primaries of sRGB if it is one of three numbers."""
+        if attribute.GetTypeName().role != "Color" or len(found) != 3:
+            return found
+        return type(found)(*map(float, stage.linear(attribute, np.array(found, np.float64))))
 
     def _node(self, attribute: Any) -> Any:
         """The shader that owns an output attribute; None for a value."""

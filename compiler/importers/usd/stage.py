@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pxr import Sdf, Tf, Usd, UsdGeom, UsdUtils
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdUtils, Vt
 
 from ....lang.diagnostics import Diagnostics, Span, suggest
 from ...io.sandbox import Files
@@ -105,6 +105,30 @@ def numbers(attribute: Any, time: Any, dtype: type, width: int = 0) -> np.ndarra
         return np.zeros((0, width) if width else 0, dtype)
 
 
+_LINEAR = Gf.ColorSpace(Gf.ColorSpaceNames.LinearRec709)
+_SAME_SPACES = ("", "lin_rec709_scene", "lin_rec709", "lin_srgb", "raw", "data", "identity", "unknown", "auto")
+_OTHER_NAMES = {"sRGB": "srgb_rec709_scene", "srgb": "srgb_rec709_scene", "srgb_texture": "srgb_rec709_scene", "acescg": "lin_ap1_scene"}
+
+
+def linear(attribute: Any, values: np.ndarray) -> np.ndarray:
+    """Values (…, 3) of an attribute as linear colours with the primaries of sRGB, if it is one of colours.
+
+    Their space is the attribute's colorSpace, else the colorSpace:name of its prim or of the nearest ancestor.
+    """
+    name = str(Usd.ColorSpaceAPI.ComputeColorSpaceName(attribute, None))
+    if name in _SAME_SPACES or attribute.GetTypeName().scalarType.role != "Color" or values.shape[-1] != 3:
+        return values
+    space = Usd.ColorSpaceAPI.ComputeColorSpace(attribute, None)
+    if not str(space.GetName()):
+        if name not in _OTHER_NAMES and not Gf.ColorSpace.IsValid(name):
+            Tf.Warn(f"the colour space `{name}` of <{attribute.GetPath()}> is not known: its colours are drawn as they are")
+            return values
+        space = Gf.ColorSpace(_OTHER_NAMES.get(name, name))
+    made = Vt.FloatArray.FromNumpy(np.ascontiguousarray(values, np.float32).reshape(-1))
+    space.ConvertRGBSpan(_LINEAR, made)
+    return np.array(made, values.dtype).reshape(values.shape)
+
+
 _SPEEDS = ("velocities", "accelerations", "angularVelocities")
 
 
@@ -133,8 +157,8 @@ def primvar_mean(prim: Any, name: str, time: Any) -> tuple[np.ndarray | None, in
     if found is None or not values.size or not np.isfinite(values).all():
         return None, 0
     if not found.GetTypeName().isArray:
-        return values.reshape(-1), 1
-    return values.reshape(len(values), -1).mean(axis=0), len(values)
+        return linear(found.GetAttr(), values.reshape(-1)), 1
+    return linear(found.GetAttr(), values.reshape(len(values), -1)).mean(axis=0), len(values)
 
 
 class Reports:

@@ -5,22 +5,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from pxr import Tf, Usd, UsdGeom, UsdShade
+from pxr import Tf, UsdGeom, UsdShade
 
 from ....lang.diagnostics import Span
 from ... import ir
 from ...scene import transforms
 from ...scene.builder import NONE, SceneBuilder
 from ...scene.row_records import InstanceData
-from . import curves, displacement, instancers, lights, mesh_inputs, patches, skeletons
+from . import curves, displacement, draw_modes, instancers, levels_of_detail, lights, mesh_inputs, patches, skeletons
 from . import geometry as geometry_module
 from .materials import DEFAULT_COLOR, DISPLAY_COLOR, DISPLAY_OPACITY, Materials
 from .network import Fit, Network, Picture
-from .stage import Opened, numbers, primvar_mean, reason
+from .stage import Opened, linear, numbers, primvar_mean, reason
 
 MAX_INSTANCES = 4_000_000
 MAX_BALLS = 5_000  # points drawn as exact spheres
@@ -61,6 +61,8 @@ class _Inherited:
     base: np.ndarray  # the frame that !resetXformStack! returns to
     purpose: str
     instancers: int = 0
+    draw_mode: str = "default"
+    detail: levels_of_detail.Override = None
 
 
 @dataclass(slots=True)
@@ -82,6 +84,7 @@ class Walk:
     materials: Materials = field(init=False)
     _geometries: dict[Any, int] = field(default_factory=dict)
     _faces: dict[Any, geometry_module.Faces | None] = field(default_factory=dict)
+    _stand_ins: dict[tuple[str, str], list[tuple[int, int]]] = field(default_factory=dict)
     _count: int = 0
     _told_cages: bool = False
     _audited: set[str] = field(default_factory=set)
@@ -93,14 +96,16 @@ class Walk:
 
     def run(self, root: Any, matrix: np.ndarray, base: np.ndarray) -> None:
         """Traverse `root` and its descendants. `matrix` (4, 4) is its parent's transform, `base` the world's."""
-        purpose = "default"
+        purpose, draw_mode, detail = "default", "default", None
         if not root.IsPseudoRoot():
             imageable = UsdGeom.Imageable(root)
             if imageable and imageable.ComputeVisibility(self.opened.time) == UsdGeom.Tokens.invisible:
                 self.builder.diagnostics.warning("this prim is invisible: nothing of it is drawn", self.opened.span(root))
                 return
             purpose = str(imageable.ComputePurpose()) if imageable else purpose
-        self._below(root, _Inherited(matrix, base, purpose), self.pieces)
+            draw_mode = str(UsdGeom.ModelAPI(root).ComputeModelDrawMode())
+            detail = levels_of_detail.inherited(root, self.opened.time)
+        self._below(root, _Inherited(matrix, base, purpose, 0, draw_mode, detail), self.pieces)
 
     def drawn(self) -> list[Piece]:
         """Geometry to draw, by purpose. Other geometry is reported in a note."""
@@ -152,13 +157,16 @@ class Walk:
 
     def _below(self, root: Any, here: _Inherited, into: dict[str, list[Piece]]) -> None:
         """Traverse a prim and its descendants; recursive only for point instancers."""
-        predicate = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
         waiting = [(root, here)]
         while waiting:
             prim, above = waiting.pop()
             try:
                 now = self._state(prim, above)
                 kind = str(prim.GetTypeName())
+                if now is not None and draw_modes.replaces(prim, now.draw_mode):
+                    self._audit_once(prim, kind)
+                    into.setdefault(now.purpose, []).extend(self._stand_in(prim, now))
+                    continue
                 if now is not None and kind == "PointInstancer":
                     self._audit_once(prim, kind)
                     self._instancer(UsdGeom.PointInstancer(prim), now, into)
@@ -170,13 +178,17 @@ class Walk:
                 continue
             if now is None or kind == "PointInstancer":
                 continue
-            waiting += [(child, now) for child in reversed(prim.GetFilteredChildren(predicate))]
+            waiting += [(child, now) for child in reversed(levels_of_detail.children(prim, now.detail, self.opened.time))]
 
     def _state(self, prim: Any, above: _Inherited) -> _Inherited | None:
         """The traversal state of a prim; None if invisible."""
-        imageable = UsdGeom.Imageable(prim) if not prim.IsPseudoRoot() else None
-        if not imageable:
+        if prim.IsPseudoRoot():
             return above
+        draw_mode = draw_modes.resolved(prim, above.draw_mode)
+        detail = levels_of_detail.override(prim, above.detail, self.opened.time)
+        imageable = UsdGeom.Imageable(prim)
+        if not imageable:
+            return replace(above, draw_mode=draw_mode, detail=detail)
         if imageable.GetVisibilityAttr().Get(self.opened.time) == UsdGeom.Tokens.invisible:
             return None
         authored = imageable.GetPurposeAttr()
@@ -190,7 +202,7 @@ class Walk:
             if local[3, 3] not in (0.0, 1.0):
                 local = local / local[3, 3]  # homogeneous coordinates
             matrix = (base if xformable.GetResetXformStack() else matrix) @ local
-        return _Inherited(matrix, base, purpose, above.instancers)
+        return _Inherited(matrix, base, purpose, above.instancers, draw_mode, detail)
 
     def _prim(self, prim: Any, kind: str, here: _Inherited, into: dict[str, list[Piece]]) -> None:
         if here.purpose == "guide" and "guide" not in (self.purposes or ()):
@@ -242,6 +254,13 @@ class Walk:
         row = self._material(network, prim, Fit(), matrix)
         own = network is not None or self._has_color(prim)
         return [Piece(shape.geometry, row, matrix @ shape.matrix, prim, str(prim.GetPath()), own)]
+
+    def _stand_in(self, prim: Any, here: _Inherited) -> list[Piece]:
+        """What is drawn for a model by its draw mode, made once for all instances."""
+        key = (self._source(prim), here.draw_mode)
+        if key not in self._stand_ins:
+            self._stand_ins[key] = draw_modes.stand_in(prim, here.draw_mode, self.materials)
+        return [Piece(row, material, here.matrix, prim, str(prim.GetPath())) for row, material in self._stand_ins[key]]
 
     def _mesh(self, prim: Any, matrix: np.ndarray) -> list[Piece]:
         """A mesh's pieces: one for each subset with a material, and one for the remaining faces."""
@@ -374,7 +393,7 @@ class Walk:
             if not len(chosen) or not prototype:
                 continue
             gathered: dict[str, list[Piece]] = {}
-            inside = _Inherited(np.eye(4), np.eye(4), here.purpose, here.instancers + 1)
+            inside = replace(here, matrix=np.eye(4), base=np.eye(4), instancers=here.instancers + 1)
             self._below(prototype, inside, gathered)
             self._spread(gathered, here.matrix @ found.places(chosen), found.ids[chosen], prim, into)
 
@@ -383,7 +402,7 @@ class Walk:
         found = UsdGeom.PrimvarsAPI(prim).GetPrimvar(DISPLAY_COLOR)
         if not found or not found.HasValue() or str(found.GetInterpolation()) == "constant":
             return []
-        colors = np.array(found.ComputeFlattened(self.opened.time) or (), dtype=np.float64).reshape(-1, 3)
+        colors = linear(found.GetAttr(), np.array(found.ComputeFlattened(self.opened.time) or (), dtype=np.float64).reshape(-1, 3))
         if len(colors) != len(numbers(UsdGeom.PointInstancer(prim).GetProtoIndicesAttr(), self.opened.time, np.int64)):
             self.materials.tell("the displayColor of this instancer does not fit its instances: it is left out", prim)
             return []

@@ -1,4 +1,4 @@
-"""Pictures of USD in layouts of their own, read as one image: the tiles of UDIM textures.
+"""Pictures of USD in layouts of their own, read as one image: tiles of UDIM textures, layouts of dome pictures.
 
 May import: compiler.importers.
 Begin with `udim.py`.

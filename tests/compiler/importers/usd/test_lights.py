@@ -283,3 +283,14 @@ def test_a_mesh_light_shines(tmp_path):
     row = scene.tables.instances.material[0]
     assert materials.values[row, ir.Slot.EMISSION].tolist() == [10, 5, 0]
     assert [m for m in messages if "warning" in m] == []
+
+
+def test_a_cylinder_as_a_line_has_its_power(tmp_path):
+    text = 'def CylinderLight "l" { float inputs:length = 8\nfloat inputs:radius = 1\nbool treatAsLine = MODE }'
+    whole, line = (read(tmp_path, text.replace("MODE", mode) + CUBE)[0].tables.lights for mode in ("0", "1"))
+
+    def power(lights: ir.Lights) -> float:
+        return float((4 * lights.size.prod(axis=1) * lights.color[:, 0]).sum())
+
+    assert power(line) == pytest.approx(power(whole))
+    assert line.size.min() == pytest.approx(0.008 * math.pi / light_plates.SIDES)

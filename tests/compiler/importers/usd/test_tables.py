@@ -76,8 +76,6 @@ def test_no_row_is_stale():
         ('def SphereLight "l" { float inputs:specular = 0.5 }', "x.usda</l>: warning: `specular` of SphereLight is not drawn"),
         ('def SphereLight "l" { float inputs:glow = 0.5 }', "x.usda</l>: warning: `glow` of SphereLight is not known: it is not drawn"),
         ('def SphereLight "l" { rel light:filters = </f> }', "x.usda</l>: warning: `light:filters` of SphereLight is not drawn"),
-        ('def Xform "m" (prepend apiSchemas = ["GeomModelAPI"]) { uniform token model:drawMode = "cards" }',
-            "x.usda</m>: warning: `model:drawMode` of Xform is not drawn: the geometry of the model is drawn"),
         ('def SphereLight "l" { float3 xformOp:scale = (2, 1, 1)\nuniform token[] xformOpOrder = ["xformOp:scale"] }',
             "x.usda</l>: warning: an uneven scale of a ball light is drawn as an even one"),
         ('def Sphere "s" { color3f[] primvars:displayColor = [(1, 0, 0), (0, 1, 0)] (interpolation = "vertex") }',

@@ -10,11 +10,19 @@ import statistics
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+
+from ..compiler import ir, load
+from ..live import scene_files, studio
+from ..render.image import metrics
 from . import chromium, meshes, report
 from .chromium import Tab
 from .harness import Effort
@@ -28,6 +36,10 @@ has one sample a pixel. The room has a mesh of 500,000 triangles.
 ORBIT_TEXT = """
 *Orbit*: the mouse is dragged over the picture of 512², 4 samples a pixel, for some seconds: pictures on screen a second, and how many of
 them have full size.
+"""
+REFINED_TEXT = """
+*Refined*: the Cornell box, 8 bounces, 1,024 samples a pixel; its source gets another line. √relMSE of what the server has shown a time after
+the edit, against the finished picture; no browser runs.
 """
 REST = """\
 point([2, 4, 3], intensity: 60)
@@ -45,6 +57,7 @@ MESH = 'mesh("knot.ply", material: plastic(#4080c0))\npoint([2, 4, 3], intensity
 EDITS = 50
 PAUSE = 0.2  # seconds between a finished picture and the next edit
 TIMEOUT = 600.0  # seconds of the first picture, which may wait for kernels
+SCENES = Path(__file__).resolve().parent / "scenes"
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 CANVAS = "document.querySelector('#picture')"
 SEEN = """new Promise((done) => {
@@ -98,16 +111,19 @@ EDITS_OF: Sequence[tuple[str, str, Callable[[Edited, int], None]]] = (
 )  # fmt: skip
 
 
-NAMES = ("edits", "orbit")  # parts
+REFINED_AT = (0.15, 0.3, 0.6, 1.2)  # seconds after an edit
+NAMES = ("edits", "orbit", "refined")  # parts
 
 
 def section(quick: bool, effort: Effort, only: str = "") -> report.Section:
     """Measure latency of edits and frames of orbits, on every core."""
-    found = report.Section("live", "The live window", TEXT + ORBIT_TEXT)
+    found = report.Section("live", "The live window", TEXT + ORBIT_TEXT + REFINED_TEXT)
+    if only in ("", "refined"):
+        found.blocks.append(_refined(quick))
     path = chromium.executable()
-    if path is None:
+    if path is None and only != "refined":
         found.missing = ["Chromium is not installed (apt install chromium, or name it in MAQUETTE_CHROMIUM)"]
-        found.blocks.append("Nothing of maquette was measured.")
+    if path is None or only == "refined":
         return found
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
         folder = Path(name)
@@ -147,6 +163,47 @@ def _orbits(browser: chromium.Browser, folder: Path, quick: bool) -> str:
             shown, whole = frames(tab, seconds, side)
         rows.append((name, f"{shown:.1f}", f"{whole:.1f}"))
     return report.grid(("orbit", "pictures a second", "in full size"), rows)
+
+
+def _refined(quick: bool) -> str:
+    """The table of errors after edits."""
+    sizes, samples = (((64, 48),), 16) if quick else (((320, 240), (960, 540)), 1024)
+    rows = [(f"{width} × {height}", *(f"{e:.1%}" for e in errors_after_edits((width, height), samples))) for width, height in sizes]
+    return report.grid(("refined, √relMSE after", *(f"{1e3 * at:.0f} ms" for at in REFINED_AT)), rows)
+
+
+def errors_after_edits(size: tuple[int, int], samples: int, edits: int = 9) -> list[float]:
+    """Medians over edits of the error at each of REFINED_AT; inf while nothing of the new version is shown."""
+    scene = SCENES / "cornell.scene"
+    text, done = scene.read_text(encoding="utf-8"), threading.Event()
+    shown: list[tuple[float, Any]] = []
+
+    def tell(message: dict[str, Any]) -> None:
+        if message["type"] == "progress" and message["stage"] == "done":
+            done.set()
+
+    def show(about: dict[str, Any], _: bytes) -> None:
+        if about["version"] > version:
+            shown.append((time.perf_counter(), drawn.current.shown.rgba[..., :3].copy() if drawn.current else None))
+
+    version = 0
+    settings = ir.Settings(size=size, samples=samples)
+    drawn = studio.Studio(scene_files.Opened(scene, partial(load.load, scene), settings), tell, show)
+    drawn.start()
+    try:
+        if not done.wait(TIMEOUT) or drawn.current is None:
+            raise RuntimeError("the picture was not finished")
+        truth, found = drawn.current.shown.rgba[..., :3].copy(), []
+        for k in range(edits):
+            shown.clear()
+            version, began = drawn.current.version, time.perf_counter()
+            drawn.change(lambda state, k=k: state.with_text(str(scene), f"{text}\nlet added = {k}\n"))
+            time.sleep(REFINED_AT[-1] + PAUSE)
+            last = [[rgb for at, rgb in shown if at - began <= limit and rgb.shape == truth.shape][-1:] for limit in REFINED_AT]
+            found.append([metrics.root_relmse(rgb[0], truth) if rgb else math.inf for rgb in last])
+        return [float(value) for value in np.median(found, axis=0)]
+    finally:
+        drawn.stop()
 
 
 def quantiles(times: Sequence[float]) -> tuple[float, float]:

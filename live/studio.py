@@ -289,7 +289,7 @@ class Studio:
     def _draw_picture(
         self, scene: ir.Scene, plan: Plan, report: Callable[[Progress], None] | None = None, cancel: threading.Event | None = None
     ) -> Image:  # fmt: skip
-        image = render_scene.draw(scene, plan, report, cancel or self._cancel, quick=report is None)
+        image = render_scene.draw(scene, plan, report, cancel or self._cancel, quick=report is None, progressive=True)
         self.work.own["pictures drawn"] += 1
         self.work.own["pixels drawn"] += image.width * image.height
         return image

@@ -22,7 +22,7 @@ MISSING_LIGHT = 0.02  # share of a pixel's light that the limit on bounces may l
 
 def draw(
     scene: ir.Scene, plan: Plan, report: Report | None = None, cancel: threading.Event | None = None, keeper: Keeper | None = None,
-    quick: bool = False,
+    quick: bool = False, progressive: bool = False,
 ) -> Image:  # fmt: skip
     """Render a validated scene under a plan.
 
@@ -31,7 +31,7 @@ def draw(
     `metadata["partial"]` says; before its first sample Cancelled is raised between two BVHs of meshes. Other metadata: the "seconds" of
     "build", "compile_kernels" and "render"; samples; the error reached; "notes" on effects that the backend does not draw, each
     (message, table, row); the number of rays "unproved"; "cut", the light lost to the limit on bounces, a bounce_error.Cut, or None if
-    not measured, as of `quick` pictures, which others replace soon; "exposure", "view" and "transparent" of the plan, for files.
+    not measured, as of `quick` pictures, which others replace soon; `progressive` refines all tiles together, for viewers; "exposure", "view" and "transparent" of the plan, for files.
     """
     seconds: dict[str, float] = {}
     width, height = plan["size"]
@@ -54,7 +54,7 @@ def draw(
         layers = [name for name in plan["aov"] if name in cryptomatte.LAYERS]
         mattes = cryptomatte.Mattes(scene, layers) if layers else None
     with kernel_cache.timed(seconds, "render"):
-        image = film.run(renderer, plan, view, report, cancel, mattes, None if lit or by_moments else keeper)
+        image = film.run(renderer, plan, view, report, cancel, mattes, None if lit or by_moments else keeper, progressive)
         if lit:
             renderer.put(image)
         if plan["denoise"]:

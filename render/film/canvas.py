@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import threading
 import time
@@ -62,10 +63,13 @@ class Canvas:
 
     def __init__(
         self, renderer: Any, plan: Plan, cancel: threading.Event, report: Report | None, mattes: Mattes | None = None,
-        keeper: Keeper | None = None,
+        keeper: Keeper | None = None, progressive: bool = False,
     ) -> None:  # fmt: skip
-        """`renderer` is a film.Renderer. With a `keeper`, checkpoints are written, and the work goes on from the one it found."""
-        self.mattes, self.keeper = mattes, keeper
+        """`renderer` is a film.Renderer. With a `keeper`, checkpoints are written, and the work goes on from the one it found.
+
+        `progressive` draws few samples of all tiles before more of any, for viewers. The finished picture is the same.
+        """
+        self.mattes, self.keeper, self.progressive = mattes, keeper, progressive
         self.renderer, self.cancel, self.report = renderer, cancel, report
         self.crop = tuple(plan["crop"])
         self.names = tuple(plan["aov"])
@@ -96,13 +100,17 @@ class Canvas:
 
     def fixed(self) -> None:
         """Render with the same number of samples for every pixel."""
+        goals = dict.fromkeys(-(-self.most // share) for share in (4, 2, 1))  # one doubling measures the error, two its decline
         if self.renderer.round is not None:
-            self._in_rounds(self.renderer.round)
+            self._in_rounds(sorted({*goals, *range(self.renderer.round, self.most, self.renderer.round)}))
             return
         if self.most == 1:
             self._work(self._draw_single, self.tiles, lambda: self.spent / (self.width * self.height))
             return
-        goals = dict.fromkeys(-(-self.most // share) for share in (4, 2, 1))  # one doubling measures the error, two its decline
+        if self.progressive:
+            self._preview(min(goals))
+            self._in_rounds(list(goals))
+            return
 
         def draw(tile: Tile) -> None:
             if not self._is_finished(tile):
@@ -135,10 +143,21 @@ class Canvas:
         self.drawn[tile] = shape[0] * shape[1]
         self._draw_extras(tile)
 
-    def _in_rounds(self, most: int) -> None:
-        """Render all tiles in rounds of equally many samples, with `Renderer.refresh` before each."""
+    def _preview(self, first: int) -> None:
+        """Render all tiles with 1/4ᵏ of the `first` samples, in pictures of rising quality that the work begins anew after."""
+        shares = [4**k for k in range(1, 16) if first >= 2 * 4**k]
+        for goal in (-(-first // share) for share in reversed(shares)):
+
+            def draw(tile: Tile, goal: int = goal) -> None:
+                part = PixelSums.zeros(tile.y1 - tile.y0, tile.x1 - tile.x0)
+                self._draw(tile, part, np.full(part.samples.shape, goal))
+
+            self._work(draw, self.tiles, lambda: 0.0)
+            self.drawn, self.spent = dict.fromkeys(self.tiles, 0), 0
+
+    def _in_rounds(self, goals: Sequence[int]) -> None:
+        """Render all tiles up to each of the `goals`, samples of every pixel, with `Renderer.refresh` before each."""
         whole_sums = self.sums = self.sums or PixelSums.zeros(self.height, self.width)
-        goals = sorted({-(-self.most // share) for share in (4, 2, 1)} | set(range(most, self.most, most)))
         pixels, before = self.width * self.height, 0
         for goal in goals:
             if self.round and goal < self.round["goal"]:  # done before the checkpoint
@@ -164,14 +183,15 @@ class Canvas:
         first = min(FIRST, self.most)
         began = time.perf_counter()
 
-        def begin(tile: Tile) -> None:
+        def begin(tile: Tile, goals: Sequence[int]) -> None:
             part = whole_sums.window(self._window(tile))
-            for goal in dict.fromkeys((-(-first // 2), first)):
+            for goal in goals:
                 if goal == first and time.perf_counter() > deadline:
                     break
                 if self.drawn[tile] < goal * part.samples.size:
                     self._draw(tile, part, np.full(part.samples.shape, goal))
-            self._draw_extras(tile)
+            if first in goals:
+                self._draw_extras(tile)
 
         whole = math.inf  # samples at the end, unknown before the first estimate
         rounds = [(int(spent), float(mean)) for spent, mean in self.round.get("rounds", [])]  # samples, mean of `relative`
@@ -182,7 +202,11 @@ class Canvas:
         def share() -> float:
             return max(self.spent / whole, (time.perf_counter() - began) / (deadline - began))
 
-        self._work(begin, self.tiles, share)
+        goals = sorted({-(-first // 2), first})
+        if self.progressive and self.renderer.round is None:
+            self._preview(goals[0])
+        for some in [[goal] for goal in goals] if self.progressive else [goals]:
+            self._work(functools.partial(begin, goals=some), self.tiles, share)
         blocks = adaptive_sampling.Blocks(self.crop, self.renderer.block)
         while self.most > 1 and not self.cancel.is_set() and (now := time.perf_counter()) < deadline:
             again = started is not None

@@ -136,17 +136,18 @@ class Whole(Protocol):
 
 def run(
     renderer: Renderer, plan: Plan, view: View, report: Report | None = None, cancel: threading.Event | None = None,
-    mattes: Mattes | None = None, keeper: Keeper | None = None,
+    mattes: Mattes | None = None, keeper: Keeper | None = None, progressive: bool = False,
 ) -> image.Image:  # fmt: skip
     """Render plan["crop"] of a picture to plan["samples"], or until plan["error"] or plan["budget"] ends it.
 
-    `report` is called from this thread; `mattes` are for the channels crypto_…; `keeper` writes checkpoints.
+    `report` is called from this thread; `mattes` are for the channels crypto_…; `keeper` writes checkpoints;
+    `progressive` is that of Canvas.
     Setting `cancel` ends the work; the partial picture is returned, with metadata["partial"]. An exception in a worker is raised here.
     """
     if renderer.whole is not None:
         return _in_pieces(renderer, renderer.whole, plan, view, report, cancel or threading.Event(), mattes)
     started = time.perf_counter()
-    canvas = Canvas(renderer, plan, cancel or threading.Event(), report, mattes, keeper)
+    canvas = Canvas(renderer, plan, cancel or threading.Event(), report, mattes, keeper, progressive)
     if decision.adaptive(plan):
         canvas.adaptive(plan["error"], started + plan["budget"])
     else:

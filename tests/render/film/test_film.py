@@ -78,6 +78,10 @@ def draw(painter: Painter | None = None, progress: Any = None, cancel: Any = Non
     return film.run(painter or Painter(), plan(**changed), View(0, *SIZE), progress, cancel)
 
 
+def uneven(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return np.where(x > 50, 0.8, 0.1)
+
+
 def test_tiles_cover_a_crop_once_from_the_middle_outwards() -> None:
     crop = (5, 3, 140, 99)
     count = np.zeros((110, 150), int)
@@ -110,9 +114,6 @@ def test_a_fixed_number_of_samples_is_their_mean(samples: int) -> None:
 
 @pytest.mark.parametrize("asked", [{}, {"error": 0.02, "samples": 4096}])
 def test_any_number_of_threads_gives_the_same_bits(asked: dict[str, Any]) -> None:
-    def uneven(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        return np.where(x > 50, 0.8, 0.1)
-
     one, *others = (draw(Painter(uneven), threads=threads, aov=("depth",), **asked) for threads in (1, 2, 5))
     for other in others:
         for name, channel in one.channels.items():
@@ -120,6 +121,27 @@ def test_any_number_of_threads_gives_the_same_bits(asked: dict[str, Any]) -> Non
         np.testing.assert_array_equal(one.metadata["variance"], other.metadata["variance"])
         same = {k: v for k, v in one.metadata.items() if k not in ("threads", "variance")}
         assert same == {k: other.metadata[k] for k in same}
+
+
+@pytest.mark.parametrize("asked", [{"samples": 64}, {"samples": 5}, {"error": 0.02, "samples": 4096}])
+def test_a_progressive_picture_refines_all_tiles_together_to_the_same_bits(asked: dict[str, Any]) -> None:
+    shown: list[np.ndarray] = []
+
+    def report(progress: Progress) -> None:
+        if progress.picture is not None:
+            shown.append(progress.picture.samples.copy())
+
+    plain = draw(Painter(uneven), aov=("depth",), **asked)
+    picture = film.run(Painter(uneven), plan(aov=("depth",), threads=1, **asked), View(0, *SIZE), report, progressive=True)
+    for name, channel in plain.channels.items():
+        np.testing.assert_array_equal(picture.channels[name], channel)
+    np.testing.assert_array_equal(picture.metadata["variance"], plain.metadata["variance"])
+    same = {k: v for k, v in plain.metadata.items() if k not in ("threads", "variance")}
+    assert same == {k: picture.metadata[k] for k in same}
+    first = next(k for k, samples in enumerate(shown) if samples.min() > 0)
+    assert shown[first].max() <= 4
+    for samples in shown[first : len(film.tiles((0, 0, *SIZE))) * 2]:
+        assert samples.max() <= 8 * samples.min()
 
 
 def test_a_crop_is_a_part_of_the_whole() -> None:

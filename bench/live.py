@@ -38,8 +38,8 @@ ORBIT_TEXT = """
 them have full size.
 """
 REFINED_TEXT = """
-*Refined*: the Cornell box, 8 bounces, 1,024 samples a pixel; its source gets another line. √relMSE of what the server has shown a time after
-the edit, against the finished picture; no browser runs.
+*Refined*: the Cornell box, 8 bounces, 1,024 samples a pixel; its source gets another line. √relMSE of what the server has shown a time
+after the edit, against the finished picture; no browser runs.
 """
 REST = """\
 point([2, 4, 3], intensity: 60)

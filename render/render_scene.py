@@ -31,7 +31,8 @@ def draw(
     `metadata["partial"]` says; before its first sample Cancelled is raised between two BVHs of meshes. Other metadata: the "seconds" of
     "build", "compile_kernels" and "render"; samples; the error reached; "notes" on effects that the backend does not draw, each
     (message, table, row); the number of rays "unproved"; "cut", the light lost to the limit on bounces, a bounce_error.Cut, or None if
-    not measured, as of `quick` pictures, which others replace soon; `progressive` refines all tiles together, for viewers; "exposure", "view" and "transparent" of the plan, for files.
+    not measured, as of `quick` pictures, which others replace soon; "exposure", "view" and "transparent" of the plan, for files.
+    `progressive` refines all tiles together, for viewers.
     """
     seconds: dict[str, float] = {}
     width, height = plan["size"]

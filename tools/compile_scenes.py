@@ -22,7 +22,11 @@ def main() -> None:
         scene = load.load(Path(file))
         for backend in ("ray", "raster"):
             asked = replace(scene.settings, threads=1, backend=backend)
-            width, height = plan.make_plan(scene, asked)["size"]
+            try:
+                width, height = plan.make_plan(scene, asked)["size"]
+            except plan.PlanError as error:
+                print(f"{file}: {backend}: nothing to compile, {error}", flush=True)
+                continue
             for part in PARTS:
                 size = min(part[0], width), min(part[1], height)
                 x, y = (width - size[0]) // 2, (height - size[1]) // 2

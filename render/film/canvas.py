@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 import threading
 import time
@@ -183,16 +182,6 @@ class Canvas:
         first = min(FIRST, self.most)
         began = time.perf_counter()
 
-        def begin(tile: Tile, goals: Sequence[int]) -> None:
-            part = whole_sums.window(self._window(tile))
-            for goal in goals:
-                if goal == first and time.perf_counter() > deadline:
-                    break
-                if self.drawn[tile] < goal * part.samples.size:
-                    self._draw(tile, part, np.full(part.samples.shape, goal))
-            if first in goals:
-                self._draw_extras(tile)
-
         whole = math.inf  # samples at the end, unknown before the first estimate
         rounds = [(int(spent), float(mean)) for spent, mean in self.round.get("rounds", [])]  # samples, mean of `relative`
         started = self.round.get("goals")  # of a round that a checkpoint interrupted
@@ -202,11 +191,7 @@ class Canvas:
         def share() -> float:
             return max(self.spent / whole, (time.perf_counter() - began) / (deadline - began))
 
-        goals = sorted({-(-first // 2), first})
-        if self.progressive and self.renderer.round is None:
-            self._preview(goals[0])
-        for some in [[goal] for goal in goals] if self.progressive else [goals]:
-            self._work(functools.partial(begin, goals=some), self.tiles, share)
+        self._begin(first, deadline, share)
         blocks = adaptive_sampling.Blocks(self.crop, self.renderer.block)
         while self.most > 1 and not self.cancel.is_set() and (now := time.perf_counter()) < deadline:
             again = started is not None
@@ -239,6 +224,26 @@ class Canvas:
                 expected = adaptive_sampling.expected_samples(rounds, excess)
                 whole = max(int(goals.sum()), min(expected, self.most * self.samples.size))
             self._work(draw, more, share)
+
+    def _begin(self, first: int, deadline: float, share: Callable[[], float]) -> None:
+        """Render all tiles with half of the `first` samples and with all, the fewest that have an error estimate."""
+        goals = sorted({-(-first // 2), first})
+        if self.progressive and self.renderer.round is None:
+            self._preview(goals[0])
+        for some in [[goal] for goal in goals] if self.progressive else [goals]:
+
+            def draw(tile: Tile, some: Sequence[int] = some) -> None:
+                assert self.sums is not None
+                part = self.sums.window(self._window(tile))
+                for goal in some:
+                    if goal == first and time.perf_counter() > deadline:
+                        break
+                    if self.drawn[tile] < goal * part.samples.size:
+                        self._draw(tile, part, np.full(part.samples.shape, goal))
+                if first in some:
+                    self._draw_extras(tile)
+
+            self._work(draw, self.tiles, share)
 
     def _double(self, tile: Tile, part: PixelSums, goals: Counts, deadline: float) -> None:
         """Render a tile's pixels up to their goals, by doublings."""

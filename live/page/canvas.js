@@ -20,6 +20,7 @@ export class Picture {
     [this.canvas, this.stage, this.mark, this.outline] = ["#picture", "#view", "#mark", "#outline"].map((id) => root.querySelector(id));
     this.context = this.canvas.getContext("2d");
     this.full = [0, 0];
+    this.margin = root === document ? 24 : 0; // pixels around the picture, where there is room
     this.fill = false;
     this.view = null; // the camera that is shown
     this.drag = null;
@@ -51,7 +52,7 @@ export class Picture {
   fit() {
     const [width, height] = this.full;
     if (!width) return;
-    const margin = this.stage.clientWidth > 600 ? 24 : 0;
+    const margin = this.stage.clientWidth > 600 ? this.margin : 0;
     const most = Math.min((this.stage.clientWidth - margin) / width, (this.stage.clientHeight - margin) / height);
     const scale = this.fill || most < 1 ? most : Math.max(1, Math.floor(most / 2)); // small pictures grow by whole numbers
     this.canvas.classList.toggle("enlarged", scale > 1);

@@ -75,6 +75,7 @@ _NEAR_HINTS: dict[str, dict[str, str]] = {  # by suggestion, then by the word in
     "did you mean `focal`?": dict.fromkeys(("lens", "focal_length"), "a length: 50mm"),
     "did you mean `opacity`?": {"transmission": "clear solids are made of glass(…)"},
     "did you mean `look_at`?": {"rotation": "a camera is turned by the point it looks at"},
+    "did you mean `by`?": dict.fromkeys(("x", "y", "z", "dx", "dy", "dz"), "three in a list: translate([x, y, z]), rotate([0, 45deg, 0])"),
     "did you mean `sun`?": dict.fromkeys(("sun_elevation", "elevation", "azimuth"), _ANGLE),
     "did you mean `from`?": dict.fromkeys(("sun_elevation", "elevation", "azimuth"), _ANGLE),
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from dataclasses import dataclass
 
 from ..diagnostics import Diagnostics
@@ -123,7 +124,7 @@ def _close(stack: list[_Open], tokens: list[Token], output: list[Token], i: int,
 
 
 def _close_blocks(stack: list[_Open], pairs: list[tuple[Token, Token]], tokens: list[Token], output: list[Token], report: _Report) -> None:
-    """Close all brackets open at the end of the file. The indentation shows which `}` is missing."""
+    """Close all brackets open at the end of the file. The indentation shows which `}` is missing, and where."""
     indents: dict[int, int] = {}
     for t in tokens:
         indents.setdefault(t.line or 1, t.column or 1)
@@ -132,13 +133,25 @@ def _close_blocks(stack: list[_Open], pairs: list[tuple[Token, Token]], tokens: 
     for token in blamed:
         where = "after its last item" if token == "{" else "where it ends"
         report(token, f"this `{token}` is not closed", f"write `{OPENERS[token]}` {where}")
-    end = output.pop()
-    output.extend(_insert_closer(OPENERS[o.token], end) for o in reversed(stack))
-    output.append(end)
+    ends = [len(output) - 1] * len(stack)
+    if len(stack) <= _MAX_BRACKET_ERRORS and all(o.token == "{" for o in stack):
+        found = (_dedent(output, token, indents) for token in blamed)
+        ends = sorted([*found, *ends[len(blamed) :]], reverse=True)
+    for opened, end in zip(stack, ends, strict=True):
+        output.insert(end, _insert_closer(OPENERS[opened.token], output[end]))
+
+
+def _dedent(output: list[Token], opener: Token, indents: dict[int, int]) -> int:
+    """The line end in `output` at which the indentation of a block ends, or the end of the file, as of blocks that are not indented."""
+    indent, last = indents[opener.line or 1], len(output) - 1
+    inside = bisect_right([token.start_pos or 0 for token in output], opener.start_pos or 0)
+    starts = [k for k in range(inside + 1, last) if output[k - 1].type == "_NL" and output[k].type != "_NL"]
+    outer = [k - 1 for k in starts if (output[k].column or 1) <= indent]
+    return outer[0] if outer and outer[0] + 1 != starts[0] else last
 
 
 def _insert_closer(text: str, place: Token) -> Token:
-    """A bracket of no width at the end of `place`."""
+    """A bracket of no width, at the end of the token `place`."""
     kind = {")": "RPAR", "]": "RSQB", "}": "RBRACE"}[text]
     end = (place.end_line, place.end_column, place.end_pos)
     return Token(kind, text, end[2], end[0], end[1], end[0], end[1], end[2])

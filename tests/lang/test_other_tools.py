@@ -27,6 +27,8 @@ MISTAKES = [
     ("sphere(rands(0, 1, 3))",
      "1:8: there is no `rands` here | noise(x, y, z, seed) is the same each time, and 0 where x, y and z are whole"),
     ("scale(2, 1, 1) { sphere(1) }", "1:10: scale takes 1 argument by position | write scale([x, y, z])"),
+    ("rotate(y: 45deg) { sphere(1) }",
+     "1:8: rotate has no `y`; did you mean `by`? | three in a list: translate([x, y, z]), rotate([0, 45deg, 0])"),
     # POV-Ray
     ("#declare R = 2;", "1:1: the language has no `#declare` | write let name = …"),
     ('#include "colors.inc"', '1:1: the language has no `#include` | write use "parts.scene" for a file of scenes'),

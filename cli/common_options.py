@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..lang.distribution import install_command
 from ..lang.limits import MAX_ELEMENTS
 from ..lang.schema.elements import MAX_BOUNCES
 from . import option_types as values
@@ -86,7 +85,7 @@ _PICTURE = {
     "backend": click.option("--backend", type=click.Choice(["auto", "ray", "raster", "reference"]), help="Rendering backend."),
     "size": click.option("--size", type=values.SIZE, help="Size in pixels: 800x600, or 512 for a square."),
     "camera": click.option("--camera", metavar="NAME", help="Name of the camera."),
-    "samples": click.option("--samples", type=click.IntRange(1, 1 << 20), help="Samples per pixel."),
+    "samples": click.option("--samples", type=click.IntRange(1, 1 << 20), help="Samples per pixel. Default: until √relMSE is 3%, or 256."),
     "error": click.option("--error", type=values.SHARE, help="Render until √relMSE is below this: 1%. A warning says if it is not."),
     "budget": click.option("--budget", type=values.DURATION, help="Render for at most this long: 20s."),
     "bounces": click.option("--bounces", type=click.IntRange(0, MAX_BOUNCES), help="Surface interactions after the first hit."),
@@ -97,7 +96,7 @@ _PICTURE = {
         help="Additional channels of an .exr: depth,normal,position,albedo,uv,id,variance,samples,cryptomatte,lights,light:NAME,issues.",
     ),
     "denoise": click.option(
-        "--denoise", is_flag=True, default=None, help=f"Remove noise with Open Image Denoise ({install_command('denoise')})."
+        "--denoise/--no-denoise", default=None, help="Remove noise with Open Image Denoise. Default: if 256 samples do not suffice."
     ),
     "tolerance": click.option(
         "--tolerance", type=click.FloatRange(0, min_open=True), metavar="PIXELS",

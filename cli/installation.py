@@ -61,12 +61,16 @@ def _packages() -> Iterator[Finding]:
 
 
 def required_packages() -> dict[str, str]:
-    """The packages that this one depends on, with their least versions: from its metadata, or from pyproject.toml in a checkout."""
+    """The packages that this one depends on, with their least versions: from its metadata, or from pyproject.toml in a checkout.
+
+    Those of some platforms alone are left out.
+    """
     project = ROOT / "pyproject.toml"
     if project.exists():
         texts = tomllib.loads(project.read_text(encoding="utf-8"))["project"]["dependencies"]
     else:
         texts = [text for text in metadata.requires(distribution.NAME) or () if "extra ==" not in text]
+    texts = [text for text in texts if ";" not in text]
     parts = (re.fullmatch(r"([\w.-]+)\s*>=\s*([\w.]+).*", text) for text in texts)
     return {found[1]: found[2] for found in parts if found}
 
@@ -132,9 +136,9 @@ def _extras() -> Iterator[Finding]:
 
     try:
         version = metadata.version("pyoidn")
-        yield Finding("denoiser", "ok", f"pyoidn {version}, for --denoise", {"version": version})
+        yield Finding("denoiser", "ok", f"pyoidn {version}, for noise that the default number of samples leaves", {"version": version})
     except metadata.PackageNotFoundError:
-        yield Finding("denoiser", "missing", f"for --denoise: {distribution.install_command('denoise')}", {"version": None})
+        yield Finding("denoiser", "missing", f"noise is left in pictures: {distribution.install_command('denoise')}", {"version": None})
     try:
         version = metadata.version("DracoPy")
         yield Finding("draco", "ok", f"DracoPy {version}, for compressed glTF meshes", {"version": version})

@@ -139,13 +139,16 @@ class Display:
         if 0.0 < progress.share < 1.0:
             found.append(f"{math.floor(100.0 * progress.share)} %")
         if progress.samples > 0.0 and progress.most != 1:
-            of = f" of {progress.most}" if progress.most else ""
+            of = f" of {progress.most}" if progress.most else f" of at most {progress.limit}" if progress.limit else ""
             found.append(f"{progress.samples:.{0 if progress.samples >= 10.0 else 1}f}{of} samples")
         if progress.error is not None:
             part = " in the tiles drawn" if progress.most and progress.share < 1.0 else ""  # tiles may differ, such as those of the sky
             found.append(f"error {progress.error:.2%}{part}")
-        between = self._left.between(time.monotonic() - self._began)
-        if between is not None and progress.share < 1.0:
+        elapsed = time.monotonic() - self._began
+        between = self._left.between(elapsed)
+        if between is not None and progress.share < 1.0 and progress.limit:
+            found.append(f"at most {time_range(elapsed * max(progress.limit / progress.samples - 1.0, 0.0))} left")
+        elif between is not None and progress.share < 1.0:
             found.append(f"{time_range(*between)} left")
         return found
 

@@ -269,7 +269,7 @@ class Job:
             exposure = self.exposure
         look, about = self._encoding(plan, exposure)
         about["samples"] = json_value(image.metadata.get("samples", plan["samples"]))
-        error = image.metadata.get("error")
+        error = image.metadata.get("denoised_error" if image.metadata.get("denoised") else "error")
         try:
             image_files.write(image, path, look, about if error is None else {**about, "error": float(error)})
         except Exception as fault:
@@ -317,6 +317,8 @@ class Job:
                 "rays": image.metadata.get("rays"),
                 "memory": peak_memory(),
                 "error": image.metadata.get("error"),
+                "denoised": image.metadata.get("denoised", False),
+                "denoised_error": image.metadata.get("denoised_error"),
                 "cut": cut.share if (cut := image.metadata.get("cut")) else None,
                 "plan": plan.values(),
                 "warnings": warnings,
@@ -428,7 +430,8 @@ def json_value(value: Any) -> Any:
 def summary(path: Path, figures: Mapping[str, Any]) -> str:
     """A one-line summary of a picture."""
     width, height = figures["size"]
-    before = " before denoising" if figures["plan"]["denoise"] else ""
-    error = f", √relMSE {figures['error']:.2%}{before}" if figures["error"] is not None else ""
+    left = figures["denoised_error"]
+    after = "" if not figures["denoised"] else " before denoising" + ("" if left is None else f", about {left:.1%} after")
+    error = f", √relMSE {figures['error']:.2%}{after}" if figures["error"] is not None else ""
     total = sum(figures["seconds"].values())
     return f"{path}: {width}x{height}, {figures['backend']}, {figures['samples']:g} samples a pixel{error}, {total:.2f} s"

@@ -32,12 +32,13 @@ def strip_plans(plan: Plan, most: int = MAX_PIXELS) -> list[Plan]:
         return [plan]
     rows = max(min(STRIP_PIXELS, most) // (x1 - x0) // film.TILE, 1) * film.TILE  # the same tiles as of the whole picture
     ends = [(y, min(y + rows, y1)) for y in range(y0, y1, rows)]
-    return [_with_values(plan, crop=(x0, top, x1, end), budget=plan["budget"] * (end - top) / (y1 - y0)) for top, end in ends]
+    kept = {} if plan["denoise"] == "on" else {"denoise": "off"}  # the default needs the whole picture
+    return [_with_values(plan, crop=(x0, top, x1, end), budget=plan["budget"] * (end - top) / (y1 - y0), **kept) for top, end in ends]
 
 
 def refusal(plan: Plan, exposed: bool = True) -> str:
     """The message why a plan cannot be rendered in strips to a file that shows light `exposed`; "" if it can."""
-    if plan["denoise"]:
+    if plan["denoise"] == "on":
         return "denoising needs the whole picture: leave it out"
     if exposed and plan["exposure"] == "metered":
         return "metering needs the whole picture: give --exposure"
@@ -68,7 +69,7 @@ def join_metadata(about: Sequence[dict[str, Any]], plan: Plan) -> dict[str, Any]
         **about[0], **sums, "crop": plan["crop"], "samples": max(one["samples"] for one in about),
         "samples_mean": float(np.average([one["samples_mean"] for one in about], weights=pixels)),
         "error": math.sqrt(float(np.average(np.square(errors), weights=pixels))) if known else None,
-        "partial": any(one["partial"] for one in about), "seconds": seconds, "variance": None,
+        "partial": any(one["partial"] for one in about), "seconds": seconds, "variance": None, "half_difference": None, "error_in_few": 0.0,
         "cut": bounce_error.combine([one["cut"] for one in about], pixels),
     }  # fmt: skip
 

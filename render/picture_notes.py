@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import importlib.util
 import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from ..compiler import ir
+from ..compiler.plan import decision
 from ..compiler.plan import plan as planner
 from ..compiler.plan.plan import Plan
 from ..lang.diagnostics import Diagnostic
+from ..lang.distribution import install_command
 from ..lang.plain_values import time_range
 from ..lang.schema.elements import MAX_BOUNCES
 
@@ -17,6 +20,7 @@ if TYPE_CHECKING:
     from .film.bounce_error import Cut
 
 NOISY = 0.05  # √relMSE from which a note says how to lower it
+SPARSE, SEEN = 0.5, 0.02  # share of the squared error in few pixels, and error, from which a note calls the estimate uncertain
 
 
 def of_render(about: Mapping[str, Any], scene: ir.Scene, plan: Plan, asked: ir.Settings) -> list[Diagnostic]:
@@ -27,6 +31,7 @@ def of_render(about: Mapping[str, Any], scene: ir.Scene, plan: Plan, asked: ir.S
         *invalid_sample_warnings(about["issues"]),
         *bounce_limit_notes(about.get("cut"), scene, plan),
         *missed_error_warnings(about, plan),
+        *sparse_error_notes(about),
         *([] if asked.samples or scene.settings.samples else noise_notes(about, plan)),
     ]
 
@@ -50,16 +55,17 @@ def bounce_limit_notes(cut: Cut | None, scene: ir.Scene, plan: Plan) -> list[Dia
     """The note about light lost by the limit on bounces; a warning if an error target is set."""
     if cut is None or not cut.matters:
         return []
-    than = "is the error asked for" if plan["error"] else "noise hides"
+    asked = decision.error_asked(plan)
+    than = "is the error asked for" if asked else "noise hides"
     message = f"the limit of {plan['bounces']} bounces leaves out {cut.share:.1%} of a place's light (± {cut.error:.1%}), more than {than}"
     enough = cut.enough or MAX_BOUNCES
     hint = f"render(bounces: {enough}) or --bounces {enough} leaves out less" + ("" if cut.enough else "; here light does not fade")
-    return [Diagnostic("warning" if plan["error"] else "note", message, scene.spans.at("settings", 0), hint)]
+    return [Diagnostic("warning" if asked else "note", message, scene.spans.at("settings", 0), hint)]
 
 
 def missed_error_warnings(about: Mapping[str, Any], plan: Plan) -> list[Diagnostic]:
     """The warning about a picture that ended, by its budget or its most samples, above the error asked for."""
-    asked, reached = plan["error"], about.get("error")
+    asked, reached = decision.error_asked(plan), about.get("error")
     if about.get("partial") or not asked or (reached is not None and reached <= asked):
         return []
     end = f"the budget of {plan['budget']:g} s" if math.isfinite(plan["budget"]) else f"the limit of {plan['samples']:,} samples a pixel"
@@ -68,16 +74,32 @@ def missed_error_warnings(about: Mapping[str, Any], plan: Plan) -> list[Diagnost
     return [Diagnostic("warning", message, None, "a longer --budget or a larger --error")]
 
 
+def sparse_error_notes(about: Mapping[str, Any]) -> list[Diagnostic]:
+    """The note about an error that stray bright samples decide: how many a picture has, and which it lacks, is chance."""
+    if about.get("partial") or (about.get("error") or 0.0) < SEEN or about.get("error_in_few", 0.0) < SPARSE:
+        return []
+    message = f"{about['error_in_few']:.0%} of the squared error is in 0.1 % of the pixels: stray bright samples, so the error is uncertain"
+    return [Diagnostic("note", message, None, "larger lights, rougher glass and metals, or more samples have fewer of them")]
+
+
 def noise_notes(about: Mapping[str, Any], plan: Plan) -> list[Diagnostic]:
-    """The note about a noisy picture of the default number of samples: what less noise costs."""
-    error = about.get("error")
-    if not plan["monte_carlo"] or plan["denoise"] or plan["error"] or math.isfinite(plan["budget"]) or about.get("partial"):
+    """The note about a picture that is noisy, or was before denoising, after the default number of samples: what less noise costs."""
+    error, default = about.get("error"), decision.by_default(plan)
+    if not plan["monte_carlo"] or plan["denoise"] == "on" or about.get("partial"):
         return []
-    if error is None or error <= NOISY:
+    if decision.adaptive(plan) and not default:
         return []
-    longer = (error / NOISY) ** 2 * about["seconds"]["render"]
-    message = f"the picture is noisy: its error is {error:.0%} with the default of {plan['samples']} samples a pixel"
-    return [Diagnostic("note", message, None, f"--error {NOISY:.0%} takes about {time_range(longer)}; --denoise smooths it")]
+    wanted = plan["error"] if default else NOISY
+    if error is None or error <= wanted:
+        return []
+    longer = f"--error {wanted:.0%} takes about {time_range((error / wanted) ** 2 * about['seconds']['render'])}"
+    work = f"the default of {'at most ' if default else ''}{plan['samples']} samples a pixel"
+    if about.get("denoised"):
+        left = about.get("denoised_error")
+        now = f"its error was {error:.1%}" + ("" if left is None else f", and about {left:.1%} are left")
+        return [Diagnostic("note", f"the picture was noisy after {work}, and is denoised: {now}", None, f"{longer} without denoising")]
+    smooth = "--denoise smooths it" if importlib.util.find_spec("pyoidn") else f"{install_command('denoise')} smooths it"
+    return [Diagnostic("note", f"the picture is noisy: its error is {error:.0%} with {work}", None, f"{longer}; {smooth}")]
 
 
 def unproved_warnings(rays: int) -> list[Diagnostic]:

@@ -6,7 +6,7 @@ import threading
 from typing import Any
 
 from ..compiler import ir
-from ..compiler.plan import channels
+from ..compiler.plan import channels, decision
 from ..compiler.plan.plan import Plan
 from . import types
 from .backends import accumulation, kernel_choice, light_groups
@@ -58,7 +58,7 @@ def draw(
         image = film.run(renderer, plan, view, report, cancel, mattes, None if lit or by_moments else keeper, progressive)
         if lit:
             renderer.put(image)
-        if plan["denoise"]:
+        if decision.denoises(plan, None if image.metadata["partial"] else image.metadata["error"]):
             from .film import denoise  # loads pyoidn
 
             tell(Progress("denoising"))
@@ -87,7 +87,7 @@ def _measure_bounce_error(renderer: Any, plan: Plan, image: Image) -> bounce_err
     """The light lost to the limit on bounces; None for partial pictures and light groups, which have a renderer each."""
     if image.metadata["partial"] or not bounce_error.measurable(plan) or not hasattr(renderer, "limit"):
         return None
-    allowed = plan["error"] or max(image.metadata["error"] or 0.0, MISSING_LIGHT)
+    allowed = decision.error_asked(plan) or max(image.metadata["error"] or 0.0, MISSING_LIGHT)
     return bounce_error.measure(renderer, plan, image.metadata["rays"], allowed)
 
 

@@ -95,7 +95,7 @@ LATE = {
     "OpenImageIO": "only scenes with pictures need it",
     "fcntl": "some systems lack it",
     "manifold3d": "only solids with meshes in them need it",
-    "pyoidn": "an extra, for who asks for pictures without noise",
+    "pyoidn": "only noisy pictures need it",
     "rich": "only a terminal sees colours",
     "uharfbuzz": "only text needs it",
 }

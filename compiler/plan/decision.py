@@ -52,6 +52,8 @@ class Plan:
         return {d.name: list(d.value) if isinstance(d.value, tuple) else d.value for d in self.decisions.values()}
 
 
+MAX_SAMPLES = 1 << 20  # a pixel of a render with an error target or a time budget
+
 Rule = Callable[[ir.Scene, ir.Settings, Plan], Decision]  # makes one decision; the plan holds the earlier ones
 
 RENAMED = {
@@ -123,3 +125,18 @@ def override(decision: Decision, text: str) -> Decision:
 def adaptive(plan: Plan) -> bool:
     """Whether each pixel takes as many samples as it needs, until an error or a budget is reached."""
     return plan["error"] > 0.0 or math.isfinite(plan["budget"])
+
+
+def by_default(plan: Plan) -> bool:
+    """Whether the picture has the default error and the default limit of samples, as neither samples, error nor budget were asked for."""
+    return bool(plan["error"] > 0.0 and plan["samples"] < MAX_SAMPLES)
+
+
+def error_asked(plan: Plan) -> float:
+    """The error that the user asked for; 0 for none."""
+    return 0.0 if by_default(plan) else float(plan["error"])
+
+
+def denoises(plan: Plan, error: float | None) -> bool:
+    """Whether a picture of this estimated error is denoised."""
+    return bool(plan["denoise"] == "on" or (plan["denoise"] == "above_error" and error is not None and error > plan["error"]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from .decision import Decision, Plan
+from .decision import Decision, Plan, adaptive, by_default
 
 COUNT = 5
 # By falling importance, with the values by which a scene lacks what a decision is about.
@@ -24,7 +24,7 @@ ORDER: dict[str, tuple[Any, ...]] = {
     "implicit_surfaces": (),
     "opacity": (False,),
     "raster.shadows": (),
-    "denoise": (False,),
+    "denoise": ("off",),
     "texture_filter": ("point",),
     "transport.path_reuse": ("none",),
     "shadows": (),
@@ -46,7 +46,7 @@ def _is_without_effect(name: str, plan: Plan) -> bool:
     if name.startswith("raster."):
         return bool(plan["backend"] != "raster")
     if name == "samples":  # then the largest number
-        return bool(plan["error"] > 0.0 or math.isfinite(plan["budget"]))
+        return adaptive(plan) and not by_default(plan)
     if name == "implicit_surfaces":
         return plan.decisions[name].reason == "the scene has none"
     if name == "transport":

@@ -9,13 +9,14 @@ from ...lang.diagnostics import suggest
 from ...lang.distribution import install_command
 from .. import ir
 from .channels import CHANNELS, CRYPTOMATTES, LIGHT, REST, is_channel
-from .decision import Decision, Plan, PlanError, Rule
+from .decision import MAX_SAMPLES, Decision, Plan, PlanError, Rule, by_default
 
 DEFAULT_SIZE = (800, 600)
 DEFAULT_WIDTH = 960  # of cameras whose film has an aspect ratio, as in usdrecord
 SAMPLES_SHARP = 16  # antialiasing alone
 SAMPLES_SOFT = 64  # antialiasing and Monte Carlo integration of light
-MAX_SAMPLES = 1 << 20  # of a render with an error target or a time budget
+SAMPLES_MOST = 256  # a pixel of a picture that ends at the default error
+DEFAULT_ERROR = 0.03  # √relMSE
 RASTER_MOMENTS = 16  # times, or lens points, at which the raster backend draws motion blur and depth of field
 FILTERS = ("box", "tent", "gaussian", "blackman-harris")
 NOISES = ("blue", "white")
@@ -81,7 +82,10 @@ def _crop(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
 def _error(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     if asked.error is not None and asked.samples is None:
         return Decision("error", float(asked.error), "asked for: tiles get more samples until √relMSE is below it", fixed="--error")
-    reason = "a number of samples was asked for" if asked.error is not None else "none was asked for"
+    reason = "a number of samples was asked for" if asked.samples is not None else "none was asked for"
+    if asked.samples is None and asked.budget is None and plan["backend"] == "ray" and plan["monte_carlo"]:
+        reason = f"the default: pixels get more samples until √relMSE is below it, but at most {SAMPLES_MOST}"
+        return Decision("error", DEFAULT_ERROR, reason, fixed="--error")
     return Decision("error", 0.0, reason, fixed="--error")
 
 
@@ -94,8 +98,10 @@ def _budget(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
 def _samples(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     if asked.samples is not None:
         return Decision("samples", asked.samples, "asked for", fixed="--samples")
-    if plan["error"] > 0:
+    if asked.error is not None:
         return Decision("samples", MAX_SAMPLES, "at most; the error, or a budget, ends the render", fixed="--samples")
+    if plan["error"] > 0:
+        return Decision("samples", SAMPLES_MOST, f"at most; an error of {plan['error']:.0%} ends the render before", fixed="--samples")
     if math.isfinite(plan["budget"]):
         return Decision("samples", MAX_SAMPLES, "at most; the budget ends the render", fixed="--samples")
     if plan["monte_carlo"]:
@@ -160,11 +166,15 @@ def _aov(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
 
 
 def _denoise(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
-    if not asked.denoise:
-        return Decision("denoise", False, "not asked for: noise shows the error of a picture", fixed="--denoise")
-    if importlib.util.find_spec("pyoidn") is None:
+    how, known = "Open Image Denoise, guided by albedo and normals", importlib.util.find_spec("pyoidn") is not None
+    if asked.denoise and not known:
         raise PlanError(f"denoising takes the package pyoidn, which is not installed: {install_command('denoise')}")
-    return Decision("denoise", True, "asked for: Open Image Denoise, guided by albedo and normals", fixed="--denoise")
+    if asked.denoise:
+        return Decision("denoise", "on", f"asked for: {how}", fixed="--denoise")
+    if asked.denoise is None and by_default(plan) and known:
+        reason = f"the default, if {plan['samples']} samples a pixel do not reach the error: {how}"
+        return Decision("denoise", "above_error", reason, fixed="--no-denoise")
+    return Decision("denoise", "off", "not asked for: noise shows the error of a picture", fixed="--denoise")
 
 
 def _threads(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:

@@ -129,7 +129,7 @@ SETTINGS = (
         (
             Arg("size", "pixels", None, "width and height in pixels", keyword=True),
             Arg("backend", "choice", None, "rendering backend", choices=("auto", "ray", "raster", "reference"), keyword=True),
-            Arg("samples", "int", None, "samples a pixel", minimum=1, maximum=1 << 20, keyword=True),
+            Arg("samples", "int", None, "samples a pixel; default: until √relMSE is 3%, or 256", minimum=1, maximum=1 << 20, keyword=True),
             Arg("error", "number", None, "render until √relMSE is below this: 1%", above=0.0, below=1.0, keyword=True),
             Arg("budget", "time", None, "render for this long", above=0.0, keyword=True),
             Arg("bounces", "int", None, "surface interactions after the first hit", minimum=0, maximum=MAX_BOUNCES, keyword=True),

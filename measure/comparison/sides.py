@@ -102,8 +102,8 @@ def read(path: Path) -> Side:
 
 
 def make_plan(scene: ir.Scene, settings: ir.Settings, overrides: Mapping[str, str] | None = None) -> planner.Plan:
-    """A plan with the channels that identify objects. Raises planner.PlanError."""
-    return planner.make_plan(scene, replace(settings, aov=OBJECT_CHANNELS), overrides)
+    """A plan with the channels that identify objects, without denoising unless it is asked for. Raises planner.PlanError."""
+    return planner.make_plan(scene, replace(settings, aov=OBJECT_CHANNELS, denoise=bool(settings.denoise)), overrides)
 
 
 def render(

@@ -10,6 +10,10 @@ from numpy.typing import NDArray
 
 from ..jit.kernel import helper, kernel
 
+REACH = 2  # pixels from the middle of the window that estimates a pixel's light
+STRAY = 8.0  # times the variance of its neighbors, from which on a pixel holds a stray bright sample
+FAINTEST = 1.0 / 16.0  # of a stray pixel's light, that its true light is taken for
+CAUTION = 1.5  # times the noise of a window, for the trust in a pixel's own light
 LARGEST = float(np.finfo(np.float32).max)  # greatest radiance of a picture; greater values count as not finite
 
 
@@ -32,21 +36,14 @@ class PixelSums(NamedTuple):
         return PixelSums(self.color[window], self.alpha[window], self.issues[window], self.samples[window])
 
 
-class PixelErrors(NamedTuple):
-    """Error estimates of pixels, (h, w, 3) each."""
-
-    variance: NDArray[np.float64]  # of the mean; inf after one batch
-    value: NDArray[np.float32]  # the denominator of the relative error
-
-
 @kernel
-def add_samples(film, count, sums, errors, rgba, least, shown):
-    """Add a film's batch of `count` (h, w) samples to the sums of a tile, and update picture and errors; `count` may be 0.
+def add_samples(film, count, sums, differences, rgba, least, shown):
+    """Add a film's batch of `count` (h, w) samples to the sums of a tile, and update picture and differences; `count` may be 0.
 
     The old samples and the new ones have means m₁, m₂ of n₁, n₂ samples. For independent batches whose variance falls as 1/n, the mean of
-    all has the variance (m₁ - m₂)² n₁ n₂ / (n₁ + n₂)²; adaptive_sampling.Decline corrects it for Sobol points. The value is the geometric
-    mean of both, so that a bright sample does not hide its own error, but at least half of the mean, as one batch may be black. Adds to
-    `shown` (levels, 2), at pixels that are doubled, variance / (value² + `least`) before and after, at the level of their samples.
+    all has the variance d² of d = (m₁ - m₂) √(n₁ n₂) / (n₁ + n₂); adaptive_sampling.Decline corrects it for Sobol points. `differences`
+    (h, w, 3) hold d, inf after one batch. Adds to `shown` (levels, 2), at pixels that are doubled, d² / (value² + `least`) before and
+    after, at the level of their samples. The value is the geometric mean of both batches, at least half of the mean, as one may be black.
     """
     known_whole, at = 0.0, 0  # neighbors mostly have equal counts
     for y in range(count.shape[0]):
@@ -58,20 +55,20 @@ def add_samples(film, count, sums, errors, rgba, least, shown):
             if whole != known_whole:
                 known_whole, at = whole, level(whole)
             beyond = False
-            weight = float(old) * float(new) / (whole * whole)
+            weight = math.sqrt(float(old) * float(new)) / whole
             for k in range(3):
                 total = sums.color[y, x, k] + film.color[y, x, k]
                 mean = total / whole
                 if old > 0:
                     one, other = sums.color[y, x, k] / old, film.color[y, x, k] / new
-                    variance = (one - other) * (one - other) * weight
+                    before, now = differences[y, x, k], (one - other) * weight
                     value = math.sqrt(max(one * other, 0.25 * mean * mean))
-                    if old == new and errors.variance[y, x, k] < np.inf:
+                    if old == new and before < np.inf:
                         below = value * value + least
                         if below > 0.0:
-                            shown[at, 0] += errors.variance[y, x, k] / below
-                            shown[at, 1] += variance / below
-                    errors.variance[y, x, k], errors.value[y, x, k] = variance, value
+                            shown[at, 0] += before * before / below
+                            shown[at, 1] += now * now / below
+                    differences[y, x, k] = now
                 sums.color[y, x, k] = total
                 rgba[y, x, k] = min(max(mean, -LARGEST), LARGEST)
                 beyond = beyond or not abs(mean) <= LARGEST
@@ -110,31 +107,100 @@ def level(samples):
 
 
 @kernel
-def relative_error(variance, value, rgba, samples, share, least, out):
-    """Write (h, w) variance / (value² + `least`), the mean of three channels, times the `share` (levels,) for the pixel's samples.
+def relative_error(differences, rgba, samples, share, least, out):
+    """Write (h, w) d² / (light² + `least`), the mean of three channels, times the `share` (levels,) for the pixel's samples.
 
-    The value is the pixel's or, if that is less, the mean of its eight neighbors, on which a stray bright sample has little effect.
+    d are the `differences` of add_samples.
+
+    The light is estimated from the noisy picture, as that of single pixels under-states the error of bright strays and over-states that of
+    dark pixels: the mean of the window around a pixel, moved to the pixel's own light by the share of the window's differences that noise
+    does not explain (Lee 1980, Digital image enhancement and noise filtering by use of local statistics). The own light is the geometric
+    mean of both halves of the samples, at least half of their mean. Strays are replaced by their neighbors. Pixels after one batch
+    are inf, and others do not use them.
     """
     height, width = out.shape
-    columns = np.zeros((width + 2, 3))  # sums of up to three pixels, 0 beside the picture
-    known_samples, scale = 0, share[0] / 3.0
+    rows = 2 * REACH + 1
+    light, noise, known = np.zeros((rows, width, 3)), np.zeros((rows, width, 3)), np.zeros((rows, width))
+    columns = np.zeros((width, 3, 3))  # sums over the window's rows: light, its square, noise
+    counts = np.zeros(width)
+    ready, known_samples, scale = 0, 0, share[0] / 3.0
     for y in range(height):
-        first, last = max(y - 1, 0), min(y + 2, height)
+        while ready < min(y + REACH + 1, height):
+            row = ready % rows
+            without_strays(differences, rgba, ready, light[row], noise[row], known[row])
+            ready += 1
+        columns[...], counts[...] = 0.0, 0.0
+        for j in range(max(y - REACH, 0), min(y + REACH + 1, height)):
+            row = j % rows
+            for x in range(width):
+                if known[row, x] > 0.0:
+                    counts[x] += 1.0
+                    for k in range(3):
+                        value = light[row, x, k]
+                        columns[x, k, 0] += value
+                        columns[x, k, 1] += value * value
+                        columns[x, k, 2] += noise[row, x, k]
+        row = y % rows
         for x in range(width):
+            if known[row, x] == 0.0:
+                out[y, x] = np.inf
+                continue
+            total, first, last = 0.0, max(x - REACH, 0), min(x + REACH + 1, width)
+            count = 0.0
+            for i in range(first, last):
+                count += counts[i]
             for k in range(3):
-                columns[x + 1, k] = 0.0
-                for j in range(first, last):
-                    columns[x + 1, k] += float(rgba[j, x, k])
-        for x in range(width):
-            count = (last - first) * (min(x + 2, width) - max(x - 1, 0)) - 1
-            total = 0.0
-            for k in range(3):
-                known = float(value[y, x, k])
-                if count > 0:
-                    neighbors = columns[x, k] + columns[x + 1, k] + columns[x + 2, k] - float(rgba[y, x, k])
-                    known = min(known, abs(neighbors) / count)
-                total += variance[y, x, k] / (known * known + least)
+                one, square, spread = 0.0, 0.0, 0.0
+                for i in range(first, last):
+                    one += columns[i, k, 0]
+                    square += columns[i, k, 1]
+                    spread += columns[i, k, 2]
+                seen = likely_light(one, square, spread, count, light[row, x, k], noise[row, x, k])
+                total += square_of(differences[y, x, k]) / (seen * seen + least)
             if samples[y, x] != known_samples:
                 known_samples = samples[y, x]
                 scale = share[level(known_samples)] / 3.0
             out[y, x] = total * scale
+
+
+@helper
+def square_of(value):
+    """Return the square of a number in float64."""
+    return float(value) * float(value)
+
+
+@helper
+def likely_light(one, square, spread, count, light, noise):
+    """Return the likely light of a pixel, from the sums of light, its square and noise over the `count` pixels of its window."""
+    mean = one / count
+    of_noise = CAUTION * spread / count
+    differences = max(square / count - mean * mean, 0.0) * count / max(count - 1.0, 1.0)
+    true = max(differences - spread / count, 0.0)
+    if true + of_noise <= 0.0:
+        return mean
+    own = math.sqrt(max(light * light - noise, 0.25 * light * light))
+    return mean + true / (true + of_noise) * (own - mean)
+
+
+@helper
+def without_strays(differences, rgba, y, light, noise, known):
+    """Write the light and noise (w, 3) of row `y`, and whether they are known (w,).
+
+    A pixel whose variance is more than STRAY times the mean of its eight neighbors' takes their mean noise, and their mean light if that is
+    less than its own, but at least FAINTEST of it.
+    """
+    height, width = rgba.shape[0], rgba.shape[1]
+    for x in range(width):
+        known[x] = 1.0 if differences[y, x, 0] < np.inf else 0.0
+        for k in range(3):
+            own, spread = abs(float(rgba[y, x, k])), square_of(differences[y, x, k])
+            total, around, count = 0.0, 0.0, 0.0
+            for j in range(max(y - 1, 0), min(y + 2, height)):
+                for i in range(max(x - 1, 0), min(x + 2, width)):
+                    if (j != y or i != x) and differences[j, i, k] < np.inf:
+                        total += square_of(differences[j, i, k])
+                        around += abs(float(rgba[j, i, k]))
+                        count += 1.0
+            if count > 0.0 and spread * count > STRAY * total:
+                own, spread = max(min(around / count, own), FAINTEST * own), total / count
+            light[x, k], noise[x, k] = own, spread

@@ -27,7 +27,7 @@ _PLACES = 512
 
 
 BEYOND = 0.05  # share of the target's square by which a round overshoots, to avoid many small last rounds
-AIM = 0.97  # of the target error: selection is biased toward pixels that seem better than they are
+SELECTION = 1.1  # factor of an error whose pixels were selected: those that seem better than they are get too few samples
 CONFIDENCE = 2.0  # standard deviations between the estimate and the target
 
 
@@ -186,7 +186,7 @@ def excess(relative: Map, error: float) -> float:
     Each pixel's entry is the square of one normal variable, its error that of another: 2 σ⁴ is the variance of either, and 3 σ⁴ the mean
     of the entry's square.
     """
-    aim = (AIM * error) ** 2
+    aim = error**2
     uncertain = math.sqrt(4.0 / 3.0 * float(np.sum(np.square(relative)))) / relative.size
     likely = float(np.mean(relative)) + CONFIDENCE * uncertain
     return 1.0 - (1.0 - BEYOND) * aim / likely if likely > aim else 0.0

@@ -19,7 +19,7 @@ from ..jit import thread_pool
 from ..simd import target
 from ..types import Film, Tile, View
 from . import accumulate, adaptive_sampling, aov
-from .accumulate import PixelErrors, PixelSums
+from .accumulate import PixelSums
 from .checkpoint import Keeper, State
 from .progress import Picture, Progress, Report
 
@@ -77,8 +77,7 @@ class Canvas:
         self.width, self.height = self.crop[2] - self.crop[0], self.crop[3] - self.crop[1]
         self.channels = image.blank(self.width, self.height, ("rgba", *self.names))
         several = (self.height, self.width, 3) if self.most > 1 else (0, 0, 3)  # one sample has no error estimate
-        self.variance = np.full(several, np.inf)  # of the means; inf after one batch
-        self.value = np.zeros(several, np.float32)  # denominator of relative errors
+        self.differences = np.full(several, np.inf, np.float32)  # of halves, their squares the variance of means; inf after one batch
         self.samples = np.zeros((self.height, self.width), np.int64 if self.most > 1 else np.int8)
         self.decline = adaptive_sampling.Decline()
         self.least = 0.0  # ε², after the first round
@@ -88,6 +87,7 @@ class Canvas:
         self.spent = 0  # samples of all finished tiles
         self._local = threading.local()
         self.settled = not decision.adaptive(plan)
+        self.limit = self.most if decision.by_default(plan) else 0
         self.error: float | None = None  # √relMSE so far, for `report`
         self.estimate_at = time.perf_counter() + ESTIMATE
         self.sums: PixelSums | None = None  # of the whole picture, where it is drawn in rounds
@@ -196,7 +196,7 @@ class Canvas:
         while self.most > 1 and not self.cancel.is_set() and (now := time.perf_counter()) < deadline:
             again = started is not None
             if started is None:
-                relative = blocks.means(self._relative())
+                relative = blocks.means(self._relative()) * adaptive_sampling.SELECTION**2
                 excess = adaptive_sampling.excess(relative, error) if error > 0.0 else 1.0
                 rounds.append((self.spent, float(np.mean(relative))))
                 self.error = math.sqrt(rounds[-1][1])
@@ -280,11 +280,11 @@ class Canvas:
         if start < most:
             count = np.minimum(count, start)
         window = self._window(tile)
-        errors = PixelErrors(self.variance[window], self.value[window])
         with self.lock:
             if start < most and self.keeper is not None and self.cancel.is_set():
                 return  # a checkpoint holds whole batches
-            accumulate.add_samples(film, count, part, errors, self.channels["rgba"][window], self.least, self.decline.of(tile))
+            rgba, differences = self.channels["rgba"][window], self.differences[window]
+            accumulate.add_samples(film, count, part, differences, rgba, self.least, self.decline.of(tile))
             self.samples[window] = part.samples
             self.drawn[tile] = int(part.samples.sum())
             self.issues[tile] = int(part.issues.sum())
@@ -299,7 +299,7 @@ class Canvas:
         return slice(tile.y0 - y0, tile.y1 - y0), slice(tile.x0 - x0, tile.x1 - x0)
 
     def _relative(self, passing: bool = False) -> NDArray[np.float64]:
-        """(h, w) variance / (value² + ε²) of all pixels, ε as in metrics.root_relmse; sets `least`, ε², unless `passing`."""
+        """(h, w) variance / (light² + ε²) of all pixels, ε as in metrics.root_relmse; sets `least`, ε², unless `passing`."""
         rgba = self.channels["rgba"]
         mean = np.einsum("ijk->k", rgba, dtype=np.float64) / (rgba.size // rgba.shape[-1])
         luminance = float(mean[:3] @ metrics.LUMINANCE)
@@ -307,8 +307,12 @@ class Canvas:
         if not passing:
             self.least = least
         out = np.empty(self.samples.shape)
-        accumulate.relative_error(self.variance, self.value, rgba, self.samples, self.decline.shares(), least, out)
+        accumulate.relative_error(self.differences, rgba, self.samples, self.decline.shares(), least, out)
         return out
+
+    def _shares(self) -> NDArray[np.float64]:
+        """(h, w) variance of pixels over the square of their differences."""
+        return self.decline.shares()[np.log2(np.maximum(self.samples, 1)).astype(int)]
 
     def _work(self, draw: Callable[[Tile], None], jobs: Sequence[Tile], fraction: Callable[[], float]) -> None:
         """Render tiles on all threads, and report the `fraction` done after each; the first exception is raised here."""
@@ -343,7 +347,7 @@ class Canvas:
                 self.keeper.save(self._state())
 
     def _state(self) -> State:
-        arrays = {"rgba": self.channels["rgba"], "variance": self.variance, "value": self.value, "samples": self.samples}
+        arrays = {"rgba": self.channels["rgba"], "differences": self.differences, "samples": self.samples}
         arrays["decline"] = np.stack([self.decline.of(tile) for tile in self.tiles])
         arrays["finished"] = np.array([self.sums is not None or self._is_finished(tile) for tile in self.tiles])
         arrays["issues"] = np.array([self.issues[tile] for tile in self.tiles])
@@ -361,7 +365,7 @@ class Canvas:
             if finished:
                 window = self._window(tile)
                 self.channels["rgba"][window], self.samples[window] = found["rgba"][window], found["samples"][window]
-                self.variance[window], self.value[window] = found["variance"][window], found["value"][window]
+                self.differences[window] = found["differences"][window]
                 self.decline.of(tile)[...] = decline
                 self.issues[tile], self.drawn[tile] = int(issues), int(found["samples"][window].sum())
         self.spent = sum(self.drawn.values())
@@ -383,28 +387,32 @@ class Canvas:
             self.estimate_at = 20.0 * time.perf_counter() - 19.0 * began + ESTIMATE  # takes at most 5 % of the time
         samples = self.spent / (self.width * self.height)
         most, picture = self.most if self.settled else 0, Picture(self.channels["rgba"], self.samples)
-        self.report(Progress("rendering", min(fraction, 1.0), samples, most, self.error, picture))
+        self.report(Progress("rendering", min(fraction, 1.0), samples, most, self.error, picture, self.limit))
 
     def finish(self, view: View) -> image.Image:
         """Return the picture with its metadata."""
         partial = self.cancel.is_set() and bool(self.samples.min() == 0 or self.samples.min() < self.most)
-        error = None
-        if self.most > 1 and np.isfinite(self.variance).all():
-            error = math.sqrt(float(np.mean(self._relative())))
+        error, sparse = None, 0.0
+        if self.most > 1 and np.isfinite(self.differences).all():
+            relative = self._relative()
+            error = (1.0 if self.settled else adaptive_sampling.SELECTION) * math.sqrt(float(np.mean(relative)))
+            few = max(relative.size // 1000, 1)
+            sparse = float(np.sum(np.partition(relative, -few, axis=None)[-few:]) / max(np.sum(relative), 1e-300))
         self.error = error
         if not partial:
             self._report(1.0)
         rays = int(self.samples.sum() if self.most > 1 else np.count_nonzero(self.samples))
         if "samples" in self.channels:
             self.channels["samples"][..., 0] = self.samples
-        if "variance" in self.channels and self.most > 1:
-            shares = self.decline.shares()[np.log2(np.maximum(self.samples, 1)).astype(int)]
-            known = np.where(np.isfinite(self.variance), self.variance, 0.0) * shares[..., None]
+        variance = np.square(self.differences, dtype=np.float64) if self.most > 1 else None
+        if "variance" in self.channels and variance is not None:
+            known = np.where(np.isfinite(variance), variance, 0.0) * self._shares()[..., None]
             self.channels["variance"][...] = np.minimum(known, accumulate.LARGEST)
         about: dict[str, Any] = {
             "size": (view.width, view.height), "crop": self.crop, "samples": int(self.samples.max()),
-            "samples_mean": rays / self.samples.size, "error": error, "partial": partial,
-            "variance": self.variance if self.most > 1 else None,
+            "samples_mean": rays / self.samples.size, "error": error, "partial": partial, "error_in_few": sparse,
+            "variance": variance, "half_difference": self.differences if self.most > 1 else None,
+            "variance_share": float(np.mean(self._shares())) if self.most > 1 else 1.0,
             "rays": rays, "issues": sum(self.issues.values()), "threads": self.threads,
         }  # fmt: skip
         return image.Image(self.width, self.height, self.channels, about)

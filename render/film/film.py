@@ -190,8 +190,9 @@ def _in_pieces(
         channels["samples"][...] = samples
     about: dict[str, Any] = {
         "size": (view.width, view.height), "crop": crop, "samples": samples, "samples_mean": float(samples),
-        "error": whole.error if done == total else None, "partial": done < total,
+        "error": whole.error if done == total else None, "partial": done < total, "error_in_few": 0.0,
         "variance": None if whole.half_difference is None else np.square(whole.half_difference),
+        "half_difference": whole.half_difference, "variance_share": 1.0,
         "rays": samples * (x1 - x0) * (y1 - y0), "issues": issues, "threads": threads,
     }  # fmt: skip
     return image.Image(x1 - x0, y1 - y0, channels, about)

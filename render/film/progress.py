@@ -41,5 +41,8 @@ class Progress(NamedTuple):
     picture: Picture | None = None
     """The picture so far while it is rendered in tiles; None in other stages, and for backends that render whole pictures."""
 
+    limit: int = 0
+    """Samples a pixel that end a rendering which an error may end before; 0 for none."""
+
 
 Report = Callable[[Progress], None]

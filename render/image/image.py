@@ -30,11 +30,13 @@ EMPTY = {"depth": np.inf, "id": -1.0}  # values of pixels without a hit or a sam
 class Image:
     """`width` by `height` pixels (of the crop); each channel is (height, width, k) float32.
 
-    `metadata` as film.run fills it: "size" and "crop" (x0, y0, x1, y1) of the whole picture, "samples" (the most any pixel
-    has), "samples_mean", "error" (estimated √relMSE, None where unknown), "variance" (of the pixels' means, (height, width, 3), inf
-    where unknown; None after one sample), "partial", "rays" (from the camera), "issues" (samples left out because they were not finite),
-    "threads". render_scene.draw adds "seconds" by stage, "backend", "notes", "unproved", "cut" and "attributes" (file attributes of the
-    channels), and "exposure", "view" and "transparent" for `save`.
+    `metadata` as film.run fills it: "size" and "crop" (x0, y0, x1, y1) of the whole picture, "samples" (the most any pixel has),
+    "samples_mean", "error" (estimated √relMSE, None where unknown), "error_in_few" (share of its square in the worst 0.1 % of the pixels),
+    "variance" (of the pixels' means, (height, width, 3), inf where unknown; None after one sample), "half_difference" (float32, its square
+    is the variance: the halves of the samples are about the picture ± it), "variance_share" (by which Sobol points reduce the variance),
+    "partial", "rays" (from the camera), "issues" (samples left out because they were not finite), "threads". render_scene.draw adds
+    "seconds" by stage, "backend", "notes", "unproved", "cut" and "attributes" (file attributes of the channels), "exposure", "view" and
+    "transparent" for `save`, and of denoised pictures "denoised" and "denoised_error" (estimated √relMSE).
 
     numpy.asarray(image) is the rgba channel: scene-linear, alpha is coverage.
     """

@@ -41,7 +41,7 @@ def needs_no_rays(plan: Plan) -> bool:
 def can_draw(plan: Plan) -> bool:
     """Whether a picture is drawn in bands: equal sample positions in all pixels, no motion, a pinhole camera."""
     shared = not any(name.startswith((channels.LIGHT, "crypto_", "variance")) for name in plan["aov"])  # these need single samples
-    once = shared and not plan["denoise"] and not plan["motion_blur"] and plan["lens"] == "pinhole"
+    once = shared and plan["denoise"] == "off" and not plan["motion_blur"] and plan["lens"] == "pinhole"
     return bool(once and not decision.adaptive(plan) and plan["raster.sample_positions"] == "shared")
 
 

@@ -55,7 +55,7 @@ def test_what_is_missing_is_named_with_its_command(monkeypatch: pytest.MonkeyPat
         return version(name)
 
     monkeypatch.setattr(metadata, "version", without)
-    assert findings()["denoiser"]["text"] == "for --denoise: pip install maquette-render[denoise]"
+    assert findings()["denoiser"]["text"] == "noise is left in pictures: pip install maquette-render[denoise]"
     assert run()[0] == 0
 
 

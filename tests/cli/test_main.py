@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import math
 import os
@@ -357,23 +358,51 @@ def test_how_a_render_missed_its_error(about: dict[str, Any], budget: float, mes
         (0.47, {}, "the picture is noisy: its error is 47% with the default of 64 samples a pixel"),
         (0.04, {}, None),
         (None, {}, None),
-        (0.47, {"denoise": True}, None),
+        (0.47, {"denoise": "on"}, None),
+        (0.47, {"error": 0.03, "samples": 1 << 20}, None),
+        (0.029, {"error": 0.03, "samples": 256}, None),
         (0.47, {"monte_carlo": False}, None),
     ],
 )
-def test_a_noisy_picture_of_the_defaults(error: float | None, more: dict[str, Any], message: str | None) -> None:
-    values = {"error": 0.0, "budget": math.inf, "samples": 64, "denoise": False, "monte_carlo": True, **more}
+def test_a_noisy_picture_of_the_defaults(
+    monkeypatch: pytest.MonkeyPatch, error: float | None, more: dict[str, Any], message: str | None
+) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: True)
+    values = {"error": 0.0, "budget": math.inf, "samples": 64, "denoise": "off", "monte_carlo": True, **more}
     plan = Plan({name: Decision(name, value, "the default") for name, value in values.items()})
     notes = picture_notes.noise_notes({"error": error, "seconds": {"render": 1.5}}, plan)
     assert [d.message for d in notes] == ([message] if message else [])
     assert [d.hint for d in notes] == (["--error 5% takes about 2:15 min; --denoise smooths it"] if message else [])
 
 
+def test_a_picture_above_the_default_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    values = {"error": 0.03, "budget": math.inf, "samples": 256, "denoise": "above_error", "monte_carlo": True}
+    plan = Plan({name: Decision(name, value, "the default") for name, value in values.items()})
+    about = {"error": 0.12, "seconds": {"render": 2.0}}
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    (noisy,) = picture_notes.noise_notes(about, plan)
+    (clean,) = picture_notes.noise_notes({**about, "denoised": True, "denoised_error": 0.021}, plan)
+    assert noisy.message == "the picture is noisy: its error is 12% with the default of at most 256 samples a pixel"
+    assert noisy.hint == "--error 3% takes about 32 s; pip install maquette-render[denoise] smooths it"
+    start = "the picture was noisy after the default of at most 256 samples a pixel, and is denoised: "
+    assert clean.message == start + "its error was 12.0%, and about 2.1% are left"
+    assert clean.hint == "--error 3% takes about 32 s without denoising"
+    assert picture_notes.missed_error_warnings(about, plan) == []
+
+
+def test_an_error_that_strays_decide_is_uncertain() -> None:
+    (note,) = picture_notes.sparse_error_notes({"error": 0.08, "error_in_few": 0.7})
+    assert note.message == "70% of the squared error is in 0.1 % of the pixels: stray bright samples, so the error is uncertain"
+    assert picture_notes.sparse_error_notes({"error": 0.08, "error_in_few": 0.3}) == []
+    assert picture_notes.sparse_error_notes({"error": None}) == []
+
+
 def test_stats(scene: Path) -> None:
     assert run("render", scene, "--stats", "stats.json", "--samples", "2")[0] == 0
     stats = json.loads(Path("stats.json").read_text(encoding="utf-8"))
     assert list(stats) == [
-        "scene", "backend", "size", "samples", "seconds", "instances", "rays", "memory", "error", "cut", "plan", "warnings",
+        "scene", "backend", "size", "samples", "seconds", "instances", "rays", "memory", "error", "denoised",
+        "denoised_error", "cut", "plan", "warnings",
     ]  # fmt: skip
     assert stats["instances"] == 2
     assert 10**7 < stats["memory"] < 10**11

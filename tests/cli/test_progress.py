@@ -104,6 +104,16 @@ def test_an_error_asked_for_has_no_number_of_samples(clock: Clock) -> None:
     assert display.text() == "rendering, 50 %, 24 samples, error 2.00%"
 
 
+def test_the_default_tells_how_long_it_takes_at_most(clock: Clock) -> None:
+    """By the pace so far, as the error may end the rendering before the limit of samples."""
+    display = Display(quiet=True)
+    display(Progress("rendering", 0.0, 4.0, limit=256))
+    assert display.text() == "rendering, 4.0 of at most 256 samples"
+    clock.now += 4.0
+    display(Progress("rendering", 0.3, 32.0, 0, 0.05, limit=256))
+    assert display.text() == "rendering, 30 %, 32 of at most 256 samples, error 5.00%, at most 28 s left"
+
+
 def test_compiling_is_shown_and_takes_none_of_the_stages_time(clock: Clock) -> None:
     with Display(quiet=True) as display:
         display(Progress("rendering"))

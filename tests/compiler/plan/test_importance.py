@@ -25,7 +25,8 @@ def names(folder: Path, text: str, overrides: dict[str, str] | None = None, **se
     (BALL, {}, ["backend", "samples", "shadows", "exposure", "size"]),
     (BALL, {"error": 0.01}, ["backend", "error", "shadows", "exposure", "size"]),
     (BALL, {"budget": 3.0, "backend": "raster"}, ["backend", "budget", "raster.secondary_rays", "raster.shadows", "shadows"]),
-    (GLASS, {"bounces": 4}, ["backend", "samples", "transport", "bounces", "transport.caustics"]),
+    (GLASS, {"bounces": 4}, ["backend", "error", "samples", "transport", "bounces"]),
+    (GLASS, {"bounces": 4, "samples": 9}, ["backend", "samples", "transport", "bounces", "transport.caustics"]),
     (BALL + "implicit(|x, y, z| x^4 + y^4 + z^4 <= 1)\n", {}, ["backend", "samples", "implicit_surfaces", "shadows", "exposure"]),
     (BALL + CAMERA.format(", focal: 50mm, aperture: 1, focus: 5"), {}, ["backend", "samples", "lens", "shadows", "exposure"]),
 ])  # fmt: skip

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import importlib.util
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from maquette.compiler import ir
 from maquette.compiler.plan import picture_rules, plan, transport_rules
-from maquette.compiler.plan.decision import RENAMED, RENAMED_VALUES, current_names
+from maquette.compiler.plan.decision import RENAMED, RENAMED_VALUES, Decision, Plan, current_names, denoises, error_asked
 
 
 def scene(
@@ -54,7 +56,7 @@ def test_point_lights_need_no_random_numbers_and_few_samples() -> None:
 def test_a_sky_is_soft_and_seen() -> None:
     made = plan.make_plan(scene(ir.LightKind.SKY, models=(ir.MaterialModel.LAMBERT,)), ir.Settings())
     assert made["area_lights"] is True
-    assert made["samples"] == picture_rules.SAMPLES_SOFT
+    assert (made["error"], made["samples"]) == (picture_rules.DEFAULT_ERROR, picture_rules.SAMPLES_MOST)
     assert made["background"] == "sky"
     assert "sky" in made.decisions["area_lights"].reason
 
@@ -91,6 +93,40 @@ def test_an_error_or_a_budget_lets_samples_grow() -> None:
     said = replace(scene(), settings=ir.Settings(samples=8))
     over = plan.make_plan(said, ir.Settings(error=0.01))
     assert (over["samples"], over["error"]) == (picture_rules.MAX_SAMPLES, 0.01)
+
+
+def test_a_picture_without_samples_ends_at_the_default_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of random light on the ray backend. What 256 samples leave is denoised, where the package is there and nothing else is asked for."""
+    soft, default = scene(ir.LightKind.SKY, models=(ir.MaterialModel.LAMBERT,)), (0.03, 256, "above_error")
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: True)
+
+    def made(**asked: Any) -> tuple[float, int, str]:
+        found = plan.make_plan(soft, ir.Settings(**asked))
+        return found["error"], found["samples"], found["denoise"]
+
+    assert made() == default
+    assert made(backend="raster") == (0.0, 64, "off")
+    assert made(samples=9) == (0.0, 9, "off")
+    assert made(samples=9, denoise=True) == (0.0, 9, "on")
+    assert made(denoise=True) == (0.03, 256, "on")
+    assert made(denoise=False) == (0.03, 256, "off")
+    assert made(error=0.03) == (0.03, picture_rules.MAX_SAMPLES, "off")
+    assert made(budget=2.0) == (0.0, picture_rules.MAX_SAMPLES, "off")
+    sharp = plan.make_plan(scene(ir.LightKind.POINT, models=(ir.MaterialModel.LAMBERT,)), ir.Settings())
+    assert (sharp["error"], sharp["samples"], sharp["denoise"]) == (0.0, 16, "off")
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    assert made() == (0.03, 256, "off")
+
+
+def test_only_the_default_is_denoised_above_its_error() -> None:
+    def plan_of(error: float, samples: int, denoise: str) -> Plan:
+        values = {"error": error, "samples": samples, "denoise": denoise}
+        return Plan({name: Decision(name, value, "") for name, value in values.items()})
+
+    assert [denoises(plan_of(0.03, 256, "above_error"), error) for error in (0.04, 0.03, None)] == [True, False, False]
+    assert [denoises(plan_of(0.03, 256, "on"), error) for error in (0.04, 0.01, None)] == [True] * 3
+    assert not denoises(plan_of(0.03, 256, "off"), 0.5)
+    assert [error_asked(plan_of(0.03, n, "off")) for n in (256, picture_rules.MAX_SAMPLES)] == [0.0, 0.03]
 
 
 def test_the_film_sets_the_shape_of_the_picture() -> None:

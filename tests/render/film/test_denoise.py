@@ -1,8 +1,9 @@
-"""Tests of denoising: lower error, guides, and the message without the package."""
+"""Tests of denoising: lower error, the error left, guides, and the message without the package."""
 
 from __future__ import annotations
 
 import importlib.util
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from maquette.compiler.plan import plan as planner
 from maquette.render import quality_settings
 from maquette.render.backends import prepare, ray
 from maquette.render.film import denoise
+from maquette.render.image import metrics
 from maquette.render.types import View
 
 SCENE = """
@@ -24,6 +26,16 @@ box([0.6, 0.9, 0.5], center: [0.6, 0.45, 0.3], material: mirror(#c0c0ff))
 area([1, 3, 2], look_at: [0, 0, 0], size: [2, 2], luminance: 3)
 sky(luminance: 0.2)
 """
+ROOM = """
+use "std/room"
+room.with_window(size: [4, 2.6, 5])
+box([0.8, 0.8, 0.8], center: [-0.6, 0.4, -0.6], material: lambert(#c08040))
+sun(from: [-3, 2, 0.4], illuminance: 60klx)
+sky(luminance: 6000nit, color: #cfe0ff)
+camera(position: [1.6, 1.4, 2.3], look_at: [-1, 1.1, -0.6], fov: 62deg)
+render(bounces: 8)
+"""
+SMALL = (96, 72)
 needs_package = pytest.mark.skipif(importlib.util.find_spec("pyoidn") is None, reason="pyoidn is not installed")
 
 
@@ -79,3 +91,42 @@ def test_the_chart_has_a_line_for_it(scene) -> None:
     assert knob.fixed == {"denoise": True}
     sharp = replace(plan.decisions["area_lights"], value=False)
     assert not knob.applies(scene, planner.Plan({**plan.decisions, "area_lights": sharp}))
+
+
+@pytest.mark.long
+@needs_package
+def test_a_default_picture_above_its_error_is_denoised_and_tells_what_is_left(tmp_path: Path) -> None:
+    """A room that only a small window lights: 256 samples leave noise. The error after denoising is about the true one."""
+    path = tmp_path / "a.scene"
+    path.write_text(ROOM)
+    room = maquette.load(path)
+    true = np.mean([maquette.render(room, samples=4096, seed=50 + k, size=SMALL).channels["rgba"].astype(float) for k in range(2)], axis=0)
+    clean = maquette.render(room, size=SMALL)
+    noisy = maquette.render(room, size=SMALL, denoise=False)
+    assert noisy.metadata["error"] == clean.metadata["error"] > 0.03
+    assert noisy.metadata["samples"] == 256
+    assert clean.metadata["denoised"]
+    left = metrics.root_relmse(clean.channels["rgba"], true)
+    assert left < 0.5 * metrics.root_relmse(noisy.channels["rgba"], true)
+    assert 0.6 < left / clean.metadata["denoised_error"] < 1.4
+
+
+@needs_package
+def test_a_picture_that_reaches_the_default_error_keeps_its_pixels(scene) -> None:
+    found = maquette.render(scene, size=(48, 36))
+    assert found.metadata["error"] <= 0.03
+    assert "denoised" not in found.metadata
+    assert np.array_equal(found.channels["rgba"], maquette.render(scene, size=(48, 36), denoise=False).channels["rgba"])
+
+
+def test_the_error_left_is_that_of_blur_and_of_noise() -> None:
+    """Of a filter with known errors: one that returns the truth off by a tenth, and one that changes nothing."""
+    rng = np.random.default_rng(2)
+    halves = 1.0 + 0.3 * rng.standard_normal((2, 60, 80, 3))
+    noisy, half = (np.asarray(part, np.float32) for part in ((halves[0] + halves[1]) / 2, (halves[0] - halves[1]) / 2))
+    blurred = np.full_like(noisy, 1.1)
+    assert denoise.error_left(noisy, half, 1.0, blurred, lambda color: blurred) == pytest.approx(0.1 / 1.1, rel=0.1)
+    kept = denoise.error_left(noisy, half, 1.0, np.ones_like(noisy), lambda color: color)
+    assert kept == pytest.approx(0.3, rel=0.05)  # of one half: √2 times that of the picture
+    exact = np.ones_like(noisy)
+    assert denoise.error_left(noisy, half, 1.0, exact, lambda color: exact) == pytest.approx(denoise.LEAST * 0.3 / math.sqrt(2.0), rel=0.1)

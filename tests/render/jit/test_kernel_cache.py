@@ -53,10 +53,10 @@ import numpy as np
 from maquette.render.film import accumulate
 out = np.full((2, 2), -1.0)
 one = np.ones((2, 2, 3))
-accumulate.relative_error(0.5 * one, one, one, np.full((2, 2), 4), np.ones(32), 1.0, out)
+accumulate.relative_error(0.5 * one, one, np.full((2, 2), 4), np.ones(32), 0.0, out)
 hits = sum(loaded.from_disk for loaded in accumulate.relative_error.loaded.values())
 if sys.argv[1] == "more":  # another type: it is compiled beside what was loaded
-    accumulate.relative_error((0.5 * one).astype(np.float32), one, one, np.full((2, 2), 4), np.ones(32), 1.0, out)
+    accumulate.relative_error((0.5 * one).astype(np.float32), one, np.full((2, 2), 4), np.ones(32), 0.0, out)
 print(hits, len(accumulate.relative_error.loaded), "numba" in sys.modules, out.tolist())
 """
 VALUES = np.full((2, 2), 0.25).tolist()

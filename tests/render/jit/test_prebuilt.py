@@ -22,7 +22,7 @@ from maquette.render.film import accumulate
 from maquette.render.jit import kernel_cache, prebuilt
 prebuilt.ROOT = Path(sys.argv[1])
 out, one = np.full((2, 2), -1.0), np.ones((2, 2, 3))
-accumulate.relative_error(0.5 * one, one, one, np.full((2, 2), 4), np.ones(32), 1.0, out)
+accumulate.relative_error(0.5 * one, one, np.full((2, 2), 4), np.ones(32), 0.0, out)
 (loaded,) = accumulate.relative_error.loaded.values()
 print(loaded.from_disk, "numba" in sys.modules, out.tolist())
 print(kernel_cache.CACHE)

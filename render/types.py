@@ -89,6 +89,10 @@ class NoGlossyLights(NamedTuple):
     """Glossy lobes do not sample lights."""
 
 
+class Unlinked(NamedTuple):
+    """Every light lights all surfaces, and all shadow casters cast its shadows."""
+
+
 class Options(NamedTuple):
     """The plan's decisions that kernels read."""
 
@@ -104,6 +108,7 @@ class Options(NamedTuple):
     environment: Any = SecondaryRays()  # or AmbientEnvironment
     maps: Any = ShadowRays()  # or shadow_map.Maps
     glossy_lights: Any = NoGlossyLights()  # or glossy_lights.GlossyLights
+    links: Any = Unlinked()  # or links.Links
 
 
 class VertexLight(NamedTuple):

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ...lang.diagnostics import Diagnostic
 from .. import ir
 from ..io.replace_file import replace_file
+from ..ir.light_links import CASTERS, EVERYTHING
 from ..plan import scene_facts
 
 BLACK = np.zeros(3)
@@ -57,6 +58,12 @@ class Export:
         used = self.scene.tables.instances.material
         for row in np.unique(used[scene_facts.partial(self.scene.tables)[used]]):
             self.cannot("opacity is not carried: the surface is opaque there", "materials", int(row))
+
+    def without_links(self) -> None:
+        """Report the lights whose links are lost."""
+        lights = self.scene.tables.lights
+        for row in np.flatnonzero((lights.receivers != EVERYTHING) | (lights.blockers != CASTERS)).tolist():
+            self.cannot("`receivers` and `blockers` are not carried: the light lights every object, and each casts shadows", "lights", row)
 
     @property
     def lights(self) -> list[int]:

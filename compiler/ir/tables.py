@@ -100,7 +100,7 @@ class Instances(NamedTuple):
     transform: I32
     material: I32
     light: I32  # row of Lights whose shape it is, or -1
-    visible: I32  # Visibility bits
+    visible: I32  # Visibility bits; from 1 << 5 on the sets of instances that light links name
 
 
 class Materials(NamedTuple):
@@ -161,6 +161,8 @@ class Lights(NamedTuple):
     image: I32  # (n,) image of a dome; of POINT, SPOT and area lights a factor by direction, latitude-longitude; -1: none
     instance: I32  # (n,) the area light's visible shape, or -1
     shadows: Bool  # (n,)
+    receivers: I32  # (n,) bits of Instances.visible: surfaces with one of them are lit; -1: all surfaces
+    blockers: I32  # (n,) bits of Instances.visible: instances with one of them cast shadows; Visibility.SHADOW: all casters
 
 
 class Cameras(NamedTuple):

@@ -11,7 +11,7 @@ import numpy as np
 from ...lang.elements import Element
 from .. import ir
 from ..formula import numpy_interpreter
-from ..scene import transforms
+from ..scene import link_sets, transforms
 from ..scene.row_records import ALL_RAYS, NO_SHADOW, Color, Input, InstanceData, LightData, MaterialData
 from . import daylight_sky
 from .context import Context
@@ -40,8 +40,21 @@ def _color(element: Element, strength: float) -> Color:
     return (r * strength, g * strength, b * strength)
 
 
-def _common(element: Element) -> dict[str, Any]:
-    return {"shadows": element.args.get("shadows", True), "name": element.args["name"] or "", "group": element.args.get("group") or ""}
+def _common(lowering: Context, element: Element) -> dict[str, Any]:
+    args = element.args
+    return {
+        "shadows": args.get("shadows", True), "links": _links(lowering, element), "name": args["name"] or "",
+        "group": args.get("group") or "",
+    }  # fmt: skip
+
+
+def _links(lowering: Context, element: Element) -> link_sets.Links | None:
+    """The objects that a light lights, and those that cast its shadows, by their names; None for all."""
+    given = [element.args.get(name) for name in ("receivers", "blockers")]
+    if given == [None, None]:
+        return None
+    diagnostics, place = lowering.builder.diagnostics, element.place
+    return link_sets.Links(*(None if names is None else link_sets.by_names(names, diagnostics, place) for names in given))
 
 
 def _falloff(element: Element) -> dict[str, Any]:
@@ -56,7 +69,7 @@ def _point(lowering: Context, element: Element, block: np.ndarray) -> None:
     args = element.args
     intensity = args["intensity"] if args["flux"] is None else args["flux"] / (4 * math.pi)
     position = _moved(block, args["position"])
-    data = LightData(Kind.POINT, _color(element, intensity), position, **_falloff(element), **_common(element))
+    data = LightData(Kind.POINT, _color(element, intensity), position, **_falloff(element), **_common(lowering, element))
     lowering.builder.light(data, element.place)
 
 
@@ -80,7 +93,7 @@ def _spot(lowering: Context, element: Element, block: np.ndarray) -> None:
     intensity = args["intensity"] if args["flux"] is None else args["flux"] / spot_share(cos_cone, cos_full)
     data = LightData(
         Kind.SPOT, _color(element, intensity), position, _tuple(direction), cos_cone=cos_cone, cos_full=cos_full,
-        **_falloff(element), **_common(element),
+        **_falloff(element), **_common(lowering, element),
     )  # fmt: skip
     lowering.builder.light(data, element.place)
 
@@ -93,7 +106,7 @@ def _directional(lowering: Context, element: Element, block: np.ndarray) -> None
         return
     angle = args["angle"] / 2 if element.kind == "sun" else 0.0
     kind = Kind.SUN if angle > 0 else Kind.DIRECTIONAL
-    data = LightData(kind, _color(element, args["illuminance"]), direction=_tuple(direction), angle=angle, **_common(element))
+    data = LightData(kind, _color(element, args["illuminance"]), direction=_tuple(direction), angle=angle, **_common(lowering, element))
     lowering.builder.light(data, element.place)
 
 
@@ -104,7 +117,7 @@ def _sky(lowering: Context, element: Element, block: np.ndarray) -> None:
         for name in ("sun", "ground"):
             if name in element.given:
                 lowering.error(element, f"an even sky has no `{name}`", "give it a turbidity, like turbidity: 3, for the sky of a day")
-        lowering.builder.light(LightData(Kind.SKY, color, **_common(element)), element.place)
+        lowering.builder.light(LightData(Kind.SKY, color, **_common(lowering, element)), element.place)
         return
     sun = transforms.unit(block[:3, :3] @ np.array(args["sun"], dtype=np.float64))
     if sun is None or sun[1] < 0.0:
@@ -115,7 +128,7 @@ def _sky(lowering: Context, element: Element, block: np.ndarray) -> None:
     builder = lowering.builder
     image = builder.shared(key, lambda: builder.image(daylight_sky.picture(sun, turbidity, ground), "daylight"))
     row = builder.transform(np.eye(4), element.place)
-    builder.light(LightData(Kind.DOME, color, transform=row, image=image, **_common(element)), element.place)
+    builder.light(LightData(Kind.DOME, color, transform=row, image=image, **_common(lowering, element)), element.place)
 
 
 def _dome(lowering: Context, element: Element, block: np.ndarray) -> None:
@@ -129,7 +142,7 @@ def _dome(lowering: Context, element: Element, block: np.ndarray) -> None:
     frame[:3, 3] = 0.0
     if image >= 0:
         row = lowering.builder.transform(frame, element.place)
-        data = LightData(Kind.DOME, _color(element, args["luminance"]), transform=row, image=image, **_common(element))
+        data = LightData(Kind.DOME, _color(element, args["luminance"]), transform=row, image=image, **_common(lowering, element))
         lowering.builder.light(data, element.place)
 
 
@@ -149,7 +162,7 @@ def _patterned(lowering: Context, element: Element) -> int:
 
 
 def _ambient(lowering: Context, element: Element, block: np.ndarray) -> None:
-    data = LightData(Kind.AMBIENT, _color(element, element.args["luminance"]), **{**_common(element), "shadows": False})
+    data = LightData(Kind.AMBIENT, _color(element, element.args["luminance"]), **{**_common(lowering, element), "shadows": False})
     lowering.builder.light(data, element.place)
 
 
@@ -184,7 +197,7 @@ def add_area_light(
     shape = {Kind.RECTANGLE: ir.GeometryKind.RECTANGLE, Kind.DISK: ir.GeometryKind.DISK, Kind.SPHERE: ir.GeometryKind.SPHERE}[kind]
     transform = builder.transform(frame, element.place)
     name = element.args["name"] or element.scope or element.kind
-    data = LightData(kind, radiance, transform=transform, size=size, **{**_common(element), "name": name})
+    data = LightData(kind, radiance, transform=transform, size=size, **{**_common(lowering, element), "name": name})
     row = builder.light(data, element.place)
     geometry = builder.geometry(shape, size if kind == Kind.RECTANGLE else size[:1], element.place)
     material = builder.material(MaterialData(ir.MaterialModel.EMISSIVE, {ir.Slot.EMISSION: Input(radiance)}), element.place)

@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from .. import ir
+from ..ir import light_links
 from . import scene_facts
 
 SMALL = 0.3  # steradians as seen from a caster, below which paths hit a light too seldom (one in twenty of a hemisphere)
@@ -174,6 +175,8 @@ def carrier(tables: ir.Tables, transport: str, backend: str, moves: bool) -> tup
         return "paths", "the ray backend alone traces photons", chance
     if moves:
         return "paths", "objects move: photons and paths have different times", chance
+    if light_links.are_there(tables):
+        return "paths", "some light lights some surfaces only: photons do not know their light's links", chance
     if scene_facts.profiled(tables).any():
         return "paths", "a light's emission depends on the direction: photons are not emitted by profiles", chance
     small, shining = caustic_lights(tables)

@@ -11,6 +11,7 @@ from .. import ir
 from ..formula import numpy_interpreter, solid_fields
 from ..formula.builder import Builder
 from ..formula.tape import load_tape
+from ..ir import light_links
 from . import scene_facts
 
 _PLACED = (ir.LightKind.POINT, ir.LightKind.SPOT, ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)
@@ -23,7 +24,7 @@ def warn_of_enclosed_lights(scene: ir.Scene, diagnostics: Diagnostics) -> None:
     """Warn of each light in a closed opaque instance that the first camera is outside of."""
     tables = scene.tables
     lights = tables.lights
-    rows = np.flatnonzero(ir.is_in(lights.kind, _PLACED) & lights.shadows)[:MOST_LAMPS]
+    rows = np.flatnonzero(ir.is_in(lights.kind, _PLACED) & lights.shadows & ~light_links.selective(tables))[:MOST_LAMPS]
     if not len(rows) or not len(tables.cameras.transform):
         return
     at = [_corners(tables, int(row)) for row in rows]

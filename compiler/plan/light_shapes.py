@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .. import ir
+from ..ir import light_links
 from . import scene_facts
 
 _AREAS = (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)
@@ -43,8 +44,9 @@ def _holds_another(tables: ir.Tables, row: int) -> bool:
 def let_through(tables: ir.Tables, blocks: bool) -> ir.Tables:
     """Tables where shadow rays ignore shapes of lights that do not block light; all shapes of lights without `blocks`."""
     instances = tables.instances
-    passed = (instances.light >= 0) & ~(blocking(tables) & blocks) & (instances.visible & ir.Visibility.SHADOW != 0)
+    casts = int(ir.Visibility.SHADOW) | light_links.ALL_SETS
+    passed = (instances.light >= 0) & ~(blocking(tables) & blocks) & (instances.visible & casts != 0)
     if not passed.any():
         return tables
-    visible = np.where(passed, instances.visible & ~int(ir.Visibility.SHADOW), instances.visible)
+    visible = np.where(passed, instances.visible & ~casts, instances.visible)
     return tables._replace(instances=ir.table_of("instances", {**instances._asdict(), "visible": visible}))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from .. import ir
+from ..ir import light_links
 from . import scene_facts
 
 SHARED = ("blocks", "none")
@@ -22,6 +23,8 @@ def by_blocks(tables: ir.Tables, transport: str, backend: str, moves: bool) -> t
         why = "each path has its own time"
     elif not is_matt(tables):
         why = "some surface is not matt, smooth-shaded or partly transparent: its radiance depends on the direction"
+    elif light_links.are_there(tables):
+        why = "some light lights some surfaces only: paths count for the surface that they leave"
     elif ir.is_in(tables.lights.kind, _SKIES).any():
         why = "the sky is sampled for each pixel by itself"
     elif len(tables.lights.kind) > MANY:

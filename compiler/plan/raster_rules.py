@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 from .. import ir
+from ..ir import light_links
 from . import scene_facts
 from .decision import Decision, Plan, Rule
 from .scene_facts import specular_materials, used_materials
@@ -30,6 +31,8 @@ def _shadows(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     if not plan["shadows"]:
         return Decision("raster.shadows", "none", "no light casts any", SHADOWS[2:])
     reason = "each point traces shadow rays: exact"
+    if light_links.selective(scene.tables).any():
+        return Decision("raster.shadows", "rays", f"{reason}; shadow maps hold the blockers of all lights", ("rays", "none"))
     if plan["opacity"]:
         return Decision("raster.shadows", "rays", f"{reason}; shadow maps hold no partly transparent surfaces", ("rays", "none"))
     return Decision("raster.shadows", "rays", f"{reason} (`map`: filtered shadow maps; area lights keep rays)", SHADOWS)
@@ -85,6 +88,8 @@ def _needs_float64(scene: ir.Scene, plan: Plan) -> str:
     used = scene_facts.used_rows(instances.material[shown])
     if plan["raster.shadows"] != "none" or ir.is_in(scene.tables.lights.kind, AREA_LIGHTS).any():
         return "lights are sampled by rays"
+    if light_links.are_there(scene.tables):
+        return "some light lights some surfaces only"
     if scene_facts.profiled(scene.tables).any():
         return "some light's emission depends on the direction"
     if (scene.tables.geometries.kind[instances.geometry[shown]] != ir.GeometryKind.MESH).any():

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from .. import ir
+from ..ir import light_links
 from . import caustic_casters, light_shapes, path_reuse
 from .decision import Decision, Plan, Rule
 from .scene_facts import extents, glossy_materials, ground, lit_materials, partial, shines, specular_materials, used_materials
@@ -117,6 +118,8 @@ def _ground_plane(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     lights = scene.tables.lights
     if not (ir.is_in(lights.kind, (ir.LightKind.SKY, ir.LightKind.DOME)) & lights.shadows).any():
         return Decision("ground_plane", False, "no sky casts shadows")
+    if light_links.selective(scene.tables).any():
+        return Decision("ground_plane", False, "some shadow casters do not block every light", fixed="the scene's lights")
     row = ground(scene.tables)
     if row < 0:
         return Decision("ground_plane", False, "no plane has the whole scene on its upper side", fixed="the scene's planes")

@@ -13,21 +13,23 @@ from ...lang.diagnostics import Diagnostics, Span
 from .. import ir
 from ..formula.tape import Tape
 from ..io.sandbox import LIBRARY, Files
-from . import mesh_storage, row_tables, shape_bounds, transforms
+from ..ir.light_links import CASTERS, EVERYTHING
+from . import link_sets, mesh_storage, row_tables, shape_bounds, transforms
 from .instance_rows import InstanceNames, InstanceRows
 from .row_records import (
     ALL_RAYS,
     BLACK,
+    DEFAULT_ALBEDO,
     WHITE,
     CameraData,
     Color,
-    Input,
     InstanceData,
     LightData,
     MaterialData,
     MeshAttribute,
     MeshData,
     TextureData,
+    lambert,
 )
 
 NONE = -1  # the row of a rejected item; a diagnostic says why
@@ -55,6 +57,7 @@ class SceneBuilder:
         self.files = files if files is not None else Files(LIBRARY)
         self._matrices: list[np.ndarray] = []  # (k, 3, 4) each
         self._inverses: list[np.ndarray] = []
+        self._links: dict[int, link_sets.Links] = {}  # by rows of lights
         self._rows: dict[str, list[tuple[Any, ...]]] = {name: [] for name in ir.TABLES}
         self._names: dict[str, list[str]] = {f.name: [] for f in fields(ir.Names)}
         self._spans: dict[str, list[Span | None]] = {name: [] for name in SPANNED}
@@ -332,7 +335,10 @@ class SceneBuilder:
         """The row of a light; NONE if its transform is NONE."""
         if light.transform < 0:
             return NONE
-        columns = {**{f.name: getattr(light, f.name) for f in fields(light)}, "instance": NONE}
+        columns = {f.name: getattr(light, f.name) for f in fields(light)}
+        columns |= {"instance": NONE, "receivers": EVERYTHING, "blockers": CASTERS}
+        if light.links is not None:
+            self._links[self.count("lights")] = light.links
         self._names["groups"].append(light.group)
         return self._add("lights", tuple(columns[c] for c in ir.Lights._fields), span, light.name)
 
@@ -410,6 +416,9 @@ class SceneBuilder:
         made["images"] = ir.table_of("images", {**row_tables.columns("images", rows["images"]), "texels": self._pooled("texels")})
         named: dict[str, Any] = {table: tuple(of) for table, of in self._names.items() if table != "groups" or any(of)}
         named["instances"] = self._instance_names.names()
+        if self._links:
+            linked = link_sets.linked(made["instances"], made["lights"], self._links, named["instances"], self.diagnostics)
+            made["instances"], made["lights"] = linked
         return ir.Scene(name, ir.Tables(**made), ir.Names(**named), row_tables.spans(self._spans), **about)
 
     def _joined(self) -> tuple[np.ndarray, np.ndarray]:
@@ -438,12 +447,3 @@ class SceneBuilder:
 
     def _pooled(self, name: str) -> Any:
         return np.concatenate(self._pools[name]) if self._pools[name] else ()
-
-
-DEFAULT_ALBEDO: Color = (0.8, 0.8, 0.8)
-
-
-def lambert(albedo: Color, texture: int = -1, name: str = "") -> MaterialData:
-    """A diffuse material: k_a = k_d = albedo, times a texture."""
-    matt = Input(albedo, texture)
-    return MaterialData(ir.MaterialModel.LAMBERT, {ir.Slot.AMBIENT: matt, ir.Slot.DIFFUSE: matt}, name=name)

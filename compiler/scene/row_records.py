@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .. import ir
+from .link_sets import Links
 
 Color = tuple[float, float, float]
 BLACK: Color = (0.0, 0.0, 0.0)
@@ -135,6 +136,7 @@ class LightData:
     coefficients: Color = BLACK
     image: int = -1
     shadows: bool = True
+    links: Links | None = None
     name: str = ""
     group: str = ""  # light group
 
@@ -183,3 +185,12 @@ class Piece:
     material: int = -1
     name: str = ""
     mixed: Callable[[int], int] | None = None
+
+
+DEFAULT_ALBEDO: Color = (0.8, 0.8, 0.8)
+
+
+def lambert(albedo: Color, texture: int = -1, name: str = "") -> MaterialData:
+    """A diffuse material: k_a = k_d = albedo, times a texture."""
+    matt = Input(albedo, texture)
+    return MaterialData(ir.MaterialModel.LAMBERT, {ir.Slot.AMBIENT: matt, ir.Slot.DIFFUSE: matt}, name=name)

@@ -26,8 +26,8 @@ def select(scene: ir.Scene, only: Sequence[str] = (), without: Sequence[str] = (
     """
     names = [*scene.names.instances]
     names += [""] * (len(scene.tables.instances.geometry) - len(names))
-    kept = _named(names, only) if only else np.ones(len(names), dtype=bool)
-    kept &= ~_named(names, without)
+    kept = named(names, only) if only else np.ones(len(names), dtype=bool)
+    kept &= ~named(names, without)
     if not kept.any():
         raise SelectionError("no instance is left of the scene")
     rows = np.flatnonzero(kept)
@@ -45,8 +45,8 @@ def select(scene: ir.Scene, only: Sequence[str] = (), without: Sequence[str] = (
     )  # fmt: skip
 
 
-def _named(names: list[str], patterns: Sequence[str]) -> np.ndarray:
-    """Mask of the `names` that some pattern matches."""
+def named(names: Sequence[str], patterns: Sequence[str]) -> np.ndarray:
+    """Mask of the `names` that some pattern matches, see `select`. Raises SelectionError for a pattern that matches none."""
     found = np.zeros(len(names), dtype=bool)
     for pattern in patterns:
         matches = [any(fnmatchcase(name, p) for p in (pattern, f"{pattern}.*", f"{pattern}/*", f"{pattern}[[]*")) for name in names]

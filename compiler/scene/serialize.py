@@ -18,7 +18,7 @@ from .. import ir
 from ..io.replace_file import replacing
 from ..io.sandbox import size
 
-VERSION = 3
+VERSION = 4
 FORMAT = "maquette ir"
 _DAMAGE = (
     OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, IndexError, zipfile.BadZipFile, NotImplementedError, MemoryError,

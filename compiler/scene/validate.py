@@ -13,12 +13,13 @@ import numpy as np
 
 from ...lang.diagnostics import Diagnostics
 from .. import ir
+from ..ir.light_links import ALL_SETS, EVERYTHING
 from . import shape_bounds, transforms, validate_meshes, validate_tapes
 from .check import Check
 
 Kind = ir.GeometryKind
 Light = ir.LightKind
-ALL_VISIBLE = 7
+ALL_VISIBLE = 7 | ALL_SETS
 MAX_SIZE = 65536  # pixels of a picture, in width or height
 _REFERENCES = (  # table, column, table it points into, whether -1 is allowed
     ("geometries", "normals", "attributes", True),
@@ -130,7 +131,7 @@ def _references(check: Check) -> None:
         if wrong.any():
             check.bad(table, wrong, f"its {column} is none of {', '.join(k.name.lower() for k in kinds)}")
     visible = check.tables["instances"]["visible"]
-    check.bad("instances", (visible < 0) | (visible > ALL_VISIBLE), "its visibility has bits that mean nothing")
+    check.bad("instances", (visible < 0) | (visible & ~ALL_VISIBLE != 0), "its visibility has bits that mean nothing")
     pools, images, attributes, geometries = (check.tables[name] for name in ("pools", "images", "attributes", "geometries"))
     texels = images["width"].astype(np.int64) * images["height"]
     outside = ~_inside(images["first"], texels, len(images["texels"])) | (images["width"] < 1) | (images["height"] < 1)
@@ -300,6 +301,9 @@ def _lights(check: Check) -> None:
     polynomial = (t["falloff"] == ir.FalloffKind.POLYNOMIAL) & ((c < 0).any(axis=1) | ~(c > 0).any(axis=1))
     ramp = (t["falloff"] == ir.FalloffKind.RAMP) & ~((c[:, 0] >= 0) & (c[:, 1] > c[:, 0]))
     check.bad("lights", polynomial | ramp, "its fall-off is none")
+    known = (t["receivers"] == EVERYTHING) | (t["receivers"] & ~ALL_VISIBLE == 0)
+    known &= t["blockers"] & ~ALL_VISIBLE == 0
+    check.bad("lights", ~known, "its links have bits that mean nothing")
     dark = ~(t["color"] > 0).any(axis=1)
     check.bad("lights", dark, "its strength is 0: it gives no light", "warning")
     shape = t["instance"]

@@ -8,11 +8,21 @@ from .argument_types import REQUIRED, Arg, Entry
 
 _LIGHT = (
     Arg("color", "color", (1.0, 1.0, 1.0), "multiplies its light", keyword=True),
+    Arg(
+        "receivers",
+        "strings",
+        None,
+        "names of the objects that it lights, with `*` and `?`; `!name` leaves one out; default all",
+        keyword=True,
+    ),
     Arg("group", "string", None, "its light group; --aov light:NAME renders the light of one group", keyword=True),
     Arg("name", "string", None, "its name in messages", keyword=True),
 )
 _SKY_LUMINANCE = "nit; for a daylight sky, that of the uniform sky with the same illuminance of level ground"
-_SHADOWS = Arg("shadows", "bool", True, "whether objects cast shadows in its light", keyword=True)
+_SHADOWS = (
+    Arg("shadows", "bool", True, "whether objects cast shadows in its light", keyword=True),
+    Arg("blockers", "strings", None, "names of the objects that cast shadows in its light, as `receivers`; default all", keyword=True),
+)
 _FALLOFF = Arg("falloff", "falloff", None, "attenuation with distance; default 1/d²", keyword=True)
 
 LIGHTS = (
@@ -32,7 +42,7 @@ LIGHTS = (
             ),
             Arg("flux", "flux", None, "total lumen", minimum=0.0, keyword=True),
             _FALLOFF,
-            _SHADOWS,
+            *_SHADOWS,
             *_LIGHT,
         ),
         exclusive=(("intensity", "flux"),),
@@ -50,7 +60,7 @@ LIGHTS = (
             Arg("intensity", "intensity", 9 * math.pi, "candela along its axis", minimum=0.0, keyword=True),
             Arg("flux", "flux", None, "total lumen in the cone", minimum=0.0, keyword=True),
             _FALLOFF,
-            _SHADOWS,
+            *_SHADOWS,
             *_LIGHT,
         ),
         exclusive=(("intensity", "flux"),),
@@ -64,7 +74,7 @@ LIGHTS = (
             Arg(
                 "illuminance", "illuminance", math.pi, "lux on a surface that faces it", aliases=("irradiance",), minimum=0.0, keyword=True
             ),
-            _SHADOWS,
+            *_SHADOWS,
             *_LIGHT,
         ),
     ),
@@ -78,7 +88,7 @@ LIGHTS = (
                 "illuminance", "illuminance", math.pi, "lux on a surface that faces it", aliases=("irradiance",), minimum=0.0, keyword=True
             ),
             Arg("angle", "angle", math.radians(0.53), "its angular diameter", minimum=0.0, maximum=math.pi / 2, keyword=True),
-            _SHADOWS,
+            *_SHADOWS,
             *_LIGHT,
         ),
     ),
@@ -91,7 +101,7 @@ LIGHTS = (
             Arg("turbidity", "number", None, "haze: 2 is clear, 6 hazy", minimum=1.8, maximum=10.0, keyword=True),
             Arg("sun", "direction", (1.0, 2.0, 1.5), "direction towards the sun of this sky; a `sun` adds its direct light", keyword=True),
             Arg("ground", "color", (0.2, 0.2, 0.2), "albedo of the ground below the horizon of a daylight sky", keyword=True),
-            _SHADOWS,
+            *_SHADOWS,
             *_LIGHT,
         ),
         example="sky(turbidity: 3, sun: [1, 0.5, 0.5])",
@@ -111,7 +121,7 @@ LIGHTS = (
             ),
             Arg("luminance", "luminance", 1.0, "nit where the image is 1", aliases=("radiance",), minimum=0.0, keyword=True),
             Arg("rotate", "rotation", None, "its rotation", keyword=True),
-            _SHADOWS,
+            *_SHADOWS,
             *_LIGHT,
         ),
     ),
@@ -127,7 +137,7 @@ LIGHTS = (
             Arg("up", "direction", None, "direction of its second edge", keyword=True),
             Arg("luminance", "luminance", 1.0, "nit", aliases=("radiance",), minimum=0.0, keyword=True),
             Arg("flux", "flux", None, "total lumen", minimum=0.0, keyword=True),
-            _SHADOWS,
+            *_SHADOWS,
             *_LIGHT,
         ),
         exclusive=(("luminance", "flux"),),

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
+from ...compiler.ir import light_links
 from ...compiler.plan import scene_facts
 from ..geometry.bounds import world_bounds
 from ..surface import triangle_records
@@ -79,7 +80,7 @@ def build(tables: ir.Tables, hull: bool, moves: bool = False, general: bool = Fa
     """
     instances, plain = tables.instances, _is_plain(tables)
     made: dict[int, list[_Primitive]] = {}
-    stays = ~scene_facts.partial(tables)[instances.material]
+    stays = ~scene_facts.partial(tables)[instances.material] & ~light_links.casts_unevenly(tables)
     if moves:
         stays &= tables.transforms.first_key[instances.transform] < 0
     boxes = world_bounds(tables)

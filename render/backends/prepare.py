@@ -20,6 +20,7 @@ from ..geometry.bounds import swept_bounds, world_bounds
 from ..integrator import glossy_lights, no_ray_environment, vertex_lighting, whitted
 from ..jit import compile_process
 from ..jit.packed_struct import Handle, HandleType
+from ..light import links
 from ..material import principled
 from ..sampling import sobol
 from ..simd import target
@@ -284,5 +285,6 @@ def options_of(plan: Plan, tables: ir.Tables, general: bool = False) -> Options:
         ground=ground,
         layers=ALPHA_LAYERS if plan["opacity"] else 0,
         color=Float3(*(float(c) for c in background)) if colored else Float3(0.0, 0.0, 0.0),
+        links=links.of(tables),
         glossy_lights=NoGlossyLights() if plan["transport"] == "path" else glossy_lights.find_glossy_lights(tables, general),
     )

@@ -6,7 +6,7 @@ from typing import Any
 
 from ..jit.kernel import helper, specialize_if_present
 from ..lanes import ops
-from ..light import lights
+from ..light import lights, links
 from ..material import bsdf
 from ..material.shader import Shader
 from ..types import Lane, Options, Surface, Tables, Vec
@@ -31,12 +31,15 @@ def is_black(tables: Tables, options: Options) -> bool:
 
 
 @helper
-def reflected_background(tables: Tables, options: Options, direction: Vec) -> Vec:
-    """Return the radiance of secondary rays that hit nothing: the sky, or the background color in a scene without a sky."""
+def reflected_background(tables: Tables, options: Options, direction: Vec, bits: Any) -> Vec:
+    """Return the radiance of secondary rays that hit nothing: the sky, or the background color in a scene without a sky.
+
+    `bits` are the light links of the surfaces that the rays leave; None in scenes without links.
+    """
     zero = 0.0 * direction[0]
     sky, there = lights.background(tables, direction)
     if there or options.background != 2:
-        return sky
+        return links.background(options.links, sky, tables, direction, lights.ALL, bits)
     return (zero + options.color.x, zero + options.color.y, zero + options.color.z)
 
 
@@ -44,19 +47,20 @@ def reflected_background(tables: Tables, options: Options, direction: Vec) -> Ve
 
 
 @helper
-def _environment_radiance(environment: Any, tables: Tables, options: Options, direction: Vec) -> Vec:
+def _environment_radiance(environment: Any, tables: Tables, options: Options, point: Surface, direction: Vec) -> Vec:
     """The ground's mean radiance below the horizon, and the background above it."""
     zero = 0.0 * direction[0]
     below = ops.dot(direction, ops.like3(zero, environment.up.x, environment.up.y, environment.up.z)) < 0.0
     ground = ops.like3(zero, environment.ground.x, environment.ground.y, environment.ground.z)
-    return ops.where3(below, ground, reflected_background(tables, options, direction))
+    bits = links.bits_of(options.links, None, tables, point)
+    return ops.where3(below, ground, reflected_background(tables, options, direction, bits))
 
 
 @helper
 def _add_specular(environment: Any, light: Vec, scene: Scene, point: Surface, shader: Shader, direction: Vec) -> Vec:
     reflection, transmission, _, _ = bsdf.fresnel_split(point, shader, direction)
-    mirrored = _environment_radiance(environment, scene.tables, scene.options, ops.reflect(direction, point.normal))
-    behind = _environment_radiance(environment, scene.tables, scene.options, direction)
+    mirrored = _environment_radiance(environment, scene.tables, scene.options, point, ops.reflect(direction, point.normal))
+    behind = _environment_radiance(environment, scene.tables, scene.options, point, direction)
     return ops.add(light, ops.add(ops.mul(reflection, mirrored), ops.mul(transmission, behind)))
 
 
@@ -65,7 +69,7 @@ def _add_glossy(
     environment: Any, light: Vec, scene: Scene, point: Surface, shader: Shader, active: Lane, direction: Vec, share: Vec
 ) -> Vec:  # fmt: skip
     visible = active & bsdf.is_rough_glass(shader, ops.dot(direction, point.geometric) > 0.0)
-    radiance = _environment_radiance(environment, scene.tables, scene.options, direction)
+    radiance = _environment_radiance(environment, scene.tables, scene.options, point, direction)
     return ops.where3(visible, ops.add(light, ops.mul(share, radiance)), light)
 
 

@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from ..accel import intersect
 from ..accel.formula_packets import shadow_rays
 from ..jit.kernel import helper, specialize_either, specialize_if_present
 from ..lanes import ops
-from ..light import lights, shadow_map
+from ..light import lights, links, shadow_map
 from ..material import bsdf, medium_stack, microfacet
 from ..material.shader import Shader
 from ..sampling import sobol
@@ -23,10 +24,10 @@ SHADOW_MARGIN = 4096.0  # roundings of a position before which shadow rays end: 
 
 
 @helper
-def local_light(scene: Scene, shading: ShadingContext, hit: Hit, active: Lane, specular: Lane, sampler: SampleIndex) -> Vec:
+def local_light(scene: Scene, shading: ShadingContext, hit: Hit, active: Lane, specular: Lane, sampler: SampleIndex, bits: Any) -> Vec:
     """Return the emission, ambient and direct light, or interpolated vertex light, of a surface.
 
-    Area lights that a diffuse ray hits count nothing: direct light has sampled them.
+    Area lights that a diffuse ray hits count nothing: direct light has sampled them. `bits` are the light links of the surface before.
     """
     tables, point = scene.tables, shading.point
     zero = ops.full_like(hit.t, 0.0)
@@ -34,7 +35,8 @@ def local_light(scene: Scene, shading: ShadingContext, hit: Hit, active: Lane, s
     shines = ops.bool_like(zero, True)
     if ops.any_lane(light >= 0):
         both_sides = tables.lights.kind[ops.maximum(light, 0)] == lights.SPHERE  # sampled from inside, too
-        shines = ops.where(light >= 0, (point.front | both_sides) & specular, shines)
+        shown = links.receives_lamp(scene.options.links, (point.front | both_sides) & specular, light, bits)
+        shines = ops.where(light >= 0, shown, shines)
     total = ops.where3(shines, shading.shader.emission, (zero, zero, zero))
     at_vertices = gouraud.is_vertex_lit(tables, scene.vertex_light, point)
     if ops.any_lane(active & at_vertices):
@@ -50,16 +52,19 @@ def local_light(scene: Scene, shading: ShadingContext, hit: Hit, active: Lane, s
 def direct_light(scene: Scene, shading: ShadingContext, active: Lane, sampler: SampleIndex) -> Vec:
     """Return k_a L_a and the light of every light that nothing blocks, attenuated by the media of the ray's medium stack."""
     tables, shader = scene.tables, shading.shader
-    total = ops.mul(shader.ambient, lights.ambient(tables))
+    linked = scene.options.links
+    bits = links.bits_of(linked, None, tables, shading.point)
+    total = ops.mul(shader.ambient, links.ambient(linked, lights.ambient(tables), tables, shading.point.offset, bits))
     active = active & bsdf.is_lit(shader)
     for light in range(len(tables.lights.kind)):
         kind = tables.lights.kind[light]
         if kind == lights.AMBIENT:
             continue
+        here = links.receives(linked, active, light, bits)
         if kind in (lights.SKY, lights.DOME):
-            total = _add_sky(total, scene, shading, light, active, sampler)
+            total = _add_sky(total, scene, shading, light, here, sampler)
         else:
-            total = _add_light(total, scene, shading, light, active, sampler)
+            total = _add_light(total, scene, shading, light, here, sampler)
     if bsdf.has_facets(shader):
         total = _add_along_lobes(total, scene, shading, active, sampler)
     return total
@@ -142,14 +147,16 @@ def _add_hit_lights(
     tables, point, shader = scene.tables, shading.point, shading.shader
     _, _, density = bsdf.eval_lobes_pdf(shader, point.normal, direction, shading.viewer)
     visible = _faces(scene, point, shader, direction, active)
+    bits = links.bits_of(scene.options.links, None, tables, point)
     for k in range(len(sources.rows)):
         light = sources.rows[k]
+        here = links.receives(scene.options.links, visible, light, bits)
         origin = _light_origin(scene, point, shader, light)
         distance, solid, bright = glossy_lights.intersect_lights(tables, light, origin, direction)
         color = (tables.lights.color[light, 0], tables.lights.color[light, 1], tables.lights.color[light, 2])
         given = ops.mul(ops.scale(share, bright * glossy_lights.weight(density, solid)), color)
         given = medium_stack.attenuate(medium_stack.cross_boundary(shading.inside, None, tables, point, direction), given, tables, distance)
-        total = ops.add(total, _unoccluded(scene, point, LightSample(light, origin, direction, distance, given), visible))
+        total = ops.add(total, _unoccluded(scene, point, LightSample(light, origin, direction, distance, given), here))
     return total
 
 
@@ -202,7 +209,20 @@ def _shadow_by_rays(scene: Scene, point: Surface, sample: LightSample, active: L
     reach = ops.maximum((0.0 * point.offset + sample.distance) - SHADOW_MARGIN * point.offset, 0.0)  # a light's shape does not block it
     origin = interaction.offset_shadow_origin(point, sample.origin, sample.direction)
     ray = Ray(origin, sample.direction, 0.0 * point.offset, reach, point.time)
-    return shadow_rays.attenuate_light(point, scene.accel, scene.tables, sample.light, ray, active, sample.radiance)
+    return _attenuated(scene.options.links, scene, point, sample.light, ray, active, sample.radiance)
+
+
+@helper
+def _attenuate_by_all(scene: Scene, point: Surface, light: int, ray: Ray, active: Lane, given: Vec) -> Vec:
+    return shadow_rays.attenuate_light(point, scene.accel, scene.tables, light, ray, active, given)
+
+
+@helper
+def _attenuate_by_blockers(linked: Any, scene: Scene, point: Surface, light: int, ray: Ray, active: Lane, given: Vec) -> Vec:
+    return intersect.attenuate(scene.accel, scene.tables, ray, active, given, linked.blockers[light])
+
+
+_attenuated = specialize_either(_attenuate_by_blockers, _attenuate_by_all)
 
 
 @helper

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ..jit.kernel import helper, noinline_helper
+from ..jit.kernel import helper, noinline_helper, specialize_if_present
 from ..lanes import ops
-from ..light import emitters, light_tree
+from ..light import emitters, light_tree, lights, links
+from ..light.emitter_table import DOME
 from ..light.emitters import Arriving
 from ..material import bsdf, medium_stack
 from ..material.shader import Shader
@@ -61,9 +62,31 @@ def _choose_emitter(
 
 
 @helper
+def _sample_linked(
+    linked: Any, plain: tuple[Arriving, Lane, Any], tables: Tables, inputs: PathInputs, row: Lane, point: Surface
+) -> tuple[Arriving, Lane, Lane]:
+    """(sample, where light is sampled, mask of the instances that block it) of emitters by their links; `plain` is without links."""
+    arriving, here, _ = plain
+    table, zero = inputs.emitters, ops.full_like(point.offset, 0.0)
+    bits = links.bits_of(linked, None, tables, point)
+    lamp = ops.int_like(zero, 0) + table.light[row]
+    sky = ops.bool_like(zero, False) | (table.kind[row] == DOME)
+    light = arriving.light
+    if ops.any_lane(sky):
+        radiance = links.background(linked, light, tables, arriving.direction, lights.SHADOWED, bits)
+        light = ops.where3(sky, ops.scale(radiance, 1.0 / ops.maximum(arriving.density, lights.TINY)), light)
+    here = ops.where(sky, here, links.receives_lamp(linked, here, lamp, bits))
+    blockers = ops.where(lamp >= 0, ops.int_like(zero, 0) + linked.blockers[ops.maximum(lamp, 0)], links.CASTS)
+    return Arriving(arriving.direction, arriving.distance, light, arriving.density, arriving.cosine), here, blockers
+
+
+_follow_links = specialize_if_present(_sample_linked)
+
+
+@helper
 def sample_direct(
-    tables: Tables, inputs: PathInputs, shading: ShadingContext, path: PathState, here: Lane, last: Lane, lit: Lane, ending: bool,
-    index: PathSample,
+    tables: Tables, inputs: PathInputs, linked: Any, shading: ShadingContext, path: PathState, here: Lane, last: Lane, lit: Lane,
+    ending: bool, index: PathSample,
 ) -> Connection:  # fmt: skip
     """Sample one emitter and return the shadow ray to it.
 
@@ -75,6 +98,7 @@ def sample_direct(
     rough = bsdf.is_rough_glass(shader, ops.bool_like(zero, False))
     place = ops.where3(rough, point.position, interaction.shadow_origin(point))
     row, chance, arriving, here, weighed, shadows = _choose_emitter(tables, inputs, shading, path, here, lit, ending, index, place)
+    arriving, here, blockers = _follow_links(linked, (arriving, here, None), tables, inputs, row, point)
     share, density = bsdf.eval_bsdf_pdf(shader, inputs.uses, point.normal, arriving.direction, viewer)
     share, alone = exclude_covered_lobe(inputs.caustic_reflectance, inputs.photon_emitters, share, row, path, shading, arriving.direction)
     factor = 1.0 / (math.pi * chance)
@@ -92,4 +116,4 @@ def sample_direct(
     short = 64.0 * ops.roundoff(zero) * ops.where(arriving.distance < math.inf, arriving.distance, 0.0) + 2.0 * point.offset
     reach = ops.maximum(arriving.distance - short / ops.maximum(arriving.cosine, GRAZING), 0.0)
     distance = ops.where(shadows, reach, -1.0)
-    return Connection(origin, arriving.direction, distance, given, wanted)
+    return Connection(origin, arriving.direction, distance, given, wanted, blockers)

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..jit.kernel import helper
 from ..lanes import ops
-from ..light import lights
+from ..light import lights, links
 from ..material import bsdf, medium_stack
 from ..material.bsdf import Scattered
 from ..material.shader import ONLY, evaluate_shader_filtered
@@ -51,26 +51,27 @@ def shade_vertex(
     zero = 0.0 * path.density
     uses, index = inputs.uses, PathSample(pixel, sample, depth, options.seed)
     faded = medium_stack.attenuate(path.inside, path.weight, tables, hit.t)
-    path = PathState(path.origin, path.direction, faded, path.density, path.straight, path.inside, path.phase, path.facing)
+    path = PathState(path.origin, path.direction, faded, path.density, path.straight, path.inside, path.phase, path.facing, path.links)
     point = normal_map.apply_maps(tables, _part(tables, point, index), hit, path.direction)
     shader = evaluate_shader_filtered(tables, point, uses, path.inside)
     viewer = ops.negate(path.direction)
     sent = (zero, zero, zero)
     if uses.shines:
-        sent = emitted_radiance(tables, inputs, path, point, shader, hit, here, depth > options.bounces)
+        sent = emitted_radiance(tables, inputs, options.links, path, point, shader, hit, here, depth > options.bounces)
     nothing = ops.bool_like(zero, False)
-    connection = Connection(point.position, path.direction, zero, sent, nothing)
+    bits = links.bits_of(options.links, None, tables, point)
+    connection = Connection(point.position, path.direction, zero, sent, nothing, bits)
     if depth > options.bounces:
         return sent, connection, path, nothing
     shading = ShadingContext(point, shader, viewer, path.inside)
     lit, known = vertex_light(inputs.vertices, tables, point, hit, here)
-    sent = _add_local(tables, inputs, sent, shading, path, here, lit, known, sample)
+    sent = _add_local(tables, inputs, options.links, sent, shading, path, here, lit, known, sample)
     ending = depth == options.bounces
     last = ops.bool_like(zero, False)
     if ending:  # BSDF samples after the last bounce find only skies, and emitters of glossy surfaces
         last = ops.bool_like(zero, ops.not_(uses.sky) & ops.not_(uses.glossy))
     if len(inputs.emitters.kind) > 0:
-        connection = sample_direct(tables, inputs, shading, path, here, last, lit, ending, index)
+        connection = sample_direct(tables, inputs, options.links, shading, path, here, last, lit, ending, index)
     u, v = numbers(index, 1)
     which = zero
     if uses.glossy or uses.sharp:
@@ -79,7 +80,8 @@ def shade_vertex(
     weight = ops.mul(path.weight, scattered.weight)
     if uses.open_sky:
         soft = here & ops.not_(lit) & (scattered.density < ONLY)
-        above = ops.mul(weight, lights.background(tables, scattered.direction, lights.OPEN)[0])
+        seen = lights.background(tables, scattered.direction, lights.OPEN)[0]
+        above = ops.mul(weight, links.background(options.links, seen, tables, scattered.direction, lights.OPEN, bits))
         sent = ops.where3(soft, ops.add(sent, above), sent)
     going = here & ops.not_(last) & (ops.largest(weight) > 0.0)
     if ending:
@@ -88,17 +90,20 @@ def shade_vertex(
         survival = ops.minimum(SPARED * ops.largest(weight), MOST_GOING)
         going = going & (numbers(index, 3)[0] < survival)
         weight = ops.scale(weight, 1.0 / ops.maximum(survival, lights.TINY))
-    return sent, connection, _continue(tables, inputs, path, shading, lit, scattered, weight), going
+    return sent, connection, _continue(tables, inputs, options.links, path, shading, lit, scattered, weight), going
 
 
 @helper
 def _add_local(
-    tables: Tables, inputs: PathInputs, sent: Vec, shading: ShadingContext, path: PathState, here: Lane, lit: Lane, known: Vec, sample: Lane
+    tables: Tables, inputs: PathInputs, linked: Any, sent: Vec, shading: ShadingContext, path: PathState, here: Lane, lit: Lane, known: Vec,
+    sample: Lane,
 ) -> Vec:  # fmt: skip
     """Add vertex light, ambient light and the photons' estimate."""
     sent = ops.where3(lit, ops.add(sent, ops.mul(path.weight, known)), sent)
     if inputs.uses.ambient:
-        always = ops.mul(ops.mul(path.weight, shading.shader.ambient), lights.ambient(tables))
+        bits = links.bits_of(linked, None, tables, shading.point)
+        given = links.ambient(linked, lights.ambient(tables), tables, path.density, bits)
+        always = ops.mul(ops.mul(path.weight, shading.shader.ambient), given)
         sent = ops.where3(here & ops.not_(lit), ops.add(sent, always), sent)
     gathers = here & (path.phase < photon_map.MATT)
     return photon_map.add_estimate(inputs.photons, sent, shading, inputs.uses, path.weight, gathers, sample)
@@ -106,7 +111,7 @@ def _add_local(
 
 @helper
 def _continue(
-    tables: Tables, inputs: PathInputs, path: PathState, shading: ShadingContext, lit: Lane, scattered: Scattered, weight: Vec
+    tables: Tables, inputs: PathInputs, linked: Any, path: PathState, shading: ShadingContext, lit: Lane, scattered: Scattered, weight: Vec
 ) -> PathState:
     """The state of a path after a BSDF sample."""
     point, shader = shading.point, shading.shader
@@ -120,7 +125,8 @@ def _continue(
     on_surface = bsdf.is_rough_glass(shader, scattered.density >= ONLY)
     place = ops.where3(on_surface, point.position, interaction.shadow_origin(point))  # the origin of shadow rays: equal both ways
     origin = interaction.offset_origin_at(point, place, scattered.direction)
-    return PathState(origin, scattered.direction, weight, density, straight, inside, phase, facing(inputs, point, shader))
+    bits = links.bits_beyond(linked, None, tables, point, path.links, scattered.through)
+    return PathState(origin, scattered.direction, weight, density, straight, inside, phase, facing(inputs, point, shader), bits)
 
 
 def vertex_light(vertices: Any, tables: Tables, point: Surface, hit: Hit, here: Lane) -> tuple[Lane, Vec]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from ..jit.kernel import helper, noinline_helper
+from typing import Any
+
+from ..jit.kernel import helper, noinline_helper, specialize_if_present
 from ..lanes import ops
-from ..light import emitters, environment_map, light_tree, lights
+from ..light import emitters, environment_map, light_tree, lights, links
 from ..light.emitter_table import Emitters
 from ..material.shader import ONLY, Shader
 from ..types import Hit, Lane, Options, Surface, Tables, Vec
@@ -23,10 +25,10 @@ def environment_radiance(
     if depth == 0:
         light = background.camera_background(tables, options, path.direction)
         return ops.where3(missed, light, (zero, zero, zero)), ops.where(missed, zero + 1.0, zero)
-    light = background.reflected_background(tables, options, path.direction)
+    light = background.reflected_background(tables, options, path.direction, path.links)
     soft = missed & (path.density < ONLY)
     if ops.any_lane(soft):
-        seen = _weigh_sky(tables, inputs, path, light)
+        seen = _weigh_sky(tables, inputs, options.links, path, light)
         light = ops.where3(soft, seen, light)
     straight = missed & path.straight
     if ops.any_lane(straight):
@@ -36,7 +38,16 @@ def environment_radiance(
 
 
 @helper
-def _weigh_sky(tables: Tables, inputs: PathInputs, path: PathState, radiance: Vec) -> Vec:
+def _sky_share(linked: Any, share: Lane, weighed: Lane) -> Lane:
+    return ops.where(weighed, share, 0.0)
+
+
+_if_weighed = specialize_if_present(_sky_share)
+"""(links, share, weighed): the share of BSDF samples in the light of the sky; 0 where light samples alone find it."""
+
+
+@helper
+def _weigh_sky(tables: Tables, inputs: PathInputs, linked: Any, path: PathState, radiance: Vec) -> Vec:
     """Weigh the skies' radiance for BSDF samples; skies without shadows count 0, as each surface adds their light itself."""
     zero = 0.0 * path.density
     if ops.not_(inputs.uses.sky):
@@ -44,6 +55,7 @@ def _weigh_sky(tables: Tables, inputs: PathInputs, path: PathState, radiance: Ve
     seen = radiance
     if inputs.uses.open_sky:
         seen = lights.background(tables, path.direction, lights.SHADOWED)[0]
+        seen = links.background(linked, seen, tables, path.direction, lights.SHADOWED, path.links)
     table = inputs.emitters
     row = environment_map.row_of(table.sky)
     share = ops.where(path.density > LIT * 8.0, zero + 1.0, 0.0)
@@ -51,14 +63,15 @@ def _weigh_sky(tables: Tables, inputs: PathInputs, path: PathState, radiance: Ve
         density = environment_map.density(table.sky, path.direction)
         if len(table.kind) > 1:
             density = density * light_tree.chance(table.tree, ops.int_like(zero, row), path.origin, path.facing)
-        share = share * power_heuristic(path.density, density)
+        share = _if_weighed(linked, share * power_heuristic(path.density, density), table.weighed[row])
     return ops.scale(seen, share)
 
 
 @helper
 def emitted_radiance(
-    tables: Tables, inputs: PathInputs, path: PathState, point: Surface, shader: Shader, hit: Hit, here: Lane, lights_only: bool
-) -> Vec:
+    tables: Tables, inputs: PathInputs, linked: Any, path: PathState, point: Surface, shader: Shader, hit: Hit, here: Lane,
+    lights_only: bool,
+) -> Vec:  # fmt: skip
     """Return the emission of surfaces along paths, weighed against light sampling.
 
     A light's emission counts as direct. An emissive shape is one more surface, which the last bounce does not reach (`lights_only`).
@@ -68,6 +81,7 @@ def emitted_radiance(
     if ops.not_(ops.any_lane(lit)):
         return (zero, zero, zero)
     instance = ops.where(lit, hit.instance, 0)
+    lit = links.receives_lamp(linked, lit, tables.instances.light[instance], path.links)
     table = inputs.emitters
     row = table.first[instance]
     among = lit & (row >= 0)

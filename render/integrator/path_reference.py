@@ -9,8 +9,9 @@ import numpy as np
 from ...compiler import ir
 from ...compiler.plan import scene_facts
 from ..accel import intersect
+from ..jit.kernel import specialize_either
 from ..lanes import ops
-from ..light import light_tree
+from ..light import light_tree, links
 from ..material import medium_stack
 from ..material.shader import ONLY
 from ..surface import alpha as surface_alpha
@@ -35,6 +36,7 @@ def radiance(
     one: Any = zero + 1.0
     path: Any = PathState(origin, direction, (one, one, one), zero + ONLY, active, medium_stack.initial_stack(tables, zero), zero)
     path = path._replace(facing=light_tree.facing(inputs.emitters.tree.below, path.direction, active))
+    path = path._replace(links=links.bits_of_eye(options.links, None, zero))
     depth = 0
     while True:
         onward = Ray(path.origin, path.direction, zero, zero + np.inf, ray.time)
@@ -55,7 +57,7 @@ def radiance(
         if connection.wanted.any():
             blocking = connection.wanted & (connection.distance > 0.0) & options.shadows
             shadow = Ray(connection.origin, connection.direction, zero, zero + connection.distance, ray.time)
-            given = ops.scale(connection.light, intersect.transmittance(accel, tables, shadow, blocking))
+            given = ops.scale(connection.light, _unblocked(options.links, accel, tables, shadow, blocking, connection.blockers))
             total = ops.where3(connection.wanted, ops.add(total, given), total)
         if not active.any():
             break
@@ -63,6 +65,21 @@ def radiance(
         depth += 1
     sound = np.isfinite(total[0] + total[1] + total[2])
     return ops.where3(sound, total, (zero, zero, zero)), alpha, sound
+
+
+def _pass_all(accel: Any, tables: ir.Tables, shadow: Ray, blocking: Any, blockers: Any) -> Any:
+    return intersect.transmittance(accel, tables, shadow, blocking)
+
+
+def _pass_blockers(linked: Any, accel: Any, tables: ir.Tables, shadow: Ray, blocking: Any, blockers: Any) -> Any:
+    """The transmittance of shadow rays whose lights have different blockers."""
+    share = np.ones(np.shape(blocking))
+    for mask in linked.sets.tolist():
+        share *= intersect.transmittance(accel, tables, shadow, blocking & (blockers == mask), mask)
+    return share
+
+
+_unblocked = specialize_either(_pass_blockers, _pass_all)
 
 
 def _pass_transparent(accel: Any, tables: ir.Tables, ray: Ray, hit: Hit, active: Any, visible: int, index: PathSample) -> Hit:

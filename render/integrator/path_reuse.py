@@ -63,7 +63,9 @@ def _share_vertex(shared: Any, onward: PathState, i: int, slot: Lane, point: Sur
         store3(shared.rows, 0, NORMAL, i, ops.where3(going, point.normal, none))
         store3(shared.rows, 0, ALBEDO, i, ops.where3(going, onward.weight, none))
         one = (zero + 1.0, zero + 1.0, zero + 1.0)
-        return PathState(onward.origin, onward.direction, one, onward.density, onward.straight, onward.inside, onward.phase, onward.facing)
+        return PathState(
+            onward.origin, onward.direction, one, onward.density, onward.straight, onward.inside, onward.phase, onward.facing, onward.links
+        )  # fmt: skip
     if depth == 1:
         place = ops.along(point.position, point.geometric, point.offset)
         for k in range(3):

@@ -37,6 +37,7 @@ class PathState(NamedTuple):
     inside: Any  # medium stack; None in scenes without media
     phase: Lane  # kinds of surfaces before it, see photon_map.phase_after
     facing: Any = None  # its origin's record for light selection, see light_tree.facing
+    links: Any = None  # light links of its origin, see links.bits_of; None in scenes without links
 
 
 class PathSample(NamedTuple):
@@ -56,6 +57,7 @@ class Connection(NamedTuple):
     distance: Lane  # -1: without a shadow test
     light: Vec
     wanted: Lane  # bool
+    blockers: Any = None  # mask of the instances that block it, see links.Links; None in scenes without links
 
 
 class NoVertices(NamedTuple):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..accel.traverse import motion_alpha
 from ..jit.kernel import helper, specialize_if_present
 from ..lanes import crosslane, ops
+from ..light import links
 from ..material import bsdf, medium_stack
 from ..sampling import sobol
 from ..simd.registration import overload
@@ -18,8 +19,9 @@ from ..surface import texture_footprint
 from ..types import Lane, Options, Ray, Surface, Vec
 from .records import RayState, SampleIndex, Scene, ShadingContext
 
-FIELDS = 15  # of a ray on the stack: origin, direction, weight, bounces left, kind, key, medium stack, and
-CONE = 13  # the width of its cone and its spread a metre
+FIELDS = 16  # of a ray on the stack: origin, direction, weight, bounces left, kind, key, medium stack, and
+CONE = 13  # the width of its cone and its spread a metre, and
+LINKS = 15  # its light links
 DIFFUSE_RAY = 0.0  # kinds of rays; direct light has sampled the emitters that these hit
 SPECULAR_RAY = 1.0
 STRAIGHT_RAY = 2.0  # has passed only boundaries of index 1, as the camera's own ray: it lowers alpha where it escapes
@@ -58,13 +60,15 @@ def spawn_secondary_rays(
     reflection, transmission, refracted, _ = bsdf.fresnel_split(point, shader, ray.direction)
     plain = ops.full_like(point.offset, 0.0)
     through = ops.where((ray.kind == STRAIGHT_RAY) & (shader.ior == 1.0), STRAIGHT_RAY, plain + SPECULAR_RAY)
+    bits = links.bits_of(options.links, None, tables, point)
     mirrored = ops.reflect(ray.direction, point.normal)
     outside = ops.dot(mirrored, point.geometric) > 0.0  # an interpolated normal may mirror a grazing ray into the surface
     mirrored = ops.where3(outside, mirrored, ops.reflect(ray.direction, point.geometric))
-    child = RayState(mirrored, ops.mul(weight, reflection), left, plain + SPECULAR_RAY, inside, key)
+    child = RayState(mirrored, ops.mul(weight, reflection), left, plain + SPECULAR_RAY, inside, key, bits)
     waiting = _push(stack, waiting, point, child, going, 0)
     beyond = medium_stack.cross_boundary(inside, None, tables, point, refracted)
-    child = RayState(refracted, ops.mul(weight, transmission), left, through, beyond, key)
+    further = links.bits_beyond(options.links, None, tables, point, ray.links, shader.ior == 1.0)
+    child = RayState(refracted, ops.mul(weight, transmission), left, through, beyond, key, further)
     waiting = _push(stack, waiting, point, child, going, 1)
     if options.interreflection or bsdf.has_facets(shader):
         u, v = sobol.pair(sampler.pixel, sampler.sample, key * LIGHT_DIMENSIONS * 2 + 1, options.seed)
@@ -72,7 +76,7 @@ def spawn_secondary_rays(
         onward, share = bsdf.sample_glossy_or_diffuse(shader, point.normal, shading.viewer, u, v, which, options.interreflection)
         above = going & bsdf.is_rough_glass(shader, ops.dot(onward, point.geometric) > 0.0)
         beyond = medium_stack.cross_boundary(inside, None, tables, point, onward)
-        child = RayState(onward, ops.mul(weight, share), left, plain + DIFFUSE_RAY, beyond, key)
+        child = RayState(onward, ops.mul(weight, share), left, plain + DIFFUSE_RAY, beyond, key, bits)
         waiting = _push(stack, waiting, point, child, above, 2)
     return waiting
 
@@ -88,7 +92,7 @@ def _coverage(accel: Any, scene: Scene, point: Surface, left: Lane, sampler: Sam
 @helper
 def _continue(waiting: Lane, accel: Any, point: Surface, ray: RayState, coverage: Lane, here: Lane, stack: Any) -> Lane:
     passing = here & (coverage < 1.0)
-    child = RayState(ray.direction, ops.scale(ray.weight, 1.0 - coverage), ray.left + 1, ray.kind, ray.inside, ray.key)
+    child = RayState(ray.direction, ops.scale(ray.weight, 1.0 - coverage), ray.left + 1, ray.kind, ray.inside, ray.key, ray.links)
     return _push(stack, waiting, point, child, passing, BRANCHES)
 
 
@@ -133,6 +137,7 @@ def _push(stack: Any, waiting: Lane, point: Surface, ray: RayState, going: Lane,
         crosslane.stack_store(stack, waiting, 10, ray.kind, active)
         crosslane.stack_store(stack, waiting, 11, ops.to_float((ray.key * BRANCHES + 1 + branch) & _KEYS), active)
         push_medium(ray.inside, None, stack, waiting, active)
+        _push_links(ray.links, None, stack, waiting, active)
         texture_footprint.put_cone(point, ray.direction, stack, waiting, CONE, active)
     return ops.where(active, waiting + 1, waiting)
 
@@ -161,6 +166,19 @@ def _push_medium(inside: Lane, plain: Any, stack: Any, place: Lane, active: Lane
     crosslane.stack_store(stack, place, 12, ops.to_float(inside), active)
 
 
+@helper
+def _load_links(linked: Any, plain: Any, stack: Any, place: Lane) -> Lane:
+    return ops.to_int(crosslane.stack_load(stack, place, LINKS))
+
+
+@helper
+def _store_links(bits: Lane, plain: Any, stack: Any, place: Lane, active: Lane) -> None:
+    crosslane.stack_store(stack, place, LINKS, ops.to_float(bits), active)
+
+
+_push_links = specialize_if_present(_store_links)
+pop_links = specialize_if_present(_load_links)
+"""(links, None, stack, place): the light links of a ray on the stack; None in scenes without links."""
 pop_medium = specialize_if_present(_pop_medium)
 """(inside, None, stack, place): the medium stack of a ray on the stack; None in scenes without media."""
 push_medium = specialize_if_present(_push_medium)

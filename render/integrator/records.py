@@ -43,6 +43,7 @@ class RayState(NamedTuple):
     kind: Lane  # DIFFUSE_RAY, SPECULAR_RAY or STRAIGHT_RAY of `ray_stack`
     inside: Any  # medium stack
     key: Lane  # of its random numbers
+    links: Any = None  # light links of the surface that it leaves, see links.bits_of
 
 
 class LightSample(NamedTuple):

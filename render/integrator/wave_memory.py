@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 from .. import simd
 from ..jit.kernel import helper, specialize_if_present
+from ..lanes import ops
 from ..lanes.soa import ROW, compress_store, compress_store3, load3
+from ..light import links
 from ..simd.registration import overload
 from ..types import Lane, Vec
 from . import path_reuse
@@ -33,6 +35,8 @@ class WaveMemory(NamedTuple):
     near: Any  # (ROW,) float: where camera rays begin
     inside: Any  # (2 · ROW,) int: medium stacks of the rays, in scenes with media
     facing: Any  # (2 · 3 · ROW,) float: the normals at the origins of rays, in scenes with many lights
+    links: Any  # (2 · ROW,) int: light links of the origins of rays, in scenes with links
+    blockers: Any  # (ROW,) int: masks of what blocks shadow rays, in scenes with links
     shared: Any  # path_reuse.Shared or path_reuse.Alone
 
     @classmethod
@@ -47,7 +51,7 @@ class WaveMemory(NamedTuple):
 
         return cls(
             row(2 * STATE, kind), row(2 * 3, whole), row(3, kind), row(3, whole), row(ASKED, kind), row(1, whole), row(1, np.int64),
-            row(4, kind), row(4, whole), row(1, kind), row(2, whole), row(2 * 3, kind),
+            row(4, kind), row(4, whole), row(1, kind), row(2, whole), row(2 * 3, kind), row(2, whole), row(1, whole),
             path_reuse.Shared.of(kind) if reuses else path_reuse.Alone(),
         )  # fmt: skip
 
@@ -97,6 +101,26 @@ def _load_facing_in_kernels(below, memory, at):
     return lambda below, memory, at: None
 
 
+@helper
+def _load_links(linked: Any, plain: Any, memory: Any, at: int, depth: int) -> Lane:
+    bits = simd.load(memory.links, at)
+    return links.bits_of_eye(linked, None, ops.to_float(bits)) if depth == 0 else bits
+
+
+@helper
+def _store_links(bits: Lane, plain: Any, memory: Any, at: int, going: Lane) -> None:
+    compress_store(memory.links, at, bits, going)
+
+
+@helper
+def _store_blockers(blockers: Lane, plain: Any, memory: Any, at: int, wanted: Lane) -> None:
+    compress_store(memory.blockers, at, blockers, wanted)
+
+
+load_links = specialize_if_present(_load_links)
+"""(links, None, memory, at, depth): the light links of the origins of rays; None in scenes without links."""
+store_links = specialize_if_present(_store_links)
+store_blockers = specialize_if_present(_store_blockers)
 load_medium = specialize_if_present(_load_medium)
 """(outside, None, memory, at, depth): the medium stacks of rays; `outside` for camera rays, None in scenes without media."""
 store_medium = specialize_if_present(_store_medium)

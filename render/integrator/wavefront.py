@@ -13,7 +13,7 @@ import numpy as np
 
 from .. import camera, simd
 from ..accel import intersect, primitive_hits
-from ..jit.kernel import helper, kernel, noinline_helper
+from ..jit.kernel import helper, kernel, noinline_helper, specialize_either
 from ..lanes import crosslane, ops
 from ..lanes.soa import ROW, SIZE, compress_store, compress_store3, gather3, load3, scatter_add, store3
 from ..material import medium_stack
@@ -26,9 +26,9 @@ from . import path_reuse
 from .path import shade_vertex
 from .path_emission import environment_radiance
 from .path_state import Connection, PathState
-from .ray_queue import as_searched, enters, from_search, pad, queue_up
+from .ray_queue import as_searched, enters, for_search, from_search, pad, queue_up
 from .wave_intersection import intersect_stage, load_hits, surface_at
-from .wave_memory import STATE, load_facing, load_medium, store_facing, store_medium
+from .wave_memory import STATE, load_facing, load_links, load_medium, store_blockers, store_facing, store_links, store_medium
 
 _WIDTH64 = simd.WIDTH64
 
@@ -176,17 +176,37 @@ def _generate_stage(tables, frame, total, memory, n):
         simd.store(memory.light, 3 * ROW + i, zero + 1.0)
 
 
-def _transmittance(accel: Any, ray: Ray) -> Lane:
+def _transmittance(accel: Any, ray: Ray, active: Lane, visible_bit: int) -> Lane:
     raise NotImplementedError
 
 
 @overload(_transmittance)
-def _transmittance_in_kernels(accel, ray):
+def _transmittance_in_kernels(accel, ray, active, visible_bit):
     """The transmittance of shadow rays through the BVH, 0 to 1."""
     if accel.field("search") is None:
-        return lambda accel, ray: 0.0 * ray.t_min + 1.0
+        return lambda accel, ray, active, visible_bit: 0.0 * ray.t_min + 1.0
     unused: Any = None  # tables, which kernels have beside their trees
-    return lambda accel, ray: intersect.transmittance(accel, unused, ray, ops.bool_like(ray.t_min, True))
+    return lambda accel, ray, active, visible_bit: intersect.transmittance(accel, unused, ray, active, visible_bit)
+
+
+@helper
+def _pass_all(accel: Any, ray: Ray, memory: Any, k: Lane) -> Lane:
+    return _transmittance(accel, ray, ops.bool_like(ray.t_min, True), intersect.SHADOW)
+
+
+@helper
+def _pass_blockers(linked: Any, accel: Any, ray: Ray, memory: Any, k: Lane) -> Lane:
+    """The transmittance of shadow rays whose lights have different blockers: one search for each set of these."""
+    blockers = for_search(memory.blockers[k])
+    share = 0.0 * ray.t_min + 1.0
+    for s in range(len(linked.sets)):
+        mine = ops.bool_like(ray.t_min, True) & (blockers == linked.sets[s])
+        if ops.any_lane(mine):
+            share = ops.where(mine, _transmittance(accel, ray, mine, linked.sets[s]), share)
+    return share
+
+
+_unblocked = specialize_either(_pass_blockers, _pass_all)
 
 
 @noinline_helper
@@ -206,6 +226,7 @@ def _shade_stage(scene, frame, memory, source, n, depth):
         path = PathState(
             load3(memory.state, base, 0, i), load3(memory.state, base, 3, i), load3(memory.state, base, 6, i), density, straight, inside,
             ops.where(code > 1.5, code, 0.0), load_facing(scene.light.emitters.tree.below, memory, source * 3 * ROW + i),
+            load_links(options.links, None, memory, source * ROW + i, depth),
         )  # fmt: skip
         slot, pixel, sample = load3(memory.index, source * 3 * ROW, 0, i)
         hit, piece, here = load_hits(memory, i, active)
@@ -240,6 +261,7 @@ def _shade_stage(scene, frame, memory, source, n, depth):
             compress_store(memory.state, target + 10 * ROW + kept, ops.where(onward.straight, 1.0, onward.phase), going)
             compress_store3(memory.index, (1 - source) * 3 * ROW + kept, (slot, pixel, sample), going)
             store_medium(onward.inside, None, memory, (1 - source) * ROW + kept, going)
+            store_links(onward.links, None, memory, (1 - source) * ROW + kept, going)
             store_facing(onward.facing, None, memory, (1 - source) * 3 * ROW + kept, going)
             kept += simd.count(going)
     return kept, asked
@@ -253,6 +275,7 @@ def _push_shadow_ray(memory: Any, asked: int, slot: Lane, connection: Connection
     compress_store(memory.shadow, 6 * ROW + asked, connection.distance, wanted)
     compress_store3(memory.shadow, 7 * ROW + asked, connection.light, wanted)
     compress_store(memory.shadow_slot, asked, slot, wanted)
+    store_blockers(connection.blockers, None, memory, asked, wanted)
 
 
 @noinline_helper
@@ -284,7 +307,7 @@ def _shadow_stage(accel, scene, frame, memory, n):
         pixel, s = sobol.zorder_index(x, y, s, frame.picture.width, frame.order)
         time = sobol.sample_time(pixel, s, options.seed, frame.shutter)
         ray = as_searched(origin, direction, 0.0 * origin[0], memory.shadow[k + 6 * ROW], time)
-        share = from_search(_transmittance(accel, ray), origin[0])
+        share = from_search(_unblocked(options.links, accel, ray, memory, k), origin[0])
         lit = (share > 0.0) & simd.first_lanes(queued - j, wide)
         if ops.any_lane(lit):
             for c in range(3):

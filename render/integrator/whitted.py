@@ -20,6 +20,7 @@ from ..jit.packed_struct import Handle
 from ..jit.value_types import NONE, ValueType, array_type, tuple_of
 from ..lanes import crosslane, ops
 from ..lanes.kinds import FLOAT, INT, VEC
+from ..light import links
 from ..material import medium_stack
 from ..material.shader import evaluate_shader_inside
 from ..sampling import sobol
@@ -62,9 +63,10 @@ def radiance(
     waiting = ops.int_like(hit.t, 0)  # rays on each lane's stack
     inside = medium_stack.initial_stack(tables, hit.t)
     cone = texture_footprint.cone_of_eye(tables, ray)
+    bits = links.bits_of_eye(options.links, None, hit.t)
     while True:
         weight = medium_stack.attenuate(inside, weight, tables, ops.where(seen, hit.t, 0.0))
-        state = RayState(ray.direction, weight, left, kind, inside, key)
+        state = RayState(ray.direction, weight, left, kind, inside, key, bits)
         rest = seen
         while ops.any_lane(rest):
             instance, here = crosslane.uniform_group(hit.instance, rest)
@@ -81,13 +83,14 @@ def radiance(
             break
         waiting = ops.where(active, waiting - 1, waiting)
         inside = ray_stack.pop_medium(inside, None, stack, waiting)
+        bits = ray_stack.pop_links(options.links, None, stack, waiting)
         cone = texture_footprint.take_cone(cone, None, stack, waiting, ray_stack.CONE)
         ray, weight, left, kind, key = ray_stack.pop(stack, waiting, ray.time)
         hit, known = intersect.closest_hit(scene.accel, tables, ray, active, OTHER_RAY), shadow_rays.forget_hidden(known)
         seen = active & (hit.instance >= 0)
         missed = active & ops.not_(hit.instance >= 0) & (kind >= SPECULAR_RAY)
         if ops.any_lane(missed):
-            behind, alpha = _escape(tables, options, ray.direction, weight, missed & (kind == STRAIGHT_RAY), alpha)
+            behind, alpha = _escape(tables, options, ray.direction, weight, missed & (kind == STRAIGHT_RAY), alpha, bits)
             total = ops.where3(missed, ops.add(total, ops.mul(weight, behind)), total)
     sound = ops.is_finite(total[0] + total[1] + total[2])
     return ops.where3(sound, total, (zero, zero, zero)), ops.clip(alpha, 0.0, 1.0), sound
@@ -100,12 +103,12 @@ def _shade(
     """(weight, light, rays on the stack) of the surfaces that a mask's lanes hit, with their secondary rays on the stack."""
     accel = scene.accel
     shading = ShadingContext(point, evaluate_shader_inside(scene.tables, point, ray.inside), ops.negate(ray.direction), ray.inside)
-    light = direct_light.local_light(scene, shading, hit, here, ray.kind >= SPECULAR_RAY, sampler)
+    light = direct_light.local_light(scene, shading, hit, here, ray.kind >= SPECULAR_RAY, sampler, ray.links)
     coverage = ray_stack.coverage_of(accel, scene, point, ray.left, sampler, stack, waiting)
     share = ops.scale(ray.weight, coverage)
     going = here & (ray.left > 0)
     if ops.any_lane(going):
-        visible = RayState(ray.direction, share, ray.left, ray.kind, ray.inside, ray.key)
+        visible = RayState(ray.direction, share, ray.left, ray.kind, ray.inside, ray.key, ray.links)
         waiting = ray_stack.spawn_secondary_rays(scene, shading, visible, going, sampler, stack, waiting)
     light = background.add_specular_environment(scene.options.environment, light, scene, point, shading.shader, ray.direction)
     waiting = ray_stack.continue_through(waiting, accel, point, ray, coverage, here, stack)
@@ -114,10 +117,10 @@ def _shade(
 
 @helper
 def _escape(
-    tables: Tables, options: Options, direction: Vec, weight: Vec, straight: Lane, alpha: Lane
+    tables: Tables, options: Options, direction: Vec, weight: Vec, straight: Lane, alpha: Lane, bits: Any
 ) -> tuple[Vec, Lane]:  # fmt: skip
     """(background, alpha) of rays that leave the scene; `straight` ones lower alpha."""
-    behind = background.reflected_background(tables, options, direction)
+    behind = background.reflected_background(tables, options, direction, bits)
     if ops.any_lane(straight):
         behind = ops.where3(straight, background.camera_background(tables, options, direction), behind)
         alpha = ops.where(straight, alpha - (weight[0] + weight[1] + weight[2]) / 3.0, alpha)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
+from ...compiler.ir.light_links import CASTERS
 from ...compiler.plan import scene_facts
 from ..lanes import ops
 from . import environment_map, light_tree, lights, shape_solid_angle
@@ -52,8 +53,10 @@ def build(tables: ir.Tables, moves: bool = False, horizon: NDArray[np.float64] |
     rows: list[dict[str, Any]] = []
     sky = environment_map.build(tables, 0, horizon, general)
     if isinstance(sky, environment_map.SkyMap) and sky.row >= 0:
-        rows.append(_row(kind=DOME, color=np.full(3, sky.power), light=int(np.flatnonzero(tables.lights.kind == ir.LightKind.DOME)[0]),
-                         weighed=True))  # fmt: skip
+        alone = environment_map.is_sampled_alone(tables)
+        kinds = (ir.LightKind.SKY, ir.LightKind.DOME) if alone else (ir.LightKind.DOME,)
+        skies = np.flatnonzero(ir.is_in(tables.lights.kind, kinds) & (tables.lights.shadows | (not alone)))
+        rows.append(_row(kind=DOME, color=np.full(3, sky.power), light=int(skies[0]), weighed=not alone))
     instances = tables.instances
     first = np.full(len(instances.geometry), -1, np.int32)
     parts = np.zeros(len(instances.geometry), np.int32)
@@ -92,7 +95,7 @@ def _row(**values: Any) -> dict[str, Any]:
 def _light_row(tables: ir.Tables, k: int, instance: int) -> dict[str, Any]:
     lit = tables.lights
     seen = instance >= 0 and bool(tables.instances.visible[instance] & ir.Visibility.REFLECTION)
-    weighed = bool(lit.shadows[k]) and seen
+    weighed = bool(lit.shadows[k]) and seen and lit.blockers[k] == CASTERS
     matrix = tables.transforms.matrix[lit.transform[k]]
     flips = bool(tables.transforms.flips[lit.transform[k]])
     both = lit.kind[k] == ir.LightKind.SPHERE

@@ -2,7 +2,7 @@
 
 Sampling inverts cumulative sums, first over rows, then over the cells of a row, which preserves stratification (Pharr, Jakob, Humphreys,
 "Physically Based Rendering", 4th ed., §12.5). The mean luminance is subtracted first (Karlík et al. 2019, "MIS Compensation"): BSDF
-samples find the uniform part.
+samples find the uniform part. Where light samples alone find the sky (see `is_sampled_alone`), nothing is subtracted.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
+from ...compiler.ir import light_links
 from ..image import metrics
 from ..jit.kernel import helper, noinline_helper
 from ..lanes import affine, ops
@@ -58,17 +59,20 @@ def _build(tables: ir.Tables, row: int, horizon: NDArray[np.float64] | None) -> 
     lit = tables.lights
     kinds = np.isin(lit.kind, (ir.LightKind.SKY, ir.LightKind.DOME)) & lit.shadows
     domes = np.flatnonzero(kinds & (lit.kind == ir.LightKind.DOME) & (lit.image >= 0) & lit.color.any(axis=1))
-    if not len(domes):
+    alone = is_sampled_alone(tables)
+    if not len(domes) and not (alone and lit.color[kinds].any()):
         return Even()
-    frame = int(lit.transform[domes[0]])
+    frame = int(lit.transform[domes[0]]) if len(domes) else 0
     matrix = tables.transforms.matrix[[frame]]
     inverse = tables.transforms.inverse[[frame]]
     bright = _image_luminance(tables, int(domes[0])) if len(domes) == 1 else _sky_luminance(tables, matrix[0])
+    if alone and len(domes) == 1:
+        bright = bright + float((lit.color[kinds & (lit.kind == ir.LightKind.SKY)] @ metrics.LUMINANCE).sum())
     height, width = bright.shape
     edges = np.cos(np.pi * np.arange(height + 1) / height)
     solid = (2.0 * np.pi / width) * (edges[:-1] - edges[1:])[:, None]
     whole = float(np.sum(bright * solid))
-    more = np.maximum(bright - whole / (4.0 * np.pi), 0.0)
+    more = np.maximum(bright - (0.0 if alone else whole / (4.0 * np.pi)), 0.0)
     if horizon is not None:
         more[_below(matrix[0], horizon, height, width)] = 0.0
     total = float(np.sum(more * solid))
@@ -80,6 +84,13 @@ def _build(tables: ir.Tables, row: int, horizon: NDArray[np.float64] | None) -> 
     columns /= np.maximum(columns[:, -1:], 1e-300)
     columns[:, -1], rows[-1] = 1.0, 1.0
     return SkyMap(matrix, inverse, rows[None], columns, more / total, total, row)
+
+
+def is_sampled_alone(tables: ir.Tables) -> bool:
+    """Whether light samples alone find the sky, as not every shadow caster blocks it: the objects that BSDF samples meet do."""
+    lit = tables.lights
+    skies = ir.is_in(lit.kind, (ir.LightKind.SKY, ir.LightKind.DOME)) & lit.shadows
+    return bool((skies & light_links.selective(tables)).any())
 
 
 def _image_luminance(tables: ir.Tables, light: int) -> NDArray[np.float64]:

@@ -33,6 +33,7 @@ _LOST = {
 def write(scene: ir.Scene, plan: Plan, converters: Converters) -> Export:
     """Exports `scene`, with the camera of `plan` first. Losses are in `found`."""
     out = Export(scene)
+    out.without_links()
     _Writer(out, converters).write(plan)
     return out
 

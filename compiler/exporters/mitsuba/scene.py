@@ -45,6 +45,7 @@ def _check_plan(out: Export, plan: Plan) -> None:
         other = "Mitsuba cuts its gaussian at four deviations, not three" if plan["filter"] == "gaussian" else "Mitsuba has none"
         out.cannot(f"the filter {plan['filter']} is not carried: {other}", hint="--plan filter=box")
     out.without_opacity()
+    out.without_links()
     used = np.unique(tables.instances.material)
     values = tables.materials.values
     specular = np.isin(tables.materials.model[used], (ir.MaterialModel.MIRROR, ir.MaterialModel.GLASS))

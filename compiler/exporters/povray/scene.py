@@ -45,6 +45,7 @@ def _check_plan(out: Export, plan: Plan) -> None:
     if plan["filter"] != "box":
         out.cannot(f"the filter {plan['filter']} is not carried: POV-Ray's is a box", hint="--plan filter=box")
     out.without_opacity()
+    out.without_links()
     matt = tables.materials.values[:, ir.Slot.DIFFUSE].max(axis=1, initial=0.0) > 0
     used = np.unique(tables.instances.material)
     if plan["interreflection"] and matt[used].any():

@@ -34,6 +34,7 @@ _AREA = (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)
 def write(scene: ir.Scene, plan: Plan, name: str, ending: str, converters: Converters) -> Export:
     """Exports `scene`, with the camera of `plan` first. Pictures are called `name`.0.png and so on. Losses are in `found`."""
     out = Export(scene)
+    out.without_links()
     made = _Writer(out, name, converters)
     made.write(plan)
     _encode(out, made.stage, name, ending)

@@ -18,7 +18,7 @@ from ... import ir
 from ...scene.builder import SceneBuilder
 from ...scene.row_records import Color, LightData, as_color
 from .. import images
-from . import light_plates, light_shaping, stage
+from . import light_plates, light_shaping, links, stage
 from .assets import Asset, asset, contents
 from .light_plates import TURNED, rigid
 from .materials import Materials
@@ -61,8 +61,12 @@ class _Light:
         return color * self.number("intensity", 1.0) * 2.0**exposure * self.number("diffuse", 1.0)
 
 
-def light(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: SceneBuilder, materials: Materials) -> None:
+def light(
+    prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: SceneBuilder, materials: Materials, prefix: str = ""
+) -> None:  # fmt: skip
     """Adds the light of a light prim under the (4, 4) matrix. `unit` is the scale of the matrix for stage units.
+
+    `prefix` is that of the names of the stage's instances, to which light links refer.
 
     A cylinder is a prism of SIDES rectangles, a textured rectangle a grid of rectangles. Light filters are reported by name.
     """
@@ -81,7 +85,7 @@ def light(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: S
         if not _is_sound(made):
             materials.tell("the size or angle of this light is 0, negative or not finite: it is left out", prim)
             return
-        builder.light(replace(made, shadows=_casts_shadows(it)), it.span)
+        builder.light(replace(made, shadows=_casts_shadows(it), links=links.of(prim, prefix)), it.span)
 
 
 def _is_sound(light: LightData) -> bool:
@@ -105,6 +109,8 @@ def mesh_radiance(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, ma
         radiance = radiance / (area / unit**2) if area > 0 else radiance
     if not _casts_shadows(it):
         materials.tell("mesh lights cast shadows", prim)
+    if links.of(prim, ""):
+        materials.tell("mesh lights light every prim, and every prim casts their shadows: their links are not drawn", prim)
     return as_color(radiance)
 
 

@@ -109,6 +109,9 @@ PROPERTIES = Table(
         "inputs:texture:file": "DomeLight; RectLight as the means of 8 by 8 cells",
         "DomeLight_1.poleAxis": "",
         "inputs:shadow:enable": "ShadowAPI",
+        "collection:lightLink:* collection:shadowLink:* collection:lightLink collection:shadowLink": (
+            "the prims that a light lights, and those that cast its shadows; an instancer counts as one prim"
+        ),
         "inputs:shaping:cone:angle inputs:shaping:cone:softness inputs:shaping:focus inputs:shaping:focusTint": "every shape",
         "inputs:shaping:ies:file inputs:shaping:ies:angleScale inputs:shaping:ies:normalize": "every shape",
         "model:drawMode model:applyDrawMode model:drawModeColor": "bounds, origin and cards in place of a model",
@@ -143,7 +146,6 @@ PROPERTIES = Table(
         "clippingPlanes": "",
         "pixelAspectRatio renderingColorSpace": "pixels are square and colours linear with the primaries of sRGB",
         "inputs:specular light:filters portals": "",
-        "collection:lightLink:* collection:shadowLink:* collection:lightLink collection:shadowLink": "",
         "inputs:shadow:color inputs:shadow:distance inputs:shadow:falloff inputs:shadow:falloffGamma": "",
     },
 )

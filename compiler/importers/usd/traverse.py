@@ -153,7 +153,7 @@ class Walk:
             self.materials.tell(f"the stage has more than {MAX_LIGHTS:,} lights: the rest is left out", piece.prim)
         for matrix in piece.matrix[:room]:
             if transforms.inverse(matrix) is not None:
-                lights.light(piece.prim, matrix, self.unit, self.opened, self.builder, self.materials)
+                lights.light(piece.prim, matrix, self.unit, self.opened, self.builder, self.materials, self.prefix)
 
     def _below(self, root: Any, here: _Inherited, into: dict[str, list[Piece]]) -> None:
         """Traverse a prim and its descendants; recursive only for point instancers."""
@@ -234,7 +234,7 @@ class Walk:
         if here.instancers:
             into.setdefault(here.purpose, []).append(Piece(LIGHT, NONE, here.matrix, prim, str(prim.GetPath())))
         elif transforms.inverse(here.matrix) is not None:
-            lights.light(prim, here.matrix, self.unit, self.opened, self.builder, self.materials)
+            lights.light(prim, here.matrix, self.unit, self.opened, self.builder, self.materials, self.prefix)
 
     # --- geometry with its material ---
 

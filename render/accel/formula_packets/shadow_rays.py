@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ....compiler import ir
+from ....compiler.ir import light_links
 from ...jit.kernel import helper, kernel
 from ...lanes import crosslane, ops, ray_soa
 from ...light import lights
@@ -27,8 +28,8 @@ CASTS, REST = int(ir.Visibility.SHADOW), scene_layout.SHADOW_REST
 
 
 def select_lights(bvh: scene_layout.Bvh, tables: ir.Tables, options: Options) -> list[int]:
-    """The lights that packets test: none where no formula surface in packets casts shadows."""
-    if not options.shadows or not (bvh.instance_rows[packet_instances(bvh), 0] & CASTS).any():
+    """The lights that packets test: none where no formula surface in packets casts shadows, and none in scenes with light links."""
+    if light_links.are_there(tables) or not options.shadows or not (bvh.instance_rows[packet_instances(bvh), 0] & CASTS).any():
         return []
     return [k for k in range(len(tables.lights.kind)) if is_selected(tables, k)]
 

@@ -144,6 +144,13 @@ def test_everything_lost_is_told(tmp_path):
     ]
 
 
+@pytest.mark.parametrize("ending", [".glb", ".usda"])
+def test_light_links_are_told(tmp_path, ending):
+    _, told = convert(tmp_path, "sphere(1)\npoint([0, 5, 0], blockers: [])\n" + CAMERA, ending)
+    lost = "`receivers` and `blockers` are not carried: the light lights every object, and each casts shadows"
+    assert [line for line in told.splitlines() if "warning" in line] == [f"{tmp_path}/a.scene:2:1: warning: {lost}"]
+
+
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_pictures_lie_as_in_the_scene(tmp_path, ending):
     """An image moved on a box, an opacity by an image, and a surface that shines."""

@@ -171,6 +171,11 @@ def test_a_pattern_lies_where_its_matrix_says() -> None:
         ),
         ("mitsuba", "ambient(#808080)", "3:1: ambient light is not carried: Mitsuba has none"),
         ("mitsuba", "point(position: [0, 2, 0], falloff: [1, 0, 1])", "3:1: a fall-off other than 1/d² is not carried"),
+        *(
+            (name, "point(position: [0, 2, 0], receivers: [])\nsphere(1)\nsun()",
+             "3:1: `receivers` and `blockers` are not carried: the light lights every object, and each casts shadows")
+            for name in ("mitsuba", "povray")
+        ),
         ("mitsuba", "point(position: [0, 2, 0], shadows: false)\nsun()", "3:1: a light without shadows is not carried"),
         (
             "mitsuba", "sphere(1, material: mirror())\nsun(angle: 1deg)",

@@ -116,6 +116,8 @@ def test_a_good_scene_is_the_very_same() -> None:
         ("lights", "color", 0, -1, "light: its strength is negative"),
         ("lights", "size", 0, 0, "light: it has no area: it gives no light"),
         ("lights", "direction", 1, 0, "light: its direction is not of length 1"),
+        ("lights", "receivers", 0, 8, "light: its links have bits that mean nothing"),
+        ("lights", "blockers", 0, -1, "light: its links have bits that mean nothing"),
         ("lights", "cos_cone", 1, 0.95, "light: its cone is none"),
         ("lights", "coefficients", 2, 1, "light: its fall-off is none"),
         ("lights", "image", 3, -1, "light: a dome has a picture"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from typing import Any
 
 from ..compiler import ir
@@ -13,6 +14,7 @@ from .backends import accumulation, kernel_choice, light_groups
 from .film import bounce_error, film
 from .film.checkpoint import Keeper
 from .film.progress import Progress, Report
+from .film.remote import Remote
 from .image import cryptomatte
 from .image.image import Image
 from .jit import cancellation, compile_events, kernel_cache
@@ -22,17 +24,17 @@ MISSING_LIGHT = 0.02  # share of a pixel's light that the limit on bounces may l
 
 def draw(
     scene: ir.Scene, plan: Plan, report: Report | None = None, cancel: threading.Event | None = None, keeper: Keeper | None = None,
-    quick: bool = False, progressive: bool = False,
+    quick: bool = False, progressive: bool = False, remote: Callable[[ir.Scene, Plan], Remote] | None = None,
 ) -> Image:  # fmt: skip
     """Render a validated scene under a plan.
 
     Calls `report` in the calling thread. `keeper` writes checkpoints, and brings the one to go on from; pictures by light groups, and
-    those that a backend draws as a whole, have none. Setting `cancel` ends the work; the picture is then partial, as
-    `metadata["partial"]` says; before its first sample Cancelled is raised between two BVHs of meshes. Other metadata: the "seconds" of
-    "build", "compile_kernels" and "render"; samples; the error reached; "notes" on effects that the backend does not draw, each
-    (message, table, row); the number of rays "unproved"; "cut", the light lost to the limit on bounces, a bounce_error.Cut, or None if
-    not measured, as of `quick` pictures, which others replace soon; "exposure", "view" and "transparent" of the plan, for files.
-    `progressive` refines all tiles together, for viewers.
+    those that a backend draws as a whole, have none. `remote` makes a renderer that draws in other processes. Setting `cancel` ends the
+    work; the picture is then partial, as `metadata["partial"]` says; before its first sample Cancelled is raised between two BVHs of
+    meshes. Other metadata: the "seconds" of "build", "compile_kernels" and "render"; samples; the error reached; "notes" on effects
+    that the backend does not draw, each (message, table, row); the number of rays "unproved"; "cut", the light lost to the limit on
+    bounces, a bounce_error.Cut, or None if not measured, as of `quick` pictures, which others replace soon; "exposure", "view" and
+    "transparent" of the plan, for files. `progressive` refines all tiles together, for viewers.
     """
     seconds: dict[str, float] = {}
     width, height = plan["size"]
@@ -40,18 +42,12 @@ def draw(
     backend = plan["backend"]
     tell = report or (lambda _: None)
     tell(Progress("building"))
-    compile_events.expect(_expected_kernels(scene, plan))
+    if remote is None:
+        compile_events.expect(_expected_kernels(scene, plan))
     with cancellation.cancelled_by(cancel), kernel_cache.timed(seconds, "build"):
-
-        def made(scene: ir.Scene, plan: Plan) -> Any:
-            def still(scene: ir.Scene) -> Any:
-                return kernel_choice.choose_renderer(scene, plan, view)
-
-            return accumulation.Renderer(scene, plan, view, still) if by_moments else still(scene)
-
         lit = channels.light_groups(plan)
-        by_moments = backend == "raster" and (plan["motion_blur"] or plan["lens"] == "thin")
-        renderer = light_groups.Renderer(scene, plan, made) if lit else made(scene, plan)
+        by_moments = _is_by_moments(plan)
+        renderer = remote(scene, plan) if remote is not None else choose_renderer(scene, plan, view)
         layers = [name for name in plan["aov"] if name in cryptomatte.LAYERS]
         mattes = cryptomatte.Mattes(scene, layers) if layers else None
     with kernel_cache.timed(seconds, "render"):
@@ -65,12 +61,28 @@ def draw(
             denoise.denoise(image, renderer, plan)
     tell(Progress("finishing"))
     notes = _notes(scene, plan) + (accumulation.notes(scene, plan) if by_moments else [])
-    unproved, cut = _count_unproved(renderer), None if quick else _measure_bounce_error(renderer, plan, image)
+    unproved, cut = count_unproved(renderer), None if quick else _measure_bounce_error(renderer, plan, image)
     shown = {"exposure": plan["exposure"], "view": plan["view"], "transparent": plan["background"] == "transparent"}
     image.metadata.update(backend=backend, seconds=seconds, notes=notes, unproved=unproved, cut=cut, **shown)
     if mattes is not None:
         image.metadata["attributes"] = mattes.attributes
     return image
+
+
+def choose_renderer(scene: ir.Scene, plan: Plan, view: types.View) -> Any:
+    """The renderer of a picture on this machine: by light groups, by moments of motion, or of a backend; see film.Renderer."""
+
+    def made(scene: ir.Scene, plan: Plan) -> Any:
+        def still(scene: ir.Scene) -> Any:
+            return kernel_choice.choose_renderer(scene, plan, view)
+
+        return accumulation.Renderer(scene, plan, view, still) if _is_by_moments(plan) else still(scene)
+
+    return light_groups.Renderer(scene, plan, made) if channels.light_groups(plan) else made(scene, plan)
+
+
+def _is_by_moments(plan: Plan) -> bool:
+    return plan["backend"] == "raster" and (plan["motion_blur"] or plan["lens"] == "thin")
 
 
 def _expected_kernels(scene: ir.Scene, plan: Plan) -> int:
@@ -85,14 +97,17 @@ def _expected_kernels(scene: ir.Scene, plan: Plan) -> int:
 
 def _measure_bounce_error(renderer: Any, plan: Plan, image: Image) -> bounce_error.Cut | None:
     """The light lost to the limit on bounces; None for partial pictures and light groups, which have a renderer each."""
-    if image.metadata["partial"] or not bounce_error.measurable(plan) or not hasattr(renderer, "limit"):
+    grouped = bool(channels.light_groups(plan))
+    if image.metadata["partial"] or grouped or not bounce_error.measurable(plan) or not hasattr(renderer, "limit"):
         return None
     allowed = decision.error_asked(plan) or max(image.metadata["error"] or 0.0, MISSING_LIGHT)
     return bounce_error.measure(renderer, plan, image.metadata["rays"], allowed)
 
 
-def _count_unproved(renderer: Any) -> int:
+def count_unproved(renderer: Any) -> int:
     """The number of rays with an interval that could not be proved free of implicit-surface hits; 0 for the reference."""
+    if isinstance(renderer, Remote):
+        return renderer.unproved
     return sum(map(_unproved_of, getattr(renderer, "used", [renderer])))  # a kernel_choice.Changeover has used several
 
 

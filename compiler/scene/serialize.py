@@ -6,7 +6,8 @@ import hashlib
 import json
 import zipfile
 import zlib
-from dataclasses import asdict, fields
+from collections.abc import Mapping
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,12 +30,26 @@ MAX_BYTES = 8 << 30  # of all arrays together
 
 def save(scene: ir.Scene, path: Path | str) -> None:
     """Write a scene to `path` atomically. Raises OSError."""
-    path = Path(path)
+    with replacing(Path(path)) as partial, partial.open("wb") as file:
+        np.savez(file, allow_pickle=False, **to_arrays(scene))  # pyright: ignore[reportArgumentType]
+
+
+def to_arrays(scene: ir.Scene) -> dict[str, np.ndarray]:
+    """A scene as arrays by name, views of its own where they are columns; `about` is JSON in UTF-8, as bytes."""
     arrays = {f"{table}.{column}": values for table, column, values in columns(scene)}
     arrays |= {f"spans.{table}": rows for table, rows in scene.spans.rows.items()}
     arrays["about"] = np.frombuffer(json.dumps(_about(scene)).encode("utf-8"), dtype=np.uint8)
-    with replacing(path) as partial, partial.open("wb") as file:
-        np.savez(file, allow_pickle=False, **arrays)
+    return arrays
+
+
+def from_arrays(arrays: Mapping[str, np.ndarray]) -> ir.Scene:
+    """The scene of `to_arrays`, not validated; arrays of the right type are not copied. Raises SceneError for those of another version."""
+    about = json.loads(arrays["about"].tobytes().decode("utf-8"))
+    if about["format"] != FORMAT:
+        raise _refused(None, "it is not maquette's")
+    if about["version"] != VERSION:
+        raise _refused(None, f"it is of version {about['version']}, and this program reads {VERSION}: compile the scene again")
+    return _scene(arrays, about)
 
 
 def load(path: Path | str) -> ir.Scene:
@@ -45,14 +60,9 @@ def load(path: Path | str) -> ir.Scene:
         if total > MAX_BYTES:
             raise _refused(path, f"it holds {size(total)}, more than {size(MAX_BYTES)}")
         with np.load(path, allow_pickle=False) as arrays:
-            about = json.loads(arrays["about"].tobytes().decode("utf-8"))
-            if about["format"] != FORMAT:
-                raise _refused(path, "it is not maquette's")
-            if about["version"] != VERSION:
-                raise _refused(path, f"it is of version {about['version']}, and this program reads {VERSION}: compile the scene again")
-            return _scene(arrays, about)
-    except SceneError:
-        raise
+            return from_arrays(arrays)
+    except SceneError as error:
+        raise SceneError([replace(d, span=Span(str(path))) for d in error.diagnostics]) from None
     except _DAMAGE as failure:
         reason = "it is damaged, or something else" if not isinstance(failure, OSError) or failure.strerror is None else failure.strerror
         raise _refused(path, reason) from None
@@ -76,8 +86,8 @@ def columns(scene: ir.Scene) -> list[tuple[str, str, np.ndarray]]:
     ]  # fmt: skip
 
 
-def _refused(path: Path | str, reason: str) -> SceneError:
-    return SceneError([Diagnostic("error", f"cannot read the saved scene: {reason}", Span(str(path)))])
+def _refused(path: Path | str | None, reason: str) -> SceneError:
+    return SceneError([Diagnostic("error", f"cannot read the saved scene: {reason}", None if path is None else Span(str(path)))])
 
 
 def _about(scene: ir.Scene) -> dict[str, Any]:

@@ -5,7 +5,7 @@ A renderer for each group draws a scene in which only that group emits, with the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -21,21 +21,46 @@ from ..types import Film, FirstHits, Tile
 Make = Callable[[ir.Scene, Plan], Any]
 
 
+class Sums:
+    """Sums of the light of each group over the samples of a picture."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.x0, self.y0, x1, y1 = plan["crop"]
+        self.count = np.zeros((y1 - self.y0, x1 - self.x0), np.int64)
+        self.light = {name: np.zeros((y1 - self.y0, x1 - self.x0, 3)) for name in (*channels.light_groups(plan), "")}
+
+    def add(self, tile: Tile, count: NDArray[np.int64], light: Mapping[str, NDArray[np.float64]]) -> None:
+        """Add the light of `count` samples of each pixel of a tile, (h, w, 3) of each group."""
+        window = slice(tile.y0 - self.y0, tile.y1 - self.y0), slice(tile.x0 - self.x0, tile.x1 - self.x0)
+        self.count[window] += count
+        for name, own in light.items():
+            self.light[name][window] += own
+
+    def put(self, image: Image) -> None:
+        """Write the groups' channels of a picture, and their sum to its `rgba`."""
+        count = np.maximum(self.count, 1)[..., None]
+        total = np.zeros((image.height, image.width, 3), np.float32)
+        for name, light in self.light.items():
+            mean = (light / count).astype(np.float32)
+            total += mean
+            if f"light:{name}" in image.channels:
+                image.channels[f"light:{name}"][...] = mean
+        image.channels["rgba"][..., :3] = total
+
+
 class Renderer:
     """Renders a picture group by group; see film.Renderer. `make` makes the renderer of a scene and a plan."""
 
     whole = None
 
     def __init__(self, scene: ir.Scene, plan: Plan, make: Make) -> None:
-        self.x0, self.y0, x1, y1 = plan["crop"]
         of = groups_of(scene, plan)
         chosen = channels.light_groups(plan)
         named = [name for name in of if name in chosen]
         others = {name for name in of if name not in chosen}
         parts = [(name, {name}) for name in named] + ([("", others)] if others else [])
         self.parts = [(name, make(*isolate_groups(scene, plan, names))) for name, names in parts]
-        self.count = np.zeros((y1 - self.y0, x1 - self.x0), np.int64)
-        self.light = {name: np.zeros((y1 - self.y0, x1 - self.x0, 3)) for name in (*chosen, "")}
+        self.sums = Sums(plan)
         if not self.parts:
             self.parts = [("", make(scene, plan))]
         self.single = None  # each group needs a film of its own
@@ -54,27 +79,37 @@ class Renderer:
                 part.refresh(samples)
 
     def shared(self) -> tuple[int, ...]:
-        """Nothing: pictures by groups have no checkpoints."""
-        return ()
+        """The states of all groups, one after the other; see film.Renderer."""
+        return tuple(number for _, part in self.parts for number in part.shared())
 
     def share(self, state: tuple[int, ...]) -> None:
-        """Do nothing."""
+        """Set the states of all groups."""
+        for _, part in self.parts:
+            size = len(part.shared())
+            part.share(state[:size])
+            state = state[size:]
 
     def continue_from(self, other: Any) -> None:
         """Do nothing: the renderer of each group changes kernels by itself."""
 
     def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
         """Add samples to the film and to each group's sums."""
-        window = slice(tile.y0 - self.y0, tile.y1 - self.y0), slice(tile.x0 - self.x0, tile.x1 - self.x0)
-        self.count[window] += count
+        self.sums.add(tile, count, self.sample_groups(tile, first, count, total, film))
+
+    def sample_groups(
+        self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film
+    ) -> dict[str, NDArray[np.float64]]:  # fmt: skip
+        """Add samples to the film; return the light of each group, (h, w, 3)."""
+        light: dict[str, NDArray[np.float64]] = {}
         for k, (name, renderer) in enumerate(self.parts):
             own = Film(np.zeros_like(film.color), np.zeros_like(film.alpha), np.zeros_like(film.issues))
             renderer.sample(tile, first, count, total, own)
-            self.light[name][window] += own.color
+            light[name] = own.color
             film.color[...] += own.color
             film.issues[...] += own.issues
             if k == 0:
                 film.alpha[...] += own.alpha
+        return light
 
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
         """Write the named channels, which are the same in all groups."""
@@ -85,15 +120,8 @@ class Renderer:
         return self.parts[0][1].first(tile, sample, total)
 
     def put(self, image: Image) -> None:
-        """Write the groups' channels of a picture, and their sum to its `rgba`."""
-        count = np.maximum(self.count, 1)[..., None]
-        total = np.zeros((image.height, image.width, 3), np.float32)
-        for name, light in self.light.items():
-            mean = (light / count).astype(np.float32)
-            total += mean
-            if f"light:{name}" in image.channels:
-                image.channels[f"light:{name}"][...] = mean
-        image.channels["rgba"][..., :3] = total
+        """See Sums.put."""
+        self.sums.put(image)
 
 
 def groups_of(scene: ir.Scene, plan: Plan) -> tuple[str, ...]:

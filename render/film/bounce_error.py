@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 from ...compiler.plan.plan import Plan
 from ...lang.schema.elements import MAX_BOUNCES
 from ..image import metrics
+from ..jit import thread_pool
 from ..types import Film, Tile
+from .remote import Remote
 
 BLOCKS = 64  # of a picture
 SIDE = 4  # pixels of a block's side
@@ -62,10 +64,11 @@ def measure(renderer: Limited, plan: Plan, samples: int, allowed: float) -> Cut:
     """Estimate the loss of a plan's bounce limit, and the bounces that lose at most `allowed`; `samples` counts those of the picture."""
     each = int(np.clip(SHARE * samples / (BLOCKS * SIDE * SIDE), 1, MOST))
     places = blocks(plan["crop"])
+    threads = renderer.threads if isinstance(renderer, Remote) else 1
 
     def light(bounces: int) -> NDArray[np.float64]:
         renderer.limit(bounces)
-        return _light(renderer, places, each)
+        return _light(renderer, places, each, threads)
 
     try:
         whole, limit = light(MAX_BOUNCES), int(plan["bounces"])
@@ -96,14 +99,18 @@ def blocks(crop: tuple[int, int, int, int]) -> list[Tile]:
     return [Tile(x, y, min(x + SIDE, x1), min(y + SIDE, y1)) for x, y in corner.tolist()]
 
 
-def _light(renderer: Limited, places: list[Tile], each: int) -> NDArray[np.float64]:
-    """(blocks,) mean light of each block, computed on this thread."""
+def _light(renderer: Limited, places: list[Tile], each: int, threads: int) -> NDArray[np.float64]:
+    """(blocks,) mean light of each block."""
     found = np.zeros(len(places))
-    for k, tile in enumerate(places):
+
+    def draw(k: int) -> None:
+        tile = places[k]
         shape = tile.y1 - tile.y0, tile.x1 - tile.x0
         sums = Film(np.zeros((*shape, 3)), np.zeros(shape), np.zeros(shape, np.int64))
         renderer.sample(tile, np.zeros(shape, np.int64), np.full(shape, each), each, sums)
         found[k] = sums.color.mean() / each
+
+    thread_pool.parallel_for(draw, range(len(places)), threads)
     return found
 
 

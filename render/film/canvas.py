@@ -22,6 +22,7 @@ from . import accumulate, adaptive_sampling, aov
 from .accumulate import PixelSums
 from .checkpoint import Keeper, State
 from .progress import Picture, Progress, Report
+from .remote import Remote
 
 TILE = 32  # pixels
 FIRST = 16  # samples a pixel before the first error estimate
@@ -43,6 +44,9 @@ def tiles(crop: tuple[int, int, int, int], side: int = TILE) -> list[Tile]:
 
 def draw_auxiliary(renderer: Any, tile: Tile, out: dict[str, NDArray[np.float32]], samples: int, mattes: Mattes | None) -> None:
     """Write the auxiliary channels of a tile."""
+    if isinstance(renderer, Remote):
+        renderer.auxiliary(tile, out, samples)
+        return
     names = tuple(name for name in out if name in aov.SEEN)
     if names:
         renderer.channels(tile, names, {name: out[name] for name in names})
@@ -52,7 +56,23 @@ def draw_auxiliary(renderer: Any, tile: Tile, out: dict[str, NDArray[np.float32]
         mattes.put(seen, {name: out[name] for name in mattes.channels})
 
 
-def _film(tile: Tile) -> Film:
+def draw_batch(
+    renderer: Any, tile: Tile, first: Counts, count: Counts, total: int, film: Film, stopped: Callable[[], bool]
+) -> int:  # fmt: skip
+    """Add samples first … first + count - 1 of every pixel of a tile to its film, until `stopped`.
+
+    Returns the number up to which each pixel's samples were drawn: at least the greatest count, unless it was stopped.
+    """
+    start, most = 0, int(count.max(initial=0))
+    while start < most and not stopped():
+        call = CALL * max(1, count.size // int(np.count_nonzero(count > start)))
+        renderer.sample(tile, first + start, np.clip(count - start, 0, call), total, film)
+        start += call
+    return start
+
+
+def blank_film(tile: Tile) -> Film:
+    """Return the film of a tile, without samples."""
     shape = (tile.y1 - tile.y0, tile.x1 - tile.x0)
     return Film(np.zeros((*shape, 3)), np.zeros(shape), np.zeros(shape, np.int64))
 
@@ -73,7 +93,7 @@ class Canvas:
         self.crop = tuple(plan["crop"])
         self.names = tuple(plan["aov"])
         self.most = int(plan["samples"])
-        self.threads = int(plan["threads"]) or target.cores()
+        self.threads = renderer.threads if isinstance(renderer, Remote) else int(plan["threads"]) or target.cores()
         self.width, self.height = self.crop[2] - self.crop[0], self.crop[3] - self.crop[1]
         self.channels = image.blank(self.width, self.height, ("rgba", *self.names))
         several = (self.height, self.width, 3) if self.most > 1 else (0, 0, 3)  # one sample has no error estimate
@@ -133,7 +153,7 @@ class Canvas:
             self.issues[tile] = self.renderer.single(tile, self.channels["rgba"][window])
         else:
             if getattr(self._local, "shape", None) != shape:
-                self._local.shape, self._local.film = shape, _film(tile)
+                self._local.shape, self._local.film = shape, blank_film(tile)
                 self._local.counts = np.zeros(shape, np.int64), np.ones(shape, np.int64)
             first, count = self._local.counts
             self.renderer.sample(tile, first, count, 1, self._local.film)
@@ -271,12 +291,13 @@ class Canvas:
 
     def _draw(self, tile: Tile, part: PixelSums, goals: Counts, deadline: float = math.inf) -> None:
         """Render the pixels of a tile up to their goals as one batch; less if cancelled or after the deadline."""
-        film, count = _film(tile), goals - part.samples
-        start, most = 0, int(count.max(initial=0))
-        while start < most and not (self.cancel.is_set() or time.perf_counter() > deadline):
-            call = CALL * max(1, count.size // int(np.count_nonzero(count > start)))
-            self.renderer.sample(tile, part.samples + start, np.clip(count - start, 0, call), self.most, film)
-            start += call
+        film, count = blank_film(tile), goals - part.samples
+        most = int(count.max(initial=0))
+        if isinstance(self.renderer, Remote):
+            start = self.renderer.batch(tile, part.samples, count, self.most, film, deadline)
+        else:
+            stopped = lambda: self.cancel.is_set() or time.perf_counter() > deadline  # noqa: E731
+            start = draw_batch(self.renderer, tile, part.samples, count, self.most, film, stopped)
         if start < most:
             count = np.minimum(count, start)
         window = self._window(tile)
@@ -324,7 +345,7 @@ class Canvas:
             if self.keeper is not None and self.keeper.due():
                 self.keep()
 
-        thread_pool.parallel_for(draw, jobs, self.threads, self.cancel, count)
+        thread_pool.parallel_for(draw, jobs, self.threads, self.cancel, count, waits=isinstance(self.renderer, Remote))
 
     # --- checkpoints ---
 

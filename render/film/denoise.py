@@ -27,6 +27,7 @@ from ..surface import interaction
 from ..surface.material_inputs import color_of
 from ..types import FirstHits, Hit, Ray, Tile
 from . import aov, film
+from .remote import Remote
 
 Pixels = NDArray[np.float32]
 
@@ -35,7 +36,7 @@ SAMPLES = 16  # most samples of a pixel for the guides: 4 leave twice the error 
 CLEAR = (int(ir.Slot.SPECULAR), int(ir.Slot.REFLECTION), int(ir.Slot.TRANSMISSION))  # colors of materials without a diffuse color
 
 
-def denoise(image: Image, renderer: film.Renderer, plan: Plan) -> None:
+def denoise(image: Image, renderer: film.Renderer | Remote, plan: Plan) -> None:
     """Denoise a picture's color in place. Sets metadata "denoised" and "denoised_error", the √relMSE left, None where it is unknown."""
     import pyoidn  # pyright: ignore[reportMissingImports]
 
@@ -67,7 +68,7 @@ def error_left(noisy: Pixels, half: Pixels, share: float, denoised: Pixels, clea
     return math.sqrt(max(float(np.mean(weights * squares)), LEAST**2 * share * float(np.mean(weights * noise))))
 
 
-def guides(renderer: film.Renderer, plan: Plan) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def guides(renderer: film.Renderer | Remote, plan: Plan) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """(albedo, normal) of first hits, (h, w, 3) each, averaged over samples."""
     x0, y0, x1, y1 = plan["crop"]
     found = np.zeros((2, y1 - y0, x1 - x0, 3))
@@ -75,13 +76,22 @@ def guides(renderer: film.Renderer, plan: Plan) -> tuple[NDArray[np.float32], ND
 
     def draw(tile: Tile) -> None:
         window = found[:, tile.y0 - y0 : tile.y1 - y0, tile.x0 - x0 : tile.x1 - x0]
-        for s in range(count):
-            window += _seen(renderer.first(tile, s, int(plan["samples"]))).reshape(window.shape) / count
+        window += tile_guides(renderer, tile, count, int(plan["samples"]))
 
-    threads = int(plan["threads"]) or target.cores()
+    threads = renderer.threads if isinstance(renderer, Remote) else int(plan["threads"]) or target.cores()
     thread_pool.parallel_for(draw, film.tiles((x0, y0, x1, y1)), threads)
     albedo, normal = found.astype(np.float32)
     return np.clip(albedo, 0.0, 1.0), normal
+
+
+def tile_guides(renderer: film.Renderer | Remote, tile: Tile, count: int, total: int) -> NDArray[np.float64]:
+    """(2, h, w, 3) albedo and normal of a tile, averaged over the first `count` of `total` samples."""
+    if isinstance(renderer, Remote):
+        return renderer.guides(tile, count, total)
+    found = np.zeros((2, tile.y1 - tile.y0, tile.x1 - tile.x0, 3))
+    for s in range(count):
+        found += _seen(renderer.first(tile, s, total)).reshape(found.shape) / count
+    return found
 
 
 def _seen(first: FirstHits) -> NDArray[np.float64]:

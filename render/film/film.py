@@ -27,6 +27,7 @@ from .canvas import Canvas, draw_auxiliary
 from .canvas import tiles as tiles
 from .checkpoint import Keeper
 from .progress import Progress, Report
+from .remote import Remote
 
 Counts = NDArray[np.int64]
 
@@ -135,7 +136,7 @@ class Whole(Protocol):
 
 
 def run(
-    renderer: Renderer, plan: Plan, view: View, report: Report | None = None, cancel: threading.Event | None = None,
+    renderer: Renderer | Remote, plan: Plan, view: View, report: Report | None = None, cancel: threading.Event | None = None,
     mattes: Mattes | None = None, keeper: Keeper | None = None, progressive: bool = False,
 ) -> image.Image:  # fmt: skip
     """Render plan["crop"] of a picture to plan["samples"], or until plan["error"] or plan["budget"] ends it.
@@ -144,7 +145,7 @@ def run(
     `progressive` is that of Canvas.
     Setting `cancel` ends the work; the partial picture is returned, with metadata["partial"]. An exception in a worker is raised here.
     """
-    if renderer.whole is not None:
+    if not isinstance(renderer, Remote) and renderer.whole is not None:
         return _in_pieces(renderer, renderer.whole, plan, view, report, cancel or threading.Event(), mattes)
     started = time.perf_counter()
     canvas = Canvas(renderer, plan, cancel or threading.Event(), report, mattes, keeper, progressive)

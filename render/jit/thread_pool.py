@@ -68,9 +68,11 @@ def _start(work: Callable[[], Any], report: Callable[[Any], None], threads: int)
 
 def parallel_for(
     draw: Callable[[Any], Any], jobs: Sequence[Any], threads: int, cancel: threading.Event | None = None,
-    on_done: Callable[[Any, Any], None] | None = None,
+    on_done: Callable[[Any, Any], None] | None = None, waits: bool = False,
 ) -> None:  # fmt: skip
     """Call draw(job) for all jobs on up to `threads` threads, the caller's included; report on_done(job, result) on the caller's.
+
+    With `waits`, jobs wait for others: the caller's thread runs none, and reports at once.
 
     The first exception of a job stops the others and is raised here. Setting `cancel` stops after the running jobs.
     """
@@ -94,11 +96,11 @@ def parallel_for(
             return nothing, None, problem
         return nothing, None, None
 
-    running, failure = max(1, min(threads, len(jobs))) - 1, None
+    running, failure = max(1, min(threads, len(jobs))) - (not waits), None
     _start(loop, results.put, running)
     try:
         while True:
-            mine = next_job()
+            mine = nothing if waits else next_job()
             if mine is not nothing:
                 result = draw(mine)
                 if on_done is not None:

@@ -87,3 +87,13 @@ def test_workers_stay_off_the_callers_core():
     (other,) = cores.values()
     assert other < mine
     assert len(mine - other) == 1
+
+
+def test_a_caller_that_waits_runs_no_job():
+    here, ran, told = threading.get_ident(), [], []
+    thread_pool.parallel_for(lambda k: ran.append(threading.get_ident()), range(20), 3, None, lambda k, _: told.append(k), waits=True)
+    assert sorted(told) == list(range(20))
+    assert here not in ran
+    assert 1 <= len(set(ran)) <= 3
+    thread_pool.parallel_for(lambda k: ran.append(k), [], 3, waits=True)
+    assert len(ran) == 20

@@ -167,7 +167,7 @@ def _measure(path: Path, metric: str, quiet: bool, given: dict[str, Any]) -> tup
         name=named, settings=settings, backends=given["backends"] or BACKENDS, peers=given["peers"], metric=metric,
         budget=given["budget"] or BUDGET, seeds=given["seeds"], repeats=given["repeats"], keep=given["keep"],
     )  # fmt: skip
-    with Display(quiet) as display, jobs.catch_interrupt() as cancel:
+    with Display(quiet) as display, terminal.catch_interrupt() as cancel:
         try:
             measured = engine.measure(scene, wanted, lambda done, total: display(Progress("measuring", done / total)), cancel)
         except planner.PlanError as error:

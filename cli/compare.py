@@ -266,7 +266,7 @@ def _check_sizes(paths: tuple[Path, Path], ready: list[Side | None], plans: list
 def _draw(name: str, scene: ir.Scene, plan: Plan, letter: str, quiet: bool) -> Side:
     from ..measure.comparison import sides
 
-    with Display(quiet, f"{letter} ({plan['backend']})") as display, jobs.catch_interrupt() as cancel:
+    with Display(quiet, f"{letter} ({plan['backend']})") as display, terminal.catch_interrupt() as cancel:
         side = sides.render(scene, plan, name, display, cancel)
     if side.image.metadata["partial"]:
         raise KeyboardInterrupt

@@ -145,6 +145,11 @@ def _extras() -> Iterator[Finding]:
     except metadata.PackageNotFoundError:
         text = f"for compressed glTF meshes: {distribution.install_command('draco')}"
         yield Finding("draco", "missing", text, {"version": None})
+    try:
+        version = metadata.version("distributed")
+        yield Finding("cluster", "ok", f"Dask {version}, for render --cluster", {"version": version})
+    except metadata.PackageNotFoundError:
+        yield Finding("cluster", "missing", f"for render --cluster: {distribution.install_command('cluster')}", {"version": None})
     for peer in registry.every():
         missing = peer.missing
         text = f"for chart --peers {peer.name}: {missing}" if missing else f"{peer.version}, for chart --peers {peer.name}"

@@ -1,11 +1,19 @@
-"""Memory of this process: the peak so far, and the bytes still free."""
+"""Memory of this process: the peak so far, the bytes still free, and the strips of pictures that do not fit."""
 
 from __future__ import annotations
 
 import re
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+import click
+
+if TYPE_CHECKING:
+    from ..compiler import ir
+    from ..compiler.plan.plan import Plan
+
+SMALL_PICTURE = 256_000_000  # bytes of pixels that are tried in any case
 LATER = 600_000_000  # bytes of address space of libraries that are loaded later
 
 try:
@@ -59,3 +67,35 @@ def _of_limit() -> int | None:
     except OSError:
         return max(soft - LATER, 0)
     return max(soft - pages * resource.getpagesize() - LATER, 0)
+
+
+def strip_plans(scene: ir.Scene, plan: Plan, path: Path, memory: int | None) -> list[Plan]:
+    """The plan, or the plans of its strips for a picture larger than memory.
+
+    Raises UsageError for options that exclude strips, and for a picture that does not fit.
+    """
+    from ..render import large_images, memory_estimate
+    from ..render.image import image_files
+
+    linear = path.suffix.lower() in image_files.LINEAR
+    needs, free = memory_estimate.estimate(scene, plan, linear), free_memory() if memory is None else memory
+    x0, y0, x1, y1 = plan["crop"]
+    pixels = (x1 - x0) * (y1 - y0)
+    whole, most = needs.total(pixels), large_images.MAX_PIXELS
+    limit = None if free is None else free + (memory_estimate.loaded(scene) if memory is None else 0)
+    if limit is not None and (memory is not None or needs.pixel * pixels > SMALL_PICTURE):
+        most = needs.most_pixels(limit)
+    parts = large_images.strip_plans(plan, max(most, 0))
+    if len(parts) == 1:
+        return parts
+    why = large_images.refusal(plan, exposed=not linear)
+    size = f"a picture of {plan['size'][0]} by {plan['size'][1]} pixels"
+    if free is not None and limit is not None and most < large_images.MAX_PIXELS:
+        there = f"{size} takes about {whole / 1e9:.2g} GB of memory, and {free / 1e9:.2g} GB are {'free' if memory is None else 'allowed'}"
+        if why:
+            raise click.UsageError(f"{there}; in strips it takes less, but {why}")
+        if needs.total((x1 - x0) * (parts[0]["crop"][3] - y0)) > limit:
+            raise click.UsageError(f"{there}; a strip of it does not fit either: give a smaller --size")
+    elif why:
+        raise click.UsageError(f"{size} is rendered in strips: {why}")
+    return parts

@@ -8,16 +8,14 @@ import math
 import os
 import re
 import shlex
-import signal
 import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import click
 
@@ -27,7 +25,7 @@ from ..lang.diagnostics import Diagnostic, SceneError
 from ..lang.plain_values import time_range
 from . import option_types as values
 from . import terminal
-from .memory import free_memory, peak_memory
+from .memory import peak_memory, strip_plans
 from .progress import Display
 from .scene_source import Source, measure_time
 
@@ -35,10 +33,12 @@ if TYPE_CHECKING:
     from ..compiler import ir
     from ..compiler.plan.plan import Plan
     from ..render.film.checkpoint import Keeper
+    from ..render.film.progress import Report
     from ..render.image.image import Image
+    from ..render.large_images import Draw
 
 FIRST_CHECKPOINT, CHECKPOINT = 60.0, 30.0  # seconds to the first checkpoint, and between others
-SMALL_PICTURE = 256_000_000  # bytes of pixels that are tried in any case
+Frame = tuple[Path, float, dict[str, float]]  # file, number, moment as for Source.load
 STAGES = ("import", "parse", "evaluate", "lower", "validate", "compile_kernels", "build", "render", "write")
 
 
@@ -110,6 +110,36 @@ class Laps:
         self._last = now
 
 
+class Reading(NamedTuple):
+    """A picture that was read and planned."""
+
+    path: Path
+    scene: ir.Scene
+    plan: Plan
+    parts: list[Plan]  # of strips, if there are several
+    seconds: dict[str, float]
+
+
+class Cluster(Protocol):
+    """Renders on other machines; see cluster/session.py."""
+
+    def draw(self, scene: ir.Scene, plan: Plan, report: Report, cancel: threading.Event, keeper: Keeper | None = None) -> Image:
+        """As render_scene.draw."""
+        ...
+
+    def takes_frames(self, job: Job, frames: list[Frame]) -> bool:
+        """Whether `frames` draws them faster than one after the other."""
+        ...
+
+    def frames(self, job: Job, frames: list[Frame]) -> list[dict[str, Any]]:
+        """Render frames, several at a time. Returns the statistics of each. Raises KeyboardInterrupt."""
+        ...
+
+    def notes(self) -> list[Diagnostic]:
+        """Warnings about workers."""
+        ...
+
+
 @dataclass(slots=True)
 class Job:
     """A render of one picture, or of one picture per frame with the same exposure."""
@@ -124,6 +154,7 @@ class Job:
     checkpoint: float | None = 0.0  # seconds between checkpoints; 0: none; None: CHECKPOINT, after the first minute
     resume: bool = False  # go on from checkpoints
     memory: int | None = None  # bytes that may be taken; None: what is free
+    cluster: Cluster | None = None  # that draws the pictures; None: this machine
     exposure: float | None = None  # metered at the first picture
     reported: set[Diagnostic] = field(default_factory=set)
     noted: set[str] = field(default_factory=set)  # notes so far, without their figures
@@ -136,18 +167,20 @@ class Job:
         Raises KeyboardInterrupt after a partial one.
         """
         if frames is None:
-            return [self._summarize(self.output, self._picture(self.output, {}))]
+            return [self.summarize(self.output, self._picture(self.output, {}))]
         numbers = self.source.frames(frames)
         every = [(self.frame_file(n), n, moment) for n, moment in zip(numbers, self.source.moments(numbers), strict=True)]
         missing = [frame for frame in every if not (self.resume and frame[0].is_file())]
         if len(missing) < len(every):
             self._skip(len(every) - len(missing), next(path for path, _, _ in every if path.is_file()))
+        if self.cluster is not None and self.cluster.takes_frames(self, missing):
+            return self.cluster.frames(self, missing)
         pictures: list[dict[str, Any]] = []
         began = time.perf_counter()
         for i, (path, number, moment) in enumerate(missing, 1):
             each = (time.perf_counter() - began) / max(i - 1, 1)
             left = f", all in {time_range(each * (len(missing) - i + 1))}" if i > 1 else ""
-            pictures.append(self._summarize(path, self._picture(path, moment, f"frame {number:g} ({i} of {len(missing)}{left})")))
+            pictures.append(self.summarize(path, self._picture(path, moment, f"frame {number:g} ({i} of {len(missing)}{left})")))
         return pictures
 
     def draw(self, path: Path, what: str) -> dict[str, Any]:
@@ -167,7 +200,8 @@ class Job:
         about = image_reader.read(file).metadata["about"]
         self.exposure = float(about["exposure"]) if "exposure" in about else None
 
-    def _summarize(self, path: Path, figures: dict[str, Any]) -> dict[str, Any]:
+    def summarize(self, path: Path, figures: dict[str, Any]) -> dict[str, Any]:
+        """Print the summary of a picture, unless quiet. Returns its statistics."""
         if not self.quiet:
             click.echo(summary(path, figures))
         return figures
@@ -195,25 +229,50 @@ class Job:
             return self._shown_picture(path, moment)
 
     def _shown_picture(self, path: Path, moment: Mapping[str, float]) -> dict[str, Any]:
+        read = self.read(path, moment)
+        keeper = self._keeper(read) if len(read.parts) == 1 else None
+        with terminal.catch_interrupt() as cancel:
+            image = self._draw(read, cancel, keeper)
+        return self.finish(read, image, keeper)
+
+    def read(self, path: Path, moment: Mapping[str, float]) -> Reading:
+        """Load and plan a picture, and report its diagnostics. Raises SceneError, and UsageError for one that cannot be drawn."""
         seconds: dict[str, float] = dict.fromkeys(STAGES, 0.0)
         self.laps = Laps()
         with measure_time(seconds, "import"):
-            from ..render import picture_notes, render_scene
+            from ..render import picture_notes
         self.display.stage("reading")
         scene, found = self.source.load(seconds, **moment)
         self.files = tuple(Path(file) for file in scene.files)
         plan = make_plan(scene, self.settings, self.overrides)
         check_output(path, plan["aov"], self.bits, plan["view"])
-        parts = _strip_plans(scene, plan, path, self.memory)
+        parts = strip_plans(scene, plan, path, self.memory)
         self._report(found.items)
         self._report(picture_notes.plan_warnings(scene, plan))
         self.laps.end("read")
-        keeper = self._keeper(scene, plan, path) if len(parts) == 1 else None
-        with catch_interrupt() as cancel:
-            if len(parts) > 1:
-                image = self._render_strips(scene, plan, parts, path, cancel)
-            else:
-                image = render_scene.draw(scene, plan, self.display, cancel, keeper)
+        return Reading(path, scene, plan, parts, seconds)
+
+    def _draw(self, read: Reading, cancel: threading.Event, keeper: Keeper | None) -> Image:
+        """Draw a picture here, or on the cluster. Raises KeyboardInterrupt if it was cancelled before its first sample."""
+        from ..render import render_scene
+        from ..render.jit.cancellation import Cancelled
+
+        draw: Draw = render_scene.draw if self.cluster is None else self.cluster.draw
+        try:
+            if len(read.parts) > 1:
+                return self._render_strips(read, draw, cancel)
+            return draw(read.scene, read.plan, self.display, cancel, keeper)
+        except Cancelled:
+            raise KeyboardInterrupt from None
+        finally:
+            if self.cluster is not None:
+                self._report(self.cluster.notes())
+
+    def finish(self, read: Reading, image: Image, keeper: Keeper | None = None) -> dict[str, Any]:
+        """Write a picture, unless it was in strips. Returns its statistics. Raises KeyboardInterrupt after a partial one."""
+        from ..render import picture_notes
+
+        path, scene, plan, parts, seconds = read
         for name, value in image.metadata["seconds"].items():
             seconds[name] = seconds.get(name, 0.0) + value
         self.laps.end("draw")
@@ -235,16 +294,17 @@ class Job:
             keeper.remove()
         return self._figures(scene, plan, image, seconds)
 
-    def _keeper(self, scene: ir.Scene, plan: Plan, path: Path) -> Keeper | None:
+    def _keeper(self, read: Reading) -> Keeper | None:
         """The writer of a picture's checkpoints, beside its file; None for none. Prints a note on a checkpoint that exists."""
         if self.checkpoint == 0.0:
             return None
         from ..render.film import checkpoint
 
-        file = path.with_name(f"{path.name}.checkpoint")
+        file = read.path.with_name(f"{read.path.name}.checkpoint")
         first, every = (FIRST_CHECKPOINT, CHECKPOINT) if self.checkpoint is None else (self.checkpoint, self.checkpoint)
         there = file.is_file()
-        keeper = checkpoint.Keeper(file, functools.partial(checkpoint.key_of, scene, plan, __version__), first, every, self.resume)
+        key = functools.partial(checkpoint.key_of, read.scene, read.plan, __version__)
+        keeper = checkpoint.Keeper(file, key, first, every, self.resume)
         if self.resume and keeper.found is not None:
             note = f"goes on from {file}, with {keeper.found.arrays['samples'].mean():.3g} samples a pixel"
         elif self.resume and there:
@@ -286,18 +346,19 @@ class Job:
         }  # fmt: skip
         return look, about
 
-    def _render_strips(self, scene: ir.Scene, plan: Plan, parts: list[Plan], path: Path, cancel: Any) -> Image:
+    def _render_strips(self, read: Reading, draw: Draw, cancel: threading.Event) -> Image:
         """Render and write a picture in strips, for one larger than memory. Returns its metadata without pixels."""
         from ..render import large_images
         from ..render.image import image_files
         from ..render.image.image import Image
 
+        path, plan = read.path, read.plan
         metered = plan["exposure"] == "metered"  # of a file that holds linear light
         look, about = self._encoding(plan, 0.0 if metered else plan["exposure"])
         _, y0, _, y1 = plan["crop"]
         metadata: list[dict[str, Any]] = []
         with image_files.Strips(path, look, about, y1 - y0) as file:
-            for image in large_images.draw_strips(scene, parts, self.display, cancel):
+            for image in large_images.draw_strips(draw, read.scene, read.parts, self.display, cancel):
                 file.add(image)
                 metadata.append(image.metadata)
             if cancel.is_set():
@@ -340,38 +401,6 @@ def _without_figures(found: Diagnostic) -> str:
     return re.sub(r"\d[\d.,]*", "#", found.message)
 
 
-def _strip_plans(scene: ir.Scene, plan: Plan, path: Path, memory: int | None) -> list[Plan]:
-    """The plan, or the plans of its strips for a picture larger than memory.
-
-    Raises UsageError for options that exclude strips, and for a picture that does not fit.
-    """
-    from ..render import large_images, memory_estimate
-    from ..render.image import image_files
-
-    linear = path.suffix.lower() in image_files.LINEAR
-    needs, free = memory_estimate.estimate(scene, plan, linear), free_memory() if memory is None else memory
-    x0, y0, x1, y1 = plan["crop"]
-    pixels = (x1 - x0) * (y1 - y0)
-    whole, most = needs.total(pixels), large_images.MAX_PIXELS
-    limit = None if free is None else free + (memory_estimate.loaded(scene) if memory is None else 0)
-    if limit is not None and (memory is not None or needs.pixel * pixels > SMALL_PICTURE):
-        most = needs.most_pixels(limit)
-    parts = large_images.strip_plans(plan, max(most, 0))
-    if len(parts) == 1:
-        return parts
-    why = large_images.refusal(plan, exposed=not linear)
-    size = f"a picture of {plan['size'][0]} by {plan['size'][1]} pixels"
-    if free is not None and limit is not None and most < large_images.MAX_PIXELS:
-        there = f"{size} takes about {whole / 1e9:.2g} GB of memory, and {free / 1e9:.2g} GB are {'free' if memory is None else 'allowed'}"
-        if why:
-            raise click.UsageError(f"{there}; in strips it takes less, but {why}")
-        if needs.total((x1 - x0) * (parts[0]["crop"][3] - y0)) > limit:
-            raise click.UsageError(f"{there}; a strip of it does not fit either: give a smaller --size")
-    elif why:
-        raise click.UsageError(f"{size} is rendered in strips: {why}")
-    return parts
-
-
 def _partial(path: Path, in_strips: bool) -> Path:
     """The file of an interrupted picture: an .exr, which holds all channels, or in strips the format of the output."""
     return path.with_name(f"{path.stem}.partial{path.suffix if in_strips else '.exr'}")
@@ -390,23 +419,6 @@ def _rescue(image: Image, path: Path) -> str:
         else:
             return f"its pixels are in {other}"
     return f"its pixels are lost: {reason}"
-
-
-@contextmanager
-def catch_interrupt() -> Iterator[threading.Event]:
-    """An event that the first Ctrl-C sets; the second raises KeyboardInterrupt at once."""
-    event = threading.Event()
-
-    def interrupt(number: int, frame: Any) -> None:
-        if event.is_set():
-            raise KeyboardInterrupt
-        event.set()
-
-    before = signal.signal(signal.SIGINT, interrupt)
-    try:
-        yield event
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def write_json(path: Path, data: Any) -> None:

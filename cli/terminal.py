@@ -1,10 +1,13 @@
-"""Terminal output: diagnostics with source lines, tables."""
+"""Terminal: diagnostics with source lines, tables; Ctrl-C."""
 
 from __future__ import annotations
 
 import os
+import signal
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+import threading
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -121,3 +124,20 @@ def _range(values: tuple[Any, ...]) -> str:
 def _names(scene: ir.Scene, table_name: str, most: int = 8) -> str:
     names = [name for name in dict.fromkeys(getattr(scene.names, table_name, ())) if name]
     return ", ".join(names[:most]) + (f", … {len(names) - most} more" if len(names) > most else "")
+
+
+@contextmanager
+def catch_interrupt() -> Iterator[threading.Event]:
+    """An event that the first Ctrl-C sets; the second raises KeyboardInterrupt at once."""
+    event = threading.Event()
+
+    def interrupt(number: int, frame: Any) -> None:
+        if event.is_set():
+            raise KeyboardInterrupt
+        event.set()
+
+    before = signal.signal(signal.SIGINT, interrupt)
+    try:
+        yield event
+    finally:
+        signal.signal(signal.SIGINT, before)

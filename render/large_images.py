@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,13 +16,14 @@ import numpy as np
 
 from ..compiler import ir
 from ..compiler.plan.plan import Plan
-from . import render_scene
 from .film import bounce_error, film
 from .film.progress import Progress, Report
 from .image.image import Image
 
 MAX_PIXELS = 1 << 27  # of a picture rendered at once: 2 GiB of red, green, blue and coverage
 STRIP_PIXELS = 1 << 24
+
+Draw = Callable[..., Image]  # render_scene.draw, or one with its parameters
 
 
 def strip_plans(plan: Plan, most: int = MAX_PIXELS) -> list[Plan]:
@@ -45,14 +46,14 @@ def refusal(plan: Plan, exposed: bool = True) -> str:
     return ""
 
 
-def draw_strips(scene: ir.Scene, strips: Sequence[Plan], report: Report, cancel: threading.Event) -> Iterator[Image]:
-    """Yield the picture of each strip. After `cancel` is set, the remaining strips are empty and partial."""
+def draw_strips(draw: Draw, scene: ir.Scene, strips: Sequence[Plan], report: Report, cancel: threading.Event) -> Iterator[Image]:
+    """Yield the picture of each strip, as `draw` draws it. After `cancel` is set, the remaining strips are empty and partial."""
     for k, plan in enumerate(strips):
 
         def of_all(progress: Progress, before: int = k) -> None:
             report(progress._replace(share=(before + progress.share) / len(strips)))
 
-        yield render_scene.draw(scene, plan, of_all, cancel)
+        yield draw(scene, plan, of_all, cancel)
 
 
 def join_metadata(about: Sequence[dict[str, Any]], plan: Plan) -> dict[str, Any]:

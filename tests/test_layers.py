@@ -69,9 +69,10 @@ MAY_IMPORT = {
     "render.backends": "render.film render.raster",
     "render.quality_settings": "compiler.plan",
     "render.render_scene": "render.backends",
-    "render.large_images": "render.render_scene",
+    "render.large_images": "render.film",
     "render.memory_estimate": "compiler.plan render.image",
     "render.picture_notes": "render.render_scene",
+    "render.cluster": "compiler.scene render.render_scene",
     "render.python_scene": "render.render_scene",
     "live": "*",
     "live.lsp": "live",
@@ -82,6 +83,7 @@ MAY_IMPORT = {
     "measure.chart": "measure.peers",
     "cli": "*",
     "cli.scene_tests": "cli",
+    "cli.cluster": "cli",
     "top": "*",
 }
 # `*` is every package but these and the packages inside them.
@@ -92,6 +94,7 @@ LATE = {
     "DracoPy": "an extra, for compressed glTF meshes",
     "PIL": "only animations and sheets need it",
     "av": "an extra, for .mp4 files",
+    "distributed": "an extra, for rendering on a cluster",
     "OpenImageIO": "only scenes with pictures need it",
     "fcntl": "some systems lack it",
     "manifold3d": "only solids with meshes in them need it",
@@ -108,6 +111,7 @@ ONE_FILE = {
     "uharfbuzz": "compiler/importers/fonts.py",
     "av": "render/image/animation.py",
     "anywidget": "live/widget.py",
+    "distributed": "render/cluster/dask_cluster.py",
 }
 # Files whose functions open the next stage's door when it is reached, so that `--help` and `check` stay quick.
 DOORS = {
@@ -118,6 +122,7 @@ DOORS = {
     "cli/chart.py": "drawing again loads no scene, and nobody else loads matplotlib",
     "cli/compare.py": "pictures and scenes load what they need",
     "cli/convert.py": "each format loads what writes it",
+    "cli/memory.py": "only a render estimates its memory",
     "cli/measure.py": "`--help` loads no numpy of meshes",
     "cli/scene_selection.py": "who selects nothing loads no selection",
     "cli/format.py": "`--help` loads no parser",

@@ -142,7 +142,7 @@ def _render(name: str, path: Path, before: Side | None, quiet: bool, given: dict
         plan = sides.make_plan(scene, replace(settings, size=size, samples=work), overrides)
     except planner.PlanError as error:
         raise click.UsageError(str(error)) from None
-    with Display(quiet, name) as display, jobs.catch_interrupt() as cancel:
+    with Display(quiet, name) as display, terminal.catch_interrupt() as cancel:
         made = sides.render(scene, plan, name, display, cancel)
     if made.image.metadata["partial"]:
         raise KeyboardInterrupt

@@ -17,7 +17,7 @@ from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
-from maquette.cli import render_job
+from maquette.cli import terminal
 from maquette.cli.main import cli
 from maquette.render.image import image_files, image_reader, metrics
 from maquette.render.image.image import Image
@@ -458,7 +458,7 @@ def test_an_interrupt_ends_the_comparison(scene: Path, monkeypatch: pytest.Monke
         event.set()
         yield event
 
-    monkeypatch.setattr(render_job, "catch_interrupt", pressed)
+    monkeypatch.setattr(terminal, "catch_interrupt", pressed)
     assert run("compare", scene, "--backends", "raster,ray", "-o", "d.png") == (130, "", "")
     assert not Path("d.png").exists()
 

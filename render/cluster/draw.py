@@ -1,0 +1,53 @@
+"""Draws pictures on a cluster: one picture by the tiles of all workers, or whole pictures, each by one worker."""
+
+from __future__ import annotations
+
+import threading
+
+from ...compiler import ir
+from ...compiler.plan.plan import Plan
+from .. import render_scene
+from ..film.checkpoint import Keeper
+from ..film.progress import Progress, Report
+from ..image.image import Image
+from ..jit.cancellation import Cancelled
+from ..raster import band_renderer
+from . import messages
+from .dask_cluster import Cluster
+from .remote_renderer import RemoteRenderer
+from .tickets import Ticket
+
+
+def draw(
+    cluster: Cluster, scene: ir.Scene, plan: Plan, report: Report, cancel: threading.Event, keeper: Keeper | None = None
+) -> Image:  # fmt: skip
+    """The picture that render_scene.draw gives, bit for bit. Raises ClusterError, and Cancelled before the first sample.
+
+    The bands of the rasterizer share memory: one worker draws such a picture.
+    """
+    report(Progress("building"))
+    cluster.wait(cancel)
+    if is_in_bands(plan):
+        report(Progress("rendering"))
+        return finish(begin(cluster, scene, plan, cancel))
+    return render_scene.draw(scene, plan, report, cancel, keeper, remote=lambda scene, plan: RemoteRenderer(cluster, scene, plan, cancel))
+
+
+def is_in_bands(plan: Plan) -> bool:
+    """Whether the rasterizer draws a picture as a whole."""
+    return plan["backend"] == "raster" and band_renderer.can_draw(plan)
+
+
+def begin(cluster: Cluster, scene: ir.Scene, plan: Plan, cancel: threading.Event) -> Ticket:
+    """Ask for a whole picture, which one worker draws with all its threads."""
+    x0, y0, x1, y1 = plan["crop"]
+    cost = float((x1 - x0) * (y1 - y0) * plan["samples"])
+    return cluster.ask(Ticket(cluster.work(scene, messages.plan_to(plan)), {"do": "picture"}, {}, cost, cancel))
+
+
+def finish(ticket: Ticket) -> Image:
+    """Wait for a picture. Raises ClusterError and Cancelled."""
+    answer = ticket.wait()
+    if answer is None:
+        raise Cancelled
+    return messages.image_from(*answer)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -51,10 +53,15 @@ def faces(points: F64, indices: I32 | I64, counts: I32 | I64) -> Cut:
     for n in np.unique(counts[counts >= 3]):
         rows = np.flatnonzero(counts == n)
         corners = firsts[rows][:, None] + np.arange(n)
-        if n == 3 and (solid := _solid_triangles(points, indices, corners)) is not None:
-            dropped += int(np.count_nonzero(~solid))
-            made.append((corners[solid], rows[solid]))
-            continue
+        if (simple := _simple(points, indices, corners)) is not None:
+            solid, whole = simple
+            made.append((_fan(corners[whole], 0).reshape(-1, 3), np.repeat(rows[whole], n - 2)))
+            if n == 3:
+                dropped += int(np.count_nonzero(~solid))
+                continue
+            rows, corners = rows[~whole], corners[~whole]
+            if not len(rows):
+                continue
         shape = points[indices[corners]]
         shape = shape - shape[:, :1]
         normal = newell(shape)
@@ -75,16 +82,35 @@ def faces(points: F64, indices: I32 | I64, counts: I32 | I64) -> Cut:
     return Cut(triangles.astype(np.int32), owners.astype(np.int32), dropped)
 
 
-def _solid_triangles(points: F64, indices: np.ndarray, corners: np.ndarray) -> np.ndarray | None:
-    """Whether triangles have area, by the rule of `faces`, one coordinate at a time; None if some area is too small or large to square."""
-    a, b, c = (np.ascontiguousarray(points[indices[corners[:, k]]].T) for k in range(3))
+def _simple(points: F64, indices: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """Whether faces (k, n) have area, and whether the fan from their first corner covers them, by the rules of `faces`.
+
+    One coordinate at a time, which is several times as fast; None if some area is too small or large to square.
+    """
+    shape = [np.ascontiguousarray(points[indices[corners[:, k]]].T) for k in range(corners.shape[1])]
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):
-        u, v = b - a, c - a
-        x, y, z = u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
-        square = x * x + y * y + z * z
-        extent = (np.maximum(np.maximum(u, v), 0.0) - np.minimum(np.minimum(u, v), 0.0)).max(axis=0)
+        spokes = [corner - shape[0] for corner in shape[1:]]
+        areas = [_cross(u, v) for u, v in itertools.pairwise(spokes)]
+        normal = functools.reduce(np.add, areas)
+        square = _dot(normal, normal)
+        highest, lowest = functools.reduce(np.maximum, spokes, np.float64(0.0)), functools.reduce(np.minimum, spokes, np.float64(0.0))
+        extent = np.maximum.reduce(highest - lowest)
         solid = np.sqrt(square) > FLAT * extent**2
-    return solid if (square[solid] > _LEAST).all() and np.isfinite(square).all() else None
+        if not ((square[solid] > _LEAST).all() and np.isfinite(square).all()):
+            return None
+        least = 1e-9 * square
+        whole = solid if len(areas) == 1 else functools.reduce(np.logical_and, (_dot(area, normal) > least for area in areas), solid)
+    return solid, whole
+
+
+def _cross(u: F64, v: F64) -> F64:
+    """Cross products of vectors (3, k)."""
+    return np.stack([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]])
+
+
+def _dot(u: F64, v: F64) -> F64:
+    """Dot products of vectors (3, k)."""
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
 
 
 def newell(shape: F64) -> F64:

@@ -66,7 +66,7 @@ class SceneBuilder:
         self._known_transforms: dict[bytes, int] = {}
         self._places = 0  # rows of transforms
         self._tapes: list[Tape] = []
-        self._pools: dict[str, list[np.ndarray]] = {name: [] for name in (*ir.Pools._fields, "texels")}
+        self._pools: dict[str, list[np.ndarray]] = {name: [] for name in (*ir.Pools._fields, "texels", "polygons")}
         self._length: dict[str, int] = dict.fromkeys(self._pools, 0)
         self._colorful: list[bool] = []  # of each image: whether its channels differ
         self._holes: list[bool] = []  # of each image: whether some alpha is below 1
@@ -200,7 +200,7 @@ class SceneBuilder:
 
     def _outlines(self, mesh: MeshData, first_vertex: int, first_triangle: int) -> tuple[int, int]:
         """Adds the mesh's polygons. Returns (first row, count)."""
-        first = len(self._rows["polygons"])
+        first = self._length["polygons"]
         if mesh.outlines is None:
             return first, 0
         outlines = mesh.outlines
@@ -209,7 +209,7 @@ class SceneBuilder:
         self._pool("loops", np.asarray(outlines.loops, dtype=np.int32).reshape(-1, 2) + np.array([first_corner, 0], dtype=np.int32))
         rows = np.asarray(outlines.polygons, dtype=np.int32).reshape(-1, 4)
         rows = rows + np.array([first_loop, 0, first_triangle, 0], dtype=np.int32)
-        self._rows["polygons"].extend(map(tuple, rows.tolist()))
+        self._pool("polygons", rows)
         return first, len(rows)
 
     def _attribute(self, name: str, given: MeshAttribute | None, width: int, vertices: int, triangles: int, span: Span | None) -> int:
@@ -413,6 +413,8 @@ class SceneBuilder:
         made["instances"] = ir.table_of("instances", dict(zip(ir.Instances._fields, instances.T, strict=True)))
         made["transforms"] = self._transforms()
         made["pools"] = ir.table_of("pools", {column: self._pooled(column) for column in ir.Pools._fields})
+        polygons = np.reshape(np.asarray(self._pooled("polygons"), dtype=np.int32), (-1, 4))
+        made["polygons"] = ir.table_of("polygons", dict(zip(ir.Polygons._fields, polygons.T, strict=True)))
         made["images"] = ir.table_of("images", {**row_tables.columns("images", rows["images"]), "texels": self._pooled("texels")})
         named: dict[str, Any] = {table: tuple(of) for table, of in self._names.items() if table != "groups" or any(of)}
         named["instances"] = self._instance_names.names()

@@ -11,7 +11,7 @@ import numpy as np
 
 from .. import ir
 from ..io import stage_cache
-from . import t_junctions
+from . import mesh_storage, t_junctions
 from .check import Check, Columns
 
 FLAT = 1e-12  # 2 · area / longest edge² below which a triangle is degenerate
@@ -63,16 +63,23 @@ def _faulty(check: Check, row: int, first: int, count: int) -> tuple[np.ndarray,
     table, pools = check.tables["geometries"], check.tables["pools"]
     triangles = pools["triangles"][first : first + count]
     low, high = int(table["first_vertex"][row]), int(table["first_vertex"][row]) + int(table["vertex_count"][row])
-    absent = ((triangles < low) | (triangles >= high)).any(axis=1)
+    absent = np.zeros(count, dtype=bool)
+    if count and (int(triangles.min()) < low or int(triangles.max()) >= high):
+        absent = ((triangles < low) | (triangles >= high)).any(axis=1)
     safe = np.where(absent[:, None], low, triangles) if absent.any() else triangles
     if not len(safe) or high == low:
         return absent, np.zeros(count, dtype=bool)
-    a, b, c = (pools["positions"][safe[:, k]].astype(np.float64) for k in range(3))
-    ab, ac = b - a, c - a
-    area = np.cross(ab, ac)
-    longest = np.maximum(np.maximum((ab * ab).sum(axis=1), (ac * ac).sum(axis=1)), ((c - b) ** 2).sum(axis=1))
-    solid = (area * area).sum(axis=1) > (FLAT * longest) ** 2
+    a, b, c = (np.ascontiguousarray(pools["positions"][safe[:, k]].T, dtype=np.float64) for k in range(3))  # by coordinate, for speed
+    u, v, w = b - a, c - a, c - b
+    longest = np.maximum(np.maximum(_squared(u), _squared(v)), _squared(w))
+    area = np.stack([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]])
+    solid = _squared(area) > (FLAT * longest) ** 2
     return absent, ~solid & ~absent
+
+
+def _squared(vectors: np.ndarray) -> np.ndarray:
+    """Squared lengths of vectors (3, k)."""
+    return vectors[0] * vectors[0] + vectors[1] * vectors[1] + vectors[2] * vectors[2]
 
 
 def _attributes(check: Check, meshes: np.ndarray) -> None:
@@ -182,9 +189,9 @@ def _spread(first: np.ndarray, count: np.ndarray) -> np.ndarray:
 def _positions(check: Check) -> None:
     """Moves non-finite vertices, which no triangle uses any more, to the origin."""
     positions = check.tables["pools"]["positions"]
-    bad = ~np.isfinite(positions).all(axis=1)
-    if bad.any():
-        check.set("pools", "positions", np.where(bad[:, None], np.float32(0), positions))
+    finite = np.isfinite(positions)
+    if not finite.all():
+        check.set("pools", "positions", np.where(finite.all(axis=1)[:, None], positions, np.float32(0)))
 
 
 def _bounds(check: Check, meshes: np.ndarray) -> None:
@@ -197,7 +204,7 @@ def _bounds(check: Check, meshes: np.ndarray) -> None:
         if table["triangle_count"][row]:
             start = int(table["first_vertex"][row])
             points = pools["positions"][start : start + int(table["vertex_count"][row])]
-            right[row] = np.stack([points.min(axis=0), points.max(axis=0)]) + origin[row]
+            right[row] = mesh_storage.bounds(points) + origin[row]
         else:
             right[row] = origin[row]
     wrong = ~((bounds[:, 0] <= right[:, 0]) & (bounds[:, 1] >= right[:, 1]) & np.isfinite(bounds).all(axis=1)).all(axis=1)

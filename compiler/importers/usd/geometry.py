@@ -274,7 +274,9 @@ def _smooth(mesh: polygon_mesh.PolyMesh) -> MeshAttribute:
 
 def _valid_indices(indices: np.ndarray, points: np.ndarray) -> np.ndarray:
     inside = (indices >= 0) & (indices < len(points))
-    inside[inside] = np.isfinite(points[indices[inside]]).all(axis=1)
+    finite = np.isfinite(points)
+    if not finite.all():
+        inside[inside] = finite.all(axis=1)[indices[inside]]
     return inside
 
 

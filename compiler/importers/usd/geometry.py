@@ -274,9 +274,8 @@ def _smooth(mesh: polygon_mesh.PolyMesh) -> MeshAttribute:
 
 def _valid_indices(indices: np.ndarray, points: np.ndarray) -> np.ndarray:
     inside = (indices >= 0) & (indices < len(points))
-    finite = np.isfinite(points)
-    if not finite.all():
-        inside[inside] = finite.all(axis=1)[indices[inside]]
+    if not np.isfinite(points).all():
+        inside[inside] = np.isfinite(points[indices[inside]]).all(axis=1)
     return inside
 
 

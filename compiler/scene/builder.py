@@ -208,8 +208,7 @@ class SceneBuilder:
         self._pool("corners", np.asarray(outlines.corners, dtype=np.int32).reshape(-1) + np.int32(first_vertex))
         self._pool("loops", np.asarray(outlines.loops, dtype=np.int32).reshape(-1, 2) + np.array([first_corner, 0], dtype=np.int32))
         rows = np.asarray(outlines.polygons, dtype=np.int32).reshape(-1, 4)
-        rows = rows + np.array([first_loop, 0, first_triangle, 0], dtype=np.int32)
-        self._pool("polygons", rows)
+        self._pool("polygons", rows + np.array([first_loop, 0, first_triangle, 0], dtype=np.int32))
         return first, len(rows)
 
     def _attribute(self, name: str, given: MeshAttribute | None, width: int, vertices: int, triangles: int, span: Span | None) -> int:
@@ -413,8 +412,8 @@ class SceneBuilder:
         made["instances"] = ir.table_of("instances", dict(zip(ir.Instances._fields, instances.T, strict=True)))
         made["transforms"] = self._transforms()
         made["pools"] = ir.table_of("pools", {column: self._pooled(column) for column in ir.Pools._fields})
-        polygons = np.reshape(np.asarray(self._pooled("polygons"), dtype=np.int32), (-1, 4))
-        made["polygons"] = ir.table_of("polygons", dict(zip(ir.Polygons._fields, polygons.T, strict=True)))
+        polygons = np.asarray(self._pooled("polygons"), np.int32).reshape(-1, 4).T
+        made["polygons"] = ir.table_of("polygons", dict(zip(ir.Polygons._fields, polygons, strict=True)))
         made["images"] = ir.table_of("images", {**row_tables.columns("images", rows["images"]), "texels": self._pooled("texels")})
         named: dict[str, Any] = {table: tuple(of) for table, of in self._names.items() if table != "groups" or any(of)}
         named["instances"] = self._instance_names.names()

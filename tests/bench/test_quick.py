@@ -21,6 +21,7 @@ PEERS = {
     "threads": {},
     "procedural": {},
     "imports": {},
+    "cluster": {},
     "live": {"chromium": ("material, file", "orbit")},
     "start": {"povray": ("POV-Ray",), "mitsuba": ("Mitsuba llvm",)},
 }

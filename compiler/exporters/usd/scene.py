@@ -17,6 +17,7 @@ import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux, UsdShade, UsdUtils, Vt
 
 from ... import ir
+from ...ir.light_links import CASTERS, EVERYTHING
 from ...plan import scene_facts
 from ...plan.plan import Plan
 from .. import common
@@ -34,7 +35,6 @@ _AREA = (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)
 def write(scene: ir.Scene, plan: Plan, name: str, ending: str, converters: Converters) -> Export:
     """Exports `scene`, with the camera of `plan` first. Pictures are called `name`.0.png and so on. Losses are in `found`."""
     out = Export(scene)
-    out.without_links()
     made = _Writer(out, name, converters)
     made.write(plan)
     _encode(out, made.stage, name, ending)
@@ -68,6 +68,8 @@ class _Writer:
         self.bodies = Bodies(out, converters)
         self.materials = Materials(out, self.stage, f"{ROOT}/Materials", name, converters.png)
         self._meshes: dict[Any, Any] = {}
+        self._placed: dict[int, str] = {}  # paths of instances
+        self._lights: dict[int, Any] = {}  # prims of lights
         self._used: dict[str, int] = {}
 
     def write(self, plan: Plan) -> None:
@@ -80,6 +82,8 @@ class _Writer:
         for body in self.bodies:
             if self.tables.instances.light[body.instance] < 0:
                 self._place(body)
+        for row, prim in self._lights.items():
+            self._link(row, prim)
 
     def _path(self, name: str) -> str:
         """A free path of a prim."""
@@ -98,6 +102,7 @@ class _Writer:
         else:
             prim = self._mesh(path, body, scale)
             self._meshes[key] = path
+        self._placed[body.instance] = path
         if path != f"{ROOT}/{body.name}":
             prim.SetDisplayName(body.name)
         transform = UsdGeom.Xformable(prim)
@@ -181,6 +186,17 @@ class _Writer:
         if not lights.shadows[row]:
             UsdLux.ShadowAPI.Apply(made.GetPrim()).CreateShadowEnableAttr(False)
         made.MakeMatrixXform().Set(Gf.Matrix4d(frame.T.tolist()))
+        self._lights[row] = made.GetPrim()
+
+    def _link(self, row: int, prim: Any) -> None:
+        """Light and shadow links, as collections of the paths of the instances."""
+        lights, visible = self.tables.lights, self.tables.instances.visible
+        for name, mask, whole in (("lightLink", lights.receivers[row], EVERYTHING), ("shadowLink", lights.blockers[row], CASTERS)):
+            if mask != whole:
+                collection = Usd.CollectionAPI(prim, name)
+                collection.CreateIncludeRootAttr(False)
+                members = np.flatnonzero(visible & mask != 0).tolist()
+                collection.CreateIncludesRel().SetTargets([self._placed[i] for i in members if i in self._placed])
 
     def _kind_of_light(self, path: str, row: int, kind: ir.LightKind) -> tuple[Any, float, F64]:
         """(the light, its intensity over our color, its frame)"""

@@ -144,11 +144,32 @@ def test_everything_lost_is_told(tmp_path):
     ]
 
 
-@pytest.mark.parametrize("ending", [".glb", ".usda"])
-def test_light_links_are_told(tmp_path, ending):
-    _, told = convert(tmp_path, "sphere(1)\npoint([0, 5, 0], blockers: [])\n" + CAMERA, ending)
+def test_gltf_has_no_light_links(tmp_path):
+    _, told = convert(tmp_path, "sphere(1)\npoint([0, 5, 0], blockers: [])\n" + CAMERA, ".glb")
     lost = "`receivers` and `blockers` are not carried: the light lights every object, and each casts shadows"
     assert [line for line in told.splitlines() if "warning" in line] == [f"{tmp_path}/a.scene:2:1: warning: {lost}"]
+
+
+def test_light_links_are_collections_of_usd(tmp_path):
+    """The links of the scene that is read back are those of the scene."""
+    text = """sphere(1, name: "left")
+        sphere(1, center: [3, 0, 0], name: "right")
+        box(1, center: [0, 3, 0], name: "top")
+        point([0, 5, 0], receivers: ["left", "top"], blockers: [], name: "lamp")
+        sun(from: [0, 1, 1], blockers: ["!top"], name: "sun")
+        sky(name: "sky")
+        """
+    out, told = convert(tmp_path, text + CAMERA, ".usda")
+    assert "warning" not in told
+    found = maquette.load(out)
+    names, lights = [name.rpartition("/")[2] for name in found.names.instances], found.tables.lights
+    visible = found.tables.instances.visible
+    sets = {
+        name.rpartition("/")[2]: [{names[i] for i in np.flatnonzero(visible & mask)} for mask in (lights.receivers[k], lights.blockers[k])]
+        for k, name in enumerate(found.names.lights)
+    }
+    every = {"left", "right", "top"}
+    assert sets == {"lamp": [{"left", "top"}, set()], "sun": [every, {"left", "right"}], "sky": [every, every]}
 
 
 @pytest.mark.parametrize("ending", ENDINGS)

@@ -1,6 +1,6 @@
 """Copies the compiled kernels of this target, and the digests of all modules, to the folder `prebuilt` given as the argument.
 
-Kernels that were compiled from other sources stay behind.
+Kernels that were compiled from other sources stay behind. Kernels that a process without Numba cannot load are an error.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import shutil
 import sys
 from pathlib import Path
 
-from maquette.render.jit import cache_key, kernel_cache, prebuilt
+from maquette.render.jit import cache_key, kernel_cache, kernel_file, prebuilt
 
 
 def main() -> None:
@@ -19,6 +19,9 @@ def main() -> None:
     target.mkdir(parents=True)
     for path in kernel_cache.CACHE.glob(f"*{kernel_cache.SUFFIX}"):
         if kernel_cache.is_current(path.name):
+            code = kernel_file.unpacked(path.name, path.read_bytes())
+            if code is None or any(name.startswith(("numba_", "NRT_")) for name in code.needs):
+                sys.exit(f"{path.name} cannot be loaded: it is damaged, or calls functions of Numba")
             shutil.copy(path, target / path.name)
     (root / "sources.json").write_text(cache_key.ship(), encoding="utf-8")
 

@@ -152,9 +152,9 @@ def _bound_slabs(packet: Any, rows: int, slab: float, slack: float) -> int:
 
 @helper
 def _round_up(x: float) -> float:
-    """Round up to eight binary digits, so that multiples are exact in float32."""
-    mantissa, exponent = math.frexp(x)
-    return math.ldexp(math.ceil(mantissa * 256.0), exponent - 8)
+    """Round a positive number up to eight binary digits, so that multiples are exact in float32."""
+    rest = (1 << 45) - 1  # bits of the mantissa after them
+    return np.int64((np.float64(x).view(np.int64) + rest) & ~rest).view(np.float64)
 
 
 # --- slabs --------------------------------------------------------------------------------------------------------------

@@ -39,6 +39,21 @@ def test_compilation_is_timed_apart_from_work() -> None:
     assert seconds["compile_kernels"] == compiled  # nothing new was compiled
 
 
+FORMULA = """
+import sys
+import maquette
+maquette.render(sys.argv[1], size=(32, 24), samples=1)
+print("numba" in sys.modules)
+"""
+
+
+@pytest.mark.parametrize("example", ["gear", "fillets"])
+def test_a_second_process_loads_all_kernels_of_implicit_surfaces(example: str) -> None:
+    scene = str(Path(__file__).resolve().parents[3] / "examples" / f"{example}.scene")
+    said = [subprocess.run([sys.executable, "-c", FORMULA, scene], capture_output=True, text=True, check=True).stdout for _ in range(2)]
+    assert said[1] == "False\n"
+
+
 def test_failing_work_is_timed() -> None:
     seconds: dict[str, float] = {}
     with pytest.raises(ArithmeticError), kernel_cache.timed(seconds, "build"):

@@ -23,7 +23,7 @@ WORK = """
 import numpy as np
 from maquette.render.film import accumulate
 out, one = np.full((2, 2), -1.0), np.ones((2, 2, 3))
-accumulate.relative_error(0.5 * one, one, one, np.full((2, 2), 4), np.ones(32), 1.0, out)
+accumulate.relative_error(0.5 * one, one, np.full((2, 2), 4), np.ones(32), 0.0, out)
 assert out.tolist() == [[0.25, 0.25], [0.25, 0.25]]
 """
 SCENE = """

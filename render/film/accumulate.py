@@ -61,7 +61,7 @@ def add_samples(film, count, sums, differences, rgba, least, shown):
                 mean = total / whole
                 if old > 0:
                     one, other = sums.color[y, x, k] / old, film.color[y, x, k] / new
-                    before, now = differences[y, x, k], (one - other) * weight
+                    before, now = np.float64(differences[y, x, k]), (one - other) * weight
                     value = math.sqrt(max(one * other, 0.25 * mean * mean))
                     if old == new and before < np.inf:
                         below = value * value + least
@@ -165,8 +165,8 @@ def relative_error(differences, rgba, samples, share, least, out):
 
 @helper
 def square_of(value):
-    """Return the square of a number in float64."""
-    return float(value) * float(value)
+    """Return the square of a number in float64; `float` would leave float32 in kernels, whose squares vanish below 1e-45."""
+    return np.float64(value) * np.float64(value)
 
 
 @helper
@@ -193,13 +193,13 @@ def without_strays(differences, rgba, y, light, noise, known):
     for x in range(width):
         known[x] = 1.0 if differences[y, x, 0] < np.inf else 0.0
         for k in range(3):
-            own, spread = abs(float(rgba[y, x, k])), square_of(differences[y, x, k])
+            own, spread = abs(np.float64(rgba[y, x, k])), square_of(differences[y, x, k])
             total, around, count = 0.0, 0.0, 0.0
             for j in range(max(y - 1, 0), min(y + 2, height)):
                 for i in range(max(x - 1, 0), min(x + 2, width)):
                     if (j != y or i != x) and differences[j, i, k] < np.inf:
                         total += square_of(differences[j, i, k])
-                        around += abs(float(rgba[j, i, k]))
+                        around += abs(np.float64(rgba[j, i, k]))
                         count += 1.0
             if count > 0.0 and spread * count > STRAY * total:
                 own, spread = max(min(around / count, own), FAINTEST * own), total / count

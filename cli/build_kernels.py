@@ -25,6 +25,7 @@ SIZES = (24, 16), (72, 40)  # one tile, and several tiles, whose arrays are part
 _BALL = "plane(y: 0)\nsphere(1, center: [0, 1, 0], material: {0})\ncamera(position: [0, 2, 6], look_at: [0, 1, 0])\n"
 _TORUS = _BALL + "union(round: 0.1, material: {0}) {{ box(1, center: [1, 1, 0]); torus(radius: 1, tube: 0.2) }}\n"
 _FORMULA = _TORUS + "implicit(|x, y, z| x * x + y * y + z * z + 0.1 * sin(9 * x) <= 1, material: {0})\n"
+_MESH_ALONE = 'mesh("kernels.obj")\n'
 _MESH = 'mesh("kernels.obj", material: {0})\ncamera(position: [0, 2, 6], look_at: [0, 1, 0])\n'
 _MANY = _MESH + 'mesh("more.obj", material: {0})\n' + "".join(f"sphere(0.1, center: [{k}, 0, {k % 7}])\n" for k in range(80))
 _TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
@@ -46,6 +47,7 @@ VARIANTS = {
     "paths": Variant(_BALL.format(_SHINY) + _AREA, {"bounces": 2}),
     "photons": Variant(_BALL.format(_GLASS) + _AREA, {"bounces": 4}),
     "photons of formulas": Variant(_FORMULA.format(_GLASS) + _AREA, {"bounces": 4}),
+    "photons of meshes and formulas": Variant(_FORMULA.format(_GLASS) + _MESH_ALONE + "sun(from: [1, 1, 0])\n" + _SKY, {"bounces": 4}),
     "shared paths": Variant(_BALL.format(_MATT) + _AREA, {"bounces": 2}),
     "shared paths of formulas": Variant(_FORMULA.format(_MATT) + _AREA, {"bounces": 2}),
     "rays": Variant(_BALL.format(_MATT) + _SUN, {}),

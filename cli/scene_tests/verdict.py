@@ -1,4 +1,4 @@
-"""Verdict on a new picture: equal to the kept one within the noise of both, as a whole and in each block of pixels, or not."""
+"""Compares a new picture with the kept one: whether both are equal within their noise, as a whole and in each block of pixels."""
 
 from __future__ import annotations
 

@@ -373,13 +373,13 @@ class Job:
                 "backend": plan["backend"],
                 "size": plan["size"],
                 "samples": image.metadata.get("samples", plan["samples"]),
+                "samples_mean": image.metadata.get("samples_mean"),
                 "seconds": {stage: seconds[stage] for stage in STAGES},
                 "instances": len(scene.tables.instances.geometry),
                 "rays": image.metadata.get("rays"),
                 "memory": peak_memory(),
                 "error": image.metadata.get("error"),
-                "denoised": image.metadata.get("denoised", False),
-                "denoised_error": image.metadata.get("denoised_error"),
+                "denoised": image.metadata.get("denoised", False), "denoised_error": image.metadata.get("denoised_error"),
                 "cut": cut.share if (cut := image.metadata.get("cut")) else None,
                 "plan": plan.values(),
                 "warnings": warnings,
@@ -442,8 +442,9 @@ def json_value(value: Any) -> Any:
 def summary(path: Path, figures: Mapping[str, Any]) -> str:
     """A one-line summary of a picture."""
     width, height = figures["size"]
-    left = figures["denoised_error"]
+    total, left = sum(figures["seconds"].values()), figures["denoised_error"]
     after = "" if not figures["denoised"] else " before denoising" + ("" if left is None else f", about {left:.1%} after")
     error = f", √relMSE {figures['error']:.2%}{after}" if figures["error"] is not None else ""
-    total = sum(figures["seconds"].values())
-    return f"{path}: {width}x{height}, {figures['backend']}, {figures['samples']:g} samples a pixel{error}, {total:.2f} s"
+    most, mean = figures["samples"], figures["samples_mean"]
+    samples = f"{most:g}" if mean is None or mean >= most else f"{mean:.3g} (at most {most:g})"
+    return f"{path}: {width}x{height}, {figures['backend']}, {samples} samples a pixel{error}, {total:.2f} s"

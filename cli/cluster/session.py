@@ -16,7 +16,7 @@ from ...compiler.plan.plan import Plan
 from ...lang.diagnostics import Diagnostic
 from ...lang.plain_values import time_range
 from ...render.cluster import dask_cluster, draw
-from ...render.cluster.tickets import Ticket
+from ...render.cluster.requests import Request
 from ...render.film.checkpoint import Keeper
 from ...render.film.progress import Progress, Report
 from ...render.image.image import Image
@@ -55,15 +55,15 @@ class Session:
 
     def frames(self, job: Job, frames: list[Frame]) -> list[dict[str, Any]]:
         """Render frames, each on one worker, and write them in order. Returns the statistics of each. Raises KeyboardInterrupt."""
-        sent: deque[tuple[Reading, Ticket]] = deque()
+        sent: deque[tuple[Reading, Request]] = deque()
         pictures: list[dict[str, Any]] = []
         began = time.perf_counter()
 
         def take() -> None:
-            read, ticket = sent.popleft()
+            read, request = sent.popleft()
             job.display.what = self._progress(len(pictures), len(frames), began)
             job.display(Progress("rendering", len(pictures) / len(frames)))
-            image = draw.finish(ticket)
+            image = draw.finish(request)
             pictures.append(job.summarize(read.path, job.finish(read, image)))
 
         with terminal.catch_interrupt() as cancel, Display(job.quiet) as job.display:

@@ -25,7 +25,7 @@ from ..jit.cancellation import Cancelled
 from ..simd import target
 from . import messages
 from .dispatcher import Dispatcher, Lost, Unreadable
-from .tickets import ClusterError, Ticket, Work
+from .requests import ClusterError, Request, Work
 
 LOCAL = "local"
 SERVE = f"__import__('{__package__}.worker', fromlist=['serve']).serve(message)"
@@ -64,10 +64,10 @@ class Cluster:
             self._last = scene, messages.parcel(scene)
         return Work(self._last[1], plan)
 
-    def ask(self, ticket: Ticket) -> Ticket:
+    def ask(self, request: Request) -> Request:
         """Send a request."""
-        self._events.put(partial(self._dispatcher.ask, ticket))
-        return ticket
+        self._events.put(partial(self._dispatcher.ask, request))
+        return request
 
     def unproved(self, work: Work) -> int:
         """Rays of a picture's workers that could not be proved; see render_scene.count_unproved."""

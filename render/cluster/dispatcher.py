@@ -14,7 +14,7 @@ from typing import Any, Protocol
 
 from ...lang.diagnostics import Diagnostic
 from . import identity, messages
-from .tickets import ClusterError, Ticket, Work
+from .requests import ClusterError, Request, Work
 
 AIM = 0.5  # seconds of a message's work
 COALESCE = 0.02  # seconds that a request waits for others if no thread of a worker is idle
@@ -54,11 +54,11 @@ class Parcelled:
     """Requests in one message to a worker."""
 
     worker: Worker
-    tickets: list[Ticket]
+    requests: list[Request]
     cost: float
     began: float = 0.0
     handle: Any = None
-    counts: bool = True  # in `Ticket.running`: not of a worker that stalls
+    counts: bool = True  # in `Request.running`: not of a worker that stalls
 
 
 @dataclass(eq=False)
@@ -90,7 +90,7 @@ class Worker:
         """Whether it takes another message: one more than its threads do at a time, so that none waits for the network."""
         if whole:
             return self.load < (2 if self.threads == 1 else 1)
-        return self.load < 2 * self.threads and not any(p.tickets[0].whole for p in (*self.running, *self.waiting))
+        return self.load < 2 * self.threads and not any(p.requests[0].whole for p in (*self.running, *self.waiting))
 
 
 class Dispatcher:
@@ -99,8 +99,8 @@ class Dispatcher:
     def __init__(self, wire: Wire) -> None:
         self.wire, self.client = wire, identity.identity()
         self.workers: dict[str, Worker] = {}
-        self.pending: deque[Ticket] = deque()
-        self.tickets: set[Ticket] = set()  # without an answer
+        self.pending: deque[Request] = deque()
+        self.requests: set[Request] = set()  # without an answer
         self.notes: dict[str, Diagnostic] = {}  # about workers, by reason
         self.unproved: dict[tuple[str, str], int] = {}  # rays, by parcel and worker
         self.fault: ClusterError | None = None
@@ -112,16 +112,16 @@ class Dispatcher:
 
     # --- events ---
 
-    def ask(self, ticket: Ticket) -> None:
+    def ask(self, request: Request) -> None:
         """Take a request."""
         if self.fault is not None:
-            ticket.finish(None, self.fault)
+            request.finish(None, self.fault)
             return
-        self.tickets.add(ticket)
-        if ticket.urgent:
-            self.pending.appendleft(ticket)
+        self.requests.add(request)
+        if request.urgent:
+            self.pending.appendleft(request)
         else:
-            self.pending.append(ticket)
+            self.pending.append(request)
 
     def update(self, found: Mapping[str, tuple[int, float, bool]]) -> None:
         """Take the workers that the scheduler knows: (threads, time of the last heartbeat, whether it is paused)."""
@@ -146,8 +146,8 @@ class Dispatcher:
         now = time.monotonic()
         if now - self._checked > CHECK:
             self._checked, moment = now, time.perf_counter()
-            for ticket in [ticket for ticket in self.tickets if ticket.is_unwanted(moment)]:
-                self._finish(ticket, None)
+            for request in [request for request in self.requests if request.is_unwanted(moment)]:
+                self._finish(request, None)
         if any(worker.usable for worker in self.workers.values()):
             self.alive, self.ever = now, True
         if now - min(self.alive, self.reached) > PATIENCE and self.fault is None:
@@ -157,8 +157,8 @@ class Dispatcher:
     def end(self, fault: ClusterError) -> None:
         """Answer all requests, now and later, with an error."""
         self.fault = self.fault or fault
-        for ticket in list(self.tickets):
-            self._finish(ticket, None, fault)
+        for request in list(self.requests):
+            self._finish(request, None, fault)
         self.pending.clear()
 
     # --- workers ---
@@ -199,21 +199,21 @@ class Dispatcher:
         lost = [*worker.running, *worker.waiting]
         for parcelled in worker.running:
             self.wire.drop(parcelled.handle)
-            for ticket in parcelled.tickets:
-                ticket.losses += 1
-                if ticket.losses >= LOSSES:
+            for request in parcelled.requests:
+                request.losses += 1
+                if request.losses >= LOSSES:
                     why = f"{LOSSES} workers ended while they drew the same part of the picture, often for want of memory: see their logs"
-                    self._finish(ticket, None, ClusterError(why))
+                    self._finish(request, None, ClusterError(why))
         worker.running, worker.waiting, worker.state = [], [], "lost"
         self._again(lost)
 
     def _again(self, lost: Iterable[Parcelled]) -> None:
         """Queue the requests of messages without answers, before others, unless another worker has them."""
         for parcelled in lost:
-            for ticket in reversed(parcelled.tickets):
-                ticket.running -= parcelled.counts
-                if not ticket.done and not ticket.running and ticket not in self.pending:
-                    self.pending.appendleft(ticket)
+            for request in reversed(parcelled.requests):
+                request.running -= parcelled.counts
+                if not request.done and not request.running and request not in self.pending:
+                    self.pending.appendleft(request)
             parcelled.counts = False
 
     # --- messages ---
@@ -235,28 +235,28 @@ class Dispatcher:
             if not self.pending and worker.load < worker.threads:
                 self._back_up(worker)
 
-    def _take(self, first: Ticket) -> list[Ticket]:
+    def _take(self, first: Request) -> list[Request]:
         """Requests from the queue for one message: of one picture and kind, for about AIM seconds and a fair share of the threads."""
         pace, threads = self._pace.get(first.kind), sum(w.threads for w in self.workers.values() if w.usable)
         most = 1 if first.whole or pace is None else max(1, len(self.pending) // max(threads, 1))
         taken, cost = [], 0.0
         while self.pending and len(taken) < most and (not taken or (cost + self.pending[0].cost) * (pace or 0.0) <= AIM):
-            ticket = self.pending[0]
-            if ticket.done:
+            request = self.pending[0]
+            if request.done:
                 self.pending.popleft()
                 continue
-            if ticket.kind != first.kind or ticket.work is not first.work:
+            if request.kind != first.kind or request.work is not first.work:
                 break
             taken.append(self.pending.popleft())
-            cost += ticket.cost
+            cost += request.cost
         return taken
 
-    def _assign(self, worker: Worker, tickets: list[Ticket]) -> None:
+    def _assign(self, worker: Worker, requests: list[Request]) -> None:
         """Send requests to a worker, after the scene if it lacks that."""
-        parcelled = Parcelled(worker, tickets, sum(ticket.cost for ticket in tickets), time.perf_counter())
-        for ticket in tickets:
-            ticket.running += 1
-        parcel = tickets[0].work.parcel
+        parcelled = Parcelled(worker, requests, sum(request.cost for request in requests), time.perf_counter())
+        for request in requests:
+            request.running += 1
+        parcel = requests[0].work.parcel
         if worker.scenes.get(parcel.key) == "ready":
             self._send(parcelled)
             return
@@ -287,7 +287,7 @@ class Dispatcher:
             self.wire.send(worker.address, message, lambda answer: self._send_parts(worker, parcel, parts, answer))
             return
         worker.scenes[parcel.key] = "ready"
-        ready = [p for p in worker.waiting if p.tickets[0].work.parcel.key == parcel.key]
+        ready = [p for p in worker.waiting if p.requests[0].work.parcel.key == parcel.key]
         worker.waiting = [p for p in worker.waiting if p not in ready]
         for parcelled in ready:
             self._send(parcelled)
@@ -300,7 +300,7 @@ class Dispatcher:
         if "error" not in about:
             return about
         del worker.scenes[parcel.key]
-        failed = [p for p in worker.waiting if p.tickets[0].work.parcel.key == parcel.key]
+        failed = [p for p in worker.waiting if p.requests[0].work.parcel.key == parcel.key]
         worker.waiting = [p for p in worker.waiting if p not in failed]
         for parcelled in failed:
             self._fail(parcelled, None if isinstance(answer, Lost) else about["error"])
@@ -308,9 +308,11 @@ class Dispatcher:
 
     def _send(self, parcelled: Parcelled) -> None:
         worker, now = parcelled.worker, time.perf_counter()
-        work: Work = parcelled.tickets[0].work
-        requests = [ticket.about | ({"seconds": _left(ticket, now)} if "seconds" in ticket.about else {}) for ticket in parcelled.tickets]
-        arrays = {f"{k}.{name}": array for k, ticket in enumerate(parcelled.tickets) for name, array in ticket.arrays.items()}
+        work: Work = parcelled.requests[0].work
+        requests = [
+            request.about | ({"seconds": _left(request, now)} if "seconds" in request.about else {}) for request in parcelled.requests
+        ]
+        arrays = {f"{k}.{name}": array for k, request in enumerate(parcelled.requests) for name, array in request.arrays.items()}
         about = {"do": "draw", "scene": work.parcel.key, "plan": work.plan, "threads": worker.threads, "requests": requests}
         parcelled.began = now
         worker.running.append(parcelled)
@@ -329,29 +331,29 @@ class Dispatcher:
             self._fail(parcelled, about["error"])
             return
         if about.get("missing"):
-            worker.scenes.pop(parcelled.tickets[0].work.parcel.key, None)
+            worker.scenes.pop(parcelled.requests[0].work.parcel.key, None)
             self._fail(parcelled, None)
             return
-        first = parcelled.tickets[0]
+        first = parcelled.requests[0]
         self._learn(first.kind, about["seconds"] / max(parcelled.cost, 1.0))
         key = first.work.parcel.key, worker.address
         self.unproved[key] = max(self.unproved.get(key, 0), about.get("unproved", 0))
-        for k, (ticket, reply) in enumerate(zip(parcelled.tickets, about["replies"], strict=True)):
-            ticket.running -= parcelled.counts
+        for k, (request, reply) in enumerate(zip(parcelled.requests, about["replies"], strict=True)):
+            request.running -= parcelled.counts
             start = f"{k}."
-            self._finish(ticket, (reply, {name.removeprefix(start): a for name, a in arrays.items() if name.startswith(start)}))
+            self._finish(request, (reply, {name.removeprefix(start): a for name, a in arrays.items() if name.startswith(start)}))
 
     def _fail(self, parcelled: Parcelled, error: str | None) -> None:
         """Queue the requests of a message without an answer again; after TRIES errors they end with it."""
-        for ticket in parcelled.tickets:
-            ticket.failures += error is not None
-            if ticket.failures >= TRIES:
-                self._finish(ticket, None, ClusterError(f"worker {parcelled.worker.address}: {error}"))
+        for request in parcelled.requests:
+            request.failures += error is not None
+            if request.failures >= TRIES:
+                self._finish(request, None, ClusterError(f"worker {parcelled.worker.address}: {error}"))
         self._again([parcelled])
 
-    def _finish(self, ticket: Ticket, answer: Any, fault: ClusterError | None = None) -> None:
-        ticket.finish(answer, fault)
-        self.tickets.discard(ticket)
+    def _finish(self, request: Request, answer: Any, fault: ClusterError | None = None) -> None:
+        request.finish(answer, fault)
+        self.requests.discard(request)
 
     def _learn(self, kind: str, pace: float) -> None:
         before = self._pace.get(kind)
@@ -364,15 +366,15 @@ class Dispatcher:
         now = time.perf_counter()
         for other in self.workers.values():
             for parcelled in (*other.running, *other.waiting):
-                pace = self._pace.get(parcelled.tickets[0].kind)
-                tickets = [ticket for ticket in parcelled.tickets if not ticket.done and ticket.running < 2]
-                if other is worker or pace is None or not tickets:
+                pace = self._pace.get(parcelled.requests[0].kind)
+                requests = [request for request in parcelled.requests if not request.done and request.running < 2]
+                if other is worker or pace is None or not requests:
                     continue
-                if now - parcelled.began > max(LEAST, BACKUP * pace * parcelled.cost) and worker.room(tickets[0].whole):
-                    self._assign(worker, tickets)
+                if now - parcelled.began > max(LEAST, BACKUP * pace * parcelled.cost) and worker.room(requests[0].whole):
+                    self._assign(worker, requests)
                     return
 
 
-def _left(ticket: Ticket, now: float) -> float | None:
-    """Seconds until a ticket's deadline; None: no deadline."""
-    return None if ticket.deadline == float("inf") else max(ticket.deadline - now, 0.0)
+def _left(request: Request, now: float) -> float | None:
+    """Seconds until a request's deadline; None: no deadline."""
+    return None if request.deadline == float("inf") else max(request.deadline - now, 0.0)

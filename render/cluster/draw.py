@@ -15,7 +15,7 @@ from ..raster import band_renderer
 from . import messages
 from .dask_cluster import Cluster
 from .remote_renderer import RemoteRenderer
-from .tickets import Ticket
+from .requests import Request
 
 
 def draw(
@@ -38,16 +38,16 @@ def is_in_bands(plan: Plan) -> bool:
     return plan["backend"] == "raster" and band_renderer.can_draw(plan)
 
 
-def begin(cluster: Cluster, scene: ir.Scene, plan: Plan, cancel: threading.Event) -> Ticket:
+def begin(cluster: Cluster, scene: ir.Scene, plan: Plan, cancel: threading.Event) -> Request:
     """Ask for a whole picture, which one worker draws with all its threads."""
     x0, y0, x1, y1 = plan["crop"]
     cost = float((x1 - x0) * (y1 - y0) * plan["samples"])
-    return cluster.ask(Ticket(cluster.work(scene, messages.plan_to(plan)), {"do": "picture"}, {}, cost, cancel))
+    return cluster.ask(Request(cluster.work(scene, messages.plan_to(plan)), {"do": "picture"}, {}, cost, cancel))
 
 
-def finish(ticket: Ticket) -> Image:
+def finish(request: Request) -> Image:
     """Wait for a picture. Raises ClusterError and Cancelled."""
-    answer = ticket.wait()
+    answer = request.wait()
     if answer is None:
         raise Cancelled
     return messages.image_from(*answer)

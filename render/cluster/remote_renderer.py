@@ -21,7 +21,7 @@ from ..jit.cancellation import Cancelled
 from ..types import Film, Tile
 from . import messages
 from .dask_cluster import Cluster
-from .tickets import Ticket
+from .requests import Request
 
 LEAST, EACH, MOST = 128, 64, 4096  # tiles in work at a time: at least, for each thread of the workers, at most
 GRACE = 1.0  # seconds after a deadline in which samples drawn before it arrive
@@ -37,7 +37,7 @@ class RemoteRenderer(Remote):
         self._work = cluster.work(scene, messages.plan_to(plan))
         self._sums = light_groups.Sums(plan) if channels.light_groups(plan) else None
         self._setting: list[Any] = [None, 0, -1]  # of worker.Setting
-        self._next: Ticket | None = None  # for the state after this round
+        self._next: Request | None = None  # for the state after this round
         answer = self._ask({"do": "facts"}, {}, 1.0).wait()
         if answer is None:
             raise Cancelled
@@ -101,8 +101,8 @@ class RemoteRenderer(Remote):
     def auxiliary(self, tile: Tile, out: dict[str, NDArray[np.float32]], samples: int) -> None:
         """See Remote."""
         pixels = (tile.x1 - tile.x0) * (tile.y1 - tile.y0)
-        request = {"do": "auxiliary", "tile": list(tile), "names": list(out), "samples": samples}
-        answer = self._ask(request, {}, pixels).wait()
+        about = {"do": "auxiliary", "tile": list(tile), "names": list(out), "samples": samples}
+        answer = self._ask(about, {}, pixels).wait()
         for name, array in () if answer is None else answer[1].items():
             out[name][...] = array
 
@@ -123,18 +123,18 @@ class RemoteRenderer(Remote):
     def _ask_samples(
         self, kind: str, tile: Tile, first: Counts, count: Counts, total: int, more: dict[str, Any], deadline: float = math.inf,
         urgent: bool = False,
-    ) -> Ticket:  # fmt: skip
+    ) -> Request:  # fmt: skip
         starts, numbers = messages.counts_to("first", first), messages.counts_to("samples", count)
-        request = {"do": kind, "tile": list(tile), "total": total, **starts[0], **numbers[0], **more}
-        return self._ask(request, starts[1] | numbers[1], float(count.sum()), deadline, urgent)
+        about = {"do": kind, "tile": list(tile), "total": total, **starts[0], **numbers[0], **more}
+        return self._ask(about, starts[1] | numbers[1], float(count.sum()), deadline, urgent)
 
     def _ask(
-        self, request: dict[str, Any], arrays: messages.Arrays, cost: float, deadline: float = math.inf, urgent: bool = False
-    ) -> Ticket:  # fmt: skip
-        request["setting"] = self._setting
-        ticket = Ticket(self._work, request, arrays, cost, self._cancel, deadline + GRACE)
-        ticket.urgent = urgent
-        return self._cluster.ask(ticket)
+        self, about: dict[str, Any], arrays: messages.Arrays, cost: float, deadline: float = math.inf, urgent: bool = False
+    ) -> Request:  # fmt: skip
+        about["setting"] = self._setting
+        request = Request(self._work, about, arrays, cost, self._cancel, deadline + GRACE)
+        request.urgent = urgent
+        return self._cluster.ask(request)
 
 
 def _add(film: Film, arrays: messages.Arrays) -> None:

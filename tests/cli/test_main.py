@@ -19,6 +19,7 @@ import OpenImageIO as oiio
 import pytest
 from click.testing import CliRunner
 from maquette.cli import option_types as values
+from maquette.cli import render_job
 from maquette.cli.main import COMMANDS, cli
 from maquette.compiler import ir
 from maquette.compiler.io import landlock
@@ -397,12 +398,21 @@ def test_an_error_that_strays_decide_is_uncertain() -> None:
     assert picture_notes.sparse_error_notes({"error": None}) == []
 
 
+@pytest.mark.parametrize(("mean", "said"), [(16.0, "16 samples a pixel"), (11.25, "11.2 (at most 16) samples a pixel")])
+def test_the_summary_tells_the_mean_of_samples_that_pixels_share_unevenly(mean: float, said: str) -> None:
+    figures = {
+        "size": (8, 6), "backend": "ray", "samples": 16, "samples_mean": mean, "error": None, "denoised": False, "denoised_error": None,
+        "seconds": {"render": 0.5},
+    }  # fmt: skip
+    assert render_job.summary(Path("a.png"), figures) == f"a.png: 8x6, ray, {said}, 0.50 s"
+
+
 def test_stats(scene: Path) -> None:
     assert run("render", scene, "--stats", "stats.json", "--samples", "2")[0] == 0
     stats = json.loads(Path("stats.json").read_text(encoding="utf-8"))
     assert list(stats) == [
-        "scene", "backend", "size", "samples", "seconds", "instances", "rays", "memory", "error", "denoised",
-        "denoised_error", "cut", "plan", "warnings",
+        "scene", "backend", "size", "samples", "samples_mean", "seconds", "instances", "rays", "memory", "error",
+        "denoised", "denoised_error", "cut", "plan", "warnings",
     ]  # fmt: skip
     assert stats["instances"] == 2
     assert 10**7 < stats["memory"] < 10**11

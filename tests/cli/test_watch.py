@@ -241,7 +241,7 @@ def test_stats_hold_the_cost_of_each_redraw(tmp_path: Path) -> None:
             save(formula)
             wait(lambda number=number: told()["redraw"]["number"] == number, 120)
         figures = told()
-    assert list(figures)[:5] == ["scene", "backend", "size", "samples", "seconds"]
+    assert list(figures)[:6] == ["scene", "backend", "size", "samples", "samples_mean", "seconds"]
     assert figures["warnings"] == []
     assert figures["redraw"] == figures["redraws"][-1]
     assert [row["number"] for row in figures["redraws"]] == list(range(1, 21))

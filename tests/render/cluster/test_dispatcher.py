@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from maquette.render.cluster import dispatcher, identity, messages
 from maquette.render.cluster.dispatcher import Dispatcher, Lost, Unreadable
-from maquette.render.cluster.tickets import ClusterError, Ticket, Work
+from maquette.render.cluster.requests import ClusterError, Request, Work
 
 PARCEL = messages.Parcel("key", [["a", "h", "<f8", [2]]], {"h": np.array([1.0, 2.0])})
 WORK = Work(PARCEL, [])
@@ -68,17 +68,17 @@ def draws(worker: str, about: dict[str, Any]) -> bool:
     return about["do"] == "draw"
 
 
-def tickets(count: int, kind: str = "batch", cancel: threading.Event | None = None) -> list[Ticket]:
-    return [Ticket(WORK, {"do": kind, "number": k}, {"value": np.array([float(k)])}, 1.0, cancel) for k in range(count)]
+def requests(count: int, kind: str = "batch", cancel: threading.Event | None = None) -> list[Request]:
+    return [Request(WORK, {"do": kind, "number": k}, {"value": np.array([float(k)])}, 1.0, cancel) for k in range(count)]
 
 
-def started(workers: dict[str, int], count: int, **more: Any) -> tuple[Wire, Dispatcher, list[Ticket]]:
+def started(workers: dict[str, int], count: int, **more: Any) -> tuple[Wire, Dispatcher, list[Request]]:
     """A dispatcher with workers of so many threads, and requests."""
     wire = Wire()
     made = Dispatcher(wire)
-    asked = tickets(count, **more)
-    for ticket in asked:
-        made.ask(ticket)
+    asked = requests(count, **more)
+    for request in asked:
+        made.ask(request)
     made.update({name: (threads, 0.0, False) for name, threads in workers.items()})
     wire.answer()
     made.tick()
@@ -91,10 +91,10 @@ def run(wire: Wire, made: Dispatcher, rounds: int = 200) -> None:
         made.tick()
 
 
-def check(asked: list[Ticket]) -> None:
-    for k, ticket in enumerate(asked):
-        assert ticket.done
-        answer = ticket.wait()
+def check(asked: list[Request]) -> None:
+    for k, request in enumerate(asked):
+        assert request.done
+        answer = request.wait()
         assert answer is not None
         assert answer[0] == {"number": k}
         assert answer[1]["double"].tolist() == [2.0 * k]
@@ -190,9 +190,9 @@ def test_a_stalled_worker_gets_nothing_until_it_is_heard_again(monkeypatch: pyte
     made.update({"a": (1, 2.0, False), "b": (1, 2.0, False)})
     assert wire.answer() == stale  # late answers change nothing
     check(asked)
-    more = tickets(40)
-    for ticket in more:
-        made.ask(ticket)
+    more = requests(40)
+    for request in more:
+        made.ask(request)
     run(wire, made)
     check(more)
     assert {worker for worker, _ in wire.drawn} == {"a", "b"}
@@ -222,9 +222,9 @@ def test_another_version_is_refused_and_the_rest_draws() -> None:
     wire = Wire()
     wire.identities["b"] = {**identity.identity(), "maquette": "0.0.1"}
     made = Dispatcher(wire)
-    asked = tickets(10)
-    for ticket in asked:
-        made.ask(ticket)
+    asked = requests(10)
+    for request in asked:
+        made.ask(request)
     made.update({"a": (1, 0.0, False), "b": (1, 0.0, False)})
     run(wire, made)
     check(asked)
@@ -238,15 +238,15 @@ def test_without_a_worker_that_fits_the_error_says_why(monkeypatch: pytest.Monke
     monkeypatch.setattr(dispatcher, "PATIENCE", 0.02)
     wire = Wire()
     made = Dispatcher(wire)
-    (ticket,) = tickets(1)
-    made.ask(ticket)
+    (request,) = requests(1)
+    made.ask(request)
     made.update({"a": (1, 0.0, False)})
     wire.answer(fault=Unreadable("ModuleNotFoundError: No module named 'maquette'"))
     time.sleep(0.04)
     made.update({"a": (1, 0.0, False)})
     made.tick()
     with pytest.raises(ClusterError) as caught:
-        ticket.wait()
+        request.wait()
     assert str(caught.value) == (
         "tcp://here:8786 has no worker that can draw this picture: worker a cannot draw"
         " (ModuleNotFoundError: No module named 'maquette'): it draws nothing"
@@ -265,23 +265,23 @@ def test_without_a_worker_the_render_ends(monkeypatch: pytest.MonkeyPatch, case:
     updates, message = ENDS[case]
     wire = Wire()
     made = Dispatcher(wire)
-    (ticket,) = tickets(1)
-    made.ask(ticket)
+    (request,) = requests(1)
+    made.ask(request)
     for update in updates:
         made.update(update)  # type: ignore[arg-type]
         wire.answer(lambda worker, about: about["do"] == "identify")
         made.tick()
-    assert not ticket.done
+    assert not request.done
     monkeypatch.setattr(dispatcher, "PATIENCE", 0.02)
     time.sleep(0.04)
     made.update(updates[-1] if updates else {})  # type: ignore[arg-type]
     made.tick()
     with pytest.raises(ClusterError) as caught:
-        ticket.wait()
+        request.wait()
     assert str(caught.value) == message
-    (late,) = tickets(1)
+    (late,) = requests(1)
     made.ask(late)
-    assert late.fault is ticket.fault
+    assert late.fault is request.fault
 
 
 def test_a_silent_scheduler_ends_the_render(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -323,7 +323,7 @@ def test_cancelled_requests_end_without_an_answer(monkeypatch: pytest.MonkeyPatc
     _, made, asked = started({}, 5, cancel=cancel)
     cancel.set()
     made.tick()
-    assert [ticket.wait() for ticket in asked] == [None] * 5
+    assert [request.wait() for request in asked] == [None] * 5
 
 
 @pytest.mark.parametrize("seed", range(30))
@@ -356,6 +356,6 @@ def test_all_is_done_whatever_happens(seed: int, monkeypatch: pytest.MonkeyPatch
         answering = ({chosen} - stalled) | ({message[0] for message in wire.sent} - known.keys())
         wire.answer(lambda worker, about, answering=answering: worker in answering, fault)
         made.tick()
-        if all(ticket.done for ticket in asked):
+        if all(request.done for request in asked):
             break
     check(asked)

@@ -22,7 +22,7 @@ from maquette.render import render_scene
 from maquette.render.cluster import dask_cluster, dispatcher, draw
 from maquette.render.cluster.dask_cluster import Cluster
 from maquette.render.cluster.remote_renderer import RemoteRenderer
-from maquette.render.cluster.tickets import ClusterError
+from maquette.render.cluster.requests import ClusterError
 from maquette.render.film import checkpoint, denoise
 from maquette.render.film.progress import Progress
 from maquette.render.image.image import Image
@@ -120,9 +120,9 @@ def test_the_guides_of_the_denoiser_equal_those_of_one_process(cluster: Cluster)
 
 def test_several_pictures_are_drawn_at_a_time(cluster: Cluster) -> None:
     plans = [planned(BALLS, samples=2, seed=seed) for seed in range(6)]
-    tickets = [draw.begin(cluster, scene, plan, threading.Event()) for scene, plan in plans]
-    for ticket, (scene, plan) in zip(tickets, plans, strict=True):
-        same(render_scene.draw(scene, plan), draw.finish(ticket))
+    requests = [draw.begin(cluster, scene, plan, threading.Event()) for scene, plan in plans]
+    for request, (scene, plan) in zip(requests, plans, strict=True):
+        same(render_scene.draw(scene, plan), draw.finish(request))
 
 
 @pytest.mark.parametrize("case", [{"samples": 256}, {"error": 0.03}])
@@ -203,9 +203,9 @@ def test_a_stopped_worker_that_has_a_whole_picture_is_replaced(
         processes.send(name, signal.SIGSTOP)
     try:
         scene, plan = planned(BALLS, samples=2)
-        ticket = draw.begin(cluster, scene, plan, threading.Event())
+        request = draw.begin(cluster, scene, plan, threading.Event())
         processes.send(names[1], signal.SIGCONT)
-        same(render_scene.draw(scene, plan), draw.finish(ticket))
+        same(render_scene.draw(scene, plan), draw.finish(request))
     finally:
         processes.send(names[0], signal.SIGCONT)
 

@@ -1,4 +1,4 @@
-"""Tickets: requests to a cluster and their answers; the error of a cluster that cannot answer."""
+"""Requests to a cluster and their answers; the error of a cluster that cannot answer."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Work(NamedTuple):
     plan: list[list[Any]]  # of messages.plan_to
 
 
-class Ticket:
+class Request:
     """A request about a picture, and its answer."""
 
     def __init__(

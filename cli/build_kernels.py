@@ -31,6 +31,7 @@ _MANY = _MESH + 'mesh("more.obj", material: {0})\n' + "".join(f"sphere(0.1, cent
 _TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 _SUN, _AREA, _SKY = "directional(from: [1, 1, 0])\n", "area(position: [0, 5, 2], look_at: [0, 0, 0], size: 1, luminance: 9)\n", "sky()\n"
 _MATT, _SHINY, _GLASS = "lambert(#808080)", "phong(#808080, specular: 0.3, shininess: 40)", "glass()"
+_LINKED = 'directional(from: [1, 1, 0], receivers: ["left"], blockers: ["!left"])\nsphere(1, center: [9, 0, 0], name: "left")\n'
 _SMOOTH = 'lambert(#808080, shading: "gouraud")'
 
 
@@ -57,8 +58,12 @@ VARIANTS = {
     "formulas in skies": Variant(_FORMULA.format(_MATT) + _SKY, {}),
     "formulas of one sample": Variant(_FORMULA.format(_MATT) + _SUN, {"samples": 1}),
     "formulas in skies of one sample": Variant(_FORMULA.format(_MATT) + _SKY, {"samples": 1}),
+    "light links": Variant(_FORMULA.format(_SHINY) + _LINKED, {}),
+    "paths of light links": Variant(_FORMULA.format(_SHINY) + _LINKED + _SKY, {"bounces": 2}),
     "triangles": Variant(_BALL.format(_MATT) + _SUN, {"backend": "raster"}, {"shadows": "off"}),
     "triangles in shadow": Variant(_FORMULA.format(_MATT) + _SUN, {"backend": "raster"}),
+    "mirrors of triangles": Variant(_BALL.format(_SHINY) + _SUN, {"backend": "raster", "bounces": 2}, {"raster.secondary_rays": "trace"}),
+    "light links of triangles": Variant(_FORMULA.format(_SHINY) + _LINKED, {"backend": "raster"}),
     "triangles by tiles": Variant(_FORMULA.format(_MATT) + _AREA, {"backend": "raster", "error": 0.5}),
     "channels": Variant(_FORMULA.format(_MATT) + _SUN, {"aov": ("depth", "normal", "issues")}),
     "channels of triangles": Variant(_FORMULA.format(_MATT) + _SUN, {"backend": "raster", "aov": ("depth",)}),

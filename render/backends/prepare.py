@@ -65,7 +65,7 @@ def prepare(scene: ir.Scene, plan: Plan, view: View, general: bool = False) -> P
     tessellations = tessellator.tessellations(tables) if backend == "raster" else {}
     options = options_of(plan, tables, general)
     if backend == "raster" and plan["raster.secondary_rays"] == "none":
-        options = options._replace(environment=no_ray_environment.ambient_environment(scene, tables, options))
+        options = options._replace(environment=no_ray_environment.ambient_environment(scene, tables, options, general))
     weights = sobol.filter_table(plan["filter"], on_grid=plan["transport"] != "path")  # the rasterizer draws no paths
     lens = camera.lens_of(tables, view) if backend != "raster" else Lens()
     accel = None
@@ -119,7 +119,7 @@ def _link_whitted(
         if _compiles_slowly(accel):
             kinds = whitted.kinds(frames, packed, accel, vertex_lighting.none(), bool(lights))
             compile_process.compile_in_background(int(plan["threads"]), whitted.linked.kernel, *kinds)
-        motion_alpha.link(accel)
+        motion_alpha.link(accel, general)
     light = Handle(vertex_lighting.vertex_light(tables, packed, accel, frames))
     whitted.link(frames, packed, accel, light, bool(lights))
     return accel, light, lights
@@ -160,7 +160,7 @@ def _prepare_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame
     if general or not inside.all() or aims is not None:
         _compile_tiles(threads, accel, packed, frames, kind, plan["transport.path_reuse"] == "blocks")
     if general or not inside.all():
-        motion_alpha.link(accel)
+        motion_alpha.link(accel, general)
     if aims is not None:
         from ..integrator import photon_tracer  # few scenes need it
 
@@ -241,7 +241,7 @@ def _cast(nest: Any, kind: type) -> Any:
 def build_bvh(tables: ir.Tables, plan: Plan, general: bool = False) -> Handle:
     """The scene's BVH, linked for kernels."""
     accel = _build_unlinked(tables, plan, general)
-    motion_alpha.link(accel)
+    motion_alpha.link(accel, general)
     return accel
 
 

@@ -21,12 +21,18 @@ from .records import SampleIndex, Scene, ShadingContext
 PLACES = 256  # points of the ground over which its light is averaged
 
 
-def ambient_environment(scene: ir.Scene, tables: ir.Tables, options: Options) -> SecondaryRays | AmbientEnvironment:
-    """Return the environment; `tables` are ready for shading, `options` without bounces."""
-    if not (scene_facts.specular_materials(scene) & scene_facts.used_materials(scene.tables)).any():
-        return SecondaryRays()  # unused
+def ambient_environment(
+    scene: ir.Scene, tables: ir.Tables, options: Options, general: bool = False
+) -> SecondaryRays | AmbientEnvironment:  # fmt: skip
+    """Return the environment; `tables` are ready for shading, `options` without bounces.
+
+    A scene without specular materials uses none; with `general` it gets a black one.
+    """
+    unused = not (scene_facts.specular_materials(scene) & scene_facts.used_materials(scene.tables)).any()
+    if unused and not general:
+        return SecondaryRays()
     row = scene_facts.ground(scene.tables)
-    if row < 0:
+    if unused or row < 0:
         return AmbientEnvironment(Float3(0.0, 0.0, 0.0), Float3(0.0, 0.0, 0.0))
     up = normal(scene.tables, row)
     return AmbientEnvironment(Float3(*up), Float3(*_mean_light(tables, options, row, np.array(up))))

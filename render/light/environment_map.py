@@ -36,9 +36,11 @@ class SkyMap(NamedTuple):
 
     matrix: NDArray[np.float64]  # (1, 3, 4) to the world
     inverse: NDArray[np.float64]
-    rows: NDArray[np.float64]  # (1, h + 1) cumulative share of the rows, from the top
-    columns: NDArray[np.float64]  # (h, w + 1) cumulative share within each row
-    density: NDArray[np.float64]  # (h, w) over solid angle
+    rows: NDArray[np.float64]  # (height + 1,) cumulative share of the rows, from the top
+    columns: NDArray[np.float64]  # (height × (width + 1),) cumulative share within each row
+    density: NDArray[np.float64]  # (height × width,) over solid angle
+    width: int  # of the map; flat tables let one kernel serve every size
+    height: int
     power: float  # of its light above the mean
     row: int  # of emitters; -1: not sampled
 
@@ -50,8 +52,8 @@ def build(tables: ir.Tables, row: int, horizon: NDArray[np.float64] | None, gene
     """
     found = _build(tables, row, horizon)
     if general and isinstance(found, Even):
-        frame, edges = np.eye(3, 4)[None], np.array([[0.0, 1.0]])
-        return SkyMap(frame, frame, edges, edges, np.zeros((1, 1)), 0.0, -1)
+        frame, edges = np.eye(3, 4)[None], np.array([0.0, 1.0])
+        return SkyMap(frame, frame, edges, edges, np.zeros(1), 1, 1, 0.0, -1)
     return found
 
 
@@ -83,7 +85,7 @@ def _build(tables: ir.Tables, row: int, horizon: NDArray[np.float64] | None) -> 
     rows = np.concatenate([[0.0], np.cumsum(columns[:, -1])]) / columns[:, -1].sum()
     columns /= np.maximum(columns[:, -1:], 1e-300)
     columns[:, -1], rows[-1] = 1.0, 1.0
-    return SkyMap(matrix, inverse, rows[None], columns, more / total, total, row)
+    return SkyMap(matrix, inverse, rows, columns.ravel(), (more / total).ravel(), width, height, total, row)
 
 
 def is_sampled_alone(tables: ir.Tables) -> bool:
@@ -148,8 +150,8 @@ def _below(matrix: NDArray[np.float64], horizon: NDArray[np.float64], height: in
 
 
 @helper
-def _search(table: Any, row: Lane, count: int, u: Lane) -> Lane:
-    """The last entry of a cumulative row that is not above u."""
+def _search(table: Any, first: Lane, count: int, u: Lane) -> Lane:
+    """The last entry that is not above u, counted from `first`, of `count` cumulative shares from there."""
     low = ops.int_like(u, 0)
     step = 1
     while step < count:
@@ -157,37 +159,37 @@ def _search(table: Any, row: Lane, count: int, u: Lane) -> Lane:
     while step > 1:
         step //= 2
         further = ops.minimum(low + step, count - 1)
-        low = ops.where((low + step < count) & (table[row, further] <= u), further, low)
+        low = ops.where((low + step < count) & (table[first + further] <= u), further, low)
     return low
 
 
 @helper
 def sample_map(sky: SkyMap, u: Lane, v: Lane) -> tuple[Vec, Lane]:
     """(direction, density) sampled by two numbers in [0, 1)."""
-    height, width = sky.density.shape[0], sky.columns.shape[1] - 1
-    all_rows = ops.int_like(u, 0)
-    r = _search(sky.rows, all_rows, height, u)
-    c = _search(sky.columns, r, width, v)
-    above = sky.rows[all_rows, r]
-    du = ops.clip((u - above) / ops.maximum(sky.rows[all_rows, r + 1] - above, lights.TINY), 0.0, 1.0)
-    left = sky.columns[r, c]
-    dv = ops.clip((v - left) / ops.maximum(sky.columns[r, c + 1] - left, lights.TINY), 0.0, 1.0)
+    height, width = sky.height, sky.width
+    r = _search(sky.rows, ops.int_like(u, 0), height, u)
+    first = r * (width + 1)
+    c = _search(sky.columns, first, width, v)
+    above = sky.rows[r]
+    du = ops.clip((u - above) / ops.maximum(sky.rows[r + 1] - above, lights.TINY), 0.0, 1.0)
+    left = sky.columns[first + c]
+    dv = ops.clip((v - left) / ops.maximum(sky.columns[first + c + 1] - left, lights.TINY), 0.0, 1.0)
     top, bottom = ops.cos(ops.to_float(r) * (math.pi / height)), ops.cos(ops.to_float(r + 1) * (math.pi / height))
     y = ops.lerp(top, bottom, du)
     across = ops.sqrt(ops.maximum(1.0 - y * y, 0.0))
     turn = 2.0 * math.pi * (0.5 - (ops.to_float(c) + dv) * (1.0 / width))
     local = (across * ops.sin(turn), y, across * ops.cos(turn))
-    return ops.normalize(affine.transform_vector(sky.matrix, 0, local)), sky.density[r, c]
+    return ops.normalize(affine.transform_vector(sky.matrix, 0, local)), sky.density[r * width + c]
 
 
 @helper
 def _density(sky: SkyMap, direction: Vec) -> Lane:
-    height, width = sky.density.shape[0], sky.columns.shape[1] - 1
+    height, width = sky.height, sky.width
     x, y, z = ops.normalize(affine.transform_vector(sky.inverse, 0, direction))
     s, t = 0.5 - ops.atan2(x, z) * (0.5 / math.pi), 0.5 - ops.asin(ops.clip(y, -1.0, 1.0)) * (1.0 / math.pi)
     r = ops.maximum(ops.minimum(ops.floor_int(t * height), height - 1), 0)
     c = ops.maximum(ops.minimum(ops.floor_int(s * width), width - 1), 0)
-    return sky.density[r, c]
+    return sky.density[r * width + c]
 
 
 def sample(sky: Any, tables: Tables, u: Lane, v: Lane) -> tuple[Vec, Vec, Lane]:

@@ -49,10 +49,14 @@ def has_motion(accel: Any) -> bool:
     return is_used(accel) and accel.field("motion_alpha.moving")[1] != ()
 
 
-def link(accel: Handle) -> None:
-    """Compile or load the traversal kernels of a packed BVH and store their addresses in it."""
+def link(accel: Handle, general: bool = False) -> None:
+    """Compile or load the traversal kernels of a packed BVH and store their addresses in it.
+
+    With `general`, they traverse meshes and the tree over instances even if the scene has none.
+    """
     shape_hit.link(accel)
-    search = two_level.search.link(with_type_tags(accel.type, *absent_features(accel.tables)), *two_level.SEARCH)
+    absent = () if general else absent_features(accel.tables)
+    search = two_level.search.link(with_type_tags(accel.type, *absent), *two_level.SEARCH)
     if is_used(accel.type):
         accel.put("motion_alpha.plain", search)
         if has_opacity(accel.type):

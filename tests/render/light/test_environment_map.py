@@ -9,6 +9,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from maquette.compiler import load
+from maquette.render.jit import packed_struct
 from maquette.render.light import environment_map, lights
 
 
@@ -69,6 +70,11 @@ def test_all_that_is_brighter_than_the_mean_can_be_drawn(sky_of):
     sky = sky_of(bright())
     assert sky.density.max() > 100.0 * sky.density[sky.density > 0].min()
     assert (sky.density == 0.0).any()
+
+
+def test_kernels_serve_maps_of_every_size(sky_of):
+    first, second = (packed_struct.Handle(sky_of(bright(*size))).type for size in ((16, 32), (40, 100)))
+    assert first == second
 
 
 def test_what_is_even_is_no_emitter(sky_of):

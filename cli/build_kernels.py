@@ -58,14 +58,16 @@ VARIANTS = {
     "formulas in skies": Variant(_FORMULA.format(_MATT) + _SKY, {}),
     "formulas of one sample": Variant(_FORMULA.format(_MATT) + _SUN, {"samples": 1}),
     "formulas in skies of one sample": Variant(_FORMULA.format(_MATT) + _SKY, {"samples": 1}),
-    "light links": Variant(_FORMULA.format(_SHINY) + _LINKED, {}),
+    "light links": Variant(_MESH.format(_SHINY) + _LINKED, {}),
+    "light links of formulas": Variant(_FORMULA.format(_SHINY) + _LINKED, {}),
     "paths of light links": Variant(_FORMULA.format(_SHINY) + _LINKED + _SKY, {"bounces": 2}),
     "triangles": Variant(_BALL.format(_MATT) + _SUN, {"backend": "raster"}, {"shadows": "off"}),
     "triangles in shadow": Variant(_FORMULA.format(_MATT) + _SUN, {"backend": "raster"}),
     "mirrors of triangles": Variant(_BALL.format(_SHINY) + _SUN, {"backend": "raster", "bounces": 2}, {"raster.secondary_rays": "trace"}),
-    "light links of triangles": Variant(_FORMULA.format(_SHINY) + _LINKED, {"backend": "raster"}),
+    "light links of triangles": Variant(_MESH.format(_SHINY) + _LINKED, {"backend": "raster"}),
     "triangles by tiles": Variant(_FORMULA.format(_MATT) + _AREA, {"backend": "raster", "error": 0.5}),
     "channels": Variant(_FORMULA.format(_MATT) + _SUN, {"aov": ("depth", "normal", "issues")}),
+    "channels of paths": Variant(_FORMULA.format(_SHINY) + _AREA, {"bounces": 2, "aov": ("depth",)}),  # denoising needs them, too
     "channels of triangles": Variant(_FORMULA.format(_MATT) + _SUN, {"backend": "raster", "aov": ("depth",)}),
 }
 

@@ -94,10 +94,13 @@ def noise_notes(about: Mapping[str, Any], plan: Plan) -> list[Diagnostic]:
         return []
     longer = f"--error {wanted:.0%} takes about {time_range((error / wanted) ** 2 * about['seconds']['render'])}"
     work = f"the default of {'at most ' if default else ''}{plan['samples']} samples a pixel"
+    left = about.get("denoised_error")
     if about.get("denoised"):
-        left = about.get("denoised_error")
         now = f"its error was {error:.1%}" + ("" if left is None else f", and about {left:.1%} are left")
         return [Diagnostic("note", f"the picture was noisy after {work}, and is denoised: {now}", None, f"{longer} without denoising")]
+    if left is not None:
+        hint = f"{longer}; denoising would leave an error of about {left:.0%}"
+        return [Diagnostic("note", f"the picture is noisy: its error is {error:.0%} with {work}", None, hint)]
     smooth = "--denoise smooths it" if importlib.util.find_spec("pyoidn") else f"{install_command('denoise')} smooths it"
     return [Diagnostic("note", f"the picture is noisy: its error is {error:.0%} with {work}", None, f"{longer}; {smooth}")]
 

@@ -31,11 +31,18 @@ class Hits(NamedTuple):
     v: NDArray[np.float64]
 
 
-def build(tables: ir.Tables, brute: bool = False, threads: int = 0, keep: bool = True, closed: bool = True) -> Handle:
+def build(
+    tables: ir.Tables, brute: bool = False, threads: int = 0, keep: bool = True, closed: bool = True, general: bool = False
+) -> Handle:  # fmt: skip
     """Build and link the BVH of a scene, see scene_bvh.build. Keep the handle as long as rays are traced."""
-    accel = Handle(scene_bvh.build(tables, brute, threads, keep, closed=closed))
-    motion_alpha.link(accel)
+    accel = Handle(scene_bvh.build(tables, brute, threads, keep, closed=closed, general=general))
+    motion_alpha.link(accel, general)
     return accel
+
+
+def load_closest(accel: Handle) -> None:
+    """Compile or load the kernel of `closest`."""
+    closest(accel, np.zeros((0, 3)), np.zeros((0, 3)))
 
 
 def closest(

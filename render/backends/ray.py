@@ -52,7 +52,9 @@ class Renderer:
         self.primes = prepared.paths is None and hits.is_needed(prepared.accel.tables)
         self.side = hits.tile_side(view.width, view.height, plan["samples"]) if self.primes else TILE
         self.black = self.primes and not prepared.accel.tables.rest & REST and background.is_black(prepared.tables, prepared.options)
-        self.channel_accel = None  # BVH of all instances, for channels
+        self._channel_accel, self._channel_lock = None, threading.Lock()
+        if prepared.paths is None and (plan["denoise"] != "off" or plan["aov"]):
+            ray_queries.load_closest(prepared.accel)
         self.has_single = self.primes and plan["samples"] == 1
         nothing, none = Tile(0, 0, 0, 0), np.zeros((0, 0), np.int64)  # an empty tile compiles the kernels
         if self.has_single:
@@ -150,9 +152,16 @@ class Renderer:
     def _find_hits(self, ray: Ray) -> ray_queries.Hits:
         """The first hits of camera rays, among all instances."""
         origin, direction = _stack_rays(ray)
-        if self.channel_accel is None:
-            self.channel_accel = self.prepared.accel if self.prepared.paths is None else ray_queries.build(self.prepared.tables)
-        return ray_queries.closest(self.channel_accel, origin, direction, ray.t_min, ray.t_max, CAMERA)
+        return ray_queries.closest(self._accel_of_channels(), origin, direction, ray.t_min, ray.t_max, CAMERA)
+
+    def _accel_of_channels(self) -> Handle:
+        """The BVH of all instances; that of paths lacks some. It is traversed by general kernels, which every scene shares."""
+        if self.prepared.paths is None:
+            return self.prepared.accel
+        with self._channel_lock:
+            if self._channel_accel is None:
+                self._channel_accel = ray_queries.build(self.prepared.tables, general=True)
+        return self._channel_accel
 
     def _find_unproved(self, ray: Ray) -> NDArray[np.bool_]:
         """Whether the absence of a nearer implicit-surface hit is unproved, by ray; counted by a BVH of this thread's own."""

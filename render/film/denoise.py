@@ -37,7 +37,10 @@ CLEAR = (int(ir.Slot.SPECULAR), int(ir.Slot.REFLECTION), int(ir.Slot.TRANSMISSIO
 
 
 def denoise(image: Image, renderer: film.Renderer | Remote, plan: Plan) -> None:
-    """Denoise a picture's color in place. Sets metadata "denoised" and "denoised_error", the √relMSE left, None where it is unknown."""
+    """Denoise a picture's color in place. Sets metadata "denoised" and "denoised_error", the √relMSE left, None where it is unknown.
+
+    A picture that is denoised by default keeps its noise, and "denoised" is False, where the error left would be larger.
+    """
     import pyoidn  # pyright: ignore[reportMissingImports]
 
     albedo, normal = guides(renderer, plan)
@@ -50,7 +53,11 @@ def denoise(image: Image, renderer: film.Renderer | Remote, plan: Plan) -> None:
     rgba[..., :3] = clean(noisy)
     image.metadata.update(denoised=True, denoised_error=None)
     if half is not None and np.isfinite(half).all():
-        image.metadata["denoised_error"] = error_left(noisy, half, image.metadata["variance_share"], rgba[..., :3], clean)
+        left = error_left(noisy, half, image.metadata["variance_share"], rgba[..., :3], clean)
+        image.metadata["denoised_error"] = left
+        if plan["denoise"] == "above_error" and left >= image.metadata["error"]:
+            rgba[..., :3] = noisy
+            image.metadata["denoised"] = False
 
 
 def error_left(noisy: Pixels, half: Pixels, share: float, denoised: Pixels, clean: Callable[[Pixels], Pixels]) -> float:

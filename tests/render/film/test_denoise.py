@@ -130,3 +130,18 @@ def test_the_error_left_is_that_of_blur_and_of_noise() -> None:
     assert kept == pytest.approx(0.3, rel=0.05)  # of one half: √2 times that of the picture
     exact = np.ones_like(noisy)
     assert denoise.error_left(noisy, half, 1.0, exact, lambda color: exact) == pytest.approx(denoise.LEAST * 0.3 / math.sqrt(2.0), rel=0.1)
+
+
+@needs_package
+def test_a_default_picture_keeps_noise_that_denoising_would_not_lessen(scene, monkeypatch) -> None:
+    """The picture is that without denoising; the note tells what denoising would leave."""
+    monkeypatch.setattr(denoise, "error_left", lambda *_: 0.5)
+    plan = planner.make_plan(scene, maquette.compiler.ir.Settings(size=(48, 36), threads=1, error=0.001))
+    noisy = maquette.render(scene, size=(48, 36), samples=8, denoise=False)
+    image = maquette.render(scene, size=(48, 36), samples=8, denoise=False)
+    image.metadata.update(half_difference=0.1 * image.channels["rgba"][..., :3], variance_share=1.0, error=0.1)
+    view = View(plan["camera"], 48, 36)
+    by_default = planner.Plan({**plan.decisions, "denoise": replace(plan.decisions["denoise"], value="above_error")})
+    denoise.denoise(image, ray.Renderer(prepare.prepare(scene, plan, view), plan, view), by_default)
+    assert np.array_equal(image.channels["rgba"], noisy.channels["rgba"])
+    assert (image.metadata["denoised"], image.metadata["denoised_error"]) == (False, 0.5)

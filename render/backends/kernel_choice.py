@@ -8,9 +8,6 @@ compiles the specialised kernels first. MAQUETTE_KERNELS=special or general sele
 
 from __future__ import annotations
 
-import os
-import pickle
-import tempfile
 import threading
 from collections.abc import Callable
 from functools import partial
@@ -19,6 +16,8 @@ from typing import Any
 from ...compiler import ir
 from ...compiler.io import confinement, environment
 from ...compiler.plan.plan import Plan
+from ...compiler.scene import serialize
+from .. import packing
 from ..jit import compile_process, kernel_cache
 from ..types import Film, FirstHits, Tile, View
 from . import prepare
@@ -84,20 +83,16 @@ def _compile_later(key: str, scene: ir.Scene, plan: Plan, view: View) -> Callabl
     """
     if confinement.is_confined():
         return lambda: False
-    try:
-        with tempfile.NamedTemporaryFile(prefix="maquette-", suffix=".picture", delete=False) as file:
-            pickle.dump((scene, plan, view), file)
-    except OSError:
-        return lambda: False
-    return compile_process.run_later(key, compile_special, file.name)
+    about = {"plan": packing.plan_to(plan), "threads": plan["threads"], "view": view}
+    return compile_process.run_later(key, compile_special, lambda: packing.pack(about, serialize.to_arrays(scene)))
 
 
-def compile_special(path: str) -> None:
-    """Compile the specialised kernels of the picture in a file that the calling process wrote, and remove the file."""
-    with open(path, "rb") as file:
-        scene, plan, view = pickle.load(file)
-    os.unlink(path)
-    make_renderer(scene, plan, view, False)
+def compile_special(message: bytes) -> None:
+    """Compile the specialised kernels of a packed picture."""
+    about, arrays = packing.unpack(message)
+    plan = packing.plan_from(about["plan"], about["threads"])
+    scene = serialize.from_arrays({name: array.copy() for name, array in arrays.items()})  # writable: kernels have other types for views
+    make_renderer(scene, plan, View(*about["view"]), False)
 
 
 class Changeover:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from ...lang.diagnostics import Diagnostic
+from .. import packing
 from . import identity, messages
 from .requests import ClusterError, Request, Work
 
@@ -139,7 +140,7 @@ class Dispatcher:
             worker.silent = silent
             if worker.state == "new":
                 worker.state = "asked"
-                self.wire.send(address, messages.pack({"do": "identify"}), lambda answer, worker=worker: self._identified(worker, answer))
+                self.wire.send(address, packing.pack({"do": "identify"}), lambda answer, worker=worker: self._identified(worker, answer))
 
     def tick(self) -> None:
         """Do what is due: end requests that nobody waits for, give a cluster up, send requests."""
@@ -172,7 +173,7 @@ class Dispatcher:
         if isinstance(answer, Exception):
             worker.state = "new"  # asked again, if it is still there
             return
-        about, _ = messages.unpack(answer)
+        about, _ = packing.unpack(answer)
         why, hint = identity.difference(about, self.client)
         worker.state = "refused" if why else "ready"
         if why:
@@ -263,7 +264,7 @@ class Dispatcher:
         worker.waiting.append(parcelled)
         if parcel.key not in worker.scenes:
             worker.scenes[parcel.key] = "sending"
-            offer = messages.pack({"do": "offer", "scene": parcel.key, "rows": parcel.rows})
+            offer = packing.pack({"do": "offer", "scene": parcel.key, "rows": parcel.rows})
             self.wire.send(worker.address, offer, lambda answer: self._offered(worker, parcel, answer))
 
     def _offered(self, worker: Worker, parcel: messages.Parcel, answer: Any) -> None:
@@ -283,7 +284,7 @@ class Dispatcher:
             array = parcel.arrays[digest]
             part = array.reshape(-1).view("uint8")[start : start + messages.PART] if array.size else array.view("uint8")
             about = {"do": "keep", "hash": digest, "dtype": array.dtype.str, "shape": array.shape, "start": start}
-            message = messages.pack(about, {"part": part})
+            message = packing.pack(about, {"part": part})
             self.wire.send(worker.address, message, lambda answer: self._send_parts(worker, parcel, parts, answer))
             return
         worker.scenes[parcel.key] = "ready"
@@ -296,7 +297,7 @@ class Dispatcher:
         """The data of an answer about a scene; None after an error, which the requests that wait for the scene get."""
         if worker.state != "ready":
             return None
-        about = {"error": str(answer)} if isinstance(answer, Exception) else messages.unpack(answer)[0]
+        about = {"error": str(answer)} if isinstance(answer, Exception) else packing.unpack(answer)[0]
         if "error" not in about:
             return about
         del worker.scenes[parcel.key]
@@ -316,7 +317,7 @@ class Dispatcher:
         about = {"do": "draw", "scene": work.parcel.key, "plan": work.plan, "threads": worker.threads, "requests": requests}
         parcelled.began = now
         worker.running.append(parcelled)
-        parcelled.handle = self.wire.send(worker.address, messages.pack(about, arrays), lambda answer: self._answered(parcelled, answer))
+        parcelled.handle = self.wire.send(worker.address, packing.pack(about, arrays), lambda answer: self._answered(parcelled, answer))
 
     def _answered(self, parcelled: Parcelled, answer: Any) -> None:
         worker = parcelled.worker
@@ -326,7 +327,7 @@ class Dispatcher:
         if isinstance(answer, Exception):
             self._fail(parcelled, None if isinstance(answer, Lost) else str(answer))
             return
-        about, arrays = messages.unpack(answer)
+        about, arrays = packing.unpack(answer)
         if "error" in about:
             self._fail(parcelled, about["error"])
             return

@@ -6,7 +6,7 @@ import threading
 
 from ...compiler import ir
 from ...compiler.plan.plan import Plan
-from .. import render_scene
+from .. import packing, render_scene
 from ..film.checkpoint import Keeper
 from ..film.progress import Progress, Report
 from ..image.image import Image
@@ -42,7 +42,7 @@ def begin(cluster: Cluster, scene: ir.Scene, plan: Plan, cancel: threading.Event
     """Ask for a whole picture, which one worker draws with all its threads."""
     x0, y0, x1, y1 = plan["crop"]
     cost = float((x1 - x0) * (y1 - y0) * plan["samples"])
-    return cluster.ask(Request(cluster.work(scene, messages.plan_to(plan)), {"do": "picture"}, {}, cost, cancel))
+    return cluster.ask(Request(cluster.work(scene, packing.plan_to(plan)), {"do": "picture"}, {}, cost, cancel))
 
 
 def finish(request: Request) -> Image:

@@ -1,10 +1,9 @@
-"""Messages between client and workers: JSON and arrays in bytes; plans, pictures and scenes in that form. No pickle."""
+"""Messages between client and workers: pictures and scenes as JSON and arrays, which `packing` makes bytes. No pickle."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from typing import Any, NamedTuple
@@ -13,51 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ...compiler.plan.decision import Decision
-from ...compiler.plan.plan import Plan
 from ...compiler.scene import serialize
+from .. import packing
 from ..film.bounce_error import Cut
 from ..image.image import Image
+from ..packing import Arrays
 
-ALIGNMENT = 64  # bytes, of arrays in a message
 PART = 8 << 20  # bytes of an array in one message
 UNSENT = ("variance", "half_difference")  # metadata of a picture that stay on the worker
-
-Arrays = Mapping[str, NDArray[Any]]
-
-
-def pack(about: Mapping[str, Any], arrays: Arrays | None = None) -> bytes:
-    """Bytes of JSON data and arrays."""
-    rows, parts, at = [], [], 0
-    for name, array in (arrays or {}).items():
-        array = np.asarray(array)
-        rows.append([name, array.dtype.str, list(array.shape)])
-        data = np.ascontiguousarray(array).tobytes()
-        parts += [data, bytes(-len(data) % ALIGNMENT)]
-        at += len(data) + len(parts[-1])
-    head = json.dumps([about, rows], default=_plain).encode()
-    head += b" " * (-(8 + len(head)) % ALIGNMENT)
-    return b"".join([len(head).to_bytes(8, "little"), head, *parts])
-
-
-def unpack(message: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """(data, arrays) of `pack`; the arrays are read-only views of the message. Raises ValueError for other bytes."""
-    size = int.from_bytes(message[:8], "little")
-    about, rows = json.loads(message[8 : 8 + size])
-    arrays, at = {}, 8 + size
-    for name, kind, shape in rows:
-        dtype, count = np.dtype(kind), math.prod(shape)
-        if dtype.hasobject:
-            raise ValueError(f"an array of {dtype}")
-        arrays[name] = np.frombuffer(message, dtype, count, at).reshape(shape)
-        at += count * dtype.itemsize
-        at += -at % ALIGNMENT
-    return about, arrays
-
-
-def _plain(value: Any) -> Any:
-    """Numpy scalars and arrays for JSON."""
-    return value.tolist()
 
 
 # --- numbers of samples ---------------------------------------------------------------------------------------------------
@@ -74,25 +36,6 @@ def counts_from(name: str, shape: tuple[int, int], about: Mapping[str, Any], arr
     return np.full(shape, about[name], np.int64) if name in about else np.array(arrays[name])
 
 
-# --- plans -----------------------------------------------------------------------------------------------------------------
-
-
-def plan_to(plan: Plan) -> list[list[Any]]:
-    """The decisions of a plan: name, value, and whether it was overridden. The number of threads is the worker's own."""
-    values = plan.values()
-    return [[name, values[name], d.overridden] for name, d in plan.decisions.items() if name != "threads"]
-
-
-def plan_from(rows: list[list[Any]], threads: int) -> Plan:
-    """The plan of `plan_to`, without reasons."""
-    made = {name: Decision(name, _tuples(value), "", overridden=bool(overridden)) for name, value, overridden in rows}
-    return Plan({**made, "threads": Decision("threads", threads, "")})
-
-
-def _tuples(value: Any) -> Any:
-    return tuple(map(_tuples, value)) if isinstance(value, list) else value
-
-
 # --- pictures --------------------------------------------------------------------------------------------------------------
 
 
@@ -106,7 +49,7 @@ def image_to(image: Image) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
 
 def image_from(about: Mapping[str, Any], arrays: Arrays) -> Image:
     """The picture of `image_to`."""
-    metadata: dict[str, Any] = {name: _tuples(value) for name, value in about["metadata"].items()}
+    metadata: dict[str, Any] = {name: packing.tuples(value) for name, value in about["metadata"].items()}
     metadata |= dict.fromkeys(UNSENT)
     cut: dict[str, Any] | None = metadata.get("cut")
     if cut is not None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ...compiler import ir
 from ...compiler.plan import channels, decision
 from ...compiler.plan.plan import Plan
+from .. import packing
 from ..backends import light_groups
 from ..film import canvas
 from ..film.remote import Remote
@@ -34,7 +35,7 @@ class RemoteRenderer(Remote):
 
     def __init__(self, cluster: Cluster, scene: ir.Scene, plan: Plan, cancel: threading.Event | None) -> None:
         self._cluster, self._cancel = cluster, cancel
-        self._work = cluster.work(scene, messages.plan_to(plan))
+        self._work = cluster.work(scene, packing.plan_to(plan))
         self._sums = light_groups.Sums(plan) if channels.light_groups(plan) else None
         self._setting: list[Any] = [None, 0, -1]  # of worker.Setting
         self._next: Request | None = None  # for the state after this round
@@ -129,7 +130,7 @@ class RemoteRenderer(Remote):
         return self._ask(about, starts[1] | numbers[1], float(count.sum()), deadline, urgent)
 
     def _ask(
-        self, about: dict[str, Any], arrays: messages.Arrays, cost: float, deadline: float = math.inf, urgent: bool = False
+        self, about: dict[str, Any], arrays: packing.Arrays, cost: float, deadline: float = math.inf, urgent: bool = False
     ) -> Request:  # fmt: skip
         about["setting"] = self._setting
         request = Request(self._work, about, arrays, cost, self._cancel, deadline + GRACE)
@@ -137,7 +138,7 @@ class RemoteRenderer(Remote):
         return self._cluster.ask(request)
 
 
-def _add(film: Film, arrays: messages.Arrays) -> None:
+def _add(film: Film, arrays: packing.Arrays) -> None:
     for name, sums in film._asdict().items():
         if name in arrays:
             sums += arrays[name]

@@ -7,6 +7,7 @@ import threading
 import time
 from typing import Any, NamedTuple
 
+from ..packing import Arrays
 from . import messages
 
 
@@ -18,14 +19,14 @@ class Work(NamedTuple):
     """A picture that requests are about."""
 
     parcel: messages.Parcel
-    plan: list[list[Any]]  # of messages.plan_to
+    plan: list[list[Any]]  # of packing.plan_to
 
 
 class Request:
     """A request about a picture, and its answer."""
 
     def __init__(
-        self, work: Work, about: dict[str, Any], arrays: messages.Arrays, cost: float, cancel: threading.Event | None = None,
+        self, work: Work, about: dict[str, Any], arrays: Arrays, cost: float, cancel: threading.Event | None = None,
         deadline: float = math.inf,
     ) -> None:  # fmt: skip
         """`cost` is in samples; `deadline` a time of time.perf_counter, after which no answer is wanted."""

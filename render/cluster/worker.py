@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...compiler.plan.plan import Plan
-from .. import render_scene
+from .. import packing, render_scene
 from ..backends import light_groups
 from ..film import canvas, denoise
 from ..image import cryptomatte, image
@@ -31,11 +31,11 @@ Reply = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 def serve(message: bytes) -> bytes:
     """Answer a message of the client. An exception becomes {"error": its text}."""
-    about, arrays = messages.unpack(message)
+    about, arrays = packing.unpack(message)
     try:
-        return messages.pack(*_SERVICES[about["do"]](about, arrays))
+        return packing.pack(*_SERVICES[about["do"]](about, arrays))
     except Exception as fault:
-        return messages.pack({"error": "not enough memory" if isinstance(fault, MemoryError) else f"{type(fault).__name__}: {fault}"})
+        return packing.pack({"error": "not enough memory" if isinstance(fault, MemoryError) else f"{type(fault).__name__}: {fault}"})
 
 
 # --- scenes ----------------------------------------------------------------------------------------------------------------
@@ -96,7 +96,7 @@ def _offer(about: Mapping[str, Any], _: Any) -> Reply:
     return {"missing": STORE.offer(about["scene"], about["rows"])}, {}
 
 
-def _keep(about: Mapping[str, Any], arrays: messages.Arrays) -> Reply:
+def _keep(about: Mapping[str, Any], arrays: packing.Arrays) -> Reply:
     STORE.keep(about["hash"], about["dtype"], about["shape"], about["start"], arrays["part"])
     return {}, {}
 
@@ -173,12 +173,12 @@ class Pictures:
 PREPARED = Pictures()
 
 
-def _draw(about: Mapping[str, Any], arrays: messages.Arrays) -> Reply:
+def _draw(about: Mapping[str, Any], arrays: packing.Arrays) -> Reply:
     """Answer several requests about one picture; {"missing": true} without its scene."""
     scene = STORE.scene(about["scene"])
     if scene is None:
         return {"missing": True}, {}
-    plan = messages.plan_from(about["plan"], about["threads"])
+    plan = packing.plan_from(about["plan"], about["threads"])
     requests = about["requests"]
     if requests[0]["do"] == "picture":
         return _draw_picture(scene, plan)
@@ -199,17 +199,17 @@ def _draw_picture(scene: ir.Scene, plan: Plan) -> Reply:
     return {"replies": [data], "seconds": time.perf_counter() - began}, {f"0.{name}": array for name, array in arrays.items()}
 
 
-def _facts(picture: Picture, request: Mapping[str, Any], arrays: messages.Arrays, began: float) -> Reply:
+def _facts(picture: Picture, request: Mapping[str, Any], arrays: packing.Arrays, began: float) -> Reply:
     r = picture.renderer
     return {"by_tile": r.by_tile, "block": r.block, "side": r.side, "round": r.round, "shared": r.shared()}, {}
 
 
-def _refresh(picture: Picture, request: Mapping[str, Any], arrays: messages.Arrays, began: float) -> Reply:
+def _refresh(picture: Picture, request: Mapping[str, Any], arrays: packing.Arrays, began: float) -> Reply:
     with picture.use(_setting(request)):
         return {"shared": picture.after}, {}
 
 
-def _sample(picture: Picture, request: Mapping[str, Any], arrays: messages.Arrays, began: float) -> Reply:
+def _sample(picture: Picture, request: Mapping[str, Any], arrays: packing.Arrays, began: float) -> Reply:
     """One call of film.Renderer.sample, with the light of each group."""
     tile, first, count, film = _asked(request, arrays)
     groups = {}
@@ -221,7 +221,7 @@ def _sample(picture: Picture, request: Mapping[str, Any], arrays: messages.Array
     return {}, {**_film_arrays(film), **{f"light:{name}": light for name, light in groups.items()}}
 
 
-def _batch(picture: Picture, request: Mapping[str, Any], arrays: messages.Arrays, began: float) -> Reply:
+def _batch(picture: Picture, request: Mapping[str, Any], arrays: packing.Arrays, began: float) -> Reply:
     """One call of canvas.draw_batch."""
     tile, first, count, film = _asked(request, arrays)
     deadline = math.inf if request["seconds"] is None else began + request["seconds"]
@@ -230,7 +230,7 @@ def _batch(picture: Picture, request: Mapping[str, Any], arrays: messages.Arrays
     return {"reached": reached}, _film_arrays(film)
 
 
-def _auxiliary(picture: Picture, request: Mapping[str, Any], arrays: messages.Arrays, began: float) -> Reply:
+def _auxiliary(picture: Picture, request: Mapping[str, Any], arrays: packing.Arrays, began: float) -> Reply:
     tile = Tile(*request["tile"])
     out = image.blank(tile.x1 - tile.x0, tile.y1 - tile.y0, tuple(request["names"]))
     with picture.use(_setting(request)) as renderer:
@@ -238,12 +238,12 @@ def _auxiliary(picture: Picture, request: Mapping[str, Any], arrays: messages.Ar
     return {}, dict(out)
 
 
-def _guides(picture: Picture, request: Mapping[str, Any], arrays: messages.Arrays, began: float) -> Reply:
+def _guides(picture: Picture, request: Mapping[str, Any], arrays: packing.Arrays, began: float) -> Reply:
     with picture.use(_setting(request)) as renderer:
         return {}, {"guides": denoise.tile_guides(renderer, Tile(*request["tile"]), request["count"], request["total"])}
 
 
-def _asked(request: Mapping[str, Any], arrays: messages.Arrays) -> tuple[Tile, NDArray[np.int64], NDArray[np.int64], Any]:
+def _asked(request: Mapping[str, Any], arrays: packing.Arrays) -> tuple[Tile, NDArray[np.int64], NDArray[np.int64], Any]:
     """(tile, first sample, number of samples, empty film) of a request."""
     tile = Tile(*request["tile"])
     shape = tile.y1 - tile.y0, tile.x1 - tile.x0
@@ -260,12 +260,12 @@ def _film_arrays(film: Any) -> dict[str, NDArray[Any]]:
     return {name: array for name, array in film._asdict().items() if name != "issues" or array.any()}
 
 
-_SERVICES: dict[str, Callable[[Mapping[str, Any], messages.Arrays], Reply]] = {
+_SERVICES: dict[str, Callable[[Mapping[str, Any], packing.Arrays], Reply]] = {
     "identify": lambda about, arrays: (dict(identity.identity()), {}),
     "offer": _offer,
     "keep": _keep,
     "draw": _draw,
 }
-_REQUESTS: dict[str, Callable[[Picture, Mapping[str, Any], messages.Arrays, float], Reply]] = {
+_REQUESTS: dict[str, Callable[[Picture, Mapping[str, Any], packing.Arrays, float], Reply]] = {
     "facts": _facts, "refresh": _refresh, "sample": _sample, "batch": _batch, "auxiliary": _auxiliary, "guides": _guides,
 }  # fmt: skip

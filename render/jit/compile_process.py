@@ -1,11 +1,13 @@
 """Compiles kernels in a second process, so that the first picture waits less.
 
 Compilation is Python code, which does not run in parallel threads. The second process writes a kernel to the disk cache. A caller of that
-kernel waits for it, and compiles the kernel itself if the process ends without. A request is plain data: names and types in JSON.
+kernel waits for it, and compiles the kernel itself if the process ends without. A request is plain data in a pipe: names and types in
+JSON, and the bytes that its function takes.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -21,7 +23,7 @@ from . import compile_events, function_pointer, kernel_cache
 from .kernel import Kernel
 from .value_types import ValueType, from_plain, typeof
 
-_BEGIN = "import importlib, json, sys; sys.path[:], name = json.loads(sys.stdin.readline()); importlib.import_module(name).serve()"
+_BEGIN = "import importlib, json, sys; sys.path[:], name = json.loads(sys.stdin.buffer.readline()); importlib.import_module(name).serve()"
 _PACKAGE = __name__.partition(".")[0]
 
 Key = tuple[Any, tuple[ValueType, ...]]
@@ -62,19 +64,19 @@ def run_in_background(threads: int, function: Any, *arguments: Any) -> None:
             _running.append(process)
 
 
-def run_later(key: str, function: Any, *arguments: Any) -> Callable[[], bool]:
-    """Call a function that compiles kernels in a process of low priority, once for each key; return whether it is still to end.
+def run_later(key: str, function: Any, message: Callable[[], bytes]) -> Callable[[], bool]:
+    """Call function(message()) in a process of low priority, once for each key; return whether it is still to end.
 
-    The arguments are numbers, strings and lists of them. Of several calls, one runs at a time and the latest waits for it. The process
-    does not end with this one: its kernels serve later pictures. Nothing is done where the cache is not writable, or while another such
-    process of the user is at work.
+    The function compiles kernels. Of several calls, one runs at a time and the latest waits for it. The process does not end with this
+    one: its kernels serve later pictures. A thread makes the message and writes it; this process ends after the last byte.
+    Nothing is done where the cache is not writable, or while another such process of the user is at work.
     """
     if not os.access(kernel_cache.CACHE, os.W_OK):
         return lambda: False
     with _lock:
         if key not in _later.known:
             _later.known.add(key)
-            _later.waiting = key, function, list(arguments)
+            _later.waiting = key, function, message
     _is_to_end(key)
     return lambda: _is_to_end(key)
 
@@ -86,8 +88,8 @@ def _is_to_end(key: str) -> bool:
             _close(_later.process)
             _later.process, _later.running = None, ""
         if _later.process is None and _later.waiting is not None:
-            _later.running, function, arguments = _later.waiting
-            _later.waiting, _later.process = None, _start(function, False, arguments, [], outlives=True)
+            _later.running, function, message = _later.waiting
+            _later.waiting, _later.process = None, _start(function, False, [], [], message)
         waits = _later.waiting is not None and _later.waiting[0] == key
         return waits or (_later.process is not None and _later.running == key)
 
@@ -98,7 +100,7 @@ class _Later:
     def __init__(self) -> None:
         self.process: subprocess.Popen[bytes] | None = None
         self.running = ""
-        self.waiting: tuple[str, Any, list[Any]] | None = None
+        self.waiting: tuple[str, Any, Callable[[], bytes]] | None = None
         self.known: set[str] = set()
 
 
@@ -111,13 +113,13 @@ def _max_processes(threads: int) -> int:
 
 
 def _start(
-    function: Any, compiles: bool, arguments: list[Any], loaded: list[str], outlives: bool = False
+    function: Any, compiles: bool, arguments: list[Any], loaded: list[str], message: Callable[[], bytes] | None = None
 ) -> subprocess.Popen[bytes] | None:
     """Start a process that compiles a kernel for types, or calls a function; None if it does not start.
 
-    One that outlives this process has low priority.
+    With a message, the function gets its bytes as its one argument. Such a process outlives this one, and has low priority.
     """
-    request = str(kernel_cache.CACHE), loaded, function.__module__, function.__qualname__, compiles, arguments, outlives
+    request = str(kernel_cache.CACHE), loaded, function.__module__, function.__qualname__, compiles, arguments, message is not None
     try:
         quiet = subprocess.DEVNULL
         process = subprocess.Popen([sys.executable, "-c", _BEGIN], stdin=subprocess.PIPE, stdout=quiet, stderr=quiet)
@@ -131,7 +133,17 @@ def _start(
         process.kill()
         _close(process)
         return None
+    if message is not None:
+        threading.Thread(target=_write, args=(process, message)).start()
     return process
+
+
+def _write(process: subprocess.Popen[bytes], message: Callable[[], bytes]) -> None:
+    """Write a message and its end to a process, which reads it soon or has ended."""
+    assert process.stdin is not None
+    with contextlib.suppress(OSError):  # it has ended
+        process.stdin.write(message())
+    _close(process)
 
 
 def wait(function: Any, kinds: Any) -> None:
@@ -145,25 +157,24 @@ def wait(function: Any, kinds: Any) -> None:
 
 
 def _close(process: subprocess.Popen[bytes]) -> None:
-    try:
+    with contextlib.suppress(OSError):  # the process ended before it had read all
         if process.stdin is not None:
             process.stdin.close()
-    except OSError:
-        pass  # the process ended before it had read all
 
 
 def serve() -> None:
     """Main function of the second process: execute the request on standard input. It ends with its parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches both processes; the parent handles it
-    cache, loaded, module, name, compiles, arguments, outlives = json.loads(sys.stdin.readline())
+    cache, loaded, module, name, compiles, arguments, outlives = json.loads(sys.stdin.buffer.readline())
 
     def watch() -> None:
         sys.stdin.buffer.read()
         os._exit(1)
 
     if outlives:
-        os.nice(10)
         _lock_or_exit()
+        arguments = [sys.stdin.buffer.read()]
+        os.nice(10)
     else:
         threading.Thread(target=watch, daemon=True).start()
     for each in loaded:  # kernels may call overloads from modules that theirs do not import

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -73,7 +76,7 @@ def test_a_picture_goes_on_with_specialised_kernels(
         left[0] -= 1
         return left[0] > 0
 
-    def run_later(key: str, function: Any, *arguments: Any) -> Callable[[], bool]:
+    def run_later(key: str, function: Any, message: Callable[[], bytes]) -> Callable[[], bool]:
         asked.append((key, function))
         without_special.append(True)
         return is_compiling
@@ -124,3 +127,43 @@ def test_a_kernel_that_is_not_compiled_is_refused(monkeypatch: pytest.MonkeyPatc
     with kernel_cache.compiled_only(), pytest.raises(kernel_cache.NotCompiled, match="double"):
         double(1)
     assert not kernel_cache.must_be_compiled()
+
+
+LATER = """
+import sys, time
+import maquette
+from maquette.compiler import ir
+from maquette.compiler.plan import plan as planner
+from maquette.render.backends import kernel_choice
+from maquette.render.jit import kernel_cache
+from maquette.render.types import View
+
+scene = maquette.load(sys.argv[1])
+plan = planner.make_plan(scene, ir.Settings(size=(16, 12), samples=1, backend="raster"))
+view = View(plan["camera"], *plan["size"])
+kernel_choice.make_renderer(scene, plan, view, True)
+kernel_choice.choose_renderer(scene, plan, view)
+end = time.monotonic() + 120
+while time.monotonic() < end:
+    try:
+        with kernel_cache.compiled_only():
+            kernel_choice.make_renderer(scene, plan, view, False)
+        print("compiled")
+        break
+    except kernel_cache.NotCompiled:
+        time.sleep(0.1)
+"""
+
+
+@pytest.mark.long
+def test_another_process_compiles_what_a_picture_needs(tmp_path: Path) -> None:
+    """It gets the picture through a pipe, larger than the pipe holds; no file but kernels is written."""
+    folders = {name: tmp_path / name for name in ("cache", "temporary")}
+    for folder in folders.values():
+        folder.mkdir()
+    points = "points: [[k, mod(k, 7), 0] for k in 0..29999], faces: [[3 * k, 3 * k + 1, 3 * k + 2] for k in 0..9999]"
+    (tmp_path / "a.scene").write_text(f"mesh({points})\n{BALL}", encoding="utf-8")
+    environment = {**os.environ, "MAQUETTE_CACHE": str(folders["cache"]), "TMPDIR": str(folders["temporary"]), "MAQUETTE_KERNELS": "auto"}
+    done = subprocess.run([sys.executable, "-c", LATER, str(tmp_path / "a.scene")], env=environment, capture_output=True, text=True)
+    assert done.stdout == "compiled\n", done.stderr
+    assert not list(folders["temporary"].iterdir())

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from maquette.render import packing
 from maquette.render.cluster import dispatcher, identity, messages
 from maquette.render.cluster.dispatcher import Dispatcher, Lost, Unreadable
 from maquette.render.cluster.requests import ClusterError, Request, Work
@@ -32,7 +33,7 @@ class Wire:
         self.seconds = 0.01
 
     def send(self, worker: str, message: bytes, then: Callable[[Any], None]) -> int:
-        about, arrays = messages.unpack(message)
+        about, arrays = packing.unpack(message)
         self.sent.append((worker, {**about, "arrays": arrays}, then))
         return len(self.sent)
 
@@ -44,7 +45,7 @@ class Wire:
         here = [each for each in self.sent if where(each[0], each[1])]
         self.sent = [each for each in self.sent if not where(each[0], each[1])]
         for worker, about, then in here:
-            then(fault if fault is not None else messages.pack(*self.reply(worker, about)))
+            then(fault if fault is not None else packing.pack(*self.reply(worker, about)))
         return len(here)
 
     def reply(self, worker: str, about: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -298,7 +299,7 @@ def test_an_error_is_tried_again_and_then_told() -> None:
     run(wire, made, 2)
     for k in range(dispatcher.TRIES):
         assert not asked[0].done
-        wire.answer(draws, messages.pack({"error": f"ValueError: number {k}"}))
+        wire.answer(draws, packing.pack({"error": f"ValueError: number {k}"}))
         made.tick()
     with pytest.raises(ClusterError, match=r"^worker a: ValueError: number 2$"):
         asked[0].wait()
@@ -351,7 +352,7 @@ def test_all_is_done_whatever_happens(seed: int, monkeypatch: pytest.MonkeyPatch
             monkeypatch.setattr(dispatcher, "SILENCE", -1.0 if stalled else 1e9)
             made.update({name: (n, 0.0 if name in stalled else clock, False) for name, n in known.items()})
             monkeypatch.setattr(dispatcher, "SILENCE", 1e9)
-        fault: Any = Lost() if event > 0.9 else messages.pack({"error": "x"}) if event > 0.85 else None
+        fault: Any = Lost() if event > 0.9 else packing.pack({"error": "x"}) if event > 0.85 else None
         chosen = rng.choice([*known, "gone"])
         answering = ({chosen} - stalled) | ({message[0] for message in wire.sent} - known.keys())
         wire.answer(lambda worker, about, answering=answering: worker in answering, fault)

@@ -1,19 +1,16 @@
-"""Messages keep data and arrays, plans, scenes and pictures, and hold no pickles."""
+"""Messages keep numbers of samples, scenes and pictures."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import maquette
 import numpy as np
-import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
-from maquette.compiler import ir
-from maquette.compiler.plan import plan as planner
 from maquette.compiler.scene import serialize
+from maquette.render import packing
 from maquette.render.cluster import messages
 from maquette.render.film.bounce_error import Cut
 from maquette.render.image.image import Image
@@ -24,27 +21,6 @@ plane(material: lambert(#e8e8e8))
 point([2, 4, 3], intensity: 20, group: "key")
 camera(position: [0, 1.6, 5], look_at: [0, 1, 0], fov: 35deg)
 """
-PLAIN = st.recursive(st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(max_size=5), st.lists, max_leaves=4)
-KINDS = st.sampled_from([np.float64, np.float32, np.int64, np.int32, np.uint8, np.bool_])
-ARRAY = arrays.arrays(KINDS, arrays.array_shapes(min_dims=0, min_side=0, max_side=5))
-
-
-@settings(suppress_health_check=[HealthCheck.too_slow], deadline=None)
-@given(st.dictionaries(st.text(max_size=5), PLAIN, max_size=3), st.dictionaries(st.text(max_size=5), ARRAY, max_size=3))
-def test_a_message_keeps_data_and_arrays(about: dict[str, Any], given_arrays: dict[str, np.ndarray]) -> None:
-    found, there = messages.unpack(messages.pack(about, given_arrays))
-    assert found == about
-    assert list(there) == list(given_arrays)
-    for name, array in given_arrays.items():
-        assert there[name].dtype == array.dtype
-        assert there[name].tobytes() == array.tobytes()
-        assert there[name].shape == array.shape
-
-
-def test_a_message_with_objects_is_refused() -> None:
-    message = messages.pack({}, {"a": np.zeros(2)}).replace(b'"<f8"', b'"|O"  ')
-    with pytest.raises(ValueError, match="an array of object"):
-        messages.unpack(message)
 
 
 @given(arrays.arrays(np.int64, (3, 4), elements=st.integers(0, 3)))
@@ -52,17 +28,6 @@ def test_numbers_of_samples_are_one_number_if_they_are_equal(counts: np.ndarray)
     about, there = messages.counts_to("n", counts)
     assert bool(there) == (len(np.unique(counts)) > 1)
     np.testing.assert_array_equal(messages.counts_from("n", (3, 4), about, there), counts)
-
-
-def test_a_plan_keeps_its_values() -> None:
-    scene = maquette.load_text(SCENE)
-    plan = planner.make_plan(scene, ir.Settings(size=(40, 30), aov=("depth",), budget=3.0), {"texture_filter": "point"})
-    about, _ = messages.unpack(messages.pack({"plan": messages.plan_to(plan)}))
-    again = messages.plan_from(about["plan"], 3)
-    assert again.values() == {**plan.values(), "threads": 3}
-    assert [again[name] for name in plan.decisions if name != "threads"] == [plan[name] for name in plan.decisions if name != "threads"]
-    assert again.decisions["texture_filter"].overridden
-    assert not again.decisions["backend"].overridden
 
 
 def test_a_parcel_keeps_the_scene_without_source_positions() -> None:
@@ -91,7 +56,7 @@ def test_a_picture_keeps_channels_and_metadata() -> None:
         "size": (4, 3), "crop": (0, 0, 4, 3), "samples": 4, "error": 0.25, "partial": False, "notes": [("text", "lights", 1)],
         "cut": Cut(0.5, 0.25, 0.02, 8), "seconds": {"build": 1.5}, "variance": np.zeros((3, 4, 3)), "unproved": 0,
     }  # fmt: skip
-    again = messages.image_from(*messages.unpack(messages.pack(*messages.image_to(Image(4, 3, channels, metadata)))))
+    again = messages.image_from(*packing.unpack(packing.pack(*messages.image_to(Image(4, 3, channels, metadata)))))
     assert (again.width, again.height) == (4, 3)
     assert again.metadata == {**metadata, "variance": None, "half_difference": None}
     for name, array in channels.items():

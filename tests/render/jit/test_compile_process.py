@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -111,3 +112,32 @@ def test_a_kernel_compiled_here_starts_no_process(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(subprocess, "Popen", lambda *args, **more: started.append(args))
     compile_process.compile_in_background(2, hits.reset, *given)
     assert not started
+
+
+LATER = """
+import sys, time
+sys.path.insert(0, {folder!r})
+import keeper
+from maquette.render.jit import compile_process
+
+is_to_end = compile_process.run_later("key", keeper.keep, lambda: bytes(3_000_000))
+compile_process.run_later("key", keeper.keep, lambda: b"once for each key")
+print(is_to_end())
+"""
+KEEPER = """
+from pathlib import Path
+
+def keep(message):
+    Path({folder!r}, "size").write_text(str(len(message)))
+"""
+
+
+def test_a_message_reaches_a_process_that_outlives_this_one(tmp_path: Path) -> None:
+    """It is larger than a pipe holds."""
+    (tmp_path / "keeper.py").write_text(KEEPER.format(folder=str(tmp_path)), encoding="utf-8")
+    assert run(tmp_path, LATER.format(folder=str(tmp_path))) == "True"
+    end = time.monotonic() + 60
+    while not (tmp_path / "size").exists() or not (tmp_path / "size").read_text():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+    assert (tmp_path / "size").read_text() == "3000000"

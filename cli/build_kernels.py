@@ -56,6 +56,8 @@ VARIANTS = {
     "many objects": Variant(_MANY.format(_MATT) + _SUN, {}),  # build kernels of several meshes and many instances
     "formulas": Variant(_FORMULA.format(_MATT) + _SUN, {}),
     "formulas in skies": Variant(_FORMULA.format(_MATT) + _SKY, {}),
+    "rays of one sample": Variant(_BALL.format(_MATT) + _SUN, {"samples": 1}),
+    "triangles in skies of one sample": Variant(_BALL.format(_MATT) + _SKY, {"backend": "raster", "samples": 1}),
     "formulas of one sample": Variant(_FORMULA.format(_MATT) + _SUN, {"samples": 1}),
     "formulas in skies of one sample": Variant(_FORMULA.format(_MATT) + _SKY, {"samples": 1}),
     "light links": Variant(_MESH.format(_SHINY) + _LINKED, {}),
@@ -65,6 +67,8 @@ VARIANTS = {
     "triangles in shadow": Variant(_FORMULA.format(_MATT) + _SUN, {"backend": "raster"}),
     "mirrors of triangles": Variant(_BALL.format(_SHINY) + _SUN, {"backend": "raster", "bounces": 2}, {"raster.secondary_rays": "trace"}),
     "light links of triangles": Variant(_MESH.format(_SHINY) + _LINKED, {"backend": "raster"}),
+    "light links of triangles in skies": Variant(_MESH.format(_SHINY) + _LINKED + _SKY, {"backend": "raster"}),
+    "triangles with shadow maps": Variant(_FORMULA.format(_SHINY) + _SUN, {"backend": "raster"}, {"raster.shadows": "map"}),
     "triangles by tiles": Variant(_FORMULA.format(_MATT) + _AREA, {"backend": "raster", "error": 0.5}),
     "channels": Variant(_FORMULA.format(_MATT) + _SUN, {"aov": ("depth", "normal", "issues")}),
     "channels of paths": Variant(_FORMULA.format(_SHINY) + _AREA, {"bounces": 2, "aov": ("depth",)}),  # denoising needs them, too

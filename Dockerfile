@@ -7,8 +7,8 @@ RUN pip download --no-deps --no-index --find-links dist --dest /wheels maquette-
 
 FROM python:3.12-slim
 COPY --from=build /wheels /wheels
-COPY constraints.txt /wheels/
-RUN pip install --no-cache-dir --constraint /wheels/constraints.txt /wheels/*.whl && rm -r /wheels
+COPY requirements/run.txt /wheels/
+RUN pip install --no-cache-dir --require-hashes -r /wheels/run.txt && pip install --no-cache-dir --no-deps /wheels/*.whl && rm -r /wheels
 # Give --user "$(id -u):$(id -g)" to write pictures as another user: any user can write the cache.
 RUN useradd --create-home --uid 1000 maquette && mkdir -m 1777 /cache
 ENV MAQUETTE_CACHE=/cache

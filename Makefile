@@ -1,4 +1,4 @@
-# What can be done here; `make help` lists it. Everything runs in .venv, made from the versions pinned in constraints.txt.
+# What can be done here; `make help` lists it. Everything runs in .venv, made from the versions and hashes in requirements/.
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 
@@ -19,21 +19,24 @@ INPUTS := $(filter-out %.png %.md,$(wildcard examples/*)) $(wildcard examples/as
 CHARTS := $(patsubst %,examples/%.scene,hello refraction room shapes spotlights) bench/scenes/cornell.scene
 CHART_BUDGET ?= 5min
 
-.PHONY: help venv kernels wheel demo pictures library gallery site reference grammar editor charts test test-all check bench bounds clean accuracy
+.PHONY: help venv lock kernels wheel demo pictures library gallery site reference grammar editor charts test test-all check bench bounds clean accuracy
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
 
 venv: $(STAMP)  ## make the environment .venv from pinned versions
 
-$(STAMP): pyproject.toml constraints.txt
+$(STAMP): pyproject.toml requirements/develop.txt
 	@test -n "$(PYTHON)" || { echo "maquette needs Python 3.11 or newer (make PYTHON=/path/to/python3)"; exit 1; }
 	@echo "making $(VENV) with $(PYTHON)"
 	@$(PYTHON) -m venv $(VENV)
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt setuptools
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --no-build-isolation -e '.[test,check,docs]'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements/develop.txt
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@mkdir -p $(VENV)/typing && ln -sfn ../.. $(VENV)/typing/maquette
 	@touch $@
+
+lock: | $(STAMP)  ## write requirements/ from constraints.txt and pyproject.toml, with the hashes of all files on the package index
+	@$(BIN)/python tools/lock.py
 
 kernels: $(STAMP)  ## compile the general kernels, which render every scene
 	@$(BIN)/python -P -m maquette.cli.build_kernels
@@ -116,13 +119,14 @@ bench-%: $(PEERS)
 	@$(BIN)/python -m maquette.bench $*
 
 $(PEERS): $(STAMP)
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --no-build-isolation -e '.[bench]' || echo "not all peers could be installed: those are left out"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements/bench.txt || echo "not all peers could be installed: those are left out"
 	@echo "peers that pip cannot install, in Debian: libllvm19 (Mitsuba), libegl1 libgl1-mesa-dri (llvmpipe), povray; what is missing is left out"
 	@touch $@
 
-check: $(STAMP)  ## ruff and pyright
+check: $(STAMP)  ## ruff, pyright, and known vulnerabilities of the dependencies
 	@$(BIN)/ruff check .
 	@$(BIN)/pyright
+	@$(BIN)/python tools/audit.py
 
 clean:  ## remove what was made, the environment too
 	@rm -rf $(VENV) build .pytest_cache .ruff_cache .hypothesis *.egg-info

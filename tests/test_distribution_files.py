@@ -54,7 +54,7 @@ def test_the_container_starts_the_command_as_a_plain_user_in_the_mounted_folder(
 def test_what_the_container_copies_is_there() -> None:
     ignored = (ROOT / ".dockerignore").read_text(encoding="utf-8").split()
     packages = {name.split(".")[1] for name in PROJECT["tool"]["setuptools"]["packages"] if "." in name}
-    for name in ("constraints.txt", "pyproject.toml", "README.md", "LICENSE", *packages):
+    for name in ("requirements/run.txt", "pyproject.toml", "README.md", "LICENSE", *packages):
         assert (ROOT / name).exists()
         assert not any(fnmatch.fnmatch(name, pattern) for pattern in ignored)
 

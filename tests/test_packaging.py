@@ -106,6 +106,7 @@ def test_a_wheel_with_kernels_draws_without_compiling(tmp_path: Path) -> None:
     subprocess.run([sys.executable, str(ROOT / "tools" / "wheel.py"), *options], check=True)
     (wheel,) = (tmp_path / "out").glob("maquette_render-*-py3-none-*.whl")
     assert wheel.stat().st_size < 40_000_000
+    assert json.loads(wheel.with_suffix(".cdx.json").read_text(encoding="utf-8"))["bomFormat"] == "CycloneDX"
     install = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--no-index", "--target", str(tmp_path / "site"), str(wheel)]
     subprocess.run(install, check=True)
     (tmp_path / "home").mkdir()

@@ -3,7 +3,8 @@
     python tools/wheel.py [--out dist] [--build build/wheel] [--sets avx512,avx2,sse] [--scenes examples/hello.scene,…] [--no-general]
 
 The wheel holds the folder maquette/prebuilt (render/jit/prebuilt.py). It serves every version of Python. Kernels are compiled in processes
-of their own, with MAQUETTE_SIMD, in caches below build/wheel that the next wheel starts from.
+of their own, with MAQUETTE_SIMD, in caches below build/wheel that the next wheel starts from. Beside the wheel stands its bill of
+materials (tools/sbom.py).
 """
 
 from __future__ import annotations
@@ -88,6 +89,13 @@ def make_wheel(build: Path, out: Path) -> Path:
     return Path(shutil.copy(wheel, out / wheel.name))
 
 
+def write_bill(build: Path, wheel: Path) -> None:
+    """Write the software bill of materials beside the wheel, as NAME.cdx.json."""
+    environment = {**os.environ, "PYTHONPATH": str(build / "path")}
+    done = subprocess.run([sys.executable, "-P", str(TOOLS / "sbom.py")], env=environment, check=True, stdout=subprocess.PIPE)
+    wheel.with_suffix(".cdx.json").write_bytes(done.stdout)
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=ROOT / "dist", help="folder of the wheel")
@@ -103,6 +111,7 @@ def main() -> int:
         compile_kernels(build, isa, chosen, not asked.no_general)
         run(build, isa, str(TOOLS / "collect_kernels.py"), str(tree / "prebuilt"))
     made = make_wheel(build, asked.out)
+    write_bill(build, made)
     size = made.stat().st_size
     print(f"{made}: {size / 1e6:.1f} MB")
     return 0 if size <= LARGEST else 1

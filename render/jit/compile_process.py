@@ -14,6 +14,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable
 from importlib import import_module
 from typing import Any
@@ -25,6 +26,8 @@ from .value_types import ValueType, from_plain, typeof
 
 _BEGIN = "import importlib, json, sys; sys.path[:], name = json.loads(sys.stdin.buffer.readline()); importlib.import_module(name).serve()"
 _PACKAGE = __name__.partition(".")[0]
+
+LOCK_SECONDS = 0.5  # between two attempts to lock the cache
 
 Key = tuple[Any, tuple[ValueType, ...]]
 _compiling: dict[Key, subprocess.Popen[bytes]] = {}
@@ -69,7 +72,8 @@ def run_later(key: str, function: Any, message: Callable[[], bytes]) -> Callable
 
     The function compiles kernels. Of several calls, one runs at a time and the latest waits for it. The process does not end with this
     one: its kernels serve later pictures. A thread makes the message and writes it; this process ends after the last byte.
-    Nothing is done where the cache is not writable, or while another such process of the user is at work.
+    Nothing is done where the cache is not writable. While another such process of the user is at work, the process waits for it, and
+    ends if this one ends.
     """
     if not os.access(kernel_cache.CACHE, os.W_OK):
         return lambda: False
@@ -172,8 +176,8 @@ def serve() -> None:
         os._exit(1)
 
     if outlives:
-        _lock_or_exit()
-        arguments = [sys.stdin.buffer.read()]
+        parent, arguments = os.getppid(), [sys.stdin.buffer.read()]
+        _lock_or_exit(parent)
         os.nice(10)
     else:
         threading.Thread(target=watch, daemon=True).start()
@@ -188,17 +192,23 @@ def serve() -> None:
     os._exit(0)
 
 
-def _lock_or_exit() -> None:
-    """Hold a lock of the cache to the end of this process; end it if another one holds the lock."""
+def _lock_or_exit(parent: int) -> None:
+    """Hold a lock of the cache to the end of this process; end it if the parent ends while another process holds the lock."""
     try:
         import fcntl
     except ImportError:  # this system has no such locks
         return
     try:
         file = os.open(kernel_cache.CACHE / "compiling.lock", os.O_RDWR | os.O_CREAT, 0o600)
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
         os._exit(0)
+    while True:
+        try:
+            return fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            if os.getppid() != parent:
+                os._exit(0)
+            time.sleep(LOCK_SECONDS)
 
 
 def find_kernel(module: Any, name: str) -> Kernel:

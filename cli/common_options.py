@@ -72,8 +72,8 @@ scene_options = options(
     click.option("--complexity", type=values.COMPLEXITY, help="Refinement of USD subdivision surfaces: low, medium, high or veryhigh."),
     click.option("--no-default-light", is_flag=True, help="Add no light to a USD stage without lights."),
     click.option(
-        "--conform", type=click.Choice(["vertical", "horizontal", "expand", "crop"]),
-        help="The part of its film that a USD camera keeps in a picture of another aspect. Default: vertical.",
+        "--conform", type=click.Choice(["vertical", "horizontal", "expand", "crop", "pixels"]),
+        help="The part of its film that a USD camera keeps in a picture of another aspect; `pixels` stretches it. Default: vertical.",
     ),
     click.option("--render-settings", metavar="PRIM", help="RenderSettings or RenderProduct prim. Default: the one that the stage names."),
     click.option("--session-layer", type=FILE, help="USD layer whose values go over those of the stage."),

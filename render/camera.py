@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from .geometry import instance_transform
-from .jit.kernel import helper
+from .jit.kernel import helper, specialize_if_present
 from .lanes import affine, ops
 from .sampling import sobol
-from .types import Lane, Lens, Ray, Tables, Vec, View
+from .types import ClippingPlanes, Lane, Lens, Ray, Tables, Unclipped, Vec, View
 
 PERSPECTIVE = int(ir.Projection.PERSPECTIVE)
 PANORAMIC = int(ir.Projection.PANORAMIC)
@@ -29,7 +29,7 @@ def half_extent(tables: Tables, view: View) -> tuple[float, float]:
     """Half the width and height of the view in metres, at distance 1 (perspective) or everywhere (orthographic)."""
     cameras = tables.cameras
     extent = cameras.extent[view.camera]
-    aspect = view.width / view.height
+    aspect = view.width / view.height * cameras.pixel_aspect[view.camera]
     if cameras.fit[view.camera] == HORIZONTAL:
         return extent, extent / aspect
     return extent * aspect, extent
@@ -67,17 +67,26 @@ def generate_pinhole_ray(tables: Tables, view: View, x: Lane, y: Lane, time: Any
     return Ray(origin, direction, zero + cameras.near[c], zero + cameras.far[c], time)
 
 
-def lens_of(tables: Tables, view: View) -> Lens:
-    """The lens of a camera, as `generate_ray` takes it."""
+def lens_of(tables: Tables, view: View, general: bool = False) -> Lens:
+    """The lens of a camera, as `generate_ray` takes it. With `general` it has clipping planes, though there may be none."""
     cameras, c = tables.cameras, view.camera
+    count = int(cameras.planes[c].any(axis=1).sum())
+    planes = ClippingPlanes(count) if count or general else Unclipped()
     if cameras.projection[c] == PANORAMIC:
-        return Lens(PANORAMA, middle=float(cameras.shift[c, 0]))
-    return Lens(THIN_LENS, float(cameras.lens[c]), float(cameras.focus[c])) if cameras.lens[c] > 0.0 else Lens(PINHOLE)
+        return Lens(PANORAMA, middle=float(cameras.shift[c, 0]), planes=planes)
+    if cameras.lens[c] > 0.0:
+        return Lens(THIN_LENS, float(cameras.lens[c]), float(cameras.focus[c]), planes=planes)
+    return Lens(PINHOLE, planes=planes)
 
 
 @helper
 def generate_ray(tables: Tables, view: View, lens: Lens, x: Lane, y: Lane, pixel: Lane, sample: Lane, seed: int, time: Any) -> Ray:
-    """The ray of a sample at pixel coordinates x, y; `pixel` and `sample` are those of sobol.zorder_index."""
+    """The ray of a sample at pixel coordinates x, y, between clipping planes; `pixel` and `sample` are those of sobol.zorder_index."""
+    return between_planes(lens.planes, _lens_ray(tables, view, lens, x, y, pixel, sample, seed, time), tables, view)
+
+
+@helper
+def _lens_ray(tables: Tables, view: View, lens: Lens, x: Lane, y: Lane, pixel: Lane, sample: Lane, seed: int, time: Any) -> Ray:
     if lens.kind == THIN_LENS:
         return _generate_lens_ray(tables, view, lens, x, y, sobol.sample_lens(pixel, sample, seed), time)
     if lens.kind == PANORAMA:
@@ -88,7 +97,29 @@ def generate_ray(tables: Tables, view: View, lens: Lens, x: Lane, y: Lane, pixel
 def pinhole_ray(tables: Tables, view: View, x: NDArray[np.float64], y: NDArray[np.float64]) -> Ray:
     """The ray through pixel coordinates and the center of the lens; numpy lanes."""
     lens = lens_of(tables, view)
-    return panorama_ray(tables, view, lens, x, y) if lens.kind == PANORAMA else generate_pinhole_ray(tables, view, x, y)
+    ray = panorama_ray(tables, view, lens, x, y) if lens.kind == PANORAMA else generate_pinhole_ray(tables, view, x, y)
+    return between_planes(lens.planes, ray, tables, view)
+
+
+@helper
+def _between_planes(planes: Any, ray: Ray, tables: Tables, view: View) -> Ray:
+    """The part of a ray with a x + b y + c z + d >= 0 for the clipping planes (a, b, c, d) of its camera's frame, which may be empty."""
+    inverse = instance_transform.transform_at(tables, tables.cameras.transform[view.camera], ray.time).inverse
+    origin, along = affine.transform_point12(inverse, ray.origin), affine.transform_vector12(inverse, ray.direction)
+    start, end = ray.t_min + 0.0 * along[0], ray.t_max + 0.0 * along[0]
+    of = tables.cameras.planes
+    for k in range(planes.count):
+        a, b, c = of[view.camera, k, 0], of[view.camera, k, 1], of[view.camera, k, 2]
+        height = a * origin[0] + b * origin[1] + c * origin[2] + of[view.camera, k, 3]
+        slope = a * along[0] + b * along[1] + c * along[2]
+        cut = -height / ops.where(slope == 0.0, 1.0, slope)
+        start = ops.where(slope > 0.0, ops.maximum(start, cut), start)
+        end = ops.where(slope < 0.0, ops.minimum(end, cut), end)
+        end = ops.where((slope == 0.0) & (height < 0.0), start, end)
+    return Ray(ray.origin, ray.direction, start, ops.maximum(start, end), ray.time)
+
+
+between_planes = specialize_if_present(_between_planes)  # clipping planes, ray, tables, view; the ray itself without clipping planes
 
 
 @helper

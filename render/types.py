@@ -140,6 +140,16 @@ class Shutter(NamedTuple):
     share: float
 
 
+class Unclipped(NamedTuple):
+    """A camera without clipping planes."""
+
+
+class ClippingPlanes(NamedTuple):
+    """The first `count` of a camera's planes bound its rays."""
+
+    count: int
+
+
 class Lens(NamedTuple):
     """How a camera forms rays."""
 
@@ -147,6 +157,7 @@ class Lens(NamedTuple):
     radius: float = 0.0  # of a thin lens's aperture, metres
     focus: float = 1.0  # depth of the plane of focus, metres
     middle: float = 0.0  # longitude of a panorama's centre, in turns to the right
+    planes: Any = Unclipped()  # or ClippingPlanes
 
 
 class Frame(NamedTuple):

@@ -178,13 +178,13 @@ class Eye(NamedTuple):
     forward: F64  # unit
     shift: F64  # (2,) of the center, in half pictures: in units of `right` and `up`
     perspective: bool
-    regular: bool  # right, up and forward are orthogonal, and pixels are square
+    regular: bool  # right, up and forward are orthogonal, and the frame has one scale
 
 
 def eye(scene: ir.Scene, camera: int, size: tuple[int, int]) -> Eye:
     """The camera (a row) for a picture of `size` pixels."""
     cameras, tables = scene.tables.cameras, scene.tables
-    aspect, extent = size[0] / size[1], float(cameras.extent[camera])
+    aspect, extent = size[0] / size[1] * float(cameras.pixel_aspect[camera]), float(cameras.extent[camera])
     half = (extent, extent / aspect) if cameras.fit[camera] == ir.Fit.HORIZONTAL else (extent * aspect, extent)
     matrix = tables.transforms.matrix[cameras.transform[camera]]
     x, y, z = matrix[:, 0], matrix[:, 1], matrix[:, 2]
@@ -220,6 +220,12 @@ def placed_camera(out: Export, row: int, size: tuple[int, int]) -> PlacedCamera 
     frame[:3] = np.stack([seen.right / half[0], seen.up / half[1], -seen.forward, seen.position], axis=1)
     names = scene.names.cameras
     return PlacedCamera((names[row] if row < len(names) else "") or "camera", seen, half, frame)
+
+
+def report_planes(out: Export, row: int) -> None:
+    """A report for a camera (a row) with clipping planes."""
+    if out.scene.tables.cameras.planes[row].any():
+        out.cannot("clipping planes are not carried", "cameras", row)
 
 
 # --- triangles -----------------------------------------------------------------------------------------------------------

@@ -10,6 +10,7 @@ PURPOSES = ("default", "render", "proxy", "guide")
 COMPLEXITIES = {"low": 0, "medium": 1, "high": 2, "veryhigh": 3}  # levels of subdivision
 CONFORM = {
     "vertical": "adjustApertureWidth", "horizontal": "adjustApertureHeight", "expand": "expandAperture", "crop": "cropAperture",
+    "pixels": "adjustPixelAspectRatio",
 }  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from .columns import (
     table_of,
 )
 from .kinds import (
+    CLIP_PLANES,
     PARAMETERS,
     SLOTS,
     FalloffKind,
@@ -60,6 +61,7 @@ from .tables import (
 )
 
 __all__ = [
+    "CLIP_PLANES",
     "F32",
     "F64",
     "I32",

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from . import tables
-from .kinds import PARAMETERS, SLOTS
+from .kinds import CLIP_PLANES, PARAMETERS, SLOTS
 from .tables import Tables
 
 _FLOAT64 = {
     "matrix", "inverse", "parameters", "bounds", "origin", "frame", "size", "color_a", "color_b", "gain", "bias", "color", "position",
     "direction", "cos_cone", "cos_full", "angle", "coefficients", "extent", "aspect", "near", "far", "shift", "exposure",
     "threshold", "move", "turn", "stretch", "opening", "shutter", "constants", "lens", "focus",
+    "pixel_aspect", "planes",
 }  # fmt: skip
 _FLOAT32 = {"positions", "texels"}
 _INT64 = {"first", "first_constant"}
@@ -48,6 +49,7 @@ _SHAPE: dict[tuple[str, str], tuple[int, ...]] = {
     ("lights", "size"): (2,),
     ("lights", "coefficients"): (3,),
     ("cameras", "shift"): (2,),
+    ("cameras", "planes"): (CLIP_PLANES, 4),
 }
 TABLES: dict[str, type] = {
     "transforms": tables.Transforms, "keys": tables.Keys, "pools": tables.Pools, "attributes": tables.Attributes,

@@ -31,6 +31,7 @@ class GeometryKind(Kind):
 
 
 PARAMETERS = 13  # columns of Geometries.parameters
+CLIP_PLANES = 8  # most clipping planes of a camera, as in OpenGL
 
 
 class Interpolation(Kind):

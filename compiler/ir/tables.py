@@ -181,6 +181,8 @@ class Cameras(NamedTuple):
     shutter: F64  # (n,) seconds that the shutter is open
     lens: F64  # (n,) radius of the aperture in metres; 0: a pinhole
     focus: F64  # (n,) depth of the plane of focus, with a lens
+    pixel_aspect: F64  # (n,) width / height of a pixel
+    planes: F64  # (n, CLIP_PLANES, 4) (a, b, c, d): camera rays see points of the camera's frame with a x + b y + c z + d >= 0; 0: unused
 
 
 class Tables(NamedTuple):

@@ -49,6 +49,8 @@ def _lens(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
         if plan["backend"] == "raster":
             raise PlanError("the raster backend draws no panoramic pictures: write --backend ray")
         return Decision("lens", "panorama", "the camera is panoramic: all directions, longitude by latitude", fixed=fixed)
+    if plan["backend"] == "raster" and cameras.planes[row].any():
+        raise PlanError("the raster backend draws no pictures of cameras with clipping planes: write --backend ray")
     radius, focus = float(cameras.lens[row]), float(cameras.focus[row])
     if radius > 0.0:
         how = f"; drawn from {RASTER_MOMENTS} points of it" if plan["backend"] == "raster" else ""
@@ -62,7 +64,8 @@ def _lens(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
 def _size(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     if asked.size is not None:
         return Decision("size", asked.size, "asked for", fixed="--size")
-    aspect = float(scene.tables.cameras.aspect[plan["camera"]])
+    cameras, row = scene.tables.cameras, plan["camera"]
+    aspect = float(cameras.aspect[row] / cameras.pixel_aspect[row])
     if aspect > 0:
         size = (DEFAULT_WIDTH, max(1, int(DEFAULT_WIDTH / aspect)))
         return Decision("size", size, f"the camera's film is {aspect:.4g} : 1", fixed="--size")

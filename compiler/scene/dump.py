@@ -43,7 +43,7 @@ _DEFAULTS = {  # default values: columns with them are left out
                "coefficients": 0, "image": -1, "instance": -1, "shadows": 1,
                "receivers": -1, "blockers": 2},
     "cameras": {"projection": 0, "fit": 0, "aspect": 0, "near": 0, "far": np.inf, "shift": 0, "exposure": np.nan,
-                "opening": 0, "shutter": 0, "lens": 0, "focus": 1},
+                "opening": 0, "shutter": 0, "lens": 0, "focus": 1, "pixel_aspect": 1, "planes": 0},
     "transforms": {"flips": 0, "first_key": -1, "keys": 0},
 }  # fmt: skip
 

@@ -14,6 +14,7 @@ from .link_sets import Links
 Color = tuple[float, float, float]
 BLACK: Color = (0.0, 0.0, 0.0)
 WHITE: Color = (1.0, 1.0, 1.0)
+NO_PLANES = ((0.0, 0.0, 0.0, 0.0),) * ir.CLIP_PLANES
 PLAIN_FRAME = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 ALL_RAYS = int(ir.Visibility.CAMERA | ir.Visibility.SHADOW | ir.Visibility.REFLECTION)
 NO_SHADOW = int(ir.Visibility.CAMERA | ir.Visibility.REFLECTION)
@@ -158,6 +159,8 @@ class CameraData:
     shutter: float = 0.0
     lens: float = 0.0
     focus: float = 1.0
+    pixel_aspect: float = 1.0
+    planes: tuple[tuple[float, ...], ...] = NO_PLANES
     name: str = ""
 
 

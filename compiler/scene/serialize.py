@@ -19,7 +19,7 @@ from .. import ir
 from ..io.replace_file import replacing
 from ..io.sandbox import size
 
-VERSION = 4
+VERSION = 5
 FORMAT = "maquette ir"
 _DAMAGE = (
     OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, IndexError, zipfile.BadZipFile, NotImplementedError, MemoryError,

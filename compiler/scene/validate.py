@@ -58,7 +58,7 @@ _FINITE = (
     ("lights", "direction"), ("lights", "size"), ("lights", "cos_cone"), ("lights", "cos_full"), ("lights", "angle"),
     ("lights", "coefficients"), ("cameras", "extent"), ("cameras", "aspect"), ("cameras", "near"), ("cameras", "shift"),
     ("cameras", "opening"), ("cameras", "shutter"), ("cameras", "lens"),
-    ("cameras", "focus"), ("keys", "move"), ("keys", "turn"), ("keys", "stretch"),
+    ("cameras", "focus"), ("cameras", "pixel_aspect"), ("cameras", "planes"), ("keys", "move"), ("keys", "turn"), ("keys", "stretch"),
 )  # fmt: skip
 _OWN_LENGTH = {"pools": (), "images": ("texels",)}  # columns with their own length; () means all
 
@@ -317,6 +317,7 @@ def _cameras(check: Check) -> None:
     t = check.tables["cameras"]
     check.bad("cameras", ~(t["extent"] > 0), "its field of view is not above 0")
     check.bad("cameras", t["aspect"] < 0, "its aspect is negative")
+    check.bad("cameras", ~(t["pixel_aspect"] > 0), "the aspect of its pixels is not above 0")
     parallel = t["projection"] == ir.Projection.ORTHOGRAPHIC
     check.bad("cameras", ~(((t["near"] >= 0) | parallel) & (t["far"] > t["near"])), "its near and far are in the wrong order")
     check.bad("cameras", ~((t["lens"] >= 0) & (t["focus"] > 0)), "its lens has no radius, or nothing it is focused on")

@@ -67,7 +67,7 @@ def prepare(scene: ir.Scene, plan: Plan, view: View, general: bool = False) -> P
     if backend == "raster" and plan["raster.secondary_rays"] == "none":
         options = options._replace(environment=no_ray_environment.ambient_environment(scene, tables, options, general))
     weights = sobol.filter_table(plan["filter"], on_grid=plan["transport"] != "path")  # the rasterizer draws no paths
-    lens = camera.lens_of(tables, view) if backend != "raster" else Lens()
+    lens = camera.lens_of(tables, view, general) if backend != "raster" else Lens()
     accel = None
     if backend == "raster" and plan["raster.shadows"] == "map":
         from ..raster import shadow_map_pass  # only pictures with shadow maps load it

@@ -106,7 +106,8 @@ def _with_cameras(tables: ir.Tables, made: list[_ShadowCamera]) -> ir.Tables:
         "projection": [ir.Projection.ORTHOGRAPHIC if one.parallel else ir.Projection.PERSPECTIVE for one in made],
         "transform": rows + np.arange(n), "extent": [one.extent for one in made], "fit": np.full(n, int(ir.Fit.VERTICAL)),
         "aspect": none, "near": none, "far": none + np.inf, "shift": np.zeros((n, 2)), "exposure": none + np.nan,
-        "opening": none, "shutter": none, "lens": none, "focus": none + 1.0,
+        "opening": none, "shutter": none, "lens": none, "focus": none + 1.0, "pixel_aspect": none + 1.0,
+        "planes": np.zeros((n, ir.CLIP_PLANES, 4)),
     }  # fmt: skip
     grown = ir.table_of("cameras", {k: np.concatenate([v, np.asarray(cameras[k])]) for k, v in tables.cameras._asdict().items()})
     casts = tables.instances.visible & ir.Visibility.SHADOW != 0

@@ -13,10 +13,11 @@ _NEAREST = 0.01  # of a shape's size: the least distance from the eye at which a
 
 
 def pixel_size(tables: ir.Tables, view: View) -> float:
-    """The side of a pixel in metres: at a distance of 1 m for a perspective camera, everywhere for an orthographic one."""
+    """The shorter side of a pixel in metres: at a distance of 1 m for a perspective camera, everywhere for an orthographic one."""
     cameras = tables.cameras
-    pixels = view.height if cameras.fit[view.camera] == ir.Fit.VERTICAL else view.width
-    return 2.0 * float(cameras.extent[view.camera]) / pixels
+    aspect, vertical = float(cameras.pixel_aspect[view.camera]), cameras.fit[view.camera] == ir.Fit.VERTICAL
+    pixels = view.height if vertical else view.width
+    return 2.0 * float(cameras.extent[view.camera]) / pixels * min(1.0, aspect if vertical else 1.0 / aspect)
 
 
 def nearest_depths(tables: ir.Tables, view: View, boxes: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from maquette.compiler import ir
-from maquette.compiler.scene.row_records import CameraData
+from maquette.compiler.scene.row_records import NO_PLANES, CameraData
 from maquette.render import camera
 from maquette.render.jit.kernel import kernel
-from maquette.render.types import Ray, View
+from maquette.render.types import Float3, Frame, Options, Ray, View
 
 from . import tables as make
 
@@ -198,3 +198,60 @@ def test_kernels_and_numpy_make_the_same_rays(projection):
     ray: Ray = camera.generate_pinhole_ray(tables, VIEW, x, y)
     expected = np.stack(np.broadcast_arrays(*ray.origin, *ray.direction, ray.t_min, ray.t_max), axis=1)
     assert np.abs(out - expected).max() < 1e-12
+
+
+# --- clipping planes and pixels that are not square ---
+
+plane = st.tuples(*[st.sampled_from([-1.0, -0.3, 0.0, 0.4, 1.0])] * 3, st.floats(-3, 3)).filter(lambda p: any(p[:3]))
+
+
+def clipped(planes, **camera_):
+    return scene(planes=(*planes, *NO_PLANES[len(planes) :]), near=0.1, far=9.0, **camera_)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(plane, max_size=ir.CLIP_PLANES), st.sampled_from([ir.Projection.PERSPECTIVE, ORTHO, ir.Projection.PANORAMIC]))
+def test_rays_see_the_positive_side_of_all_clipping_planes(planes, projection):
+    tables = clipped(planes, projection=projection)
+    ray = camera.pinhole_ray(tables, VIEW, np.arange(0.5, 64, 7), np.arange(0.5, 48, 5))
+    whole = camera.pinhole_ray(scene(near=0.1, far=9.0, projection=projection), VIEW, np.arange(0.5, 64, 7), np.arange(0.5, 48, 5))
+    t = np.linspace(0, 12, 97)[:, None]
+    points = vector(ray.origin) + t[..., None] * vector(ray.direction)
+    local = (points - FRAME[:3, 3]) @ FRAME[:3, :3]
+    heights = np.array([local @ p[:3] + p[3] for p in planes]).reshape(-1, *local.shape[:2])
+    unsure = (np.abs(heights) < 1e-9).any(axis=0)
+    seen = (heights > 0).all(axis=0) & (whole.t_min < t) & (t < whole.t_max)
+    assert np.all(((ray.t_min < t) & (t < ray.t_max) == seen) | unsure)
+    assert np.all(ray.t_min <= ray.t_max)
+
+
+@kernel
+def _lens_rays(tables, frame, x, y, out):
+    for k in range(len(x)):
+        ray = camera.generate_ray(tables, frame.picture, frame.lens, x[k], y[k], k, 0, 3, None)
+        out[k, 0], out[k, 1] = ray.t_min, ray.t_max
+
+
+@pytest.mark.parametrize("general", [False, True])
+@pytest.mark.parametrize("planes", [[], [(1.0, 0.0, 0.3, 0.5)], [(0.0, 1.0, 0.0, 1.0), (0.0, 0.2, 1.0, 4.0), (0.0, 0.0, -1.0, 1e9)]])
+def test_kernels_clip_as_numpy_does(planes, general):
+    tables = clipped(planes, lens=0.2, focus=3.0)
+    x, y = np.random.default_rng(1).uniform(0, 48, (2, 50))
+    out, lens = np.empty((50, 2)), camera.lens_of(tables, VIEW, general)
+    frame = Frame(VIEW, Options(3, 0, False, True, 0, Float3(0, 0, 0)), np.zeros(2), lens=lens)
+    _lens_rays(make.Handle(tables), make.Handle(frame), x, y, out)
+    ray = camera.generate_ray(tables, VIEW, camera.lens_of(tables, VIEW), x, y, np.arange(50), np.zeros(50, int), 3, None)
+    assert out == pytest.approx(np.stack(np.broadcast_arrays(ray.t_min, ray.t_max), axis=1), rel=1e-12)
+
+
+@pytest.mark.parametrize("fit", list(ir.Fit))
+def test_a_picture_of_wide_pixels_is_that_of_more_square_ones(fit):
+    """40 by 48 pixels of aspect 2 show what 80 by 48 square ones do."""
+    wide, square = scene(fit=fit, pixel_aspect=2.0), scene(fit=fit)
+    x, y = np.array([0.5, 10.0, 40.0]), np.array([3.0, 20.0, 47.0])
+    _, direction, _ = rays(wide, x, y, View(0, 40, 48))
+    _, expected, _ = rays(square, 2 * x, y, View(0, 80, 48))
+    assert direction == pytest.approx(expected, abs=1e-15)
+    points = np.array([[0.3, 0.2, -2.0], [1.0, -0.5, -1.0]])
+    across, down, _ = pixels_of(wide, points, View(0, 40, 48))
+    assert np.array([2 * across, down]) == pytest.approx(np.array(pixels_of(square, points, View(0, 80, 48))[:2]))

@@ -101,6 +101,7 @@ class _Writer:
         if placed is None:
             return
         seen, half = placed.seen, placed.half
+        common.report_planes(self.out, row)
         if seen.shift.any():
             self.out.cannot("the camera's shift is not carried", "cameras", row)
         if cameras.lens[row] > 0:

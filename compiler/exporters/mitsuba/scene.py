@@ -102,6 +102,9 @@ def _sensor(out: Export, plan: Plan) -> Node:
     width, height = plan["size"]
     if plan["lens"] == "panorama":
         out.cannot("panoramic cameras are not carried", "cameras", camera)
+    common.report_planes(out, camera)
+    if scene.tables.cameras.pixel_aspect[camera] != 1.0:
+        out.cannot("pixels that are not square are not carried", "cameras", camera)
     seen = common.eye(scene, camera, (width, height))
     if not seen.regular:
         out.cannot("the camera's frame is stretched or sheared: not carried", "cameras", camera)

@@ -63,6 +63,7 @@ def _camera(out: Export, plan: Plan) -> str:
     cameras = scene.tables.cameras
     if cameras.near[row] != 0.0 or np.isfinite(cameras.far[row]):
         out.cannot("near and far planes are not carried", "cameras", row)
+    common.report_planes(out, row)
     if plan["lens"] != "pinhole":
         what = "panoramic cameras are" if plan["lens"] == "panorama" else "depth of field is"
         out.cannot(f"{what} not carried", "cameras", row)

@@ -168,6 +168,8 @@ class _Writer:
         if cameras.lens[row] > 0:
             made.CreateFStopAttr(0.1 * FOCAL / (2.0 * float(cameras.lens[row])))
             made.CreateFocusDistanceAttr(float(cameras.focus[row]))
+        if planes := [Gf.Vec4f(*plane.tolist()) for plane in cameras.planes[row] if plane.any()]:
+            made.CreateClippingPlanesAttr(planes)
         made.MakeMatrixXform().Set(Gf.Matrix4d(placed.frame.T.tolist()))
 
     def _light(self, row: int) -> None:

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 from pxr import Gf, UsdGeom
 
+from ....lang.diagnostics import Span
 from ... import ir
 from ...scene import transforms
 from ...scene.builder import SceneBuilder
-from ...scene.row_records import CameraData
+from ...scene.row_records import NO_PLANES, CameraData
 from . import stage
 from .render_settings import Asked
 from .stage import Opened
@@ -47,7 +48,7 @@ def camera(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: 
     if not asked.depth_of_field:
         radius, focus = 0.0, 1.0
     exposure = math.log2(max(UsdGeom.Camera(prim).ComputeLinearExposureScale(opened.time), 1e-30))
-    fit, wide, high = _conformed(width, height, asked)
+    fit, wide, high, pixel = _conformed(width, height, asked)
     kept = wide if fit == ir.Fit.HORIZONTAL else high
     return builder.camera(
         CameraData(
@@ -56,20 +57,39 @@ def camera(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: 
             ir.Projection.PERSPECTIVE if perspective else ir.Projection.ORTHOGRAPHIC, fit=fit,
             aspect=width / height, near=max(near, 0.0) if perspective else near, far=far,
             shift=(lens.horizontalApertureOffset / wide, lens.verticalApertureOffset / high),
-            exposure=exposure or math.nan, opening=opening, shutter=shutter, lens=radius, focus=focus, name=str(prim.GetPath()),
+            exposure=exposure or math.nan, opening=opening, shutter=shutter, lens=radius, focus=focus, pixel_aspect=pixel,
+            planes=_planes(lens, unit, span, builder), name=str(prim.GetPath()),
         ),
         span,
     )  # fmt: skip
 
 
-def _conformed(width: float, height: float, asked: Asked) -> tuple[ir.Fit, float, float]:
-    """The side of a film that is kept, and the film's sides in the aspect of the picture (UsdRender's aspectRatioConformPolicy)."""
+def _planes(lens: Any, unit: float, span: Span | None, builder: SceneBuilder) -> tuple[tuple[float, ...], ...]:
+    """The clippingPlanes of a camera, in its frame. A plane that is not finite or has no normal is left out."""
+    given = np.array([tuple(plane) for plane in lens.clippingPlanes], np.float64).reshape(-1, 4) * (1.0, 1.0, 1.0, unit)
+    good = given[np.isfinite(given).all(axis=1) & given[:, :3].any(axis=1)]
+    if len(good) < len(given):
+        builder.diagnostics.warning("a clipping plane of this camera has no direction: it is left out", span)
+    if len(good) > ir.CLIP_PLANES:
+        builder.diagnostics.warning(f"only the first {ir.CLIP_PLANES} of this camera's {len(good)} clipping planes are drawn", span)
+    kept = [tuple(plane) for plane in good[: ir.CLIP_PLANES].tolist()]
+    return (*kept, *NO_PLANES[len(kept) :])
+
+
+def _conformed(width: float, height: float, asked: Asked) -> tuple[ir.Fit, float, float, float]:
+    """The side of a film that is kept, the film's sides in the aspect of the picture, and the width of a pixel over its height.
+
+    The picture is as wide as its pixels together; UsdRender's aspectRatioConformPolicy.
+    """
     film = width / height
-    picture = asked.size[0] / asked.size[1] if asked.size else film
+    pixels, pixel = asked.size[0] / asked.size[1] if asked.size else film / asked.pixel_aspect, asked.pixel_aspect
+    if asked.conform == "pixels":
+        return ir.Fit.VERTICAL, width, height, film / pixels
+    picture = pixels * pixel
     wider = picture > film
     if asked.conform == "horizontal" or (asked.conform == "expand" and not wider) or (asked.conform == "crop" and wider):
-        return ir.Fit.HORIZONTAL, width, width / picture
-    return ir.Fit.VERTICAL, height * picture, height
+        return ir.Fit.HORIZONTAL, width, width / picture, pixel
+    return ir.Fit.VERTICAL, height * picture, height, pixel
 
 
 def tell_conform(prim: Any, opened: Opened, builder: SceneBuilder, asked: Asked) -> None:
@@ -80,7 +100,7 @@ def tell_conform(prim: Any, opened: Opened, builder: SceneBuilder, asked: Asked)
         if abs(asked.size[0] - film * asked.size[1]) > 1:
             effect = "its sides show more" if picture > film else "its sides are cut off"
             message = f"the picture's aspect {picture:.4g} is not the film's {film:.4g}: the film's height is kept, {effect}"
-            builder.diagnostics.note(message, opened.span(prim), "--conform vertical, horizontal, expand or crop selects the part")
+            builder.diagnostics.note(message, opened.span(prim), "--conform vertical, horizontal, expand, crop or pixels selects the part")
 
 
 def _aperture(lens: Any, unit: float, perspective: bool) -> tuple[float, float]:

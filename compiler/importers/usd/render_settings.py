@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,7 @@ class Asked:
     crop: tuple[int, int, int, int] | None = None
     depth_of_field: bool = True
     motion_blur: bool = True
+    pixel_aspect: float = 1.0  # width of a pixel over its height
 
     def settings(self) -> ir.Settings:
         return ir.Settings(size=self.size, camera=self.camera, crop=self.crop)
@@ -58,7 +60,7 @@ def _over(asked: Asked, options: StageOptions) -> Asked:
     size = options.size or asked.size
     crop = asked.crop if size == asked.size else None
     purposes = options.purposes or asked.purposes
-    return Asked(size, asked.camera, purposes, options.conform or asked.conform, crop, asked.depth_of_field, asked.motion_blur)
+    return replace(asked, size=size, crop=crop, purposes=purposes, conform=options.conform or asked.conform)
 
 
 def _of(prim: Any, opened: Opened, builder: SceneBuilder) -> Asked:
@@ -89,11 +91,16 @@ def _of(prim: Any, opened: Opened, builder: SceneBuilder) -> Asked:
     kept = next((name for name, of in CONFORM.items() if of == policy), None)
     if kept is None:
         builder.diagnostics.warning(f"the aspectRatioConformPolicy `{policy}` is drawn as expandAperture", opened.span(prim))
+    pixel = float(value("pixelAspectRatio") or 1.0)
+    if not 0 < pixel < math.inf:
+        builder.diagnostics.warning(f"the pixelAspectRatio {pixel:g} counts as 1", opened.span(prim))
+        pixel = 1.0
     purposes = settings.GetAttribute("includedPurposes")
     wanted = tuple(map(str, purposes.Get() or ())) if purposes and purposes.HasAuthoredValue() else None
     return Asked(
         size, str(cameras[0]) if cameras else None, wanted, kept or "expand", _crop(value("dataWindowNDC"), size),
         depth_of_field=not value("disableDepthOfField"), motion_blur=not (value("disableMotionBlur") or value("instantaneousShutter")),
+        pixel_aspect=pixel,
     )  # fmt: skip
 
 

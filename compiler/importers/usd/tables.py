@@ -5,6 +5,7 @@ Schemas: OpenUSD 26.11. `tests/compiler/importers/usd/test_tables.py` compares t
 
 from __future__ import annotations
 
+from ... import ir
 from ..understood import Table
 
 PRIM_TYPES = Table(
@@ -96,9 +97,11 @@ PROPERTIES = Table(
         "primvars:*": "displayColor, displayOpacity, normals; of a material all texture coordinates, its colour, one varying number",
         "velocities accelerations angularVelocities": "points and instances move from the sample before the time",
         "projection horizontalAperture verticalAperture horizontalApertureOffset verticalApertureOffset focalLength": "Camera",
+        "clippingPlanes": f"Camera; at most {ir.CLIP_PLANES}; they bound what the camera sees, not light and shadows",
         "clippingRange fStop focusDistance shutter:open shutter:close exposure": "Camera",
         "exposure:iso exposure:time exposure:fStop exposure:responsivity": "Camera",
-        "resolution camera products aspectRatioConformPolicy dataWindowNDC": "render settings; options of the command line precede them",
+        "resolution camera products dataWindowNDC": "render settings; options of the command line precede them",
+        "aspectRatioConformPolicy pixelAspectRatio": "render settings",
         "disableDepthOfField disableMotionBlur instantaneousShutter includedPurposes": "render settings",
         "inputs:color inputs:intensity inputs:exposure inputs:diffuse inputs:normalize": "lights",
         "inputs:enableColorTemperature inputs:colorTemperature": "lights",
@@ -143,8 +146,7 @@ PROPERTIES = Table(
     not_drawn={
         "motion:*": "velocities count as they are, between all samples",
         "trimCurve:*": "the whole patch is drawn",
-        "clippingPlanes": "",
-        "pixelAspectRatio renderingColorSpace": "pixels are square and colours linear with the primaries of sRGB",
+        "renderingColorSpace": "colours are linear with the primaries of sRGB",
         "inputs:specular light:filters portals": "",
         "inputs:shadow:color inputs:shadow:distance inputs:shadow:falloff inputs:shadow:falloffGamma": "",
     },

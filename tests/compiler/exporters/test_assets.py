@@ -188,3 +188,25 @@ box(0.4, center: [0, 0.2, 1], material: emissive(#ffc080, luminance: 0.4))
     settings = {"size": (96, 64), "samples": 16, "seed": 1}
     a, b = (np.asarray(maquette.render(path, **settings))[..., :3] for path in (tmp_path / "a.scene", out))
     assert np.abs(a - b).mean() < 0.04 * a.mean()
+
+
+CLIPPED = """#usda 1.0
+def Camera "main_cam" {
+    float4[] clippingPlanes = [(1, 0, 0, 0.5), (0, 1, -2, 3)]
+}
+def Sphere "s" {
+}
+"""
+
+
+@pytest.mark.parametrize("ending", [".usda", ".glb"])
+def test_clipping_planes_are_written_or_named(tmp_path, ending):
+    source, out = tmp_path / "a.usda", tmp_path / f"b{ending}"
+    source.write_text(CLIPPED, encoding="utf-8")
+    done = CliRunner().invoke(cli, ["convert", str(source), str(out)])
+    assert done.exit_code == 0, done.output
+    assert ("clipping planes are not carried" in done.output) == (ending == ".glb")
+    if ending == ".usda":
+        stage = Usd.Stage.Open(str(out))
+        camera = next(prim for prim in stage.Traverse() if prim.IsA(UsdGeom.Camera))
+        assert [tuple(p) for p in UsdGeom.Camera(camera).GetClippingPlanesAttr().Get()] == [(1, 0, 0, 0.5), (0, 1, -2, 3)]

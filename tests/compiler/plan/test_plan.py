@@ -39,6 +39,7 @@ def scene(
             {
                 "projection": [0] * len(cameras), "aspect": [aspect] * len(cameras), "exposure": [math.nan] * len(cameras),
                 "shutter": [0.0] * len(cameras), "lens": [0.0] * len(cameras), "focus": [1.0] * len(cameras),
+                "pixel_aspect": [1.0] * len(cameras), "planes": np.zeros((len(cameras), ir.CLIP_PLANES, 4)),
             },
         ),
     )
@@ -222,3 +223,14 @@ def test_cameras_are_found_by_the_last_part_of_their_path() -> None:
     names = ("/World/main_cam", "/World/side")
     assert picture_rules.find_camera(names, "side") == 1
     assert picture_rules.find_camera(names, "/World/main_cam") == 0
+
+
+def test_clipping_planes_are_drawn_by_rays_alone() -> None:
+    made = scene(ir.LightKind.POINT)
+    planes = np.zeros((1, ir.CLIP_PLANES, 4))
+    planes[0, 0] = (1, 0, 0, 0)
+    cameras = ir.table_of("cameras", {**made.tables.cameras._asdict(), "planes": planes})
+    clipped = replace(made, tables=made.tables._replace(cameras=cameras))
+    assert plan.make_plan(clipped, ir.Settings())["backend"] == "ray"
+    with pytest.raises(plan.PlanError, match="the raster backend draws no pictures of cameras with clipping planes: write --backend ray"):
+        plan.make_plan(clipped, ir.Settings(backend="raster"))

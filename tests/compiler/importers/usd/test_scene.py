@@ -335,6 +335,24 @@ def test_apertures_and_focus(tmp_path):
     assert read(tmp_path, camera("main_cam", "float fStop = 2") + 'def Cube "c" {}')[0].tables.cameras.lens[0] == 0
 
 
+def test_clipping_planes(tmp_path):
+    """They are in the camera's frame; d is a length."""
+    header, planes = "metersPerUnit = 0.01", "float4[] clippingPlanes = [(1, 0, 0, 20), (0, 0.5, -2, -3)]"
+    scene, messages = read(tmp_path, camera("main_cam", planes) + 'def Cube "c" {}', header)
+    expected = np.zeros((ir.CLIP_PLANES, 4))
+    expected[:2] = [(1, 0, 0, 20), (0, 0.5, -2, -3)]
+    assert (scene.tables.cameras.planes[0].tolist(), messages) == (expected.tolist(), [])
+
+
+def test_clipping_planes_that_cannot_be_drawn_are_named(tmp_path):
+    planes = ", ".join(["(0, 0, 0, 1)", *["(0, 0, -1, 1)"] * 9])
+    messages = read(tmp_path, camera("main_cam", f"float4[] clippingPlanes = [{planes}]") + 'def Cube "c" {}')[1]
+    assert messages == [
+        "x.usda</main_cam>: warning: a clipping plane of this camera has no direction: it is left out",
+        "x.usda</main_cam>: warning: only the first 8 of this camera's 9 clipping planes are drawn",
+    ]
+
+
 def test_a_camera_without_film_is_left_out(tmp_path):
     scene, messages = read(tmp_path, 'def Camera "k" { float focalLength = 0\n}\ndef Cube "c" {}')
     assert scene.names.cameras == ("frame",)

@@ -8,6 +8,8 @@ from maquette.compiler import ir, load
 from maquette.compiler.importers.stage_options import StageOptions
 from maquette.compiler.importers.usd import stage
 from maquette.lang.diagnostics import SceneError
+from maquette.render import camera
+from maquette.render.types import View
 
 from .stages import read
 
@@ -97,10 +99,33 @@ def test_conform(tmp_path, conform, size, half):
     assert messages == []
 
 
+@pytest.mark.parametrize(
+    ("conform", "size", "pixel", "half"),
+    [
+        ("expandAperture", (200, 200), 2.0, (0.2, 0.1)),  # the picture is as wide as its pixels together
+        ("adjustApertureHeight", (200, 100), 2.0, (0.2, 0.05)),
+        ("adjustPixelAspectRatio", (100, 200), 3.0, (0.2, 0.1)),  # the policy replaces the aspect of the pixels
+    ],
+)
+def test_pixels_that_are_not_square(tmp_path, conform, size, pixel, half):
+    settings = f"""def RenderSettings "s" {{ uniform int2 resolution = {size}
+        uniform float pixelAspectRatio = {pixel}
+        uniform token aspectRatioConformPolicy = "{conform}" }}"""
+    scene, messages = read(tmp_path, CAMERA + settings, 'renderSettingsPrimPath = "/s"')
+    assert (np.array(camera.half_extent(scene.tables, View(0, *size))), messages) == (pytest.approx(half), [])
+
+
+def test_a_pixel_aspect_that_is_no_number_counts_as_1(tmp_path):
+    settings = """def RenderSettings "s" { uniform float pixelAspectRatio = -2 }"""
+    scene, messages = read(tmp_path, CAMERA + settings, 'renderSettingsPrimPath = "/s"')
+    assert scene.tables.cameras.pixel_aspect[0] == 1
+    assert messages == ["x.usda</s>: warning: the pixelAspectRatio -2 counts as 1"]
+
+
 def test_another_aspect_is_noted(tmp_path):
     assert read(tmp_path, CAMERA, options=StageOptions(size=(100, 100)))[1] == [
         "x.usda</main_cam>: note: the picture's aspect 1 is not the film's 2: the film's height is kept, its sides are cut off\n"
-        "  --conform vertical, horizontal, expand or crop selects the part"
+        "  --conform vertical, horizontal, expand, crop or pixels selects the part"
     ]
 
 

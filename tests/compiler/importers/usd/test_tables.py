@@ -71,8 +71,8 @@ def test_no_row_is_stale():
     [
         ('def Mesh "m" (prepend apiSchemas = ["OddAPI"]) {}',
             "x.usda</m>: warning: the applied schema `OddAPI` is not known: it is not drawn"),
-        ('def Camera "c" { float4[] clippingPlanes = [(0, 0, 1, 1)] }', "x.usda</c>: warning: `clippingPlanes` of Camera is not drawn"),
-        ('def Camera "c" { float4[] clippingPlanes = [] }', None),  # the schema's fallback
+        ('def SphereLight "l" { float inputs:shadow:distance = 3 }', "x.usda</l>: warning: `shadow:distance` of SphereLight is not drawn"),
+        ('def SphereLight "l" { float inputs:specular = 1 }', None),  # the schema's fallback
         ('def SphereLight "l" { float inputs:specular = 0.5 }', "x.usda</l>: warning: `specular` of SphereLight is not drawn"),
         ('def SphereLight "l" { float inputs:glow = 0.5 }', "x.usda</l>: warning: `glow` of SphereLight is not known: it is not drawn"),
         ('def SphereLight "l" { rel light:filters = </f> }', "x.usda</l>: warning: `light:filters` of SphereLight is not drawn"),

@@ -102,5 +102,6 @@ class Surfaces:
             self._input(material, SLOT.ROUGHNESS), self._ior(material),
             specular=self._color(material, SLOT.SPECULAR) if specular else None, emissive=self._color(material, SLOT.EMISSION),
             coat=self._input(material, SLOT.COAT), coat_roughness=self._input(material, SLOT.COAT_ROUGHNESS),
+            sheen=self._color(material, SLOT.SHEEN), sheen_roughness=self._input(material, SLOT.SHEEN_ROUGHNESS),
             occlusion=self._input(material, SLOT.AMBIENT), **more,
         )  # fmt: skip

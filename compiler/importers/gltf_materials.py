@@ -16,7 +16,7 @@ from .. import ir
 from ..io.sandbox import FileError
 from ..scene import metallic_roughness
 from ..scene.builder import NONE, SceneBuilder
-from ..scene.row_records import BLACK, WHITE, Input, MaterialData, TextureData, scale_color
+from ..scene.row_records import BLACK, WHITE, Input, MaterialData, TextureData, as_color, scale_color
 from . import images, uv_sets, vertex_numbers
 from .gltf_container import Container, Warn
 from .gltf_errors import GltfError
@@ -150,7 +150,8 @@ class Materials:
         holes = None if whole else Input.number(alpha, through)
         strength = float(extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0))
         r, g, b = written.get("emissiveFactor", (0.0, 0.0, 0.0))
-        coat, metallic = extensions.get("KHR_materials_clearcoat", {}), float(pbr.get("metallicFactor", 1.0))
+        coat, sheen = (extensions.get(f"KHR_materials_{name}", {}) for name in ("clearcoat", "sheen"))
+        metallic = float(pbr.get("metallicFactor", 1.0))
         tinted = metallic == 0.0 and _is_tinted(extensions.get("KHR_materials_specular", {}))
         return metallic_roughness.Surface(
             base,
@@ -162,6 +163,10 @@ class Materials:
             coat=Input.number(float(coat.get("clearcoatFactor", 0.0)), self._texture(coat.get("clearcoatTexture"), 0)),
             coat_roughness=Input.number(
                 float(coat.get("clearcoatRoughnessFactor", 0.0)), self._texture(coat.get("clearcoatRoughnessTexture"), 1)
+            ),
+            sheen=Input(as_color(sheen.get("sheenColorFactor", BLACK)), self._texture(sheen.get("sheenColorTexture"))),
+            sheen_roughness=Input.number(
+                float(sheen.get("sheenRoughnessFactor", 0.0)), self._texture(sheen.get("sheenRoughnessTexture"), 3)
             ),
             occlusion=self._occlusion(written.get("occlusionTexture")),
             normal=self._normal(written.get("normalTexture")), opacity=alpha if mode == "BLEND" and holes is None else 1.0, holes=holes,

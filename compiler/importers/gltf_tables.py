@@ -15,6 +15,7 @@ EXTENSIONS = Table(
     drawn={
         "KHR_lights_punctual": "point, spot and directional lights",
         "KHR_materials_clearcoat": "weight and roughness",
+        "KHR_materials_sheen": "over the highlight and the base, under a coat",
         "KHR_materials_emissive_strength KHR_materials_ior": "",
         "KHR_materials_transmission": "a thin surface; solid glass, which may be rough, with a volume or a tint and from one half on",
         "KHR_materials_unlit": "the colour as emission",
@@ -41,7 +42,7 @@ EXTENSIONS = Table(
     },
     not_drawn={
         "KHR_animation_pointer": "",
-        "KHR_materials_anisotropy KHR_materials_iridescence KHR_materials_sheen": "no material has this lobe: the others are drawn",
+        "KHR_materials_anisotropy KHR_materials_iridescence": "no material has this lobe: the others are drawn",
         "KHR_materials_diffuse_transmission KHR_materials_dispersion KHR_materials_subsurface KHR_materials_volume_scatter": "",
         "KHR_materials_variants": "the default materials are drawn",
         "ADOBE_materials_clearcoat_specular ADOBE_materials_clearcoat_tint": "",
@@ -81,6 +82,8 @@ PROPERTIES = Table(
         "KHR_lights_punctual.lights KHR_lights_punctual.light KHR_lights_punctual.lights.color KHR_lights_punctual.lights.intensity": "",
         "KHR_lights_punctual.lights.type KHR_lights_punctual.lights.spot KHR_lights_punctual.lights.spot.*": "",
         "KHR_materials_clearcoat.clearcoatFactor KHR_materials_clearcoat.clearcoatRoughnessFactor": "",
+        "KHR_materials_sheen.sheenColorFactor KHR_materials_sheen.sheenRoughnessFactor": "",
+        "KHR_materials_sheen.sheenColorTexture KHR_materials_sheen.sheenRoughnessTexture": "",
         "KHR_materials_clearcoat.clearcoatTexture KHR_materials_clearcoat.clearcoatRoughnessTexture": "",
         "KHR_materials_emissive_strength.emissiveStrength KHR_materials_ior.ior KHR_materials_transmission.transmissionFactor": "",
         "KHR_materials_specular.specularFactor KHR_materials_specular.specularColorFactor": "",

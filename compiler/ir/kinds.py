@@ -84,6 +84,8 @@ class Slot(Kind):
     ABSORPTION = 16  # colour, absorption coefficient of glass per metre; no texture
     PRIORITY = 17  # number: where glass overlaps, the higher priority counts; no texture
     WEIGHT = 18  # number: weight of a blend's second material
+    SHEEN = 19  # colour of the sheen of cloth
+    SHEEN_ROUGHNESS = 20  # number
 
 
 SLOTS = len(Slot)

@@ -155,6 +155,8 @@ class Materials:
             Slot.METALLIC: self._number(args["metallic"]),
             Slot.COAT: self._number(args["clearcoat"]),
             Slot.COAT_ROUGHNESS: self._number(args["clearcoat_roughness"]),
+            Slot.SHEEN: self._color(args["sheen"]),
+            Slot.SHEEN_ROUGHNESS: self._number(args["sheen_roughness"]),
             Slot.EMISSION: Input(scale_color(color.value, args["luminance"]), color.texture),
         }
         if args["specular"] is None:

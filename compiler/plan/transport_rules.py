@@ -46,7 +46,7 @@ def _bounces(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
 
 
 def _interreflection(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
-    diffuse = scene.tables.materials.values[:, ir.Slot.DIFFUSE].max(axis=1, initial=0.0) > 0
+    diffuse = scene.tables.materials.values[:, [ir.Slot.DIFFUSE, ir.Slot.SHEEN]].max(axis=(1, 2), initial=0.0) > 0
     if asked.bounces and plan["bounces"] > 0 and diffuse.any():
         return Decision("interreflection", True, "bounces were asked for: diffuse surfaces light each other")
     if plan["bounces"] > 0 and (glossy_materials(scene) & used_materials(scene.tables)).any():

@@ -49,7 +49,7 @@ _DEFAULTS = {  # default values: columns with them are left out
 
 _NUMBERS = {
     ir.Slot.SHININESS, ir.Slot.IOR, ir.Slot.OPACITY, ir.Slot.ROUGHNESS, ir.Slot.METALLIC, ir.Slot.COAT, ir.Slot.COAT_ROUGHNESS,
-    ir.Slot.BUMP, ir.Slot.PRIORITY, ir.Slot.WEIGHT,
+    ir.Slot.BUMP, ir.Slot.PRIORITY, ir.Slot.WEIGHT, ir.Slot.SHEEN_ROUGHNESS,
 }  # fmt: skip
 
 

@@ -28,6 +28,8 @@ class Surface:
     emissive: Input = DARK
     coat: Input = NOTHING
     coat_roughness: Input = FINE
+    sheen: Input = DARK
+    sheen_roughness: Input = NOTHING
     occlusion: Input = ALL
     normal: Input | None = None  # normal map, its factor the strength
     bump: Input | None = None  # height map, its factor in metres
@@ -55,6 +57,8 @@ def material(surface: Surface) -> MaterialData:
     }
     if s.coat.value[0] > 0:
         inputs |= {ir.Slot.COAT: _share(s.coat), ir.Slot.COAT_ROUGHNESS: _share(s.coat_roughness)}
+    if s.sheen.value != BLACK:
+        inputs |= {ir.Slot.SHEEN: s.sheen, ir.Slot.SHEEN_ROUGHNESS: _share(s.sheen_roughness)}
     if s.specular is not None:
         inputs[ir.Slot.SPECULAR] = s.specular
         inputs[ir.Slot.METALLIC] = NOTHING

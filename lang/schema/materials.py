@@ -104,6 +104,8 @@ MATERIALS = (
             Arg("ior", "number_map", 1.5, "index of refraction, which sets the reflectance of a dielectric", above=0.0, keyword=True),
             Arg("specular", "color_map", None, "reflectance at normal incidence, in place of `ior` and `metallic`", keyword=True),
             Arg("clearcoat", "number_map", 0.0, "weight of the clear coat", minimum=0.0, maximum=1.0, keyword=True),
+            Arg("sheen", "color_map", (0.0, 0.0, 0.0), "colour of the sheen of cloth, at grazing angles", keyword=True),
+            Arg("sheen_roughness", "number_map", 0.3, "roughness of the sheen", minimum=0.0, maximum=1.0, keyword=True),
             Arg("clearcoat_roughness", "number_map", 0.01, "roughness of the clear coat", minimum=0.0, maximum=1.0, keyword=True),
             Arg("occlusion", "number_map", 1.0, "share of the ambient light that reaches it", minimum=0.0, maximum=1.0, keyword=True),
             Arg("emission", "color_map", (0.0, 0.0, 0.0), "emitted colour", aliases=("emissive",), keyword=True),

@@ -14,7 +14,7 @@ from ..lanes import ops
 from ..light import lights
 from ..simd.registration import overload, types
 from ..types import Lane, Surface, Vec
-from . import fresnel, microfacet, phong, rough_dielectric
+from . import fresnel, microfacet, phong, rough_dielectric, sheen
 from .shader import ONLY, Shader, Uses
 
 MAX_CAUSTIC_ALPHA = 0.3  # greatest α of a metal that casts caustics
@@ -52,7 +52,7 @@ def has_matt(shader: Shader) -> Lane:
 
 @helper
 def _has_base(lobes: microfacet.Lobes, plain: Lane) -> Lane:
-    return plain | (lobes.here & (ops.largest(lobes.base) > 0.0))
+    return plain | (lobes.here & sheen.or_has(lobes.sheen, ops.largest(lobes.base) > 0.0))
 
 
 has_base = specialize_if_present(_has_base)
@@ -66,7 +66,8 @@ def is_polished(shader: Shader) -> Lane:
 
 @helper
 def _narrow(lobes: microfacet.Lobes, plain: Lane) -> Lane:
-    alone = (ops.largest(lobes.base) <= 0.0) & ((lobes.coat <= 0.0) | (lobes.coat_alpha <= MAX_CAUSTIC_ALPHA))
+    matt = sheen.or_has(lobes.sheen, ops.largest(lobes.base) > 0.0)
+    alone = ops.not_(matt) & ((lobes.coat <= 0.0) | (lobes.coat_alpha <= MAX_CAUSTIC_ALPHA))
     return lobes.here & ops.not_(lobes.sharp) & alone & (lobes.alpha <= MAX_CAUSTIC_ALPHA)
 
 

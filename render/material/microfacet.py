@@ -7,6 +7,7 @@
 - Multiple scattering between facets is a diffuse lobe (Kulla and Conty 2017, Revisiting Physically Based Shading).
 - The base is scaled by the transmission of the highlight both ways: ρ/π (1 − E(μₒ))(1 − E(μᵢ))/(1 − Ē), as in Kelemen and Szirmay-Kalos
   2001. So a white base under any highlight passes the furnace test, and each part is reciprocal.
+- Sheen (module sheen) lies over the highlight and the base; it is evaluated and sampled with the diffuse lobe.
 - A coat is a highlight of index 1.5 over all that; the highlight under it is scaled by the lesser of the coat's two transmissions.
 
 Scenes without such materials compile nothing of it: the `lobes` of their Shader is None, which is a type.
@@ -15,13 +16,13 @@ Scenes without such materials compile nothing of it: the `lobes` of their Shader
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ...compiler.plan import scene_facts
 from ..jit.kernel import helper, specialize_if_present
 from ..lanes import ops
 from ..types import Lane, Vec
-from . import energy_compensation
+from . import energy_compensation, sheen
 
 SHARP = 1e-3  # α below which a highlight is specular
 MAX_REFLECTION_ALPHA = scene_facts.MAX_REFLECTION_ROUGHNESS**2  # α below which a highlight shows surroundings
@@ -44,6 +45,7 @@ class Lobes(NamedTuple):
     coat: Lane  # weight of the coat, 0 to 1
     coat_alpha: Lane
     table: energy_compensation.Albedo
+    sheen: Any = None  # sheen.Sheen, or None in scenes without sheen
 
 
 class Albedos(NamedTuple):
@@ -52,6 +54,7 @@ class Albedos(NamedTuple):
     highlight: Vec  # of the highlight, with multiple scattering
     lost: Lane  # 1 − E: energy that single scattering loses
     coat: Lane  # of the coat
+    sheen: Any  # of sheen of colour 1, or None
 
 
 # --- facets --------------------------------------------------------------------------------------------------------------
@@ -151,7 +154,7 @@ def directional_albedo(lobes: Lobes, cosine: Lane, bounced: Vec) -> Albedos:
     if ops.any_lane(lobes.coat > 0.0):
         whole, grazing = energy_compensation.directional_albedo(lobes.table, cosine, lobes.coat_alpha)
         coat = lobes.coat * (COAT * (whole - grazing) + grazing)
-    return Albedos(_albedo(lobes, e, b, bounced), 1.0 - e, coat)
+    return Albedos(_albedo(lobes, e, b, bounced), 1.0 - e, coat, sheen.albedo_of(lobes.sheen, None, cosine))
 
 
 class Layers(NamedTuple):
@@ -207,7 +210,7 @@ def _matt(base: Lane, coats: Lane, out: Lane, into: Lane, open_: Lane) -> Lane:
 class LobeValues(NamedTuple):
     """π f cos of each lobe for two directions, and the densities of their samples."""
 
-    matt: Vec
+    matt: Vec  # with sheen
     highlight: Vec
     coat: Lane
     matt_density: Lane
@@ -237,7 +240,10 @@ def eval_lobes(lobes: Lobes, normal: Vec, to_light: Vec, to_viewer: Vec, out: Al
         coat_density = strength * 0.5 / (cos_out + _reach(cos_out, lobes.coat_alpha))
     cos_lit = ops.where(lit, cos_in, zero)
     matt = ops.scale(diffuse_under_layers(lobes, all_, out, into), cos_lit)
-    return LobeValues(matt, ops.scale(fresnel(lobes, along), shine), coat, cos_lit * (1.0 / math.pi), density, coat_density)
+    facing = ops.dot(half, normal)
+    below = matt, ops.scale(fresnel(lobes, along), shine)
+    matt, highlight = sheen.over(lobes.sheen, below, out.sheen, into.sheen, cos_in, cos_out, facing, cos_lit * least)
+    return LobeValues(matt, highlight, coat, cos_lit * (1.0 / math.pi), density, coat_density)
 
 
 @helper
@@ -254,6 +260,7 @@ def chances(lobes: Lobes, all_: Layers, out: Albedos) -> tuple[Lane, Lane, Lane]
     whole = ops.mean3(out.highlight)
     matt = ops.mean3(lobes.base) * (1.0 - out.coat) * (1.0 - whole) + again * (1.0 - out.coat)
     shiny = ops.where(lobes.sharp, 0.0, (whole - again) * (1.0 - out.coat))
+    matt = sheen.reflects(lobes.sheen, matt, out.sheen, 1.0 - out.coat)
     return matt, ops.maximum(shiny, 0.0), out.coat
 
 
@@ -280,9 +287,15 @@ def _eval_pdf(lobes: Lobes, plain: tuple[Vec, Lane], normal: Vec, to_light: Vec,
 def _matt_share(lobes: Lobes, plain: Vec, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec:
     cosine = ops.dot(normal, to_light)
     all_, out = viewer_albedo(lobes, normal, to_viewer)
-    into = directional_albedo(lobes, ops.clip(cosine, LEAST, 1.0), all_.bounced)
+    cos_in, cos_out = ops.clip(cosine, LEAST, 1.0), ops.clip(ops.dot(normal, to_viewer), LEAST, 1.0)
+    into = directional_albedo(lobes, cos_in, all_.bounced)
     zero = 0.0 * cosine
-    matt = ops.where3(cosine > 0.0, diffuse_under_layers(lobes, all_, out, into), (zero, zero, zero))
+    dark = (zero, zero, zero)
+    facing = ops.dot(ops.normalize(ops.add(to_light, to_viewer)), normal)
+    below = diffuse_under_layers(lobes, all_, out, into), dark
+    least = 1.0 - ops.maximum(out.coat, into.coat)
+    matt = sheen.over(lobes.sheen, below, out.sheen, into.sheen, cos_in, cos_out, facing, least)[0]
+    matt = ops.where3(cosine > 0.0, matt, dark)
     return ops.where3(lobes.here, matt, plain)
 
 
@@ -334,14 +347,14 @@ def _whole(lobes: Lobes, plain: Lane, normal: Vec, to_viewer: Vec) -> Lane:
 def _specular_reflectance(lobes: Lobes, plain: Vec, normal: Vec, to_viewer: Vec) -> Vec:
     cosine = ops.clip(ops.dot(normal, to_viewer), 0.0, 1.0)
     out = viewer_albedo(lobes, normal, to_viewer)[1]
-    found = ops.scale(fresnel(lobes, cosine), 1.0 - out.coat)
+    found = ops.scale(fresnel(lobes, cosine), sheen.rest(lobes.sheen, 1.0 - out.coat, out.sheen))
     return ops.where3(lobes.here & lobes.sharp, found, plain)
 
 
 @helper
 def _transmit(lobes: Lobes, plain: Vec, normal: Vec, to_viewer: Vec) -> Vec:
     out = viewer_albedo(lobes, normal, to_viewer)[1]
-    rest = 1.0 - out.coat
+    rest = sheen.rest(lobes.sheen, 1.0 - out.coat, out.sheen)
     passed = (rest * (1.0 - out.highlight[0]), rest * (1.0 - out.highlight[1]), rest * (1.0 - out.highlight[2]))
     return ops.where3(lobes.here, ops.mul(plain, passed), plain)
 

@@ -19,7 +19,7 @@ from ..simd.registration import overload
 from ..surface import blend, normal_map
 from ..surface.material_inputs import color_of, number_of
 from ..types import Lane, Surface, Tables, Vec
-from . import energy_compensation, medium_stack, microfacet, rough_dielectric
+from . import energy_compensation, medium_stack, microfacet, rough_dielectric, sheen
 from .microfacet import Lobes
 
 PRINCIPLED = int(ir.MaterialModel.PRINCIPLED)
@@ -47,6 +47,7 @@ class Layered(NamedTuple):
     first: Any
     second: Any
     albedo: Any  # energy_compensation.Albedo, or Smooth
+    sheen: Any  # sheen.Albedo or NoSheen
     tangents: Any  # normal_map.Tangents or Untilted
     rough_glass: Any  # rough_dielectric.Tabled or Clear
     media: Any  # medium_stack.Media or Air
@@ -64,10 +65,11 @@ def tables_for(tables: ir.Tables, general: bool = False) -> ir.Tables:
     """
     facets = general or bool((ir.is_in(tables.materials.model, MODELS) & scene_facts.used_materials(tables)).any())
     parts = (
-        energy_compensation.table() if facets else Smooth(), normal_map.build_tangents(tables, general),
+        energy_compensation.table() if facets else Smooth(), sheen.tables_of(tables, general), normal_map.build_tangents(tables, general),
         rough_dielectric.tables_of(tables, general), medium_stack.media(tables, general), blend.find_blends(tables, general),
     )  # fmt: skip
-    if all(isinstance(part, Smooth | normal_map.NoMaps | rough_dielectric.Clear | medium_stack.Air | blend.Unblended) for part in parts):
+    absent = Smooth, sheen.NoSheen, normal_map.NoMaps, rough_dielectric.Clear, medium_stack.Air, blend.Unblended
+    if all(isinstance(part, absent) for part in parts):
         return tables
     return tables._replace(materials=Layered(*tables.materials, *parts))  # pyright: ignore[reportArgumentType]
 
@@ -120,6 +122,7 @@ def _at(tables: Tables, surface: Surface) -> Lobes:
     return Lobes(
         here, here & (alpha < microfacet.SHARP), base, f0, f90, bend, ops.maximum(alpha, microfacet.SHARP),
         ops.where(metal, zero, coat), ops.maximum(coat_roughness * coat_roughness, microfacet.SHARP), materials.albedo,
+        sheen.at(materials.sheen, None, tables, surface),
     )  # fmt: skip
 
 

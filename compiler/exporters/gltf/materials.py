@@ -120,6 +120,11 @@ class Materials:
                 if given.texture >= 0:
                     coat[name] = self._picture(given.texture)
             found["KHR_materials_clearcoat"] = coat
+        if any(s.sheen.value):
+            for given in (s.sheen, s.sheen_roughness):
+                if given.texture >= 0:
+                    self.out.cannot("a texture of sheen is not carried", "textures", given.texture)
+            found["KHR_materials_sheen"] = {"sheenColorFactor": list(s.sheen.value), "sheenRoughnessFactor": s.sheen_roughness.value[0]}
         return found
 
     def _below_one(self, color: tuple[float, ...]) -> list[float]:

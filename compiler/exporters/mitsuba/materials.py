@@ -156,6 +156,8 @@ class Materials:
 
     def _principled(self, material: int) -> Node:
         coat = float(self._constant(material, ir.Slot.COAT)[0])
+        if self._constant(material, ir.Slot.SHEEN).any():
+            self.out.cannot("sheen is not carried", "materials", material)
         ior = float(np.clip(self._constant(material, ir.Slot.IOR)[0], 1.01, 2.0))
         made = node("bsdf", "principled", eta=ior, clearcoat=coat)
         gloss = 1.0 - float(self._constant(material, ir.Slot.COAT_ROUGHNESS)[0])

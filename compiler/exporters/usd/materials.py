@@ -63,6 +63,8 @@ class Materials:
         ]  # fmt: skip
         if s.coat.value[0] > 0:
             inputs += [("clearcoat", "number", s.coat), ("clearcoatRoughness", "number", s.coat_roughness)]
+        if any(s.sheen.value):
+            self.out.cannot("sheen is not carried: UsdPreviewSurface has none", "materials", row)
         if s.specular is not None:
             shader.CreateInput("useSpecularWorkflow", Sdf.ValueTypeNames.Int).Set(1)
         if exported.transmission > 0:

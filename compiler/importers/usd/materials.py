@@ -20,7 +20,7 @@ from ....lang.diagnostics import Span
 from ... import ir
 from ...scene import metallic_roughness
 from ...scene.builder import NONE, SceneBuilder, lambert
-from ...scene.row_records import WHITE, Color, Input, MaterialData, TextureData, nonnegative, scale_color
+from ...scene.row_records import BLACK, WHITE, Color, Input, MaterialData, TextureData, nonnegative, scale_color
 from .. import images, uv_sets, vertex_numbers
 from . import materialx, stage
 from .assets import Asset, asset, contents
@@ -238,7 +238,8 @@ class Materials:
         surface = metallic_roughness.Surface(
             diffuse, specular=specular, emissive=self._color(i["emissiveColor"], (0.0, 0.0, 0.0), prim),
             opacity=opacity, holes=holes, threshold=threshold, normal=self._normal(i["normal"], prim),
-            name=network.name, **numbers,
+            sheen=self._color(i.get("sheenColor", BLACK), BLACK, prim),
+            sheen_roughness=self._number(i.get("sheenRoughness", 0.0), 0.0, prim), name=network.name, **numbers,
         )  # fmt: skip
         return self.builder.material(metallic_roughness.material(surface), Span(f"{self.opened.name}<{network.path}>"))
 

@@ -1,4 +1,4 @@
-"""MaterialX surfaces in USD, mapped to the inputs of UsdPreviewSurface.
+"""MaterialX surfaces in USD, mapped to the inputs of UsdPreviewSurface and a sheen.
 
 Names and defaults: MaterialX 1.39, standard_surface 1.0.1, open_pbr_surface 1.1, gltf_pbr 2.0.1.
 `arnold:standard_surface` has the inputs of standard_surface.
@@ -28,8 +28,9 @@ _STANDARD = Model(
         "diffuseColor": ("base_color", (0.8, 0.8, 0.8)), "metallic": ("metalness", 0.0), "roughness": ("specular_roughness", 0.2),
         "ior": ("specular_IOR", 1.5), "clearcoat": ("coat", 0.0), "clearcoatRoughness": ("coat_roughness", 0.1),
         "emissiveColor": ("emission_color", (1.0, 1.0, 1.0)), "opacity": ("opacity", (1.0, 1.0, 1.0)), "normal": ("normal", None),
+        "sheenColor": ("sheen_color", (1.0, 1.0, 1.0)), "sheenRoughness": ("sheen_roughness", 0.3),
     },
-    {"diffuseColor": ("base", 1.0), "emissiveColor": ("emission", 0.0)},
+    {"diffuseColor": ("base", 1.0), "emissiveColor": ("emission", 0.0), "sheenColor": ("sheen", 0.0)},
 )  # fmt: skip
 MODELS = {
     "ND_standard_surface_surfaceshader": _STANDARD,
@@ -47,7 +48,7 @@ MODELS = {
             "diffuseColor": ("base_color", (1.0, 1.0, 1.0)), "metallic": ("metallic", 1.0), "roughness": ("roughness", 1.0),
             "ior": ("ior", 1.5), "clearcoat": ("clearcoat", 0.0), "clearcoatRoughness": ("clearcoat_roughness", 0.0),
             "emissiveColor": ("emissive", (0.0, 0.0, 0.0)), "opacity": ("alpha", 1.0), "normal": ("normal", None),
-            "occlusion": ("occlusion", 1.0),
+            "occlusion": ("occlusion", 1.0), "sheenColor": ("sheen_color", (0.0, 0.0, 0.0)), "sheenRoughness": ("sheen_roughness", 0.0),
         },
         {"emissiveColor": ("emissive_strength", 1.0)},
     ),

@@ -160,7 +160,8 @@ SHADERS = Table(
         "UsdTransform2d": "",
         "UsdPrimvarReader_float UsdPrimvarReader_float2 UsdPrimvarReader_float3 UsdPrimvarReader_float4": "",
         "ND_standard_surface_surfaceshader ND_open_pbr_surface_surfaceshader ND_gltf_pbr_surfaceshader arnold:standard_surface": (
-            "base colour, metalness, roughness, index of refraction, coat, emission, opacity, normal; under outputs:mtlx:surface too"
+            "base colour, metalness, roughness, index of refraction, coat, sheen (of open_pbr none), emission, opacity, normal; "
+            "under outputs:mtlx:surface too"
         ),
         "ND_UsdPreviewSurface_surfaceshader ND_UsdUVTexture ND_UsdTransform2d ND_UsdPrimvarReader_*": "as those of USD",
         "ND_image_* ND_tiledimage_*": "pictures with address modes and the colour space of the file's metadata",

@@ -141,6 +141,21 @@ def test_alpha_of_vertices_beside_pictures_is_its_mean(tmp_path):
     assert input_of(scene, part, ir.Slot.TRANSMISSION) == (pytest.approx(1 - 0.4375), -1)
 
 
+def test_sheen(tmp_path):
+    data = write_image(tmp_path / "p.png", np.array([[[255, 0, 0, 64]]], np.uint8)).read_bytes()
+    document, binary = square()
+    document["bufferViews"].append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(data)})
+    document["images"], document["textures"] = [{"bufferView": 3}], [{"source": 0}]
+    sheen = {"sheenColorFactor": [0.5, 0.25, 0], "sheenRoughnessFactor": 0.75}
+    sheen |= {"sheenColorTexture": {"index": 0}, "sheenRoughnessTexture": {"index": 0}}
+    document["materials"][0]["extensions"] = {"KHR_materials_sheen": sheen}
+    scene, (part, _), messages = read(glb(document, binary + data), "a.glb")
+    assert messages == []
+    channel, color = scene.tables.textures.channel, scene.tables.materials.values[part.material, ir.Slot.SHEEN].tolist()
+    one, (rough, other) = scene.tables.materials.textures[part.material, ir.Slot.SHEEN], input_of(scene, part, ir.Slot.SHEEN_ROUGHNESS)
+    assert (color, channel[one], rough, channel[other]) == ([0.5, 0.25, 0], -1, 0.75, 3)
+
+
 def test_pictures_of_a_clear_coat(tmp_path):
     data = write_image(tmp_path / "p.png", np.array([[[255, 0, 0]]], np.uint8)).read_bytes()
     document, binary = square()

@@ -630,8 +630,8 @@ def test_a_gltf_with_a_file_and_a_data_uri(tmp_path):
     [
         ({"animations": [{}]}, "the file has 1 animation of up to 0 s: --time draws the first"),
         ({"extensionsUsed": ["EXT_new", "KHR_mesh_quantization"]}, "the extension `EXT_new` is not known: it is not drawn"),
-        ({"materials": [{"extensions": {"KHR_materials_sheen": {}}}]},
-         "the extension `KHR_materials_sheen` is not drawn: no material has this lobe: the others are drawn"),
+        ({"materials": [{"extensions": {"KHR_materials_anisotropy": {}}}]},
+         "the extension `KHR_materials_anisotropy` is not drawn: no material has this lobe: the others are drawn"),
         ({"textures": [{"extensions": {"KHR_texture_basisu": {"source": 0}}}],
           "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]},
          ("the extension `KHR_texture_basisu` is not drawn: "

@@ -35,13 +35,13 @@ MTL = Table(
     "MTL statements",
     drawn={
         "newmtl Kd Ka Ks Ns Ni d Tr Tf Ke illum": "see compiler/importers/mtl.py for the rules where programs differ",
-        "Pr Pm Pc Pcr": "the PBR extension: roughness, metallic, clear coat",
+        "Pr Pm Pc Pcr Ps": "the PBR extension: roughness, metallic, clear coat, sheen",
         "map_Kd map_Ka map_Ks map_Ke map_Ns map_d map_opacity map_bump map_Bump bump norm map_Kn map_Pr map_Pm map_RMA map_ORM": "pictures",
     },
     no_effect={"sharpness": "of reflection maps", "map_aat": "pictures are always filtered"},
     not_drawn={
         "map_Tr disp decal refl map_refl map_disp": "",
-        "Ps map_Ps aniso anisor map_aniso map_anisor map_Pc map_Pcr": "",
+        "map_Ps aniso anisor map_aniso map_anisor map_Pc map_Pcr": "",
         "Km map_Km": "",
     },
 )

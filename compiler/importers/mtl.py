@@ -32,10 +32,11 @@ REFLECTING = (3, 5, 8)
 REFRACTING = (4, 6, 7, 9)
 DEFAULT_KD: Color = (0.8, 0.8, 0.8)
 _COLORS = {"Ka", "Kd", "Ks", "Ke", "Tf"}
-_NUMBERS = {"Ns", "Ni", "d", "Tr", "illum", "sharpness", "Pr", "Pm", "Pc", "Pcr"}
+_NUMBERS = {"Ns", "Ni", "d", "Tr", "illum", "sharpness", "Pr", "Pm", "Pc", "Pcr", "Ps"}
 _MAPS = {"map_Ka": "Ka", "map_Kd": "Kd", "map_Ks": "Ks", "map_Ke": "Ke", "map_Ns": "Ns", "map_d": "d", "map_opacity": "d",
          "map_bump": "bump", "map_Bump": "bump", "bump": "bump", "norm": "norm", "map_Kn": "norm", "map_Pr": "Pr", "map_Pm": "Pm",
          "map_RMA": "RMA", "map_ORM": "ORM"}  # fmt: skip
+_SHEEN_ROUGHNESS = Input.number(0.3)  # Ps has none of its own: that of `principled`
 _PBR = {"Pr", "Pm", "Pc", "RMA", "ORM"}
 DATA = -2
 _PACKED = {"RMA": {"Pr": 0, "Pm": 1}, "ORM": {"Pr": 1, "Pm": 2}}  # channel of each input in a packed map
@@ -250,7 +251,7 @@ def _data(m: MtlMaterial, texture: Callable[..., int], builder: SceneBuilder) ->
         map_ke = texture("Ke")
         ke = m.colors.get("Ke", WHITE)
         emissive = Input(WHITE if map_ke >= 0 and ke == BLACK else ke, map_ke)
-    if not _PBR.isdisjoint({*m.numbers, *m.maps}):
+    if not _PBR.isdisjoint({*m.numbers, *m.maps}) or m.numbers.get("Ps", 0.0) > 0:
         return _principled(m, texture, Input(kd, map_kd), emissive, opacity, inputs)
     inputs[ir.Slot.DIFFUSE] = Input(scale_color(kd, opacity), map_kd)
     map_ka = texture("Ka")
@@ -282,10 +283,11 @@ def _principled(
         row = texture(packed, color=False, channel=channel)
         return Input.number(m.numbers.get(key, 1.0 if row >= 0 else plain), row)
 
+    sheen = min(max(m.numbers.get("Ps", 0.0), 0.0), 1.0)
     surface = metallic_roughness.Surface(
         diffuse, number("Pm", 0.0), number("Pr", 0.5), Input.number(m.numbers.get("Ni", 1.5)), None, emissive, number("Pc", 0.0),
         number("Pcr", 0.01), opacity=opacity, holes=inputs.get(ir.Slot.OPACITY), normal=inputs.get(ir.Slot.NORMAL),
-        bump=inputs.get(ir.Slot.BUMP), name=m.name,
+        bump=inputs.get(ir.Slot.BUMP), sheen=Input(scale_color(WHITE, sheen)), sheen_roughness=_SHEEN_ROUGHNESS, name=m.name,
     )  # fmt: skip
     return metallic_roughness.material(surface)
 

@@ -315,6 +315,13 @@ def test_library_messages(tmp_path, text, expected):
     assert material(text, tmp_path)[2] == [expected.format(folder=tmp_path)]
 
 
+def test_mtl_sheen(tmp_path):
+    """Ps makes a material principled; without any it stays what it was."""
+    model, values, messages, _ = material("newmtl m\nKd 0.5 0.25 0\nPs 0.5\n", tmp_path)
+    assert (model, values["SHEEN"], values["SHEEN_ROUGHNESS"], messages) == ("PRINCIPLED", [0.5] * 3, [0.3, 0, 0], [])
+    assert material("newmtl m\nKd 0.5 0.25 0\nPs 0\n", tmp_path)[0] == "LAMBERT"
+
+
 def test_the_pbr_extension(tmp_path):
     """Pr and Pm make it principled; ORM packs occlusion, roughness and metal; a map of bumps that is coloured is one of normals."""
     write_image(tmp_path / "orm.png", np.array([[[255, 128, 0]]], np.uint8))

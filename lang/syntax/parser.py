@@ -17,6 +17,7 @@ from .trivia import Comments
 BINDS = frozenset(("let", "param", "function", "module", "def", "const", "var"))  # words of other languages as well
 MAX_BYTES = 4_000_000
 MAX_ERRORS = 100  # syntax errors shown for a file
+MAX_TRIES = 2  # recoveries up to the same token
 
 
 def decode(data: bytes, name: str, diagnostics: Diagnostics) -> str | None:
@@ -85,6 +86,8 @@ class _Parsing:
     diagnostics: Diagnostics
     broken: set[str] = field(default_factory=set)  # names that items with errors bind
     dropped: list[tuple[int, int]] = field(default_factory=list)  # tokens of items with errors
+    resumed: int = -1  # token up to which the last recovery went
+    tries: int = 0  # recoveries up to it before
 
     def run(self) -> tuple[tuple[ast.Item, ...], tuple[ast.Comment, ...], set[str]]:
         self.parser = Automaton(TreeBuilder(self.file, Comments(self.scan.comments)))
@@ -96,7 +99,7 @@ class _Parsing:
         while i < len(self.stream):
             token = self.stream[i]
             if self._drops_item(i):
-                i = self._recover(i)
+                i = self._resume(self._recover(i))
                 continue
             try:
                 result = self.parser.feed(token)
@@ -104,15 +107,21 @@ class _Parsing:
                 self._report(i, e.expected)
                 is_value = token == "{" and "NUMBER" in e.expected
                 is_vector = token == "<" and "NUMBER" in e.expected  # of POV-Ray, whose blocks hold arguments
-                i = self._recover(i, blocks=not is_value, lines=not is_vector or len(self.levels) == 1)
+                i = self._resume(self._recover(i, blocks=not is_value, lines=not is_vector or len(self.levels) == 1))
             except TooDeep:
                 self._report_depth(i)
-                i = self._recover(i)
+                i = self._resume(self._recover(i))
             else:
                 self._follow(i)
                 i += 1
         items, dangling = result or ((), ())
         return items, dangling, self.broken
+
+    def _resume(self, i: int) -> int:
+        """The token to go on from after a recovery up to token `i`: behind it if the parser refuses it, as brackets do not match."""
+        self.tries = self.tries + 1 if i == self.resumed else 0
+        self.resumed = i
+        return i + (self.tries > MAX_TRIES)
 
     def _drops_item(self, i: int) -> bool:
         """Whether token `i` ends an item with a repaired error, which is dropped too."""

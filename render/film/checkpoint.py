@@ -11,6 +11,7 @@ import hashlib
 import json
 import time
 import zipfile
+import zlib
 from collections.abc import Callable, Iterator
 from io import BytesIO
 from pathlib import Path
@@ -24,6 +25,9 @@ from ...compiler.plan.plan import Plan
 
 FORMAT = 1
 SHARE = 0.02  # most of the time that writing may take
+_DAMAGE = (
+    OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, NotImplementedError, MemoryError, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
 FREE = ("threads", "budget")  # decisions that a resumed render may change
 
 
@@ -95,6 +99,6 @@ def load(path: Path, key: str) -> State | None:
         with np.load(BytesIO(path.read_bytes()), allow_pickle=False) as found:
             arrays = {name: found[name] for name in found.files}
         numbers = json.loads(arrays.pop("head").tobytes())
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        return State(arrays, numbers) if numbers.get("key") == key and numbers.get("format") == FORMAT else None
+    except _DAMAGE:
         return None
-    return State(arrays, numbers) if numbers.get("key") == key and numbers.get("format") == FORMAT else None

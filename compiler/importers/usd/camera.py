@@ -9,7 +9,7 @@ import math
 from typing import Any
 
 import numpy as np
-from pxr import Gf, UsdGeom
+from pxr import Gf, Tf, UsdGeom
 
 from ....lang.diagnostics import Span
 from ... import ir
@@ -18,7 +18,7 @@ from ...scene.builder import SceneBuilder
 from ...scene.row_records import NO_PLANES, CameraData
 from . import stage
 from .render_settings import Asked
-from .stage import Opened
+from .stage import Opened, reason
 
 FILM = (20.955, 15.2908)  # mm: usdrecord's default camera
 FOCAL = 50.0  # mm
@@ -62,6 +62,19 @@ def camera(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: 
         ),
         span,
     )  # fmt: skip
+
+
+def readable(cameras: list[tuple[Any, Any]], opened: Opened, builder: SceneBuilder) -> list[tuple[Any, Any]]:
+    """The cameras, prims and matrices, whose values OpenUSD reads; the others are left out with a warning."""
+    kept = []
+    for prim, matrix in cameras:
+        try:
+            UsdGeom.Camera(prim).GetCamera(opened.time)
+        except Tf.ErrorException as failure:
+            builder.diagnostics.warning(f"this camera is left out: {reason(failure, opened.path)}", opened.span(prim))
+        else:
+            kept.append((prim, matrix))
+    return kept
 
 
 def _planes(lens: Any, unit: float, span: Span | None, builder: SceneBuilder) -> tuple[tuple[float, ...], ...]:

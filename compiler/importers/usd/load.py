@@ -106,7 +106,8 @@ def _with_camera(asked: render_settings.Asked, walk: Walk) -> render_settings.As
 def _cameras(walk: Walk, asked: render_settings.Asked, options: StageOptions) -> list[str]:
     """Adds the cameras, default first, and a light at that camera if the stage has none. Returns notes about the additions."""
     main = UsdUtils.GetPrimaryCameraName()
-    cameras = sorted(walk.cameras, key=lambda item: (str(item[0].GetPath()) != asked.camera, item[0].GetName() != main))
+    found = camera.readable(walk.cameras, walk.opened, walk.builder)
+    cameras = sorted(found, key=lambda item: (str(item[0].GetPath()) != asked.camera, item[0].GetName() != main))
     said, eye = [], None
     if options.as_asset and not (cameras and cameras[0][0].GetName() == main):
         return said

@@ -89,3 +89,10 @@ def test_primvars_that_are_not_finite_count_as_0(tmp_path):
     assert messages == ["x.usda</m>: warning: `displayColor` has values that are not finite: NaN counts as 0"]
     assert attribute(scene, "colors")[0, 0].tolist() == [0, 0.5, 1]
     assert np.isfinite(attribute(scene, "colors")).all()
+
+
+def test_a_camera_with_an_unknown_operation_is_left_out(tmp_path):
+    text = 'def Camera "c" { uniform token[] xformOpOrder = ["xformOp:transla0e"] }\ndef Cube "k" {}'
+    _, messages = read(tmp_path, text)
+    assert messages[0].startswith("x.usda</c>: warning: this ")
+    assert "transla0e" in messages[0]

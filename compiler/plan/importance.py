@@ -27,6 +27,7 @@ ORDER: dict[str, tuple[Any, ...]] = {
     "denoise": ("off",),
     "texture_filter": ("point",),
     "transport.path_reuse": ("none",),
+    "transport.sky_visibility": ("none",),
     "shadows": (),
     "exposure": (),
     "size": (),

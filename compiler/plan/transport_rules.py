@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import ir
 from ..ir import light_links
-from . import caustic_casters, light_shapes, path_reuse
+from . import caustic_casters, light_shapes, path_reuse, sky_visibility
 from .decision import Decision, Plan, Rule
 from .scene_facts import extents, glossy_materials, ground, lit_materials, partial, shines, specular_materials, used_materials
 
@@ -139,6 +139,10 @@ def _path_reuse(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     )
 
 
+def _sky_visibility(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+    return Decision("transport.sky_visibility", *sky_visibility.learnt(scene, plan))
+
+
 def _opacity(scene: ir.Scene, *_: Any) -> Decision:
     count = int(partial(scene.tables)[scene.tables.instances.material].sum())
     if not count:
@@ -151,4 +155,4 @@ def _opacity(scene: ir.Scene, *_: Any) -> Decision:
 LIGHTS: tuple[Rule, ...] = (_area_lights,)
 INTEGRATOR: tuple[Rule, ...] = (_bounces, _interreflection, _monte_carlo, _transport, _mis, _precision, _shadows, _light_shapes)
 VISIBILITY: tuple[Rule, ...] = (_ground_plane, _opacity)
-CAUSTICS: tuple[Rule, ...] = (_caustics, _path_reuse)
+CAUSTICS: tuple[Rule, ...] = (_caustics, _path_reuse, _sky_visibility)

@@ -155,8 +155,8 @@ def _prepare_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame
     light = _path_light(tables, plan, Handle(tables), None, Handle(frame), general)
     light, aims = _add_photons(tables, plan, light, kind) if plan["transport.caustics"] == "photons" else (light, None)
     light = _fill_photons(tables, light, kind) if general else light
-    scene = wave_memory.WaveScene(_cast(tables, kind), _cast(primitives, kind), _cast(light, kind), not inside.all(), low, high)
-    packed, frames, tracer = Handle(scene), Handle(_cast(frame, kind)), None
+    scene = wave_memory.WaveScene(cast(tables, kind), cast(primitives, kind), cast(light, kind), not inside.all(), low, high)
+    packed, frames, tracer = Handle(scene), Handle(cast(frame, kind)), None
     if general or not inside.all() or aims is not None:
         _compile_tiles(threads, accel, packed, frames, kind, plan["transport.path_reuse"] == "blocks")
     if general or not inside.all():
@@ -164,7 +164,7 @@ def _prepare_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame
     if aims is not None:
         from ..integrator import photon_tracer  # few scenes need it
 
-        tracer = photon_tracer.Tracer(accel, packed, frames, _cast(aims, kind), kind, threads or target.cores())
+        tracer = photon_tracer.Tracer(accel, packed, frames, cast(aims, kind), kind, threads or target.cores())
         tracer.ready()
     return Prepared(tables, packed, accel, None, options, frames, paths=kind, photon_tracer=tracer)
 
@@ -227,15 +227,15 @@ def _path_light(tables: ir.Tables, plan: Plan, packed: Any, accel: Any, frame: A
     if (tables.materials.shading[tables.instances.material] == ir.Shading.GOURAUD).any():
         vertices = vertex_lighting.vertex_light(tables, packed, build_bvh(tables, plan, general) if accel is None else accel, frame)
     weighing = path_state.WEIGHINGS.index(plan["mis"])
-    emitters = emitter_table.build(tables, plan["motion_blur"], horizon, general)
+    emitters = emitter_table.build(tables, plan["motion_blur"], horizon, general, plan["transport.sky_visibility"] == "learnt")
     return path_state.PathInputs(emitters, path_state.uses_of(tables), vertices, weighing)
 
 
-def _cast(nest: Any, kind: type) -> Any:
+def cast(nest: Any, kind: type) -> Any:
     """Nested NamedTuples with their float64 arrays converted to another dtype."""
     if isinstance(nest, np.ndarray):
         return np.ascontiguousarray(nest, kind) if nest.dtype == np.float64 else nest
-    return type(nest)(*(_cast(item, kind) for item in nest)) if hasattr(nest, "_fields") else nest
+    return type(nest)(*(cast(item, kind) for item in nest)) if hasattr(nest, "_fields") else nest
 
 
 def build_bvh(tables: ir.Tables, plan: Plan, general: bool = False) -> Handle:

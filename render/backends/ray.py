@@ -24,6 +24,7 @@ from ..jit.kernel import helper, kernel, noinline_helper
 from ..jit.packed_struct import Handle
 from ..lanes import crosslane, ops, ray_soa
 from ..sampling import sobol
+from ..simd import target
 from ..simd.registration import overload
 from ..types import Film, FirstHits, Hit, Lane, Options, Ray, Tile, View
 from . import prepare
@@ -42,7 +43,11 @@ class Renderer:
         self.prepared, self.view = prepared, view
         self.frame = prepared.frame
         self.closed = plan["implicit_surfaces"] == "closed_form"
-        self.packed = prepared.packed  # with this round's photon maps
+        self.packed = prepared.packed  # with this round's photon maps and what was learnt of the sky
+        self.openings: Any = None  # sky_openings.Openings, from the first sample on
+        self.learns = prepared.paths is not None and plan["transport.sky_visibility"] == "learnt"
+        self.threads = int(plan["threads"]) or target.cores()
+        self._lock = threading.Lock()
         self._workspaces = threading.local()  # of wavefronts and of ray packets
         self.reuses = prepared.paths is not None and plan["transport.path_reuse"] == "blocks"
         if self.reuses:
@@ -75,9 +80,28 @@ class Renderer:
 
     def refresh(self, samples: int) -> None:
         """Trace photons for the next round, of this many samples of all pixels together."""
-        scene = self.prepared.packed.tables
+        self._learn()
+        scene = self.packed.tables
         maps = self.prepared.photon_tracer.make(samples)
         self.packed = Handle(scene._replace(light=scene.light._replace(photons=maps)))
+
+    def _learn(self) -> None:
+        """Learn which part of the sky each place sees, before the first sample."""
+        with self._lock:
+            if not self.learns:
+                return
+            from . import learn_openings
+
+            p, scene = self.prepared, self.prepared.packed.tables
+            if self.openings is None:
+                self.openings = learn_openings.learn(p.tables, p.accel, scene, p.frame.tables, p.paths, self.threads)
+            emitters, openings = scene.light.emitters, prepare.cast(self.openings, p.paths)
+            far = emitters.tree.far.copy()
+            far[emitters.sky.row] *= self.openings.seen  # beside lamps, the sky counts as what the room sees of it
+            sky, tree = emitters.sky._replace(openings=openings), emitters.tree._replace(far=far)
+            emitters = emitters._replace(sky=sky, tree=tree)
+            self.packed = Handle(scene._replace(light=scene.light._replace(emitters=emitters)))
+            self.learns = False
 
     def shared(self) -> tuple[int, ...]:
         """See film.Renderer."""
@@ -93,6 +117,7 @@ class Renderer:
     def continue_from(self, other: Renderer) -> None:
         """See film.Renderer."""
         self.share(other.shared())
+        self.openings = other.openings
 
     def limit(self, bounces: int) -> None:
         """Set the limit on bounces. No thread may be drawing."""
@@ -108,6 +133,8 @@ class Renderer:
         if p.paths is not None:
             from ..integrator import wave_memory, wavefront
 
+            if self.learns and first.size:
+                self._learn()
             if not hasattr(self._workspaces, "wavefront"):
                 self._workspaces.wavefront = Handle(wave_memory.WaveMemory.of(p.paths, self.reuses))
             drawn = wavefront.draw_tile_in_blocks if self.reuses else wavefront.draw_tile

@@ -60,7 +60,7 @@ def _weigh_sky(tables: Tables, inputs: PathInputs, linked: Any, path: PathState,
     row = environment_map.row_of(table.sky)
     share = ops.where(path.density > LIT * 8.0, zero + 1.0, 0.0)
     if row >= 0:
-        density = environment_map.density(table.sky, path.direction)
+        density = environment_map.density(table.sky, path.origin, path.direction)
         if len(table.kind) > 1:
             density = density * light_tree.chance(table.tree, ops.int_like(zero, row), path.origin, path.facing)
         share = _if_weighed(linked, share * power_heuristic(path.density, density), table.weighed[row])

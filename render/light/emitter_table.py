@@ -44,17 +44,20 @@ class Emitters(NamedTuple):
     wide: shape_solid_angle.Wide  # shapes that are sampled by solid angle, beside rectangles and balls
 
 
-def build(tables: ir.Tables, moves: bool = False, horizon: NDArray[np.float64] | None = None, general: bool = False) -> Emitters:
+def build(
+    tables: ir.Tables, moves: bool = False, horizon: NDArray[np.float64] | None = None, general: bool = False, learns: bool = False
+) -> Emitters:
     """Build the emitter table of a scene.
 
     Uniform skies have no row: BSDF samples find them as well as light samples could. With `moves`, instances with keys move; emissive
-    ones have no row. No light comes from below a `horizon`. With `general`, every optional part is there.
+    ones have no row. No light comes from below a `horizon`. With `general`, every optional part is there. With `learns`, all of the
+    sky has a row, for light/sky_openings.py.
     """
     rows: list[dict[str, Any]] = []
-    sky = environment_map.build(tables, 0, horizon, general)
+    sky = environment_map.build(tables, 0, horizon, general, learns)
     if isinstance(sky, environment_map.SkyMap) and sky.row >= 0:
         alone = environment_map.is_sampled_alone(tables)
-        kinds = (ir.LightKind.SKY, ir.LightKind.DOME) if alone else (ir.LightKind.DOME,)
+        kinds = (ir.LightKind.SKY, ir.LightKind.DOME) if alone or learns else (ir.LightKind.DOME,)
         skies = np.flatnonzero(ir.is_in(tables.lights.kind, kinds) & (tables.lights.shadows | (not alone)))
         rows.append(_row(kind=DOME, color=np.full(3, sky.power), light=int(skies[0]), weighed=not alone))
     instances = tables.instances

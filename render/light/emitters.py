@@ -71,7 +71,7 @@ def sample(tables: Tables, emitters: Emitters, e: Lane, position: Vec, u: Lane, 
     light = _shape_light(emitters.wide.profiles, ops.scale(color, strength), tables, emitters, e, direction)
     above = kind == DOME
     if ops.any_lane(above):
-        towards, radiance, likely = environment_map.sample(emitters.sky, tables, u, v)
+        towards, radiance, likely = environment_map.sample(emitters.sky, tables, position, u, v)
         direction, density = ops.where3(above, towards, direction), ops.where(above, likely, density)
         light = ops.where3(above, ops.scale(radiance, 1.0 / ops.maximum(likely, lights.TINY)), light)
     return Arriving(direction, reached.distance, light, density, reached.cosine)

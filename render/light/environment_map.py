@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 from ...compiler import ir
 from ...compiler.ir import light_links
 from ..image import metrics
-from ..jit.kernel import helper, noinline_helper
+from ..jit.kernel import helper, noinline_helper, specialize_if_present
 from ..lanes import affine, ops
 from ..simd.registration import overload
 from ..types import Lane, Tables, Vec
-from . import lights
+from . import lights, sky_openings
+from .sky_openings import search
 
 CELLS = 1024  # greatest width
 COARSE = 256  # width of the map of several skies
@@ -43,31 +44,39 @@ class SkyMap(NamedTuple):
     height: int
     power: float  # of its light above the mean
     row: int  # of emitters; -1: not sampled
+    openings: Any = sky_openings.NoOpenings()  # or sky_openings.Openings
 
 
-def build(tables: ir.Tables, row: int, horizon: NDArray[np.float64] | None, general: bool = False) -> SkyMap | Even:
+def build(
+    tables: ir.Tables, row: int, horizon: NDArray[np.float64] | None, general: bool = False, learns: bool = False
+) -> SkyMap | Even:  # fmt: skip
     """Build the map of all skies and domes with shadows; directions below a `horizon` (its unit normal) get no samples.
 
-    Without an uneven sky: Even, or with `general` a map without a row of emitters.
+    Without an uneven sky: Even, or with `general` a map without a row of emitters. With `learns` the map holds all of the sky, and empty
+    histograms of what places see of it.
     """
-    found = _build(tables, row, horizon)
+    openings = sky_openings.empty() if general or learns else sky_openings.NoOpenings()
+    found = _build(tables, row, horizon, learns)
     if general and isinstance(found, Even):
         frame, edges = np.eye(3, 4)[None], np.array([0.0, 1.0])
-        return SkyMap(frame, frame, edges, edges, np.zeros(1), 1, 1, 0.0, -1)
-    return found
+        return SkyMap(frame, frame, edges, edges, np.zeros(1), 1, 1, 0.0, -1, openings)
+    return found if isinstance(found, Even) else found._replace(openings=openings)
 
 
-def _build(tables: ir.Tables, row: int, horizon: NDArray[np.float64] | None) -> SkyMap | Even:
+def _build(tables: ir.Tables, row: int, horizon: NDArray[np.float64] | None, learns: bool) -> SkyMap | Even:
     lit = tables.lights
     kinds = np.isin(lit.kind, (ir.LightKind.SKY, ir.LightKind.DOME)) & lit.shadows
     domes = np.flatnonzero(kinds & (lit.kind == ir.LightKind.DOME) & (lit.image >= 0) & lit.color.any(axis=1))
-    alone = is_sampled_alone(tables)
+    alone = learns or is_sampled_alone(tables)
     if not len(domes) and not (alone and lit.color[kinds].any()):
         return Even()
     frame = int(lit.transform[domes[0]]) if len(domes) else 0
     matrix = tables.transforms.matrix[[frame]]
     inverse = tables.transforms.inverse[[frame]]
-    bright = _image_luminance(tables, int(domes[0])) if len(domes) == 1 else _sky_luminance(tables, matrix[0])
+    if learns and not len(domes):
+        bright = np.full((1, 1), float((lit.color[kinds] @ metrics.LUMINANCE).sum()))
+    else:
+        bright = _image_luminance(tables, int(domes[0])) if len(domes) == 1 else _sky_luminance(tables, matrix[0])
     if alone and len(domes) == 1:
         bright = bright + float((lit.color[kinds & (lit.kind == ir.LightKind.SKY)] @ metrics.LUMINANCE).sum())
     height, width = bright.shape
@@ -150,26 +159,12 @@ def _below(matrix: NDArray[np.float64], horizon: NDArray[np.float64], height: in
 
 
 @helper
-def _search(table: Any, first: Lane, count: int, u: Lane) -> Lane:
-    """The last entry that is not above u, counted from `first`, of `count` cumulative shares from there."""
-    low = ops.int_like(u, 0)
-    step = 1
-    while step < count:
-        step *= 2
-    while step > 1:
-        step //= 2
-        further = ops.minimum(low + step, count - 1)
-        low = ops.where((low + step < count) & (table[first + further] <= u), further, low)
-    return low
-
-
-@helper
 def sample_map(sky: SkyMap, u: Lane, v: Lane) -> tuple[Vec, Lane]:
     """(direction, density) sampled by two numbers in [0, 1)."""
     height, width = sky.height, sky.width
-    r = _search(sky.rows, ops.int_like(u, 0), height, u)
+    r = search(sky.rows, ops.int_like(u, 0), height, u)
     first = r * (width + 1)
-    c = _search(sky.columns, first, width, v)
+    c = search(sky.columns, first, width, v)
     above = sky.rows[r]
     du = ops.clip((u - above) / ops.maximum(sky.rows[r + 1] - above, lights.TINY), 0.0, 1.0)
     left = sky.columns[first + c]
@@ -183,7 +178,12 @@ def sample_map(sky: SkyMap, u: Lane, v: Lane) -> tuple[Vec, Lane]:
 
 
 @helper
-def _density(sky: SkyMap, direction: Vec) -> Lane:
+def _density(sky: SkyMap, place: Vec, direction: Vec) -> Lane:
+    return _density_by_openings(sky.openings, _map_density(sky, direction), place, direction)
+
+
+@helper
+def _map_density(sky: SkyMap, direction: Vec) -> Lane:
     height, width = sky.height, sky.width
     x, y, z = ops.normalize(affine.transform_vector(sky.inverse, 0, direction))
     s, t = 0.5 - ops.atan2(x, z) * (0.5 / math.pi), 0.5 - ops.asin(ops.clip(y, -1.0, 1.0)) * (1.0 / math.pi)
@@ -192,17 +192,41 @@ def _density(sky: SkyMap, direction: Vec) -> Lane:
     return sky.density[r * width + c]
 
 
-def sample(sky: Any, tables: Tables, u: Lane, v: Lane) -> tuple[Vec, Vec, Lane]:
-    """(direction, radiance, solid angle density) of a sample; radiance 0 for a uniform sky."""
+def sample(sky: Any, tables: Tables, place: Vec, u: Lane, v: Lane) -> tuple[Vec, Vec, Lane]:
+    """(direction, radiance, solid angle density) of a sample from a place; radiance 0 for a uniform sky."""
     if isinstance(sky, Even):
         zero = 0.0 * u
         return (zero, zero + 1.0, zero), (zero, zero, zero), zero + 1.0
-    return _sample_radiance(sky, tables, u, v)
+    return _sample_radiance(sky, tables, place, u, v)
 
 
 @helper
-def _sample_radiance(sky: SkyMap, tables: Tables, u: Lane, v: Lane) -> tuple[Vec, Vec, Lane]:
-    direction, density = sample_map(sky, u, v)
+def _sample_openings(openings: Any, plain: tuple[Vec, Lane], sky: SkyMap, place: Vec, u: Lane, v: Lane) -> tuple[Vec, Lane]:
+    """(direction, density) of the mixture of the map and the openings; `plain` is the sample of the map alone."""
+    if not openings.share > 0.0:
+        return plain
+    share = sky_openings.share_at(openings, place)
+    through = u < share
+    narrowed = ops.where(through, u / openings.share, (u - share) / (1.0 - share))
+    direction = ops.where3(through, sky_openings.sample(openings, place, narrowed, v), sample_map(sky, narrowed, v)[0])
+    return direction, _mixed_density(openings, _map_density(sky, direction), place, direction)
+
+
+@helper
+def _mixed_density(openings: Any, plain: Lane, place: Vec, direction: Vec) -> Lane:
+    if not openings.share > 0.0:
+        return plain
+    share = sky_openings.share_at(openings, place)
+    return plain + share * (ops.where(share > 0.0, sky_openings.density(openings, place, direction), plain) - plain)
+
+
+_through_openings = specialize_if_present(_sample_openings)
+_density_by_openings = specialize_if_present(_mixed_density)
+
+
+@helper
+def _sample_radiance(sky: SkyMap, tables: Tables, place: Vec, u: Lane, v: Lane) -> tuple[Vec, Vec, Lane]:
+    direction, density = _through_openings(sky.openings, sample_map(sky, u, v), sky, place, u, v)
     return direction, lights.background(tables, direction, lights.SHADOWED)[0], density
 
 
@@ -210,27 +234,27 @@ _sample_radiance_noinline, _density_noinline = noinline_helper(_sample_radiance)
 
 
 @overload(sample)
-def _sample_in_kernels(sky, tables, u, v):
+def _sample_in_kernels(sky, tables, place, u, v):
     if sky.layout:
-        return lambda sky, tables, u, v: _sample_radiance_noinline(sky, tables, u, v)
+        return lambda sky, tables, place, u, v: _sample_radiance_noinline(sky, tables, place, u, v)
 
-    def nothing(sky, tables, u, v):
+    def nothing(sky, tables, place, u, v):
         zero = 0.0 * u
         return (zero, zero + 1.0, zero), (zero, zero, zero), zero + 1.0
 
     return nothing
 
 
-def density(sky: Any, direction: Vec) -> Lane:
+def density(sky: Any, place: Vec, direction: Vec) -> Lane:
     """Return the solid angle density of `sample`; 0 for a uniform sky."""
-    return 0.0 * direction[0] if isinstance(sky, Even) else _density(sky, direction)
+    return 0.0 * direction[0] if isinstance(sky, Even) else _density(sky, place, direction)
 
 
 @overload(density)
-def _density_in_kernels(sky, direction):
+def _density_in_kernels(sky, place, direction):
     if sky.layout:
-        return lambda sky, direction: _density_noinline(sky, direction)
-    return lambda sky, direction: 0.0 * direction[0]
+        return lambda sky, place, direction: _density_noinline(sky, place, direction)
+    return lambda sky, place, direction: 0.0 * direction[0]
 
 
 def row_of(sky: Any) -> int:

@@ -1,0 +1,131 @@
+"""Whether light samples of the sky aim at openings (render/light/sky_openings.py): in rooms that see little of it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .. import ir
+from ..ir import light_links
+from . import scene_facts
+from .decision import Plan
+
+LEARNT = ("learnt", "none")
+MOST_SEEN = 0.25  # share of all directions that see the sky from places around the camera, above which a room counts as open
+RAYS = 384  # from each place
+PLACES = 7  # beside the camera
+MOST_TRIANGLES = 4096  # of a mesh that is tested exactly; larger ones count as their boxes, and not at all from inside
+MOST_OBJECTS = 1000  # of a scene that is searched for openings: a few milliseconds for a hundred
+OPEN = 0.6  # share of directions that see the sky from the camera, above which no other place is asked
+MARGIN = 0.02  # of a room's size, between its walls and its box
+_SUNS = (ir.LightKind.SUN, ir.LightKind.DIRECTIONAL)
+_SKIES = (ir.LightKind.SKY, ir.LightKind.DOME)
+
+
+class Room(NamedTuple):
+    """What surrounds a camera."""
+
+    low: np.ndarray  # (3,) corners of the box of what most rays hit
+    high: np.ndarray
+    seen: float  # share of directions that see the sky
+
+
+def learnt(scene: ir.Scene, plan: Plan) -> tuple[str, str, tuple[str, ...]]:
+    """(value, reason, choices) of the decision."""
+    why, lit = "", scene.tables.lights
+    if plan["transport"] != "path":
+        why = "there are no random paths"
+    elif plan["backend"] != "ray":
+        why = "the reference backend samples the whole sky"
+    elif not (ir.is_in(lit.kind, _SKIES) & lit.shadows & lit.color.any(axis=1)).any():
+        why = "no sky casts shadows"
+    elif (ir.is_in(lit.kind, _SUNS) & lit.color.any(axis=1)).any():
+        why = "a sun lights the scene: what its patches of light send on has most of the noise"
+    elif plan["motion_blur"]:
+        why = "objects move"
+    elif light_links.are_there(scene.tables):
+        why = "some light lights some surfaces only"
+    elif len(scene.tables.instances.geometry) > MOST_OBJECTS:
+        why = f"more than {MOST_OBJECTS:,} objects are not searched for openings"
+    if why:
+        return "none", why, LEARNT[1:]
+    room = find_room(scene.tables, plan["camera"])
+    figure = f"places around the camera see the sky in {100.0 * room.seen:.2g} % of all directions"
+    if 0.0 < room.seen <= MOST_SEEN:
+        return "learnt", f"{figure}: light samples aim at openings", LEARNT
+    return "none", figure, LEARNT
+
+
+def find_room(tables: ir.Tables, camera: int) -> Room:
+    """The room around a camera, by rays to the boxes of instances and to the triangles of small meshes."""
+    eye = tables.transforms.matrix[tables.cameras.transform[camera], :, 3]
+    directions = _even_directions(RAYS)
+    reach = first_hits(tables, eye, directions)
+    hit = np.flatnonzero(np.isfinite(reach))
+    if len(hit) <= (1.0 - OPEN) * len(reach):
+        return Room(eye, eye, 1.0 - len(hit) / len(reach))
+    some = hit[:: max(len(hit) // PLACES, 1)][:PLACES]
+    places = eye + 0.5 * reach[some, None] * directions[some]
+    points, seen = [eye + reach[hit, None] * directions[hit]], [float(np.mean(~np.isfinite(reach)))]
+    for place in places:
+        reach = first_hits(tables, place, directions)
+        hit = np.flatnonzero(np.isfinite(reach))
+        points.append(place + reach[hit, None] * directions[hit])
+        seen.append(float(np.mean(~np.isfinite(reach))))
+    low, high = np.percentile(np.concatenate(points), [1, 99], axis=0)
+    margin = MARGIN * (high - low) + 1e-6
+    return Room(low - margin, high + margin, float(np.mean(seen)))
+
+
+def _even_directions(count: int) -> np.ndarray:
+    """(count, 3) directions of a Fibonacci spiral over the sphere."""
+    k = np.arange(count) + 0.5
+    y, turn = 1.0 - 2.0 * k / count, np.pi * (1.0 + 5.0**0.5) * k
+    across = np.sqrt(1.0 - y * y)
+    return np.stack([across * np.cos(turn), y, across * np.sin(turn)], axis=1)
+
+
+def first_hits(tables: ir.Tables, origin: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """(n,) distances along rays from a place to the first shadow caster; inf: none."""
+    instances, geometries = tables.instances, tables.geometries
+    reach = np.full(len(directions), np.inf)
+    casts = (instances.visible & ir.Visibility.SHADOW != 0) & (instances.light < 0) & ~scene_facts.partial(tables)[instances.material]
+    for row in np.flatnonzero(casts).tolist():
+        g, inverse = int(instances.geometry[row]), tables.transforms.inverse[instances.transform[row]]
+        o, d = inverse[:, :3] @ origin + inverse[:, 3], directions @ inverse[:, :3].T
+        near = _box_hits(geometries.bounds[g], o, d, bool(geometries.kind[g] == ir.GeometryKind.BOX))
+        if geometries.kind[g] == ir.GeometryKind.MESH and geometries.triangle_count[g] <= MOST_TRIANGLES:
+            inside = bool(((o > geometries.bounds[g][0]) & (o < geometries.bounds[g][1])).all())
+            some = np.flatnonzero(np.isfinite(near)) if not inside else np.arange(len(d))
+            near = np.full(len(d), np.inf)
+            near[some] = _triangle_hits(tables, g, o, d[some])
+        reach = np.minimum(reach, near)
+    return reach
+
+
+def _box_hits(bounds: np.ndarray, o: np.ndarray, d: np.ndarray, solid: bool) -> np.ndarray:
+    """(n,) distances to a box; from inside of it those to its far side if it is `solid`, else inf."""
+    with np.errstate(all="ignore"):
+        one, other = (bounds[0] - o) / d, (bounds[1] - o) / d
+        near, far = np.fmin(one, other).max(axis=1), np.fmax(one, other).min(axis=1)
+    hit = (near <= far) & (far > 0.0)
+    return np.where(hit & (near > 0.0), near, np.where(hit & solid, far, np.inf))
+
+
+def _triangle_hits(tables: ir.Tables, g: int, o: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """(n,) distances to the triangles of a mesh (Möller and Trumbore 1997)."""
+    first = int(tables.geometries.first_triangle[g])
+    rows = tables.pools.triangles[first : first + int(tables.geometries.triangle_count[g])]
+    a, b, c = (tables.pools.positions[rows].astype(np.float64) + tables.geometries.origin[g]).transpose(1, 0, 2)
+    one, other, off = b - a, c - a, o - a
+    across = np.cross(off, one)
+    found = np.full(len(d), np.inf)
+    with np.errstate(all="ignore"):
+        for k, way in enumerate(d):
+            p = np.cross(way, other)
+            whole = np.einsum("ij,ij->i", one, p)
+            u, v = np.einsum("ij,ij->i", off, p) / whole, across @ way / whole
+            t = np.einsum("ij,ij->i", other, across) / whole
+            found[k] = np.min(t[(u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (t > 0.0)], initial=np.inf)
+    return found

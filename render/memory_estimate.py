@@ -1,7 +1,7 @@
 """About how much memory a picture takes, before it is rendered.
 
 Bytes a pixel are those of the arrays that live at once (film/canvas.py); they were checked against the largest resident memory of
-pictures of 1000² and 2000² pixels. Bytes of the scene are those of its tables, with a factor for trees and copies.
+pictures of 2000² to 8000² pixels. Bytes of the scene are those of its tables, with a factor for trees and copies.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from .image import image
 
 PROGRAM = 450_000_000  # bytes of the program, with what compiles kernels
 SCENE = 3.0  # bytes of trees, records and tables, over those of tables
-RGBA, ERRORS, SUMS, PHOTONS, WHOLE = 17, 51, 48, 18, 100  # bytes a pixel
+MESHES = 10.0  # the same of meshes, with those of their files
+RGBA, ERRORS, SUMS, PHOTONS, WHOLE = 17, 51, 48, 18, 20  # bytes a pixel
 FLOAT, CODE = 4, 4
 
 
@@ -44,7 +45,8 @@ def loaded(scene: ir.Scene) -> int:
 
 def estimate(scene: ir.Scene, plan: Plan, linear: bool) -> Estimate:
     """The estimate for a picture that is written as floats (`linear`) or as codes."""
-    fixed = PROGRAM + int(SCENE * sum(array.nbytes for array in _arrays(scene.tables)))
+    meshes = sum(array.nbytes for array in _arrays(scene.tables.pools))
+    fixed = PROGRAM + int(SCENE * sum(array.nbytes for array in _arrays(scene.tables)) + (MESHES - SCENE) * meshes)
     channels = FLOAT * sum(image.WIDTHS.get(name, image.LIGHT) for name in plan["aov"])
     encoded = channels + 4 * FLOAT if linear else CODE
     if plan["backend"] == "raster" and plan["lens"] != "thin":

@@ -22,7 +22,7 @@ from ..io.sandbox import size
 VERSION = 5
 FORMAT = "maquette ir"
 _DAMAGE = (
-    OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, IndexError, zipfile.BadZipFile, NotImplementedError, MemoryError,
+    OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, IndexError, zipfile.BadZipFile, RuntimeError, MemoryError,
     zlib.error,
 )  # fmt: skip
 MAX_BYTES = 8 << 30  # of all arrays together

@@ -26,7 +26,7 @@ from ...compiler.plan.plan import Plan
 FORMAT = 1
 SHARE = 0.02  # most of the time that writing may take
 _DAMAGE = (
-    OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, NotImplementedError, MemoryError, zipfile.BadZipFile, zlib.error,
+    OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
 FREE = ("threads", "budget")  # decisions that a resumed render may change
 

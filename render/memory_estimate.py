@@ -21,6 +21,8 @@ SCENE = 3.0  # bytes of trees, records and tables, over those of tables
 MESHES = 10.0  # the same of meshes, with those of their files
 RGBA, ERRORS, SUMS, PHOTONS, WHOLE = 17, 51, 48, 18, 20  # bytes a pixel
 FLOAT, CODE = 4, 4
+MOST_NETWORK = 1_000_000_000  # bytes: denoise.MEMORY
+GUIDES, NETWORK = 52, 600  # bytes a pixel of denoising: guides and copies; Open Image Denoise itself, up to MOST_NETWORK
 
 
 class Estimate(NamedTuple):
@@ -46,8 +48,11 @@ def loaded(scene: ir.Scene) -> int:
 def estimate(scene: ir.Scene, plan: Plan, linear: bool) -> Estimate:
     """The estimate for a picture that is written as floats (`linear`) or as codes."""
     meshes = sum(array.nbytes for array in _arrays(scene.tables.pools))
-    fixed = PROGRAM + int(SCENE * sum(array.nbytes for array in _arrays(scene.tables)) + (MESHES - SCENE) * meshes)
-    channels = FLOAT * sum(image.WIDTHS.get(name, image.LIGHT) for name in plan["aov"])
+    x0, y0, x1, y1 = plan["crop"]
+    denoises = plan["denoise"] != "off"
+    network = min(NETWORK * (x1 - x0) * (y1 - y0), MOST_NETWORK) if denoises else 0
+    fixed = PROGRAM + network + int(SCENE * sum(array.nbytes for array in _arrays(scene.tables)) + (MESHES - SCENE) * meshes)
+    channels = (GUIDES if denoises else 0) + FLOAT * sum(image.WIDTHS.get(name, image.LIGHT) for name in plan["aov"])
     encoded = channels + 4 * FLOAT if linear else CODE
     if plan["backend"] == "raster" and plan["lens"] != "thin":
         return Estimate(fixed, WHOLE + channels + encoded)

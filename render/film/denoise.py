@@ -32,6 +32,8 @@ from .remote import Remote
 Pixels = NDArray[np.float32]
 
 LEAST = 0.2  # of a picture's error, that denoising leaves at least
+MEMORY = 1000  # megabytes of the network: it denoises large pictures in overlapping tiles, with the same result
+ROWS = 64  # of the picture, whose errors are summed at once
 SAMPLES = 16  # most samples of a pixel for the guides: 4 leave twice the error at texture edges
 CLEAR = (int(ir.Slot.SPECULAR), int(ir.Slot.REFLECTION), int(ir.Slot.TRANSMISSION))  # colors of materials without a diffuse color
 
@@ -41,14 +43,8 @@ def denoise(image: Image, renderer: film.Renderer | Remote, plan: Plan) -> None:
 
     A picture that is denoised by default keeps its noise, and "denoised" is False, where the error left would be larger.
     """
-    import pyoidn  # pyright: ignore[reportMissingImports]
-
-    albedo, normal = guides(renderer, plan)
+    clean = _make_filter(*guides(renderer, plan))
     rgba, half = image.channels["rgba"], image.metadata["half_difference"]
-
-    def clean(color: NDArray[np.float32]) -> NDArray[np.float32]:
-        return pyoidn.denoise(np.ascontiguousarray(color), albedo=albedo, normal=normal, hdr=True)
-
     noisy = rgba[..., :3].copy()
     rgba[..., :3] = clean(noisy)
     image.metadata.update(denoised=True, denoised_error=None)
@@ -60,34 +56,68 @@ def denoise(image: Image, renderer: film.Renderer | Remote, plan: Plan) -> None:
             image.metadata["denoised"] = False
 
 
+def _make_filter(albedo: Pixels, normal: Pixels) -> Callable[[Pixels], Pixels]:
+    """The filter of pictures with these guides; (h, w, 3) each."""
+    import pyoidn  # pyright: ignore[reportMissingImports]
+
+    def clean(color: Pixels) -> Pixels:
+        color = np.ascontiguousarray(color, np.float32)
+        cleaned = np.empty_like(color)
+        images = {"color": color, "albedo": albedo, "normal": normal, "output": cleaned}
+        with pyoidn.Device() as device:
+            device.commit()
+            with pyoidn.Filter(device, pyoidn.OIDN_FILTER_TYPE_RT) as network:
+                for name, pixels in images.items():
+                    network.set_image(name, pixels, pyoidn.OIDN_FORMAT_FLOAT3)
+                network.set_bool("hdr", True)
+                network.set_int("maxMemoryMB", MEMORY)
+                network.commit()
+                network.execute()
+            error = device.get_error()
+        if error:
+            raise RuntimeError(f"Open Image Denoise: {error}")
+        return cleaned
+
+    return clean
+
+
 def error_left(noisy: Pixels, half: Pixels, share: float, denoised: Pixels, clean: Callable[[Pixels], Pixels]) -> float:
     """The √relMSE of a denoised picture, from the halves `noisy` ± `half` of its samples; (h, w, 3) each, `clean` denoises one.
 
     The picture's variance is `share` of half², as the halves of Sobol points complement each other; that of a half is (1 + `share`) half².
     """
-    halves = np.maximum(noisy + half, 0.0), np.maximum(noisy - half, 0.0)
-    noise = np.square(half, dtype=np.float64)
-    squares = -(1.0 + share) * noise
-    for one, other in (halves, halves[::-1]):
-        squares += 0.5 * np.square(clean(one) - other, dtype=np.float64)
     least = (metrics.EPSILON * float(metrics.luminance(denoised).mean())) ** 2
-    weights = 1.0 / np.maximum(np.square(denoised, dtype=np.float64) + least, np.finfo(np.float64).tiny)
-    return math.sqrt(max(float(np.mean(weights * squares)), LEAST**2 * share * float(np.mean(weights * noise))))
+    parts = [slice(k, k + ROWS) for k in range(0, len(noisy), ROWS)]  # float64 of some rows at a time
+
+    def weighted(first: Pixels, second: Pixels | float = 0.0) -> float:
+        """The mean over the picture of (first − second)² over the squares of the denoised colors."""
+        total = 0.0
+        for part in parts:
+            weights = np.maximum(np.square(denoised[part], dtype=np.float64) + least, np.finfo(np.float64).tiny)
+            other = second if isinstance(second, float) else second[part]
+            total += float(np.sum(np.square(first[part] - other, dtype=np.float64) / weights))
+        return total / noisy.size
+
+    noise, squares = weighted(half), 0.0
+    for sign in (1.0, -1.0):
+        other = np.maximum(noisy - sign * half, 0.0)
+        squares += 0.5 * weighted(clean(np.maximum(noisy + sign * half, 0.0)), other)
+    return math.sqrt(max(squares - (1.0 + share) * noise, LEAST**2 * share * noise))
 
 
 def guides(renderer: film.Renderer | Remote, plan: Plan) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """(albedo, normal) of first hits, (h, w, 3) each, averaged over samples."""
     x0, y0, x1, y1 = plan["crop"]
-    found = np.zeros((2, y1 - y0, x1 - x0, 3))
+    found = np.zeros((2, y1 - y0, x1 - x0, 3), np.float32)
     count = min(SAMPLES, int(plan["samples"]))
 
     def draw(tile: Tile) -> None:
         window = found[:, tile.y0 - y0 : tile.y1 - y0, tile.x0 - x0 : tile.x1 - x0]
-        window += tile_guides(renderer, tile, count, int(plan["samples"]))
+        window[...] = tile_guides(renderer, tile, count, int(plan["samples"]))
 
     threads = renderer.threads if isinstance(renderer, Remote) else int(plan["threads"]) or target.cores()
     thread_pool.parallel_for(draw, film.tiles((x0, y0, x1, y1)), threads)
-    albedo, normal = found.astype(np.float32)
+    albedo, normal = found
     return np.clip(albedo, 0.0, 1.0), normal
 
 

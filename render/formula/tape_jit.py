@@ -33,10 +33,19 @@ DELAY = 0.1  # seconds before a thread compiles, so that the current picture is 
 MAX_ROWS = 3000  # of a tape that is compiled; longer ones run simplified in the interpreter
 MAX_ROWS_32 = 300  # of a tape that is compiled for float32, whose interpreter executes many vectors a row
 RECENT = 16  # formulas whose code stays loaded without a table: two megabytes each
-_engines: weakref.WeakValueDictionary[bytes, Any] = weakref.WeakValueDictionary()  # in use or recent
-_recent: OrderedDict[bytes, Any] = OrderedDict()
+_loaded: weakref.WeakValueDictionary[bytes, _Code] = weakref.WeakValueDictionary()  # in use or recent
+_recent: OrderedDict[bytes, _Code] = OrderedDict()
 _waiting: dict[bytes, list[tuple[weakref.ref[NDArray[np.int64]], int]]] = {}
 _lock, _hurry, _closing = threading.Lock(), threading.Event(), threading.Event()
+
+
+class _Code:
+    """The code of a tape, for weak references: those to an engine still reach it while LLVM frees it, with the GIL released."""
+
+    __slots__ = ("__weakref__", "engine")
+
+    def __init__(self, engine: Any) -> None:
+        self.engine = engine
 
 
 class _Closing(Exception):
@@ -54,9 +63,9 @@ def addresses(tapes: list[Tape | None]) -> NDArray[np.int64]:
             continue
         key = tape.structure()
         with _lock:
-            engine = _engines.get(key)
-            if engine is not None:
-                _register(key, engine, table, row)
+            code = _loaded.get(key)
+            if code is not None:
+                _register(key, code, table, row)
                 continue
             begin = key not in _waiting
             _waiting.setdefault(key, []).append((weakref.ref(table), row))
@@ -69,17 +78,17 @@ def _addresses(engine: Any) -> list[int]:
     return [engine.get_function_address(f"tape_{name}") for name in PROGRAMS]  # 0 for missing functions
 
 
-def _register(key: bytes, engine: Any, table: NDArray[np.int64], row: int) -> None:
+def _register(key: bytes, code: _Code, table: NDArray[np.int64], row: int) -> None:
     """Write a tape's addresses to a table and keep its code alive as long as the table."""
-    weakref.finalize(table, _release, engine).atexit = False
-    table[row] = _addresses(engine)
-    _recent[key] = engine
+    weakref.finalize(table, _release, code).atexit = False
+    table[row] = _addresses(code.engine)
+    _recent[key] = code
     _recent.move_to_end(key)
     while len(_recent) > RECENT:
         _recent.popitem(last=False)
 
 
-def _release(engine: Any) -> None:
+def _release(code: _Code) -> None:
     """Drop the reference of a table that no longer exists. Garbage collection may call this anywhere: it must not lock."""
 
 
@@ -90,15 +99,15 @@ def _compile(tape: Tape, key: bytes) -> None:
             del _waiting[key]
             return
     try:
-        engine = engine_of(tape)
+        code = _Code(engine_of(tape))
     except _Closing:
         return
     with _lock:
-        _engines[key] = engine
+        _loaded[key] = code
         for reference, row in _waiting.pop(key):
             table = reference()
             if table is not None:
-                _register(key, engine, table, row)
+                _register(key, code, table, row)
 
 
 def finish() -> None:

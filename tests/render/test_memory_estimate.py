@@ -56,7 +56,8 @@ import resource, subprocess, sys
 subprocess.run([sys.executable, "-P", "-m", "maquette", "render", *sys.argv[1:]], check=True, capture_output=True)
 print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024)
 """
-LIT = "plane(y: -1)\nsphere(1)\narea([2, 4, 3], look_at: [0, 0, 0], size: 2, luminance: 20)\ncamera(position: [0, 0, 5], look_at: [0, 0, 0])\n"
+LIT = "plane(y: -1)\nsphere(1)\n"
+LIT += "area(position: [2, 4, 3], look_at: [0, 0, 0], size: 2, luminance: 20)\ncamera(position: [0, 0, 5], look_at: [0, 0, 0])\n"
 
 
 @pytest.mark.long

@@ -54,7 +54,8 @@ def estimate(scene: ir.Scene, plan: Plan, linear: bool) -> Estimate:
     fixed = PROGRAM + network + int(SCENE * sum(array.nbytes for array in _arrays(scene.tables)) + (MESHES - SCENE) * meshes)
     channels = (GUIDES if denoises else 0) + FLOAT * sum(image.WIDTHS.get(name, image.LIGHT) for name in plan["aov"])
     encoded = channels + 4 * FLOAT if linear else CODE
-    if plan["backend"] == "raster" and plan["lens"] != "thin":
+    in_bands = plan["backend"] == "raster" and plan["lens"] == "pinhole" and plan["raster.sample_positions"] == "shared"
+    if in_bands and not denoises:  # as of band_renderer.can_draw
         return Estimate(fixed, WHOLE + channels + encoded)
     pixel = RGBA + channels + encoded
     if plan["samples"] > 1:

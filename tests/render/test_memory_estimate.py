@@ -68,7 +68,6 @@ LIT += "area(position: [2, 4, 3], look_at: [0, 0, 0], size: 2, luminance: 20)\nc
         (4000, {"samples": 2}, ["--samples", "2"]),
         (4000, {"samples": 2, "backend": "raster"}, ["--samples", "2", "--backend", "raster"]),
         (4000, {"samples": 2, "denoise": True}, ["--samples", "2", "--denoise"]),
-        (3500, {"samples": 2, "bounces": 2}, ["--samples", "2", "--bounces", "2"]),
     ],
 )
 def test_estimates_are_within_a_quarter_of_what_large_pictures_take(

@@ -89,12 +89,12 @@ def error_left(noisy: Pixels, half: Pixels, share: float, denoised: Pixels, clea
     least = (metrics.EPSILON * float(metrics.luminance(denoised).mean())) ** 2
     parts = [slice(k, k + ROWS) for k in range(0, len(noisy), ROWS)]  # float64 of some rows at a time
 
-    def weighted(first: Pixels, second: Pixels | float = 0.0) -> float:
+    def weighted(first: Pixels, second: Pixels | None = None) -> float:
         """The mean over the picture of (first − second)² over the squares of the denoised colors."""
         total = 0.0
         for part in parts:
             weights = np.maximum(np.square(denoised[part], dtype=np.float64) + least, np.finfo(np.float64).tiny)
-            other = second if isinstance(second, float) else second[part]
+            other = 0.0 if second is None else second[part]
             total += float(np.sum(np.square(first[part] - other, dtype=np.float64) / weights))
         return total / noisy.size
 

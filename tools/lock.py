@@ -13,7 +13,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 EXTRAS = {"run": (), "develop": ("test", "check", "docs"), "bench": ("bench",)}
-OLDEST = "3.11.5"  # of Python, that all dependencies support
+OLDEST = "3.11.0"  # of Python, as of pyproject.toml
 HEADER = "# Written by `make lock` for {uses}. Versions are changed in constraints.txt.\n"
 
 

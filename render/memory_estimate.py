@@ -14,6 +14,7 @@ import numpy as np
 from ..compiler import ir
 from ..compiler.plan import decision
 from ..compiler.plan.plan import Plan
+from .film import denoise
 from .image import image
 
 PROGRAM = 450_000_000  # bytes of the program, with what compiles kernels
@@ -21,8 +22,7 @@ SCENE = 3.0  # bytes of trees, records and tables, over those of tables
 MESHES = 10.0  # the same of meshes, with those of their files
 RGBA, ERRORS, SUMS, PHOTONS, WHOLE = 17, 51, 48, 18, 20  # bytes a pixel
 FLOAT, CODE = 4, 4
-MOST_NETWORK = 1_000_000_000  # bytes: denoise.MEMORY
-GUIDES, NETWORK = 52, 600  # bytes a pixel of denoising: guides and copies; Open Image Denoise itself, up to MOST_NETWORK
+GUIDES, NETWORK = 52, 600  # bytes a pixel of denoising: guides and copies; Open Image Denoise itself, up to denoise.MEMORY
 
 
 class Estimate(NamedTuple):
@@ -50,7 +50,7 @@ def estimate(scene: ir.Scene, plan: Plan, linear: bool) -> Estimate:
     meshes = sum(array.nbytes for array in _arrays(scene.tables.pools))
     x0, y0, x1, y1 = plan["crop"]
     denoises = plan["denoise"] != "off"
-    network = min(NETWORK * (x1 - x0) * (y1 - y0), MOST_NETWORK) if denoises else 0
+    network = min(NETWORK * (x1 - x0) * (y1 - y0), 1_000_000 * denoise.MEMORY) if denoises else 0
     fixed = PROGRAM + network + int(SCENE * sum(array.nbytes for array in _arrays(scene.tables)) + (MESHES - SCENE) * meshes)
     channels = (GUIDES if denoises else 0) + FLOAT * sum(image.WIDTHS.get(name, image.LIGHT) for name in plan["aov"])
     encoded = channels + 4 * FLOAT if linear else CODE

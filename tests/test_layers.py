@@ -71,7 +71,7 @@ MAY_IMPORT = {
     "render.quality_settings": "compiler.plan",
     "render.render_scene": "render.backends",
     "render.large_images": "render.film",
-    "render.memory_estimate": "compiler.plan render.image",
+    "render.memory_estimate": "render.film",
     "render.picture_notes": "render.render_scene",
     "render.cluster": "compiler.scene render.render_scene",
     "render.python_scene": "render.render_scene",

@@ -10,6 +10,7 @@ import pytest
 from maquette.compiler.importers import images
 from maquette.compiler.scene import builder as scene_builder
 from maquette.lang.diagnostics import Diagnostics
+from PIL import Image
 
 from ...files import write_image
 
@@ -149,3 +150,12 @@ def test_channels_that_are_not_read_are_named(tmp_path: Path) -> None:
     builder = scene_builder.SceneBuilder(found)
     images.row(builder, tmp_path / "a.exr")
     assert [d.message for d in found.items] == ["of the picture `a.exr`, the channels `mask`, `depth.Z` are not drawn"]
+
+
+@pytest.mark.parametrize(
+    ("mode", "ink", "seen"),
+    [("CMYK", (0, 255, 255, 0), (1.0, 0.0, 0.0)), ("CMYK", (0, 0, 0, 255), (0.0, 0.0, 0.0)), ("L", 255, (1.0, 1.0, 1.0))],
+)
+def test_jpeg_in_inks_or_grey_is_read_as_light(tmp_path: Path, mode: str, ink: int | tuple[int, ...], seen: tuple[float, ...]) -> None:
+    Image.new(mode, (8, 8), ink).save(tmp_path / "a.jpg", quality=100)
+    assert read(tmp_path / "a.jpg")[..., :3].reshape(-1, 3) == pytest.approx(np.tile(seen, (64, 1)), abs=0.02)

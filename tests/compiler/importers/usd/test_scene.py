@@ -193,6 +193,14 @@ def instancer(extra=""):
     return INSTANCER.replace("EXTRA", extra).replace("MESH", SQUARE)
 
 
+def test_ids_leave_instances_out(tmp_path):
+    """`inactiveIds` of the prim's metadata and `invisibleIds`; ids count from 0 without an attribute `ids`."""
+    text = instancer("int64[] invisibleIds = [3]").replace('def PointInstancer "i" {', 'def PointInstancer "i" (inactiveIds = [0]) {')
+    scene, messages = read(tmp_path, text)
+    assert messages == []
+    assert scene.names.instances == ("/i[2]", "/i[1]")
+
+
 def test_point_instancer(tmp_path):
     scene, messages = read(tmp_path, instancer())
     assert messages == []

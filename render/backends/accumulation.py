@@ -5,7 +5,7 @@ Source: Haeberli and Akeley, The Accumulation Buffer, 1990.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -42,9 +42,10 @@ class Renderer(Unshared):
             self.moments.append(still(shift_lens(then, view, float(across[k]), float(down[k])) if plan["lens"] == "thin" else then))
         self.opening = still(freeze(scene, start) if plan["motion_blur"] else scene) if plan["aov"] else None
 
-    def first(self, tile: Tile, sample: int, total: int) -> FirstHits:
-        """The first hits of one sample of each pixel, at that sample's moment and lens point."""
-        return self._turn(sample).first(tile, sample, total)
+    def first(self, tile: Tile, samples: range, total: int) -> Iterator[FirstHits]:
+        """The first hits of samples of each pixel, at each sample's moment and lens point."""
+        for s in samples:
+            yield from self._turn(s).first(tile, range(s, s + 1), total)
 
     def _turn(self, s: int) -> Any:
         n = len(self.moments)

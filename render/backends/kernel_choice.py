@@ -9,7 +9,7 @@ compiles the specialised kernels first. MAQUETTE_KERNELS=special or general sele
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
@@ -119,9 +119,9 @@ class Changeover:
             self._advance()
         self.current.sample(tile, first, count, total, film)
 
-    def first(self, tile: Tile, sample: int, total: int) -> FirstHits:
+    def first(self, tile: Tile, samples: range, total: int) -> Iterator[FirstHits]:
         """See film.Renderer."""
-        return self.current.first(tile, sample, total)
+        return self.current.first(tile, samples, total)
 
     def limit(self, bounces: int) -> None:
         """Set the limit on bounces; from now on the kernels stay."""

@@ -5,7 +5,7 @@ A renderer for each group draws a scene in which only that group emits, with the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -115,9 +115,9 @@ class Renderer:
         """Write the named channels, which are the same in all groups."""
         self.parts[0][1].channels(tile, names, out)
 
-    def first(self, tile: Tile, sample: int, total: int) -> FirstHits:
+    def first(self, tile: Tile, samples: range, total: int) -> Iterator[FirstHits]:
         """First hits, which are the same in all groups."""
-        return self.parts[0][1].first(tile, sample, total)
+        return self.parts[0][1].first(tile, samples, total)
 
     def put(self, image: Image) -> None:
         """See Sums.put."""

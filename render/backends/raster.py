@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -109,9 +110,10 @@ class Renderer(Unshared):
         for column, found in zip(hit, ray_queries.closest(self._accel, origin, direction, t_min, t_max), strict=True):
             column[rows] = found
 
-    def first(self, tile: Tile, sample: int, total: int) -> FirstHits:
-        """The first hits of one sample of each pixel."""
-        return FirstHits(self.prepared.tables, *self._hits(self._rasterize(tile, sample, 1, total)))
+    def first(self, tile: Tile, samples: range, total: int) -> Iterator[FirstHits]:
+        """The first hits of samples of each pixel."""
+        for s in samples:
+            yield FirstHits(self.prepared.tables, *self._hits(self._rasterize(tile, s, 1, total)))
 
     def _rasterize(self, tile: Tile, first: int, count: int, total: int) -> Handle:
         """A handle of scalar_raster.Scratch: samples first … first + count - 1 of a tile, and their depth buffer."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -170,11 +170,11 @@ class Renderer:
         hit = Hit(*self._find_hits(ray))
         aov.channels_of(tables, self.view, ray, hit, names, out, self._find_unproved(ray) if "issues" in names else None)
 
-    def first(self, tile: Tile, sample: int, total: int) -> FirstHits:
-        """The first hits of one sample of each pixel, at the shutter's opening."""
+    def first(self, tile: Tile, samples: range, total: int) -> Iterator[FirstHits]:
+        """The first hits of samples of each pixel, at the shutter's opening; all at once, for the calls of numpy take long."""
         with np.errstate(all="ignore"):
-            ray = aov.sample_rays(self.prepared.tables, self.view, self.prepared.frame.tables, tile, sample, total)
-        return FirstHits(self.prepared.tables, ray, Hit(*self._find_hits(ray)))
+            ray = aov.sample_rays(self.prepared.tables, self.view, self.prepared.frame.tables, tile, samples, total)
+        yield FirstHits(self.prepared.tables, ray, Hit(*self._find_hits(ray)))
 
     def _find_hits(self, ray: Ray) -> ray_queries.Hits:
         """The first hits of camera rays, among all instances."""

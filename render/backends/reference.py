@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -66,11 +67,13 @@ class Renderer(Unshared):
             hit = self._first_hit(ray)
         aov.channels_of(self.prepared.tables, self.view, ray, hit, names, out)
 
-    def first(self, tile: Tile, sample: int, total: int) -> FirstHits:
-        """The first hits of one sample of each pixel, at the shutter's opening."""
-        with np.errstate(all="ignore"):
-            ray = aov.sample_rays(self.prepared.tables, self.view, self.prepared.frame, tile, sample, total)
-            return FirstHits(self.prepared.tables, ray, self._first_hit(ray))
+    def first(self, tile: Tile, samples: range, total: int) -> Iterator[FirstHits]:
+        """The first hits of samples of each pixel, at the shutter's opening."""
+        for s in samples:
+            with np.errstate(all="ignore"):
+                ray = aov.sample_rays(self.prepared.tables, self.view, self.prepared.frame, tile, range(s, s + 1), total)
+                found = FirstHits(self.prepared.tables, ray, self._first_hit(ray))
+            yield found
 
     def _first_hit(self, ray: Ray) -> Any:
         active = np.ones(np.shape(ray.direction[0]), bool)

@@ -30,10 +30,10 @@ def pixel_centers(tile: Tile) -> tuple[NDArray[np.float64], NDArray[np.float64]]
     return x.ravel() + 0.5, y.ravel() + 0.5
 
 
-def sample_rays(tables: ir.Tables, view: View, frame: Frame, tile: Tile, sample: int, total: int) -> Ray:
-    """Return the camera rays of one sample of each pixel of a tile, at shutter opening, in numpy lanes."""
-    y, x = (c.ravel() for c in np.mgrid[tile.y0 : tile.y1, tile.x0 : tile.x1])
-    pixel, index = sobol.zorder_index(x, y, np.full(len(x), sample), view.width, frame.order)
+def sample_rays(tables: ir.Tables, view: View, frame: Frame, tile: Tile, samples: range, total: int) -> Ray:
+    """Return the camera rays of samples of each pixel of a tile, at shutter opening, in numpy lanes, sample by sample."""
+    y, x = (np.tile(c.ravel(), len(samples)) for c in np.mgrid[tile.y0 : tile.y1, tile.x0 : tile.x1])
+    pixel, index = sobol.zorder_index(x, y, np.repeat(samples, len(x) // len(samples)), view.width, frame.order)
     dx, dy = sobol.offset(pixel, index, total, frame.options.seed, frame.filter)
     lens = camera.lens_of(tables, view)
     return camera.generate_ray(tables, view, lens, x + 0.5 + dx, y + 0.5 + dy, pixel, index, frame.options.seed, None)

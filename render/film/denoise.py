@@ -126,8 +126,9 @@ def tile_guides(renderer: film.Renderer | Remote, tile: Tile, count: int, total:
     if isinstance(renderer, Remote):
         return renderer.guides(tile, count, total)
     found = np.zeros((2, tile.y1 - tile.y0, tile.x1 - tile.x0, 3))
-    for s in range(count):
-        found += _seen(renderer.first(tile, s, total)).reshape(found.shape) / count
+    for first in renderer.first(tile, range(count), total):
+        for each in np.moveaxis(_seen(first).reshape(2, -1, *found.shape[1:]), 1, 0):
+            found += each / count
     return found
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -83,8 +83,8 @@ class Renderer(Protocol):
         """Write the named channels, (h, w, k) each, at the pixels' centers."""
         ...
 
-    def first(self, tile: Tile, sample: int, total: int) -> FirstHits:
-        """Return the first hits of a sample of `total` of each pixel of a tile, in numpy lanes (h · w,)."""
+    def first(self, tile: Tile, samples: range, total: int) -> Iterator[FirstHits]:
+        """The first hits of some of `total` samples of each pixel of a tile, in their order; in numpy lanes (k · h · w,) of k of them."""
         ...
 
 

@@ -60,7 +60,7 @@ class Painter(film.Unshared):
         self.taken[tile.y0 : tile.y1, tile.x0 : tile.x1] += count
         film.issues[0, 0] += count.max()
 
-    def first(self, tile: Tile, sample: int, total: int) -> Any:
+    def first(self, tile: Tile, samples: range, total: int) -> Any:
         raise AssertionError("nobody asks a brush what it sees")
 
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, np.ndarray]) -> None:

@@ -62,6 +62,7 @@ def join_metadata(about: Sequence[dict[str, Any]], plan: Plan) -> dict[str, Any]
     errors = [one["error"] for one in about]
     known = all(error is not None for error in errors)
     seconds: dict[str, float] = {}
+    bright = [one["brightness"] for one in about if one["brightness"] is not None]
     for one in about:
         for stage, spent in one["seconds"].items():
             seconds[stage] = seconds.get(stage, 0.0) + spent
@@ -71,6 +72,7 @@ def join_metadata(about: Sequence[dict[str, Any]], plan: Plan) -> dict[str, Any]
         "samples_mean": float(np.average([one["samples_mean"] for one in about], weights=pixels)),
         "error": math.sqrt(float(np.average(np.square(errors), weights=pixels))) if known else None,
         "partial": any(one["partial"] for one in about), "seconds": seconds, "variance": None, "half_difference": None, "error_in_few": 0.0,
+        "brightness": max(bright, default=None),
         "cut": bounce_error.combine([one["cut"] for one in about], pixels),
     }  # fmt: skip
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from .film.bounce_error import Cut
 
 NOISY = 0.05  # √relMSE from which a note says how to lower it
+BLACK, BRIGHT = 0.001, 0.7  # luminance after exposure: below which a note calls a picture black, and of its brightest pixels with the hint
 SPARSE, SEEN = 0.5, 0.02  # share of the squared error in few pixels, and error, from which a note calls the estimate uncertain
 
 
@@ -32,6 +33,7 @@ def of_render(about: Mapping[str, Any], scene: ir.Scene, plan: Plan, asked: ir.S
         *bounce_limit_notes(about.get("cut"), scene, plan),
         *missed_error_warnings(about, plan),
         *sparse_error_notes(about),
+        *exposure_notes(about),
         *([] if asked.samples or scene.settings.samples else noise_notes(about, plan)),
     ]
 
@@ -80,6 +82,17 @@ def sparse_error_notes(about: Mapping[str, Any]) -> list[Diagnostic]:
         return []
     message = f"{about['error_in_few']:.0%} of the squared error is in 0.1 % of the pixels: stray bright samples, so the error is uncertain"
     return [Diagnostic("note", message, None, "larger lights, rougher glass and metals, or more samples have fewer of them")]
+
+
+def exposure_notes(about: Mapping[str, Any]) -> list[Diagnostic]:
+    """The note about a picture that its exposure shows as black."""
+    bright, stops = about.get("brightness"), about.get("exposure")
+    if about.get("partial") or bright is None or isinstance(stops, str) or stops is None or bright * 2.0**stops >= BLACK:
+        return []
+    if bright <= 0.0:
+        return [Diagnostic("note", "the picture is black: no light reaches what the camera sees", None, "--aov depth shows the shapes")]
+    message = f"the picture is black: its brightest pixels have {bright:.2g} of the light of white, at an exposure of {stops:g}"
+    return [Diagnostic("note", message, None, f"--exposure {math.log2(BRIGHT / bright):.0f} shows it, or brighter lights")]
 
 
 def noise_notes(about: Mapping[str, Any], plan: Plan) -> list[Diagnostic]:

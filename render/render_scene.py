@@ -6,6 +6,8 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from ..compiler import ir
 from ..compiler.plan import channels, decision
 from ..compiler.plan.plan import Plan
@@ -15,7 +17,7 @@ from .film import bounce_error, film
 from .film.checkpoint import Keeper
 from .film.progress import Progress, Report
 from .film.remote import Remote
-from .image import cryptomatte
+from .image import cryptomatte, metrics
 from .image.image import Image
 from .jit import cancellation, compile_events, kernel_cache
 
@@ -33,8 +35,9 @@ def draw(
     work; the picture is then partial, as `metadata["partial"]` says; before its first sample Cancelled is raised between two BVHs of
     meshes. Other metadata: the "seconds" of "build", "compile_kernels" and "render"; samples; the error reached; "notes" on effects
     that the backend does not draw, each (message, table, row); the number of rays "unproved"; "cut", the light lost to the limit on
-    bounces, a bounce_error.Cut, or None if not measured, as of `quick` pictures, which others replace soon; "exposure", "view" and
-    "transparent" of the plan, for files. `progressive` refines all tiles together, for viewers.
+    bounces, a bounce_error.Cut, or None if not measured, as of `quick` pictures, which others replace soon; "brightness", the 99th
+    percentile of luminance; "exposure", "view" and "transparent" of the plan, for files. `progressive` refines all tiles together, for
+    viewers.
     """
     seconds: dict[str, float] = {}
     width, height = plan["size"]
@@ -63,10 +66,19 @@ def draw(
     notes = _notes(scene, plan) + (accumulation.notes(scene, plan) if by_moments else [])
     unproved, cut = count_unproved(renderer), None if quick else _measure_bounce_error(renderer, plan, image)
     shown = {"exposure": plan["exposure"], "view": plan["view"], "transparent": plan["background"] == "transparent"}
-    image.metadata.update(backend=backend, seconds=seconds, notes=notes, unproved=unproved, cut=cut, **shown)
+    image.metadata.update(
+        backend=backend, seconds=seconds, notes=notes, unproved=unproved, cut=cut, brightness=_brightness(image), **shown
+    )  # fmt: skip
     if mattes is not None:
         image.metadata["attributes"] = mattes.attributes
     return image
+
+
+def _brightness(image: Image) -> float | None:
+    """The 99th percentile of luminance among pixels that something covers, of every fourth row and column; None without any."""
+    some = image.channels["rgba"][::4, ::4].reshape(-1, 4)
+    light = metrics.luminance(some[some[:, 3] > 0.0, :3])
+    return float(np.percentile(light, 99)) if len(light) and np.isfinite(light).all() else None
 
 
 def choose_renderer(scene: ir.Scene, plan: Plan, view: types.View) -> Any:

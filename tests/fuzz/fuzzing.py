@@ -31,6 +31,7 @@ from maquette.compiler.scene import serialize, validate
 from maquette.lang.diagnostics import Diagnostics, SceneError
 from maquette.lang.syntax import parser
 from maquette.render.film import checkpoint
+from maquette.tests.fuzz import crates
 
 ROOT = Path(maquette.__file__).parent
 CORPUS = Path(__file__).parent / "corpus"
@@ -39,7 +40,7 @@ GROWTH = 1 << 30  # bytes beyond those of the process before
 MESHES = ("obj", "ply", "stl", "off", "glb", "gltf")
 PICTURES = ("png", "jpg", "exr", "tiff", "hdr")
 STAGES = ("usda", "usdc")
-KINDS = ("parser", "evaluator", *MESHES, *STAGES, *PICTURES, "npz", "checkpoint")
+KINDS = ("parser", "evaluator", *MESHES, *STAGES, "crate", *PICTURES, "npz", "checkpoint")  # crate: inside of .usdc's compressed sections
 _WORDS = (*b"0 -1 1e308 nan inf 4294967295 () [ { \" #".split(), b"\n", b"\xff\xff\xff\xff", b"\x00\x00\x00\x80")
 
 
@@ -52,18 +53,31 @@ def seeds(kind: str, folder: Path) -> list[bytes]:
     if kind in ("parser", "evaluator"):
         texts = [path.read_bytes() for path in sorted((ROOT / "examples").glob("*.scene"))]
         return [text for text in texts if len(text) < 1500] + kept
-    return [*_written(kind, folder), *kept]
+    if kind in (*STAGES, "crate"):
+        return [*_stages(folder / f"seed.{suffix(kind)}"), *kept]
+    return [_written(kind, folder), *kept]
 
 
-def _written(kind: str, folder: Path) -> list[bytes]:
+def suffix(kind: str) -> str:
+    """The end of the names of files of a kind."""
+    return "usdc" if kind == "crate" else kind
+
+
+def _stages(path: Path) -> list[bytes]:
+    sdf: Any = importlib.import_module("pxr.Sdf")
+    made = []
+    for source in (ROOT / "examples" / "pavilion.usda", Path(__file__).parent / "stage.usda"):
+        sdf.Layer.OpenAsAnonymous(str(source)).Export(str(path))
+        made.append(path.read_bytes())
+    return made
+
+
+def _written(kind: str, folder: Path) -> bytes:
     path = folder / f"seed.{kind}"
     if kind in ("obj", "ply", "stl", "off", "glb"):
         import trimesh
 
         trimesh.creation.icosphere(1).export(path)
-    elif kind in STAGES:
-        pxr: Any = importlib.import_module("pxr.Usd")
-        pxr.Stage.Open(str(ROOT / "examples" / "pavilion.usda")).Export(str(path))
     elif kind == "gltf":
         data = "AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"
         accessor = {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}
@@ -86,7 +100,7 @@ def _written(kind: str, folder: Path) -> list[bytes]:
     else:
         with open(path, "wb") as file:
             checkpoint.save(file, "key", checkpoint.State({"a": np.arange(12.0).reshape(3, 4)}, {"n": 3}))
-    return [path.read_bytes()]
+    return path.read_bytes()
 
 
 def damaged(data: bytes, others: list[bytes], rng: random.Random) -> bytes:
@@ -122,7 +136,7 @@ def damaged(data: bytes, others: list[bytes], rng: random.Random) -> bytes:
 
 def reader(kind: str, folder: Path) -> Callable[[bytes], object]:
     """A function that reads an input. It may raise SceneError and ImageError."""
-    path = folder / f"input.{kind}"
+    path = folder / f"input.{suffix(kind)}"
 
     def load(data: bytes) -> object:
         path.write_bytes(data)
@@ -181,7 +195,7 @@ def inputs(kind: str, folder: Path, seed: int) -> Iterator[bytes]:
     yield from whole
     rng = random.Random(f"{kind} {seed}")
     while True:
-        yield damaged(rng.choice(whole), whole, rng)
+        yield crates.damaged(rng.choice(whole), rng) if kind == "crate" else damaged(rng.choice(whole), whole, rng)
 
 
 def work(kind: str, seconds: float, count: int, seed: int, folder: Path) -> None:

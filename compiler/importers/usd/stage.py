@@ -237,8 +237,9 @@ def _open(path: Path, options: StageOptions, diagnostics: Diagnostics, span: Spa
             raise
     if root is None and path.suffix.lower() == ".usdz":
         root = repair.package(path, diagnostics)
-    if root is None:
+    if root is None or not root.pseudoRoot:
         return None
+    repair.clear_metadata(root, diagnostics)
     below = [] if options.mask else repair.layers(root, diagnostics)  # kept until the stage has them
     count = 0 if options.mask else prim_count.estimate(root)
     if count > prim_count.MAX_PRIMS:

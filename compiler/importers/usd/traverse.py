@@ -172,7 +172,7 @@ class Walk:
                     self._instancer(UsdGeom.PointInstancer(prim), now, into)
                 elif now is not None:
                     self._prim(prim, kind, now, into)
-            except (Tf.ErrorException, UnicodeDecodeError) as failure:  # the latter: a name in a damaged file
+            except (Tf.ErrorException, TypeError, ValueError) as failure:  # values of other types and names that are no text
                 message = f"this prim and its descendants are left out: {reason(failure, self.opened.path)}"
                 self.builder.diagnostics.warning(message, self.opened.span(prim))
                 continue

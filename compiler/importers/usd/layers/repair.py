@@ -15,7 +15,7 @@ from typing import Any
 from pxr import Sdf, Tf
 
 from .....lang.diagnostics import Diagnostics, Span
-from . import mtlx_files
+from . import missing_specs, mtlx_files
 
 MOST = 20  # statements of a layer that may be left out
 _HEADER = "#usda 1.0"
@@ -23,6 +23,10 @@ _FARTHEST = 1000  # characters before the header
 _CRATE = b"PXR-USDC"
 _MARKS = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
 _ODD = re.compile("[\0-\x08\x0b\x0c\x0e-\x1f\ufffd\ufeff]+")
+_METADATA = {
+    "upAxis": str, "metersPerUnit": (int, float), "timeCodesPerSecond": (int, float), "framesPerSecond": (int, float),
+    "startTimeCode": (int, float), "endTimeCode": (int, float), "startFrame": (int, float), "endFrame": (int, float),
+}  # fmt: skip
 _PLACE = re.compile(r":(\d+):\d+: ")
 _PROPERTY = re.compile(r" in <[^<>]*?([^/<>.]+)\.([\w:]+)>")
 
@@ -35,6 +39,18 @@ def text_of(failure: Exception) -> str:
         return ""
 
 
+def clear_metadata(root: Any, diagnostics: Diagnostics) -> None:
+    """Clear the stage metadata of a root layer whose values have another type, in memory, with a warning for each."""
+    for name, types in _METADATA.items():
+        try:
+            fits = not root.pseudoRoot.HasInfo(name) or isinstance(root.pseudoRoot.GetInfo(name), types)
+        except (Tf.ErrorException, TypeError, ValueError):
+            fits = False
+        if not fits:
+            root.pseudoRoot.ClearInfo(name)
+            diagnostics.warning(f"the value of `{name}` has another type: its default is used", Span(root.GetDisplayName()))
+
+
 def layers(root: Any, diagnostics: Diagnostics) -> list[Any]:
     """The layers that a layer refers to, and those that they refer to. They stay in memory as long as they are kept.
 
@@ -43,6 +59,7 @@ def layers(root: Any, diagnostics: Diagnostics) -> list[Any]:
     made, seen, waiting = [], set(), [root]
     while waiting:
         layer = waiting.pop()
+        missing_specs.leave_out(layer, diagnostics)
         for asset in layer.GetCompositionAssetDependencies():
             path = layer.ComputeAbsolutePath(asset)
             if not path or path in seen:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit.kernel import helper, noinline_helper, specialize_if_present
-from ..lanes import ops
+from ..lanes import ops, row_gather
 from ..simd.registration import overload
 from ..types import Lane, Vec
 
@@ -227,24 +227,23 @@ _with_cosine = specialize_if_present(_weigh_by_cosine)
 @helper
 def _importance(nodes: Any, k: Lane, position: Vec, facing: Any) -> Lane:
     """Return a node's importance: power over squared distance, times the greatest cosines."""
-    away = (position[0] - nodes[k, 0], position[1] - nodes[k, 1], position[2] - nodes[k, 2])
-    radius2 = nodes[k, 3]
+    x, y, z, radius2, axis_x, axis_y, axis_z, cos_axes = row_gather.eight_at(nodes, k, 0)
+    sin_axes, cos_edge, power = row_gather.three_at(nodes, k, 8)
+    away = (position[0] - x, position[1] - y, position[2] - z)
     squared = ops.dot(away, away)
     near = ops.maximum(squared, ops.maximum(radius2, TINY))
     inverse = ops.rsqrt(ops.maximum(squared, TINY))
-    axis = (nodes[k, 4], nodes[k, 5], nodes[k, 6])
-    cosine = ops.clip(ops.dot(away, axis) * inverse, -1.0, 1.0)
+    cosine = ops.clip(ops.dot(away, (axis_x, axis_y, axis_z)) * inverse, -1.0, 1.0)
     sine = ops.sqrt(ops.maximum(1.0 - cosine * cosine, 0.0))
     # The angle to the cone of axes, reduced by the angle of the node's ball.
-    cos_axes, sin_axes = nodes[k, 7], nodes[k, 8]
     within = cosine >= cos_axes
     off = ops.where(within, 1.0, cosine * cos_axes + sine * sin_axes)
     off_sine = ops.where(within, 0.0, sine * cos_axes - cosine * sin_axes)
     sin_ball2 = ops.minimum(radius2 / near, 1.0)
     cos_ball, sin_ball = ops.sqrt(1.0 - sin_ball2), ops.sqrt(sin_ball2)
     off = ops.where((off >= cos_ball) | (squared <= radius2), 1.0, off * cos_ball + off_sine * sin_ball)
-    shining = off >= nodes[k, 9] - SLACK
-    given = ops.where(shining, nodes[k, 10] * ops.maximum(off, SLACK) / near, 0.0)
+    shining = off >= cos_edge - SLACK
+    given = ops.where(shining, power * ops.maximum(off, SLACK) / near, 0.0)
     return _with_cosine(facing, given, away, inverse, cos_ball, sin_ball, squared <= radius2)
 
 

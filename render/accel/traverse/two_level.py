@@ -22,7 +22,9 @@ from .packet import PACKETS
 from .ray_box import MeshRays, SceneRays
 
 NARROW = 0.0005  # square of the largest angle, in radians, between the directions of coherent rays
-SMALL = 32  # nodes of a tree up to which incoherent rays, too, are traced as one packet
+WIDE = 0.5  # square of the largest angle between rays that are traced as one packet in a small tree
+SMALL = 32  # nodes of a small tree
+SMALLEST = 8  # nodes of a tree up to which all rays are traced as one packet
 MIN_RAYS = 3  # of a packet
 
 
@@ -66,7 +68,8 @@ def _traverse_top(
     o, d = tlas.to_frame(accel.top, origin, direction)
     rays = SceneRays(origin, direction, t_min, until, o, d, ray_box.world_ray(o, d))
     narrow = is_narrow(rays, left)
-    if narrow or len(accel.top.links) <= SMALL:
+    nodes = len(accel.top.links)
+    if narrow or nodes <= SMALLEST or (nodes <= SMALL and is_within(rays, left, WIDE)):
         return traverse_packet(accel, rays, visible_bit, any_hit, narrow, best)
     return interleaved_scene.trace_incoherent(accel, rays, left, visible_bit, any_hit, best)
 
@@ -82,6 +85,15 @@ def is_narrow(rays: SceneRays, left: int) -> bool:
     near = ops.dot(difference, difference) <= NARROW * ops.dot(first, first)
     x, y, z = ray.x == crosslane.lane(ray.x, k), ray.y == crosslane.lane(ray.y, k), ray.z == crosslane.lane(ray.z, k)
     return ops.not_(ops.any_lane((rays.until > rays.t_min) & ops.not_(near & x & y & z)))
+
+
+@helper
+def is_within(rays: SceneRays, left: int, most: Any) -> bool:
+    """Whether no active ray, bits of `left`, differs from the first one by more than an angle, the square root of `most`."""
+    first = crosslane.lane3(rays.direction, simd.trailing_zeros(left))
+    difference = ops.sub(rays.direction, first)
+    apart = ops.dot(difference, difference) > most * ops.dot(first, first)
+    return ops.not_(ops.any_lane((rays.until > rays.t_min) & apart))
 
 
 @helper

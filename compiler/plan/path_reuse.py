@@ -2,45 +2,68 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from .. import ir
 from ..ir import light_links
 from . import scene_facts
+from .decision import Plan
 
 SHARED = ("blocks", "none")
-_MATT = (ir.MaterialModel.LAMBERT, ir.MaterialModel.PHONG, ir.MaterialModel.BLINN_PHONG, ir.MaterialModel.EMISSIVE)
+_MODELS = (
+    ir.MaterialModel.LAMBERT, ir.MaterialModel.PHONG, ir.MaterialModel.BLINN_PHONG, ir.MaterialModel.PRINCIPLED,
+    ir.MaterialModel.PRINCIPLED_SPECULAR, ir.MaterialModel.BLEND,
+)  # fmt: skip
+LEAST_DIFFUSE = 0.5  # share of the surface area with a diffuse lobe, from which on paths are shared
 MANY = 64  # lights, from which on most noise comes from the choice of a light at the first surface
 _SKIES = (ir.LightKind.SKY, ir.LightKind.DOME)
 
 
-def by_blocks(tables: ir.Tables, transport: str, backend: str, moves: bool) -> tuple[str, str, tuple[str, ...]]:
+def by_blocks(tables: ir.Tables, plan: Plan) -> tuple[str, str, tuple[str, ...]]:
     """(value, reason, choices) of the decision."""
-    why = ""
-    if transport != "path":
+    why, share = "", diffuse_share(tables)
+    if plan["transport"] != "path":
         why = "there are no random paths"
-    elif backend != "ray":
+    elif plan["backend"] != "ray":
         why = "the reference backend traces each path by itself"
-    elif moves:
+    elif plan["motion_blur"]:
         why = "each path has its own time"
-    elif not is_matt(tables):
-        why = "some surface is not matt, smooth-shaded or partly transparent: its radiance depends on the direction"
+    elif is_barred(tables):
+        why = "some surface is partly transparent, shaded at vertices or hidden from other surfaces"
+    elif share < LEAST_DIFFUSE:
+        why = f"{100.0 * share:.2g} % of the surface area has a diffuse lobe: other light depends on the direction"
     elif light_links.are_there(tables):
         why = "some light lights some surfaces only: paths count for the surface that they leave"
-    elif ir.is_in(tables.lights.kind, _SKIES).any():
-        why = "the sky is sampled for each pixel by itself"
+    elif ir.is_in(tables.lights.kind, _SKIES).any() and not plan["indoors"]:
+        why = "outdoors most noise comes from the light samples of first surfaces"
     elif len(tables.lights.kind) > MANY:
         why = "there are many lights: most noise comes from the choice of one at the first surface"
     if why:
         return "none", why, SHARED[1:]
-    return "blocks", "all surfaces are matt: blocks of 4 × 4 pixels share their paths beyond the first surface", SHARED
+    figure = f"{100.0 * share:.3g} % of the surface area has a diffuse lobe"
+    return "blocks", f"{figure}: blocks of 4 × 4 pixels share their paths beyond the first surface", SHARED
 
 
-def is_matt(tables: ir.Tables) -> bool:
-    """Whether all instances are Lambertian, opaque, with geometric normals, and visible to every ray."""
+def is_barred(tables: ir.Tables) -> bool:
+    """Whether some surface is partly transparent, shaded at vertices or hidden from rays of other surfaces."""
+    instances = tables.instances
+    barred = (tables.materials.shading == ir.Shading.GOURAUD) | scene_facts.partial(tables)
+    seen = instances.visible & ir.Visibility.REFLECTION != 0
+    return bool((barred[instances.material] | ~seen).any())
+
+
+def diffuse_share(tables: ir.Tables) -> float:
+    """The share of the area of all instances' boxes whose materials have a diffuse lobe, 0 to 1."""
     m, instances, slot = tables.materials, tables.instances, ir.Slot
-    other = [slot.SPECULAR, slot.REFLECTION, slot.TRANSMISSION]
-    plain = ir.is_in(m.model, _MATT) & (m.shading != ir.Shading.GOURAUD) & ~scene_facts.partial(tables)
-    plain &= m.values[:, other].max(axis=(1, 2), initial=0.0) <= 0.0
-    plain &= (m.textures[:, [*other, slot.NORMAL, slot.BUMP]] < 0).all(axis=1)
-    rounded = (tables.geometries.normals[instances.geometry] >= 0) & (m.shading[instances.material] != ir.Shading.FLAT)
-    hit = instances.visible & ir.Visibility.REFLECTION != 0
-    return bool((plain[instances.material] & ~rounded & hit).all())
+    other = [slot.METALLIC, slot.TRANSMISSION, slot.REFLECTION]
+    diffuse = ir.is_in(m.model, _MODELS) & (m.values[:, other].max(axis=(1, 2), initial=0.0) < 0.5)
+    diffuse &= (m.values[:, slot.DIFFUSE].max(axis=1) > 0.0) | (m.textures[:, slot.DIFFUSE] >= 0) | (m.model == ir.MaterialModel.BLEND)
+    bounds = tables.geometries.bounds[instances.geometry]
+    with np.errstate(invalid="ignore", over="ignore"):
+        scale = np.linalg.norm(tables.transforms.matrix[instances.transform][:, :, :3], axis=1)
+        x, y, z = ((bounds[:, 1] - bounds[:, 0]) * scale).T
+        area = x * y + y * z + z * x
+    finite = np.isfinite(area)
+    area = np.where(finite, area, max(float(area[finite].sum()), 1.0))  # unbounded planes count as all others together
+    lit = instances.light < 0
+    return float((area * diffuse[instances.material])[lit].sum() / max(float(area[lit].sum()), 1e-30))

@@ -1,4 +1,7 @@
-"""Whether light samples of the sky aim at openings (render/light/sky_openings.py): in rooms that see little of it."""
+"""Whether the camera is in a room that sees little of the sky, and whether light samples of the sky aim at its openings.
+
+See render/light/sky_openings.py.
+"""
 
 from __future__ import annotations
 
@@ -31,30 +34,41 @@ class Room(NamedTuple):
     seen: float  # share of directions that see the sky
 
 
+def indoors(scene: ir.Scene, plan: Plan) -> tuple[bool, str]:
+    """(whether the camera is in a room that sees little of the sky, reason)."""
+    if plan["transport"] != "path":
+        return False, "there are no random paths"
+    if not _has_sky(scene.tables):
+        return False, "no sky casts shadows"
+    if len(scene.tables.instances.geometry) > MOST_OBJECTS:
+        return False, f"more than {MOST_OBJECTS:,} objects are not searched for a room"
+    seen = find_room(scene.tables, plan["camera"]).seen
+    return seen <= MOST_SEEN, f"places around the camera see the sky in {100.0 * seen:.2g} % of all directions"
+
+
+def _has_sky(tables: ir.Tables) -> bool:
+    lit = tables.lights
+    return bool((ir.is_in(lit.kind, _SKIES) & lit.shadows & lit.color.any(axis=1)).any())
+
+
 def learnt(scene: ir.Scene, plan: Plan) -> tuple[str, str, tuple[str, ...]]:
     """(value, reason, choices) of the decision."""
     why, lit = "", scene.tables.lights
-    if plan["transport"] != "path":
-        why = "there are no random paths"
+    if plan["transport"] != "path" or not _has_sky(scene.tables):
+        why = plan.decisions["indoors"].reason if not plan["indoors"] else "no sky casts shadows"
+    elif not plan["indoors"]:
+        why = f"the camera is not in a room: {plan.decisions['indoors'].reason}"
     elif plan["backend"] != "ray":
         why = "the reference backend samples the whole sky"
-    elif not (ir.is_in(lit.kind, _SKIES) & lit.shadows & lit.color.any(axis=1)).any():
-        why = "no sky casts shadows"
     elif (ir.is_in(lit.kind, _SUNS) & lit.color.any(axis=1)).any():
         why = "a sun lights the scene: what its patches of light send on has most of the noise"
     elif plan["motion_blur"]:
         why = "objects move"
     elif light_links.are_there(scene.tables):
         why = "some light lights some surfaces only"
-    elif len(scene.tables.instances.geometry) > MOST_OBJECTS:
-        why = f"more than {MOST_OBJECTS:,} objects are not searched for openings"
     if why:
         return "none", why, LEARNT[1:]
-    room = find_room(scene.tables, plan["camera"])
-    figure = f"places around the camera see the sky in {100.0 * room.seen:.2g} % of all directions"
-    if 0.0 < room.seen <= MOST_SEEN:
-        return "learnt", f"{figure}: light samples aim at openings", LEARNT
-    return "none", figure, LEARNT
+    return "learnt", f"{plan.decisions['indoors'].reason}: light samples aim at openings", LEARNT
 
 
 def find_room(tables: ir.Tables, camera: int) -> Room:

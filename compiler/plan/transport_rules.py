@@ -133,10 +133,12 @@ def _caustics(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     return Decision("transport.caustics", value, reason, choices, fixed="--backend" if plan["backend"] == "reference" else "")
 
 
+def _indoors(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+    return Decision("indoors", *sky_visibility.indoors(scene, plan))
+
+
 def _path_reuse(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
-    return Decision(
-        "transport.path_reuse", *path_reuse.by_blocks(scene.tables, plan["transport"], plan["backend"], plan["motion_blur"])
-    )
+    return Decision("transport.path_reuse", *path_reuse.by_blocks(scene.tables, plan))
 
 
 def _sky_visibility(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
@@ -155,4 +157,4 @@ def _opacity(scene: ir.Scene, *_: Any) -> Decision:
 LIGHTS: tuple[Rule, ...] = (_area_lights,)
 INTEGRATOR: tuple[Rule, ...] = (_bounces, _interreflection, _monte_carlo, _transport, _mis, _precision, _shadows, _light_shapes)
 VISIBILITY: tuple[Rule, ...] = (_ground_plane, _opacity)
-CAUSTICS: tuple[Rule, ...] = (_caustics, _path_reuse, _sky_visibility)
+CAUSTICS: tuple[Rule, ...] = (_caustics, _indoors, _path_reuse, _sky_visibility)

@@ -27,19 +27,19 @@ SEED = 0x6D61_7175  # panoramas and picture have different random numbers
 
 
 def learn(
-    tables: ir.Tables, accel: Handle, scene: Any, frame: Frame, kind: type, threads: int
+    tables: ir.Tables, accel: Handle, scene: Any, frame: Frame, kind: type, threads: int, reuses: bool = False
 ) -> sky_openings.Openings:  # fmt: skip
     """Learn where the sky is seen from a grid of places in the room.
 
-    `accel`, `scene` and `frame` are those of `wavefront.draw_tile`, `kind` their floating-point type. The result does not depend on the
-    number of threads.
+    `accel`, `scene` and `frame` are those of `wavefront.draw_tile`, `kind` their floating-point type. With `reuses` the kernel is
+    `draw_tile_in_blocks`. The result does not depend on the number of threads.
     """
     low, high, _ = sky_visibility.find_room(tables, frame.picture.camera)
     size = high - low
     count = np.clip(np.round(size / (np.prod(size) / PLACES) ** (1.0 / 3.0)), 1, 16).astype(int)
     at = np.meshgrid(*(low[k] + (np.arange(count[k]) + 0.5) / count[k] * size[k] for k in range(3)), indexing="ij")
     places = np.stack([axis.ravel() for axis in at], axis=1)
-    seen = _draw(accel, Handle(_seen_from(places, scene)), frame, len(places), kind, threads)
+    seen = _draw(accel, Handle(_seen_from(places, scene)), frame, len(places), kind, threads, reuses)
     light = _luminance(tables)
     given, all_of_it = (np.sum(some * np.sin(np.pi * (np.arange(HEIGHT) + 0.5) / HEIGHT)[:, None]) for some in (seen * light, light))
     share = float(given / max(all_of_it * max(seen.any(axis=(1, 2)).sum(), 1), 1e-30))
@@ -107,11 +107,14 @@ def _seen_from(places: NDArray[np.float64], scene: WaveScene) -> WaveScene:
     return scene._replace(tables=tables._replace(transforms=transforms, cameras=cameras))
 
 
-def _draw(accel: Handle, packed: Handle, frame: Frame, places: int, kind: type, threads: int) -> NDArray[np.float64]:
+def _draw(
+    accel: Handle, packed: Handle, frame: Frame, places: int, kind: type, threads: int, reuses: bool
+) -> NDArray[np.float64]:  # fmt: skip
     """(places, HEIGHT, WIDTH) share of the rays from each place that leave the scene."""
     seen = np.zeros((places, HEIGHT, WIDTH))
     first, count = np.zeros((HEIGHT, WIDTH), np.int64), np.ones((HEIGHT, WIDTH), np.int64)
     options, local = frame.options._replace(bounces=0), threading.local()
+    drawn = wavefront.draw_tile_in_blocks if reuses else wavefront.draw_tile
 
     def draw(place: int) -> None:
         seed = int(np.random.default_rng([SEED, options.seed & 0xFFFFFFFF, place]).integers(1 << 31))
@@ -119,8 +122,8 @@ def _draw(accel: Handle, packed: Handle, frame: Frame, places: int, kind: type, 
         made = Handle(frame._replace(picture=view, options=options._replace(seed=seed), order=-1, lens=lens))
         film = Film(np.zeros((HEIGHT, WIDTH, 3)), np.zeros((HEIGHT, WIDTH)), np.zeros((HEIGHT, WIDTH), np.int64))
         if not hasattr(local, "memory"):
-            local.memory = Handle(wave_memory.WaveMemory.of(kind))
-        wavefront.draw_tile(accel, packed, made, Tile(0, 0, WIDTH, HEIGHT), first, count, 1, film, local.memory)
+            local.memory = Handle(wave_memory.WaveMemory.of(kind, reuses))
+        drawn(accel, packed, made, Tile(0, 0, WIDTH, HEIGHT), first, count, 1, film, local.memory)
         seen[place] = np.clip(1.0 - film.alpha, 0.0, 1.0)
 
     thread_pool.parallel_for(draw, range(places), threads)

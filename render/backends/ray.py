@@ -94,7 +94,7 @@ class Renderer:
 
             p, scene = self.prepared, self.prepared.packed.tables
             if self.openings is None:
-                self.openings = learn_openings.learn(p.tables, p.accel, scene, p.frame.tables, p.paths, self.threads)
+                self.openings = learn_openings.learn(p.tables, p.accel, scene, p.frame.tables, p.paths, self.threads, self.reuses)
             emitters, openings = scene.light.emitters, prepare.cast(self.openings, p.paths)
             far = emitters.tree.far.copy()
             far[emitters.sky.row] *= self.openings.seen  # beside lamps, the sky counts as what the room sees of it

@@ -116,4 +116,4 @@ def sample_direct(
     short = 64.0 * ops.roundoff(zero) * ops.where(arriving.distance < math.inf, arriving.distance, 0.0) + 2.0 * point.offset
     reach = ops.maximum(arriving.distance - short / ops.maximum(arriving.cosine, GRAZING), 0.0)
     distance = ops.where(shadows, reach, -1.0)
-    return Connection(origin, arriving.direction, distance, given, wanted, blockers)
+    return Connection(origin, arriving.direction, distance, given, wanted, share, blockers)

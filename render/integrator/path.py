@@ -24,7 +24,7 @@ from .light_sampling import facing, sample_direct
 from .path_emission import emitted_radiance
 from .path_state import GATHERED, LIT, Connection, NoVertices, PathInputs, PathSample, PathState, numbers
 from .photon_coverage import photon_covers_lobe
-from .records import ShadingContext
+from .records import ShadingContext, Vertex
 
 END_FROM = 3  # surfaces before Russian roulette begins
 MOST_GOING = 0.95  # greatest probability to go on
@@ -43,8 +43,8 @@ _part = blend.if_blended(_sample_part)
 def shade_vertex(
     tables: Tables, inputs: PathInputs, options: Options, path: PathState, hit: Hit, point: Surface, here: Lane,
     pixel: Lane, sample: Lane, depth: int,
-) -> tuple[Vec, Connection, PathState, Lane]:  # fmt: skip
-    """(light sent along the path, shadow ray, continuation of the path, whether it continues) at the hits of a mask.
+) -> tuple[Vec, Connection, PathState, Lane, Vertex]:  # fmt: skip
+    """(light sent along the path, shadow ray, continuation of the path, whether it continues, its surface) at the hits of a mask.
 
     `depth` counts surfaces from 0. At options.bounces light is sampled for the last time, and later rays add only emission.
     """
@@ -60,10 +60,10 @@ def shade_vertex(
         sent = emitted_radiance(tables, inputs, options.links, path, point, shader, hit, here, depth > options.bounces)
     nothing = ops.bool_like(zero, False)
     bits = links.bits_of(options.links, None, tables, point)
-    connection = Connection(point.position, path.direction, zero, sent, nothing, bits)
-    if depth > options.bounces:
-        return sent, connection, path, nothing
+    connection = Connection(point.position, path.direction, zero, sent, nothing, (zero, zero, zero), bits)
     shading = ShadingContext(point, shader, viewer, path.inside)
+    if depth > options.bounces:
+        return sent, connection, path, nothing, Vertex(shading, Scattered(path.direction, (zero, zero, zero), zero + ONLY, nothing))
     lit, known = vertex_light(inputs.vertices, tables, point, hit, here)
     sent = _add_local(tables, inputs, options.links, sent, shading, path, here, lit, known, sample)
     ending = depth == options.bounces
@@ -90,7 +90,8 @@ def shade_vertex(
         survival = ops.minimum(SPARED * ops.largest(weight), MOST_GOING)
         going = going & (numbers(index, 3)[0] < survival)
         weight = ops.scale(weight, 1.0 / ops.maximum(survival, lights.TINY))
-    return sent, connection, _continue(tables, inputs, options.links, path, shading, lit, scattered, weight), going
+    onward = _continue(tables, inputs, options.links, path, shading, lit, scattered, weight)
+    return sent, connection, onward, going, Vertex(shading, scattered)
 
 
 @helper

@@ -3,11 +3,12 @@
 Each first surface of a block of 4 × 4 pixels is connected by shadow rays to the second surfaces of all sixteen paths of a sample number.
 The balance heuristic combines the sixteen techniques. So indirect light gets sixteen times as many paths, for less than twice the time.
 Bekaert, Sbert, Halton 2002, "Accelerating Path Tracing by Re-Using Paths". Pixels of a block have sixteen adjacent ranges of one sequence
-(sobol.zorder_index), so shared paths are as well stratified as one pixel's samples. Surfaces must be diffuse.
+(sobol.zorder_index), so shared paths are as well stratified as one pixel's samples. Diffuse lobes alone are shared (bsdf.diffuse_part).
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 from .. import simd
@@ -16,14 +17,23 @@ from ..jit.kernel import helper, noinline_helper, specialize_if_present
 from ..lanes import crosslane, ops
 from ..lanes.soa import ROW, gather3, load3, scatter_add, store3
 from ..light import lights
+from ..material import bsdf
+from ..material.shader import ONLY, Uses
 from ..sampling.pixel_blocks import BLOCK
 from ..simd.registration import overload
-from ..types import Lane, Surface, Vec
-from .path_state import OTHER_RAY, PathState
+from ..surface import interaction, normal_map
+from ..types import Lane, Tables, Vec
+from .path_state import OTHER_RAY, Connection, PathState
 from .ray_queue import as_searched, enters, from_search, pad, queue_up
+from .records import Vertex
 
-FIRST, NORMAL, ALBEDO, SECOND, FACING, OWN = 0, 3, 6, 9, 12, 15  # rows of Shared.rows
-COUNT = 18
+# Rows of Shared.rows. Of the first surface of a path: its place, normal (0: it shares nothing), geometric normal, diffuse albedo, weight
+# of the path, probability of the diffuse lobe, share of this lobe in the density of the BSDF sample.
+# Of the second: its place, geometric normal (0: it is not shared), diffuse share of its light sample and of what lies beyond it, light
+# of the former. Last, light for this pixel alone.
+FIRST, NORMAL, GEOMETRIC, ALBEDO, WEIGHT, CHANCE, RATIO = 0, 3, 6, 9, 12, 15, 16
+SECOND, FACING, NEAR, FAR, DIRECT, OWN = 17, 20, 23, 26, 29, 32
+COUNT = 35
 
 
 class Alone(NamedTuple):
@@ -33,7 +43,7 @@ class Alone(NamedTuple):
 class Shared(NamedTuple):
     """Shared data of a wave's paths, by slot."""
 
-    rows: Any  # (COUNT · ROW,) float: first surface, its normal (0: none), albedo; second surface, its normal; unshared light
+    rows: Any  # (COUNT · ROW,) float
     pairs: Any  # (BLOCK · BLOCK,) float: weight of each second surface at each first one
 
     @classmethod
@@ -51,27 +61,57 @@ def _clear(shared: Any, plain: Any, n: int) -> Any:
     for i in range(0, n, crosslane.width(like)):
         store3(shared.rows, 0, NORMAL, i, zero)
         store3(shared.rows, 0, FACING, i, zero)
+        store3(shared.rows, 0, DIRECT, i, zero)
     return plain
 
 
 @helper
-def _share_vertex(shared: Any, onward: PathState, i: int, slot: Lane, point: Surface, here: Lane, going: Lane, depth: int) -> PathState:
-    zero = 0.0 * onward.density
-    none = (zero, zero, zero)
+def _share_vertex(
+    shared: Any, onward: PathState, tables: Tables, uses: Uses, vertex: Vertex, connection: Connection, i: int, slot: Lane, here: Lane,
+    depth: int,
+) -> PathState:  # fmt: skip
+    if depth > 1:
+        return onward
+    point, scattered = vertex.shading.point, vertex.scattered
+    albedo, chance = bsdf.diffuse_part(vertex.shading.shader, uses, point.normal, vertex.shading.viewer)
+    cosine = ops.maximum(ops.dot(point.normal, scattered.direction), 0.0)
+    sampled = ops.where(scattered.density < ONLY, cosine / (math.pi * ops.maximum(scattered.density, lights.TINY)), 0.0)
     if depth == 0:  # slots are those of the lanes
-        store3(shared.rows, 0, FIRST, i, onward.origin)
-        store3(shared.rows, 0, NORMAL, i, ops.where3(going, point.normal, none))
-        store3(shared.rows, 0, ALBEDO, i, ops.where3(going, onward.weight, none))
-        one = (zero + 1.0, zero + 1.0, zero + 1.0)
+        zero = 0.0 * onward.density
+        none, one = (zero, zero, zero), (zero + 1.0, zero + 1.0, zero + 1.0)
+        store3(shared.rows, 0, FIRST, i, interaction.offset_origin_at(point, interaction.shadow_origin(point), point.geometric))
+        store3(shared.rows, 0, NORMAL, i, ops.where3(here & (ops.largest(albedo) > 0.0), point.normal, none))
+        store3(shared.rows, 0, GEOMETRIC, i, point.geometric)
+        store3(shared.rows, 0, ALBEDO, i, albedo)
+        store3(shared.rows, 0, WEIGHT, i, onward.weight)
+        simd.store(shared.rows, CHANCE * ROW + i, chance)
+        simd.store(shared.rows, RATIO * ROW + i, sampled)
         return PathState(
             onward.origin, onward.direction, one, onward.density, onward.straight, onward.inside, onward.phase, onward.facing, onward.links
         )  # fmt: skip
-    if depth == 1:
-        place = ops.along(point.position, point.geometric, point.offset)
-        for k in range(3):
-            simd.scatter(shared.rows, slot + (SECOND + k) * ROW, place[k], here)
-            simd.scatter(shared.rows, slot + (FACING + k) * ROW, point.normal[k], here)
+    here = here & ops.not_(normal_map.has_map(tables, point))
+    lit = ops.maximum(ops.dot(point.normal, connection.direction), 0.0)
+    _scatter3(shared, SECOND, slot, ops.along(point.position, point.geometric, point.offset), here)
+    _scatter3(shared, FACING, slot, point.geometric, here)
+    _scatter3(shared, NEAR, slot, _ratio(ops.scale(albedo, lit), connection.share), here)
+    _scatter3(shared, FAR, slot, _ratio(ops.scale(albedo, sampled), scattered.weight), here)
     return onward
+
+
+@helper
+def _ratio(part: Vec, whole: Vec) -> Vec:
+    """A part over the whole, 0 where the whole is 0."""
+    return (
+        ops.where(whole[0] > 0.0, part[0] / ops.maximum(whole[0], lights.TINY), 0.0),
+        ops.where(whole[1] > 0.0, part[1] / ops.maximum(whole[1], lights.TINY), 0.0),
+        ops.where(whole[2] > 0.0, part[2] / ops.maximum(whole[2], lights.TINY), 0.0),
+    )
+
+
+@helper
+def _scatter3(shared: Any, row: int, slot: Lane, values: Vec, here: Lane) -> None:
+    for k in range(3):
+        simd.scatter(shared.rows, slot + (row + k) * ROW, values[k], here)
 
 
 clear = specialize_if_present(_clear)  # (shared, plain, n): clear the data of the first n paths
@@ -90,8 +130,8 @@ def _add_light_in_kernels(shared, light, slot, sent, mask, depth):
 
     def own(shared, light, slot, sent, mask, depth):
         if depth == 1:  # emission, which the other pixels sample themselves
-            albedo = gather3(shared.rows, 0, ALBEDO, ops.where(mask, slot, 0))
-            scatter_add(shared.rows, slot + OWN * ROW, ops.mul(albedo, sent), mask)
+            weight = gather3(shared.rows, 0, WEIGHT, ops.where(mask, slot, 0))
+            scatter_add(shared.rows, slot + OWN * ROW, ops.mul(weight, sent), mask)
         else:
             scatter_add(light, slot, sent, mask)
 
@@ -99,16 +139,18 @@ def _add_light_in_kernels(shared, light, slot, sent, mask, depth):
 
 
 @helper
-def _separate_light(shared: Any, plain: Any, light: Any, n: int) -> Any:
+def _separate_light(shared: Any, plain: Any, light: Any, n: int, depth: int) -> Any:
     like = simd.load(light, 0)
     zero = (0.0 * like, 0.0 * like, 0.0 * like)
+    row = OWN if depth == 0 else DIRECT
     for i in range(0, n, crosslane.width(like)):
-        store3(shared.rows, 0, OWN, i, load3(light, 0, 0, i))
+        store3(shared.rows, 0, row, i, load3(light, 0, 0, i))
         store3(light, 0, 0, i, zero)
     return plain
 
 
-separate_light = specialize_if_present(_separate_light)  # store direct light apart; light from here on is that of second surfaces
+separate_light = specialize_if_present(_separate_light)
+"""(shared, plain, light, n, depth): store the light of light samples apart; light from here on is that of further surfaces."""
 
 
 @helper
@@ -126,6 +168,8 @@ def _combine_blocks(accel: Any, scene: Any, memory: Any, shadows: bool, n: int) 
     rows, pairs, light = memory.shared.rows, memory.shared.pairs, memory.light
     like = simd.load(rows, 0)
     step = crosslane.width(like)
+    for i in range(0, n, step):
+        _split(rows, light, i)
     for block in range(0, n, BLOCK):
         for j in range(BLOCK):
             _weigh(accel, scene, memory, shadows, block, j)
@@ -143,10 +187,24 @@ def _combine_blocks(accel: Any, scene: Any, memory: Any, shadows: bool, n: int) 
 
 
 @helper
+def _split(rows: Any, light: Any, i: int) -> None:
+    """Split the light of second surfaces: what the block shares stays in `light`, weighted by the density of its diffuse samples."""
+    direct, beyond = load3(rows, 0, DIRECT, i), load3(light, 0, 0, i)
+    sampled = simd.load(rows, RATIO * ROW + i)
+    facing = load3(rows, 0, FACING, i)
+    known = facing[0] * facing[0] + facing[1] * facing[1] + facing[2] * facing[2] > 0.5
+    diffuse = ops.scale(ops.add(ops.mul(load3(rows, 0, NEAR, i), direct), ops.mul(load3(rows, 0, FAR, i), beyond)), sampled)
+    diffuse = ops.where3(known, diffuse, (0.0 * sampled, 0.0 * sampled, 0.0 * sampled))
+    own = ops.sub(ops.mul(load3(rows, 0, WEIGHT, i), ops.add(direct, beyond)), ops.mul(load3(rows, 0, ALBEDO, i), diffuse))
+    store3(rows, 0, OWN, i, ops.add(load3(rows, 0, OWN, i), own))
+    store3(light, 0, 0, i, ops.scale(diffuse, simd.load(rows, CHANCE * ROW + i)))
+
+
+@helper
 def _weigh(accel: Any, scene: Any, memory: Any, shadows: bool, block: int, j: int) -> None:
     """Write the weight of the j-th second surface at each first surface of a block, without its albedo.
 
-    It is the geometric term with visibility, normalized over the block.
+    It is the geometric term with visibility, over the block's sum of these, each times the probability of diffuse samples.
     """
     rows, pairs, light = memory.shared.rows, memory.shared.pairs, memory.light
     like = simd.load(rows, 0)
@@ -157,7 +215,7 @@ def _weigh(accel: Any, scene: Any, memory: Any, shadows: bool, block: int, j: in
     for i in range(0, BLOCK, step):
         terms = 0.0 * like
         if lit:
-            terms = _geometric_term(load3(rows, 0, FIRST, block + i), load3(rows, 0, NORMAL, block + i), place, facing)
+            terms = _geometric_term(rows, block + i, place, facing)
             own = simd.iota(ops.int_like(like, 0)) == j - i
             asked = (terms > 0.0) & ops.not_(own)
             if shadows and ops.any_lane(asked):
@@ -174,17 +232,18 @@ def _weigh(accel: Any, scene: Any, memory: Any, shadows: bool, block: int, j: in
         pad(memory, queued)
         _trace_queue(accel, memory, place, queued, j * BLOCK - block)
     for i in range(0, BLOCK, step):
-        total += simd.sum_of(simd.load(pairs, j * BLOCK + i))
+        total += simd.sum_of(simd.load(pairs, j * BLOCK + i) * simd.load(rows, CHANCE * ROW + block + i))
     for i in range(0, BLOCK, step):
         simd.store(pairs, j * BLOCK + i, simd.load(pairs, j * BLOCK + i) * (1.0 / max(total, lights.TINY)))
 
 
 @helper
-def _geometric_term(origin: Vec, normal: Vec, place: Vec, facing: Vec) -> Lane:
-    """The geometric term between two diffuse surfaces: π times the density of hits."""
+def _geometric_term(rows: Any, at: int, place: Vec, facing: Vec) -> Lane:
+    """The geometric term between first surfaces and a second one: π times the density of hits by diffuse samples."""
+    origin, normal, geometric = load3(rows, 0, FIRST, at), load3(rows, 0, NORMAL, at), load3(rows, 0, GEOMETRIC, at)
     way = (place[0] - origin[0], place[1] - origin[1], place[2] - origin[2])
     inverse = 1.0 / ops.maximum(ops.dot(way, way), lights.TINY)
-    leaving = ops.maximum(ops.dot(normal, way), 0.0)
+    leaving = ops.where(ops.dot(geometric, way) > 0.0, ops.maximum(ops.dot(normal, way), 0.0), 0.0)
     arriving = ops.maximum(-(way[0] * facing[0] + way[1] * facing[1] + way[2] * facing[2]), 0.0)
     return leaving * arriving * inverse * inverse
 

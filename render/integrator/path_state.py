@@ -57,6 +57,7 @@ class Connection(NamedTuple):
     distance: Lane  # -1: without a shadow test
     light: Vec
     wanted: Lane  # bool
+    share: Any = None  # π f cos of the BSDF towards it
     blockers: Any = None  # mask of the instances that block it, see links.Links; None in scenes without links
 
 

@@ -120,8 +120,8 @@ def _trace_wave(accel, scene, frame, total, memory, n):
         left, asked = _shade_stage(scene, frame, memory, source, left, depth)
         _shadow_stage(accel, scene, frame, memory, asked)
         source = 1 - source
-        if depth == 0:
-            path_reuse.separate_light(memory.shared, 0, memory.light, n)
+        if depth <= 1:
+            path_reuse.separate_light(memory.shared, 0, memory.light, n, depth)
         if left == 0:
             break
     path_reuse.combine(memory.shared, 0, accel, scene, memory, frame.options.shadows, n)
@@ -244,11 +244,11 @@ def _shade_stage(scene, frame, memory, source, n, depth):
                 continue
         time = sobol.sample_time(pixel, sample, options.seed, frame.shutter)
         point, hit = surface_at(tables, scene.primitives.records, path.origin, path.direction, hit, piece, here, time)
-        sent, connection, onward, going = shade_vertex(tables, light, options, path, hit, point, here, pixel, sample, depth)
+        sent, connection, onward, going, vertex = shade_vertex(tables, light, options, path, hit, point, here, pixel, sample, depth)
         bright = here & (ops.largest(sent) > 0.0)
         if ops.any_lane(bright):
             path_reuse.add_light(memory.shared, memory.light, slot, sent, bright, depth)
-        onward = path_reuse.share_vertex(memory.shared, onward, i, slot, point, here, going, depth)
+        onward = path_reuse.share_vertex(memory.shared, onward, tables, light.uses, vertex, connection, i, slot, here, depth)
         wanted = connection.wanted
         if ops.any_lane(wanted):
             _push_shadow_ray(memory, asked, slot, connection)

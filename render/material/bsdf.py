@@ -187,6 +187,25 @@ def _chances(shader: Shader, uses: Uses) -> tuple[Lane, Lane]:
 
 
 @helper
+def diffuse_part(shader: Shader, uses: Uses, normal: Vec, to_viewer: Vec) -> tuple[Vec, Lane]:
+    """(albedo of a Lambertian surface near the diffuse lobe, probability that `sample_bsdf` samples this lobe).
+
+    The albedo does not depend on the viewer. What the BSDF has beyond it may be of either sign. Rough glass has none.
+    """
+    albedo, chance = shader.diffuse, 0.0 * shader.ior + 1.0
+    if uses.glossy or uses.sharp:
+        matt, shiny = _chances(shader, uses)
+        sharp = 0.0 * matt
+        if uses.sharp:
+            sharp = ops.mean3(shader.reflection) + ops.mean3(shader.transmission)
+        chance = matt / ops.maximum(matt + shiny + sharp, lights.TINY)
+        albedo, chance = microfacet.diffuse_part(shader.lobes, (albedo, chance), normal, to_viewer, sharp)
+        glass, zero = is_rough_glass(shader, ops.bool_like(shader.ior, False)), 0.0 * shader.ior
+        albedo, chance = ops.where3(glass, (zero, zero, zero), albedo), ops.where(glass, zero, chance)
+    return albedo, chance
+
+
+@helper
 def eval_bsdf_pdf(shader: Shader, uses: Uses, normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Lane]:
     """(`reflected`, solid angle density of `sample_bsdf`) of the lobes that are not specular."""
     cosine = ops.maximum(ops.dot(normal, to_light), 0.0)

@@ -374,6 +374,14 @@ def _sample_all(
 
 
 @helper
+def _diffuse_part(lobes: Lobes, plain: tuple[Vec, Lane], normal: Vec, to_viewer: Vec, mirror: Lane) -> tuple[Vec, Lane]:
+    all_, out = viewer_albedo(lobes, normal, to_viewer)
+    matt, shiny, coat = chances(lobes, all_, out)
+    chance = matt / ops.maximum(matt + shiny + coat + mirror, LEAST)
+    return ops.where3(lobes.here, ops.mul(lobes.base, all_.open), plain[0]), ops.where(lobes.here, chance, plain[1])
+
+
+@helper
 def _glossy(lobes: Lobes, plain: Lane) -> Lane:
     polished = (lobes.alpha < MAX_REFLECTION_ALPHA) | ((lobes.coat > 0.0) & (lobes.coat_alpha < MAX_REFLECTION_ALPHA))
     return ops.where(lobes.here, polished | (ops.largest(lobes.f0) > METALLIC), plain)
@@ -382,6 +390,7 @@ def _glossy(lobes: Lobes, plain: Lane) -> Lane:
 # Each takes lobes, the result for materials without them, and: the normal, the direction to the light, the direction to the viewer.
 reflected = specialize_if_present(_reflected)  # π f cos
 eval_pdf = specialize_if_present(_eval_pdf)  # (π f cos, density of `draw`); `mirror` is the weight of specular lobes
+diffuse_part = specialize_if_present(_diffuse_part)  # see bsdf.diffuse_part; `mirror` as for eval_pdf
 matt_share = specialize_if_present(_matt_share)  # π f of the diffuse lobe alone
 sample_shine = specialize_if_present(_sample_shine)  # (direction in a highlight, f cos / density): normal, viewer, u, v
 eval_lobes_pdf = specialize_if_present(_eval_lobes_pdf)  # (π f cos of the diffuse lobe, of the highlights, density of `sample_shine`)

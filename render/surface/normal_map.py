@@ -146,6 +146,24 @@ def _apply_maps_in_kernels(tables, point, hit, direction):
     return lambda tables, point, hit, direction: point
 
 
+def has_map(tables: Tables, point: Surface) -> Lane:
+    """Where the material has a normal or bump map: its normal depends on the viewer."""
+    return _has_map(tables, point)
+
+
+@overload(has_map)
+def _has_map_in_kernels(tables, point):
+    if is_used(tables):
+        return lambda tables, point: _has_map(tables, point)
+    return lambda tables, point: ops.bool_like(point.offset, False)
+
+
+@helper
+def _has_map(tables: Any, point: Surface) -> Lane:
+    textures_ = tables.materials.textures
+    return (textures_[point.material, NORMAL] >= 0) | (textures_[point.material, BUMP] >= 0)
+
+
 def mask_behind(tables: Tables, point: Surface, direction: Vec, lit: Lane) -> Lane:
     """`lit` without light from behind the surface, where maps perturb normals."""
     return _mask_behind(tables, point, direction, lit) if isinstance(getattr(tables.materials, "tangents", None), Tangents) else lit

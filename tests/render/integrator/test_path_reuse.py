@@ -23,6 +23,18 @@ LAMPS = {
         "polygon([[-1.4, 2.8, -0.4], [-0.8, 2.8, -0.4], [-1, 2.8, 0.5]], material: emissive(1, luminance: 12))\n"
     ),
 }
+SURFACES = """
+polygon([[-1.9, 0.01, 1.9], [1.9, 0.01, 1.9], [1.9, 0.01, -1.9], [-1.9, 0.01, -1.9]],
+  material: principled(checker(#b58b5e, #56402f, size: 30cm), roughness: 0.3))
+box([0.6, 1.2, 0.6], center: [-0.2, 0.6, -1.3], material: principled(0.6, roughness: 0.5, clearcoat: 0.8))
+sphere(0.3, center: [-0.3, 0.3, 0.6], material: phong(#3080c0, specular: 0.4, shininess: 20))
+sphere(0.3, center: [0.3, 0.3, -0.6], material: principled(#ffe0a0, metallic: 1, roughness: 0.4))
+sphere(0.3, center: [-1.3, 0.3, 0.9], material: principled(#601020, sheen: #ffc0d0, sheen_roughness: 0.4))
+box([0.4, 0.4, 0.4], center: [-0.7, 1.7, 0.4], material: glass(1.3, roughness: 0.5))
+box([0.3, 0.6, 0.3], center: [1.3, 1.5, -0.6], material: mirror(0.8))
+polygon([[-1.99, 0.5, 1], [-1.99, 0.5, -1], [-1.99, 2.5, -1], [-1.99, 2.5, 1]],
+  material: lambert(0.6, bump_map: pattern(|x, y, z| noise(8 * x, 8 * y, 8 * z)), bump_height: 0.03))
+"""
 TORUS = "torus(0.6, 0.15, center: [0, 1.2, 0], material: lambert(0.6))\n"  # in a tree
 
 
@@ -57,6 +69,35 @@ def test_it_is_the_light_that_each_pixel_finds_for_itself(draw, lamp, more, prec
     z = (shared.mean(axis=0) - alone.mean(axis=0)) / np.sqrt(variance)
     assert np.mean(z**2) < 1.9  # 1.17 for 14 degrees of freedom
     assert abs(shared.mean() / alone.mean() - 1.0) < 0.01
+
+
+SUNLIT = """
+polygon([[-2, 0, 2], [2, 0, 2], [2, 0, -2], [-2, 0, -2]], material: lambert(0.7))
+polygon([[-2, 3, -2], [2, 3, -2], [2, 3, 2], [-2, 3, 2]], material: lambert(0.7))
+polygon([[-2, 0, -2], [2, 0, -2], [2, 3, -2], [-2, 3, -2]], material: lambert(0.7))
+polygon([[2, 0, -2], [2, 0, 2], [2, 3, 2], [2, 3, -2]], material: lambert(0.7))
+polygon([[-2, 0, 2], [-2, 0, 0.5], [-2, 3, 0.5], [-2, 3, 2]], material: lambert(0.7))
+polygon([[2, 0, 2], [-2, 0, 2], [-2, 3, 2], [2, 3, 2]], material: lambert(0.7))
+sun(from: [-3, 3, 0.5], illuminance: 60)
+sky(luminance: 8)
+camera(position: [0, 1.4, 1.8], look_at: [0, 0.8, 0], fov: 60deg)
+"""
+
+
+def test_surfaces_of_all_kinds_keep_their_light(draw):
+    """Highlights, coats, sheen, metal, glass, mirrors and bumps, which share nothing or their diffuse lobe alone."""
+    text = SUNLIT + SURFACES + LAMPS["rectangle"] + "render(bounces: 3)\n"
+
+    def runs(how, first):
+        pictures = np.stack([draw(text, seed=first + k, transport_path_reuse=how, indoors="on") for k in range(12)])
+        return pictures.reshape(12, 4, 8, 4, 8, 3).mean(axis=(2, 4))
+
+    shared, alone = runs("blocks", 1), runs("none", 101)
+    variance = (shared.var(axis=0, ddof=1) + alone.var(axis=0, ddof=1)) / 12
+    z = (shared.mean(axis=0) - alone.mean(axis=0)) / np.sqrt(variance)
+    assert np.mean(z**2) < 1.8  # 1.10 for 22 degrees of freedom
+    assert abs(shared.mean() / alone.mean() - 1.0) < 0.02
+    assert np.median(shared.var(axis=0, ddof=1) / alone.var(axis=0, ddof=1)) < 1.0
 
 
 @pytest.mark.parametrize("lamp", LAMPS)
@@ -118,13 +159,32 @@ def test_the_plan_says_where(tmp_path):
         return planner.make_plan(scene, scene.settings)
 
     text = ROOM + LAMPS["point"] + "render(bounces: 3)\n"
-    assert decided(text)["transport.path_reuse"] == "blocks"
-    for more in ("mirror(0.9)", "phong(0.3, specular: 0.4)", "glass()", "lambert(0.5, opacity: 0.5)", 'lambert(0.5, shading: "gouraud")'):
+    for more in ("", SURFACES):
+        assert decided(text + more)["transport.path_reuse"] == "blocks"
+    for more in ("lambert(0.5, opacity: 0.5)", 'lambert(0.5, shading: "gouraud")'):
         plan = decided(text + f"sphere(0.1, center: [0, 0.2, 0], material: {more})\n")
         assert plan["transport.path_reuse"] == "none", more
-        assert "not matt" in plan.decisions["transport.path_reuse"].reason
-    assert decided(text + "sky()\n")["transport.path_reuse"] == "none"
+        assert "partly transparent, shaded at vertices" in plan.decisions["transport.path_reuse"].reason
+    shiny = decided(text.replace("material: lambert(0.7)", "material: mirror(0.7)"))
+    assert "has a diffuse lobe: other light depends on the direction" in shiny.decisions["transport.path_reuse"].reason
     assert decided(text.replace("bounces: 3", "bounces: 0"))["transport.path_reuse"] == "none"
+
+
+def test_under_a_sky_rooms_alone_share_paths(tmp_path):
+    def decided(text):
+        path = tmp_path / "d.scene"
+        path.write_text(text, encoding="utf-8")
+        scene = load.load(path)
+        return planner.make_plan(scene, scene.settings)
+
+    inside = decided(SUNLIT + "render(bounces: 3)\n")
+    assert inside["indoors"]
+    assert inside["transport.path_reuse"] == "blocks"
+    ground = "plane([0, 1, 0], 0, material: lambert(0.5))\nsphere(0.5, center: [0, 0.5, 0])\nsky()\n"
+    outside = decided(ground + "camera(position: [0, 1, 4])\nrender(bounces: 3)\n")
+    assert not outside["indoors"]
+    assert outside.decisions["indoors"].reason == "places around the camera see the sky in 50 % of all directions"
+    assert outside.decisions["transport.path_reuse"].reason == "outdoors most noise comes from the light samples of first surfaces"
 
 
 def test_blocks_are_the_pictures():

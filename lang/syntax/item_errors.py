@@ -65,8 +65,9 @@ def unit(site: ErrorSite) -> Answer | None:
 def foreign_word(site: ErrorSite) -> Answer | None:
     """A keyword of another language."""
     start = site.start
-    late = site.inside() == "" and site.stream[site.first + 1] not in ("(", ".", "=")
-    if start in _FOREIGN and start.type == "NAME" and site.at > site.first and (late or site.at == site.first + 1):
+    if start not in _FOREIGN or start.type != "NAME" or site.at == site.first:
+        return None
+    if site.at == site.first + 1 or (site.inside() == "" and site.stream[site.first + 1] not in ("(", ".", "=")):
         return f"the language has no `{start}`", _FOREIGN[start], start
     return None
 

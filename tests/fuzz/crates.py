@@ -177,7 +177,7 @@ def damaged(data: bytes, rng: random.Random) -> bytes:
         change = rng.choice(("tokens", "values", "reps", "reps", "path_count", "jumps", *_NUMBERS))
         made: Any
         if change == "path_count":
-            made = rng.choice((0, crate.path_count + rng.choice((-1, 1)), 10**6, 2**31, 2**40))
+            made = rng.choice((0, max(crate.path_count + rng.choice((-1, 1)), 0), 10**6, 2**31, 2**40))
         elif change == "values":
             made = bytearray(crate.values)
             made[rng.randrange(88, len(made))] = rng.randrange(256)

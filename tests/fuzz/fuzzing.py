@@ -15,6 +15,7 @@ import os
 import random
 import resource
 import signal
+import struct
 import subprocess
 import sys
 import tempfile
@@ -52,7 +53,8 @@ def seeds(kind: str, folder: Path) -> list[bytes]:
     kept = [path.read_bytes() for path in sorted(CORPUS.glob(f"*.{kind}"))]
     if kind in ("parser", "evaluator"):
         texts = [path.read_bytes() for path in sorted((ROOT / "examples").glob("*.scene"))]
-        return [text for text in texts if len(text) < 1500] + kept
+        parts = {part for text in texts for part in text.split(b"\n\n") if len(part) < 300}  # short ones: more executions a second
+        return [*sorted(parts), *(text for text in texts if len(text) < 1500 and kind == "evaluator"), *kept]
     if kind in (*STAGES, "crate"):
         return [*_stages(folder / f"seed.{suffix(kind)}"), *kept]
     return [_written(kind, folder), *kept]
@@ -77,7 +79,7 @@ def _written(kind: str, folder: Path) -> bytes:
     if kind in ("obj", "ply", "stl", "off", "glb"):
         import trimesh
 
-        trimesh.creation.icosphere(1).export(path)
+        trimesh.creation.box().export(path)
     elif kind == "gltf":
         data = "AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"
         accessor = {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}
@@ -199,32 +201,37 @@ def inputs(kind: str, folder: Path, seed: int) -> Iterator[bytes]:
 
 
 def work(kind: str, seconds: float, count: int, seed: int, folder: Path) -> None:
-    """Read inputs of a kind for some seconds, or so many; print the number and the finding as JSON. The last input is in `last`."""
+    """Read inputs of a kind for some seconds, or so many; print the number and the finding as JSON. `last` has the last input."""
     os.chdir(folder)
     read = reader(kind, folder)
     taken = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (taken + GROWTH + (512 << 20), resource.RLIM_INFINITY))  # libraries are loaded later
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
     done, end, finding = 0, time.monotonic() + seconds, ""
+    last = os.open(folder / "last", os.O_WRONLY | os.O_CREAT)
     for data in inputs(kind, folder, seed):
         if done >= count or time.monotonic() > end or finding:
             break
-        (folder / "last").write_bytes(data)
+        os.pwrite(last, _LAST.pack(done, len(data)) + data, 0)
         finding = execute(read, data)
         done += 1
-        (folder / "done").write_text(str(done))
     print(json.dumps([done, finding]))
+
+
+_LAST = struct.Struct("<QQ")  # inputs before, and the bytes of this one
+_MEMORY = "/dev/shm"  # a file system in memory: most inputs are files
 
 
 def fuzz(kind: str, seconds: float, count: int, seed: int) -> tuple[int, str, bytes]:
     """Read inputs in another process; (how many, the finding or nothing, the last input)."""
-    with tempfile.TemporaryDirectory() as made:
+    with tempfile.TemporaryDirectory(dir=_MEMORY if os.access(_MEMORY, os.W_OK) else None) as made:
         folder = Path(made)
         command = [sys.executable, str(Path(__file__).resolve()), "--work", kind, str(seconds), str(count), str(seed), made]
         done = subprocess.run(command, capture_output=True, text=True)
-        last = (folder / "last").read_bytes() if (folder / "last").exists() else b""
+        kept = (folder / "last").read_bytes() if (folder / "last").exists() else _LAST.pack(0, 0)
+        number, length = _LAST.unpack_from(kept)
+        last = kept[_LAST.size : _LAST.size + length]
         if done.returncode:
-            number = int((folder / "done").read_text()) if (folder / "done").exists() else 0
             return number, f"the process ended with {done.returncode}: {done.stderr[-500:]}", last
         number, finding = json.loads(done.stdout.splitlines()[-1])
         return number, finding, last

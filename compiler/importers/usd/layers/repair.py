@@ -15,7 +15,7 @@ from typing import Any
 from pxr import Sdf, Tf
 
 from .....lang.diagnostics import Diagnostics, Span
-from . import missing_specs, mtlx_files
+from . import crate_check, missing_specs, mtlx_files
 
 MOST = 20  # statements of a layer that may be left out
 _HEADER = "#usda 1.0"
@@ -56,29 +56,37 @@ def layers(root: Any, diagnostics: Diagnostics) -> list[Any]:
 
     Damaged ones are repaired. A reference to a .mtlx file becomes one to a layer with its materials, in memory alone.
     """
-    made, seen, waiting = [], set(), [root]
+    made: dict[str, Any] = {}
+    waiting = [root]
     while waiting:
         layer = waiting.pop()
         missing_specs.leave_out(layer, diagnostics)
         for asset in layer.GetCompositionAssetDependencies():
             path = layer.ComputeAbsolutePath(asset)
-            if not path or path in seen:
-                continue
-            seen.add(path)
-            if Path(path).suffix.lower() == ".mtlx":
-                found = mtlx_files.layer(Path(path), diagnostics) if Path(path).is_file() else None
+            if path and path not in made:
+                made[path] = found = _opened(path, diagnostics)
                 if found:
-                    layer.UpdateCompositionAssetDependency(asset, found.identifier)
-                    made.append(found)
-                continue
-            try:
-                found = Sdf.Layer.FindOrOpen(path)
-            except Tf.ErrorException:
-                found = repaired(Path(path), diagnostics)
-            if found:
-                made.append(found)
-                waiting.append(found)
-    return made
+                    waiting.append(found)
+            if path and made[path] and made[path].anonymous:
+                layer.UpdateCompositionAssetDependency(asset, made[path].identifier)
+    return [layer for layer in made.values() if layer]
+
+
+def _opened(path: str, diagnostics: Diagnostics) -> Any:
+    """The layer of a file, repaired; None for one that usd-core refuses.
+
+    It is anonymous for a MaterialX document, and empty for a file that usd-core must not read.
+    """
+    file = Path(path)
+    if file.suffix.lower() == ".mtlx":
+        return mtlx_files.layer(file, diagnostics) if file.is_file() else None
+    if why := crate_check.fault(file):
+        diagnostics.warning(f"this layer cannot be read: {why}", Span(file.name))
+        return Sdf.Layer.CreateAnonymous(".usda")
+    try:
+        return Sdf.Layer.FindOrOpen(path)
+    except Tf.ErrorException:
+        return repaired(file, diagnostics)
 
 
 def repaired(path: Path, diagnostics: Diagnostics) -> Any:

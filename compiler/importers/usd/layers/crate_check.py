@@ -1,0 +1,123 @@
+"""Refuses damaged `.usdc` files that usd-core does not: numbers of items beyond the file, paths that are no tree, specs without a type.
+
+It would take gigabytes, minutes, or end the process.
+
+The crate format: pxr/usd/sdf/crateFile.h of OpenUSD. LZ4 blocks: github.com/lz4/lz4, doc/lz4_Block_format.md.
+"""
+
+from __future__ import annotations
+
+import mmap
+import struct
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+IDENTIFIER = b"PXR-USDC"
+_COMPRESSED = (0, 4, 0)  # the version from which sections are compressed
+_LZ4 = 255  # bytes that a byte of an LZ4 block can stand for
+_PACKED = 4  # integers in a byte at most
+
+
+def fault(path: Path) -> str:
+    """Why a crate file, or one in a `.usdz` package, cannot be read; "" for a sound file and for other files."""
+    try:
+        if path.suffix.lower() == ".usdz":
+            with zipfile.ZipFile(path) as files:
+                names = [name for name in files.namelist() if name.lower().endswith((".usd", ".usdc"))]
+                return next((f"`{name}`: {found}" for name in names if (found := _fault(files.read(name)))), "")
+        with open(path, "rb") as file:
+            if file.read(len(IDENTIFIER)) != IDENTIFIER:
+                return ""
+            with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+                return _fault(data)
+    except (OSError, ValueError, NotImplementedError, RuntimeError, zipfile.BadZipFile):
+        return ""  # usd-core reports it
+
+
+def _fault(data: bytes | mmap.mmap) -> str:
+    if data[: len(IDENTIFIER)] != IDENTIFIER or tuple(data[8:11]) < _COMPRESSED:
+        return ""
+    try:
+        (toc,) = struct.unpack_from("<Q", data, 16)
+        (count,) = struct.unpack_from("<Q", data, toc)
+        if count > len(data) // 32:
+            return "its table of contents is longer than the file"
+        rows = [struct.unpack_from("<16sQQ", data, toc + 8 + 32 * k) for k in range(count)]
+        found = {name.rstrip(b"\0").decode("ascii", "replace"): data[start : start + size] for name, start, size in rows}
+        for name, section in found.items():
+            (items,) = struct.unpack_from("<Q", section)
+            most = len(section) // 4 if name == "STRINGS" else len(section) * _LZ4 * (1 if name == "TOKENS" else _PACKED)
+            if items > most:
+                return f"its section {name} has fewer than the {items:,} items that it tells"
+        if not _is_tree(_column(found["PATHS"], 8, 2)):
+            return "its paths are no tree"
+        return "" if (_column(found["SPECS"], 0, 2) >= 0).all() else "the types of its specs are damaged"
+    except (struct.error, KeyError, IndexError, OverflowError):
+        return ""  # usd-core reports it
+
+
+def _column(section: bytes, at: int, before: int) -> np.ndarray:
+    """Integers (n,) of a section, after some other lists of as many. `at` is the place of their number."""
+    (count,) = struct.unpack_from("<Q", section, at)
+    at += 8
+    for _ in range(before):
+        at += 8 + struct.unpack_from("<Q", section, at)[0]
+    (size,) = struct.unpack_from("<Q", section, at)
+    return _integers(_decompressed(section[at + 8 : at + 8 + size]), count)
+
+
+def _is_tree(jumps: np.ndarray) -> bool:
+    """Whether no path has two parents, for which usd-core takes exponential time.
+
+    A jump is -2 without a child or sibling, -1 with a child, 0 with a sibling; with both it is the distance to the sibling. What comes
+    first is the next path.
+    """
+    rows = np.arange(len(jumps))
+    reached = np.concatenate([rows[jumps >= -1] + 1, (rows + jumps)[jumps > 0]])
+    return bool((np.bincount(reached[reached < len(jumps)], minlength=1) <= 1).all())
+
+
+def _decompressed(block: bytes) -> bytes:
+    """The bytes of a compressed block. Blocks of several chunks, from 2 GB on, give the first."""
+    made, at = bytearray(), 1 if block[0] == 0 else 5
+    while at < len(block):
+        kinds, at = block[at], at + 1
+        length, at = _length(block, at, kinds >> 4)
+        made += block[at : at + length]
+        at += length
+        if at >= len(block):
+            break
+        back = block[at] | block[at + 1] << 8
+        length, at = _length(block, at + 2, kinds & 15)
+        length += 4
+        piece = bytes(made[len(made) - back : len(made) - back + length])
+        made += (piece * (length // len(piece) + 1))[:length] if piece else bytes(length)
+    return bytes(made)
+
+
+def _length(block: bytes, at: int, length: int) -> tuple[int, int]:
+    if length == 15:
+        while True:
+            length, at = length + block[at], at + 1
+            if block[at - 1] != 255:
+                break
+    return length, at
+
+
+def _integers(raw: bytes, count: int) -> np.ndarray:
+    """Integers (n,) from their differences: a common one, or one of 1, 2 or 4 bytes, as two bits for each say."""
+    given = np.frombuffer(raw, np.uint8)
+    if len(given) < 4 + (2 * count + 7) // 8:
+        return np.zeros(0, np.int32)  # usd-core reports it
+    codes = given[4 : 4 + (2 * count + 7) // 8]
+    which = (codes[:, None] >> np.array([0, 2, 4, 6], np.uint8) & 3).reshape(-1)[:count]
+    sizes = np.array([0, 1, 2, 4])[which]
+    starts = 4 + len(codes) + np.cumsum(sizes) - sizes
+    steps = np.full(count, np.frombuffer(raw, "<i4", 1)[0], np.int32)
+    for code, kind in ((1, np.dtype("<i1")), (2, np.dtype("<i2")), (3, np.dtype("<i4"))):
+        rows = np.flatnonzero(which == code)
+        rows = rows[starts[rows] + kind.itemsize <= len(given)]
+        steps[rows] = given[starts[rows][:, None] + np.arange(kind.itemsize)].reshape(-1).view(kind)
+    return np.cumsum(steps, dtype=np.int32)

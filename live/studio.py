@@ -27,6 +27,7 @@ from . import channels, params, picking, poses, scene_files
 from .edit_counts import Work
 from .interrupts import Interrupted, Interruptible
 from .passes import MAX_PIXELS, Pace, Quick, Shown
+from .previews import Previews
 from .scene_files import Opened
 from .state import State
 
@@ -305,7 +306,8 @@ class Studio:
         current = self.current
         assert current is not None
         first = current.shown
-        last, spent, view, samples = time.monotonic(), 0.0, self._view, None
+        began = last = time.monotonic()
+        spent, view, samples, previews = 0.0, self._view, None, Previews()
 
         def report(progress: Progress) -> None:
             nonlocal last, spent, view, samples
@@ -313,10 +315,15 @@ class Studio:
             samples = samples if progress.picture is None else progress.picture.samples
             if now - last < max(TICK, spent / SHARE) and view == self._view:
                 return
-            if progress.picture is not None:
+            previews.offer(progress, now - began)
+            denoised = previews.take()
+            if denoised is not None:
+                current.shown = Shown(denoised, first.channels, samples)
+            elif progress.picture is not None and not previews.shown:
                 current.shown = first.refined(*progress.picture)
+            if denoised is not None or (progress.picture is not None and (view != self._view or not previews.shown)):
                 self._publish(self.state)
-            self._tell_progress(progress)
+            self._tell_progress(progress, previews.shown)
             spent, view = time.monotonic() - now, self._view
             last = time.monotonic()
 
@@ -335,7 +342,8 @@ class Studio:
         self._publish(self.state)
         found = [*warnings, *picture_notes.of_render(image.metadata, current.scene, current.plan, self.opened.settings)]
         self.tell({"type": "diagnostics", "failed": False, "items": scene_files.diagnostics_json(found, state.texts)})
-        self._tell_done(image.metadata["samples_mean"], _finite(image.metadata.get("error")), began)
+        denoised = bool(image.metadata.get("denoised"))
+        self._tell_done(image.metadata["samples_mean"], _finite(image.metadata.get("error")), began, denoised)
         untouched = State(channel=state.channel, exposure=state.exposure)
         if self._finished is not None and state == untouched and self._version == version:
             self._finished(current, state)
@@ -390,15 +398,15 @@ class Studio:
             "version": current.version,
         })  # fmt: skip
 
-    def _tell_progress(self, progress: Progress) -> None:
+    def _tell_progress(self, progress: Progress, denoised: bool) -> None:
         self.tell({
             "type": "progress", "stage": progress.stage, "share": progress.share, "samples": progress.samples, "most": progress.most,
-            "error": _finite(progress.error),
+            "error": _finite(progress.error), "denoised": denoised,
         })  # fmt: skip
 
-    def _tell_done(self, samples: float, error: float | None, began: float) -> None:
-        seconds = time.monotonic() - began
-        self.tell({"type": "progress", "stage": "done", "share": 1.0, "samples": samples, "error": error, "seconds": seconds})
+    def _tell_done(self, samples: float, error: float | None, began: float, denoised: bool = False) -> None:
+        about = {"samples": samples, "error": error, "seconds": time.monotonic() - began, "denoised": denoised}
+        self.tell({"type": "progress", "stage": "done", "share": 1.0, **about})
 
     def _compiling(self, event: compile_events.Compiling | None) -> None:
         if event is not None:

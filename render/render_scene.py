@@ -54,7 +54,8 @@ def draw(
         layers = [name for name in plan["aov"] if name in cryptomatte.LAYERS]
         mattes = cryptomatte.Mattes(scene, layers) if layers else None
     with kernel_cache.timed(seconds, "render"):
-        image = film.run(renderer, plan, view, report, cancel, mattes, None if lit or by_moments else keeper, progressive)
+        told = _with_denoiser(report, renderer, plan, cancel) if report and progressive and decision.may_denoise(plan) else report
+        image = film.run(renderer, plan, view, told, cancel, mattes, None if lit or by_moments else keeper, progressive)
         if lit:
             renderer.put(image)
         if decision.denoises(plan, None if image.metadata["partial"] else image.metadata["error"]):
@@ -72,6 +73,17 @@ def draw(
     if mattes is not None:
         image.metadata["attributes"] = mattes.attributes
     return image
+
+
+def _with_denoiser(report: Report, renderer: Any, plan: Plan, cancel: threading.Event | None) -> Report:
+    """`report`, with Progress.denoiser."""
+
+    def denoiser() -> Callable[[Any], Any] | None:
+        from .film import denoise  # loads pyoidn
+
+        return denoise.preview_filter(renderer, plan, cancel or threading.Event())
+
+    return lambda progress: report(progress._replace(denoiser=denoiser))
 
 
 def _brightness(image: Image) -> float | None:

@@ -140,3 +140,8 @@ def error_asked(plan: Plan) -> float:
 def denoises(plan: Plan, error: float | None) -> bool:
     """Whether a picture of this estimated error is denoised."""
     return bool(plan["denoise"] == "on" or (plan["denoise"] == "above_error" and error is not None and error > plan["error"]))
+
+
+def may_denoise(plan: Plan) -> bool:
+    """Whether a picture is denoised where its noise is too much."""
+    return bool(plan["denoise"] != "off")

@@ -11,6 +11,7 @@ subtracted: the estimate is at least LEAST of the noise.
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Callable
 
 import numpy as np
@@ -35,6 +36,7 @@ LEAST = 0.2  # of a picture's error, that denoising leaves at least
 MEMORY = 1000  # megabytes of the network: it denoises large pictures in overlapping tiles, with the same result
 ROWS = 64  # of the picture, whose errors are summed at once
 SAMPLES = 16  # most samples of a pixel for the guides: 4 leave twice the error at texture edges
+FEW = 2  # of a preview
 CLEAR = (int(ir.Slot.SPECULAR), int(ir.Slot.REFLECTION), int(ir.Slot.TRANSMISSION))  # colors of materials without a diffuse color
 
 
@@ -105,18 +107,32 @@ def error_left(noisy: Pixels, half: Pixels, share: float, denoised: Pixels, clea
     return math.sqrt(max(squares - (1.0 + share) * noise, LEAST**2 * share * noise))
 
 
-def guides(renderer: film.Renderer | Remote, plan: Plan) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """(albedo, normal) of first hits, (h, w, 3) each, averaged over samples."""
+def preview_filter(renderer: film.Renderer | Remote, plan: Plan, cancel: threading.Event) -> Callable[[Pixels], Pixels] | None:
+    """A filter of pictures (h, w, 4) that are not finished, with guides of few samples; None if cancelled.
+
+    It returns a new picture, and may be called in another thread.
+    """
+    found = guides(renderer, plan, FEW, cancel)
+    if cancel.is_set():
+        return None
+    clean = _make_filter(*found)
+    return lambda rgba: np.concatenate([clean(rgba[..., :3]), rgba[..., 3:]], axis=2)
+
+
+def guides(
+    renderer: film.Renderer | Remote, plan: Plan, most: int = SAMPLES, cancel: threading.Event | None = None
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """(albedo, normal) of first hits, (h, w, 3) each, averaged over at most so many samples."""
     x0, y0, x1, y1 = plan["crop"]
     found = np.zeros((2, y1 - y0, x1 - x0, 3), np.float32)
-    count = min(SAMPLES, int(plan["samples"]))
+    count = min(most, int(plan["samples"]))
 
     def draw(tile: Tile) -> None:
         window = found[:, tile.y0 - y0 : tile.y1 - y0, tile.x0 - x0 : tile.x1 - x0]
         window[...] = tile_guides(renderer, tile, count, int(plan["samples"]))
 
     threads = renderer.threads if isinstance(renderer, Remote) else int(plan["threads"]) or target.cores()
-    thread_pool.parallel_for(draw, film.tiles((x0, y0, x1, y1)), threads)
+    thread_pool.parallel_for(draw, film.tiles((x0, y0, x1, y1)), threads, cancel)
     albedo, normal = found
     return np.clip(albedo, 0.0, 1.0), normal
 

@@ -44,5 +44,8 @@ class Progress(NamedTuple):
     limit: int = 0
     """Samples a pixel that end a rendering which an error may end before; 0 for none."""
 
+    denoiser: Callable[[], Callable[[NDArray[np.float32]], NDArray[np.float32]] | None] | None = None
+    """Makes a filter of the picture so far, None if it was cancelled; for viewers, of pictures whose noise may be removed at the end."""
+
 
 Report = Callable[[Progress], None]

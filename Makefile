@@ -109,8 +109,9 @@ ifdef PACKAGE
 endif
 	@$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal $(if $(PACKAGE),tests/$(PACKAGE))
 
-test-all: check  ## also what takes long: statistics, soak, packaging
+test-all: check  ## also what takes long: statistics, soak, packaging; then parts of it under other conditions
 	@$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal --long
+	@$(BIN)/python tools/matrix.py --all
 
 bounds: $(STAMP)  ## a million boxes for each operation of formulas: bounds must hold (half an hour)
 	@MAQUETTE_BOXES=1000000 $(BIN)/python -m pytest -q -n $(WORKERS) tests/render/formula/test_single_precision.py

@@ -1,12 +1,13 @@
-"""A Dask cluster: two worker processes against one process, and a simulation of many workers with the measured costs of messages."""
+"""A Dask cluster: two worker processes against one process, and the dispatcher with simulated workers."""
 
 from __future__ import annotations
 
 import heapq
+import itertools
 import math
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 from unittest import mock
@@ -16,8 +17,9 @@ import numpy as np
 from .. import load
 from ..compiler import ir
 from ..compiler.plan import plan as planner
-from ..render import render_scene
-from ..render.cluster import dask_cluster, dispatcher, draw
+from ..render import packing, render_scene
+from ..render.cluster import dask_cluster, dispatcher, draw, identity, messages, requests
+from ..render.cluster.remote_renderer import MOST
 from . import report
 from .harness import OURS, Case, Contender, Disagreement, Effort, measure
 
@@ -27,17 +29,16 @@ are started and have their kernels. *Start*: the seconds until two workers are t
 wall time of a picture that sends each tile by itself, over its tiles; client and scheduler are one process there.
 """
 MODEL = """
-**Simulation.** {tasks:,} requests; each takes its worker {seconds:g} s on average (log-normal, σ = {spread:g}). Client and scheduler serve
-one message at a time, each {cost:.2g} s for a message and its answer: half of *a message* measured. {latency:g} s pass on the network
-each way. A worker has one thread, and one message more than it draws. Nothing fails, the scene is there, and all bandwidth is enough.
-*Busy*: the share of the workers' time that they draw. *{aim:g} s*: requests go together in messages of that much work, at most a fair
-share; *single*: one by one.
+**Simulation.** The client's real dispatcher, with simulated workers of one thread and simulated time. {tasks:,} requests, of which
+{window:,} are in work at a time; each takes its worker {seconds:g} s on average (log-normal, σ = {spread:g}). Client and scheduler serve
+one message at a time, each {cost:.2g} s for a message and its answer: half of *a message* measured. The dispatcher's own processor time
+counts as it is. {latency:g} s pass on the network each way. Nothing fails, the scene is there, and all bandwidth is enough. *Busy*: the
+share of the workers' time that they draw.
 """
 WORKERS = (1, 10, 30, 100, 300, 1000)
 TASKS, SECONDS, SPREAD = 100_000, 0.1, 0.5
 LATENCY = 0.001  # seconds, of a data centre
-SEND, FORWARD, DRAW, ANSWER, TAKE = range(5)  # stages of a message: client, scheduler, worker, scheduler, client
-STAGES = 5
+HEARTBEAT = 1.0  # seconds
 BOX = Path(__file__).resolve().parent / "scenes" / "cornell.scene"
 
 
@@ -88,50 +89,108 @@ def message_seconds(cluster: dask_cluster.Cluster, scene: ir.Scene, side: int) -
 # --- simulation ------------------------------------------------------------------------------------------------------------
 
 
-class Model(NamedTuple):
-    """A cluster of equal workers of one thread."""
+class Clock:
+    """Simulated time, in place of the module `time`."""
 
-    workers: int
-    cost: float  # seconds of the client, and of the scheduler, for a message and its answer
-    aim: float  # seconds of work in a message; 0: one request
-    latency: float = LATENCY
+    now = 0.0
 
+    def monotonic(self) -> float:
+        return self.now
 
-class Server:
-    """Serves one piece of work after the other, in the order in which they come."""
-
-    def __init__(self) -> None:
-        self.free = 0.0
-
-    def serve(self, now: float, cost: float) -> float:
-        """The time at which a piece of work that comes now is done."""
-        self.free = max(self.free, now) + cost
-        return self.free
+    perf_counter = monotonic
 
 
-def simulate(model: Model, works: np.ndarray) -> float:
-    """The seconds until all `works`, the seconds of each request, are done."""
-    client, scheduler, workers = Server(), Server(), [Server() for _ in range(model.workers)]
-    most = max(1, round(model.aim / float(works.mean())))
-    events = [(0.0, k, SEND, k % model.workers, 0.0) for k in range(2 * model.workers)]  # time, number, stage, worker, seconds of work
-    number, at, now = len(events), 0, 0.0
-    while events:
-        now, _, stage, worker, work = heapq.heappop(events)
-        if stage == SEND:
-            if at == len(works):
-                continue
-            count = min(most, max(1, (len(works) - at) // model.workers))
-            work, at = float(works[at : at + count].sum()), at + count
-            now = client.serve(now, 0.5 * model.cost) + model.latency
-        elif stage in (FORWARD, ANSWER):
-            now = scheduler.serve(now, 0.5 * model.cost) + model.latency
-        elif stage == DRAW:
-            now = workers[worker].serve(now, work) + model.latency
-        else:
-            now = client.serve(now, 0.5 * model.cost)
-        number += 1
-        heapq.heappush(events, (now, number, (stage + 1) % STAGES, worker, work))
-    return now
+class Cluster:
+    """A scheduler and workers in simulated time; a Wire of the dispatcher. `cost`: seconds of client and scheduler for a message."""
+
+    address = "a simulation"
+
+    def __init__(self, clock: Clock, works: np.ndarray, cost: float) -> None:
+        self.events: list[tuple[float, int, Callable[[float], None]]] = []
+        self.messages = 0
+        self.pace = 0.0  # processor seconds of the dispatcher
+        self._clock, self._works, self._cost = clock, works, cost
+        self._scheduler = 0.0  # when it is free
+        self._workers: dict[str, float] = {}
+        self._number = itertools.count()
+        self._answers = {"identify": packing.pack(identity.identity()), "offer": packing.pack({"missing": []})}
+
+    def send(self, worker: str, message: bytes, then: Callable[[Any], None]) -> None:
+        """See dispatcher.Wire."""
+        about, _ = packing.unpack(message)
+        seconds, answer = 0.0, self._answers.get(about["do"], b"")
+        self.messages += 1
+        if about["do"] == "draw":
+            seconds = float(sum(self._works[request["number"]] for request in about["requests"]))
+            answer = packing.pack({"replies": [{} for _ in about["requests"]], "seconds": seconds})
+        self._clock.now += 0.5 * self._cost
+
+        def draw(now: float) -> None:
+            self._workers[worker] = done = max(now, self._workers.get(worker, 0.0)) + seconds
+            self._forward(done + LATENCY, lambda now: self._take(now, then, answer))
+
+        self._forward(self._clock.now + LATENCY, draw)
+
+    def drop(self, handle: Any) -> None:
+        """See dispatcher.Wire."""
+
+    def _later(self, at: float, then: Callable[[float], None]) -> None:
+        heapq.heappush(self.events, (at, next(self._number), then))
+
+    def _forward(self, at: float, then: Callable[[float], None]) -> None:
+        """Let the scheduler pass a message on."""
+
+        def serve(now: float) -> None:
+            self._scheduler = max(now, self._scheduler) + 0.5 * self._cost
+            self._later(self._scheduler + LATENCY, then)
+
+        self._later(at, serve)
+
+    def _take(self, now: float, then: Callable[[Any], None], answer: bytes) -> None:
+        self._clock.now = max(self._clock.now, now) + 0.5 * self._cost
+        self.run(lambda: then(answer))
+
+    def run(self, work: Callable[[], None]) -> None:
+        """Let the dispatcher work: its processor time passes in the simulation too."""
+        began = time.process_time()
+        work()
+        taken = time.process_time() - began
+        self.pace += taken
+        self._clock.now += taken
+
+
+class Outcome(NamedTuple):
+    """What a simulation took."""
+
+    seconds: float
+    messages: int
+    dispatching: float  # processor seconds of the dispatcher
+
+
+def simulate(workers: int, cost: float, works: np.ndarray) -> Outcome:
+    """Draw all `works`, the seconds of each request, with so many workers."""
+    clock = Clock()
+    with mock.patch.object(dispatcher, "time", clock), mock.patch.object(requests, "time", clock):
+        cluster = Cluster(clock, works, cost)
+        made = dispatcher.Dispatcher(cluster)
+        work = requests.Work(messages.Parcel("scene", [], {}), [])
+        waiting = (requests.Request(work, {"do": "batch", "number": k}, {}, 1.0) for k in range(len(works)))
+        heard = -HEARTBEAT
+        while True:
+            if clock.now >= heard + HEARTBEAT:
+                heard = clock.now
+                found = {f"w{k}": (1, heard, False) for k in range(workers)}
+                cluster.run(lambda found=found: made.update(found))
+            for request in itertools.islice(waiting, MOST - len(made.requests)):
+                made.ask(request)
+            if not made.requests:
+                return Outcome(clock.now, cluster.messages, cluster.pace)
+            cluster.run(made.tick)
+            until = max(clock.now, min(cluster.events[0][0] if cluster.events else math.inf, heard + HEARTBEAT))
+            clock.now = until
+            while cluster.events and cluster.events[0][0] <= until:
+                now, _, then = heapq.heappop(cluster.events)
+                then(now)
 
 
 def simulation(tasks: int, cost: float) -> list[str]:
@@ -140,7 +199,9 @@ def simulation(tasks: int, cost: float) -> list[str]:
     works = np.random.default_rng(1).lognormal(math.log(SECONDS) - 0.5 * sigma * sigma, sigma, tasks)
     rows = []
     for workers in WORKERS:
-        busy = [float(works.sum()) / (workers * simulate(Model(workers, cost, aim), works)) for aim in (dispatcher.AIM, 0.0)]
-        rows.append((f"{workers:,}", *(f"{100.0 * share:.1f} %" for share in busy)))
-    about = MODEL.format(tasks=tasks, seconds=SECONDS, spread=sigma, cost=cost, latency=LATENCY, aim=dispatcher.AIM)
-    return [about.strip(), report.grid(("workers", f"busy, {dispatcher.AIM:g} s", "busy, single"), rows)]
+        found = simulate(workers, cost, works)
+        busy = float(works.sum()) / (workers * found.seconds)
+        each = f"{1e3 * found.dispatching / found.messages:.2f} ms"
+        rows.append((f"{workers:,}", f"{found.seconds:,.0f} s", f"{100.0 * busy:.1f} %", f"{found.messages:,}", each))
+    about = MODEL.format(tasks=tasks, window=MOST, seconds=SECONDS, spread=sigma, cost=cost, latency=LATENCY)
+    return [about.strip(), report.grid(("workers", "time", "busy", "messages", "dispatcher, a message"), rows)]

@@ -58,6 +58,10 @@ class Commands(click.Group):
             named = f"{error.filename}: {error.strerror}" if error.filename else str(error)
             click.echo(f"error: {named}", err=True)
             ctx.exit(1)
+        except UnicodeEncodeError as error:
+            name = error.object[error.start : error.end]
+            click.echo(f"error: no file name has `{ascii(name)[1:-1]}` here, where names are {error.encoding}: set PYTHONUTF8=1", err=True)
+            ctx.exit(1)
         except SettingError as error:
             click.echo(f"error: {error}", err=True)
             ctx.exit(1)

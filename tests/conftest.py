@@ -7,9 +7,12 @@ from pathlib import Path
 
 import pytest
 import uharfbuzz  # noqa: F401  (before all else: loaded after some other libraries of the tests, it crashes when it draws a glyph)
+from maquette.render.simd import target
 
 os.environ["MAQUETTE_PROGRESS"] = "off"  # stderr does not depend on how long kernels compile
 os.environ["MAQUETTE_KERNELS"] = "special"  # no test starts a process that compiles kernels for later
+if "MAQUETTE_TEST_THREADS" in os.environ:  # of tools/matrix.py: renders in this process take so many, whatever the machine has
+    target.cores = lambda: int(os.environ["MAQUETTE_TEST_THREADS"])
 ROOT = Path(__file__).resolve().parent.parent
 ASSETS = Path(os.environ.get("MAQUETTE_ASSETS") or ROOT.parent / "shared" / "assets")
 

@@ -621,6 +621,14 @@ def test_no_colours_without_a_terminal(scene: Path) -> None:
     assert "\x1b" not in done.stderr + done.stdout
 
 
+def test_a_file_name_that_the_locale_lacks(scene: Path) -> None:
+    Path("named.scene").write_text('mesh("b\u00e9.obj")\n', encoding="utf-8")
+    ascii_names = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    done = shell("check", "named.scene", env=ascii_names)
+    assert done.returncode == 1
+    assert done.stderr == "error: no file name has `\\xe9` here, where names are ascii: set PYTHONUTF8=1\n"
+
+
 def test_too_little_memory_is_said(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def inspect(*_: object) -> None:
         raise MemoryError

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import inspect
 from collections.abc import Callable, Sequence
@@ -59,6 +60,10 @@ def _pairs(ctx: click.Context, param: click.Parameter, given: Sequence[tuple[str
 
 FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 OUT = click.Path(path_type=Path)
+CLUSTER = click.option(
+    "--cluster", metavar="ADDRESS",
+    help="Render on the workers of a Dask scheduler, tcp://host:8786, or in local:N, N processes of this machine.",
+)  # fmt: skip
 
 allow = click.option("--allow", type=click.Path(exists=True, path_type=Path), multiple=True, help="Allow reading files below this folder.")
 
@@ -148,3 +153,18 @@ def load(source: jobs.Source) -> ir.Scene:
     scene, found = source.load({})
     terminal.report(found.items)
     return scene
+
+
+def check_cluster(address: str | None, given: dict[str, Any]) -> None:
+    """Raise UsageError for picture options that exclude a cluster."""
+    if address is not None and given["threads"] is not None:
+        raise click.UsageError("--cluster and --threads exclude each other: give each worker its threads, as in `dask worker --nthreads 8`")
+
+
+def connect(address: str | None) -> contextlib.AbstractContextManager[Any]:
+    """The session on a cluster; None without one."""
+    if address is None:
+        return contextlib.nullcontext()
+    from .cluster import session
+
+    return session.connect(address)

@@ -135,10 +135,7 @@ def cli() -> None:
     help="Seconds between checkpoints in OUT.checkpoint, or off. Default: 30s, after the first minute.",
 )
 @click.option("--memory", type=values.MEMORY, metavar="SIZE", help="Memory to take at most: 8GB. Larger pictures are drawn in strips.")
-@click.option(
-    "--cluster", metavar="ADDRESS",
-    help="Render on the workers of a Dask scheduler, tcp://host:8786, or in local:N, N processes of this machine.",
-)
+@shared.CLUSTER
 @click.option("--sandbox", is_flag=True, help="Open no files but those that the scene may read and the folder of OUT (Linux).")
 @shared.picture_options
 @click.option("--bits", type=click.Choice(["8", "16"]), help="Bits per channel of .png and .tif. Default: 8.")
@@ -161,7 +158,9 @@ def render(
 
     output = output or Path(f"{scene.stem}.png")
     address = given.pop("cluster")
-    _check_cluster(address, given)
+    if address is not None and given["sandbox"]:
+        raise click.UsageError("--cluster and --sandbox exclude each other: a confined process opens no connections")
+    shared.check_cluster(address, given)
     if given.pop("sandbox"):
         jobs.confine(scene, output, stats, given)
     animated = animation.is_animation(output)
@@ -175,27 +174,10 @@ def render(
         jobs.check_output(output, settings.aov or (), depth, settings.view or "sRGB")
     jobs.check_stats(stats, scene, output)
     job = jobs.Job(source, settings, overrides, output, depth, quiet, **kept)
-    with _connect(address) as job.cluster:
+    with shared.connect(address) as job.cluster:
         pictures = animation.render(job, output, frames, fps) if animated and frames is not None else job.run(frames)
     if stats:
         jobs.write_json(stats, pictures[0] if frames is None else {"frames": pictures})
-
-
-def _check_cluster(address: str | None, given: dict[str, Any]) -> None:
-    """Raise UsageError for options that exclude a cluster."""
-    if address is not None and given["sandbox"]:
-        raise click.UsageError("--cluster and --sandbox exclude each other: a confined process opens no connections")
-    if address is not None and given["threads"] is not None:
-        raise click.UsageError("--cluster and --threads exclude each other: give each worker its threads, as in `dask worker --nthreads 8`")
-
-
-def _connect(address: str | None) -> contextlib.AbstractContextManager[Any]:
-    """The session on a cluster; None without one."""
-    if address is None:
-        return contextlib.nullcontext()
-    from .cluster import session
-
-    return session.connect(address)
 
 
 def _check_frames(frames: tuple[float, ...] | None, time: float | None, animated: bool, fps: float | None) -> None:

@@ -70,12 +70,14 @@ def _split(text: str) -> list[str]:
 @click.option("-o", "--output", type=shared.OUT, help="Picture file of the sheet: .png, .jpg or .webp. Default: SCENE.sweep.png.")
 @shared.scene_options
 @shared.picture_options_except("aov", "crop")
+@shared.CLUSTER
 @click.option("-q", "--quiet", is_flag=True, help="Print only errors and warnings.")
 @shared.examples(
     "maquette sweep hello.scene --set radius=0.4..1.6/4",
     "maquette sweep gear.scene --set teeth=8,12,16 --set width=1cm..3cm/3 --size 320x240 -o gears.png",
+    "maquette sweep room.scene --set sun=0deg..80deg/9 --cluster tcp://host:8786",
 )
-def sweep(scene: Path, output: Path | None, quiet: bool, **given: Any) -> None:
+def sweep(scene: Path, output: Path | None, cluster: str | None, quiet: bool, **given: Any) -> None:
     """Render SCENE over values of its params, on one labelled sheet.
 
     --set name=A..B/N takes N values from A to B, --set name=A,B,C takes these. The first such param goes along the rows, the others
@@ -86,12 +88,13 @@ def sweep(scene: Path, output: Path | None, quiet: bool, **given: Any) -> None:
         raise click.UsageError(f"cannot tell the picture format of {output}: its name must end in one of {', '.join(SUFFIXES)}")
     jobs.check_folder(output)
     axes = _axes(given)
+    shared.check_cluster(cluster, given)
     source, settings, overrides = shared.read_options(scene, given)
     settings = settings if settings.size else replace(settings, size=_cell_size(source, axes, settings, overrides))
     along, down = axes[0], axes[1:]
     rows = list(itertools.product(*(axis.values for axis in down)))
     job, failed = jobs.Job(source, settings, overrides, output, None, quiet), 0
-    with tempfile.TemporaryDirectory() as folder:
+    with shared.connect(cluster) as job.cluster, tempfile.TemporaryDirectory() as folder:
         files: list[Path | None] = []
         for row in rows:
             for value in along.values:

@@ -77,6 +77,16 @@ def test_a_picture_and_frames_equal_those_of_one_process(address: str) -> None:
         same(f"here.0{k}.exr", f"there.0{k}.exr")
 
 
+def test_a_sheet_equals_that_of_one_process(address: str) -> None:
+    Path("b.scene").write_text(f"param size = 0.5 in 0..1\n{SCENE.replace('sphere(0.5', 'sphere(size')}", encoding="utf-8")
+    assert run("sweep", "b.scene", "--set", "size=0.2..0.6/3", "-o", "here.png")[0] == 0
+    code, out, err = run("sweep", "b.scene", "--set", "size=0.2..0.6/3", "-o", "there.png", "--cluster", address)
+    assert (code, out, err) == (0, "there.png: 3 pictures\n", "")
+    same("here.png", "there.png")
+    code, _, err = run("sweep", "b.scene", "--set", "size=0.2..0.6/3", "--cluster", address, "--threads", 2)
+    assert (code, err.splitlines()[-1].split(":")[1]) == (2, " --cluster and --threads exclude each other")
+
+
 def test_frames_that_are_there_are_kept(address: str) -> None:
     assert run("render", "a.scene", "-o", "f.##.exr", "--frames", "0..3", "--cluster", address)[0] == 0
     before = {path.name: path.stat().st_mtime_ns for path in Path().glob("f.*.exr")}

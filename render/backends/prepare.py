@@ -15,7 +15,7 @@ from .. import camera
 from ..accel import intersect, scene_bvh
 from ..accel.formula_packets import shadow_rays
 from ..accel.traverse import motion_alpha
-from ..film import film
+from ..film import adaptive_sampling
 from ..geometry.bounds import swept_bounds, world_bounds
 from ..integrator import glossy_lights, no_ray_environment, vertex_lighting, whitted
 from ..jit import compile_process
@@ -130,7 +130,7 @@ def _texture_samples(plan: Plan) -> int:
     if plan["backend"] == "raster" and plan["raster.shading"] == "pixel":
         return 1
     settled = plan["error"] == 0.0 and np.isinf(plan["budget"])
-    return int(plan["samples"]) if settled else min(int(plan["samples"]), film.FIRST)
+    return int(plan["samples"]) if settled else min(int(plan["samples"]), adaptive_sampling.first_samples(plan["error"]))
 
 
 def _prepare_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame, general: bool) -> Prepared:

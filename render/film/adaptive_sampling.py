@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 Map = NDArray[np.float64]
 Counts = NDArray[np.int64]
 
+FIRST = ((0.2, 2), (0.04, 4), (0.0, 16))  # (least error asked for, samples a pixel before the first estimate)
 MOST_DOUBLINGS = 2  # of a pixel in a round: an estimate from n samples serves up to 4 n
 ALONE = 16.0  # factor of its neighbors' mean from which a pixel's own variance counts
 LEFT = 0.4  # share of a pixel's variance after a doubling: half for independent samples, less for Sobol points
@@ -28,7 +29,12 @@ _PLACES = 512
 
 BEYOND = 0.05  # share of the target's square by which a round overshoots, to avoid many small last rounds
 SELECTION = 1.1  # factor of an error whose pixels were selected: those that seem better than they are get too few samples
-CONFIDENCE = 2.0  # standard deviations between the estimate and the target
+CONFIDENCE = 1.0  # standard deviations between the estimate and the target
+
+
+def first_samples(error: float) -> int:
+    """Samples a pixel before the first estimate of the error, by the one asked for; 0 for none."""
+    return next(samples for least, samples in FIRST if error >= least)
 
 
 def doublings_for_error(relative: Map, samples: Counts, most: int, share: float) -> Counts:
@@ -145,14 +151,16 @@ class Decline:
     With V ∝ n⁻ᵖ the first is 2ᵖ - 1 times the second. p is 1 for independent samples and 3/2 across an edge. Successive doublings of the
     same pixels measure it, separately for each level of samples: pixels with the most samples are those where nets help least. The pixels
     are chosen by their neighbors (see `smoothed`), without which chance would raise p. Pixels with a stray bright sample are chosen by
-    themselves, and fall to a quarter for any p: so only half of the excess over 1 counts.
+    themselves, and fall to a quarter for any p: so only half of the excess over 1 counts, from the level on where pixels are chosen.
     """
 
     STEEPEST = 1.5
     BELIEVED = 0.5
     LEVELS = 32  # octaves of the number of samples
 
-    def __init__(self) -> None:
+    def __init__(self, chosen_from: int = LEVELS) -> None:
+        """`chosen_from`: first level of samples that only some pixels have."""
+        self._believed = np.where(np.arange(self.LEVELS) < chosen_from, 1.0, self.BELIEVED)
         self._shown: dict[Any, Map] = {}
 
     def of(self, tile: Any) -> Map:
@@ -164,7 +172,7 @@ class Decline:
         before, after = np.sum([np.zeros((self.LEVELS, 2)), *(self._shown[tile] for tile in sorted(self._shown))], axis=0).T
         known = (after > 0.0) & (before > after)
         slope = np.log2(np.divide(before, after, out=np.ones_like(before), where=known), where=known, out=np.ones_like(before))
-        return 1.0 / (2.0 ** (1.0 + self.BELIEVED * (np.clip(slope, 1.0, self.STEEPEST) - 1.0)) - 1.0)
+        return 1.0 / (2.0 ** (1.0 + self._believed * (np.clip(slope, 1.0, self.STEEPEST) - 1.0)) - 1.0)
 
 
 def expected_samples(rounds: Sequence[tuple[int, float]], excess: float) -> float:

@@ -25,7 +25,6 @@ from .progress import Picture, Progress, Report
 from .remote import Remote
 
 TILE = 32  # pixels
-FIRST = 16  # samples a pixel before the first error estimate
 CALL = 64  # samples a pixel of a tile between checks for cancellation and deadline
 
 ESTIMATE = 2.0  # seconds between estimates of the error for callers
@@ -100,14 +99,16 @@ class Canvas:
         several = (self.height, self.width, 3) if self.most > 1 else (0, 0, 3)  # one sample has no error estimate
         self.differences = np.full(several, np.inf, np.float32)  # of halves, their squares the variance of means; inf after one batch
         self.samples = np.zeros((self.height, self.width), np.int64 if self.most > 1 else np.int8)
-        self.decline = adaptive_sampling.Decline()
+        self.first = min(adaptive_sampling.first_samples(plan["error"]), self.most)
+        adaptive = decision.adaptive(plan)
+        self.decline = adaptive_sampling.Decline(self.first.bit_length()) if adaptive else adaptive_sampling.Decline()
         self.least = 0.0  # ε², after the first round
         self.tiles = tiles(self.crop, renderer.side)
         self.issues = dict.fromkeys(self.tiles, 0)
         self.drawn = dict.fromkeys(self.tiles, 0)  # samples of all pixels
         self.spent = 0  # samples of all finished tiles
         self._local = threading.local()
-        self.settled = not decision.adaptive(plan)
+        self.settled = not adaptive
         self.limit = self.most if decision.by_default(plan) else 0
         self.error: float | None = None  # √relMSE so far, for `report`
         self.estimate_at = time.perf_counter() + ESTIMATE
@@ -200,19 +201,18 @@ class Canvas:
     def adaptive(self, error: float, deadline: float) -> None:
         """Render in rounds; the pixels of greatest benefit get two or four times their samples."""
         whole_sums = self.sums = self.sums or PixelSums.zeros(self.height, self.width)
-        first = min(FIRST, self.most)
         began = time.perf_counter()
 
         whole = math.inf  # samples at the end, unknown before the first estimate
         rounds = [(int(spent), float(mean)) for spent, mean in self.round.get("rounds", [])]  # samples, mean of `relative`
         started = self.round.get("goals")  # of a round that a checkpoint interrupted
         if started is None:
-            self._refresh(first * whole_sums.samples.size)
+            self._refresh(self.first * whole_sums.samples.size)
 
         def share() -> float:
             return max(self.spent / whole, (time.perf_counter() - began) / (deadline - began))
 
-        self._begin(first, deadline, share)
+        self._begin(self.first, deadline, share)
         blocks = adaptive_sampling.Blocks(self.crop, self.renderer.block)
         while self.most > 1 and not self.cancel.is_set() and (now := time.perf_counter()) < deadline:
             again = started is not None
@@ -247,8 +247,8 @@ class Canvas:
             self._work(draw, more, share)
 
     def _begin(self, first: int, deadline: float, share: Callable[[], float]) -> None:
-        """Render all tiles with half of the `first` samples and with all, the fewest that have an error estimate."""
-        goals = sorted({-(-first // 2), first})
+        """Render all tiles with the `first` samples by two doublings: one measures the error, two its decline."""
+        goals = sorted({-(-first // 4), -(-first // 2), first})
         if self.progressive and self.renderer.round is None:
             self._preview(goals[0])
         for some in [[goal] for goal in goals] if self.progressive else [goals]:
@@ -257,7 +257,7 @@ class Canvas:
                 assert self.sums is not None
                 part = self.sums.window(self._window(tile))
                 for goal in some:
-                    if goal == first and time.perf_counter() > deadline:
+                    if goal > goals[0] and time.perf_counter() > deadline:
                         break
                     if self.drawn[tile] < goal * part.samples.size:
                         self._draw(tile, part, np.full(part.samples.shape, goal))

@@ -21,7 +21,6 @@ from ..image.cryptomatte import Mattes
 from ..jit import thread_pool
 from ..simd import target
 from ..types import Film, FirstHits, Tile, View
-from .canvas import FIRST as FIRST
 from .canvas import TILE as TILE
 from .canvas import Canvas, draw_auxiliary
 from .canvas import tiles as tiles

@@ -14,7 +14,8 @@ from .harness import Effort
 
 NAMES = ("rays", "build", "paths", "raster", "formulas", "edits", "start", "threads", "procedural", "live", "imports", "cluster")
 SECTION_PARTS = {  # parts that can be measured separately
-    "paths": ("cornell", "knot", "lamps", "glossy", "glass", "interior"), "formulas": ("512", "1024", "povray"), "start": ("waits",),
+    "paths": ("cornell", "knot", "lamps", "glossy", "glass", "interior", "daylight", "evening", "door"),
+    "formulas": ("512", "1024", "povray"), "start": ("waits",),
     "live": ("edits", "orbit", "refined"),
 }  # fmt: skip
 CORES = {"threads": 2, "start": 2, "live": 2, "cluster": 2}  # of a benchmark; one by default

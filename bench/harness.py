@@ -37,10 +37,15 @@ class Seconds:
 Clock = Callable[[], Seconds]
 
 
+RUNNING: list[Callable[[], float]] = []
+"""Each gives the CPU seconds so far of a child process that answers requests."""
+
+
 def clock() -> Seconds:
-    """The current CPU seconds of this process and of finished children, and wall seconds."""
+    """The current CPU seconds of this process, of finished children and of those in RUNNING, and wall seconds."""
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return Seconds(time.process_time() + children.ru_utime + children.ru_stime, time.perf_counter())
+    running = sum(spent() for spent in RUNNING)
+    return Seconds(time.process_time() + children.ru_utime + children.ru_stime + running, time.perf_counter())
 
 
 def timed(work: Callable[[], Any], now: Clock = clock) -> tuple[Any, Seconds]:

@@ -13,6 +13,7 @@ import numpy as np
 from .. import load
 from ..compiler import ir
 from ..compiler.exporters.mitsuba import scene as mitsuba_scene
+from ..compiler.exporters.usd import scene as usd_scene
 from ..compiler.plan import plan
 from ..render.tessellation import scene_meshes
 from . import meshes
@@ -20,12 +21,16 @@ from . import meshes
 
 @dataclass(frozen=True)
 class Setting:
-    """A scene. `swaps` are patterns of the exported XML and their replacements, each for the first match."""
+    """A scene. `swaps` are patterns of the exported XML and their replacements, each for the first match.
+
+    `stage` is the USD file that a room was read from. Peers shade its materials and lights in their own ways: answers differ.
+    """
 
     title: str
     scene: ir.Scene
     depth: int
     swaps: tuple[tuple[str, str], ...] = ()
+    stage: Path | None = None
 
     def decide(self, size: int, samples: int | None, seed: int, error: float | None = None) -> tuple[ir.Scene, plan.Plan]:
         """The scene, and the plan of a square picture on one thread."""
@@ -56,6 +61,7 @@ def _setting(folder: Path, name: str, title: str, text: str, depth: int, swaps: 
     return Setting(title, load(path), depth, swaps)
 
 
+EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 _PRINCIPLED = r' *<bsdf type="principled">.*?</bsdf>\n'  # Mitsuba's own is slower than its rough conductor
 _ROUGH = """        <bsdf type="roughconductor">
             <string name="material" value="none"/>
@@ -144,6 +150,19 @@ def interior(folder: Path, quick: bool = False) -> Setting:
     return _setting(folder, "interior", f"An interior of {len(mesh.triangles):,} triangles", text, 6)
 
 
+def _room(name: str, title: str, depth: int) -> Callable[[Path, bool], Setting]:
+    """A room of the examples, as the USD stage that our exporter makes of it, so that all renderers draw the same shapes."""
+
+    def made(folder: Path, _quick: bool = False) -> Setting:
+        scene = load(EXAMPLES / f"{name}.scene")
+        decided = plan.make_plan(scene, ir.Settings(size=(128, 128)))
+        stage = folder / f"{name}.usdc"
+        usd_scene.write(scene, decided, name, stage.suffix, scene_meshes.make_converters(scene, None)).save(stage)
+        return Setting(title, load(stage), depth, (), stage)
+
+    return made
+
+
 def write_sky(path: Path) -> None:
     """A latitude-longitude picture: blue above, brown below, a small sun."""
     import OpenImageIO as oiio
@@ -159,4 +178,9 @@ def write_sky(path: Path) -> None:
     out.close()
 
 
-SETTINGS: dict[str, Callable[[Path, bool], Setting]] = {"lamps": lamps, "glossy": glossy, "glass": glass, "interior": interior}
+SETTINGS: dict[str, Callable[[Path, bool], Setting]] = {
+    "lamps": lamps, "glossy": glossy, "glass": glass, "interior": interior,
+    "daylight": _room("daylight", "A room by a window, with sun", 10),
+    "evening": _room("evening", "A lamp in a shade", 10),
+    "door": _room("door", "Light by a door ajar", 10),
+}  # fmt: skip

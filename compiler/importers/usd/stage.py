@@ -218,9 +218,19 @@ def open_(
         code = Usd.TimeCode(_near_whole(stage.GetStartTimeCode() + seconds * stage.GetTimeCodesPerSecond()))
     if time is not None:
         code = Usd.TimeCode(time)
-    frame = Z_UP if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z else np.eye(4)
+    frame = Z_UP if _up_axis(stage, diagnostics, whole) == UsdGeom.Tokens.z else np.eye(4)
     meters = UsdGeom.GetStageMetersPerUnit(stage)
     return Opened(stage, path, name, code, frame, meters if meters > 0 else 1.0)
+
+
+def _up_axis(stage: Any, diagnostics: Diagnostics, span: Span) -> Any:
+    """The up axis of a stage; the default in place of a string, which usd-core refuses."""
+    try:
+        return UsdGeom.GetStageUpAxis(stage)
+    except Tf.ErrorException:
+        stage.GetRootLayer().pseudoRoot.ClearInfo("upAxis")
+        diagnostics.warning("the value of `upAxis` has another type: its default is used", span)
+        return UsdGeom.GetStageUpAxis(stage)
 
 
 def _open(path: Path, options: StageOptions, diagnostics: Diagnostics, span: Span) -> Any:

@@ -45,7 +45,7 @@ def _fault(data: bytes | mmap.mmap) -> str:
         if count > len(data) // 32:
             return "its table of contents is longer than the file"
         rows = [struct.unpack_from("<16sQQ", data, toc + 8 + 32 * k) for k in range(count)]
-        found = {name.rstrip(b"\0").decode("ascii", "replace"): data[start : start + size] for name, start, size in rows}
+        found = {name.partition(b"\0")[0].decode("ascii", "replace"): data[start : start + size] for name, start, size in rows[::-1]}
         for name, section in found.items():
             (items,) = struct.unpack_from("<Q", section)
             most = len(section) // 4 if name == "STRINGS" else len(section) * _LZ4 * (1 if name == "TOKENS" else _PACKED)
@@ -54,7 +54,9 @@ def _fault(data: bytes | mmap.mmap) -> str:
         if not _is_tree(_column(found["PATHS"], 8, 2)):
             return "its paths are no tree"
         return "" if (_column(found["SPECS"], 0, 2) >= 0).all() else "the types of its specs are damaged"
-    except (struct.error, KeyError, IndexError, OverflowError):
+    except IndexError:
+        return "its paths or specs are damaged"
+    except (struct.error, KeyError, OverflowError):
         return ""  # usd-core reports it
 
 
@@ -107,17 +109,18 @@ def _length(block: bytes, at: int, length: int) -> tuple[int, int]:
 
 
 def _integers(raw: bytes, count: int) -> np.ndarray:
-    """Integers (n,) from their differences: a common one, or one of 1, 2 or 4 bytes, as two bits for each say."""
+    """Integers (n,) from their differences: a common one, or one of 1, 2 or 4 bytes, as two bits for each say. Raises IndexError."""
     given = np.frombuffer(raw, np.uint8)
     if len(given) < 4 + (2 * count + 7) // 8:
-        return np.zeros(0, np.int32)  # usd-core reports it
+        raise IndexError("the codes end early")
     codes = given[4 : 4 + (2 * count + 7) // 8]
     which = (codes[:, None] >> np.array([0, 2, 4, 6], np.uint8) & 3).reshape(-1)[:count]
     sizes = np.array([0, 1, 2, 4])[which]
     starts = 4 + len(codes) + np.cumsum(sizes) - sizes
+    if 4 + len(codes) + sizes.sum() > len(given):
+        raise IndexError("the differences end early")
     steps = np.full(count, np.frombuffer(raw, "<i4", 1)[0], np.int32)
     for code, kind in ((1, np.dtype("<i1")), (2, np.dtype("<i2")), (3, np.dtype("<i4"))):
         rows = np.flatnonzero(which == code)
-        rows = rows[starts[rows] + kind.itemsize <= len(given)]
         steps[rows] = given[starts[rows][:, None] + np.arange(kind.itemsize)].reshape(-1).view(kind)
     return np.cumsum(steps, dtype=np.int32)

@@ -43,9 +43,10 @@ class Variant(NamedTuple):
     overrides: dict[str, str] | None = None  # of the plan
 
 
+_ALONE = {"transport.path_reuse": "none"}
 VARIANTS = {
-    "paths of formulas": Variant(_FORMULA.format(_SHINY) + _AREA, {"bounces": 2}),
-    "paths": Variant(_BALL.format(_SHINY) + _AREA, {"bounces": 2}),
+    "paths of formulas": Variant(_FORMULA.format(_SHINY) + _AREA, {"bounces": 2}, _ALONE),
+    "paths": Variant(_BALL.format(_SHINY) + _AREA, {"bounces": 2}, _ALONE),
     "photons": Variant(_BALL.format(_GLASS) + _AREA, {"bounces": 4}),
     "photons of formulas": Variant(_FORMULA.format(_GLASS) + _AREA, {"bounces": 4}),
     "photons of meshes and formulas": Variant(_FORMULA.format(_GLASS) + _MESH_ALONE + "sun(from: [1, 1, 0])\n" + _SKY, {"bounces": 4}),

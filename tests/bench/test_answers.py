@@ -145,9 +145,9 @@ def test_errors_do_not_hold_the_noise_of_their_reference() -> None:
     reference = paths.Reference.of(RNG.normal(1.0, sigma, (4, size, size, 3)))
     picture = RNG.normal(1.0, sigma, (size, size, 3))
     plain = paths.metrics.root_relmse(picture, reference.mean)
-    assert reference.noise / plain**2 == pytest.approx(0.2, rel=0.05)
-    assert reference.error(picture) == pytest.approx(sigma * (1.0 + 1.5 * sigma**2 / 4.0), rel=0.02)
-    assert reference.error(reference.mean) == 0.0
+    assert reference.noise[0] / plain**2 == pytest.approx(0.2, rel=0.05)
+    assert reference.errors(picture)[0] == pytest.approx(sigma * (1.0 + 1.5 * sigma**2 / 4.0), rel=0.02)
+    assert reference.errors(reference.mean)[0] == 0.0
 
 
 def test_means_that_differ_are_refused() -> None:

@@ -18,7 +18,7 @@ from ..jit import thread_pool
 from ..jit.packed_struct import Handle
 from ..light import lights, sky_openings
 from ..light.sky_openings import FACES, SIDE
-from ..types import Film, Frame, Lens, Tile, View
+from ..types import ClippingPlanes, Film, Frame, Lens, Tile, View
 
 SHARE = 0.85  # of samples that aim at openings; the others find openings that no panorama saw
 PLACES = 48  # about so many panoramas
@@ -115,10 +115,11 @@ def _draw(
     first, count = np.zeros((HEIGHT, WIDTH), np.int64), np.ones((HEIGHT, WIDTH), np.int64)
     options, local = frame.options._replace(bounces=0), threading.local()
     drawn = wavefront.draw_tile_in_blocks if reuses else wavefront.draw_tile
+    unclipped = frame.lens.planes._replace(count=0) if isinstance(frame.lens.planes, ClippingPlanes) else frame.lens.planes
 
     def draw(place: int) -> None:
         seed = int(np.random.default_rng([SEED, options.seed & 0xFFFFFFFF, place]).integers(1 << 31))
-        view, lens = View(place, WIDTH, HEIGHT), Lens(camera.PANORAMA)
+        view, lens = View(place, WIDTH, HEIGHT), Lens(camera.PANORAMA, planes=unclipped)
         made = Handle(frame._replace(picture=view, options=options._replace(seed=seed), order=-1, lens=lens))
         film = Film(np.zeros((HEIGHT, WIDTH, 3)), np.zeros((HEIGHT, WIDTH)), np.zeros((HEIGHT, WIDTH), np.int64))
         if not hasattr(local, "memory"):

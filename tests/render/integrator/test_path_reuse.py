@@ -180,7 +180,7 @@ def test_under_a_sky_rooms_alone_share_paths(tmp_path):
     inside = decided(SUNLIT + "render(bounces: 3)\n")
     assert inside["indoors"]
     assert inside["transport.path_reuse"] == "blocks"
-    ground = "plane([0, 1, 0], 0, material: lambert(0.5))\nsphere(0.5, center: [0, 0.5, 0])\nsky()\n"
+    ground = "plane(y: 0, material: lambert(0.5))\nsphere(0.5, center: [0, 0.5, 0])\nsky()\n"
     outside = decided(ground + "camera(position: [0, 1, 4])\nrender(bounces: 3)\n")
     assert not outside["indoors"]
     assert outside.decisions["indoors"].reason == "places around the camera see the sky in 50 % of all directions"

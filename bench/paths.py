@@ -32,7 +32,7 @@ The Cornell box as Mitsuba's `cornell_box()` has it, its lamp made black, and th
 place of the two blocks. Path tracing to depth 8 (the lamp seen counts as 1), box filter, 32-bit colours, one thread. Scenes are loaded and
 trees built before. *Rate* is a picture of 256² with 16 samples a pixel. *Error* is √relMSE of a picture of 128² against the mean of long
 runs of the same renderer with other seeds, less what those runs' own noise adds; the long runs of both must agree, block by block, within
-what their own seeds differ. *Asked for* is what `--error` takes, where pixels take as many samples as they need (16 at least), beside what
+what their own seeds differ. *Asked for* is what `--error` takes, where pixels take as many samples as they need (from 2), beside what
 Mitsuba takes to the error that the picture has. Mitsuba: the `path` integrator and its independent sampler, in llvm mode, and for the rate
 also in scalar mode.
 

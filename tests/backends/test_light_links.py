@@ -27,7 +27,7 @@ LIGHTS = {
     "dome": "dome(pattern: |x, y, z| 1 + 8 * max(y, 0)^8LINK)",
 }
 SOME, OTHERS = ', receivers: ["left", "small"]', ', receivers: ["!left", "!small"]'
-NO_PHOTONS = {"transport.caustics": "paths"}  # as in scenes with links
+ALONE = {"transport.caustics": "paths", "transport.path_reuse": "none"}  # as in scenes with links
 
 each_light = pytest.mark.parametrize("light", LIGHTS)
 
@@ -58,7 +58,7 @@ def test_complementary_receivers_sum_to_the_whole(draw, light):
 @each_light
 def test_complementary_receivers_of_paths_sum_to_the_whole(trace, tracer, light):
     """Light and BSDF samples of one light keep their weights: their sum over both sets is exact, sample by sample."""
-    sums(trace, light, ROUGH, bounces=3, plan=NO_PHOTONS if tracer == "ray" else None)
+    sums(trace, light, ROUGH, bounces=3, plan=ALONE if tracer == "ray" else None)
 
 
 @each_light

@@ -109,6 +109,7 @@ class Canvas:
         self.spent = 0  # samples of all finished tiles
         self._local = threading.local()
         self.settled = not adaptive
+        self.reuses = renderer.block > 1
         self.limit = self.most if decision.by_default(plan) else 0
         self.error: float | None = None  # √relMSE so far, for `report`
         self.estimate_at = time.perf_counter() + ESTIMATE
@@ -421,6 +422,8 @@ class Canvas:
             few = max(relative.size // 1000, 1)
             sparse = float(np.sum(np.partition(relative, -few, axis=None)[-few:]) / max(np.sum(relative), 1e-300))
         self.error = error
+        if self.reuses:  # samples of path reuse may be negative; few pixels of few samples are
+            np.maximum(self.channels["rgba"][..., :3], 0.0, out=self.channels["rgba"][..., :3])
         if not partial:
             self._report(1.0)
         rays = int(self.samples.sum() if self.most > 1 else np.count_nonzero(self.samples))

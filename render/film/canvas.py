@@ -139,6 +139,8 @@ class Canvas:
                 part = PixelSums.zeros(tile.y1 - tile.y0, tile.x1 - tile.x0)
                 for goal in goals:
                     self._draw(tile, part, np.full(part.samples.shape, goal))
+                    if part.samples.min() < goal:
+                        break  # cancelled: all samples in one batch would tell no error
             self._draw_extras(tile)
 
         whole = self.most * self.width * self.height
@@ -262,6 +264,8 @@ class Canvas:
                         break
                     if self.drawn[tile] < goal * part.samples.size:
                         self._draw(tile, part, np.full(part.samples.shape, goal))
+                    if part.samples.min() < goal:
+                        break
                 if first in some:
                     self._draw_extras(tile)
 

@@ -29,7 +29,7 @@ _PLACES = 512
 
 BEYOND = 0.05  # share of the target's square by which a round overshoots, to avoid many small last rounds
 SELECTION = 1.1  # factor of an error whose pixels were selected: those that seem better than they are get too few samples
-CONFIDENCE = 1.0  # standard deviations between the estimate and the target
+CONFIDENCE = 1.5  # standard deviations between the estimate and the target
 
 
 def first_samples(error: float) -> int:

@@ -158,8 +158,8 @@ class Decline:
     BELIEVED = 0.5
     LEVELS = 32  # octaves of the number of samples
 
-    def __init__(self, chosen_from: int = LEVELS) -> None:
-        """`chosen_from`: first level of samples that only some pixels have."""
+    def __init__(self, chosen_from: int = 0) -> None:
+        """`chosen_from`: first level of samples whose excess over 1 counts half; 0 for pictures of fixed samples."""
         self._believed = np.where(np.arange(self.LEVELS) < chosen_from, 1.0, self.BELIEVED)
         self._shown: dict[Any, Map] = {}
 

@@ -101,7 +101,7 @@ class Canvas:
         self.samples = np.zeros((self.height, self.width), np.int64 if self.most > 1 else np.int8)
         self.first = min(adaptive_sampling.first_samples(plan["error"]), self.most)
         adaptive = decision.adaptive(plan)
-        self.decline = adaptive_sampling.Decline(self.first.bit_length()) if adaptive else adaptive_sampling.Decline()
+        self.decline = adaptive_sampling.Decline(self.first.bit_length() if adaptive else 0)
         self.least = 0.0  # ε², after the first round
         self.tiles = tiles(self.crop, renderer.side)
         self.issues = dict.fromkeys(self.tiles, 0)

@@ -22,9 +22,9 @@ from ..types import Hit, Lane, Options, Surface, Tables, Vec, VertexLight
 from . import gouraud, photon_map
 from .light_sampling import facing, sample_direct
 from .path_emission import emitted_radiance
-from .path_state import GATHERED, LIT, Connection, NoVertices, PathInputs, PathSample, PathState, numbers
+from .path_state import GATHERED, LIT, Connection, NoVertices, PathInputs, PathSample, PathState, Vertex, numbers
 from .photon_coverage import photon_covers_lobe
-from .records import ShadingContext, Vertex
+from .records import ShadingContext
 
 END_FROM = 3  # surfaces before Russian roulette begins
 MOST_GOING = 0.95  # greatest probability to go on

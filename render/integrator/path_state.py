@@ -9,10 +9,12 @@ from ..jit.kernel import helper
 from ..lanes import ops
 from ..light.emitter_table import Emitters
 from ..material import principled, rough_dielectric
+from ..material.bsdf import Scattered
 from ..material.shader import ONLY, Uses
 from ..sampling import sobol
 from ..types import Lane, Vec
 from . import photon_map
+from .records import ShadingContext
 
 CAMERA_RAY = int(ir.Visibility.CAMERA)
 OTHER_RAY = int(ir.Visibility.REFLECTION)
@@ -59,6 +61,13 @@ class Connection(NamedTuple):
     wanted: Lane  # bool
     share: Any = None  # π f cos of the BSDF towards it
     blockers: Any = None  # mask of the instances that block it, see links.Links; None in scenes without links
+
+
+class Vertex(NamedTuple):
+    """A surface of a path with the BSDF sample that goes on from it."""
+
+    shading: ShadingContext
+    scattered: Scattered
 
 
 class NoVertices(NamedTuple):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ..material.bsdf import Scattered
 from ..material.shader import Shader
 from ..types import Lane, Options, Surface, Tables, Vec, VertexLight
 
@@ -33,13 +32,6 @@ class ShadingContext(NamedTuple):
     shader: Shader
     viewer: Vec  # unit, against the ray
     inside: Any  # medium stack of the ray; None in scenes without media
-
-
-class Vertex(NamedTuple):
-    """A surface of a path with the BSDF sample that goes on from it."""
-
-    shading: ShadingContext
-    scattered: Scattered
 
 
 class RayState(NamedTuple):

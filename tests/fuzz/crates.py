@@ -10,6 +10,8 @@ import struct
 from dataclasses import dataclass, replace
 from typing import Any
 
+from maquette.compiler.importers.usd.layers import crate_check
+
 _TOC = 16  # the place of the offset of the table of contents
 _NUMBERS = ("fields", "fieldsets", "paths", "elements", "jumps", "spec_paths", "spec_fields", "spec_types", "strings")
 _NAMES = (b"", b"\xff\xfe", b"a/b", b"..", b".x", b"{a=b}", b"[..]", b"x" * 5000)
@@ -36,31 +38,6 @@ class Crate:
 
 
 # --- compression: LZ4 blocks (github.com/lz4/lz4/blob/dev/doc/lz4_Block_format.md), and differences of integers in one to four bytes -----
-
-
-def _length(data: bytes, at: int, length: int) -> tuple[int, int]:
-    while length >= 15:
-        length, at = length + data[at], at + 1
-        if data[at - 1] != 255:
-            break
-    return length, at
-
-
-def _decompress(data: bytes) -> bytes:
-    assert data[0] == 0  # one block
-    made, at = bytearray(), 1
-    while at < len(data):
-        kinds, at = data[at], at + 1
-        length, at = _length(data, at, kinds >> 4)
-        made += data[at : at + length]
-        at += length
-        if at >= len(data):
-            break
-        back = int.from_bytes(data[at : at + 2], "little")
-        length, at = _length(data, at + 2, kinds & 15)
-        for _ in range(length + 4):
-            made.append(made[-back])
-    return bytes(made)
 
 
 def _compress(data: bytes) -> bytes:
@@ -108,7 +85,7 @@ class _Section:
     def bytes(self) -> bytes:
         size = self.number()
         self._at += size
-        return _decompress(self._data[self._at - size : self._at])
+        return crate_check.decompressed(self._data[self._at - size : self._at])
 
     def integers(self, count: int) -> list[int]:
         return _integers(self.bytes(), count)

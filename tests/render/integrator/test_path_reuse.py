@@ -53,6 +53,18 @@ def draw(tmp_path):
     return run
 
 
+def compared(draw, text, seeds, **settings):
+    """(means of 8 × 8 pixels with path reuse, those without, z of their difference): (seeds, 4, 4, 3) twice and (4, 4, 3)."""
+
+    def runs(how, first):
+        pictures = np.stack([draw(text, seed=first + k, transport_path_reuse=how, **settings) for k in range(seeds)])
+        return pictures.reshape(seeds, 4, 8, 4, 8, 3).mean(axis=(2, 4))
+
+    shared, alone = runs("blocks", 1), runs("none", 101)
+    variance = (shared.var(axis=0, ddof=1) + alone.var(axis=0, ddof=1)) / seeds
+    return shared, alone, (shared.mean(axis=0) - alone.mean(axis=0)) / np.sqrt(variance)
+
+
 @pytest.mark.parametrize("precision", ["float32", "float64"])
 @pytest.mark.parametrize("more", ["", TORUS], ids=["pieces", "tree"])
 @pytest.mark.parametrize("lamp", LAMPS)
@@ -60,13 +72,7 @@ def test_it_is_the_light_that_each_pixel_finds_for_itself(draw, lamp, more, prec
     """The means of blocks of the picture, by z."""
     text = ROOM + more + LAMPS[lamp] + "render(bounces: 3)\n"
 
-    def runs(how, first):
-        pictures = np.stack([draw(text, seed=first + k, precision=precision, transport_path_reuse=how) for k in range(8)])
-        return pictures.reshape(8, 4, 8, 4, 8, 3).mean(axis=(2, 4))
-
-    shared, alone = runs("blocks", 1), runs("none", 101)
-    variance = (shared.var(axis=0, ddof=1) + alone.var(axis=0, ddof=1)) / 8
-    z = (shared.mean(axis=0) - alone.mean(axis=0)) / np.sqrt(variance)
+    shared, alone, z = compared(draw, text, 8, precision=precision)
     assert np.mean(z**2) < 1.9  # 1.17 for 14 degrees of freedom
     assert abs(shared.mean() / alone.mean() - 1.0) < 0.01
 
@@ -88,13 +94,7 @@ def test_surfaces_of_all_kinds_keep_their_light(draw):
     """Highlights, coats, sheen, metal, glass, mirrors and bumps, which share nothing or their diffuse lobe alone."""
     text = SUNLIT + SURFACES + LAMPS["rectangle"] + "render(bounces: 3)\n"
 
-    def runs(how, first):
-        pictures = np.stack([draw(text, seed=first + k, transport_path_reuse=how, indoors="on") for k in range(12)])
-        return pictures.reshape(12, 4, 8, 4, 8, 3).mean(axis=(2, 4))
-
-    shared, alone = runs("blocks", 1), runs("none", 101)
-    variance = (shared.var(axis=0, ddof=1) + alone.var(axis=0, ddof=1)) / 12
-    z = (shared.mean(axis=0) - alone.mean(axis=0)) / np.sqrt(variance)
+    shared, alone, z = compared(draw, text, 12, indoors="on")
     assert np.mean(z**2) < 1.8  # 1.10 for 22 degrees of freedom
     assert abs(shared.mean() / alone.mean() - 1.0) < 0.02
     assert np.median(shared.var(axis=0, ddof=1) / alone.var(axis=0, ddof=1)) < 1.0

@@ -1,6 +1,6 @@
-"""Refuses damaged `.usdc` files that usd-core does not: numbers of items beyond the file, paths that are no tree, specs without a type.
+"""Checks `.usdc` files before usd-core opens them: counts that exceed the file, paths that are no tree, and specs without a type.
 
-It would take gigabytes, minutes, or end the process.
+Such a file would make usd-core take gigabytes or minutes, or end the process.
 
 The crate format: pxr/usd/sdf/crateFile.h of OpenUSD. LZ4 blocks: github.com/lz4/lz4, doc/lz4_Block_format.md.
 """
@@ -67,7 +67,7 @@ def _column(section: bytes, at: int, before: int) -> np.ndarray:
     for _ in range(before):
         at += 8 + struct.unpack_from("<Q", section, at)[0]
     (size,) = struct.unpack_from("<Q", section, at)
-    return _integers(_decompressed(section[at + 8 : at + 8 + size]), count)
+    return _integers(decompressed(section[at + 8 : at + 8 + size]), count)
 
 
 def _is_tree(jumps: np.ndarray) -> bool:
@@ -81,7 +81,7 @@ def _is_tree(jumps: np.ndarray) -> bool:
     return bool((np.bincount(reached[reached < len(jumps)], minlength=1) <= 1).all())
 
 
-def _decompressed(block: bytes) -> bytes:
+def decompressed(block: bytes) -> bytes:
     """The bytes of a compressed block. Blocks of several chunks, from 2 GB on, give the first."""
     made, at = bytearray(), 1 if block[0] == 0 else 5
     while at < len(block):

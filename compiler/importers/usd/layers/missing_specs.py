@@ -1,4 +1,4 @@
-"""Leaves out of a damaged layer what its prims list and it does not hold: usd-core ends the process where it reads such a prim spec."""
+"""Removes the names of missing specs from the child lists of a damaged layer, since usd-core ends the process when it reads one."""
 
 # pyright: reportAttributeAccessIssue=false
 # (usd-core creates its modules' names at run time)

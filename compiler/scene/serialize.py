@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import zipfile
-import zlib
 from collections.abc import Mapping
 from dataclasses import asdict, fields, replace
 from pathlib import Path
@@ -16,16 +14,12 @@ import numpy as np
 from ...lang.diagnostics import Diagnostic, SceneError, Span
 from ...lang.elements import ParamInfo
 from .. import ir
+from ..io import array_files
 from ..io.replace_file import replacing
-from ..io.sandbox import size
 
 VERSION = 5
 FORMAT = "maquette ir"
-_DAMAGE = (
-    OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, IndexError, zipfile.BadZipFile, RuntimeError, MemoryError,
-    zlib.error,
-)  # fmt: skip
-MAX_BYTES = 8 << 30  # of all arrays together
+_DAMAGE = (ValueError, KeyError, TypeError, AttributeError, IndexError, RuntimeError, MemoryError)
 
 
 def save(scene: ir.Scene, path: Path | str) -> None:
@@ -55,17 +49,13 @@ def from_arrays(arrays: Mapping[str, np.ndarray]) -> ir.Scene:
 def load(path: Path | str) -> ir.Scene:
     """The scene from a file written by `save`, not validated. Raises SceneError for a damaged or foreign file."""
     try:
-        with zipfile.ZipFile(path) as archive:
-            total = sum(entry.file_size for entry in archive.infolist())
-        if total > MAX_BYTES:
-            raise _refused(path, f"it holds {size(total)}, more than {size(MAX_BYTES)}")
-        with np.load(path, allow_pickle=False) as arrays:
-            return from_arrays(arrays)
+        return from_arrays(array_files.read(path))
     except SceneError as error:
         raise SceneError([replace(d, span=Span(str(path))) for d in error.diagnostics]) from None
-    except _DAMAGE as failure:
-        reason = "it is damaged, or something else" if not isinstance(failure, OSError) or failure.strerror is None else failure.strerror
-        raise _refused(path, reason) from None
+    except array_files.ArrayFileError as fault:
+        raise _refused(path, str(fault)) from None
+    except _DAMAGE:
+        raise _refused(path, "it is damaged, or something else") from None
 
 
 def content_hash(scene: ir.Scene) -> str:

@@ -12,8 +12,6 @@ import json
 import math
 import threading
 import time
-import zipfile
-import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -22,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ...compiler.io import cache_dirs
+from ...compiler.io import array_files, cache_dirs
 from ...compiler.io.replace_file import replacing
 from ...compiler.plan.plan import Plan
 from ...compiler.scene import serialize
@@ -40,7 +38,7 @@ DEFINING_DECISIONS = (
 )  # fmt: skip
 CACHE_BYTES = 1 << 30  # bytes of references on disk; the oldest are deleted
 SAVE_INTERVAL = 30.0  # seconds
-_UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error)
+_UNREADABLE = (ValueError, KeyError, TypeError, array_files.ArrayFileError)
 
 Progress = Callable[[float], None]  # the completed share of the work
 
@@ -109,9 +107,9 @@ def default_folder() -> Path:
 def load(path: Path, shape: tuple[int, int, int]) -> Accumulation | None:
     """An accumulation from disk; None if it is missing, damaged or of another shape."""
     try:
-        with np.load(path, allow_pickle=False) as data:
-            halves = [bias.RunningStats(int(data[f"count{k}"]), data[f"mean{k}"], data[f"squares{k}"]) for k in (0, 1)]
-            samples = int(data["samples"])
+        data = array_files.read(path)
+        halves = [bias.RunningStats(int(data[f"count{k}"]), data[f"mean{k}"], data[f"squares{k}"]) for k in (0, 1)]
+        samples = int(data["samples"])
     except _UNREADABLE:
         return None
     sound = all(h.mean.shape == h.squares.shape == shape and h.mean.dtype == h.squares.dtype == np.float64 for h in halves)

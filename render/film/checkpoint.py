@@ -10,24 +10,20 @@ import functools
 import hashlib
 import json
 import time
-import zipfile
-import zlib
 from collections.abc import Callable, Iterator
-from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...compiler import ir
+from ...compiler.io import array_files
 from ...compiler.io.replace_file import replacing
 from ...compiler.plan.plan import Plan
 
 FORMAT = 1
 SHARE = 0.02  # most of the time that writing may take
-_DAMAGE = (
-    OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error,
-)  # fmt: skip
+_DAMAGE = (ValueError, KeyError, TypeError, AttributeError, RuntimeError, MemoryError, array_files.ArrayFileError)
 FREE = ("threads", "budget")  # decisions that a resumed render may change
 
 
@@ -96,8 +92,7 @@ def save(file: Any, key: str, state: State) -> None:
 def load(path: Path, key: str) -> State | None:
     """The state in a file; None where there is none, it is damaged, or it is of another picture."""
     try:
-        with np.load(BytesIO(path.read_bytes()), allow_pickle=False) as found:
-            arrays = {name: found[name] for name in found.files}
+        arrays = array_files.read(path)
         numbers = json.loads(arrays.pop("head").tobytes())
         return State(arrays, numbers) if numbers.get("key") == key and numbers.get("format") == FORMAT else None
     except _DAMAGE:

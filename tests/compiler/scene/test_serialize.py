@@ -146,3 +146,10 @@ def test_wrong_columns(saved: tuple[ir.Scene, Path], change: dict[str, object]) 
 def test_nothing_is_unpickled(saved: tuple[ir.Scene, Path]) -> None:
     """An array of objects would run code when read: it is refused."""
     assert reason(rewritten(saved[1], instances__geometry=np.array([print, None], dtype=object))) == DAMAGED
+
+
+def test_a_file_that_grows_when_it_is_read(saved: tuple[ir.Scene, Path]) -> None:
+    """50 kB of zeros, compressed: read, they would take 50 MB."""
+    np.savez_compressed(saved[1], about=np.zeros(50 << 20, np.uint8))
+    size = saved[1].stat().st_size
+    assert reason(saved[1]) == f"cannot read the saved scene: its arrays take 50 MB, and the file has {size / 1024:.3g} kB"

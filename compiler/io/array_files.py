@@ -34,5 +34,5 @@ def read(path: Path | str) -> dict[str, np.ndarray]:
             with np.load(file, allow_pickle=False) as arrays:
                 return {name: arrays[name] for name in arrays.files}
     except _DAMAGE as fault:
-        known = isinstance(fault, OSError) and fault.strerror is not None
-        raise ArrayFileError(str(fault.strerror) if known else "it is damaged, or something else") from None
+        reason = fault.strerror if isinstance(fault, OSError) else None
+        raise ArrayFileError(reason or "it is damaged, or something else") from None

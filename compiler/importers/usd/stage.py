@@ -17,7 +17,7 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdUtils, Vt
 from ....lang.diagnostics import Diagnostics, Span, suggest
 from ...io.sandbox import Files
 from ..stage_options import StageOptions
-from .layers import crate_check, prim_count, repair
+from .layers import prim_count, repair
 
 Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # −90° about x
 MAX_WARNINGS = 20
@@ -239,11 +239,11 @@ def _open(path: Path, options: StageOptions, diagnostics: Diagnostics, span: Spa
     if bad:
         diagnostics.error(f"`{bad[0]}` is no path of a prim", span, "write --mask /World/Chair")
         return None
-    if why := crate_check.fault(path):
+    if why := repair.fault(path):
         diagnostics.error(f"cannot read the stage `{path.name}`: {why}", span)
         return None
     try:
-        root = Sdf.Layer.FindOrOpen(str(path))
+        root = repair.without_excess(path, diagnostics) or Sdf.Layer.FindOrOpen(str(path))
     except Tf.ErrorException:
         root = repair.repaired(path, diagnostics)
         if root is None:

@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 
 IDENTIFIER = b"PXR-USDC"
-_COMPRESSED = (0, 4, 0)  # the version from which sections are compressed
+COMPRESSED = (0, 4, 0)  # the version from which sections are compressed
+_SECTIONS = ("TOKENS", "STRINGS", "FIELDS", "FIELDSETS", "PATHS", "SPECS")
 _LZ4 = 255  # bytes that a byte of an LZ4 block can stand for
 _PACKED = 4  # integers in a byte at most
 
@@ -37,7 +38,7 @@ def fault(path: Path) -> str:
 
 
 def _fault(data: bytes | mmap.mmap) -> str:
-    if data[: len(IDENTIFIER)] != IDENTIFIER or tuple(data[8:11]) < _COMPRESSED:
+    if data[: len(IDENTIFIER)] != IDENTIFIER:
         return ""
     try:
         (toc,) = struct.unpack_from("<Q", data, 16)
@@ -45,22 +46,29 @@ def _fault(data: bytes | mmap.mmap) -> str:
         if count > len(data) // 32:
             return "its table of contents is longer than the file"
         rows = [struct.unpack_from("<16sQQ", data, toc + 8 + 32 * k) for k in range(count)]
-        found = {name.partition(b"\0")[0].decode("ascii", "replace"): data[start : start + size] for name, start, size in rows[::-1]}
-        for name, section in found.items():
+        found = {name.partition(b"\0")[0].decode("ascii", "replace"): (start, size) for name, start, size in rows[::-1]}
+        sections = {name: data[start : start + size] for name, (start, size) in found.items()}
+        for name, section in sections.items():
+            if sum(found[name]) > len(data):
+                return f"its section {name} ends beyond the file"
+            if name not in _SECTIONS:
+                continue
             (items,) = struct.unpack_from("<Q", section)
             most = len(section) // 4 if name == "STRINGS" else len(section) * _LZ4 * (1 if name == "TOKENS" else _PACKED)
             if items > most:
                 return f"its section {name} has fewer than the {items:,} items that it tells"
-        if not _is_tree(_column(found["PATHS"], 8, 2)):
+        if tuple(data[8:11]) < COMPRESSED:
+            return ""
+        if not _is_tree(column(sections["PATHS"], 8, 2)):
             return "its paths are no tree"
-        return "" if (_column(found["SPECS"], 0, 2) >= 0).all() else "the types of its specs are damaged"
+        return "" if (column(sections["SPECS"], 0, 2) >= 0).all() else "the types of its specs are damaged"
     except IndexError:
         return "its paths or specs are damaged"
     except (struct.error, KeyError, OverflowError):
         return ""  # usd-core reports it
 
 
-def _column(section: bytes, at: int, before: int) -> np.ndarray:
+def column(section: bytes, at: int, before: int) -> np.ndarray:
     """Integers (n,) of a section, after some other lists of as many. `at` is the place of their number."""
     (count,) = struct.unpack_from("<Q", section, at)
     at += 8

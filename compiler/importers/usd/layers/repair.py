@@ -15,7 +15,7 @@ from typing import Any
 from pxr import Sdf, Tf
 
 from .....lang.diagnostics import Diagnostics, Span
-from . import crate_check, missing_specs, mtlx_files
+from . import crate_check, crate_values, missing_specs, mtlx_files
 
 MOST = 20  # statements of a layer that may be left out
 _HEADER = "#usda 1.0"
@@ -46,6 +46,8 @@ def clear_metadata(root: Any, diagnostics: Diagnostics) -> None:
             fits = not root.pseudoRoot.HasInfo(name) or isinstance(root.pseudoRoot.GetInfo(name), types)
         except (Tf.ErrorException, TypeError, ValueError):
             fits = False
+        if fits and types is not str and root.pseudoRoot.HasInfo(name):
+            root.pseudoRoot.SetInfo(name, float(root.pseudoRoot.GetInfo(name)))  # usd-core refuses floats of 32 bits
         if not fits:
             root.pseudoRoot.ClearInfo(name)
             diagnostics.warning(f"the value of `{name}` has another type: its default is used", Span(root.GetDisplayName()))
@@ -80,13 +82,34 @@ def _opened(path: str, diagnostics: Diagnostics) -> Any:
     file = Path(path)
     if file.suffix.lower() == ".mtlx":
         return mtlx_files.layer(file, diagnostics) if file.is_file() else None
-    if why := crate_check.fault(file):
+    if why := fault(file):
         diagnostics.warning(f"this layer cannot be read: {why}", Span(file.name))
         return Sdf.Layer.CreateAnonymous(".usda")
     try:
-        return Sdf.Layer.FindOrOpen(path)
+        return without_excess(file, diagnostics) or Sdf.Layer.FindOrOpen(path)
     except Tf.ErrorException:
         return repaired(file, diagnostics)
+
+
+def fault(path: Path) -> str:
+    """Why usd-core must not read a layer; "" for others."""
+    return crate_check.fault(path) or (crate_values.package_fault(path) if path.suffix.lower() == ".usdz" else "")
+
+
+def without_excess(path: Path, diagnostics: Diagnostics) -> Any:
+    """The layer of a crate file without values of too many items, which are named; None without any."""
+    data, left_out = crate_values.read(path)
+    if not data:
+        return None
+    for where, why in left_out[:MOST]:
+        diagnostics.warning(f"the value of `{where}` is left out: {why}", Span(path.name))
+    if len(left_out) > MOST:
+        diagnostics.warning(f"the values of {len(left_out) - MOST:,} more are left out", Span(path.name))
+    with tempfile.TemporaryDirectory() as folder:
+        (copy := Path(folder) / "x.usdc").write_bytes(data)
+        made = _layer(path)
+        made.TransferContent(Sdf.Layer.OpenAsAnonymous(str(copy)))
+    return made
 
 
 def repaired(path: Path, diagnostics: Diagnostics) -> Any:

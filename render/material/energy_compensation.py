@@ -3,7 +3,11 @@
 E(μ, α) = ∫ f cos dω of a GGX highlight with reflectance 1 (Smith's height-correlated shadowing) at cosine μ. B(μ, α) is the same integral
 weighted by Schlick's (1 − cos)⁵, so that a highlight with Schlick's approximation reflects f0 (E − B) + f90 B: the split sum (Karis 2013,
 Real Shading in Unreal Engine 4). Both are integrated over visible normals (Dupuy and Benyoub 2023, Sampling Visible GGX Normals with
-Spherical Caps), which takes about 50 ms, once a process and only in scenes with such materials.
+Spherical Caps), which takes about 150 ms, once a process and only in scenes with such materials.
+
+Light of further bounces leaves in a GGX lobe of its own (`spread_alpha`), with reflectance h(μₒ) h(μᵢ) instead of Fresnel's. The table of
+h solves ∫ f h(μₒ) h(μᵢ) cos dω = 1 − E(μₒ, α) for every μₒ, by symmetric scaling (Sinkhorn and Knopp 1967, Concerning Nonnegative
+Matrices and Doubly Stochastic Matrices). So the lobe returns what one bounce loses, in either direction of light, and is reciprocal.
 
 Energy must not increase. So E and B are upper bounds (`raised`), and their means lower bounds of the tables' means: the tabulated loss is
 below the true one, and compensation returns at most that. It costs 0.03 % of the light.
@@ -25,6 +29,9 @@ COLUMNS = 64  # of directions
 ROWS = 48  # of roughness, by its root √√α
 FIRST = 0.1  # root of the first row: α 10⁻⁴
 MISSED = 1.5e-4  # greatest error of E or B by quadrature and linear interpolation
+SPREAD = 1.15  # root of the roughness α of the lobe of further bounces over the root of the facets': nearest to random walks
+SCALINGS = 40  # iterations for h
+SCALED = 2e-3, 0.025  # greatest relative excess of the lobe of further bounces by linear interpolation; more of polished facets
 ROUNDED = 5e-5  # greatest excess of a mean by linear interpolation between rows
 
 F64 = NDArray[np.float64]
@@ -35,6 +42,7 @@ class Albedo(NamedTuple):
 
     each: F64  # (ROWS · COLUMNS, 4) E and B − (1 − μ)⁵ E of a column, and of the next
     mean: F64  # (ROWS, 4) cosine-weighted means of E and B, standard deviation of B, 0
+    again: F64  # (ROWS · COLUMNS, 4) h of a column and of the next, in this row and in the next
 
 
 @helper
@@ -51,6 +59,29 @@ def directional_albedo(table: Albedo, cosine: Lane, alpha: Lane) -> tuple[Lane, 
     away = 1.0 - cosine
     squared = away * away
     return whole, ops.clip(more + squared * squared * away * whole, 0.0, whole)
+
+
+@helper
+def further_bounces(table: Albedo, cosine: Lane, alpha: Lane) -> Lane:
+    """Return h at a cosine from 0 to 1 and a roughness α: the lobe of further bounces has the reflectance h h."""
+    row, part = row_of(alpha, ROWS)
+    column = column_of(cosine, alpha) * (COLUMNS - 1.0)
+    left = ops.minimum(ops.floor_int(column), COLUMNS - 2)
+    x = column - ops.to_float(left)
+    one, next_, below, last = row_gather.four_at(table.again, row * COLUMNS + left)
+    return ops.lerp(ops.lerp(one, next_, x), ops.lerp(below, last, x), part)
+
+
+@helper
+def spread_alpha(alpha: Lane) -> Lane:
+    """Return the roughness α of the lobe of further bounces."""
+    return ops.minimum(SPREAD * ops.sqrt(alpha), 1.0)
+
+
+@helper
+def escape(alpha: Lane) -> Lane:
+    """Return the mean chance that light leaves the facets after its second or a later bounce; fitted to random walks within 0.01."""
+    return 0.957 - alpha * (0.27 + 0.1 * alpha)
 
 
 @helper
@@ -89,15 +120,36 @@ def table() -> Albedo:
     e = np.minimum(raise_to_bound(e) + MISSED, 1.0)
     b = np.minimum(raise_to_bound(b) + MISSED, (1.0 - grazing) * e)
     each = np.stack([e, b, np.roll(e, -1, 1), np.roll(b, -1, 1)], axis=-1).reshape(-1, 4)
-    nodes, weights = np.polynomial.legendre.leggauss(64)
+    nodes, weights = _legendre(64)
     mu = np.broadcast_to(0.5 * (nodes + 1.0), (ROWS, 64))
     rows = np.repeat(alpha, 64)
-    made = Albedo(np.ascontiguousarray(each), np.zeros((ROWS, 4)))
+    made = Albedo(np.ascontiguousarray(each), np.zeros((ROWS, 4)), _scaling(alpha, cosine, np.maximum(1.0 - e, 0.0)))
     at_nodes = [x.reshape(ROWS, 64) for x in directional_albedo(made, mu.ravel(), rows)]
     mean_e, mean_b, mean_b2 = ((x * mu) @ weights for x in (*at_nodes, at_nodes[1] ** 2))
     deviation = np.sqrt(np.maximum(mean_b2 - mean_b**2, 0.0))
     mean_e, mean_b = mean_e - np.minimum(ROUNDED, 0.05 * (1.0 - mean_e)), np.maximum(mean_b - ROUNDED, 0.0)
     return made._replace(mean=np.ascontiguousarray(np.stack([mean_e, mean_b, deviation, 0.0 * deviation], axis=-1)))
+
+
+def _scaling(alpha: F64, cosine: F64, lost: F64) -> F64:
+    """Return (ROWS · COLUMNS, 4) `Albedo.again`."""
+    sent = np.zeros((ROWS, COLUMNS, COLUMNS))  # what the lobe sends from a column to each
+    for row in range(ROWS):
+        lit, _, out = over_visible_normals(cosine[row], np.full(COLUMNS, spread_alpha(alpha[row])), 16, 12)
+        place = np.asarray(column_of(np.minimum(out, 1.0), alpha[row])) * (COLUMNS - 1.0)
+        left = np.minimum(place.astype(np.int64), COLUMNS - 2)
+        first = np.arange(COLUMNS)[:, None, None] * COLUMNS + left
+        for shift, part in ((0, 1.0 - (place - left)), (1, place - left)):
+            sent[row] += np.bincount((first + shift).ravel(), (lit * part).ravel(), COLUMNS**2).reshape(COLUMNS, COLUMNS)
+    h = np.sqrt(lost)
+    for _ in range(SCALINGS):
+        h = np.sqrt(h * lost / np.maximum((sent @ h[..., None])[..., 0], 1e-12))
+    got = h * (sent @ h[..., None])[..., 0]
+    over = np.max(np.divide(got, lost, out=np.ones_like(got), where=lost > 1e-9), axis=1)
+    margin = SCALED[0] + np.maximum(SCALED[1] - alpha, 0.0)
+    h = h * np.sqrt((1.0 - margin) / np.maximum(over, 1.0))[:, None]
+    below = np.concatenate([h[1:], h[-1:]])
+    return np.ascontiguousarray(np.stack([h, np.roll(h, -1, 1), below, np.roll(below, -1, 1)], axis=-1).reshape(-1, 4))
 
 
 def raise_to_bound(rows: F64) -> F64:
@@ -125,14 +177,25 @@ def cosines(alpha: F64, columns: int) -> F64:
 
 
 def integrals(cosine: Any, alpha: Any, heights: int = 12, turns: int = 8) -> tuple[Any, Any]:
-    """(E, B) by quadrature within 10⁻⁴, of the arrays' common shape.
+    """(E, B) by quadrature within 10⁻⁴, of the arrays' common shape."""
+    lit, away, _ = over_visible_normals(cosine, alpha, heights, turns)
+    return lit.sum(axis=(-2, -1)), (lit * away**5).sum(axis=(-2, -1))
 
-    The domain is the sphere of stretched facet normals, in polar coordinates around the normal. At each azimuth the lit part ends at the
-    slope τ with μ α² τ² = 2 √(1 − μ²) cos φ α τ + μ, so the integrand is smooth at all nodes. Nodes are denser at that end, and behind
-    the viewer, where facets are seen edge on.
+
+@lru_cache
+def _legendre(count: int) -> tuple[F64, F64]:
+    return np.polynomial.legendre.leggauss(count)
+
+
+def over_visible_normals(cosine: Any, alpha: Any, heights: int, turns: int) -> tuple[F64, F64, F64]:
+    """(share of the light sent on, 1 − the facet's cosine, cosine of the reflected direction) at nodes over visible normals.
+
+    The arrays have two more axes than the arguments. The domain is the sphere of stretched facet normals, in polar coordinates around the
+    normal. At each azimuth the lit part ends at the slope τ with μ α² τ² = 2 √(1 − μ²) cos φ α τ + μ, so the integrand is smooth at all
+    nodes. Nodes are denser at that end, and behind the viewer, where facets are seen edge on.
     """
-    nodes, w = np.polynomial.legendre.leggauss(heights)
-    ahead, behind = np.polynomial.legendre.leggauss(turns), np.polynomial.legendre.leggauss(turns - 2)
+    nodes, w = _legendre(heights)
+    ahead, behind = _legendre(turns), _legendre(turns - 2)
     back = 0.5 * (1.0 + behind[0])
     turned = np.cos(0.5 * np.pi * np.concatenate([0.5 * (1.0 + ahead[0]), 1.0 + back * back]))
     turn_weight = np.concatenate([0.25 * ahead[1], 0.5 * back * behind[1]])
@@ -154,4 +217,4 @@ def integrals(cosine: Any, alpha: Any, heights: int = 12, turns: int = 8) -> tup
     weight = end * (w * left) * turn_weight[:, None] * 4.0 * sin * facing / (length + mu)
     lit = weight * (1.0 + near) * out / (near * out + far)
     away = np.clip(1.0 - facing / np.sqrt(size), 0.0, 1.0)
-    return lit.sum(axis=(-2, -1)), (lit * away**5).sum(axis=(-2, -1))
+    return lit, away, out

@@ -4,7 +4,8 @@
   sampled by visible normals (Dupuy and Benyoub 2023, Sampling Visible GGX Normals with Spherical Caps): no sample weighs above 1.
 - Fresnel: Schlick's approximation, for metals minus Lazányi and Szirmay-Kalos' term, which gives the dip before the grazing angle
   (Hoffman 2019, Fresnel Equations Considered Harmful): f0 + (f90 − f0)(1 − c)⁵ − bend c (1 − c)⁶.
-- Multiple scattering between facets is a diffuse lobe (Kulla and Conty 2017, Revisiting Physically Based Shading).
+- Light of further bounces between facets leaves in a wider GGX lobe, which returns what one bounce loses (module energy_compensation). Its
+  colour is that of a geometric series of bounces (Kulla and Conty 2017, Revisiting Physically Based Shading).
 - The base is scaled by the transmission of the highlight both ways: ρ/π (1 − E(μₒ))(1 − E(μᵢ))/(1 − Ē), as in Kelemen and Szirmay-Kalos
   2001. So a white base under any highlight passes the furnace test, and each part is reciprocal.
 - Sheen (module sheen) lies over the highlight and the base; it is evaluated and sampled with the diffuse lobe.
@@ -53,6 +54,7 @@ class Albedos(NamedTuple):
 
     highlight: Vec  # of the highlight, with multiple scattering
     lost: Lane  # 1 − E: energy that single scattering loses
+    again: Lane  # h: the lobe of further bounces has the reflectance h h
     coat: Lane  # of the coat
     sheen: Any  # of sheen of colour 1, or None
 
@@ -121,19 +123,19 @@ def sample_visible_normal(normal: Vec, to_viewer: Vec, alpha: Lane, u: Lane, v: 
 
 
 @helper
-def _multiple_scattering3(lobes: Lobes, mean: Lane) -> Vec:
-    """The multiple-scattering factor: F̄² Ē / (1 − F̄ (1 − Ē)) over its own mean, 1 − Ē."""
-    f0, bend = lobes.f0, lobes.bend
+def _multiple_scattering3(lobes: Lobes) -> Vec:
+    """The share of the lost energy that further bounces return: F̄² c / (1 − F̄ (1 − c)), of the chance c to leave after each."""
+    f0, bend, leaves = lobes.f0, lobes.bend, energy_compensation.escape(lobes.alpha)
     return (
-        _multiple_scattering(f0[0], lobes.f90, bend[0], mean), _multiple_scattering(f0[1], lobes.f90, bend[1], mean),
-        _multiple_scattering(f0[2], lobes.f90, bend[2], mean),
+        _multiple_scattering(f0[0], lobes.f90, bend[0], leaves), _multiple_scattering(f0[1], lobes.f90, bend[1], leaves),
+        _multiple_scattering(f0[2], lobes.f90, bend[2], leaves),
     )  # fmt: skip
 
 
 @helper
-def _multiple_scattering(f0: Lane, f90: Lane, bend: Lane, mean: Lane) -> Lane:
+def _multiple_scattering(f0: Lane, f90: Lane, bend: Lane, leaves: Lane) -> Lane:
     reflected = f0 + (f90 - f0) * (1.0 / 21.0) - bend * (1.0 / 126.0)
-    return reflected * reflected * mean / (1.0 - reflected * (1.0 - mean))
+    return reflected * reflected * leaves / (1.0 - reflected * (1.0 - leaves))
 
 
 @helper
@@ -154,14 +156,14 @@ def directional_albedo(lobes: Lobes, cosine: Lane, bounced: Vec) -> Albedos:
     if ops.any_lane(lobes.coat > 0.0):
         whole, grazing = energy_compensation.directional_albedo(lobes.table, cosine, lobes.coat_alpha)
         coat = lobes.coat * (COAT * (whole - grazing) + grazing)
-    return Albedos(_albedo(lobes, e, b, bounced), 1.0 - e, coat, sheen.albedo_of(lobes.sheen, None, cosine))
+    again = energy_compensation.further_bounces(lobes.table, cosine, lobes.alpha)
+    return Albedos(_albedo(lobes, e, b, bounced), 1.0 - e, again, coat, sheen.albedo_of(lobes.sheen, None, cosine))
 
 
 class Layers(NamedTuple):
     """Hemispherical means of the highlights."""
 
-    mean: Lane  # Ē of the highlight
-    bounced: Vec
+    bounced: Vec  # share of the lost energy that further bounces return
     open: Vec  # mean transmission in and out
 
 
@@ -169,7 +171,7 @@ class Layers(NamedTuple):
 def layers(lobes: Lobes) -> Layers:
     """Return the means of a material's highlights."""
     mean, grazing, deviation = energy_compensation.means(lobes.table, lobes.alpha)
-    bounced = _multiple_scattering3(lobes, mean)
+    bounced = _multiple_scattering3(lobes)
     whole = _albedo(lobes, mean, grazing, bounced)
     one = 1.0 + 0.0 * mean
     passes = ops.sub((one, one, one), whole)
@@ -182,20 +184,18 @@ def layers(lobes: Lobes) -> Layers:
             passes[0] * of_coat + together * (lobes.f90 - f0[0]), passes[1] * of_coat + together * (lobes.f90 - f0[1]),
             passes[2] * of_coat + together * (lobes.f90 - f0[2]),
         )  # fmt: skip
-    return Layers(mean, bounced, passes)
+    return Layers(bounced, passes)
 
 
 @helper
 def diffuse_under_layers(lobes: Lobes, all_: Layers, out: Albedos, into: Albedos) -> Vec:
-    """The diffuse reflectance for two directions: of the base, and of multiple scattering."""
+    """The reflectance of the base for two directions."""
     coats = (1.0 - out.coat) * (1.0 - into.coat)
-    least = 1.0 - ops.maximum(out.coat, into.coat)
-    again = least * out.lost * into.lost / ops.maximum(1.0 - all_.mean, LEAST)
     matt = lobes.base
     return (
-        _matt(matt[0], coats, out.highlight[0], into.highlight[0], all_.open[0]) + all_.bounced[0] * again,
-        _matt(matt[1], coats, out.highlight[1], into.highlight[1], all_.open[1]) + all_.bounced[1] * again,
-        _matt(matt[2], coats, out.highlight[2], into.highlight[2], all_.open[2]) + all_.bounced[2] * again,
+        _matt(matt[0], coats, out.highlight[0], into.highlight[0], all_.open[0]),
+        _matt(matt[1], coats, out.highlight[1], into.highlight[1], all_.open[1]),
+        _matt(matt[2], coats, out.highlight[2], into.highlight[2], all_.open[2]),
     )
 
 
@@ -211,10 +211,11 @@ class LobeValues(NamedTuple):
     """π f cos of each lobe for two directions, and the densities of their samples."""
 
     matt: Vec  # with sheen
-    highlight: Vec
+    highlight: Vec  # with further bounces
     coat: Lane
     matt_density: Lane
     highlight_density: Lane
+    again_density: Lane  # of the lobe of further bounces
     coat_density: Lane
 
 
@@ -233,6 +234,10 @@ def eval_lobes(lobes: Lobes, normal: Vec, to_light: Vec, to_viewer: Vec, out: Al
     least = 1.0 - ops.maximum(out.coat, into.coat)
     shine = math.pi * cos_in * strength * smith_visibility(cos_out, cos_in, lobes.alpha) * least
     density = strength * 0.5 / (cos_out + _reach(cos_out, lobes.alpha))
+    wide = energy_compensation.spread_alpha(lobes.alpha)
+    strength = ops.where(lit & ops.not_(lobes.sharp), ggx_distribution(half, normal, wide), zero)
+    again = math.pi * cos_in * strength * smith_visibility(cos_out, cos_in, wide) * least * out.again * into.again
+    again_density = strength * 0.5 / (cos_out + _reach(cos_out, wide))
     coat, coat_density = zero, zero
     if ops.any_lane(lobes.coat > 0.0):
         strength = ops.where(lit, ggx_distribution(half, normal, lobes.coat_alpha), zero)
@@ -241,9 +246,9 @@ def eval_lobes(lobes: Lobes, normal: Vec, to_light: Vec, to_viewer: Vec, out: Al
     cos_lit = ops.where(lit, cos_in, zero)
     matt = ops.scale(diffuse_under_layers(lobes, all_, out, into), cos_lit)
     facing = ops.dot(half, normal)
-    below = matt, ops.scale(fresnel(lobes, along), shine)
+    below = matt, ops.add(ops.scale(fresnel(lobes, along), shine), ops.scale(all_.bounced, again))
     matt, highlight = sheen.over(lobes.sheen, below, out.sheen, into.sheen, cos_in, cos_out, facing, cos_lit * least)
-    return LobeValues(matt, highlight, coat, cos_lit * (1.0 / math.pi), density, coat_density)
+    return LobeValues(matt, highlight, coat, cos_lit * (1.0 / math.pi), density, again_density, coat_density)
 
 
 @helper
@@ -253,15 +258,34 @@ def viewer_albedo(lobes: Lobes, normal: Vec, to_viewer: Vec) -> tuple[Layers, Al
     return all_, directional_albedo(lobes, ops.clip(ops.dot(normal, to_viewer), LEAST, 1.0), all_.bounced)
 
 
+class Chances(NamedTuple):
+    """Unnormalized probabilities of the lobes: their albedos, 0 for specular ones."""
+
+    matt: Lane
+    highlight: Lane
+    again: Lane  # the lobe of further bounces
+    coat: Lane
+
+
 @helper
-def chances(lobes: Lobes, all_: Layers, out: Albedos) -> tuple[Lane, Lane, Lane]:
-    """Return the unnormalized probabilities of the diffuse lobe, the highlight (0 if specular) and the coat: their albedos."""
-    again = ops.mean3(all_.bounced) * out.lost
-    whole = ops.mean3(out.highlight)
-    matt = ops.mean3(lobes.base) * (1.0 - out.coat) * (1.0 - whole) + again * (1.0 - out.coat)
-    shiny = ops.where(lobes.sharp, 0.0, (whole - again) * (1.0 - out.coat))
-    matt = sheen.reflects(lobes.sheen, matt, out.sheen, 1.0 - out.coat)
-    return matt, ops.maximum(shiny, 0.0), out.coat
+def chances(lobes: Lobes, all_: Layers, out: Albedos) -> Chances:
+    """Return the probabilities by which lobes are sampled."""
+    under = 1.0 - out.coat
+    again, whole = ops.mean3(all_.bounced) * out.lost, ops.mean3(out.highlight)
+    matt = sheen.reflects(lobes.sheen, ops.mean3(lobes.base) * under * (1.0 - whole), out.sheen, under)
+    shiny = ops.maximum(ops.where(lobes.sharp, 0.0, (whole - again) * under), 0.0)
+    return Chances(matt, shiny, ops.where(lobes.sharp, 0.0, again * under), out.coat)
+
+
+@helper
+def _total(chance: Chances) -> Lane:
+    return chance.matt + chance.highlight + chance.again + chance.coat
+
+
+@helper
+def _glossy_density(chance: Chances, found: LobeValues) -> Lane:
+    """The density of samples of all lobes but the diffuse one, times their probabilities."""
+    return chance.highlight * found.highlight_density + chance.again * found.again_density + chance.coat * found.coat_density
 
 
 @helper
@@ -277,9 +301,9 @@ def _eval_pdf(lobes: Lobes, plain: tuple[Vec, Lane], normal: Vec, to_light: Vec,
     all_, out = viewer_albedo(lobes, normal, to_viewer)
     found = eval_lobes(lobes, normal, to_light, to_viewer, out, all_)
     total = ops.add(ops.add(found.matt, found.highlight), (found.coat, found.coat, found.coat))
-    matt, shiny, coat = chances(lobes, all_, out)
-    density = matt * found.matt_density + shiny * found.highlight_density + coat * found.coat_density
-    density = density / ops.maximum(matt + shiny + coat + mirror, LEAST)
+    chance = chances(lobes, all_, out)
+    density = chance.matt * found.matt_density + _glossy_density(chance, found)
+    density = density / ops.maximum(_total(chance) + mirror, LEAST)
     return ops.where3(lobes.here, total, plain[0]), ops.where(lobes.here, density, plain[1])
 
 
@@ -302,14 +326,18 @@ def _matt_share(lobes: Lobes, plain: Vec, normal: Vec, to_light: Vec, to_viewer:
 @helper
 def _sample_shine(lobes: Lobes, plain: tuple[Vec, Vec], normal: Vec, to_viewer: Vec, u: Lane, v: Lane) -> tuple[Vec, Vec]:
     all_, out = viewer_albedo(lobes, normal, to_viewer)
-    _, shiny, coat = chances(lobes, all_, out)
-    whole = ops.maximum(shiny + coat, LEAST)
-    on_coat = u * whole < coat
-    again = ops.where(on_coat, u * whole / ops.maximum(coat, LEAST), (u * whole - coat) / ops.maximum(shiny, LEAST))
-    half = sample_visible_normal(normal, to_viewer, ops.where(on_coat, lobes.coat_alpha, lobes.alpha), ops.clip(again, 0.0, 1.0), v)
+    chance = chances(lobes, all_, out)
+    coat, shiny = chance.coat, chance.highlight
+    whole = ops.maximum(coat + shiny + chance.again, LEAST)
+    number = u * whole
+    on_coat, further = number < coat, number >= coat + shiny
+    rest = ops.where(further, (number - coat - shiny) / ops.maximum(chance.again, LEAST), (number - coat) / ops.maximum(shiny, LEAST))
+    rest = ops.clip(ops.where(on_coat, number / ops.maximum(coat, LEAST), rest), 0.0, 1.0)
+    alpha = ops.where(further, energy_compensation.spread_alpha(lobes.alpha), ops.where(on_coat, lobes.coat_alpha, lobes.alpha))
+    half = sample_visible_normal(normal, to_viewer, alpha, rest, v)
     direction = ops.reflect(ops.negate(to_viewer), half)
     found = eval_lobes(lobes, normal, direction, to_viewer, out, all_)
-    density = (shiny * found.highlight_density + coat * found.coat_density) / whole
+    density = _glossy_density(chance, found) / whole
     share = ops.add(found.highlight, (found.coat, found.coat, found.coat))
     factor = ops.where(density > 0.0, 1.0 / (math.pi * ops.where(density > 0.0, density, 1.0)), 0.0)
     return ops.where3(lobes.here, direction, plain[0]), ops.where3(lobes.here, ops.scale(share, factor), plain[1])
@@ -318,10 +346,10 @@ def _sample_shine(lobes: Lobes, plain: tuple[Vec, Vec], normal: Vec, to_viewer: 
 @helper
 def _eval_lobes_pdf(lobes: Lobes, plain: tuple[Vec, Vec, Lane], normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Vec, Lane]:
     all_, out = viewer_albedo(lobes, normal, to_viewer)
-    _, shiny, coat = chances(lobes, all_, out)
+    chance = chances(lobes, all_, out)
     found = eval_lobes(lobes, normal, to_light, to_viewer, out, all_)
     shine = ops.add(found.highlight, (found.coat, found.coat, found.coat))
-    density = (shiny * found.highlight_density + coat * found.coat_density) / ops.maximum(shiny + coat, LEAST)
+    density = _glossy_density(chance, found) / ops.maximum(chance.highlight + chance.again + chance.coat, LEAST)
     here = lobes.here
     return ops.where3(here, found.matt, plain[0]), ops.where3(here, shine, plain[1]), ops.where(here, density, plain[2])
 
@@ -329,9 +357,10 @@ def _eval_lobes_pdf(lobes: Lobes, plain: tuple[Vec, Vec, Lane], normal: Vec, to_
 @helper
 def _draw(lobes: Lobes, plain: Vec, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane) -> Vec:
     all_, out = viewer_albedo(lobes, normal, to_viewer)
-    matt, shiny, _ = chances(lobes, all_, out)
-    shines = lobes.here & (which >= matt)
-    alpha = ops.where(which < matt + shiny, lobes.alpha, lobes.coat_alpha)
+    chance = chances(lobes, all_, out)
+    shines, past = lobes.here & (which >= chance.matt), which - chance.matt - chance.highlight
+    wide = energy_compensation.spread_alpha(lobes.alpha)
+    alpha = ops.where(past < 0.0, lobes.alpha, ops.where(past < chance.again, wide, lobes.coat_alpha))
     half = sample_visible_normal(normal, to_viewer, alpha, u, v)
     return ops.where3(shines, ops.reflect(ops.negate(to_viewer), half), plain)
 
@@ -339,8 +368,7 @@ def _draw(lobes: Lobes, plain: Vec, normal: Vec, to_viewer: Vec, u: Lane, v: Lan
 @helper
 def _whole(lobes: Lobes, plain: Lane, normal: Vec, to_viewer: Vec) -> Lane:
     all_, out = viewer_albedo(lobes, normal, to_viewer)
-    matt, shiny, coat = chances(lobes, all_, out)
-    return ops.where(lobes.here, matt + shiny + coat, plain)
+    return ops.where(lobes.here, _total(chances(lobes, all_, out)), plain)
 
 
 @helper
@@ -376,8 +404,8 @@ def _sample_all(
 @helper
 def _diffuse_part(lobes: Lobes, plain: tuple[Vec, Lane], normal: Vec, to_viewer: Vec, mirror: Lane) -> tuple[Vec, Lane]:
     all_, out = viewer_albedo(lobes, normal, to_viewer)
-    matt, shiny, coat = chances(lobes, all_, out)
-    chance = matt / ops.maximum(matt + shiny + coat + mirror, LEAST)
+    of = chances(lobes, all_, out)
+    chance = of.matt / ops.maximum(_total(of) + mirror, LEAST)
     return ops.where3(lobes.here, ops.mul(lobes.base, all_.open), plain[0]), ops.where(lobes.here, chance, plain[1])
 
 

@@ -1,9 +1,10 @@
 """Rough dielectric BSDF: microfacet reflection and refraction, with energy compensation.
 
 Walter, Marschner, Li, Torrance 2007, Microfacet Models for Refraction through Rough Surfaces, with Smith's height-correlated shadowing and
-visible-normal sampling. The energy that single scattering loses returns as a diffuse lobe on either side (Kulla and Conty 2017): of the
-share 1 − E(μₒ), x is transmitted, such that the BSDF is reciprocal. Radiance is not scaled by the square of the index. E is tabulated for
-each index, from outside and from inside.
+visible-normal sampling. Light that passes leaves below the height where it arrived, so its shadowing is Euler's beta function of both
+1 + Λ (Heitz, Hanika, d'Eon, Dachsbacher 2016, Multiple-Scattering Microfacet BSDFs with the Smith Model). The energy that single scattering
+loses returns as a diffuse lobe on either side (Kulla and Conty 2017): of the share 1 − E(μₒ), x is transmitted, such that the BSDF is
+reciprocal. Radiance is not scaled by the square of the index. E is tabulated for each index, from outside and from inside.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ COLUMNS, ROWS = 32, 20  # of the tables, as in energy_compensation
 NODES = (377, 233), (987, 610)  # of each integral, consecutive Fibonacci numbers: from outside, from inside
 MISSED = 6e-4, 2.5e-3  # greatest error of E by quadrature and interpolation, likewise
 ROUNDED = 2e-4  # likewise of a mean of 1 − E
+STEEPEST = 1e3  # greatest Λ, so that float32 suffices
 SAME = 1e-3  # a relative index nearer to 1 than this does not refract: the boundary is clear
 
 F64 = NDArray[np.float64]
@@ -140,6 +142,30 @@ def reflectance(cosine: Lane, ratio: Lane) -> Lane:
 
 
 @helper
+def smith_lambda(cosine: Lane, alpha: Lane) -> Lane:
+    """Return Smith's Λ at a cosine above 0, at most STEEPEST."""
+    return ops.minimum(0.5 * (_reach(cosine, alpha) / cosine - 1.0), STEEPEST)
+
+
+@helper
+def shadowing_across(out: Lane, into: Lane) -> Lane:
+    """Return B(1 + Λₒ, 1 + Λᵢ) (1 + Λₒ): of the light that a visible facet refracts, the share that leaves; by Stirling, within 10⁻⁴."""
+    p, q = 1.0 + out, 1.0 + into
+    s = p + q
+    log_p, log_q, log_s = ops.log(p), ops.log(q), ops.log(s)
+    found = p * (log_p - log_s) + q * (log_q - log_s) + 0.5 * (log_s - log_p - log_q) + 0.5 * math.log(2.0 * math.pi)
+    return ops.minimum(ops.exp(found + _stirling(p) + _stirling(q) - _stirling(s)) * p, 1.0)
+
+
+@helper
+def _stirling(z: Lane) -> Lane:
+    """Terms of Stirling's series for ln Γ, the last one fitted."""
+    over = 1.0 / z
+    square = over * over
+    return over * (1.0 / 12.0 + square * (square * 0.00052 - 1.0 / 360.0))
+
+
+@helper
 def eval_both_sides(frost: RoughGlass, normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Lane]:
     """(π f cos, solid angle density of `_sample`) for light from either side."""
     cos_out = ops.clip(ops.dot(normal, to_viewer), LEAST, 1.0)
@@ -155,8 +181,10 @@ def eval_both_sides(frost: RoughGlass, normal: Vec, to_light: Vec, to_viewer: Ve
     whole = out + frost.ratio * into
     squeezed = frost.ratio * frost.ratio * ops.absolute(into) / ops.maximum(whole * whole, 1e-20)
     per_solid = ops.where(above, 0.25 * turned, (1.0 - turned) * ops.absolute(out) * squeezed)
-    single = 4.0 * math.pi * cos_in * strength * microfacet.smith_visibility(cos_out, cos_in, frost.alpha) * per_solid
     seen = 2.0 * strength / (cos_out + _reach(cos_out, frost.alpha)) * per_solid
+    mirrored = 4.0 * math.pi * cos_in * strength * microfacet.smith_visibility(cos_out, cos_in, frost.alpha) * per_solid
+    leaves = shadowing_across(smith_lambda(cos_out, frost.alpha), smith_lambda(cos_in, frost.alpha))
+    single = ops.where(above, mirrored, math.pi * seen * leaves)
     lost = lost_share(frost, frost.row, cos_out)
     mean, mean_other, through = mean_lost_shares(frost)
     lost_in = ops.where(above, lost_share(frost, frost.row, cos_in), lost_share(frost, frost.other, cos_in))
@@ -287,13 +315,15 @@ def albedo_table(index: float) -> tuple[F64, F64]:
     means = np.array([[np.interp(energy_compensation.column_of(at, a), np.linspace(0.0, 1.0, COLUMNS), row) @ (weights * at)
                        for a, row in zip(alpha, side, strict=True)] for side in lost])  # fmt: skip
     means = means + np.minimum(ROUNDED, 0.05 * means)
-    # Reciprocity: x_out · mean_out = index² · x_in · mean_in. x is about the Fresnel transmittance, and at most 1.
+    # Reciprocity: x_out · mean_out = index² · x_in · mean_in; x is at most 1.
     clear = float(np.sum(weights * at * (1.0 - np.asarray(reflectance(at, np.full(64, max(index, 1.0 / index)))))))
     outward = np.full(ROWS, clear / max(index, 1.0) ** 2)
     ratio = np.divide(means[1], means[0], out=np.ones(ROWS), where=means[0] > 1e-9)
     inward = index**2 * outward * ratio
     other = means[::-1]
     over = np.divide(np.stack([inward, outward]), other, out=np.zeros_like(other), where=other > 1e-9)
+    most = 1.0 - (1.0 - clear) * np.minimum(0.3 / alpha, 3.5)  # from the rarer side: fitted to random walks
+    over = over * np.minimum(most / np.maximum((over * other).max(axis=0), 1e-9), 1.0)
     between = 0.2503 * (over[:, 1:] + over[:, :-1]) * (other[:, 1:] + other[:, :-1])  # upper bound between rows
     most = np.pad(between, ((0, 0), (0, 1))), np.pad(between, ((0, 0), (1, 0))), over * other
     over = over / np.maximum(np.max(most, axis=(0, 1)), 1.0)  # equal for both directions
@@ -323,12 +353,8 @@ def integral(cosine: Any, alpha: Any, ratio: float, nodes: int = 987, step: int 
     out = np.clip(sine * x / size + mu * up, LEAST, 1.0)
     turned_back = reflectance(out, np.full_like(out, ratio))
     bent = np.sqrt(np.maximum(1.0 - (1.0 - out * out) / ratio**2, 0.0))
-    square = a * a
-    near = np.sqrt(square + (1.0 - square) * mu * mu) / mu
-
-    def passes(c: F64) -> F64:
-        c = np.maximum(c, 1e-12)
-        return (1.0 + near) * c / (near * c + np.sqrt(square + (1.0 - square) * c * c))
-
-    mirrored, refracted = passes(2.0 * out * up - mu), passes((mu - out * up) / ratio + bent * up)
+    near = 1.0 + smith_lambda(mu, a)
+    mirror, through = 2.0 * out * up - mu, (mu - out * up) / ratio + bent * up  # cosines on either side
+    mirrored = np.where(mirror > 0.0, near / (near + smith_lambda(np.maximum(mirror, 1e-12), a)), 0.0)
+    refracted = np.where(through > 0.0, shadowing_across(near - 1.0, smith_lambda(np.maximum(through, 1e-12), a)), 0.0)
     return ((turned_back * mirrored + (1.0 - turned_back) * refracted) * weight).sum(axis=-1)

@@ -114,7 +114,11 @@ def whole(name, roughness, cosine):
             * mu
             * microfacet.diffuse_under_layers(lobes, all_, out, microfacet.directional_albedo(lobes, np.asarray(mu), all_.bounced))[0]
         )
-    return coat + (1 - coat) * highlight + matt
+    of = np.full_like(cosine, alpha)
+    lit, _, to = energy_compensation.over_visible_normals(cosine, energy_compensation.spread_alpha(of), 60, 40)
+    to = energy_compensation.further_bounces(lobes.table, np.minimum(to, 1.0), np.full_like(to, alpha))
+    again = out.again * (lit * to).sum(axis=(-2, -1)) * all_.bounced[0]
+    return coat + (1 - coat) * (highlight + again) + matt
 
 
 @pytest.mark.parametrize("name", LOSSLESS)

@@ -1,0 +1,89 @@
+"""Tests of the light of further bounces between facets, against random walks on the microsurface."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from maquette.compiler import ir
+from maquette.render.lanes import ops
+from maquette.render.material import bsdf, energy_compensation, microfacet, rough_dielectric
+
+from . import microsurface
+from .microsurface import Bins
+from .test_microfacet import UP, given, point_of, towards
+
+GOLD, ALUMINIUM = (1.0, 0.71, 0.29), (0.91, 0.92, 0.92)
+COSINES = (0.95, 0.5, 0.15)
+COUNT = 150_000
+
+
+def further_bounces(color, alpha, cosine, bins):
+    """(channels, cosines, turns) share of the light of each bin by the BSDF: all of it, and without that of one bounce."""
+    shader = point_of(given(ir.MaterialModel.METAL, specular=color, roughness=math.sqrt(alpha)))[1]
+    z, turn = microsurface.points(bins)
+    flat = np.sqrt(1.0 - z * z)
+    to, viewer = (flat * np.cos(turn), z, flat * np.sin(turn)), towards(math.acos(cosine))
+    half = ops.normalize(ops.add(to, viewer))
+    facets = microfacet.ggx_distribution(half, UP, alpha) * microfacet.smith_visibility(cosine, z, alpha) * z
+    once = microsurface.schlick(color)(ops.dot(half, viewer)).T * facets
+    whole = np.stack([np.asarray(c) / math.pi for c in bsdf.reflected(shader, UP, to, viewer)])
+    return [np.stack([microsurface.integrate(c, bins) for c in part]) for part in (whole, whole - once)]
+
+
+def diffuse_lobe(alpha, bins):
+    """(1, cosines, turns) shape of a reciprocal diffuse lobe that returns what one bounce loses (Kulla and Conty 2017)."""
+
+    def lost(mu):
+        return 1.0 - energy_compensation.integrals(mu, np.full_like(mu, alpha), 40, 30)[0]
+
+    z = microsurface.points(bins)[0]
+    rows = np.unique(z)
+    found = microsurface.integrate(np.interp(z, rows, lost(rows)) * z, bins)
+    return (found / found.sum())[None]
+
+
+@pytest.mark.parametrize("alpha", [0.1, 0.3, 0.6, 1.0])
+@pytest.mark.parametrize("cosine", COSINES)
+def test_the_first_bounces_of_walks_are_the_tabled_integrals(alpha, cosine):
+    """Within 4 standard errors. So the walks are those of this distribution and this shadowing."""
+    metal = microsurface.conductor(cosine, alpha, COUNT, microsurface.schlick((1.0,)))
+    one = float(energy_compensation.integrals(np.array(cosine), np.array(alpha), 60, 40)[0])
+    assert np.mean(metal.bounces == 1) == pytest.approx(one, abs=4.0 * math.sqrt(one * (1.0 - one) / COUNT))
+    assert np.mean(metal.bounces > microsurface.MOST) < 1e-3
+    for ratio in (1.5, 1.0 / 1.5):
+        glass = microsurface.dielectric(cosine, alpha, COUNT, ratio)
+        one = float(rough_dielectric.integral(np.array(cosine), np.array(alpha), ratio, 17711, 10946))
+        error = math.sqrt(max(one * (1.0 - one), 1e-6) / COUNT)
+        assert np.mean(glass.bounces == 1) == pytest.approx(one, abs=4.0 * error + 1.5e-2 * (alpha == 0.1))
+
+
+@pytest.mark.parametrize("color", [GOLD, ALUMINIUM])
+@pytest.mark.parametrize(("alpha", "most"), [(0.1, 0.6), (0.3, 0.5), (0.6, 0.6), (1.0, 0.75)])
+def test_rough_metals_send_light_where_walks_do(alpha, most, color):
+    """The albedo within 0.04; further bounces by Σ |difference| at most so much of what a diffuse lobe of the right energy is off."""
+    bins, ours, diffuse = Bins(10, 9, 16), 0.0, 0.0
+    for cosine in COSINES:
+        walks = microsurface.conductor(cosine, alpha, 2 * COUNT, microsurface.schlick(color))
+        further = microsurface.counts(walks, walks.bounces > 1, bins)
+        whole, found = further_bounces(color, alpha, cosine, bins)
+        assert whole.sum(axis=(1, 2)) == pytest.approx(walks.weight.mean(axis=0), abs=0.04)
+        ours += np.abs(found - further).sum()
+        diffuse += np.abs(diffuse_lobe(alpha, bins) * further.sum(axis=(1, 2), keepdims=True) - further).sum()
+    assert ours < most * diffuse
+
+
+@pytest.mark.parametrize("alpha", [0.3, 0.6, 1.0])
+def test_rough_glass_reflects_as_much_as_walks_do(alpha):
+    """Both sides of an index of 1.5: the share of the light that is reflected within 0.04; at α = 1 within 0.13 from inside."""
+    for inside, ratio in ((False, 1.5), (True, 1.0 / 1.5)):
+        shader = point_of(given(ir.MaterialModel.GLASS, transmission=1.0, ior=1.5, roughness=math.sqrt(alpha)), inside)[1]
+        bins = Bins()
+        z, turn = microsurface.points(bins)
+        flat = np.sqrt(1.0 - z * z)
+        for cosine in COSINES:
+            walks = microsurface.dielectric(cosine, alpha, COUNT, ratio)
+            value = bsdf.reflected(shader, UP, (flat * np.cos(turn), z, flat * np.sin(turn)), towards(math.acos(cosine)))[0]
+            share = microsurface.integrate(np.asarray(value), bins).sum() / math.pi
+            assert share == pytest.approx(np.mean(walks.direction[:, 2] > 0.0), abs=0.13 if inside and alpha == 1.0 else 0.045)

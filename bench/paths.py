@@ -36,8 +36,7 @@ what their own seeds differ. *Asked for* is what `--error` takes, where pixels t
 Mitsuba takes to the error that the picture has. Mitsuba: the `path` integrator and its independent sampler, in llvm mode, and for the rate
 also in scalar mode.
 
-In diffuse scenes, blocks of 4 × 4 pixels share their paths beyond the first surface (`transport.path_reuse`). The remaining noise is the
-same in a block: at equal √relMSE ours is coarser than Mitsuba's.
+In diffuse scenes, groups of 16 pixels share their paths beyond the first surface (`transport.path_reuse`).
 
 The other scenes are written in our language and for Mitsuba by our exporter: a room with 200 small lights (depth 6), four balls of rough
 metal and four matt ones under a picture of the sky with a small sun (depth 6), glass on a table by a lamp (depth 10), and an interior of

@@ -1,4 +1,4 @@
-"""Whether blocks of pixels can share their paths beyond the first surface (render/integrator/path_reuse.py)."""
+"""Whether groups of pixels can share their paths beyond the first surface (render/integrator/path_reuse.py)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..ir import light_links
 from . import scene_facts
 from .decision import Plan
 
-SHARED = ("blocks", "none")
+SHARED = ("groups", "none")
 _MODELS = (
     ir.MaterialModel.LAMBERT, ir.MaterialModel.PHONG, ir.MaterialModel.BLINN_PHONG, ir.MaterialModel.PRINCIPLED,
     ir.MaterialModel.PRINCIPLED_SPECULAR, ir.MaterialModel.BLEND,
@@ -19,7 +19,7 @@ MANY = 64  # lights, from which on most noise comes from the choice of a light a
 _SKIES = (ir.LightKind.SKY, ir.LightKind.DOME)
 
 
-def by_blocks(tables: ir.Tables, plan: Plan) -> tuple[str, str, tuple[str, ...]]:
+def by_groups(tables: ir.Tables, plan: Plan) -> tuple[str, str, tuple[str, ...]]:
     """(value, reason, choices) of the decision."""
     why, share = "", diffuse_share(tables)
     if plan["transport"] != "path":
@@ -41,7 +41,7 @@ def by_blocks(tables: ir.Tables, plan: Plan) -> tuple[str, str, tuple[str, ...]]
     if why:
         return "none", why, SHARED[1:]
     figure = f"{100.0 * share:.3g} % of the surface area has a diffuse lobe"
-    return "blocks", f"{figure}: blocks of 4 × 4 pixels share their paths beyond the first surface", SHARED
+    return "groups", f"{figure}: groups of 16 pixels share their paths beyond the first surface", SHARED
 
 
 def is_barred(tables: ir.Tables) -> bool:

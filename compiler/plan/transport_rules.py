@@ -138,7 +138,7 @@ def _indoors(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
 
 
 def _path_reuse(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
-    return Decision("transport.path_reuse", *path_reuse.by_blocks(scene.tables, plan))
+    return Decision("transport.path_reuse", *path_reuse.by_groups(scene.tables, plan))
 
 
 def _sky_visibility(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:

@@ -27,7 +27,7 @@ class Renderer(Unshared):
     """Renders motion and thin lenses; see film.Renderer. `still` makes the renderer of one moment and one lens point."""
 
     by_tile = True
-    block = 1
+    cell = 1
     side = TILE
     whole = None
 

@@ -32,7 +32,7 @@ def learn(
     """Learn where the sky is seen from a grid of places in the room.
 
     `accel`, `scene` and `frame` are those of `wavefront.draw_tile`, `kind` their floating-point type. With `reuses` the kernel is
-    `draw_tile_in_blocks`. The result does not depend on the number of threads.
+    `draw_tile_in_groups`. The result does not depend on the number of threads.
     """
     low, high, _ = sky_visibility.find_room(tables, frame.picture.camera)
     size = high - low
@@ -114,7 +114,7 @@ def _draw(
     seen = np.zeros((places, HEIGHT, WIDTH))
     first, count = np.zeros((HEIGHT, WIDTH), np.int64), np.ones((HEIGHT, WIDTH), np.int64)
     options, local = frame.options._replace(bounces=0), threading.local()
-    drawn = wavefront.draw_tile_in_blocks if reuses else wavefront.draw_tile
+    drawn = wavefront.draw_tile_in_groups if reuses else wavefront.draw_tile
     unclipped = frame.lens.planes._replace(count=0) if isinstance(frame.lens.planes, ClippingPlanes) else frame.lens.planes
 
     def draw(place: int) -> None:

@@ -65,7 +65,7 @@ class Renderer:
             self.parts = [("", make(scene, plan))]
         self.single = None  # each group needs a film of its own
         one = self.parts[0][1]
-        self.by_tile, self.block, self.side, self.prepared = one.by_tile, one.block, one.side, getattr(one, "prepared", None)
+        self.by_tile, self.cell, self.side, self.prepared = one.by_tile, one.cell, one.side, getattr(one, "prepared", None)
 
     @property
     def round(self) -> int | None:

@@ -158,7 +158,7 @@ def _prepare_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame
     scene = wave_memory.WaveScene(cast(tables, kind), cast(primitives, kind), cast(light, kind), not inside.all(), low, high)
     packed, frames, tracer = Handle(scene), Handle(cast(frame, kind)), None
     if general or not inside.all() or aims is not None:
-        _compile_tiles(threads, accel, packed, frames, kind, plan["transport.path_reuse"] == "blocks")
+        _compile_tiles(threads, accel, packed, frames, kind, plan["transport.path_reuse"] == "groups")
     if general or not inside.all():
         motion_alpha.link(accel, general)
     if aims is not None:
@@ -174,7 +174,7 @@ def _compile_tiles(threads: int, accel: Handle, packed: Handle, frames: Handle, 
     from ..integrator import wavefront
 
     none, film = np.zeros((0, 0), np.int64), Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64))
-    made = wavefront.draw_tile_in_blocks if reuses else wavefront.draw_tile
+    made = wavefront.draw_tile_in_groups if reuses else wavefront.draw_tile
     compile_process.compile_in_background(
         threads, made, accel, packed, frames, Tile(0, 0, 0, 0), none, none, 1, film, _workspace_type(kind, reuses)
     )

@@ -42,7 +42,7 @@ class Renderer(Unshared):
     """Renders one view. Thread-safe."""
 
     by_tile = True
-    block = 1
+    cell = 1
     side = TILE
 
     def __init__(self, prepared: Prepared, plan: Plan, view: View) -> None:

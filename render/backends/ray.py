@@ -37,7 +37,7 @@ class Renderer:
 
     by_tile = False
     whole = None
-    block = 1  # side in pixels of the blocks that share samples
+    cell = 1  # side in pixels of the square cells whose pixels take equal samples
 
     def __init__(self, prepared: prepare.Prepared, plan: Plan, view: View) -> None:
         self.prepared, self.view = prepared, view
@@ -49,11 +49,11 @@ class Renderer:
         self.threads = int(plan["threads"]) or target.cores()
         self._lock = threading.Lock()
         self._workspaces = threading.local()  # of wavefronts and of ray packets
-        self.reuses = prepared.paths is not None and plan["transport.path_reuse"] == "blocks"
+        self.reuses = prepared.paths is not None and plan["transport.path_reuse"] == "groups"
         if self.reuses:
-            from ..sampling import pixel_blocks
+            from ..sampling import pixel_groups
 
-            self.block = pixel_blocks.SIDE
+            self.cell = pixel_groups.CELL
         self.primes = prepared.paths is None and hits.is_needed(prepared.accel.tables)
         self.side = hits.tile_side(view.width, view.height, plan["samples"]) if self.primes else TILE
         self.black = self.primes and not prepared.accel.tables.rest & REST and background.is_black(prepared.tables, prepared.options)
@@ -137,7 +137,7 @@ class Renderer:
                 self._learn()
             if not hasattr(self._workspaces, "wavefront"):
                 self._workspaces.wavefront = Handle(wave_memory.WaveMemory.of(p.paths, self.reuses))
-            drawn = wavefront.draw_tile_in_blocks if self.reuses else wavefront.draw_tile
+            drawn = wavefront.draw_tile_in_groups if self.reuses else wavefront.draw_tile
             drawn(p.accel, self.packed, self.frame, tile, first, count, total, film, self._workspaces.wavefront)
             return
         workspace = self._primed(tile, first, count, total) if self.primes else Handle(Workspace.of(p.options))

@@ -25,7 +25,7 @@ class Renderer(Unshared):
     """Renders tiles with numpy lanes, all pixels of a tile at once."""
 
     by_tile = True
-    block = 1
+    cell = 1
     side = TILE
     whole = None
 

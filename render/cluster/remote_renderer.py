@@ -43,7 +43,7 @@ class RemoteRenderer(Remote):
         if answer is None:
             raise Cancelled
         facts, _ = answer
-        self.by_tile, self.block, self.side, self.round = facts["by_tile"], facts["block"], facts["side"], facts["round"]
+        self.by_tile, self.cell, self.side, self.round = facts["by_tile"], facts["cell"], facts["side"], facts["round"]
         self._shared: tuple[int, ...] = tuple(facts["shared"])
         self._tile_by_tile = self.round is None and not decision.adaptive(plan)  # tiles that are begun come first, and are whole sooner
         self.threads = min(max(LEAST, EACH * cluster.threads), MOST)

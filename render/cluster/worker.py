@@ -201,7 +201,7 @@ def _draw_picture(scene: ir.Scene, plan: Plan) -> Reply:
 
 def _facts(picture: Picture, request: Mapping[str, Any], arrays: packing.Arrays, began: float) -> Reply:
     r = picture.renderer
-    return {"by_tile": r.by_tile, "block": r.block, "side": r.side, "round": r.round, "shared": r.shared()}, {}
+    return {"by_tile": r.by_tile, "cell": r.cell, "side": r.side, "round": r.round, "shared": r.shared()}, {}
 
 
 def _refresh(picture: Picture, request: Mapping[str, Any], arrays: packing.Arrays, began: float) -> Reply:

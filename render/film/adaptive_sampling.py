@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..sampling.pixel_groups import GROUP
+
 Map = NDArray[np.float64]
 Counts = NDArray[np.int64]
 
@@ -123,8 +125,8 @@ def _doublings(places: Counts, threshold: int) -> Counts:
     return np.where((places <= threshold) & (places < _PLACES), np.clip(steps, 0, MOST_DOUBLINGS), 0)
 
 
-class Blocks:
-    """Partition of a crop by the picture's grid of square blocks, `side` pixels each; blocks at the edges are cropped."""
+class Cells:
+    """Partition of a crop by the picture's grid of square cells, `side` pixels each; cells at the edges are cropped."""
 
     def __init__(self, crop: tuple[int, int, int, int], side: int) -> None:
         x0, y0, x1, y1 = crop
@@ -132,7 +134,7 @@ class Blocks:
         self.rows, self.columns = (np.arange(y0, y1) // side - y0 // side, np.arange(x0, x1) // side - x0 // side)
 
     def means(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return (rows, columns) means over the blocks of (h, w)."""
+        """Return (rows, columns) means over the cells of (h, w)."""
         if self.side == 1:
             return values
         starts = [np.flatnonzero(np.diff(places, prepend=-1)) for places in (self.rows, self.columns)]
@@ -140,7 +142,7 @@ class Blocks:
         return total / np.multiply.outer(np.bincount(self.rows), np.bincount(self.columns))
 
     def spread(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return (h, w): each block's value at all of its pixels."""
+        """Return (h, w): each cell's value at all of its pixels."""
         return values if self.side == 1 else values[np.ix_(self.rows, self.columns)]
 
 
@@ -188,13 +190,13 @@ def expected_samples(rounds: Sequence[tuple[int, float]], excess: float) -> floa
     return samples * max(1.0 - excess, 1e-9) ** (-1.0 / power)
 
 
-def excess(relative: Map, error: float) -> float:
+def excess(relative: Map, error: float, side: int = 1) -> float:
     """Return the share by which the mean of `relative` must fall to reach an error with CONFIDENCE; 0 if it is reached.
 
     Each pixel's entry is the square of one normal variable, its error that of another: 2 σ⁴ is the variance of either, and 3 σ⁴ the mean
-    of the entry's square.
+    of the entry's square. The mean over a cell of `side` pixels has one such variable for each group that shares paths.
     """
-    aim = error**2
-    uncertain = math.sqrt(4.0 / 3.0 * float(np.sum(np.square(relative)))) / relative.size
+    aim, count = error**2, max(side**2 // GROUP, 1)
+    uncertain = math.sqrt(4.0 / (count + 2.0) * float(np.sum(np.square(relative)))) / relative.size
     likely = float(np.mean(relative)) + CONFIDENCE * uncertain
     return 1.0 - (1.0 - BEYOND) * aim / likely if likely > aim else 0.0

@@ -21,6 +21,7 @@ from ..types import Film, Tile
 from .remote import Remote
 
 BLOCKS = 64  # of a picture
+CELLS = 16  # of a picture whose pixels share paths, instead of blocks
 SIDE = 4  # pixels of a block's side
 SHARE = 1 / 512  # of a picture's samples, spent on the estimate
 MOST = 64  # samples of a pixel
@@ -29,6 +30,8 @@ PLASTIC = np.array([0.7548776662466927, 0.5698402909980532])  # steps of a low-d
 
 class Limited(Protocol):
     """A film.Renderer with an adjustable bounce limit."""
+
+    cell: int
 
     def limit(self, bounces: int) -> None:
         """Set the bounce limit."""
@@ -62,8 +65,9 @@ def measurable(plan: Plan) -> bool:
 
 def measure(renderer: Limited, plan: Plan, samples: int, allowed: float) -> Cut:
     """Estimate the loss of a plan's bounce limit, and the bounces that lose at most `allowed`; `samples` counts those of the picture."""
-    each = int(np.clip(SHARE * samples / (BLOCKS * SIDE * SIDE), 1, MOST))
-    places = blocks(plan["crop"])
+    places = blocks(plan["crop"], renderer.cell)
+    pixels = sum((tile.x1 - tile.x0) * (tile.y1 - tile.y0) for tile in places)
+    each = int(np.clip(SHARE * samples / pixels, 1, MOST))
     threads = renderer.threads if isinstance(renderer, Remote) else 1
 
     def light(bounces: int) -> NDArray[np.float64]:
@@ -91,10 +95,18 @@ def combine(cuts: Sequence[Cut | None], pixels: NDArray[np.float64]) -> Cut | No
     return Cut(float(share.sum()), float(np.linalg.norm(error)), max(cut.allowed for cut in known), max(cut.enough for cut in known))
 
 
-def blocks(crop: tuple[int, int, int, int]) -> list[Tile]:
-    """Return blocks spread evenly and aperiodically over a crop; they are cropped at its edges, and may overlap."""
+def blocks(crop: tuple[int, int, int, int], cell: int = 1) -> list[Tile]:
+    """Return blocks spread evenly and aperiodically over a crop; they are cropped at its edges, and may overlap.
+
+    Where the pixels of a cell share paths, different cells, of which at least two lie in the crop.
+    """
     x0, y0, x1, y1 = crop
     at = (0.5 + np.outer(np.arange(BLOCKS), PLASTIC)) % 1.0
+    if cell > 1:
+        corners = np.floor((np.array([x0, y0]) + at * np.array([x1 - x0, y1 - y0])) / cell).astype(int) * cell
+        places = [Tile(max(x, x0), max(y, y0), min(x + cell, x1), min(y + cell, y1)) for x, y in corners.tolist()]
+        if len(different := list(dict.fromkeys(places))[:CELLS]) > 1:
+            return different
     corner = (np.array([x0, y0]) + at * (np.array([x1 - x0, y1 - y0]) - SIDE).clip(0)).astype(int)
     return [Tile(x, y, min(x + SIDE, x1), min(y + SIDE, y1)) for x, y in corner.tolist()]
 

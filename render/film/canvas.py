@@ -109,7 +109,7 @@ class Canvas:
         self.spent = 0  # samples of all finished tiles
         self._local = threading.local()
         self.settled = not adaptive
-        self.reuses = renderer.block > 1
+        self.reuses = renderer.cell > 1
         self.limit = self.most if decision.by_default(plan) else 0
         self.error: float | None = None  # √relMSE so far, for `report`
         self.estimate_at = time.perf_counter() + ESTIMATE
@@ -216,19 +216,19 @@ class Canvas:
             return max(self.spent / whole, (time.perf_counter() - began) / (deadline - began))
 
         self._begin(self.first, deadline, share)
-        blocks = adaptive_sampling.Blocks(self.crop, self.renderer.block)
+        cells = adaptive_sampling.Cells(self.crop, self.renderer.cell)
         while self.most > 1 and not self.cancel.is_set() and (now := time.perf_counter()) < deadline:
             again = started is not None
             if started is None:
-                relative = blocks.means(self._relative()) * adaptive_sampling.SELECTION**2
-                excess = adaptive_sampling.excess(relative, error) if error > 0.0 else 1.0
+                relative = cells.means(self._relative()) * adaptive_sampling.SELECTION**2
+                excess = adaptive_sampling.excess(relative, error, self.renderer.cell) if error > 0.0 else 1.0
                 rounds.append((self.spent, float(np.mean(relative))))
                 self.error = math.sqrt(rounds[-1][1])
                 if excess <= 0.0:
                     break
                 pace = self.spent / (now - began)
-                samples = blocks.means(whole_sums.samples).astype(np.int64)
-                goals = blocks.spread(self._goals(relative, samples, excess, (deadline - now) * pace / self.renderer.block**2))
+                samples = cells.means(whole_sums.samples).astype(np.int64)
+                goals = cells.spread(self._goals(relative, samples, excess, (deadline - now) * pace / self.renderer.cell**2))
                 goals = np.maximum(goals, whole_sums.samples)
             else:
                 goals, excess, started = started, self.round["excess"], None
@@ -285,6 +285,8 @@ class Canvas:
             known = relative.copy()
             for tile in self.tiles:
                 known[self._window(tile)] = known[self._window(tile)].mean()
+        elif self.renderer.cell > 1:
+            known = relative  # means of many pixels
         else:
             known = adaptive_sampling.smooth(relative, samples)
         if excess < 1.0:

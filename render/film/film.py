@@ -37,8 +37,8 @@ class Renderer(Protocol):
     by_tile: bool
     """Whether all pixels of a tile take the same number of samples."""
 
-    block: int
-    """Side in pixels of the blocks whose pixels take the same number of samples; 1: each pixel its own."""
+    cell: int
+    """Side in pixels of the square cells whose pixels take the same number of samples; 1: each pixel its own."""
 
     side: int
     """Side of a tile in pixels."""

@@ -20,7 +20,7 @@ class Remote:
     """
 
     by_tile: bool
-    block: int
+    cell: int
     side: int
     threads: int
     single = None

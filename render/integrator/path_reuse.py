@@ -1,9 +1,9 @@
-"""Path reuse: the pixels of a block share the light of their paths' second surfaces.
+"""Path reuse: the pixels of a group share the light of their paths' second surfaces.
 
-Each first surface of a block of 4 × 4 pixels is connected by shadow rays to the second surfaces of all sixteen paths of a sample number.
-The balance heuristic combines the sixteen techniques. So indirect light gets sixteen times as many paths, for less than twice the time.
-Bekaert, Sbert, Halton 2002, "Accelerating Path Tracing by Re-Using Paths". Pixels of a block have sixteen adjacent ranges of one sequence
-(sobol.zorder_index), so shared paths are as well stratified as one pixel's samples. Diffuse lobes alone are shared (bsdf.diffuse_part).
+Each first surface of a group of sixteen pixels (sampling/pixel_groups.py) is connected by shadow rays to the second surfaces of all sixteen
+paths of a sample number. The balance heuristic combines the sixteen techniques. So indirect light gets sixteen times as many paths, for
+less than twice the time. Bekaert, Sbert, Halton 2002, "Accelerating Path Tracing by Re-Using Paths". Diffuse lobes alone are shared
+(bsdf.diffuse_part).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ..lanes.soa import ROW, gather3, load3, scatter_add, store3
 from ..light import lights
 from ..material import bsdf
 from ..material.shader import ONLY, Uses
-from ..sampling.pixel_blocks import BLOCK
+from ..sampling.pixel_groups import GROUP
 from ..simd.registration import overload
 from ..surface import interaction, normal_map
 from ..types import Lane, Tables, Vec
@@ -43,12 +43,12 @@ class Shared(NamedTuple):
     """Shared data of a wave's paths, by slot."""
 
     rows: Any  # (COUNT · ROW,) float
-    pairs: Any  # (BLOCK · BLOCK,) float: weight of each second surface at each first one
+    pairs: Any  # (GROUP · GROUP,) float: weight of each second surface at each first one
 
     @classmethod
     def of(cls, kind: type) -> Shared:
         """Allocate memory for waves of float32 or float64."""
-        rows, pairs = simd.aligned_empty(COUNT * ROW, kind), simd.aligned_empty(BLOCK * BLOCK, kind)
+        rows, pairs = simd.aligned_empty(COUNT * ROW, kind), simd.aligned_empty(GROUP * GROUP, kind)
         rows[:], pairs[:] = 0, 0
         return cls(rows, pairs)
 
@@ -154,7 +154,7 @@ separate_light = specialize_if_present(_separate_light)
 
 @helper
 def _combine(shared: Any, plain: Any, accel: Any, scene: Any, memory: Any, shadows: bool, n: int) -> Any:
-    _combine_blocks(accel, scene, memory, shadows, n)
+    _combine_groups(accel, scene, memory, shadows, n)
     return plain
 
 
@@ -162,32 +162,32 @@ combine = specialize_if_present(_combine)  # sum up the light of all n paths of 
 
 
 @noinline_helper
-def _combine_blocks(accel: Any, scene: Any, memory: Any, shadows: bool, n: int) -> None:
-    """Add the light of second surfaces to all first surfaces of their blocks."""
+def _combine_groups(accel: Any, scene: Any, memory: Any, shadows: bool, n: int) -> None:
+    """Add the light of second surfaces to all first surfaces of their groups."""
     rows, pairs, light = memory.shared.rows, memory.shared.pairs, memory.light
     like = simd.load(rows, 0)
     step = crosslane.width(like)
     for i in range(0, n, step):
         _split(rows, light, i)
-    for block in range(0, n, BLOCK):
-        for j in range(BLOCK):
-            _weigh(accel, scene, memory, shadows, block, j)
-        for i in range(0, BLOCK, step):
+    for group in range(0, n, GROUP):
+        for j in range(GROUP):
+            _weigh(accel, scene, memory, shadows, group, j)
+        for i in range(0, GROUP, step):
             red, green, blue = 0.0 * like, 0.0 * like, 0.0 * like
-            for j in range(BLOCK):
-                share, at = simd.load(pairs, j * BLOCK + i), block + j
+            for j in range(GROUP):
+                share, at = simd.load(pairs, j * GROUP + i), group + j
                 red = ops.fma(share, simd.read(light, at), red)
                 green = ops.fma(share, simd.read(light, at + ROW), green)
                 blue = ops.fma(share, simd.read(light, at + 2 * ROW), blue)
-            given = ops.mul(load3(rows, 0, ALBEDO, block + i), (red, green, blue))
-            store3(rows, 0, OWN, block + i, ops.add(load3(rows, 0, OWN, block + i), given))
+            given = ops.mul(load3(rows, 0, ALBEDO, group + i), (red, green, blue))
+            store3(rows, 0, OWN, group + i, ops.add(load3(rows, 0, OWN, group + i), given))
     for i in range(0, n, step):
         store3(light, 0, 0, i, load3(rows, 0, OWN, i))
 
 
 @helper
 def _split(rows: Any, light: Any, i: int) -> None:
-    """Split the light of second surfaces: what the block shares stays in `light`, weighted by the density of its diffuse samples."""
+    """Split the light of second surfaces: what the group shares stays in `light`, weighted by the density of its diffuse samples."""
     direct, beyond = load3(rows, 0, DIRECT, i), load3(light, 0, 0, i)
     sampled = simd.load(rows, RATIO * ROW + i)
     facing = load3(rows, 0, FACING, i)
@@ -200,40 +200,40 @@ def _split(rows: Any, light: Any, i: int) -> None:
 
 
 @helper
-def _weigh(accel: Any, scene: Any, memory: Any, shadows: bool, block: int, j: int) -> None:
-    """Write the weight of the j-th second surface at each first surface of a block, without its albedo.
+def _weigh(accel: Any, scene: Any, memory: Any, shadows: bool, group: int, j: int) -> None:
+    """Write the weight of the j-th second surface at each first surface of a group, without its albedo.
 
-    It is the geometric term with visibility, over the block's sum of these, each times the probability of diffuse samples.
+    It is the geometric term with visibility, over the group's sum of these, each times the probability of diffuse samples.
     """
     rows, pairs, light = memory.shared.rows, memory.shared.pairs, memory.light
     like = simd.load(rows, 0)
-    step, at, total, queued = crosslane.width(like), block + j, 0.0, 0
+    step, at, total, queued = crosslane.width(like), group + j, 0.0, 0
     place, facing = _read3(rows, SECOND, at), _read3(rows, FACING, at)
     known = facing[0] * facing[0] + facing[1] * facing[1] + facing[2] * facing[2] > 0.5
     lit = known and simd.read(light, at) + simd.read(light, at + ROW) + simd.read(light, at + 2 * ROW) > 0.0
-    for i in range(0, BLOCK, step):
+    for i in range(0, GROUP, step):
         terms = 0.0 * like
         if lit:
-            terms = _geometric_term(rows, block + i, place, facing)
+            terms = _geometric_term(rows, group + i, place, facing)
             own = simd.iota(ops.int_like(like, 0)) == j - i
             asked = (terms > 0.0) & ops.not_(own)
             if shadows and ops.any_lane(asked):
-                origin = load3(rows, 0, FIRST, block + i)
+                origin = load3(rows, 0, FIRST, group + i)
                 direction, reach = _towards(origin, place)
                 blocked = asked & primitive_hits.blocked(scene.primitives.between, origin, direction, reach)
                 terms = ops.where(blocked, 0.0, terms)
                 if scene.trees:
                     inside = asked & ops.not_(blocked) & enters(scene, origin, direction, reach)
-                    queued += queue_up(memory, queued, block + i, inside)
+                    queued += queue_up(memory, queued, group + i, inside)
             terms = ops.where(own, ops.maximum(terms, lights.TINY), terms)
-        simd.store(pairs, j * BLOCK + i, terms)
+        simd.store(pairs, j * GROUP + i, terms)
     if queued > 0:
         pad(memory, queued)
-        _trace_queue(accel, memory, place, queued, j * BLOCK - block)
-    for i in range(0, BLOCK, step):
-        total += simd.sum_of(simd.load(pairs, j * BLOCK + i) * simd.load(rows, CHANCE * ROW + block + i))
-    for i in range(0, BLOCK, step):
-        simd.store(pairs, j * BLOCK + i, simd.load(pairs, j * BLOCK + i) * (1.0 / max(total, lights.TINY)))
+        _trace_queue(accel, memory, place, queued, j * GROUP - group)
+    for i in range(0, GROUP, step):
+        total += simd.sum_of(simd.load(pairs, j * GROUP + i) * simd.load(rows, CHANCE * ROW + group + i))
+    for i in range(0, GROUP, step):
+        simd.store(pairs, j * GROUP + i, simd.load(pairs, j * GROUP + i) * (1.0 / max(total, lights.TINY)))
 
 
 @helper

@@ -31,7 +31,7 @@ class WaveMemory(NamedTuple):
     shadow_slot: Any  # (ROW,) int: the slots of their paths
     queue: Any  # (ROW,) int64: rays for the BVH
     light: Any  # (4 · ROW,) float: radiance of each slot, red, green, blue and coverage
-    items: Any  # (4 · ROW,) int: x, y, sample and place in the tile of each slot
+    items: Any  # (6 · ROW,) int: x, y, sample, place in the tile, and x, y that number the range of the Sobol sequence, by slot
     near: Any  # (ROW,) float: where camera rays begin
     inside: Any  # (2 · ROW,) int: medium stacks of the rays, in scenes with media
     facing: Any  # (2 · 3 · ROW,) float: the normals at the origins of rays, in scenes with many lights
@@ -51,7 +51,7 @@ class WaveMemory(NamedTuple):
 
         return cls(
             row(2 * STATE, kind), row(2 * 3, whole), row(3, kind), row(3, whole), row(ASKED, kind), row(1, whole), row(1, np.int64),
-            row(4, kind), row(4, whole), row(1, kind), row(2, whole), row(2 * 3, kind), row(2, whole), row(1, whole),
+            row(4, kind), row(6, whole), row(1, kind), row(2, whole), row(2 * 3, kind), row(2, whole), row(1, whole),
             path_reuse.Shared.of(kind) if reuses else path_reuse.Alone(),
         )  # fmt: skip
 

@@ -19,7 +19,7 @@ from ..lanes.soa import ROW, SIZE, compress_store, compress_store3, gather3, loa
 from ..material import medium_stack
 from ..material.shader import ONLY
 from ..sampling import sobol
-from ..sampling.pixel_blocks import BLOCK, CELL, SIDE, are_equal, cell_extent, position_in, reaches, shift_of
+from ..sampling.pixel_groups import CELL, GROUP, SIDE, cell_extent, offset_of, turns_of
 from ..simd.registration import overload
 from ..types import Lane, Ray
 from . import path_reuse
@@ -45,6 +45,7 @@ def draw_tile(accel, scene, frame, tile, first, count, total, film, memory):
             for s in range(first[row, column], first[row, column] + count[row, column]):
                 memory.items[filled], memory.items[ROW + filled] = x, y
                 memory.items[2 * ROW + filled], memory.items[3 * ROW + filled] = s, row * width + column
+                memory.items[4 * ROW + filled], memory.items[5 * ROW + filled] = x, y
                 filled += 1
                 if filled == SIZE:
                     filled = render_wave(accel, scene, frame, total, film, memory, filled, width)
@@ -53,23 +54,21 @@ def draw_tile(accel, scene, frame, tile, first, count, total, film, memory):
 
 
 @kernel
-def draw_tile_in_blocks(accel, scene, frame, tile, first, count, total, film, memory):
-    """As draw_tile, by blocks of pixels that share paths, which have equal first samples and counts.
+def draw_tile_in_groups(accel, scene, frame, tile, first, count, total, film, memory):
+    """As draw_tile, by groups of pixels that share paths; pixels of a cell have equal first samples and counts.
 
-    Blocks are those of the picture's grid, shifted between samples where all pixels of the tile have equal ones. Pixels of a block outside
-    the tile are traced for path reuse alone.
+    Cells are those of the picture's grid. Pixels of a cell outside the tile are traced for path reuse alone.
     """
     saved = simd.flush_denormals()
     filled = 0
-    shifts = are_equal(first) and are_equal(count)
     for top in range(tile.y0 // CELL * CELL, tile.y1, CELL):
         for left in range(tile.x0 // CELL * CELL, tile.x1, CELL):
-            for y in range(top, top + cell_extent(top, frame.picture.height), SIDE):
-                for x in range(left, left + cell_extent(left, frame.picture.width), SIDE):
-                    begin, more = _of_block(first, x, y, tile, shifts), _of_block(count, x, y, tile, shifts)
-                    for s in range(begin, begin + more):
-                        right, down = shift_of(s, total) if shifts else (0, 0)
-                        filled += _queue_block(frame, tile, memory, filled, left, top, x - left + right, y - top + down, s)
+            row, column = max(top - tile.y0, 0), max(left - tile.x0, 0)
+            begin, end = first[row, column], first[row, column] + count[row, column]
+            for y in range(cell_extent(top, frame.picture.height) // SIDE):
+                for x in range(cell_extent(left, frame.picture.width) // SIDE):
+                    for s in range(begin, end):
+                        filled += _queue_group(frame, tile, memory, filled, left, top, x, y, s)
                         if filled == SIZE:
                             filled = render_wave(accel, scene, frame, total, film, memory, filled, tile.x1 - tile.x0)
     render_wave(accel, scene, frame, total, film, memory, filled, tile.x1 - tile.x0)
@@ -77,27 +76,22 @@ def draw_tile_in_blocks(accel, scene, frame, tile, first, count, total, film, me
 
 
 @helper
-def _of_block(of, x, y, tile, equal):
-    """The entry of the block at x, y, equal for all of its pixels; 0 outside of the tile unless it is equal for the whole tile."""
-    column, row = max(x - tile.x0, 0), max(y - tile.y0, 0)
-    if equal:
-        column, row = 0, 0
-    return of[row, column] if (row < of.shape[0]) & (column < of.shape[1]) else 0
-
-
-@helper
-def _queue_block(frame, tile, memory, filled, left, top, x, y, sample):
-    """Queue a sample of the pixels of the block at x, y of a cell; return their number, 0 if none lies in the tile."""
+def _queue_group(frame, tile, memory, filled, left, top, x, y, sample):
+    """Queue a sample of the pixels of group x, y of the cell at left, top; return their number, 0 if none lies in the tile."""
     columns, rows = cell_extent(left, frame.picture.width), cell_extent(top, frame.picture.height)
-    if not (reaches(left, columns, x, tile.x0, tile.x1) and reaches(top, rows, y, tile.y0, tile.y1)):
-        return 0
-    for k in range(BLOCK):
-        column, row = position_in(left, columns, x + k % SIDE), position_in(top, rows, y + k // SIDE)
+    seen = False
+    for k in range(GROUP):
+        right, down = turns_of(left, top, k)
+        column = left + offset_of(columns, k % SIDE, x, right)
+        row = top + offset_of(rows, k // SIDE, y, down)
         inside = (tile.x0 <= column) & (column < tile.x1) & (tile.y0 <= row) & (row < tile.y1)
         place = (row - tile.y0) * (tile.x1 - tile.x0) + column - tile.x0
         memory.items[filled + k], memory.items[ROW + filled + k] = column, row
         memory.items[2 * ROW + filled + k], memory.items[3 * ROW + filled + k] = sample, place if inside else -1
-    return BLOCK
+        memory.items[4 * ROW + filled + k] = left + x * SIDE + k % SIDE
+        memory.items[5 * ROW + filled + k] = top + y * SIDE + k // SIDE
+        seen = seen | inside
+    return GROUP if seen else 0
 
 
 @helper
@@ -157,8 +151,9 @@ def _generate_stage(tables, frame, total, memory, n):
     view, options = frame.picture, frame.options
     step = crosslane.width(simd.load(memory.state, 0))
     for i in range(0, n, step):
-        x, y, s = simd.load(memory.items, i), simd.load(memory.items, ROW + i), simd.load(memory.items, 2 * ROW + i)
-        pixel, s = sobol.zorder_index(x, y, s, view.width, frame.order)
+        x, y, s = load3(memory.items, 0, 0, i)
+        range_x, range_y = simd.load(memory.items, 4 * ROW + i), simd.load(memory.items, 5 * ROW + i)
+        pixel, s = sobol.zorder_index(range_x, range_y, s, view.width, frame.order)
         dx, dy = sobol.offset(pixel, s, total, options.seed, frame.filter)
         x, y = ops.to_float(x) + 0.5 + dx, ops.to_float(y) + 0.5 + dy
         time = sobol.sample_time(pixel, s, options.seed, frame.shutter)
@@ -303,7 +298,7 @@ def _shadow_stage(accel, scene, frame, memory, n):
         k = simd.load(memory.queue, j)
         origin, direction = gather3(memory.shadow, 0, 0, k), gather3(memory.shadow, 0, 3, k)
         slot = memory.shadow_slot[k]
-        x, y, s = memory.items[slot], memory.items[slot + ROW], memory.items[slot + 2 * ROW]
+        x, y, s = memory.items[slot + 4 * ROW], memory.items[slot + 5 * ROW], memory.items[slot + 2 * ROW]
         pixel, s = sobol.zorder_index(x, y, s, frame.picture.width, frame.order)
         time = sobol.sample_time(pixel, s, options.seed, frame.shutter)
         ray = as_searched(origin, direction, 0.0 * origin[0], memory.shadow[k + 6 * ROW], time)

@@ -74,6 +74,8 @@ def test_it_is_the_same_on_any_number_of_threads(tmp_path):
 class Recorded:
     """A renderer of which only the limits matter; those beyond 8 find all light, 3 finds half."""
 
+    cell = 1
+
     def __init__(self) -> None:
         self.limits: list[int] = []
 
@@ -124,3 +126,15 @@ def test_the_command_line_says_where_the_limit_is(tmp_path, monkeypatch):
     stats = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))
     assert 0.25 < stats["cut"] < 0.4
     assert [w["message"] for w in stats["warnings"] if "bounces" in w["message"]]
+
+
+def test_whole_cells_are_measured_where_their_pixels_share_paths():
+    crop = (20, 9, 150, 100)
+    places = bounce_error.blocks(crop, 16)
+    assert len(places) == len(set(places)) == bounce_error.CELLS
+    for tile in places:
+        assert tile.x0 in (20, *range(32, 150, 16))
+        assert tile.x1 in (*range(32, 150, 16), 150)
+        assert tile.y1 - tile.y0 in (7, 16, 4)  # of the first row, of most, of the last
+        assert tile.x1 - tile.x0 <= 16
+    assert len(bounce_error.blocks((0, 0, 12, 16), 16)) == bounce_error.BLOCKS

@@ -37,7 +37,7 @@ class Painter(film.Unshared):
     side = film.TILE
 
     def __init__(self, width: Any = 0.4, wait: float = 0.0, fail_at: int = -1, by_tile: bool = False) -> None:
-        self.width, self.wait, self.fail_at, self.by_tile, self.block = width, wait, fail_at, by_tile, 1
+        self.width, self.wait, self.fail_at, self.by_tile, self.cell = width, wait, fail_at, by_tile, 1
         self.calls: list[tuple[Tile, int, int, int]] = []
         self.taken = np.zeros((SIZE[1], SIZE[0]), np.int64)
         self.lock = threading.Lock()

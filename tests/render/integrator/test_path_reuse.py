@@ -8,6 +8,7 @@ import pytest
 from maquette.compiler import load
 from maquette.compiler.plan import plan as planner
 from maquette.render.film import adaptive_sampling
+from maquette.render.sampling import pixel_groups
 
 ROOM = """
 box([4, 3, 4], center: [0, 1.5, 0], material: lambert(0.7))
@@ -60,7 +61,7 @@ def compared(draw, text, seeds, **settings):
         pictures = np.stack([draw(text, seed=first + k, transport_path_reuse=how, **settings) for k in range(seeds)])
         return pictures.reshape(seeds, 4, 8, 4, 8, 3).mean(axis=(2, 4))
 
-    shared, alone = runs("blocks", 1), runs("none", 101)
+    shared, alone = runs("groups", 1), runs("none", 101)
     variance = (shared.var(axis=0, ddof=1) + alone.var(axis=0, ddof=1)) / seeds
     return shared, alone, (shared.mean(axis=0) - alone.mean(axis=0)) / np.sqrt(variance)
 
@@ -104,21 +105,25 @@ def test_surfaces_of_all_kinds_keep_their_light(draw):
 def test_single_pixels_are_nearer_to_the_answer(draw, lamp):
     text = ROOM + LAMPS[lamp] + "render(bounces: 3)\n"
     error = [
-        np.stack([draw(text, seed=k, transport_path_reuse=how) for k in range(6)]).var(axis=0, ddof=1).mean() for how in ("blocks", "none")
+        np.stack([draw(text, seed=k, transport_path_reuse=how) for k in range(6)]).var(axis=0, ddof=1).mean() for how in ("groups", "none")
     ]
     assert error[0] < 0.5 * error[1]
 
 
-def test_blocks_do_not_show_as_squares(draw):
-    """Errors of two neighbors are as alike across the lines of the picture's 4 × 4 grid as inside of its blocks."""
+def test_errors_of_neighbors_are_independent(draw):
+    """So neither squares nor the pattern of a group show, and means over pixels gain by path reuse as single pixels do."""
     text = ROOM + LAMPS["point"] + "render(bounces: 3)\n"
-    pictures = np.stack([draw(text, seed=k, size=(64, 64)).mean(axis=-1) for k in range(8)])
-    errors = (pictures - pictures.mean(axis=0)) / pictures.std(axis=0)
+    found = {}
+    for how in ("groups", "none"):
+        pictures = np.stack([draw(text, seed=k, size=(64, 64), transport_path_reuse=how).mean(axis=-1) for k in range(8)])
+        found[how] = pictures - pictures.mean(axis=0)
+    errors = found["groups"] / found["groups"].std(axis=0)
     for axis in (1, 2):
-        product = np.moveaxis(errors * np.roll(errors, -1, axis), axis, 0)[:-1]
-        inside, across = (product[k::4].mean() for k in (1, 3))
-        assert inside > 0.2
-        assert abs(inside - across) < 0.25 * inside
+        for distance in (1, 2, 4, 8):
+            alike = np.moveaxis(errors * np.roll(errors, -distance, axis), axis, 0)[:-distance].mean()
+            assert abs(alike) < 0.15, (axis, distance)
+    means = {how: error.reshape(8, 16, 4, 16, 4).mean(axis=(2, 4)).var() for how, error in found.items()}
+    assert means["groups"] < 0.6 * means["none"]
 
 
 WALLS = {"piece": "box([0.02, 3, 4], center: [0, 1.5, 0], {})", "tree": "cylinder(0.02, 6, center: [0, 0, 0], scale: [1, 1, 120], {})"}
@@ -126,7 +131,7 @@ WALLS = {"piece": "box([0.02, 3, 4], center: [0, 1.5, 0], {})", "tree": "cylinde
 
 @pytest.mark.parametrize("wall", WALLS)
 def test_nothing_comes_through_a_wall(draw, wall):
-    """It halves a room that is open to the eye; one half has a lamp, and the blocks in the middle have pixels of both."""
+    """It halves a room that is open to the eye; one half has a lamp, and groups in the middle have pixels of both."""
     matt = "material: lambert(0.7))"
     text = f"""
 polygon([[-2, 0, 2], [2, 0, 2], [2, 0, -2], [-2, 0, -2]], {matt}
@@ -160,7 +165,7 @@ def test_the_plan_says_where(tmp_path):
 
     text = ROOM + LAMPS["point"] + "render(bounces: 3)\n"
     for more in ("", SURFACES):
-        assert decided(text + more)["transport.path_reuse"] == "blocks"
+        assert decided(text + more)["transport.path_reuse"] == "groups"
     for more in ("lambert(0.5, opacity: 0.5)", 'lambert(0.5, shading: "gouraud")'):
         plan = decided(text + f"sphere(0.1, center: [0, 0.2, 0], material: {more})\n")
         assert plan["transport.path_reuse"] == "none", more
@@ -179,7 +184,7 @@ def test_under_a_sky_rooms_alone_share_paths(tmp_path):
 
     inside = decided(SUNLIT + "render(bounces: 3)\n")
     assert inside["indoors"]
-    assert inside["transport.path_reuse"] == "blocks"
+    assert inside["transport.path_reuse"] == "groups"
     ground = "plane(y: 0, material: lambert(0.5))\nsphere(0.5, center: [0, 0.5, 0])\nsky()\n"
     outside = decided(ground + "camera(position: [0, 1, 4])\nrender(bounces: 3)\n")
     assert not outside["indoors"]
@@ -187,27 +192,29 @@ def test_under_a_sky_rooms_alone_share_paths(tmp_path):
     assert outside.decisions["transport.path_reuse"].reason == "outdoors most noise comes from the light samples of first surfaces"
 
 
-def test_blocks_are_the_pictures():
-    """Of a crop from column 3 and row 6 the first blocks are one column wide and two rows high."""
-    blocks = adaptive_sampling.Blocks((3, 6, 10, 13), 4)
+def test_cells_are_the_pictures():
+    """Of a crop from column 3 and row 6 the first cells are one column wide and two rows high."""
+    cells = adaptive_sampling.Cells((3, 6, 10, 13), 4)
     values = np.arange(49.0).reshape(7, 7)
-    means = blocks.means(values)
+    means = cells.means(values)
     assert means.shape == (3, 3)
     assert means[0, 0] == values[:2, :1].mean()
     assert means[1, 1] == values[2:6, 1:5].mean()
     assert means[2, 2] == values[6:, 5:].mean()
-    spread = blocks.spread(means)
+    spread = cells.spread(means)
     assert spread.shape == values.shape
-    assert np.array_equal(blocks.means(spread), means)
+    assert np.array_equal(cells.means(spread), means)
 
 
-def test_pixels_of_a_block_take_the_same_samples_where_an_error_is_asked_for(tmp_path):
+def test_pixels_of_a_cell_take_the_same_samples_where_an_error_is_asked_for(tmp_path):
     path = tmp_path / "c.scene"
     path.write_text(ROOM + LAMPS["rectangle"] + "render(bounces: 3)\n", encoding="utf-8")
-    image = maquette.render(path, size=(42, 30), crop=(3, 2, 41, 29), error=0.03, backend="ray", aov=("samples",), threads=1)
+    crop = (3, 2, 141, 99)
+    image = maquette.render(path, size=(160, 100), crop=crop, error=0.05, backend="ray", aov=("samples",), threads=1)
     taken = image.channels["samples"][..., 0]
-    assert image.metadata["error"] <= 0.03
+    assert image.metadata["error"] <= 0.05
     assert np.ptp(taken) > 0
-    for y in range(2, 26, 4):  # rows and columns of the picture 4, 8 …
-        for x in range(1, 33, 4):
-            assert np.ptp(taken[y : y + 4, x : x + 4]) == 0
+    x, y = (np.arange(crop[k], crop[k + 2]) // pixel_groups.CELL for k in (0, 1))
+    for row in np.unique(y):
+        for column in np.unique(x):
+            assert np.ptp(taken[y == row][:, x == column]) == 0

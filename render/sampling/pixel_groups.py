@@ -1,0 +1,38 @@
+"""The groups of sixteen pixels that share paths, spread over a square cell of the picture's grid.
+
+A bright path shows at all sixteen pixels of its group. Neighbors in one group show it as a square, and a denoiser takes it for a detail. So
+a cell is divided into 4 × 4 parts, and a group has one pixel of each part. A hash of the part decides which one. Errors of neighbors are
+then independent. The pixels of a group have sixteen adjacent ranges of one sequence (sobol.zorder_index), so that the paths that they share
+are as well stratified as one pixel's samples. All pixels of a cell have equal samples.
+"""
+
+from __future__ import annotations
+
+from ..jit.kernel import helper
+
+SIDE = 4  # parts of a cell along a side
+GROUP = SIDE * SIDE  # pixels of a group
+CELL = 16  # pixels of a cell along a side
+
+
+@helper
+def cell_extent(start: int, size: int) -> int:
+    """The pixels of the cell that starts at a column or row of a picture of this size, a multiple of SIDE."""
+    return min(CELL, -((start - size) // SIDE) * SIDE)
+
+
+@helper
+def offset_of(extent: int, part: int, group: int, turn: int) -> int:
+    """The column or row in its cell of a group's pixel in a part; `turn`: the cyclic shift of the part."""
+    step = extent // SIDE
+    return part * step + (group + turn) % step
+
+
+@helper
+def turns_of(left: int, top: int, part: int) -> tuple[int, int]:
+    """The hashed cyclic shifts, in columns and rows, of one of the sixteen parts of the cell at left, top."""
+    x = ((left * 73856093) ^ (top * 19349663) ^ (part * 83492791)) & 0xFFFFFFFF
+    x = ((x ^ (x >> 16)) * 0x45D9F3B) & 0xFFFFFFFF
+    x = ((x ^ (x >> 16)) * 0x45D9F3B) & 0xFFFFFFFF
+    x = x ^ (x >> 16)
+    return x & 0xFFFF, x >> 16

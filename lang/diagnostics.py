@@ -112,10 +112,15 @@ def sort_diagnostics(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
     return sorted(unique, key=lambda d: (files[d.span.file], d.span.line, d.span.column) if d.span else (files[""], 0, 0))
 
 
+_PICTURES = {code: 0x2400 + code for code in range(32) if code != ord("\n")} | {127: 0x2421}
+_PICTURES |= dict.fromkeys((*range(0x80, 0xA0), 0x061C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A)), 0xFFFD)
+
+
 def render_text(d: Diagnostic, source: Callable[[str], str | None]) -> str:
     """The text form: place, severity, message; the source line with carets and hint; the chain of calls.
 
-    `source(file)` returns the text of a file by its displayed name, or None.
+    `source(file)` returns the text of a file by its displayed name, or None. Characters of names and sources that control a terminal are
+    shown as their pictures, and those that change the direction of text as U+FFFD.
     """
     place = f"{d.span}: " if d.span else ""
     lines = [f"{place}{d.severity}: {d.message}"]
@@ -126,7 +131,7 @@ def render_text(d: Diagnostic, source: Callable[[str], str | None]) -> str:
     elif d.hint:
         lines.append(f"  {d.hint}")
     lines += [f"  in {name}, called at {span}" for name, span in d.trace]
-    return "\n".join(lines)
+    return "\n".join(lines).translate(_PICTURES)
 
 
 def _quote(span: Span, source: Callable[[str], str | None]) -> tuple[str, str] | None:

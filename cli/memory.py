@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from ..compiler.plan.plan import Plan
 
 SMALL_PICTURE = 256_000_000  # bytes of pixels that are tried in any case
+PROGRAM = 150_000_000  # bytes of this process with a small scene
 LATER = 600_000_000  # bytes of address space of libraries that are loaded later
 
 try:
@@ -27,6 +28,15 @@ def peak_memory() -> int | None:
     if resource is None:
         return None
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+
+
+def resident_memory() -> int:
+    """Resident memory of this process now, in bytes; the peak, or PROGRAM, where the system has no such figure."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    except OSError:
+        return peak_memory() or PROGRAM
+    return pages * resource.getpagesize() if resource is not None else PROGRAM
 
 
 def free_memory() -> int | None:
@@ -69,33 +79,35 @@ def _of_limit() -> int | None:
     return max(soft - pages * resource.getpagesize() - LATER, 0)
 
 
-def strip_plans(scene: ir.Scene, plan: Plan, path: Path, memory: int | None) -> list[Plan]:
-    """The plan, or the plans of its strips for a picture larger than memory.
+def strip_plans(scene: ir.Scene, plan: Plan, path: Path, memory: int | None) -> tuple[list[Plan], int]:
+    """(the plan, or the plans of its strips for a picture larger than memory; the peak memory of this process that is expected).
 
+    Where kernels must be compiled, the process takes memory_estimate.COMPILER more. Room is left for it.
     Raises UsageError for options that exclude strips, and for a picture that does not fit.
     """
     from ..render import large_images, memory_estimate
     from ..render.image import image_files
 
-    linear = path.suffix.lower() in image_files.LINEAR
+    linear, taken = path.suffix.lower() in image_files.LINEAR, resident_memory()
     needs, free = memory_estimate.estimate(scene, plan, linear), free_memory() if memory is None else memory
     x0, y0, x1, y1 = plan["crop"]
     pixels = (x1 - x0) * (y1 - y0)
     whole, most = needs.total(pixels), large_images.MAX_PIXELS
-    limit = None if free is None else free + (memory_estimate.loaded(scene) if memory is None else 0)
+    limit = None if free is None else free - memory_estimate.COMPILER - (0 if memory is None else taken)
     if limit is not None and (memory is not None or needs.pixel * pixels > SMALL_PICTURE):
         most = needs.most_pixels(limit)
     parts = large_images.strip_plans(plan, max(most, 0))
     if len(parts) == 1:
-        return parts
-    why = large_images.refusal(plan, exposed=not linear)
+        return parts, max(taken + whole, peak_memory() or 0)
+    why, strip = large_images.refusal(plan, exposed=not linear), needs.total((x1 - x0) * (parts[0]["crop"][3] - y0))
     size = f"a picture of {plan['size'][0]} by {plan['size'][1]} pixels"
     if free is not None and limit is not None and most < large_images.MAX_PIXELS:
-        there = f"{size} takes about {whole / 1e9:.2g} GB of memory, and {free / 1e9:.2g} GB are {'free' if memory is None else 'allowed'}"
+        takes = whole + memory_estimate.COMPILER + (0 if memory is None else taken)
+        there = f"{size} takes about {takes / 1e9:.2g} GB of memory, and {free / 1e9:.2g} GB are {'free' if memory is None else 'allowed'}"
         if why:
             raise click.UsageError(f"{there}; in strips it takes less, but {why}")
-        if needs.total((x1 - x0) * (parts[0]["crop"][3] - y0)) > limit:
+        if strip > limit:
             raise click.UsageError(f"{there}; a strip of it does not fit either: give a smaller --size")
     elif why:
         raise click.UsageError(f"{size} is rendered in strips: {why}")
-    return parts
+    return parts, max(taken + strip, peak_memory() or 0)

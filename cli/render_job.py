@@ -117,6 +117,7 @@ class Reading(NamedTuple):
     scene: ir.Scene
     plan: Plan
     parts: list[Plan]  # of strips, if there are several
+    memory: int  # bytes that the process will take, as estimated
     seconds: dict[str, float]
 
 
@@ -246,11 +247,11 @@ class Job:
         self.files = tuple(Path(file) for file in scene.files)
         plan = make_plan(scene, self.settings, self.overrides)
         check_output(path, plan["aov"], self.bits, plan["view"])
-        parts = strip_plans(scene, plan, path, self.memory)
+        parts, expected = strip_plans(scene, plan, path, self.memory)
         self._report(found.items)
         self._report(picture_notes.plan_warnings(scene, plan))
         self.laps.end("read")
-        return Reading(path, scene, plan, parts, seconds)
+        return Reading(path, scene, plan, parts, expected, seconds)
 
     def _draw(self, read: Reading, cancel: threading.Event, keeper: Keeper | None) -> Image:
         """Draw a picture here, or on the cluster. Raises KeyboardInterrupt if it was cancelled before its first sample."""
@@ -272,13 +273,12 @@ class Job:
         """Write a picture, unless it was in strips. Returns its statistics. Raises KeyboardInterrupt after a partial one."""
         from ..render import picture_notes
 
-        path, scene, plan, parts, seconds = read
+        path, scene, plan, parts, seconds = read.path, read.scene, read.plan, read.parts, read.seconds
         for name, value in image.metadata["seconds"].items():
             seconds[name] = seconds.get(name, 0.0) + value
         self.laps.end("draw")
         self._report(picture_notes.of_render(image.metadata, scene, plan, self.settings))
-        partial = bool(image.metadata.get("partial"))
-        if partial:
+        if partial := bool(image.metadata.get("partial")):
             path = _partial(path, len(parts) > 1)
         self.display.stage("writing")
         if len(parts) == 1:
@@ -292,7 +292,7 @@ class Job:
             raise KeyboardInterrupt
         if keeper is not None:
             keeper.remove()
-        return self._figures(scene, plan, image, seconds)
+        return self._figures(read, image)
 
     def _keeper(self, read: Reading) -> Keeper | None:
         """The writer of a picture's checkpoints, beside its file; None for none. Prints a note on a checkpoint that exists."""
@@ -365,23 +365,23 @@ class Job:
                 file.path = _partial(path, True)
         return Image(0, 0, {}, large_images.join_metadata(metadata, plan))
 
-    def _figures(self, scene: ir.Scene, plan: Plan, image: Image, seconds: Mapping[str, float]) -> dict[str, Any]:
+    def _figures(self, read: Reading, image: Image) -> dict[str, Any]:
         warnings = [d.to_json() for d in self.reported if d.severity == "warning"]
         return json_value(
             {
                 "scene": str(self.source.path),
-                "backend": plan["backend"],
-                "size": plan["size"],
-                "samples": image.metadata.get("samples", plan["samples"]),
+                "backend": read.plan["backend"],
+                "size": read.plan["size"],
+                "samples": image.metadata.get("samples", read.plan["samples"]),
                 "samples_mean": image.metadata.get("samples_mean"),
-                "seconds": {stage: seconds[stage] for stage in STAGES},
-                "instances": len(scene.tables.instances.geometry),
+                "seconds": {stage: read.seconds[stage] for stage in STAGES},
+                "instances": len(read.scene.tables.instances.geometry),
                 "rays": image.metadata.get("rays"),
-                "memory": peak_memory(),
+                "memory": peak_memory(), "memory_expected": read.memory,
                 "error": image.metadata.get("error"),
                 "denoised": image.metadata.get("denoised", False), "denoised_error": image.metadata.get("denoised_error"),
                 "cut": cut.share if (cut := image.metadata.get("cut")) else None,
-                "plan": plan.values(),
+                "plan": read.plan.values(),
                 "warnings": warnings,
             }
         )

@@ -1,7 +1,7 @@
-"""About how much memory a picture takes, before it is rendered.
+"""About how much memory a picture takes besides that of the loaded scene, before it is rendered.
 
-Bytes a pixel are those of the arrays that live at once (film/canvas.py); they were checked against the largest resident memory of
-pictures of 2000² to 8000² pixels. Bytes of the scene are those of its tables, with a factor for trees and copies.
+Bytes a pixel are those of the arrays that live at once (film/canvas.py). All figures were fitted to the peak resident memory of the
+pictures in tests/render/memory_cases.py, with compiled kernels. The compiler takes COMPILER more where it is needed.
 """
 
 from __future__ import annotations
@@ -17,16 +17,19 @@ from ..compiler.plan.plan import Plan
 from .film import denoise
 from .image import image
 
-PROGRAM = 450_000_000  # bytes of the program, with what compiles kernels
+MB = 1_000_000
+COMPILER = 300 * MB  # bytes of Numba and LLVM
+WHITTED, PATHS, RASTER, FORMULAS = 30 * MB, 50 * MB, 75 * MB, 60 * MB  # bytes of modules, kernels and memory of threads
 SCENE = 3.0  # bytes of trees, records and tables, over those of tables
-MESHES = 10.0  # the same of meshes, with those of their files
-RGBA, ERRORS, SUMS, PHOTONS, WHOLE = 17, 51, 48, 18, 20  # bytes a pixel
+MESHES = 6.0  # the same of meshes
+PYRAMIDS = 1.65  # bytes of smaller copies of pictures and of their parts, over those of pictures
+RGBA, ERRORS, SUMS, ROUNDS, WHOLE = 26, 55, 71, 101, 20  # bytes a pixel; sums of adaptive samples, rounds of paths
 FLOAT, CODE = 4, 4
 GUIDES, NETWORK = 52, 600  # bytes a pixel of denoising: guides and copies; Open Image Denoise itself, up to denoise.MEMORY
 
 
 class Estimate(NamedTuple):
-    """Bytes of a process: `fixed`, and for each pixel that is rendered at once."""
+    """Bytes that drawing takes: `fixed`, and for each pixel that is rendered at once."""
 
     fixed: int
     pixel: int
@@ -40,18 +43,9 @@ class Estimate(NamedTuple):
         return (memory - self.fixed) // self.pixel
 
 
-def loaded(scene: ir.Scene) -> int:
-    """Bytes that the process has already when a scene is loaded."""
-    return PROGRAM + sum(array.nbytes for array in _arrays(scene.tables))
-
-
 def estimate(scene: ir.Scene, plan: Plan, linear: bool) -> Estimate:
     """The estimate for a picture that is written as floats (`linear`) or as codes."""
-    meshes = sum(array.nbytes for array in _arrays(scene.tables.pools))
-    x0, y0, x1, y1 = plan["crop"]
-    denoises = plan["denoise"] != "off"
-    network = min(NETWORK * (x1 - x0) * (y1 - y0), 1_000_000 * denoise.MEMORY) if denoises else 0
-    fixed = PROGRAM + network + int(SCENE * sum(array.nbytes for array in _arrays(scene.tables)) + (MESHES - SCENE) * meshes)
+    fixed, denoises = _fixed(scene, plan), plan["denoise"] != "off"
     channels = (GUIDES if denoises else 0) + FLOAT * sum(image.WIDTHS.get(name, image.LIGHT) for name in plan["aov"])
     encoded = channels + 4 * FLOAT if linear else CODE
     in_bands = plan["backend"] == "raster" and plan["lens"] == "pinhole" and plan["raster.sample_positions"] == "shared"
@@ -60,10 +54,29 @@ def estimate(scene: ir.Scene, plan: Plan, linear: bool) -> Estimate:
     pixel = RGBA + channels + encoded
     if plan["samples"] > 1:
         pixel += ERRORS
-    photons = plan["transport"] == "path"
-    if photons or decision.adaptive(plan):
+    if plan["transport"] == "path":
+        pixel += ROUNDS
+    elif decision.adaptive(plan):
         pixel += SUMS
-    return Estimate(fixed, pixel + (PHOTONS if photons else 0))
+    return Estimate(fixed, pixel)
+
+
+def _fixed(scene: ir.Scene, plan: Plan) -> int:
+    """Bytes that do not depend on the number of pixels, but for denoising."""
+    tables = scene.tables
+    texels, meshes = tables.images.texels.nbytes, sum(array.nbytes for array in _arrays(tables.pools))
+    others = sum(array.nbytes for array in _arrays(tables)) - texels - meshes
+    paths = plan["transport"] == "path"
+    made = SCENE * others + MESHES * meshes
+    if plan["texture_filter"] == "footprint" and not (paths and plan["backend"] == "ray"):
+        made += PYRAMIDS * texels
+    made += RASTER if plan["backend"] == "raster" else PATHS if paths else WHITTED
+    if (tables.geometries.kind == ir.GeometryKind.FORMULA).any():
+        made += FORMULAS
+    if plan["denoise"] != "off":
+        x0, y0, x1, y1 = plan["crop"]
+        made += min(NETWORK * (x1 - x0) * (y1 - y0), MB * denoise.MEMORY)
+    return int(made)
 
 
 def _arrays(value: Any) -> Iterator[np.ndarray]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +10,8 @@ import pytest
 from maquette.compiler import ir
 from maquette.compiler.plan import plan as planner
 from maquette.render import large_images, memory_estimate
+
+from . import memory_cases
 
 BALL = "sphere(1)\npoint([2, 4, 3], intensity: 20)\ncamera(position: [0, 0, 5], look_at: [0, 0, 0])\n"
 
@@ -51,36 +51,14 @@ def test_less_memory_makes_smaller_strips(ball: ir.Scene) -> None:
     assert [part["crop"][3] for part in large_images.strip_plans(plan, 0)][:2] == [32, 64]
 
 
-PEAK = """
-import resource, subprocess, sys
-subprocess.run([sys.executable, "-P", "-m", "maquette", "render", *sys.argv[1:]], check=True, capture_output=True)
-print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024)
-"""
-LIT = "plane(y: -1)\nsphere(1)\n"
-LIT += "area(position: [2, 4, 3], look_at: [0, 0, 0], size: 2, luminance: 20)\ncamera(position: [0, 0, 5], look_at: [0, 0, 0])\n"
-
-
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("size", "settings", "options"),
-    [
-        (5000, {"samples": 1}, ["--samples", "1"]),
-        (4000, {"samples": 2}, ["--samples", "2"]),
-        (4000, {"samples": 2, "backend": "raster"}, ["--samples", "2", "--backend", "raster"]),
-        (4000, {"samples": 2, "denoise": True}, ["--samples", "2", "--denoise"]),
-    ],
+    "name",
+    ["hello 200", "room 400", "vase 1000 raster", "ball 2000 error", "ball 2000 aovs", "ball 1000 denoised", "mesh ply", "texture 4096"],
 )
-def test_estimates_are_within_a_quarter_of_what_large_pictures_take(
-    tmp_path: Path, size: int, settings: dict[str, Any], options: list[str]
-) -> None:
-    if settings.get("denoise"):
+def test_estimates_are_within_a_quarter_of_what_pictures_take(tmp_path: Path, name: str) -> None:
+    """In processes of their own, with compiled kernels; `python tests/render/memory_cases.py` measures all cases."""
+    if "denoised" in name:
         pytest.importorskip("pyoidn")
-    scene = tmp_path / "a.scene"
-    scene.write_text(LIT, encoding="utf-8")
-    loaded = maquette.load(scene)
-    plan = planner.make_plan(loaded, ir.Settings(size=(size, size), **{"denoise": False, **settings}))
-    said = memory_estimate.estimate(loaded, plan, False).total(size * size)
-    more = [] if settings.get("denoise") else ["--no-denoise"]
-    command = [sys.executable, "-c", PEAK, str(scene), "--size", f"{size}x{size}", *options, *more, "-o", str(tmp_path / "a.png")]
-    peak = int(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-    assert said == pytest.approx(peak, rel=0.25)
+    expected, peak = memory_cases.measure(memory_cases.CASES[name], tmp_path)
+    assert expected == pytest.approx(peak, rel=0.25)

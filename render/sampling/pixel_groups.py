@@ -12,7 +12,7 @@ from ..jit.kernel import helper
 
 SIDE = 4  # parts of a cell along a side
 GROUP = SIDE * SIDE  # pixels of a group
-CELL = 16  # pixels of a cell along a side
+CELL = 32  # pixels of a cell along a side
 
 
 @helper

@@ -33,9 +33,10 @@ Counts = NDArray[np.int64]
 
 
 def tiles(crop: tuple[int, int, int, int], side: int = TILE) -> list[Tile]:
-    """Return the tiles of a crop, from the center outwards."""
+    """Return the tiles of a crop, those of the picture's grid, from the center outwards."""
     x0, y0, x1, y1 = crop
-    every = [Tile(x, y, min(x + side, x1), min(y + side, y1)) for y in range(y0, y1, side) for x in range(x0, x1, side)]
+    columns, rows = (range(start // side * side, end, side) for start, end in ((x0, x1), (y0, y1)))
+    every = [Tile(max(x, x0), max(y, y0), min(x + side, x1), min(y + side, y1)) for y in rows for x in columns]
     corners = np.array(every)
     away = (corners[:, 0] + corners[:, 2] - x0 - x1) ** 2 + (corners[:, 1] + corners[:, 3] - y0 - y1) ** 2
     return [every[i] for i in np.argsort(away, kind="stable")]

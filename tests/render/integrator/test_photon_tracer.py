@@ -170,7 +170,7 @@ def test_polished_plastic_leaves_no_sparks(tmp_path):
     path.write_text(FLOOR.format(0.8) + FAINT.replace("6000", "20000") + "point([1, 3, 1], intensity: 20)\n")
     found = []
     for name in ("photons", "paths"):
-        plan = {"transport.caustics": name}
+        plan = {"transport.caustics": name, "transport.path_reuse": "none"}
         runs = [maquette.render(path, size=(64, 48), samples=16, seed=k, filter="box", plan=plan).channels["rgba"] for k in range(12)]
         grey = np.stack(runs)[..., :3].mean(axis=-1)
         highlight = np.unravel_index(np.argmax(grey.mean(axis=0)), grey.shape[1:])

@@ -12,7 +12,7 @@ import numpy as np
 
 from .. import ir
 from ..ir import light_links
-from . import scene_facts
+from . import dome_spots, scene_facts
 
 SMALL = 0.3  # steradians as seen from a caster, below which paths hit a light too seldom (one in twenty of a hemisphere)
 MAX_CAUSTIC_ROUGHNESS = 0.54  # of a metal or glass that casts caustics; its square is below microfacet.MAX_REFLECTION_ALPHA
@@ -156,6 +156,12 @@ def caustic_lights(tables: ir.Tables, all_sizes: bool = False) -> tuple[np.ndarr
     return chosen, shining
 
 
+def bright_spots(tables: ir.Tables) -> dome_spots.Spots | None:
+    """Return the bright spots of a dome that photons may carry; None with unbounded casters, at which they cannot be aimed."""
+    bounded = np.isfinite(bounding_spheres(tables)[1][gathering(tables)]).all()
+    return dome_spots.find(tables) if bounded else None
+
+
 def _fills(place: np.ndarray, size: float, centre: np.ndarray, radius: np.ndarray) -> float:
     """Approximate solid angle of a sphere, from the nearest point of any of the bounding spheres."""
     away = np.linalg.norm(centre - place, axis=1) - np.where(np.isfinite(radius), radius, 0.0)
@@ -183,11 +189,14 @@ def carrier(tables: ir.Tables, transport: str, backend: str, moves: bool) -> tup
     endless = ~np.isfinite(bounding_spheres(tables)[1][mirrors])
     if endless.any() and (ir.is_in(tables.lights.kind, FAR) & small).any():
         return "paths", "an unbounded shape reflects a light at infinity: photons cannot be aimed at it", chance
+    spots = bright_spots(tables)
     count = int(small.sum() + shining.sum())
-    if not count:
+    if not count and spots is None:
         possible = any(found.any() for found in caustic_lights(tables, all_sizes=True))
         reason = "all lights are large as seen from caustic casters: paths hit them"
         return "paths", reason, CARRIERS if possible else chance
-    lights = "1 small light" if count == 1 else f"{count} small lights"
+    lights = [] if count == 0 else ["1 small light"] if count == 1 else [f"{count} small lights"]
+    if spots is not None:
+        lights.append("1 bright spot of a dome" if spots.count == 1 else f"{spots.count} bright spots of a dome")
     casters = "1 caustic caster" if mirrors.sum() == 1 else f"{int(mirrors.sum())} caustic casters"
-    return "photons", f"{lights} and {casters}: photons carry the caustics", CARRIERS
+    return "photons", f"{', '.join(lights)} and {casters}: photons carry the caustics", CARRIERS

@@ -20,7 +20,7 @@ from ..geometry.bounds import swept_bounds, world_bounds
 from ..integrator import glossy_lights, no_ray_environment, vertex_lighting, whitted
 from ..jit import compile_process
 from ..jit.packed_struct import Handle, HandleType
-from ..light import links
+from ..light import dome_spots, environment_map, links
 from ..material import principled
 from ..sampling import sobol
 from ..simd import target
@@ -191,13 +191,15 @@ def _add_photons(tables: ir.Tables, plan: Plan, light: Any, kind: type) -> tuple
     """(path light with photon maps, photon targets); the light unchanged and None if no light reaches a gathering surface."""
     from ..integrator import photon_aims, photon_map
 
-    photon_emitters = photon_aims.carried_by_photons(tables, light.emitters, plan.decisions["transport.caustics"].overridden)
-    aims = photon_aims.photon_targets(tables, light.emitters, photon_emitters)
+    spots = dome_spots.build(tables, environment_map.row_of(light.emitters.sky))
+    photon_emitters = photon_aims.carried_by_photons(tables, light.emitters, spots, plan.decisions["transport.caustics"].overridden)
+    aims = photon_aims.photon_targets(tables, light.emitters, spots, photon_emitters)
     if aims is None:
         return light, None
     gains = caustic_casters.gains(tables) * (caustic_casters.narrow_highlights(tables) > 0.0)[tables.instances.material]
     caustic_reflectance = gains if gains.any() else photon_map.NoMaps()
-    return light._replace(photons=photon_map.empty(kind), photon_emitters=photon_emitters, caustic_reflectance=caustic_reflectance), aims
+    light = light._replace(photons=photon_map.empty(kind), photon_emitters=photon_emitters, caustic_reflectance=caustic_reflectance)
+    return light._replace(spots=spots), aims
 
 
 def _fill_photons(tables: ir.Tables, light: Any, kind: type) -> Any:
@@ -211,6 +213,7 @@ def _fill_photons(tables: ir.Tables, light: Any, kind: type) -> Any:
         caustic_reflectance=np.zeros(len(tables.instances.geometry))
         if isinstance(light.caustic_reflectance, absent)
         else light.caustic_reflectance,
+        spots=dome_spots.none() if isinstance(light.spots, dome_spots.NoSpots) else light.spots,
     )
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from ..jit.kernel import helper, noinline_helper, specialize_if_present
 from ..lanes import ops
-from ..light import emitters, light_tree, lights, links
+from ..light import dome_spots, emitters, light_tree, lights, links
 from ..light.emitter_table import DOME
 from ..light.emitters import Arriving
 from ..material import bsdf, medium_stack
@@ -26,6 +26,11 @@ GRAZING = 1e-3  # cosine at an emitter below which shadow rays are shortened no 
 def facing(inputs: PathInputs, point: Surface, shader: Shader) -> Any:
     """Return a surface's record for light selection, see light_tree.facing."""
     return light_tree.facing(inputs.emitters.tree.below, point.normal, bsdf.is_rough_glass(shader, ops.bool_like(point.offset, False)))
+
+
+@helper
+def _on_mirror(inputs: PathInputs, row: Any, path: PathState, shader: Shader) -> Lane:
+    return photon_covers_mirror(inputs.photon_emitters, row, path, shader)
 
 
 _sample_each, _choose = noinline_helper(emitters.sample), noinline_helper(light_tree.choose)
@@ -48,7 +53,7 @@ def _choose_emitter(
             here
             & (ops.not_(ending) | is_lamp)
             & ops.not_(lit & is_lamp)
-            & ops.not_(photon_covers_mirror(inputs.photon_emitters, 0, path, shader))
+            & ops.not_(dome_spots.only_in_spots(inputs.spots, _on_mirror(inputs, 0, path, shader), 0, arriving.direction))
         )
         weighed, shadows = ops.bool_like(zero, table.weighed[0]), ops.bool_like(zero, table.shadows[0])
         return 0, zero + 1.0, arriving, here, weighed, shadows
@@ -56,7 +61,7 @@ def _choose_emitter(
     arriving = _sample_each(tables, table, row, place, u, v)
     lamp = table.light[row] >= 0
     here = here & (chance > 0.0) & (ops.bool_like(zero, ops.not_(ending)) | lamp) & ops.not_(lit & lamp)
-    here = here & ops.not_(photon_covers_mirror(inputs.photon_emitters, row, path, shader))
+    here = here & ops.not_(dome_spots.only_in_spots(inputs.spots, _on_mirror(inputs, row, path, shader), row, arriving.direction))
     chance = ops.where(chance > 0.0, chance, 1.0)
     return row, chance, arriving, here, table.weighed[row], table.shadows[row]
 
@@ -100,7 +105,8 @@ def sample_direct(
     row, chance, arriving, here, weighed, shadows = _choose_emitter(tables, inputs, shading, path, here, lit, ending, index, place)
     arriving, here, blockers = _follow_links(linked, (arriving, here, None), tables, inputs, row, point)
     share, density = bsdf.eval_bsdf_pdf(shader, inputs.uses, point.normal, arriving.direction, viewer)
-    share, alone = exclude_covered_lobe(inputs.caustic_reflectance, inputs.photon_emitters, share, row, path, shading, arriving.direction)
+    photons = inputs.caustic_reflectance, inputs.photon_emitters, inputs.spots
+    share, alone = exclude_covered_lobe(*photons, share, row, path, shading, arriving.direction)
     factor = 1.0 / (math.pi * chance)
     above = rough | (ops.dot(arriving.direction, point.geometric) > 0.0)  # BSDF samples do not go below the geometric surface
     both_ways = weighed & above & ops.not_(last | lit | alone)

@@ -12,7 +12,7 @@ from ..material.shader import ONLY, Shader
 from ..types import Hit, Lane, Options, Surface, Tables, Vec
 from . import background
 from .path_state import BALANCE, LIT, SURFACES_ALONE, PathInputs, PathState
-from .photon_coverage import photon_covers_emission
+from .photon_coverage import photon_covers_emission, photon_covers_sky
 
 
 @helper
@@ -30,6 +30,7 @@ def environment_radiance(
     if ops.any_lane(soft):
         seen = _weigh_sky(tables, inputs, options.links, path, light)
         light = ops.where3(soft, seen, light)
+    light = ops.where3(photon_covers_sky(inputs.spots, ops.bool_like(zero, False), path), (zero, zero, zero), light)
     straight = missed & path.straight
     if ops.any_lane(straight):
         light = ops.where3(straight, background.camera_background(tables, options, path.direction), light)

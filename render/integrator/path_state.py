@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 from ...compiler import ir
 from ..jit.kernel import helper
 from ..lanes import ops
+from ..light import dome_spots
 from ..light.emitter_table import Emitters
 from ..material import principled, rough_dielectric
 from ..material.bsdf import Scattered
@@ -84,6 +85,7 @@ class PathInputs(NamedTuple):
     photons: Any = photon_map.NoMaps()  # or photon_map.Maps
     photon_emitters: Any = photon_map.NoMaps()  # or (emitters,) bool: emitters whose light photons carry
     caustic_reflectance: Any = photon_map.NoMaps()  # or (instances,) reflectance of narrow highlights that photons carry
+    spots: Any = dome_spots.NoSpots()  # or dome_spots.Spots: the only part of a dome's light that photons carry
 
 
 def uses_of(tables: ir.Tables) -> Uses:

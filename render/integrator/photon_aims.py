@@ -6,14 +6,14 @@ Photons are aimed at balls around the casters, by a mixture whose whole density 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...compiler.plan import caustic_casters
-from ..light import emitter_table
+from ..light import dome_spots, emitter_table
 from ..light.emitter_table import Emitters
 
 F64 = NDArray[np.float64]
@@ -33,12 +33,14 @@ class Aims(NamedTuple):
     effort: float  # factor of the number of photons: faint light needs fewer for the same noise, by the square of the reflectance
 
 
-def carried_by_photons(tables: ir.Tables, table: Emitters, all_sizes: bool) -> NDArray[np.bool_]:
-    """(emitters,) whether photons carry an emitter's light."""
+def carried_by_photons(tables: ir.Tables, table: Emitters, spots: Any, all_sizes: bool) -> NDArray[np.bool_]:
+    """(emitters,) whether photons carry an emitter's light; that of a dome only in its `spots`."""
     lamps, shining = caustic_casters.caustic_lights(tables, all_sizes)
     found = np.zeros(len(table.kind), bool)
     light = table.light >= 0
     found[light] = lamps[table.light[light]] & (table.kind[light] != emitter_table.DOME)
+    if isinstance(spots, dome_spots.Spots):
+        found[spots.row] = True
     for i in np.flatnonzero(shining & (table.first >= 0)):
         later = table.first[table.first > table.first[i]]
         lamp = np.flatnonzero((np.arange(len(light)) > table.first[i]) & light)
@@ -47,8 +49,11 @@ def carried_by_photons(tables: ir.Tables, table: Emitters, all_sizes: bool) -> N
     return found
 
 
-def photon_targets(tables: ir.Tables, table: Emitters, chosen: NDArray[np.bool_]) -> Aims | None:
+def photon_targets(tables: ir.Tables, table: Emitters, spots: Any, chosen: NDArray[np.bool_]) -> Aims | None:
     """Return the aims of chosen emitters; None if they light no caster."""
+    if isinstance(spots, dome_spots.Spots):
+        row = np.arange(len(table.kind)) == spots.row
+        table = table._replace(color=np.where(row[:, None], spots.irradiance, table.color))
     centre, radius = caustic_casters.bounding_spheres(tables)
     mirrors = caustic_casters.gathering(tables)
     centre, radius, gain = _merge(centre[mirrors], radius[mirrors], caustic_casters.gains(tables)[mirrors])
@@ -112,5 +117,5 @@ def _flux(tables: ir.Tables, table: Emitters, centre: F64, radius: F64) -> F64:
         edge = math.acos(float(np.clip(tables.lights.cos_cone[table.light[e]], -1.0, 1.0)))
         off = np.arccos(np.clip(-height[e] / np.maximum(away[e], 1e-300), -1.0, 1.0))
         found[e] = np.where(inside[e] | (off - np.arcsin(np.minimum(sine[e], 1.0)) < edge), found[e], 0.0)
-    far = np.isin(table.kind, (emitter_table.DIRECTIONAL, emitter_table.SUN))
+    far = np.isin(table.kind, (emitter_table.DIRECTIONAL, emitter_table.SUN, emitter_table.DOME))
     return np.where(far[:, None], color[:, None] * math.pi * radius[None] ** 2, found)

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from ..jit.kernel import helper
+from ..jit.kernel import helper, specialize_if_present
 from ..lanes import ops
+from ..light import dome_spots
 from ..material import bsdf
 from ..material.shader import ONLY, Shader
 from ..simd.registration import overload, types
@@ -30,6 +31,16 @@ def _emission_in_kernels(photon_emitters, row, path):
     if isinstance(photon_emitters, types.Array):
         return lambda photon_emitters, row, path: ((path.density > 2.0 * ONLY) | (path.phase > photon_map.CLEAN)) & photon_emitters[row]
     return lambda photon_emitters, row, path: ops.bool_like(path.density, False)
+
+
+@helper
+def _covered_sky(spots: Any, plain: Lane, path: PathState) -> Lane:
+    covered = plain | (path.density > 2.0 * ONLY) | (path.phase > photon_map.CLEAN)
+    return dome_spots.only_in_spots(spots, covered, spots.row, path.direction)
+
+
+photon_covers_sky = specialize_if_present(_covered_sky)
+"""(spots, plain, path): where photons carry the light of a dome's spot that a path hits; `plain` is False."""
 
 
 def photon_covers_mirror(photon_emitters: Any, row: Any, path: PathState, shader: Shader) -> Lane:
@@ -57,27 +68,34 @@ def _lobe_in_kernels(caustic_reflectance, point, shader):
 
 
 def exclude_covered_lobe(
-    caustic_reflectance: Any, photon_emitters: Any, share: Vec, row: Any, path: PathState, shading: ShadingContext, direction: Vec
+    caustic_reflectance: Any, photon_emitters: Any, spots: Any, share: Vec, row: Any, path: PathState, shading: ShadingContext,
+    direction: Vec,
 ) -> Any:  # fmt: skip
     """(BSDF share of a light sample without the lobes that photons carry, whether light sampling alone finds the rest)."""
     return share, np.zeros(np.shape(path.density), bool)
 
 
 @overload(exclude_covered_lobe)
-def _exclude_in_kernels(caustic_reflectance, photon_emitters, share, row, path, shading, direction):
+def _exclude_in_kernels(caustic_reflectance, photon_emitters, spots, share, row, path, shading, direction):
     if isinstance(caustic_reflectance, types.Array):
-        return lambda caustic_reflectance, photon_emitters, share, row, path, shading, direction: _exclude(
-            caustic_reflectance, photon_emitters, share, row, path, shading, direction
+        return lambda caustic_reflectance, photon_emitters, spots, share, row, path, shading, direction: _exclude(
+            caustic_reflectance, photon_emitters, spots, share, row, path, shading, direction
         )
-    return lambda caustic_reflectance, photon_emitters, share, row, path, shading, direction: (share, ops.bool_like(path.density, False))
+
+    def nothing(caustic_reflectance, photon_emitters, spots, share, row, path, shading, direction):
+        return share, ops.bool_like(path.density, False)
+
+    return nothing
 
 
 @helper
 def _exclude(
-    caustic_reflectance: Any, photon_emitters: Any, share: Vec, row: Any, path: PathState, shading: ShadingContext, direction: Vec
+    caustic_reflectance: Any, photon_emitters: Any, spots: Any, share: Vec, row: Any, path: PathState, shading: ShadingContext,
+    direction: Vec,
 ) -> tuple[Vec, Lane]:  # fmt: skip
     point, shader = shading.point, shading.shader
     alone = (path.phase >= photon_map.CLEAN) & photon_emitters[row] & photon_covers_lobe(caustic_reflectance, point, shader)
+    alone = dome_spots.only_in_spots(spots, alone, row, direction)
     if ops.any_lane(alone):
         share = ops.where3(alone, bsdf.eval_diffuse(shader, point.normal, direction, shading.viewer), share)
     return share, alone

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..jit.kernel import helper
 from ..lanes import ops
-from ..light import emitter_table, emitters, lights
+from ..light import dome_spots, emitter_table, emitters, lights
 from ..light.emitter_table import Emitters
 from ..sampling import sobol
 from ..types import Lane, Ray, Tables, Vec
@@ -28,7 +28,7 @@ class EmitterKind(NamedTuple):
 
 
 @helper
-def emit(tables: Tables, table: Emitters, aims: Aims, number: Lane, index: Lane, seed: int) -> tuple[Ray, Vec]:
+def emit(tables: Tables, table: Emitters, spots: Any, aims: Aims, number: Lane, index: Lane, seed: int) -> tuple[Ray, Vec]:
     """(rays, power over the density of both choices) of photons `index` of map `number`."""
     like = ops.to_float(index)
     a, b = sobol.pair(number, index, ops.int_like(like, ORIGIN), seed)
@@ -40,11 +40,13 @@ def emit(tables: Tables, table: Emitters, aims: Aims, number: Lane, index: Lane,
         t = ops.where(b >= aims.within[e * aims.targets + k], k + 1, t)
     kind = table.kind[e]
     groups = EmitterKind(
-        (kind == emitter_table.DIRECTIONAL) | (kind == emitter_table.SUN),
+        (kind == emitter_table.DIRECTIONAL) | (kind == emitter_table.SUN) | (kind == emitter_table.DOME),
         (kind == emitter_table.RECTANGLE) | (kind == emitter_table.DISK) | (kind == emitter_table.TRIANGLE),
         kind == emitter_table.SPHERE,
     )
     start, normal = _sample_surface(table, e, groups, place_numbers)
+    color = (table.color[e, 0], table.color[e, 1], table.color[e, 2])
+    normal, color = dome_spots.emission(spots, (normal, color), tables, e, *place_numbers)
     row = ops.maximum(ops.to_int(table.light[e]), 0)
     zero = 0.0 * a
     half = ops.sin(0.5 * (tables.lights.angle[row] + zero))
@@ -61,7 +63,6 @@ def emit(tables: Tables, table: Emitters, aims: Aims, number: Lane, index: Lane,
     step = OFFSET * ops.roundoff(zero) * wide
     step = ops.where(groups.flat | groups.ball, step * ops.sign_of(cosine), 0.0)
     start = ops.add(start, ops.scale(normal, step))
-    color = (table.color[e, 0], table.color[e, 1], table.color[e, 2])
     return Ray(start, direction, zero, zero + np.inf, None), ops.scale(color, strength / ops.maximum(density, lights.TINY))
 
 

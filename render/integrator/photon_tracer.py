@@ -148,7 +148,7 @@ def _emit_stage(scene, frame, aims, memory, number, first, n, share):
     for i in range(0, n, crosslane.width(like)):
         index = simd.iota(simd.load(memory.index, 0)) + (first + i)
         numbers = ops.int_like(index, number)
-        ray, power = emit(scene.tables, scene.light.emitters, aims, numbers, index, frame.options.seed)
+        ray, power = emit(scene.tables, scene.light.emitters, scene.light.spots, aims, numbers, index, frame.options.seed)
         going = simd.first_lanes(n - i, like) & (ops.largest(power) > 0.0)
         compress_store3(memory.state, kept, ray.origin, going)
         compress_store3(memory.state, 3 * ROW + kept, ray.direction, going)

@@ -187,7 +187,7 @@ def test_faint_light_takes_few_photons(tmp_path):
         path.write_text(FLOOR.format(0.8) + f"sphere(0.5, center: [0, 1, 0], material: {material})\npoint([0, 3, 0])\n")
         tables = load.load(path).tables
         table = emitter_table.build(tables)
-        aims = photon_aims.photon_targets(tables, table, photon_aims.carried_by_photons(tables, table, False))
+        aims = photon_aims.photon_targets(tables, table, None, photon_aims.carried_by_photons(tables, table, None, False))
         assert aims is not None
         assert aims.effort == pytest.approx(effort)
 

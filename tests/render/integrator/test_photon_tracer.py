@@ -111,12 +111,15 @@ box([0.8, 0.8, 0.1], center: [1, 0.5, 0.2], material: glass(ior: 1.33, roughness
 camera(position: [0, 3, 5], look_at: [0, 0.4, 0], fov: 38deg)
 render(bounces: 8)
 """
+SUNNY = "dome(pattern: |x, y, z| 0.3 + 120 * min(max(150 * (0.9413 * y - 0.3138 * x + 0.1255 * z - 0.988), 0), 1))\n"
 SCENES = {
     "metals": METALS + LAMPS["ball"],
     "gloss": GLOSS + LAMPS["ball"],
     "gloss under sun and sky": GLOSS + LAMPS["sun"] + "sky(luminance: 0.3)\n",
     "faint gloss": FAINT + LAMPS["ball"],
     "frost": FROST + LAMPS["rectangle"],
+    "metals under a dome": METALS + SUNNY,
+    "gloss under a dome": GLOSS + SUNNY,
 }
 
 
@@ -159,6 +162,10 @@ def test_the_plan_has_photons_only_where_a_small_lamp_shines_on_what_gathers(tmp
     assert decided(floor + ball + "area([0, 3, 0], look_at: [0, 0, 0], size: [0.1, 0.1])\n", bounces=6) == "photons"
     assert decided(floor + ball + "sky()\n", bounces=6) == "paths"
     assert decided(floor + ball + "sun()\n", bounces=6) == "photons"
+    assert decided(floor + ball + SUNNY, bounces=6) == "photons"
+    assert decided(floor + ball + SUNNY.replace("150 *", "2 *").replace("0.988", "0.7"), bounces=6) == "paths"
+    assert decided(floor + ball + SUNNY + "sky()\n", bounces=6) == "paths"
+    assert decided("plane(y: 0, material: mirror(0.9))\nsphere(1)\n" + SUNNY, bounces=6) == "paths"
     assert decided("plane(y: 0, material: mirror(0.9))\nsphere(1)\nsun()\n", bounces=6) == "paths"
     assert decided(floor + ball + lamp.replace(")\n", ", shadows: false)\n"), bounces=6) == "paths"
 

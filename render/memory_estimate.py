@@ -19,7 +19,7 @@ from .image import image
 
 MB = 1_000_000
 COMPILER = 300 * MB  # bytes of Numba and LLVM
-WHITTED, PATHS, RASTER, FORMULAS = 30 * MB, 50 * MB, 75 * MB, 60 * MB  # bytes of modules, kernels and memory of threads
+WHITTED, PATHS, RASTER, FORMULAS = 30 * MB, 50 * MB, 65 * MB, 60 * MB  # bytes of modules, kernels and memory of threads
 SCENE = 3.0  # bytes of trees, records and tables, over those of tables
 MESHES = 6.0  # the same of meshes
 PYRAMIDS = 1.65  # bytes of smaller copies of pictures and of their parts, over those of pictures

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...lang.diagnostics import Span
 from ...lang.input_error import InputError
-from ..io import stage_cache
+from ..io import library_messages, stage_cache
 
 if TYPE_CHECKING:
     from ..scene.builder import SceneBuilder
@@ -71,6 +71,7 @@ def _read_cached(source: str | bytes, name: str, space: str, limit: int) -> tupl
     return stage_cache.cached("images read", (data, name, space, limit), lambda: read(source, name, space, limit))
 
 
+@library_messages.left_out()
 def read(source: str | bytes, name: str, space: str = "auto", limit: int = MAX_TEXELS) -> tuple[np.ndarray, int, str]:
     """Decodes a path or a file's bytes: (h, w, 4) float32 linear r, g, b, unassociated alpha; count of non-finite pixels; what is unread.
 

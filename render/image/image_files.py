@@ -13,6 +13,7 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
+from ...compiler.io import library_messages
 from ...compiler.io.replace_file import Replacement, as_utf8
 from . import cryptomatte, metrics, srgb
 from .srgb import encode_srgb
@@ -184,6 +185,7 @@ class Strips:
             raise OSError(f"cannot write {self.path}: {' '.join(problem.split())}")
 
 
+@library_messages.left_out()
 def _problem_at_end(path: Path) -> str:
     """Why the last row of a new file cannot be read, "" where it can. A full disk is not an error to every library that writes."""
     source = oiio.ImageInput.open(str(path))

@@ -9,11 +9,13 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
+from ...compiler.io import library_messages
 from . import image as images
 from .image_files import ABOUT, CHANNEL_NAMES, LIGHT, FormatError
 from .srgb import decode_srgb
 
 
+@library_messages.left_out()
 def read(path: Path) -> images.Image:
     """Read a picture in any format of OpenImageIO, as scene-linear rgba with associated alpha (1 without an alpha channel).
 

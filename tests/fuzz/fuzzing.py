@@ -228,7 +228,8 @@ def fuzz(kind: str, seconds: float, count: int, seed: int) -> tuple[int, str, by
         folder = Path(made)
         command = [sys.executable, str(Path(__file__).resolve()), "--work", kind, str(seconds), str(count), str(seed), made]
         done = subprocess.run(command, capture_output=True, text=True)
-        kept = (folder / "last").read_bytes() if (folder / "last").exists() else _LAST.pack(0, 0)
+        kept = (folder / "last").read_bytes() if (folder / "last").exists() else b""
+        kept = kept.ljust(_LAST.size, b"\0")  # nothing is written before the first input
         number, length = _LAST.unpack_from(kept)
         last = kept[_LAST.size : _LAST.size + length]
         if done.returncode:

@@ -42,14 +42,15 @@ _part = blend.if_blended(_sample_part)
 @helper
 def shade_vertex(
     tables: Tables, inputs: PathInputs, options: Options, path: PathState, hit: Hit, point: Surface, here: Lane,
-    pixel: Lane, sample: Lane, depth: int,
+    index: PathSample, direct: PathSample,
 ) -> tuple[Vec, Connection, PathState, Lane, Vertex]:  # fmt: skip
     """(light sent along the path, shadow ray, continuation of the path, whether it continues, its surface) at the hits of a mask.
 
-    `depth` counts surfaces from 0. At options.bounces light is sampled for the last time, and later rays add only emission.
+    `index` gives the path its numbers, `direct` its light samples. Their `depth` counts surfaces from 0. At options.bounces light is
+    sampled for the last time, and later rays add only emission.
     """
     zero = 0.0 * path.density
-    uses, index = inputs.uses, PathSample(pixel, sample, depth, options.seed)
+    uses, depth = inputs.uses, index.depth
     faded = medium_stack.attenuate(path.inside, path.weight, tables, hit.t)
     path = PathState(path.origin, path.direction, faded, path.density, path.straight, path.inside, path.phase, path.facing, path.links)
     point = normal_map.apply_maps(tables, _part(tables, point, index), hit, path.direction)
@@ -65,13 +66,13 @@ def shade_vertex(
     if depth > options.bounces:
         return sent, connection, path, nothing, Vertex(shading, Scattered(path.direction, (zero, zero, zero), zero + ONLY, nothing))
     lit, known = vertex_light(inputs.vertices, tables, point, hit, here)
-    sent = _add_local(tables, inputs, options.links, sent, shading, path, here, lit, known, sample)
+    sent = _add_local(tables, inputs, options.links, sent, shading, path, here, lit, known, index.sample)
     ending = depth == options.bounces
     last = ops.bool_like(zero, False)
     if ending:  # BSDF samples after the last bounce find only skies, and emitters of glossy surfaces
         last = ops.bool_like(zero, ops.not_(uses.sky) & ops.not_(uses.glossy))
     if len(inputs.emitters.kind) > 0:
-        connection = sample_direct(tables, inputs, options.links, shading, path, here, last, lit, ending, index)
+        connection = sample_direct(tables, inputs, options.links, shading, path, here, last, lit, ending, direct)
     u, v = numbers(index, 1)
     which = zero
     if uses.glossy or uses.sharp:

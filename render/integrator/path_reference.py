@@ -52,7 +52,8 @@ def radiance(
         if depth > options.bounces + 1 or not here.any():
             break
         point = interaction.make_interaction(tables, onward, hit)
-        sent, connection, path, active, _ = shade_vertex(tables, inputs, options, path, hit, point, here, pixel, sample, depth)
+        index = PathSample(pixel, sample, depth, options.seed)
+        sent, connection, path, active, _ = shade_vertex(tables, inputs, options, path, hit, point, here, index, index)
         total = ops.add(total, sent)
         if connection.wanted.any():
             blocking = connection.wanted & (connection.distance > 0.0) & options.shadows

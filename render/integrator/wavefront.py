@@ -25,7 +25,7 @@ from ..types import Lane, Ray
 from . import path_reuse
 from .path import shade_vertex
 from .path_emission import environment_radiance
-from .path_state import Connection, PathState
+from .path_state import Connection, PathSample, PathState
 from .ray_queue import as_searched, enters, for_search, from_search, pad, queue_up
 from .wave_intersection import intersect_stage, load_hits, surface_at
 from .wave_memory import STATE, load_facing, load_links, load_medium, store_blockers, store_facing, store_links, store_medium
@@ -153,11 +153,12 @@ def _generate_stage(tables, frame, total, memory, n):
     for i in range(0, n, step):
         x, y, s = load3(memory.items, 0, 0, i)
         range_x, range_y = simd.load(memory.items, 4 * ROW + i), simd.load(memory.items, 5 * ROW + i)
-        pixel, s = sobol.zorder_index(range_x, range_y, s, view.width, frame.order)
-        dx, dy = sobol.offset(pixel, s, total, options.seed, frame.filter)
+        pixel, number = sobol.zorder_index(x, y, s, view.width, frame.order)
+        path_pixel, s = sobol.zorder_index(range_x, range_y, s, view.width, frame.order)
+        dx, dy = sobol.offset(pixel, number, total, options.seed, frame.filter)
         x, y = ops.to_float(x) + 0.5 + dx, ops.to_float(y) + 0.5 + dy
-        time = sobol.sample_time(pixel, s, options.seed, frame.shutter)
-        ray = camera.generate_ray(tables, view, frame.lens, x, y, pixel, s, options.seed, time)
+        time = sobol.sample_time(path_pixel, s, options.seed, frame.shutter)
+        ray = camera.generate_ray(tables, view, frame.lens, x, y, pixel, number, options.seed, time)
         zero = 0.0 * dx
         store3(memory.state, 0, 0, i, (ray.origin[0] + zero, ray.origin[1] + zero, ray.origin[2] + zero))
         store3(memory.state, 0, 3, i, ray.direction)
@@ -166,7 +167,7 @@ def _generate_stage(tables, frame, total, memory, n):
         simd.store(memory.state, 10 * ROW + i, zero + 1.0)
         simd.store(memory.near, i, zero + ray.t_min)
         simd.store(memory.hit, i, zero + ray.t_max)
-        store3(memory.index, 0, 0, i, (simd.iota(x) + i, pixel, s))
+        store3(memory.index, 0, 0, i, (simd.iota(x) + i, path_pixel, s))
         store3(memory.light, 0, 0, i, (zero, zero, zero))
         simd.store(memory.light, 3 * ROW + i, zero + 1.0)
 
@@ -239,7 +240,12 @@ def _shade_stage(scene, frame, memory, source, n, depth):
                 continue
         time = sobol.sample_time(pixel, sample, options.seed, frame.shutter)
         point, hit = surface_at(tables, scene.primitives.records, path.origin, path.direction, hit, piece, here, time)
-        sent, connection, onward, going, vertex = shade_vertex(tables, light, options, path, hit, point, here, pixel, sample, depth)
+        index = direct = PathSample(pixel, sample, depth, options.seed)
+        if depth == 0:  # light samples of first surfaces are not shared: those of neighbors have adjacent ranges of the sequence
+            x, y, s = load3(memory.items, 0, 0, i)
+            place, number = sobol.zorder_index(x, y, s, frame.picture.width, frame.order)
+            direct = PathSample(place, number, depth, options.seed)
+        sent, connection, onward, going, vertex = shade_vertex(tables, light, options, path, hit, point, here, index, direct)
         bright = here & (ops.largest(sent) > 0.0)
         if ops.any_lane(bright):
             path_reuse.add_light(memory.shared, memory.light, slot, sent, bright, depth)

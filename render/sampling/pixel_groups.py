@@ -3,7 +3,8 @@
 A bright path shows at all sixteen pixels of its group. Neighbors in one group show it as a square, and a denoiser takes it for a detail. So
 a cell is divided into 4 × 4 parts, and a group has one pixel of each part. A hash of the part decides which one. Errors of neighbors are
 then independent. The pixels of a group have sixteen adjacent ranges of one sequence (sobol.zorder_index), so that the paths that they share
-are as well stratified as one pixel's samples. All pixels of a cell have equal samples.
+are as well stratified as one pixel's samples. Light samples of first surfaces are not shared and keep the order of neighbors. All
+pixels of a cell have equal samples.
 """
 
 from __future__ import annotations

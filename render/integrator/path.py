@@ -46,8 +46,8 @@ def shade_vertex(
 ) -> tuple[Vec, Connection, PathState, Lane, Vertex]:  # fmt: skip
     """(light sent along the path, shadow ray, continuation of the path, whether it continues, its surface) at the hits of a mask.
 
-    `index` gives the path its numbers, `direct` its light samples. Their `depth` counts surfaces from 0. At options.bounces light is
-    sampled for the last time, and later rays add only emission.
+    `index` gives the path its numbers, `direct` its light samples and photons. Their `depth` counts surfaces from 0. At options.bounces
+    light is sampled for the last time, and later rays add only emission.
     """
     zero = 0.0 * path.density
     uses, depth = inputs.uses, index.depth
@@ -66,7 +66,7 @@ def shade_vertex(
     if depth > options.bounces:
         return sent, connection, path, nothing, Vertex(shading, Scattered(path.direction, (zero, zero, zero), zero + ONLY, nothing))
     lit, known = vertex_light(inputs.vertices, tables, point, hit, here)
-    sent = _add_local(tables, inputs, options.links, sent, shading, path, here, lit, known, index.sample)
+    sent = _add_local(tables, inputs, options.links, sent, shading, path, here, lit, known, direct.sample)
     ending = depth == options.bounces
     last = ops.bool_like(zero, False)
     if ending:  # BSDF samples after the last bounce find only skies, and emitters of glossy surfaces

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...lang.colors import LUMINANCE
 from .. import ir
 
 CELLS = 1024  # greatest width of the grid
@@ -18,7 +19,6 @@ WIDEST = 0.1  # steradians of a spot
 LEAST = 0.01  # share of a spot in the light of the dome
 WORTH = 0.05  # share of all spots in the light of the dome, below which paths suffice
 MOST = 0.02  # share of all cells that may be bright: else the search is left out
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
 
 
 class Spots(NamedTuple):
@@ -59,7 +59,7 @@ def _grid(tables: ir.Tables, light: int) -> NDArray[np.float64]:
     """(h, w) mean luminance of blocks of a dome's texels; the last blocks of a row may hold fewer."""
     images, image = tables.images, int(tables.lights.image[light])
     width, height, first = int(images.width[image]), int(images.height[image]), int(images.first[image])
-    weights = (LUMINANCE * tables.lights.color[light]).astype(np.float32)
+    weights = (np.array(LUMINANCE) * tables.lights.color[light]).astype(np.float32)
     bright = np.maximum(images.texels[first : first + width * height, :3] @ weights, 0.0).reshape(height, width).astype(np.float64)
     for axis in (0, 1):
         count = bright.shape[axis]

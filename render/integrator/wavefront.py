@@ -19,7 +19,7 @@ from ..lanes.soa import ROW, SIZE, compress_store, compress_store3, gather3, loa
 from ..material import medium_stack
 from ..material.shader import ONLY
 from ..sampling import sobol
-from ..sampling.pixel_groups import CELL, GROUP, SIDE, cell_extent, offset_of, turns_of
+from ..sampling.pixel_groups import CELL, GROUP, SIDE, cell_extent, place_of
 from ..simd.registration import overload
 from ..types import Lane, Ray
 from . import path_reuse
@@ -81,9 +81,7 @@ def _queue_group(frame, tile, memory, filled, left, top, x, y, sample):
     columns, rows = cell_extent(left, frame.picture.width), cell_extent(top, frame.picture.height)
     seen = False
     for k in range(GROUP):
-        right, down = turns_of(left, top, k)
-        column = left + offset_of(columns, k % SIDE, x, right)
-        row = top + offset_of(rows, k // SIDE, y, down)
+        column, row = place_of(left, top, columns, rows, x, y, k)
         inside = (tile.x0 <= column) & (column < tile.x1) & (tile.y0 <= row) & (row < tile.y1)
         place = (row - tile.y0) * (tile.x1 - tile.x0) + column - tile.x0
         memory.items[filled + k], memory.items[ROW + filled + k] = column, row

@@ -10,6 +10,7 @@ pixels of a cell have equal samples.
 from __future__ import annotations
 
 from ..jit.kernel import helper
+from . import sobol
 
 SIDE = 4  # parts of a cell along a side
 GROUP = SIDE * SIDE  # pixels of a group
@@ -23,17 +24,12 @@ def cell_extent(start: int, size: int) -> int:
 
 
 @helper
-def offset_of(extent: int, part: int, group: int, turn: int) -> int:
-    """The column or row in its cell of a group's pixel in a part; `turn`: the cyclic shift of the part."""
-    step = extent // SIDE
-    return part * step + (group + turn) % step
+def place_of(left: int, top: int, columns: int, rows: int, x: int, y: int, part: int) -> tuple[int, int]:
+    """The pixel of group x, y in one of the sixteen parts of the cell at left, top, of so many columns and rows.
 
-
-@helper
-def turns_of(left: int, top: int, part: int) -> tuple[int, int]:
-    """The hashed cyclic shifts, in columns and rows, of one of the sixteen parts of the cell at left, top."""
-    x = ((left * 73856093) ^ (top * 19349663) ^ (part * 83492791)) & 0xFFFFFFFF
-    x = ((x ^ (x >> 16)) * 0x45D9F3B) & 0xFFFFFFFF
-    x = ((x ^ (x >> 16)) * 0x45D9F3B) & 0xFFFFFFFF
-    x = x ^ (x >> 16)
-    return x & 0xFFFF, x >> 16
+    Groups number the pixels of a part in order, shifted cyclically by hashed numbers.
+    """
+    u, v = sobol.hashed_pair(left, top, part, 0)
+    width, height = columns // SIDE, rows // SIDE
+    column = left + part % SIDE * width + (x + int(u * width)) % width
+    return column, top + part // SIDE * height + (y + int(v * height)) % height

@@ -10,10 +10,12 @@ from __future__ import annotations
 import mmap
 import struct
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
+Bytes = bytes | mmap.mmap
 IDENTIFIER = b"PXR-USDC"
 COMPRESSED = (0, 4, 0)  # the version from which sections are compressed
 _SECTIONS = ("TOKENS", "STRINGS", "FIELDS", "FIELDSETS", "PATHS", "SPECS")
@@ -25,9 +27,7 @@ def fault(path: Path) -> str:
     """Why a crate file, or one in a `.usdz` package, cannot be read; "" for a sound file and for other files."""
     try:
         if path.suffix.lower() == ".usdz":
-            with zipfile.ZipFile(path) as files:
-                names = [name for name in files.namelist() if name.lower().endswith((".usd", ".usdc"))]
-                return next((f"`{name}`: {found}" for name in names if (found := _fault(files.read(name)))), "")
+            return next((f"`{name}`: {found}" for name, data in crates_of(path) if (found := _fault(data))), "")
         with open(path, "rb") as file:
             if file.read(len(IDENTIFIER)) != IDENTIFIER:
                 return ""
@@ -37,35 +37,60 @@ def fault(path: Path) -> str:
         return ""  # usd-core reports it
 
 
-def _fault(data: bytes | mmap.mmap) -> str:
+def crates_of(package: Path) -> Iterator[tuple[str, bytes]]:
+    """(name, bytes) of the crate files in a `.usdz` package. Raises as zipfile does."""
+    with zipfile.ZipFile(package) as files:
+        for name in files.namelist():
+            data = files.read(name) if name.lower().endswith((".usd", ".usdc")) else b""
+            if data.startswith(IDENTIFIER):
+                yield name, data
+
+
+def _fault(data: Bytes) -> str:
     if data[: len(IDENTIFIER)] != IDENTIFIER:
         return ""
     try:
-        (toc,) = struct.unpack_from("<Q", data, 16)
-        (count,) = struct.unpack_from("<Q", data, toc)
-        if count > len(data) // 32:
+        contents = table_of_contents(data)
+        if contents is None:
             return "its table of contents is longer than the file"
-        rows = [struct.unpack_from("<16sQQ", data, toc + 8 + 32 * k) for k in range(count)]
-        found = {name.partition(b"\0")[0].decode("ascii", "replace"): (start, size) for name, start, size in rows[::-1]}
-        sections = {name: data[start : start + size] for name, (start, size) in found.items()}
-        for name, section in sections.items():
-            if sum(found[name]) > len(data):
-                return f"its section {name} ends beyond the file"
+        for name, start, size in contents:
+            if start + size > len(data):
+                return f"its section {_text(name)} ends beyond the file"
+        found = sections(data)
+        for name, section in found.items():
             if name not in _SECTIONS:
                 continue
             (items,) = struct.unpack_from("<Q", section)
             most = len(section) // 4 if name == "STRINGS" else len(section) * _LZ4 * (1 if name == "TOKENS" else _PACKED)
             if items > most:
-                return f"its section {name} has fewer than the {items:,} items that it tells"
+                return f"its section {name} has fewer than the {items:,} items that it declares"
         if tuple(data[8:11]) < COMPRESSED:
             return ""
-        if not _is_tree(column(sections["PATHS"], 8, 2)):
+        if not _is_tree(column(found["PATHS"], 8, 2)):
             return "its paths are no tree"
-        return "" if (column(sections["SPECS"], 0, 2) >= 0).all() else "the types of its specs are damaged"
+        return "" if (column(found["SPECS"], 0, 2) >= 0).all() else "the types of its specs are damaged"
     except IndexError:
         return "its paths or specs are damaged"
     except (struct.error, KeyError, OverflowError):
         return ""  # usd-core reports it
+
+
+def table_of_contents(data: Bytes) -> list[tuple[bytes, int, int]] | None:
+    """(name of 16 bytes, start, size) of each section; None where they exceed the file."""
+    (at,) = struct.unpack_from("<Q", data, 16)
+    (count,) = struct.unpack_from("<Q", data, at)
+    if count > len(data) // 32:
+        return None
+    return [struct.unpack_from("<16sQQ", data, at + 8 + 32 * k) for k in range(count)]
+
+
+def sections(data: Bytes) -> dict[str, bytes]:
+    """The sections of a file by name; the first of equal names."""
+    return {_text(name): data[start : start + size] for name, start, size in (table_of_contents(data) or [])[::-1]}
+
+
+def _text(name: bytes) -> str:
+    return name.partition(b"\0")[0].decode("ascii", "replace")
 
 
 def column(section: bytes, at: int, before: int) -> np.ndarray:

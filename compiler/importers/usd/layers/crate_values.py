@@ -1,4 +1,4 @@
-"""Finds values in `.usdc` files that tell of more items than their bytes can hold, or of very many that are compressed.
+"""Finds values in `.usdc` files that declare more items than their bytes can hold, or of very many that are compressed.
 
 usd-core makes room for the items before it reads them: a file of 2 kB would take gigabytes. These values are left out of a copy.
 Layout of values: pxr/usd/sdf/crateFile.cpp of OpenUSD, `ValueRep` and `_Reader`.
@@ -35,8 +35,6 @@ _VECTORS = {40, 41, 48, 49, 50, 59}
 _PAIRS = {45: 8, 58: 8}  # bytes of a pair
 _DICTIONARY, _SAMPLES, _VALUES = 31, 46, {52, 53}
 
-Bytes = bytes | mmap.mmap
-
 
 class Excess(NamedTuple):
     """A field that is left out: its index, and why."""
@@ -45,8 +43,8 @@ class Excess(NamedTuple):
     why: str
 
 
-def excessive(data: Bytes) -> list[Excess]:
-    """The fields of a crate file that tell of too many items. Files that are damaged elsewhere have none."""
+def excessive(data: crate_check.Bytes) -> list[Excess]:
+    """The fields of a crate file that declare too many items. Files that are damaged elsewhere have none."""
     try:
         walk = _Walk(data)
         return [Excess(k, why) for k, rep in enumerate(_fields(data)[1].tolist()) if (why := walk.fault(rep))]
@@ -72,32 +70,31 @@ def read(path: Path) -> tuple[bytes, list[tuple[str, str]]]:
 def package_fault(path: Path) -> str:
     """Why a .usdz package with such values is refused; "" for others."""
     try:
-        with zipfile.ZipFile(path) as files:
-            for name in files.namelist():
-                data = files.read(name) if name.lower().endswith((".usd", ".usdc")) else b""
-                if data.startswith(crate_check.IDENTIFIER) and (found := excessive(data)):
-                    return f"`{name}`: the value of `{paths(data, found[:1])[0]}`: {found[0].why}"
+        for name, data in crate_check.crates_of(path):
+            if found := excessive(data):
+                return f"`{name}`: the value of `{paths(data, found[:1])[0]}`: {found[0].why}"
     except (OSError, ValueError, NotImplementedError, RuntimeError, zipfile.BadZipFile):
         pass  # usd-core reports it
     return ""
 
 
-def without(data: Bytes, excess: list[Excess]) -> bytes:
+def without(data: crate_check.Bytes, excess: list[Excess]) -> bytes:
     """A copy of a file with blocks in place of the values of some fields; its section of fields and table of contents are at the end."""
     names, reps = _fields(data)
     reps[[each.field for each in excess]] = _BLOCK
     packed = _literals(reps.tobytes())
     section = names + struct.pack("<Q", len(packed)) + packed
-    toc = [(name, len(data), len(section)) if name.startswith(b"FIELDS\0") else (name, at, size) for name, at, size in _toc(data)]
+    table = crate_check.table_of_contents(data) or []
+    toc = [(name, len(data), len(section)) if name.startswith(b"FIELDS\0") else (name, at, size) for name, at, size in table]
     made = bytearray(data[:]) + section
     struct.pack_into("<Q", made, 16, len(made))
     return bytes(made) + struct.pack("<Q", len(toc)) + b"".join(struct.pack("<16sQQ", *row) for row in toc)
 
 
-def paths(data: Bytes, excess: list[Excess]) -> list[str]:
+def paths(data: crate_check.Bytes, excess: list[Excess]) -> list[str]:
     """The path of the first spec that has each field, with the field's name where it is no value; "" where it is not known."""
     try:
-        tokens, sections = _tokens(data), _sections(data)
+        tokens, sections = _tokens(data), crate_check.sections(data)
         sets = crate_check.column(sections["FIELDSETS"], 0, 0)
         specs = [crate_check.column(sections["SPECS"], 0, k) for k in (0, 1)]
         names = crate_check.column(sections["FIELDS"], 0, 0)
@@ -119,7 +116,7 @@ def paths(data: Bytes, excess: list[Excess]) -> list[str]:
 class _Walk:
     """Counts the items of values."""
 
-    def __init__(self, data: Bytes) -> None:
+    def __init__(self, data: crate_check.Bytes) -> None:
         self._data, self._version = data, tuple(data[8:11])
         self._left = MOST + PER_BYTE * len(data)
         self._seen: set[int] = set()  # compressed arrays
@@ -156,7 +153,7 @@ class _Walk:
 
     def _fits(self, count: int, size: int, place: int) -> str:
         room = len(self._data) - place
-        return f"it tells of {count:,} items, and the file has {room:,} bytes for them" if count * size > room else ""
+        return f"it declares {count:,} items, and the file has {room:,} bytes for them" if count * size > room else ""
 
     def _of_array(self, rep: int, kind: int, place: int) -> str:
         first = place
@@ -168,10 +165,10 @@ class _Walk:
         if not rep & _COMPRESSED or count < _SMALLEST or kind not in range(3, 10):
             return self._fits(count, _BYTES.get(kind, 1), place)
         if count > _DENSEST * (len(self._data) - place):
-            return f"it tells of {count:,} items, and the file has {len(self._data) - place:,} bytes for them"
+            return f"it declares {count:,} items, and the file has {len(self._data) - place:,} bytes for them"
         if count > self._left:
             most = f"{MOST:,} in a file, and {PER_BYTE} for each of its bytes"
-            return f"it tells of {count:,} items, and compressed ones are at most {most}: a .usda file has no such limit"
+            return f"it declares {count:,} items, and compressed ones are at most {most}: a .usda file has no such limit"
         if first not in self._seen:
             self._seen.add(first)
             self._left -= count
@@ -217,28 +214,18 @@ class _Walk:
 # --- sections --------------------------------------------------------------------------------------------------------------------------
 
 
-def _toc(data: Bytes) -> list[tuple[bytes, int, int]]:
-    (toc,) = struct.unpack_from("<Q", data, 16)
-    (count,) = struct.unpack_from("<Q", data, toc)
-    return [struct.unpack_from("<16sQQ", data, toc + 8 + 32 * k) for k in range(count)]
-
-
-def _sections(data: Bytes) -> dict[str, bytes]:
-    return {name.partition(b"\0")[0].decode("ascii", "replace"): data[at : at + size] for name, at, size in _toc(data)[::-1]}
-
-
-def _fields(data: Bytes) -> tuple[bytes, np.ndarray]:
+def _fields(data: crate_check.Bytes) -> tuple[bytes, np.ndarray]:
     """(the section up to the values, their 64-bit numbers); no values in versions without compressed sections."""
     if tuple(data[8:11]) < crate_check.COMPRESSED:
         return b"", np.zeros(0, np.uint64)
-    section = _sections(data)["FIELDS"]
+    section = crate_check.sections(data)["FIELDS"]
     count, size = struct.unpack_from("<QQ", section)
     raw = crate_check.decompressed(section[24 + size : 24 + size + struct.unpack_from("<Q", section, 16 + size)[0]])
     return section[: 16 + size], np.frombuffer(raw[: 8 * count], "<u8").copy()
 
 
-def _tokens(data: Bytes) -> list[str]:
-    section = _sections(data)["TOKENS"]
+def _tokens(data: crate_check.Bytes) -> list[str]:
+    section = crate_check.sections(data)["TOKENS"]
     (size,) = struct.unpack_from("<Q", section, 16)
     return [name.decode("utf-8", "replace") for name in crate_check.decompressed(section[24 : 24 + size]).split(b"\0")]
 

@@ -19,7 +19,7 @@ def looped(made: crates.Crate) -> crates.Crate:
 
 
 def counted(made: crates.Crate, name: bytes) -> bytes:
-    """A file whose section tells of 2⁴⁰ items."""
+    """A file whose section declares 2⁴⁰ items."""
     data = bytearray(crates.written(made))
     (toc,) = struct.unpack_from("<Q", data, 16)
     row = next(toc + 8 + 32 * k for k in range(6) if data[toc + 8 + 32 * k :].startswith(name))
@@ -45,7 +45,7 @@ def test_a_negative_type_of_a_spec(tmp_path):
 def test_more_items_than_a_section_can_hold(tmp_path, name):
     path = tmp_path / "x.usdc"
     path.write_bytes(counted(crate(path), name))
-    assert crate_check.fault(path) == f"its section {name.decode()} has fewer than the 1,099,511,627,776 items that it tells"
+    assert crate_check.fault(path) == f"its section {name.decode()} has fewer than the 1,099,511,627,776 items that it declares"
 
 
 @pytest.mark.parametrize("packed", [False, True])

@@ -1,4 +1,4 @@
-"""Values of binary layers that tell of more items than their bytes can hold: they are named and left out, and the rest is drawn."""
+"""Values of binary layers that declare more items than their bytes can hold: they are named and left out, and the rest is drawn."""
 
 # pyright: reportAttributeAccessIssue=false
 # (usd-core creates its modules' names at run time)
@@ -40,7 +40,7 @@ def written(path, counts: str) -> bytearray:
 
 
 def lengthened(data: bytearray, before: bytes, after: bytes, count: int) -> bytes:
-    """A file in which the array of length `before`, followed by `after`, tells of `count` items."""
+    """A file in which the array of length `before`, followed by `after`, declares `count` items."""
     at = data.index(before + after)
     data[at : at + 8] = struct.pack("<Q", count)
     return bytes(data)
@@ -61,18 +61,18 @@ def test_an_array_that_is_longer_than_the_file(tmp_path, name):
     where = name if name.startswith("/") else f"/m.{name}"
     room = messages[0].split("the file has ")[1].split(" ")[0]
     assert messages[0] == (
-        f"x.usdc: warning: the value of `{where}` is left out: it tells of 1,000,000,000 items, and the file has {room} bytes for them"
+        f"x.usdc: warning: the value of `{where}` is left out: it declares 1,000,000,000 items, and the file has {room} bytes for them"
     )
 
 
 @pytest.mark.parametrize("count", [10**7, 10**9])
 def test_a_compressed_array(tmp_path, count):
-    """20 equal counts take 15 bytes: as many bytes hold 10⁷ items at most in theory, and a small file may not tell of 10⁹."""
+    """20 equal counts take 15 bytes: as many bytes hold 10⁷ items at most in theory, and a small file may not declare 10⁹."""
     path = tmp_path / "x.usdc"
     data = written(path, LONG)
     path.write_bytes(lengthened(data, struct.pack("<Q", 20), b"", count))
     (found,) = crate_values.excessive(path.read_bytes())
-    assert found.why.startswith(f"it tells of {count:,} items, and the file has ")
+    assert found.why.startswith(f"it declares {count:,} items, and the file has ")
     assert crate_values.paths(path.read_bytes(), [found]) == ["/m.faceVertexCounts"]
 
 
@@ -83,7 +83,7 @@ def test_many_items_in_a_large_file(tmp_path):
     data = lengthened(data, struct.pack("<Q", 20), b"", 20_000_000)
     (found,) = crate_values.excessive(data + bytes(40_000))
     assert found.why == (
-        "it tells of 20,000,000 items, and compressed ones are at most 16,000,000 in a file, and 4 for each of its bytes: "
+        "it declares 20,000,000 items, and compressed ones are at most 16,000,000 in a file, and 4 for each of its bytes: "
         "a .usda file has no such limit"
     )
     assert crate_values.excessive(data + bytes(2_000_000)) == []
@@ -119,7 +119,7 @@ def test_a_package_is_refused(tmp_path):
     scene, messages = load(tmp_path / "x.usdz")
     assert kinds(scene) == []
     assert messages[0].startswith(
-        "x.usdz: error: cannot read the stage `x.usdz`: `part.usdc`: the value of `/m.faceVertexIndices`: it tells of 1,000,000,000 items"
+        "x.usdz: error: cannot read the stage `x.usdz`: `part.usdc`: the value of `/m.faceVertexIndices`: it declares 1,000,000,000 items"
     )
 
 

@@ -17,10 +17,10 @@ every = pytest.mark.parametrize("backend", rm.EVERY)
 tracers = pytest.mark.parametrize("backend", rm.TRACERS)
 
 
-def means(folder: Path, text: str, backend: str, **settings: Any) -> list[float]:
-    """The mean of the picture for eight seeds: over a receiver pixels have different answers, so the error is that between seeds."""
+def means(folder: Path, text: str, backend: str, seeds: int = 8, **settings: Any) -> list[float]:
+    """The mean of the picture for some seeds: over a receiver pixels have different answers, so the error is that between seeds."""
     scene = rm.load(folder, text)
-    return [float(rm.grey(rm.picture(folder, scene, backend, seed=seed, **settings)).mean()) for seed in range(8)]
+    return [float(rm.grey(rm.picture(folder, scene, backend, seed=seed, **settings)).mean()) for seed in range(seeds)]
 
 
 def looking_down(width: float, x: float = 0.0, above: float = 0.001) -> str:
@@ -78,7 +78,7 @@ def test_squares_at_a_right_angle_that_touch(tmp_path, measured, backend):
     assert between(upright(1, 1), 0, 1, 1) == pytest.approx(0.200044, abs=2e-6)
     text = looking_down(1, 0.5, 1e-5) + f"plane(y: 0, material: {WHITE})\n"
     text += f"polygon({upright(1, 1)}, material: emissive(1, luminance: 1))\nrender(bounces: 1)\n"
-    found = means(tmp_path, text, backend, size=(48, 48), samples=36)
+    found = means(tmp_path, text, backend, seeds=32, size=(48, 48), samples=36)
     rm.within_error(measured, 18, "squares at a right angle that touch", backend, found, 0.200044)
 
 

@@ -72,8 +72,8 @@ def test_it_is_the_light_that_each_pixel_finds_for_itself(draw, lamp, more, prec
     """The means of parts of the picture, by z; several cells of pixels that share paths."""
     text = ROOM + more + LAMPS[lamp] + "render(bounces: 3)\n"
 
-    shared, alone, z = compared(draw, text, 8, precision=precision)
-    assert np.mean(z**2) < 1.9  # 1.17 for 14 degrees of freedom
+    shared, alone, z = compared(draw, text, 16, precision=precision)
+    assert np.mean(z**2) < 2.2  # 1.07 for 30 degrees of freedom; by chance more once in 100 runs
     assert abs(shared.mean() / alone.mean() - 1.0) < 0.01
 
 

@@ -110,7 +110,10 @@ def _emission_weight(table: Emitters, row: Lane, path: PathState, point: Surface
     only = ops.where(path.density >= ONLY, ops.full_like(t, 1.0), 0.0)
     share = ops.where(path.density <= LIT * 8.0, 0.0, mis_weight(path.density, density, weighing, SURFACES_ALONE))
     share = ops.where(path.density >= ONLY, 1.0, share)
-    return ops.where(table.weighed[row], share, only), ops.not_(table.both[row] | point.front)
+    behind = ops.not_(table.both[row] | point.front)
+    lamp = table.light[row] >= 0
+    share = ops.where(behind & ops.not_(lamp), 1.0, share)  # light samples do not find the inside of closed shapes
+    return ops.where(table.weighed[row], share, only), behind & lamp
 
 
 _emission_weight_of_each = noinline_helper(_emission_weight)

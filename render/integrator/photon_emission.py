@@ -9,7 +9,7 @@ import numpy as np
 
 from ..jit.kernel import helper
 from ..lanes import ops
-from ..light import dome_spots, emitter_table, emitters, lights
+from ..light import dome_spots, emitter_table, emitters, lights, round_emitters
 from ..light.emitter_table import Emitters
 from ..sampling import sobol
 from ..types import Lane, Ray, Tables, Vec
@@ -24,7 +24,7 @@ class EmitterKind(NamedTuple):
 
     far: Lane  # without a position
     flat: Lane  # a rectangle, disk or triangle
-    ball: Lane
+    ball: Lane  # a sphere or another round surface
 
 
 @helper
@@ -42,21 +42,25 @@ def emit(tables: Tables, table: Emitters, spots: Any, aims: Aims, number: Lane, 
     groups = EmitterKind(
         (kind == emitter_table.DIRECTIONAL) | (kind == emitter_table.SUN) | (kind == emitter_table.DOME),
         (kind == emitter_table.RECTANGLE) | (kind == emitter_table.DISK) | (kind == emitter_table.TRIANGLE),
-        kind == emitter_table.SPHERE,
+        (kind == emitter_table.SPHERE) | round_emitters.is_round(kind),
     )
     start, normal = _sample_surface(table, e, groups, place_numbers)
     color = (table.color[e, 0], table.color[e, 1], table.color[e, 2])
     normal, color = dome_spots.emission(spots, (normal, color), tables, e, *place_numbers)
     row = ops.maximum(ops.to_int(table.light[e]), 0)
     zero = 0.0 * a
-    half = ops.sin(0.5 * (tables.lights.angle[row] + zero))
-    half = ops.where(kind == emitter_table.SUN, half * half, zero)
+    half = zero
+    if ops.any_lane(kind == emitter_table.SUN):  # a scene with shapes alone has no table of lights
+        half = ops.sin(0.5 * (tables.lights.angle[row] + zero))
+        half = ops.where(kind == emitter_table.SUN, half * half, zero)
     start, direction = _sample_direction(aims, t, groups, start, normal, half, place_numbers, aim_numbers)
     density = _density(aims, e, t, groups.far, start, direction)
     cosine = ops.dot(normal, direction)
     shines = ops.where(table.both[e], ops.absolute(cosine), ops.maximum(cosine, 0.0)) * table.area[e]
-    cone = lights.spot_share(-cosine, tables.lights.cos_cone[row] + zero, tables.lights.cos_full[row] + zero)
-    strength = ops.where(kind == emitter_table.SPOT, cone, zero + 1.0)
+    strength = zero + 1.0
+    if ops.any_lane(kind == emitter_table.SPOT):
+        cone = lights.spot_share(-cosine, tables.lights.cos_cone[row] + zero, tables.lights.cos_full[row] + zero)
+        strength = ops.where(kind == emitter_table.SPOT, cone, strength)
     strength = ops.where(groups.flat | groups.ball, shines, strength)
     strength = ops.where(groups.far, 1.0 / (1.0 - half), strength)
     wide = ops.absolute(start[0]) + ops.absolute(start[1]) + ops.absolute(start[2]) + ops.sqrt(table.area[e])
@@ -77,7 +81,12 @@ def _sample_surface(table: Emitters, e: Lane, groups: EmitterKind, numbers: tupl
     side_v = (table.side_v[e, 0], table.side_v[e, 1], table.side_v[e, 2])
     on_plate = ops.add(place, ops.add(ops.scale(side_u, x), ops.scale(side_v, y)))
     outward = lights.cone_direction(_up(pu), 2.0 * pu, pv)
-    on_ball = ops.add(place, ops.scale(outward, side_u[0]))
+    out = ops.scale(outward, side_u[0])
+    round_ = round_emitters.is_round(table.kind[e])
+    if ops.any_lane(round_):
+        out = ops.where3(round_, round_emitters.point(table, e, pu, pv), out)
+        outward = ops.where3(round_, round_emitters.normal(table, e, out), outward)
+    on_ball = ops.add(place, out)
     start = ops.where3(groups.flat, on_plate, ops.where3(groups.ball, on_ball, place))
     return start, ops.where3(groups.ball, outward, normal)
 

@@ -12,14 +12,16 @@ from ...compiler import ir
 from ...compiler.ir.light_links import CASTERS
 from ...compiler.plan import scene_facts
 from ..lanes import ops
-from . import environment_map, light_tree, lights, shape_solid_angle
+from . import environment_map, light_tree, lights, round_emitters, shape_solid_angle
+from .round_emitters import CAPSULE, CONE, TORUS, TUBE
 
 POINT, SPOT, DIRECTIONAL, SUN = lights.POINT, lights.SPOT, lights.DIRECTIONAL, lights.SUN
 SKY, DOME, RECTANGLE, DISK, SPHERE = lights.SKY, lights.DOME, lights.RECTANGLE, lights.DISK, lights.SPHERE
-TRIANGLE, TUBE = 20, 21  # a triangle of an emissive mesh, the side of an emissive cylinder; other kinds are those of ir.LightKind
+TRIANGLE = 20  # of an emissive mesh; other kinds are those of ir.LightKind and round_emitters
 MOST_TRIANGLES = 1 << 17  # of a mesh whose triangles are sampled; paths still hit larger ones
 _AREAS = (RECTANGLE, DISK, SPHERE)
 _FAR = (DIRECTIONAL, SUN, DOME)
+_ROUND = (ir.GeometryKind.CYLINDER, ir.GeometryKind.CONE, ir.GeometryKind.TORUS, ir.GeometryKind.CAPSULE)
 
 
 class Emitters(NamedTuple):
@@ -27,12 +29,13 @@ class Emitters(NamedTuple):
 
     kind: NDArray[np.int32]
     place: NDArray[np.float64]  # (n, 3) center of a plate or ball, first corner of a triangle, position of a point light
-    side_u: NDArray[np.float64]  # (n, 3) half edges of a plate, radii of a disk; edges of a triangle; column 0: radius of a ball or tube
-    side_v: NDArray[np.float64]  # (n, 3) likewise; of a tube half its length, along its axis
-    normal: NDArray[np.float64]  # (n, 3) of a plate or triangle; axis of a tube; toward a distant light; against the axis of a spot
+    side_u: NDArray[np.float64]  # (n, 3) half edges of a plate, radii of a disk; edges of a triangle; columns 0 and 1: radius of a ball,
+    # tube or capsule; radii of a cone at its lower and upper end; of the ring and the tube of a torus
+    side_v: NDArray[np.float64]  # (n, 3) likewise; of a tube, cone or capsule half its length without caps, along its axis
+    normal: NDArray[np.float64]  # (n, 3) of a plate or triangle; axis of round shapes; toward a distant light; against the axis of a spot
     area: NDArray[np.float64]
     color: NDArray[np.float64]  # (n, 3) radiance, or as ir.Lights.color
-    both: NDArray[np.bool_]  # emits to both sides
+    both: NDArray[np.bool_]  # emits to both sides; closed shapes do, too, but only their outside is sampled
     square: NDArray[np.bool_]  # a rectangle with right angles; a circular disk
     light: NDArray[np.int32]  # row of ir.Lights, or -1
     shadows: NDArray[np.bool_]
@@ -141,8 +144,10 @@ def _shape_rows(tables: ir.Tables, i: int) -> list[dict[str, Any]]:
         if kind == ir.GeometryKind.RECTANGLE or np.allclose(even, even[0, 0] * np.eye(3), rtol=0, atol=1e-9 * even[0, 0]):
             return [_surface_row(kinds[ir.GeometryKind(kind)], matrix, bool(tables.transforms.flips[row]), p[:2], **shared, part=0)]
         return []
-    if kind == ir.GeometryKind.CYLINDER and p[2] != 0.0:  # without caps the inside is visible, too
-        return _cylinder_rows(matrix, float(p[0]), float(p[1]), shared)
+    if kind == ir.GeometryKind.BOX:
+        return _box_rows(matrix, p[:3], shared)
+    if kind in _ROUND:
+        return _round_rows(kind, matrix, p, shared)
     first, count = int(geometries.first_triangle[g]), int(geometries.triangle_count[g])
     if kind != ir.GeometryKind.MESH or not 0 < count <= MOST_TRIANGLES:
         return []
@@ -158,21 +163,57 @@ def _shape_rows(tables: ir.Tables, i: int) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def _cylinder_rows(matrix: Any, radius: float, half: float, shared: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return side, bottom and top of a closed cylinder; none if its transform makes it elliptic or oblique."""
+def _box_rows(matrix: Any, half: Any, shared: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the six faces of a box in the order of Hit.primitive, each with its outside alone."""
+    rows = []
+    for axis in range(3):
+        u, v = matrix[:, (axis + 1) % 3] * half[(axis + 1) % 3], matrix[:, (axis + 2) % 3] * half[(axis + 2) % 3]
+        face, way = np.cross(u, v), matrix[:, axis] * half[axis]
+        size = float(np.linalg.norm(face))
+        out = face / max(size, 1e-300) * (1.0 if float(face @ way) > 0.0 else -1.0)
+        square = abs(float(u @ v)) <= 1e-6 * size
+        rows += [
+            _row(kind=RECTANGLE, place=matrix[:, 3] + side * way, side_u=u, side_v=v, normal=side * out, area=4.0 * size, square=square,
+                 part=0, **shared | {"both": False})
+            for side in (-1.0, 1.0)
+        ]  # fmt: skip
+    return rows
+
+
+def _round_rows(kind: int, matrix: Any, p: Any, shared: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return side, bottom and top of a cylinder or cone, or the surface of a torus or capsule; none if a transform deforms it."""
     even = matrix[:, :3].T @ matrix[:, :3]
-    if not np.allclose(even, np.diag([even[0, 0], even[1, 1], even[0, 0]]), rtol=0, atol=1e-9 * even[0, 0]):
+    y = 0 if kind in (ir.GeometryKind.TORUS, ir.GeometryKind.CAPSULE) else 1
+    if not np.allclose(even, np.diag([even[0, 0], even[y, y], even[0, 0]]), rtol=0, atol=1e-9 * even[0, 0]):
         return []
-    wide, up = math.sqrt(even[0, 0]) * radius, matrix[:, 1] * half
-    axis = up / np.linalg.norm(up)
-    side = _row(kind=TUBE, place=matrix[:, 3], side_u=np.array([wide, 0.0, 0.0]), side_v=up, normal=axis,
-                area=4.0 * math.pi * wide * float(np.linalg.norm(up)), part=0, **shared)  # fmt: skip
+    if kind == ir.GeometryKind.TORUS and p[1] > p[0]:
+        return []
+    grown, axis, place = math.sqrt(even[0, 0]), matrix[:, 1] / np.linalg.norm(matrix[:, 1]), matrix[:, 3]
+    made, radii, up, closed = _round_shape(kind, p, matrix[:, 1])
+    wide = (grown * radii[0], grown * radii[1])
+    area = round_emitters.area(made, wide, float(np.linalg.norm(up)))
+    of_side = shared | {"both": not closed or made == TUBE}  # without caps the inside is visible, too
+    side = _row(kind=made, place=place, side_u=np.array([*wide, 0.0]), side_v=up, normal=axis, area=area, part=0, **of_side)
+    if not closed or made in (TORUS, CAPSULE):
+        return [side]
     caps = [
-        _row(kind=DISK, place=matrix[:, 3] + side * up, side_u=matrix[:, 0] * radius, side_v=matrix[:, 2] * radius, normal=side * axis,
-             area=math.pi * wide**2, square=True, part=0, **shared)
-        for side in (-1.0, 1.0)
+        _row(kind=DISK, place=place + end * up, side_u=matrix[:, 0] * radius, side_v=matrix[:, 2] * radius, normal=end * axis,
+             area=math.pi * (grown * radius) ** 2, square=True, part=0, **shared | {"both": False})
+        for end, radius in zip((-1.0, 1.0), radii, strict=True)
     ]  # fmt: skip
     return [side, *caps]
+
+
+def _round_shape(kind: int, p: Any, up: Any) -> tuple[int, tuple[float, float], Any, bool]:
+    """(emitter kind, radii, half the length along the axis, whether it is closed) of a shape with y axis `up`."""
+    if kind == ir.GeometryKind.TORUS:
+        return TORUS, (p[0], p[1]), 0.0 * up, True
+    if kind == ir.GeometryKind.CAPSULE:
+        return CAPSULE, (p[0], 0.0), up * p[1], True
+    if kind == ir.GeometryKind.CONE:
+        return CONE, (p[0], p[1]), up * p[2], bool(p[3] != 0.0)
+    closed = bool(p[2] != 0.0)
+    return TUBE if closed else CONE, (p[0], p[0]), up * p[1], closed
 
 
 def _table(tables: ir.Tables, rows: list[dict[str, Any]], first: Any, parts: Any, sky: Any, general: bool) -> Emitters:
@@ -186,7 +227,9 @@ def _table(tables: ir.Tables, rows: list[dict[str, Any]], first: Any, parts: Any
     shaped = (columns["light"] >= 0) & (kind != DOME) & (np.append(tables.lights.image, -1)[columns["light"]] >= 0)
     marks = (
         shape_solid_angle.HasLights(int(here.sum())) if here.any() or general else shape_solid_angle.NoLights()
-        for here in ((kind == DISK) & columns["square"], kind == TRIANGLE, kind == TUBE, shaped)
+        for here in (
+            (kind == DISK) & columns["square"], kind == TRIANGLE, kind == TUBE, ir.is_in(kind, round_emitters.ROUND[1:]), shaped
+        )
     )
     wide = shape_solid_angle.Wide(*marks)
     return Emitters(**columns, first=first, parts=parts, tree=_build_tree(tables, columns, general), sky=sky, wide=wide)
@@ -206,21 +249,21 @@ def _peaks(tables: ir.Tables, light: Any, kind: Any) -> NDArray[np.float64]:
 def _build_tree(tables: ir.Tables, of: dict[str, Any], general: bool) -> light_tree.Tree:
     """Build the light tree over the emitters with a position."""
     kind, place, u, v = of["kind"], of["place"], of["side_u"], of["side_v"]
-    shown = np.select([kind == SPHERE, kind == TUBE], [0.25, 1.0 / math.pi], 1.0)  # visible share of the area
+    round_ = ir.is_in(kind, round_emitters.ROUND)
+    shown = np.select([kind == SPHERE, round_ & ~(of["both"] & (kind == CONE))], [0.25, 1.0 / math.pi], 1.0)  # visible share of the area
     power = of["color"].mean(axis=1) * np.where(of["area"] > 0, of["area"] * shown, 1.0) * _peaks(tables, of["light"], kind)
     far = ir.is_in(kind, _FAR)
     span = np.abs(u) + np.abs(v)
     span = np.where((kind == DISK)[:, None], np.sqrt(u * u + v * v), span)
     span = np.where((kind == SPHERE)[:, None], u[:, :1], span)
-    round_ = u[:, :1] * np.sqrt(np.maximum(1.0 - of["normal"] ** 2, 0.0))  # half extents of a circle around an axis
-    span = np.where((kind == TUBE)[:, None], np.abs(v) + round_, span)
+    span = np.where(round_[:, None], round_emitters.extent(kind, u, v, of["normal"]), span)
     low, high = place - span, place + span
     corners = np.stack([place, place + u, place + v])
     low = np.where((kind == TRIANGLE)[:, None], corners.min(axis=0), low)
     high = np.where((kind == TRIANGLE)[:, None], corners.max(axis=0), high)
     spot = kind == SPOT
     axis = np.where(spot[:, None], -of["normal"], of["normal"])
-    around = of["both"] | (kind == POINT)
+    around = of["both"] | (kind == POINT) | round_
     edge = np.full(len(kind), 0.5 * math.pi)
     if spot.any():
         edge[spot] = np.arccos(np.clip(tables.lights.cos_cone[of["light"][spot]], -1.0, 1.0))

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from ..jit.kernel import helper
 from ..lanes import ops
 from ..types import Lane, Tables, Vec
-from . import environment_map, lights, rectangle_solid_angle, shape_solid_angle
+from . import environment_map, lights, rectangle_solid_angle, round_emitters, shape_solid_angle
 from .emitter_table import DIRECTIONAL, DISK, DOME, POINT, RECTANGLE, SPHERE, SPOT, SUN, TRIANGLE, TUBE, Emitters
 
 
@@ -49,7 +49,8 @@ def sample(tables: Tables, emitters: Emitters, e: Lane, position: Vec, u: Lane, 
     if ops.any_lane(flat):
         reached = _select(flat, reached, _sample_plate(emitters, e, way, normal, u, v))
     reached = _sample_tubes(emitters.wide.tubes, reached, emitters, e, way, u, v)
-    flat = flat | (kind == TUBE)
+    reached = _sample_rounds(emitters.wide.rounds, reached, emitters, e, way, u, v)
+    flat = flat | round_emitters.is_round(kind)
     density = ops.where(flat, 1.0 / ops.maximum(reached.angle, lights.TINY), density)
     round_ = kind == SPHERE
     if ops.any_lane(round_):
@@ -173,8 +174,26 @@ def _sample_tube(plain: Reached, emitters: Emitters, e: Lane, way: Vec, u: Lane,
     return plain
 
 
-_sample_wide_disks, _sample_wide_triangles, _sample_tubes = (
-    shape_solid_angle.specialize_if_some(each) for each in (_sample_disk, _sample_triangle, _sample_tube)
+@helper
+def _sample_round(plain: Reached, emitters: Emitters, e: Lane, way: Vec, u: Lane, v: Lane) -> Reached:
+    """Return `plain`, or a sample by area of cones, tori and capsules."""
+    kind = emitters.kind[e]
+    here = round_emitters.is_round(kind) & (kind != TUBE)
+    if ops.any_lane(here):
+        place = round_emitters.point(emitters, e, u, v)
+        to = ops.add(way, place)
+        squared = ops.maximum(ops.dot(to, to), lights.TINY)
+        inverse = 1.0 / ops.sqrt(squared)
+        towards = ops.scale(to, inverse)
+        cosine = -ops.dot(towards, round_emitters.normal(emitters, e, place))
+        cosine = ops.where(emitters.both[e], ops.absolute(cosine), ops.maximum(cosine, 0.0))
+        angle = emitters.area[e] * cosine * inverse * inverse
+        plain = _select(here, plain, Reached(towards, squared * inverse, angle, cosine))
+    return plain
+
+
+_sample_wide_disks, _sample_wide_triangles, _sample_tubes, _sample_rounds = (
+    shape_solid_angle.specialize_if_some(each) for each in (_sample_disk, _sample_triangle, _sample_tube, _sample_round)
 )
 
 
@@ -261,7 +280,8 @@ def density(emitters: Emitters, e: Lane, origin: Vec, direction: Vec, distance: 
         pdf = ops.where(wide, 1.0 / _rectangle(emitters, e, way).solid, pdf)
     pdf = _pdf_wide_disks(emitters.wide.disks, pdf, emitters, e, way, direction)
     pdf = _pdf_wide_triangles(emitters.wide.triangles, pdf, emitters, e, way)
-    return _pdf_tubes(emitters.wide.tubes, pdf, emitters, e, way, direction, distance)
+    pdf = _pdf_tubes(emitters.wide.tubes, pdf, emitters, e, way, direction, distance)
+    return _pdf_rounds(emitters.wide.rounds, pdf, emitters, e, way, direction, distance)
 
 
 @helper
@@ -289,6 +309,16 @@ def _pdf_tube(plain: Lane, emitters: Emitters, e: Lane, way: Vec, direction: Vec
     return plain
 
 
-_pdf_wide_disks, _pdf_wide_triangles, _pdf_tubes = (
-    shape_solid_angle.specialize_if_some(each) for each in (_pdf_disk, _pdf_triangle, _pdf_tube)
+@helper
+def _pdf_round(plain: Lane, emitters: Emitters, e: Lane, way: Vec, direction: Vec, distance: Lane) -> Lane:
+    kind = emitters.kind[e]
+    here = round_emitters.is_round(kind) & (kind != TUBE)
+    if ops.any_lane(here):
+        cosine = ops.dot(direction, round_emitters.normal(emitters, e, ops.sub(ops.scale(direction, distance), way)))
+        plain = ops.where(here, distance * distance / ops.maximum(ops.absolute(cosine) * emitters.area[e], lights.TINY), plain)
+    return plain
+
+
+_pdf_wide_disks, _pdf_wide_triangles, _pdf_tubes, _pdf_rounds = (
+    shape_solid_angle.specialize_if_some(each) for each in (_pdf_disk, _pdf_triangle, _pdf_tube, _pdf_round)
 )

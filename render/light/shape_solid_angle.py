@@ -40,6 +40,7 @@ class Wide(NamedTuple):
     disks: Any
     triangles: Any
     tubes: Any
+    rounds: Any  # cones, tori and capsules
     profiles: Any  # lights of any shape whose emission depends on the direction by an image
 
 

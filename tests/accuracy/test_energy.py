@@ -435,6 +435,12 @@ LAMPS = {
     ", a disk": "disk(0.4, center: [0, 0.3, 0], normal: [0.2, -1, 0.1], material: emissive(luminance: 5))",
     ", a triangle": "polygon([[-0.5, 0.2, 0], [0.6, 0.3, 0.1], [0, 0.5, -0.5]], material: emissive(luminance: 5))",
     ", a cylinder": "cylinder(0.1, 1, rotate: [20deg, 0, 70deg], translate: [0, 0.4, 0], material: emissive(luminance: 5))",
+    ", a box": "box([0.5, 0.2, 0.3], rotate: [20deg, 30deg, 0], translate: [0, 0.4, 0], material: emissive(luminance: 5))",
+    ", an open cone": "cone(0.3, 0.4, top: 0.15, rotate: [20deg, 0, 30deg], translate: [0, 0.5, 0], capped: false, "
+    "material: emissive(luminance: 5))",
+    ", a closed cone": "cone(0.3, 0.4, rotate: [160deg, 0, 0], translate: [0, 0.5, 0], material: emissive(luminance: 5))",
+    ", a torus": "torus(0.3, 0.1, rotate: [30deg, 0, 0], translate: [0, 0.5, 0], material: emissive(luminance: 5))",
+    ", a capsule": "capsule(0.1, 0.8, rotate: [70deg, 30deg, 0], translate: [0, 0.5, 0], material: emissive(luminance: 5))",
 }
 PAIRS = (("light", "bsdf"), ("light", "balance"), ("bsdf", "power"), ("balance", "power"))
 

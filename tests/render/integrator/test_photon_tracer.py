@@ -111,6 +111,14 @@ box([0.8, 0.8, 0.1], center: [1, 0.5, 0.2], material: glass(ior: 1.33, roughness
 camera(position: [0, 3, 5], look_at: [0, 0.4, 0], fov: 38deg)
 render(bounces: 8)
 """
+SHINE = "material: emissive(1, luminance: 20))\n"
+SHAPES = BALL.replace("bounces: 6", "bounces: 16").format(matt="lambert(0.6)") + (
+    f"cylinder(0.2, 0.5, rotate: [20deg, 0, 40deg], translate: [-1, 2.6, 0.4], {SHINE}"
+    f"cone(0.3, 0.4, top: 0.1, capped: false, translate: [0.4, 2.8, 0.2], {SHINE}"
+    f"torus(0.3, 0.1, rotate: [30deg, 0, 0], translate: [-0.3, 2.7, -0.4], {SHINE}"
+    f"capsule(0.15, 0.7, rotate: [80deg, 0, 0], translate: [1, 2.6, 0], {SHINE}"
+    f"box([0.3, 0.2, 0.4], rotate: [0, 30deg, 0], translate: [-0.3, 2.8, 0.8], {SHINE}"
+)
 SUNNY = "dome(pattern: |x, y, z| 0.3 + 120 * min(max(150 * (0.9413 * y - 0.3138 * x + 0.1255 * z - 0.988), 0), 1))\n"
 SCENES = {
     "metals": METALS + LAMPS["ball"],
@@ -118,6 +126,7 @@ SCENES = {
     "gloss under sun and sky": GLOSS + LAMPS["sun"] + "sky(luminance: 0.3)\n",
     "faint gloss": FAINT + LAMPS["ball"],
     "frost": FROST + LAMPS["rectangle"],
+    "shapes that shine": SHAPES,  # and no lights
     "metals under a dome": METALS + SUNNY,
     "gloss under a dome": GLOSS + SUNNY,
 }

@@ -281,7 +281,8 @@ def _intersect_any(
         certain = simd.select(sure, np.int32(leaf * WIDTH + k), certain)
         nearest = simd.select(sure, first, nearest)
         deepest = simd.select(sure, ops.full_like(nearest, np.float32(-np.inf)), deepest)
-    limits = simd.minimum(found.limits, (deepest - (rays.entry_depth - central.off)) * (rays.scale * _FAR))
+    ends = (deepest - (rays.entry_depth - central.off)) * (rays.scale * _FAR)
+    limits = simd.minimum(ends, found.limits)  # in this order: `ends` may be NaN in lanes outside the packet, whose limits are -inf
     found = _replace_certain(found, certain, nearest, deepest, limits)
     if undecided != 0:
         found = _intersect_exactly(leaves, leaf, undecided, rays, central, found, True)
@@ -326,7 +327,7 @@ def _closer_hits(
     return _replace_exact(
         found, t, ops.where(nearer, number, found.triangle), ops.where(nearer, hit.v, found.v), ops.where(nearer, hit.w, found.w),
         ops.where(nearer, hit.total, found.total), simd.minimum(found.deepest, _depth(rays, central, until)),
-        simd.minimum(found.limits, until),
+        simd.minimum(until, found.limits),
     )  # fmt: skip
 
 

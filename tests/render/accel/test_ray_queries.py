@@ -216,6 +216,23 @@ def test_rays_from_nowhere_hit_nothing_and_disturb_no_other_ray(bad):
         np.testing.assert_array_equal(blocked[others], sound[others])
 
 
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e300])
+@pytest.mark.parametrize("place", PLACES.values(), ids=PLACES.keys())
+def test_inactive_rays_of_a_packet_disturb_no_other_ray(place, bad):
+    """Beside rays from surfaces, a vector has lanes that hit no surface. Those start nowhere and end before they begin."""
+    accel, (o, d, least, most) = single(place), aimed(place, 1e-3, False)
+    sound, blocked = ray_queries.closest(accel, o, d, least, most), ray_queries.occluded(accel, o, d, least, most)
+    assert COUNT // 5 < blocked.sum() < COUNT
+    inactive = np.random.default_rng(3).random(COUNT) < 0.3
+    most[inactive] = -np.inf
+    for which in (0, 1):  # origins, directions
+        rays = (o.copy(), d.copy())
+        rays[which][inactive] = bad
+        for expected, found in zip(sound, ray_queries.closest(accel, *rays, least, most), strict=True):
+            np.testing.assert_array_equal(found[~inactive], expected[~inactive])
+        np.testing.assert_array_equal(ray_queries.occluded(accel, *rays, least, most), blocked & ~inactive)
+
+
 @pytest.mark.parametrize("length", [0.0, 1e-300, 1e-40, 1e40, 1e300])
 @pytest.mark.parametrize("alone", [True, False])
 def test_rays_without_a_direction_hit_nothing_and_disturb_no_other_ray(length, alone):

@@ -50,7 +50,7 @@ def closest(
 ) -> Hits:
     """First hits of rays (n, 3) between t_min and t_max (n,) with instances that have a bit of `visible`.
 
-    Lengths of directions may range from SHORTEST to LONGEST; rays outside of that hit nothing.
+    Lengths of directions may range from SHORTEST to LONGEST; rays outside of that hit nothing, nor do rays that are not finite.
     """
     columns = _columns(origin, direction, t_min, t_max)
     n = len(columns[0])

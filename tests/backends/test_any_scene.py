@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from maquette.compiler import ir
 from maquette.compiler.plan import plan
@@ -103,6 +103,7 @@ def apart(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("holes", [False, True])
+@example(seed=956)  # a mesh's shadow on itself, in vectors with pixels of the background
 @given(seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=8, deadline=None)
 def test_any_scene_is_drawn_as_the_reference_draws_it(holes, seed):

@@ -331,7 +331,7 @@ def _search(accel: Any, ray: Ray, active: Lane, visible_bit: int, any_hit: bool)
     best = two_level.find(  # pyright: ignore[reportCallIssue]
         accel.motion_alpha.plain, (accel, ray.origin, ray.direction, t_min, t_max, active, visible_bit, any_hit)
     )
-    until = ops.where(active, ops.minimum(best.t, t_max), -np.inf)
+    until = ops.where(active & two_level.is_sound(ray.origin, ray.direction), ops.minimum(best.t, t_max), -np.inf)
     zero = ops.full_like(t_min, 0.0)
     if any_hit:
         until = ops.where(best.instance >= 0, zero - np.inf, until)

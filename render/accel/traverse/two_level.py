@@ -33,7 +33,7 @@ def _search(accel, origin, direction, t_min, t_max, active, visible_bit, any_hit
     zero = ops.full_like(t_min, 0.0)
     nothing = ops.int_like(zero, -1)
     best = Hit(zero + np.inf, nothing, nothing, zero, zero)
-    until = ops.where(active, t_max, zero - np.inf)
+    until = ops.where(active & is_sound(origin, direction), t_max, zero - np.inf)
     unbounded = len(accel.unbounded)
     for k in range(unbounded + (1 if accel.only >= 0 else 0)):  # a single instance needs no tree: its own box is tested
         i = np.int64(accel.unbounded[k]) if k < unbounded else np.int64(accel.only)
@@ -50,6 +50,12 @@ SEARCH = (VEC, VEC, FLOAT, FLOAT, MASK, INT64, BOOL)  # arguments of `search` af
 HIT: Any = tuple_type(Hit, (FLOAT, INT, INT, FLOAT, FLOAT))
 search = DeclaredKernel(_search, HIT, SEARCH)
 find = search.call  # called in kernels, with the kernel's address and its arguments
+
+
+@helper
+def is_sound(origin: Vec, direction: Vec) -> Lane:
+    """Whether rays are finite. Others hit nothing: no box test excludes NaN, and not even the empty boxes of a node."""
+    return ops.is_finite((origin[0] + origin[1] + origin[2]) + (direction[0] + direction[1] + direction[2]))
 
 
 @helper

@@ -203,17 +203,29 @@ def test_rays_among_many_instances_of_all_kinds(spread):
     assert (np.bincount(tables.geometries.kind[tables.instances.geometry[hits.instance[blocked]]], minlength=3) > 20).sum() == 5
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e300])
-def test_rays_from_nowhere_hit_nothing_and_disturb_no_other_ray(bad):
-    accel = crowd(np.eye(4))
-    sound = ray_queries.occluded(accel, *shot(600, np.eye(4)), 0.0, 1.0)
-    others = np.arange(600) % 7 != 0
+def narrow_shot() -> tuple[F64, F64]:
+    """Rays as `shot`, in groups of sixteen whose vectors are narrow."""
+    o, d = shot(600, np.eye(4))
+    return np.repeat(o, 16, axis=0), np.repeat(d, 16, axis=0) + 1e-4 * np.random.default_rng(8).normal(size=(16 * 600, 3))
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e300])
+@pytest.mark.parametrize(
+    ("build", "rays"), [(crowd, shot(600, np.eye(4))), (crowd, narrow_shot()), (single, shot(600, np.eye(4))), (single, narrow_shot())],
+    ids=["crowd", "crowd, narrow", "single", "single, narrow"],
+)  # fmt: skip
+def test_rays_from_nowhere_hit_nothing_and_disturb_no_other_ray(build, rays, bad):
+    accel, (o, d) = build(np.eye(4)), rays
+    sound = ray_queries.closest(accel, o, d, 0.0, 1.0).t
+    others = np.arange(len(sound)) % 7 != 0
+    assert 10 < np.isfinite(sound).sum() < len(sound)
     for which in (0, 1):  # origins, directions
-        ray = shot(600, np.eye(4))
+        ray = (o.copy(), d.copy())
         ray[which][::7] = bad
-        blocked = ray_queries.occluded(accel, *ray, 0.0, 1.0)
+        t, blocked = ray_queries.closest(accel, *ray, 0.0, 1.0).t, ray_queries.occluded(accel, *ray, 0.0, 1.0)
         assert not blocked[::7].any()
-        np.testing.assert_array_equal(blocked[others], sound[others])
+        np.testing.assert_array_equal(t, np.where(others, sound, np.inf))
+        np.testing.assert_array_equal(blocked, np.isfinite(t))
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e300])

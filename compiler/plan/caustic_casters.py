@@ -129,14 +129,14 @@ def gathering(tables: ir.Tables) -> np.ndarray:
 
 
 def caustic_lights(tables: ir.Tables, all_sizes: bool = False) -> tuple[np.ndarray, np.ndarray]:
-    """((lights,), (instances,)) bool: lights and emissive instances that are small as seen from casters, or of `all_sizes`.
+    """((lights,), (instances,)) bool: lights and emissive instances that are small as seen from casters, in a bulb, or of `all_sizes`.
 
     Lights without shadows pass through casters, and lights without inverse-square falloff are not physical: neither counts.
     """
     lit = tables.lights
     centre, radius = bounding_spheres(tables)
     mirrors = gathering(tables)
-    small = math.inf if all_sizes else SMALL
+    small, glass = math.inf if all_sizes else SMALL, glass_spheres(tables)
     chosen = ir.is_in(lit.kind, LAMPS) & lit.shadows & (lit.color.max(axis=1, initial=0.0) > 0.0)
     chosen &= lit.falloff == ir.FalloffKind.INVERSE_SQUARE
     for k in np.flatnonzero(chosen):
@@ -146,13 +146,15 @@ def caustic_lights(tables: ir.Tables, all_sizes: bool = False) -> tuple[np.ndarr
         elif kind in (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE):
             matrix = tables.transforms.matrix[lit.transform[k]]
             size = float(np.linalg.norm(matrix[:, :3], 2)) * float(np.max(lit.size[k]))
-            chosen[k] = _fills(matrix[:, 3], size, centre[mirrors], radius[mirrors]) < small
+            near = _fills(matrix[:, 3], size, centre[mirrors], radius[mirrors])
+            chosen[k] = near < small or is_enclosed(matrix[:, 3], size, glass)
     shining = (tables.materials.values[:, ir.Slot.EMISSION].max(axis=1, initial=0.0) > 0.0)[tables.instances.material]
     shining = shining & (tables.instances.light < 0) & np.isfinite(radius)
     for i in np.flatnonzero(shining):
         others = mirrors.copy()
         others[i] = False
-        shining[i] = _fills(centre[i], radius[i], centre[others], radius[others]) < small
+        near = _fills(centre[i], radius[i], centre[others], radius[others])
+        shining[i] = near < small or (not mirrors[i] and is_enclosed(centre[i], radius[i], glass))
     return chosen, shining
 
 
@@ -160,6 +162,24 @@ def bright_spots(tables: ir.Tables) -> dome_spots.Spots | None:
     """Return the bright spots of a dome that photons may carry; None with unbounded casters, at which they cannot be aimed."""
     bounded = np.isfinite(bounding_spheres(tables)[1][gathering(tables)]).all()
     return dome_spots.find(tables) if bounded else None
+
+
+def glass_spheres(tables: ir.Tables) -> tuple[np.ndarray, np.ndarray]:
+    """((n, 3) centers, (n,) radii) of the bounding spheres of bounded casters that transmit light."""
+    m, slot = tables.materials, ir.Slot
+    clear = (m.model == ir.MaterialModel.GLASS) | (m.values[:, slot.TRANSMISSION].max(axis=1, initial=0.0) > 0.0)
+    centre, radius = bounding_spheres(tables)
+    chosen = gathering(tables) & clear[tables.instances.material] & np.isfinite(radius)
+    return centre[chosen], radius[chosen]
+
+
+def is_enclosed(place: np.ndarray, size: float, glass: tuple[np.ndarray, np.ndarray]) -> bool:
+    """Whether a sphere lies in one of `glass_spheres`, as a lamp in its bulb: all its light passes the glass.
+
+    Paths find the bulb as seldom as they would find the lamp.
+    """
+    centre, radius = glass
+    return bool((np.linalg.norm(centre - place, axis=1) + size < radius).any())
 
 
 def _fills(place: np.ndarray, size: float, centre: np.ndarray, radius: np.ndarray) -> float:

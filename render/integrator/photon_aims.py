@@ -18,6 +18,7 @@ from ..light.emitter_table import Emitters
 
 F64 = NDArray[np.float64]
 TARGETS = 32  # most balls; further ones are merged
+ENCLOSED = 16.0  # factor of the number of photons where all lamps are in glass: no other samples find their light
 
 
 class Aims(NamedTuple):
@@ -68,7 +69,19 @@ def photon_targets(tables: ir.Tables, table: Emitters, spots: Any, chosen: NDArr
     of_row = chance.sum(axis=1)
     within = np.cumsum(chance, axis=1) / np.maximum(of_row, 1e-300)[:, None]
     return Aims(_close(np.cumsum(of_row)), np.ascontiguousarray(within.ravel()), np.ascontiguousarray(chance.ravel()),
-                np.ascontiguousarray(centre), radius, len(radius), reach, float(gain.max()) ** 2)  # fmt: skip
+                np.ascontiguousarray(centre), radius, len(radius), reach, float(gain.max()) ** 2 * _effort(tables, table))  # fmt: skip
+
+
+def _effort(tables: ir.Tables, table: Emitters) -> float:
+    """The factor of the number of photons by the share of the power whose lamps are enclosed in glass."""
+    size = np.where(table.area > 0, np.linalg.norm(np.abs(table.side_u) + np.abs(table.side_v), axis=1), 0.0)
+    power = table.color.mean(axis=1) * np.where(table.area > 0, math.pi * table.area, 4.0 * math.pi)
+    near = ~np.isin(table.kind, (emitter_table.DIRECTIONAL, emitter_table.SUN, emitter_table.DOME))
+    if not near.all():
+        return 1.0
+    glass = caustic_casters.glass_spheres(tables)
+    inside = np.array([caustic_casters.is_enclosed(place, wide, glass) for place, wide in zip(table.place, size, strict=True)])
+    return 1.0 + (ENCLOSED - 1.0) * float((power * inside).sum() / max(float(power.sum()), 1e-300))
 
 
 def _close(upto: F64) -> F64:

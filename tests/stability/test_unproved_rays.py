@@ -83,9 +83,8 @@ def test_there_are_scenes_with_formulas() -> None:
     assert any(name.startswith("docs/language.md") for name in scenes())
 
 
-@pytest.mark.parametrize("part", range(2))
-def test_ten_variations_have_no_unproved_ray(part: int, tmp_path: Path) -> None:
-    numbers = range(1000 + 5 * part, 1005 + 5 * part)
+def test_three_variations_have_no_unproved_ray(tmp_path: Path) -> None:
+    numbers = range(1000, 1003)
     assert [found for found in (unproved(number, (80, 60), tmp_path) for number in numbers) if found[1]] == []
 
 

@@ -65,7 +65,7 @@ def compared(draw, text, seeds, **settings):
     return shared, alone, (a.mean(axis=0) - b.mean(axis=0)) / np.sqrt((a.var(axis=0, ddof=1) + b.var(axis=0, ddof=1)) / seeds)
 
 
-@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("precision", ["float32", pytest.param("float64", marks=pytest.mark.long)])
 @pytest.mark.parametrize("more", ["", TORUS], ids=["pieces", "tree"])
 @pytest.mark.parametrize("lamp", LAMPS)
 def test_it_is_the_light_that_each_pixel_finds_for_itself(draw, lamp, more, precision):

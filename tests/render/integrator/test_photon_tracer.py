@@ -132,7 +132,10 @@ SCENES = {
 }
 
 
-@pytest.mark.parametrize("lamp", ["rectangle", "ball", *SCENES])
+LONG = ("gloss under sun and sky", "faint gloss", "metals under a dome")
+
+
+@pytest.mark.parametrize("lamp", ["rectangle", "ball", *(pytest.param(k, marks=[pytest.mark.long] * (k in LONG)) for k in SCENES)])
 def test_photons_and_chance_find_the_same_light(draw, lamp):
     """Lamps large enough for paths to find them behind glass and in mirrors: means of blocks of the picture, by z."""
     text = FLOOR.format(0.8) + (SCENES[lamp] if lamp in SCENES else BALL.format(matt="lambert(0.6)") + LAMPS[lamp])
@@ -148,6 +151,18 @@ def test_photons_and_chance_find_the_same_light(draw, lamp):
     assert z2.mean() < 3.0, z2
 
 
+def test_a_lamp_in_its_bulb_lights_the_floor(draw):
+    """Paths find the bulb as seldom as the lamp; photons leave a tenth of their noise."""
+    text = FLOOR.format(0.8) + "sphere(0.05, center: [0, 0.6, 0], material: glass())\n"
+    text += "sphere(0.02, center: [0, 0.6, 0], material: emissive(1, luminance: 3000))\n"
+    text += "camera(position: [0, 1.5, 2], look_at: [0, 0, 0], fov: 50deg)\nrender(bounces: 12)\n"
+    ours = np.stack([draw(text, 64, seed) for seed in range(6)])
+    others = np.stack([draw(text, 1024, 20 + seed, transport_caustics="paths") for seed in range(6)])
+    error = math.hypot(*(runs.mean(axis=(1, 2, 3)).std(ddof=1) / math.sqrt(6) for runs in (ours, others)))
+    assert abs(ours.mean() - others.mean()) < 4 * error
+    assert np.median(ours.std(axis=0)) < 0.4 * np.median(others.std(axis=0))  # which have 16 times the samples
+
+
 def test_the_plan_has_photons_only_where_a_small_lamp_shines_on_what_gathers(tmp_path):
     def decided(text, **settings):
         path = tmp_path / "a.scene"
@@ -161,6 +176,10 @@ def test_the_plan_has_photons_only_where_a_small_lamp_shines_on_what_gathers(tmp
     assert decided(floor + ball + lamp, bounces=6, backend="reference") == "paths"
     assert decided(floor + lamp, bounces=6) == "paths"
     assert decided(floor + ball.replace("glass()", "glass(roughness: 0.3)") + lamp, bounces=6) == "photons"
+    bulb = "sphere({}, center: [0, 1, 0], material: emissive(luminance: 1000))\n"
+    assert decided(floor + ball + bulb.format(0.2), bounces=6) == "photons"  # all its light passes the glass
+    assert decided(floor + ball.replace("[0, 1, 0]", "[1, 1, 0]") + bulb.format(0.4), bounces=6) == "paths"
+    assert decided(floor + ball.replace("glass()", "principled(metallic: 1, roughness: 0.2)") + bulb.format(0.2), bounces=6) == "paths"
     assert decided(floor + ball.replace("glass()", "glass(roughness: 0.7)") + lamp, bounces=6) == "paths"
     assert decided(floor + ball.replace("glass()", "principled(roughness: 0.3)") + lamp, bounces=6) == "photons"
     assert decided(floor + ball.replace("glass()", "principled(roughness: 0.5)") + lamp, bounces=6) == "paths"

@@ -136,7 +136,7 @@ def caustic_lights(tables: ir.Tables, all_sizes: bool = False) -> tuple[np.ndarr
     lit = tables.lights
     centre, radius = bounding_spheres(tables)
     mirrors = gathering(tables)
-    small, glass = math.inf if all_sizes else SMALL, glass_spheres(tables)
+    small = math.inf if all_sizes else SMALL
     chosen = ir.is_in(lit.kind, LAMPS) & lit.shadows & (lit.color.max(axis=1, initial=0.0) > 0.0)
     chosen &= lit.falloff == ir.FalloffKind.INVERSE_SQUARE
     for k in np.flatnonzero(chosen):
@@ -147,14 +147,14 @@ def caustic_lights(tables: ir.Tables, all_sizes: bool = False) -> tuple[np.ndarr
             matrix = tables.transforms.matrix[lit.transform[k]]
             size = float(np.linalg.norm(matrix[:, :3], 2)) * float(np.max(lit.size[k]))
             near = _fills(matrix[:, 3], size, centre[mirrors], radius[mirrors])
-            chosen[k] = near < small or is_enclosed(matrix[:, 3], size, glass)
+            chosen[k] = near < small or bool(enclosing(tables, matrix[None, :, 3])[0])
     shining = (tables.materials.values[:, ir.Slot.EMISSION].max(axis=1, initial=0.0) > 0.0)[tables.instances.material]
     shining = shining & (tables.instances.light < 0) & np.isfinite(radius)
     for i in np.flatnonzero(shining):
         others = mirrors.copy()
         others[i] = False
         near = _fills(centre[i], radius[i], centre[others], radius[others])
-        shining[i] = near < small or (not mirrors[i] and is_enclosed(centre[i], radius[i], glass))
+        shining[i] = near < small or (not mirrors[i] and bool(enclosing(tables, centre[None, i])[0]))
     return chosen, shining
 
 
@@ -164,22 +164,20 @@ def bright_spots(tables: ir.Tables) -> dome_spots.Spots | None:
     return dome_spots.find(tables) if bounded else None
 
 
-def glass_spheres(tables: ir.Tables) -> tuple[np.ndarray, np.ndarray]:
-    """((n, 3) centers, (n,) radii) of the bounding spheres of bounded casters that transmit light."""
-    m, slot = tables.materials, ir.Slot
-    clear = (m.model == ir.MaterialModel.GLASS) | (m.values[:, slot.TRANSMISSION].max(axis=1, initial=0.0) > 0.0)
-    centre, radius = bounding_spheres(tables)
-    chosen = gathering(tables) & clear[tables.instances.material] & np.isfinite(radius)
-    return centre[chosen], radius[chosen]
-
-
-def is_enclosed(place: np.ndarray, size: float, glass: tuple[np.ndarray, np.ndarray]) -> bool:
-    """Whether a sphere lies in one of `glass_spheres`, as a lamp in its bulb: all its light passes the glass.
+def enclosing(tables: ir.Tables, places: np.ndarray) -> np.ndarray:
+    """(n,) bool: places (n, 3) in the box of a caster that transmits light, as that of a lamp in its bulb: all its light passes the glass.
 
     Paths find the bulb as seldom as they would find the lamp.
     """
-    centre, radius = glass
-    return bool((np.linalg.norm(centre - place, axis=1) + size < radius).any())
+    m, instances, slot = tables.materials, tables.instances, ir.Slot
+    clear = (m.model == ir.MaterialModel.GLASS) | (m.values[:, slot.TRANSMISSION].max(axis=1, initial=0.0) > 0.0)
+    found = np.zeros(len(places), bool)
+    for row in np.flatnonzero(gathering(tables) & clear[instances.material]).tolist():
+        inverse, bounds = tables.transforms.inverse[instances.transform[row]], tables.geometries.bounds[instances.geometry[row]]
+        if np.isfinite(bounds).all():
+            local = places @ inverse[:, :3].T + inverse[:, 3]
+            found |= ((local > bounds[0]) & (local < bounds[1])).all(axis=1)
+    return found
 
 
 def _fills(place: np.ndarray, size: float, centre: np.ndarray, radius: np.ndarray) -> float:

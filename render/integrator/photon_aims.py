@@ -74,13 +74,10 @@ def photon_targets(tables: ir.Tables, table: Emitters, spots: Any, chosen: NDArr
 
 def _effort(tables: ir.Tables, table: Emitters) -> float:
     """The factor of the number of photons by the share of the power whose lamps are enclosed in glass."""
-    size = np.where(table.area > 0, np.linalg.norm(np.abs(table.side_u) + np.abs(table.side_v), axis=1), 0.0)
-    power = table.color.mean(axis=1) * np.where(table.area > 0, math.pi * table.area, 4.0 * math.pi)
-    near = ~np.isin(table.kind, (emitter_table.DIRECTIONAL, emitter_table.SUN, emitter_table.DOME))
-    if not near.all():
+    if np.isin(table.kind, (emitter_table.DIRECTIONAL, emitter_table.SUN, emitter_table.DOME)).any():
         return 1.0
-    glass = caustic_casters.glass_spheres(tables)
-    inside = np.array([caustic_casters.is_enclosed(place, wide, glass) for place, wide in zip(table.place, size, strict=True)])
+    power = table.color.mean(axis=1) * np.where(table.area > 0, math.pi * table.area, 4.0 * math.pi)
+    inside = caustic_casters.enclosing(tables, table.place)
     return 1.0 + (ENCLOSED - 1.0) * float((power * inside).sum() / max(float(power.sum()), 1e-300))
 
 

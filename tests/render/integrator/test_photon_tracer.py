@@ -179,6 +179,8 @@ def test_the_plan_has_photons_only_where_a_small_lamp_shines_on_what_gathers(tmp
     bulb = "sphere({}, center: [0, 1, 0], material: emissive(luminance: 1000))\n"
     assert decided(floor + ball + bulb.format(0.2), bounces=6) == "photons"  # all its light passes the glass
     assert decided(floor + ball.replace("[0, 1, 0]", "[1, 1, 0]") + bulb.format(0.4), bounces=6) == "paths"
+    pane = "box([3, 2, 0.01], center: [0, 1, -0.5], material: glass())\n"
+    assert decided(floor + pane + bulb.format(0.4), bounces=6) == "paths"
     assert decided(floor + ball.replace("glass()", "principled(metallic: 1, roughness: 0.2)") + bulb.format(0.2), bounces=6) == "paths"
     assert decided(floor + ball.replace("glass()", "glass(roughness: 0.7)") + lamp, bounces=6) == "paths"
     assert decided(floor + ball.replace("glass()", "principled(roughness: 0.3)") + lamp, bounces=6) == "photons"

@@ -56,7 +56,8 @@ def emit(tables: Tables, table: Emitters, spots: Any, aims: Aims, number: Lane, 
     start, direction = _sample_direction(aims, t, groups, start, normal, half, place_numbers, aim_numbers)
     density = _density(aims, e, t, groups.far, start, direction)
     cosine = ops.dot(normal, direction)
-    shines = ops.where(table.both[e], ops.absolute(cosine), ops.maximum(cosine, 0.0)) * table.area[e]
+    shines = ops.where(table.both[e], ops.absolute(cosine), ops.maximum(cosine, 0.0))
+    shines = shines * round_emitters.area_of(table, e, ops.sub(start, (table.place[e, 0], table.place[e, 1], table.place[e, 2])))
     strength = zero + 1.0
     if ops.any_lane(kind == emitter_table.SPOT):
         cone = lights.spot_share(-cosine, tables.lights.cos_cone[row] + zero, tables.lights.cos_full[row] + zero)

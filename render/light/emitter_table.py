@@ -13,7 +13,7 @@ from ...compiler.ir.light_links import CASTERS
 from ...compiler.plan import scene_facts
 from ..lanes import ops
 from . import environment_map, light_tree, lights, round_emitters, shape_solid_angle
-from .round_emitters import CAPSULE, CONE, TORUS, TUBE
+from .round_emitters import CAPSULE, CONE, ELLIPSOID, TORUS, TUBE
 
 POINT, SPOT, DIRECTIONAL, SUN = lights.POINT, lights.SPOT, lights.DIRECTIONAL, lights.SUN
 SKY, DOME, RECTANGLE, DISK, SPHERE = lights.SKY, lights.DOME, lights.RECTANGLE, lights.DISK, lights.SPHERE
@@ -32,7 +32,8 @@ class Emitters(NamedTuple):
     side_u: NDArray[np.float64]  # (n, 3) half edges of a plate, radii of a disk; edges of a triangle; columns 0 and 1: radius of a ball,
     # tube or capsule; radii of a cone at its lower and upper end; of the ring and the tube of a torus
     side_v: NDArray[np.float64]  # (n, 3) likewise; of a tube, cone or capsule half its length without caps, along its axis
-    normal: NDArray[np.float64]  # (n, 3) of a plate or triangle; axis of round shapes; toward a distant light; against the axis of a spot
+    normal: NDArray[np.float64]  # (n, 3) of a plate or triangle; axis of round shapes; toward a distant light; against the axis of a spot;
+    # side_u, side_v and normal of an ellipsoid are its three axes
     area: NDArray[np.float64]
     color: NDArray[np.float64]  # (n, 3) radiance, or as ir.Lights.color
     both: NDArray[np.bool_]  # emits to both sides; closed shapes do, too, but only their outside is sampled
@@ -143,7 +144,7 @@ def _shape_rows(tables: ir.Tables, i: int) -> list[dict[str, Any]]:
         even = matrix[:, :3].T @ matrix[:, :3]
         if kind == ir.GeometryKind.RECTANGLE or np.allclose(even, even[0, 0] * np.eye(3), rtol=0, atol=1e-9 * even[0, 0]):
             return [_surface_row(kinds[ir.GeometryKind(kind)], matrix, bool(tables.transforms.flips[row]), p[:2], **shared, part=0)]
-        return []
+        return [_ellipsoid_row(matrix[:, :3] * p[0], matrix[:, 3], shared)] if kind == ir.GeometryKind.SPHERE else []
     if kind == ir.GeometryKind.BOX:
         return _box_rows(matrix, p[:3], shared)
     if kind in _ROUND:
@@ -161,6 +162,11 @@ def _shape_rows(tables: ir.Tables, i: int) -> list[dict[str, Any]]:
              **shared, part=first)
         for k in range(count)
     ]  # fmt: skip
+
+
+def _ellipsoid_row(axes: Any, place: Any, shared: dict[str, Any]) -> dict[str, Any]:
+    return _row(kind=ELLIPSOID, place=place, side_u=axes[:, 0], side_v=axes[:, 1], normal=axes[:, 2],
+                area=round_emitters.ellipsoid_area(axes), part=0, **shared | {"both": False})  # fmt: skip
 
 
 def _box_rows(matrix: Any, half: Any, shared: dict[str, Any]) -> list[dict[str, Any]]:
@@ -250,7 +256,9 @@ def _build_tree(tables: ir.Tables, of: dict[str, Any], general: bool) -> light_t
     """Build the light tree over the emitters with a position."""
     kind, place, u, v = of["kind"], of["place"], of["side_u"], of["side_v"]
     round_ = ir.is_in(kind, round_emitters.ROUND)
-    shown = np.select([kind == SPHERE, round_ & ~(of["both"] & (kind == CONE))], [0.25, 1.0 / math.pi], 1.0)  # visible share of the area
+    hollow = of["both"] & (kind == CONE)
+    one_side = [(kind == SPHERE) | (kind == ELLIPSOID), round_ & ~hollow]
+    shown = np.select(one_side, [0.25, 1.0 / math.pi], 1.0)  # visible share of the area
     power = of["color"].mean(axis=1) * np.where(of["area"] > 0, of["area"] * shown, 1.0) * _peaks(tables, of["light"], kind)
     far = ir.is_in(kind, _FAR)
     span = np.abs(u) + np.abs(v)
@@ -262,7 +270,7 @@ def _build_tree(tables: ir.Tables, of: dict[str, Any], general: bool) -> light_t
     low = np.where((kind == TRIANGLE)[:, None], corners.min(axis=0), low)
     high = np.where((kind == TRIANGLE)[:, None], corners.max(axis=0), high)
     spot = kind == SPOT
-    axis = np.where(spot[:, None], -of["normal"], of["normal"])
+    axis = np.where(spot[:, None], -of["normal"], np.where((kind == ELLIPSOID)[:, None], [0.0, 1.0, 0.0], of["normal"]))
     around = of["both"] | (kind == POINT) | round_
     edge = np.full(len(kind), 0.5 * math.pi)
     if spot.any():

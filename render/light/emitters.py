@@ -176,7 +176,7 @@ def _sample_tube(plain: Reached, emitters: Emitters, e: Lane, way: Vec, u: Lane,
 
 @helper
 def _sample_round(plain: Reached, emitters: Emitters, e: Lane, way: Vec, u: Lane, v: Lane) -> Reached:
-    """Return `plain`, or a sample by area of cones, tori and capsules."""
+    """Return `plain`, or a sample by area of cones, tori, capsules and ellipsoids."""
     kind = emitters.kind[e]
     here = round_emitters.is_round(kind) & (kind != TUBE)
     if ops.any_lane(here):
@@ -187,7 +187,7 @@ def _sample_round(plain: Reached, emitters: Emitters, e: Lane, way: Vec, u: Lane
         towards = ops.scale(to, inverse)
         cosine = -ops.dot(towards, round_emitters.normal(emitters, e, place))
         cosine = ops.where(emitters.both[e], ops.absolute(cosine), ops.maximum(cosine, 0.0))
-        angle = emitters.area[e] * cosine * inverse * inverse
+        angle = round_emitters.area_of(emitters, e, place) * cosine * inverse * inverse
         plain = _select(here, plain, Reached(towards, squared * inverse, angle, cosine))
     return plain
 
@@ -314,8 +314,10 @@ def _pdf_round(plain: Lane, emitters: Emitters, e: Lane, way: Vec, direction: Ve
     kind = emitters.kind[e]
     here = round_emitters.is_round(kind) & (kind != TUBE)
     if ops.any_lane(here):
-        cosine = ops.dot(direction, round_emitters.normal(emitters, e, ops.sub(ops.scale(direction, distance), way)))
-        plain = ops.where(here, distance * distance / ops.maximum(ops.absolute(cosine) * emitters.area[e], lights.TINY), plain)
+        place = ops.sub(ops.scale(direction, distance), way)
+        cosine = ops.absolute(ops.dot(direction, round_emitters.normal(emitters, e, place)))
+        area = round_emitters.area_of(emitters, e, place)
+        plain = ops.where(here, distance * distance / ops.maximum(cosine * area, lights.TINY), plain)
     return plain
 
 

@@ -1,6 +1,7 @@
-"""Sampling of emissive cones, cylinders, tori and capsules: points of equal probability for equal areas.
+"""Sampling of emissive cones, cylinders, tori, capsules and ellipsoids.
 
-Each is a surface about an axis through its center. The side of a closed cylinder is sampled by solid angle instead, see
+All but ellipsoids are surfaces about an axis through their center, and equal areas have equal probability. Points of an ellipsoid are those
+of a sphere under its transform. The side of a closed cylinder is sampled by solid angle instead, see
 shape_solid_angle.py, except for photons.
 """
 
@@ -16,8 +17,8 @@ from ..lanes import ops
 from ..types import Lane, Vec
 from . import lights
 
-TUBE, CONE, TORUS, CAPSULE = 21, 22, 23, 24  # emitter kinds: the sides of cylinders and cones
-ROUND = (TUBE, CONE, TORUS, CAPSULE)
+TUBE, CONE, TORUS, CAPSULE, ELLIPSOID = 21, 22, 23, 24, 25  # emitter kinds: the sides of cylinders and cones
+ROUND = (TUBE, CONE, TORUS, CAPSULE, ELLIPSOID)
 
 
 def area(kind: int, size: tuple[float, float], half: float) -> float:
@@ -30,6 +31,13 @@ def area(kind: int, size: tuple[float, float], half: float) -> float:
     return 4.0 * math.pi**2 * a * b if kind == TORUS else 4.0 * math.pi * a * (half + a)
 
 
+def ellipsoid_area(axes: Any) -> float:
+    """The area in m² of an ellipsoid with axes (3, 3), to 1 % (Knud Thomsen's formula)."""
+    a, b, c = np.linalg.svd(axes, compute_uv=False)
+    p = 1.6075
+    return float(4.0 * math.pi * (((a * b) ** p + (b * c) ** p + (c * a) ** p) / 3.0) ** (1.0 / p))
+
+
 def extent(kind: Any, side_u: Any, side_v: Any, axis: Any) -> Any:
     """(n, 3) half extents of the bounds about the centers."""
     around = np.sqrt(np.maximum(1.0 - axis**2, 0.0))  # of a circle around an axis
@@ -37,13 +45,14 @@ def extent(kind: Any, side_u: Any, side_v: Any, axis: Any) -> Any:
     shape = kind[:, None]
     found = np.abs(side_v) + np.where(shape == CONE, np.maximum(a, b), a) * around
     found = np.where(shape == TORUS, b + a * around, found)
-    return np.where(shape == CAPSULE, np.abs(side_v) + a, found)
+    found = np.where(shape == CAPSULE, np.abs(side_v) + a, found)
+    return np.where(shape == ELLIPSOID, np.sqrt(side_u**2 + side_v**2 + axis**2), found)
 
 
 @helper
 def is_round(kind: Lane) -> Lane:
     """Whether an emitter is of these kinds."""
-    return (kind >= TUBE) & (kind <= CAPSULE)
+    return (kind >= TUBE) & (kind <= ELLIPSOID)
 
 
 @helper
@@ -75,7 +84,13 @@ def point(emitters: Any, e: Lane, u: Lane, v: Lane) -> Vec:
     s, t = ops.basis(axis)
     angle = 2.0 * math.pi * v
     across = ops.add(ops.scale(s, radius * ops.cos(angle)), ops.scale(t, radius * ops.sin(angle)))
-    return ops.add(across, ops.scale(axis, along))
+    found = ops.add(across, ops.scale(axis, along))
+    stretched = kind == ELLIPSOID
+    if ops.any_lane(stretched):
+        x, y, z = lights.cone_direction(ops.like3(u, 0.0, 0.0, 1.0), 2.0 * u, v)
+        of = _axes(emitters, e, zero)
+        found = ops.where3(stretched, ops.add(ops.scale(of[0], x), ops.add(ops.scale(of[1], y), ops.scale(of[2], z))), found)
+    return found
 
 
 @helper
@@ -93,7 +108,41 @@ def normal(emitters: Any, e: Lane, place: Vec) -> Vec:
     on_torus = ops.add(ops.scale(outward, radius - a), ops.scale(axis, along))
     on_capsule = ops.add(across, ops.scale(axis, along - ops.clip(along, 0.0 - half, half)))
     found = ops.where3(kind == TORUS, on_torus, ops.where3(kind == CAPSULE, on_capsule, on_side))
+    if ops.any_lane(kind == ELLIPSOID):
+        found = ops.where3(kind == ELLIPSOID, _stretched_normal(emitters, e, place), found)
     return ops.scale(found, 1.0 / ops.maximum(ops.length(found), lights.TINY))
+
+
+@helper
+def area_of(emitters: Any, e: Lane, place: Vec) -> Lane:
+    """One over the probability density by area of a point of emitter e, given from its center."""
+    found = emitters.area[e] + 0.0 * place[0]
+    stretched = emitters.kind[e] == ELLIPSOID
+    if ops.any_lane(stretched):
+        found = ops.where(stretched, 4.0 * math.pi * ops.length(_stretched_normal(emitters, e, place)), found)
+    return found
+
+
+@helper
+def _stretched_normal(emitters: Any, e: Lane, place: Vec) -> Vec:
+    """The outward normal of an ellipsoid, as long as the transform's stretch of area there."""
+    u, v, w = _axes(emitters, e, 0.0 * place[0])
+    vw, wu, uv = ops.cross(v, w), ops.cross(w, u), ops.cross(u, v)
+    whole = ops.dot(u, vw)
+    inverse = 1.0 / ops.where(ops.absolute(whole) > lights.TINY, whole, lights.TINY)
+    x, y, z = ops.dot(vw, place) * inverse, ops.dot(wu, place) * inverse, ops.dot(uv, place) * inverse
+    found = ops.add(ops.scale(vw, x), ops.add(ops.scale(wu, y), ops.scale(uv, z)))
+    return ops.scale(found, ops.sign_of(whole))
+
+
+@helper
+def _axes(emitters: Any, e: Lane, zero: Lane) -> tuple[Vec, Vec, Vec]:
+    """The three axes of an ellipsoid."""
+    return (
+        (emitters.side_u[e, 0] + zero, emitters.side_u[e, 1] + zero, emitters.side_u[e, 2] + zero),
+        (emitters.side_v[e, 0] + zero, emitters.side_v[e, 1] + zero, emitters.side_v[e, 2] + zero),
+        (emitters.normal[e, 0] + zero, emitters.normal[e, 1] + zero, emitters.normal[e, 2] + zero),
+    )
 
 
 @helper

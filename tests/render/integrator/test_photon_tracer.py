@@ -117,6 +117,7 @@ SHAPES = BALL.replace("bounces: 6", "bounces: 16").format(matt="lambert(0.6)") +
     f"cone(0.3, 0.4, top: 0.1, capped: false, translate: [0.4, 2.8, 0.2], {SHINE}"
     f"torus(0.3, 0.1, rotate: [30deg, 0, 0], translate: [-0.3, 2.7, -0.4], {SHINE}"
     f"capsule(0.15, 0.7, rotate: [80deg, 0, 0], translate: [1, 2.6, 0], {SHINE}"
+    f"sphere(0.2, scale: [1, 0.6, 1.4], translate: [0.3, 2.9, -0.8], {SHINE}"
     f"box([0.3, 0.2, 0.4], rotate: [0, 30deg, 0], translate: [-0.3, 2.8, 0.8], {SHINE}"
 )
 SUNNY = "dome(pattern: |x, y, z| 0.3 + 120 * min(max(150 * (0.9413 * y - 0.3138 * x + 0.1255 * z - 0.988), 0), 1))\n"

@@ -23,8 +23,9 @@ SHUT = "cone(0.5, 0.9, rotate: [20deg, 0, 30deg], material: emissive(luminance: 
 PIPE = "cylinder(0.4, 1, rotate: [0, 0, 40deg], scale: 1.5, capped: false, material: emissive(luminance: 3))"
 RING = "torus(0.6, 0.25, rotate: [20deg, 0, 30deg], material: emissive(luminance: 3))"
 PILL = "capsule(0.3, 1.1, rotate: [20deg, 0, 60deg], material: emissive(luminance: 3))"
+EGG = "sphere(0.4, scale: [1, 1.6, 0.7], rotate: [20deg, 0, 30deg], material: emissive(luminance: 3))"
 BOX = "box([0.8, 0.5, 0.3], rotate: [20deg, 0, 30deg], material: emissive(luminance: 3))"
-HIDING = (CONE, SHUT, PIPE, RING, PILL)  # sampled by area: parts of them block each other
+HIDING = (CONE, SHUT, PIPE, RING, PILL, EGG)  # sampled by area: parts of them block each other
 PLACES = {
     "a disk above": (DISK, (0.2, -0.4, 0.1)),
     "a disk very near": (DISK, (0.3, 0.05, 0.2)),
@@ -48,6 +49,7 @@ PLACES = {
     "a torus": (RING, (0.9, 0.6, 0.5)),
     "a torus from its hole": (RING, (0.05, 0.1, 0.0)),
     "a capsule": (PILL, (0.4, 0.8, 0.6)),
+    "an ellipsoid": (EGG, (1.3, 1.2, 1.0)),
     "a box": (BOX, (-1.0, 0.4, 0.5)),
 }
 SLIVERS = ("a disk in its plane but for a little", "a triangle below and aside", "a tube beyond its end", "a tube far off")
@@ -123,7 +125,7 @@ def test_directions_are_spread_as_their_density_says(scenes, name):
     if text in HIDING:
         seen &= np.abs(met(tables, place, arriving.direction)[0] / arriving.distance - 1.0) < 1e-6
     zoom = Zoom(arriving.direction, seen)
-    fine = 96 if name in SLIVERS or text in (*HIDING, BOX) else 24
+    fine = 144 if text == EGG else 96 if name in SLIVERS or text in (*HIDING, BOX) else 24
     chi2(zoom.out(arriving.direction), seen, lambda d: density(zoom.back(d)) * zoom.share, fine=fine)
 
 

@@ -18,7 +18,7 @@ from ..light.emitter_table import Emitters
 
 F64 = NDArray[np.float64]
 TARGETS = 32  # most balls; further ones are merged
-ENCLOSED = 16.0  # factor of the number of photons where all lamps are in glass: no other samples find their light
+ENCLOSED = 16.0  # factor of the number of photons where all lamps are in glass: photons alone carry their light
 
 
 class Aims(NamedTuple):

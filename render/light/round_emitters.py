@@ -1,8 +1,8 @@
 """Sampling of emissive cones, cylinders, tori, capsules and ellipsoids.
 
 All but ellipsoids are surfaces about an axis through their center, and equal areas have equal probability. Points of an ellipsoid are those
-of a sphere under its transform. The side of a closed cylinder is sampled by solid angle instead, see
-shape_solid_angle.py, except for photons.
+of a sphere under its transform. Light samples of the side of a closed cylinder are by solid angle instead (shape_solid_angle.py); photons
+start from it by area.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ..lanes import ops
 from ..types import Lane, Vec
 from . import lights
 
-TUBE, CONE, TORUS, CAPSULE, ELLIPSOID = 21, 22, 23, 24, 25  # emitter kinds: the sides of cylinders and cones
+TUBE, CONE, TORUS, CAPSULE, ELLIPSOID = 21, 22, 23, 24, 25  # sides: TUBE of closed cylinders, CONE of cones and open cylinders
 ROUND = (TUBE, CONE, TORUS, CAPSULE, ELLIPSOID)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..jit.kernel import helper
 from ..lanes import ops
-from ..light import dome_spots, emitter_table, emitters, lights, round_emitters
+from ..light import dome_spots, emitter_points, emitter_table, emitters, lights, round_emitters
 from ..light.emitter_table import Emitters
 from ..sampling import sobol
 from ..types import Lane, Ray, Tables, Vec
@@ -41,11 +41,12 @@ def emit(tables: Tables, table: Emitters, spots: Any, aims: Aims, number: Lane, 
     kind = table.kind[e]
     groups = EmitterKind(
         (kind == emitter_table.DIRECTIONAL) | (kind == emitter_table.SUN) | (kind == emitter_table.DOME),
-        (kind == emitter_table.RECTANGLE) | (kind == emitter_table.DISK) | (kind == emitter_table.TRIANGLE),
+        emitter_points.is_plate(kind),
         (kind == emitter_table.SPHERE) | round_emitters.is_round(kind),
     )
-    start, normal = _sample_surface(table, e, groups, place_numbers)
+    start, normal = emitter_points.surface_point(table, e, *place_numbers)
     color = (table.color[e, 0], table.color[e, 1], table.color[e, 2])
+    color = emitters.shape_radiance(table.wide.textures, color, tables, table, e, ops.add(start, normal), ops.negate(normal), 1.0 + 0.0 * a)
     normal, color = dome_spots.emission(spots, (normal, color), tables, e, *place_numbers)
     row = ops.maximum(ops.to_int(table.light[e]), 0)
     zero = 0.0 * a
@@ -69,27 +70,6 @@ def emit(tables: Tables, table: Emitters, spots: Any, aims: Aims, number: Lane, 
     step = ops.where(groups.flat | groups.ball, step * ops.sign_of(cosine), 0.0)
     start = ops.add(start, ops.scale(normal, step))
     return Ray(start, direction, zero, zero + np.inf, None), ops.scale(color, strength / ops.maximum(density, lights.TINY))
-
-
-@helper
-def _sample_surface(table: Emitters, e: Lane, groups: EmitterKind, numbers: tuple[Lane, Lane]) -> tuple[Vec, Vec]:
-    """(position, normal) on emitters with an area; of others as the table has them."""
-    pu, pv = numbers
-    place = (table.place[e, 0], table.place[e, 1], table.place[e, 2])
-    normal = (table.normal[e, 0], table.normal[e, 1], table.normal[e, 2])
-    x, y = emitters.plate_coordinates(table.kind[e], pu, pv)
-    side_u = (table.side_u[e, 0], table.side_u[e, 1], table.side_u[e, 2])
-    side_v = (table.side_v[e, 0], table.side_v[e, 1], table.side_v[e, 2])
-    on_plate = ops.add(place, ops.add(ops.scale(side_u, x), ops.scale(side_v, y)))
-    outward = lights.cone_direction(_up(pu), 2.0 * pu, pv)
-    out = ops.scale(outward, side_u[0])
-    round_ = round_emitters.is_round(table.kind[e])
-    if ops.any_lane(round_):
-        out = ops.where3(round_, round_emitters.point(table, e, pu, pv), out)
-        outward = ops.where3(round_, round_emitters.normal(table, e, out), outward)
-    on_ball = ops.add(place, out)
-    start = ops.where3(groups.flat, on_plate, ops.where3(groups.ball, on_ball, place))
-    return start, ops.where3(groups.ball, outward, normal)
 
 
 @helper

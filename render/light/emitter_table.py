@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,12 +13,12 @@ from ...compiler import ir
 from ...compiler.ir.light_links import CASTERS
 from ...compiler.plan import scene_facts
 from ..lanes import ops
-from . import environment_map, light_tree, lights, round_emitters, shape_solid_angle
+from . import emitter_points, environment_map, light_tree, lights, round_emitters, shape_solid_angle
+from .emitter_points import TRIANGLE
 from .round_emitters import CAPSULE, CONE, ELLIPSOID, TORUS, TUBE
 
 POINT, SPOT, DIRECTIONAL, SUN = lights.POINT, lights.SPOT, lights.DIRECTIONAL, lights.SUN
 SKY, DOME, RECTANGLE, DISK, SPHERE = lights.SKY, lights.DOME, lights.RECTANGLE, lights.DISK, lights.SPHERE
-TRIANGLE = 20  # of an emissive mesh; other kinds are those of ir.LightKind and round_emitters
 MOST_TRIANGLES = 1 << 17  # of a mesh whose triangles are sampled; paths still hit larger ones
 _AREAS = (RECTANGLE, DISK, SPHERE)
 _FAR = (DIRECTIONAL, SUN, DOME)
@@ -35,12 +36,14 @@ class Emitters(NamedTuple):
     normal: NDArray[np.float64]  # (n, 3) of a plate or triangle; axis of round shapes; toward a distant light; against the axis of a spot;
     # side_u, side_v and normal of an ellipsoid are its three axes
     area: NDArray[np.float64]
-    color: NDArray[np.float64]  # (n, 3) radiance, or as ir.Lights.color
+    color: NDArray[np.float64]  # (n, 3) radiance, with a texture its mean, or as ir.Lights.color
     both: NDArray[np.bool_]  # emits to both sides; closed shapes do, too, but only their outside is sampled
     square: NDArray[np.bool_]  # a rectangle with right angles; a circular disk
     light: NDArray[np.int32]  # row of ir.Lights, or -1
     shadows: NDArray[np.bool_]
     weighed: NDArray[np.bool_]  # BSDF samples can hit it, too: MIS weights apply
+    textured: NDArray[np.bool_]  # its radiance has a texture
+    instance: NDArray[np.int32]  # of an emissive shape, or -1
     first: NDArray[np.int32]  # (instances,) first row of an instance, or -1
     parts: NDArray[np.int32]  # (instances,) the primitive of a hit that belongs to the row `first`
     tree: light_tree.Tree  # for light selection
@@ -95,7 +98,7 @@ def build(
 def _row(**values: Any) -> dict[str, Any]:
     nothing = np.zeros(3)
     base = {"place": nothing, "side_u": nothing, "side_v": nothing, "normal": np.array([0.0, 1.0, 0.0]), "area": 0.0, "both": False,
-            "square": False, "light": -1, "shadows": True, "weighed": False}  # fmt: skip
+            "square": False, "light": -1, "shadows": True, "weighed": False, "textured": False, "instance": -1}  # fmt: skip
     return base | values
 
 
@@ -126,10 +129,9 @@ def _surface_row(kind: int, matrix: Any, flips: bool, size: Any, color: Any, bot
 
 
 def _is_emissive(tables: ir.Tables) -> NDArray[np.bool_]:
-    """(instances,) whether the material emits uniformly, without a texture, and is opaque."""
-    m, slot = tables.materials, ir.Slot.EMISSION
-    even = (m.values[:, slot].max(axis=1, initial=0.0) > 0.0) & (m.textures[:, slot] < 0) & ~scene_facts.partial(tables)
-    return even[tables.instances.material] & (tables.instances.visible & ir.Visibility.REFLECTION != 0)
+    """(instances,) whether the material emits and is opaque."""
+    shining = (tables.materials.values[:, ir.Slot.EMISSION].max(axis=1, initial=0.0) > 0.0) & ~scene_facts.partial(tables)
+    return shining[tables.instances.material] & (tables.instances.visible & ir.Visibility.REFLECTION != 0)
 
 
 def _shape_rows(tables: ir.Tables, i: int) -> list[dict[str, Any]]:
@@ -139,7 +141,8 @@ def _shape_rows(tables: ir.Tables, i: int) -> list[dict[str, Any]]:
     matrix, color = tables.transforms.matrix[row], tables.materials.values[instances.material[i], ir.Slot.EMISSION]
     kinds = {ir.GeometryKind.RECTANGLE: RECTANGLE, ir.GeometryKind.DISK: DISK, ir.GeometryKind.SPHERE: SPHERE}
     kind, p = int(geometries.kind[g]), geometries.parameters[g]
-    shared = {"color": color, "both": True, "weighed": True}
+    textured = bool(tables.materials.textures[instances.material[i], ir.Slot.EMISSION] >= 0)
+    shared = {"color": color, "both": True, "weighed": True, "textured": textured, "instance": i}
     if kind in kinds:
         even = matrix[:, :3].T @ matrix[:, :3]
         if kind == ir.GeometryKind.RECTANGLE or np.allclose(even, even[0, 0] * np.eye(3), rtol=0, atol=1e-9 * even[0, 0]):
@@ -225,8 +228,10 @@ def _round_shape(kind: int, p: Any, up: Any) -> tuple[int, tuple[float, float], 
 def _table(tables: ir.Tables, rows: list[dict[str, Any]], first: Any, parts: Any, sky: Any, general: bool) -> Emitters:
     columns: dict[str, Any] = {}
     shapes: dict[str, Any] = dict.fromkeys(("place", "side_u", "side_v", "normal", "color"), (3,))
-    types: dict[str, Any] = {"kind": np.int32, "light": np.int32, "both": bool, "square": bool, "shadows": bool, "weighed": bool}
-    for name in ("kind", "place", "side_u", "side_v", "normal", "area", "color", "both", "square", "light", "shadows", "weighed"):
+    types: dict[str, Any] = {"kind": np.int32, "light": np.int32, "both": bool, "square": bool, "shadows": bool, "weighed": bool,
+                             "textured": bool, "instance": np.int32}  # fmt: skip
+    for name in ("kind", "place", "side_u", "side_v", "normal", "area", "color", "both", "square", "light", "shadows", "weighed",
+                 "textured", "instance"):  # fmt: skip
         values = [row[name] for row in rows]
         columns[name] = np.array(values, types.get(name, np.float64)).reshape(-1, *shapes.get(name, ()))
     kind = columns["kind"]
@@ -234,10 +239,12 @@ def _table(tables: ir.Tables, rows: list[dict[str, Any]], first: Any, parts: Any
     marks = (
         shape_solid_angle.HasLights(int(here.sum())) if here.any() or general else shape_solid_angle.NoLights()
         for here in (
-            (kind == DISK) & columns["square"], kind == TRIANGLE, kind == TUBE, ir.is_in(kind, round_emitters.ROUND[1:]), shaped
+            (kind == DISK) & columns["square"], kind == TRIANGLE, kind == TUBE, ir.is_in(kind, round_emitters.ROUND[1:]), shaped,
+            columns["textured"],
         )
     )
     wide = shape_solid_angle.Wide(*marks)
+    columns["color"] = emitter_points.mean_radiance(tables, SimpleNamespace(**columns, first=first, parts=parts))
     return Emitters(**columns, first=first, parts=parts, tree=_build_tree(tables, columns, general), sky=sky, wide=wide)
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from ..jit.kernel import helper
 from ..lanes import ops
 from ..types import Lane, Tables, Vec
-from . import environment_map, lights, rectangle_solid_angle, round_emitters, shape_solid_angle
+from . import emitter_points, environment_map, lights, rectangle_solid_angle, round_emitters, shape_solid_angle
 from .emitter_table import DIRECTIONAL, DISK, DOME, POINT, RECTANGLE, SPHERE, SPOT, SUN, TRIANGLE, TUBE, Emitters
 
 
@@ -45,7 +45,7 @@ def sample(tables: Tables, emitters: Emitters, e: Lane, position: Vec, u: Lane, 
     normal = (emitters.normal[e, 0] + zero, emitters.normal[e, 1] + zero, emitters.normal[e, 2] + zero)
     way = ops.sub(place, position)
     reached, density = Reached(normal, zero + math.inf, zero, zero + 1.0), zero + math.inf
-    flat = (kind == RECTANGLE) | (kind == DISK) | (kind == TRIANGLE)
+    flat = emitter_points.is_plate(kind)
     if ops.any_lane(flat):
         reached = _select(flat, reached, _sample_plate(emitters, e, way, normal, u, v))
     reached = _sample_tubes(emitters.wide.tubes, reached, emitters, e, way, u, v)
@@ -60,6 +60,7 @@ def sample(tables: Tables, emitters: Emitters, e: Lane, position: Vec, u: Lane, 
     small = (kind == POINT) | (kind == SPOT)
     if ops.any_lane(small):
         reached = _select(small, reached, _sample_point(tables, emitters, e, way, normal, reached.cosine))
+    color = shape_radiance(emitters.wide.textures, color, tables, emitters, e, position, reached.direction, reached.distance)
     direction, strength = reached.direction, reached.angle
     far = (kind == DIRECTIONAL) | (kind == SUN)
     if ops.any_lane(far):
@@ -89,13 +90,15 @@ def _profiled(plain: Vec, tables: Tables, emitters: Emitters, e: Lane, direction
 
 
 _shape_light = shape_solid_angle.specialize_if_some(_profiled)
+shape_radiance = shape_solid_angle.specialize_if_some(emitter_points.textured_radiance)
+"""(mark, plain, …): emitter_points.textured_radiance in scenes with such emitters."""
 
 
 @helper
 def _sample_plate(emitters: Emitters, e: Lane, way: Vec, normal: Vec, u: Lane, v: Lane) -> Reached:
     """Sample a rectangle, disk or triangle: by area, or by solid angle where it is near."""
     kind, zero = emitters.kind[e], ops.full_like(u, 0.0)
-    a, b = plate_coordinates(kind, u, v)
+    a, b = emitter_points.plate_coordinates(kind, u, v)
     side_u = (emitters.side_u[e, 0], emitters.side_u[e, 1], emitters.side_u[e, 2])
     side_v = (emitters.side_v[e, 0], emitters.side_v[e, 1], emitters.side_v[e, 2])
     wide = (kind == RECTANGLE) & emitters.square[e] & rectangle_solid_angle.is_near(way, emitters.area[e])
@@ -233,21 +236,6 @@ def _tube(emitters: Emitters, e: Lane, way: Vec) -> shape_solid_angle.Tube:
     axis = (emitters.normal[e, 0] + zero, emitters.normal[e, 1] + zero, emitters.normal[e, 2] + zero)
     half = ops.sqrt(ops.dot(_sides(emitters, e, way)[1], _sides(emitters, e, way)[1]))
     return shape_solid_angle.tube(way, axis, emitters.side_u[e, 0] + zero, half)
-
-
-@helper
-def plate_coordinates(kind: Lane, u: Lane, v: Lane) -> tuple[Lane, Lane]:
-    """Map u, v uniformly over the area of a plate, in units of its half edges, radii or a triangle's edges."""
-    a, b = 2.0 * u - 1.0, 2.0 * v - 1.0
-    if ops.any_lane(kind == DISK):
-        radius, turn = ops.sqrt(u), 2.0 * math.pi * v
-        a = ops.where(kind == DISK, radius * ops.cos(turn), a)
-        b = ops.where(kind == DISK, radius * ops.sin(turn), b)
-    if ops.any_lane(kind == TRIANGLE):
-        root = ops.sqrt(u)
-        a = ops.where(kind == TRIANGLE, root * (1.0 - v), a)
-        b = ops.where(kind == TRIANGLE, root * v, b)
-    return a, b
 
 
 @helper

@@ -42,6 +42,7 @@ class Wide(NamedTuple):
     tubes: Any
     rounds: Any  # cones, tori and capsules
     profiles: Any  # lights of any shape whose emission depends on the direction by an image
+    textures: Any  # shapes whose material emits by a texture
 
 
 def specialize_if_some(function: Callable[..., Any]) -> Callable[..., Any]:

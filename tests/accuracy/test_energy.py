@@ -442,6 +442,8 @@ LAMPS = {
     ", a torus": "torus(0.3, 0.1, rotate: [30deg, 0, 0], translate: [0, 0.5, 0], material: emissive(luminance: 5))",
     ", an ellipsoid": "sphere(0.2, scale: [1, 0.5, 1.5], rotate: [30deg, 0, 0], translate: [0, 0.5, 0], material: emissive(luminance: 5))",
     ", a capsule": "capsule(0.1, 0.8, rotate: [70deg, 30deg, 0], translate: [0, 0.5, 0], material: emissive(luminance: 5))",
+    ", a screen with a pattern": "box([0.8, 0.05, 0.5], center: [0, 0.5, 0], material: emissive(checker(#ffffff, #101010, size: 20cm), "
+    "luminance: 5))",
 }
 PAIRS = (("light", "bsdf"), ("light", "balance"), ("bsdf", "power"), ("balance", "power"))
 

@@ -70,6 +70,7 @@ render(bounces: 6)
 LAMPS = {
     "rectangle": "area([-1, 3, 0.4], look_at: [0, 0, 0], size: [0.7, 0.7], luminance: 20)\n",
     "ball": "sphere(0.35, center: [-1, 3, 0.4], material: emissive(1, luminance: 20))\n",
+    "pattern": "sphere(0.35, center: [-1, 3, 0.4], material: emissive(checker(#ffffff, #000000, size: 20cm), luminance: 20))\n",
     "sun": "sun(from: [-1, 3, 0.4], illuminance: 10, angle: 20deg)\n",
 }
 
@@ -136,7 +137,7 @@ SCENES = {
 LONG = ("gloss under sun and sky", "faint gloss", "metals under a dome")
 
 
-@pytest.mark.parametrize("lamp", ["rectangle", "ball", *(pytest.param(k, marks=[pytest.mark.long] * (k in LONG)) for k in SCENES)])
+@pytest.mark.parametrize("lamp", ["rectangle", "ball", "pattern", *(pytest.param(k, marks=[pytest.mark.long] * (k in LONG)) for k in SCENES)])
 def test_photons_and_chance_find_the_same_light(draw, lamp):
     """Lamps large enough for paths to find them behind glass and in mirrors: means of blocks of the picture, by z."""
     text = FLOOR.format(0.8) + (SCENES[lamp] if lamp in SCENES else BALL.format(matt="lambert(0.6)") + LAMPS[lamp])

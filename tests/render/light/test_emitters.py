@@ -10,8 +10,11 @@ import pytest
 from maquette.compiler import ir
 from maquette.render.accel import intersect
 from maquette.render.light import emitter_table, emitters
-from maquette.render.types import Ray
+from maquette.render.surface import interaction
+from maquette.render.surface.material_inputs import color_of
+from maquette.render.types import Hit, Ray
 
+from ...files import write_image
 from ..chi2 import chi2
 
 SAMPLES = 1_000_000
@@ -202,3 +205,35 @@ def test_what_shines_throws_shadows_where_there_are_no_lamps(tmp_path):
         means.append(maquette.render(path, size=(4, 4), samples=256, seed=2).channels["rgba"][..., :3].mean())
     assert means[0] == pytest.approx(4.0 * 0.25 / 1.25, rel=0.01)  # π R² / (h² + R²) over π
     assert means[1] == 0.0
+
+
+PATTERNED = {text: text.replace("emissive(luminance: 3)", "emissive(PATTERN, luminance: 3)") for text, _ in PLACES.values()}
+PATTERNS = ("checker(#ff2000, #40ff80, size: 13cm)", 'image("grid.png")')
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+@pytest.mark.parametrize("text", PATTERNED)
+def test_light_samples_have_the_radiance_that_rays_meet(tmp_path, text, pattern):
+    """By solid patterns and by texture coordinates, on every kind of shape; a row of the table has about the mean over its shape."""
+    path = tmp_path / "a.scene"
+    path.write_text(PATTERNED[text].replace("PATTERN", pattern))
+    texels = np.random.default_rng(5).integers(0, 255, (12, 16, 3), np.uint8)
+    write_image(tmp_path / "grid.png", texels)
+    tables = maquette.load(path).tables
+    table = emitter_table.build(tables)
+    assert table.textured.tolist() == (table.light < 0).tolist()
+    place = next(place for of, place in PLACES.values() if of == text)
+    arriving = drawn(tables, table, place, 4000)
+    n = len(arriving.distance)
+    zero = np.zeros(n)
+    ray = Ray(tuple(zero + c for c in place), arriving.direction, zero, zero + np.inf, None)
+    hit = intersect.closest_hit(None, tables, ray, np.ones(n, bool), 1)
+    seen = (arriving.light[0] > 0.0) & (np.abs(hit.t / arriving.distance - 1.0) < 1e-5) & (hit.primitive == 0)
+    assert seen.mean() > 0.1
+    point = interaction.make_interaction(tables, ray, Hit(*(np.where(seen, column, column[seen][0]) for column in hit)))
+    met_there = np.stack(color_of(tables, point, int(ir.Slot.EMISSION)))[:, seen]
+    given = (np.stack(arriving.light) * np.where(np.isfinite(arriving.density), arriving.density, 0.0))[:, seen]
+    alike = np.isclose(given, met_there, rtol=1e-3, atol=1e-3).all(axis=0)
+    assert alike.mean() > 0.995  # the rest lies at the edge of a square
+    assert met_there.std() > 0.1
+    assert table.color[table.textured].mean() == pytest.approx(met_there.mean(), rel=0.5)

@@ -226,7 +226,7 @@ def test_light_samples_have_the_radiance_that_rays_meet(tmp_path, text, pattern)
     arriving = drawn(tables, table, place, 4000)
     n = len(arriving.distance)
     zero = np.zeros(n)
-    ray = Ray(tuple(zero + c for c in place), arriving.direction, zero, zero + np.inf, None)
+    ray = Ray((zero + place[0], zero + place[1], zero + place[2]), arriving.direction, zero, zero + np.inf, None)
     hit = intersect.closest_hit(None, tables, ray, np.ones(n, bool), 1)
     seen = (arriving.light[0] > 0.0) & (np.abs(hit.t / arriving.distance - 1.0) < 1e-5) & (hit.primitive == 0)
     assert seen.mean() > 0.1

@@ -197,11 +197,13 @@ def _check_frames(frames: tuple[float, ...] | None, time: float | None, animated
 @click.pass_context
 def check(ctx: click.Context, scenes: tuple[Path, ...], strict: bool, as_json: bool, **given: Any) -> None:
     """Report errors and warnings in SCENES without rendering."""
+    from ..compiler.plan import plan as planner
+
     failed, data = False, []
     for path in scenes:
         try:
-            _, found = shared.source_of(path, dict(given)).load({})
-            diagnostics = tuple(found.items)
+            scene, found = shared.source_of(path, dict(given)).load({})
+            diagnostics = (*found.items, *planner.default_notes(scene))
         except SceneError as error:
             diagnostics = error.diagnostics
         if strict:

@@ -25,9 +25,10 @@ SPARSE, SEEN = 0.5, 0.02  # share of the squared error in few pixels, and error,
 
 
 def of_render(about: Mapping[str, Any], scene: ir.Scene, plan: Plan, asked: ir.Settings) -> list[Diagnostic]:
-    """All diagnostics about a picture whose metadata is `about`, rendered with the settings `asked` for."""
+    """All diagnostics about a picture whose metadata is `about`, rendered with the settings `asked` for, but those of `plan_warnings`."""
+    known = {note.message for note in planner.notes(scene, plan)}
     return [
-        *(Diagnostic("note", message, scene.spans.at(table, row)) for message, table, row in about["notes"]),
+        *(Diagnostic("note", message, scene.spans.at(table, row)) for message, table, row in about["notes"] if message not in known),
         *unproved_warnings(about["unproved"]),
         *invalid_sample_warnings(about["issues"]),
         *bounce_limit_notes(about.get("cut"), scene, plan),
@@ -39,8 +40,8 @@ def of_render(about: Mapping[str, Any], scene: ir.Scene, plan: Plan, asked: ir.S
 
 
 def plan_warnings(scene: ir.Scene, plan: Plan) -> list[Diagnostic]:
-    """Notes on former names of decisions, and warnings about the scene."""
-    notes = [Diagnostic("note", text) for text in plan.notes]
+    """Notes on former names of decisions and on parts without effect, and warnings about the scene."""
+    notes = [*(Diagnostic("note", text) for text in plan.notes), *planner.notes(scene, plan)]
     return [*notes, *(Diagnostic("warning", text) for text in planner.warnings(scene, plan))]
 
 

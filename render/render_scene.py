@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..compiler import ir
-from ..compiler.plan import channels, decision
+from ..compiler.plan import channels, decision, emissive_shapes
 from ..compiler.plan.plan import Plan
 from . import types
 from .backends import accumulation, kernel_choice, light_groups
@@ -34,7 +34,7 @@ def draw(
     those that a backend draws as a whole, have none. `remote` makes a renderer that draws in other processes. Setting `cancel` ends the
     work; the picture is then partial, as `metadata["partial"]` says; before its first sample Cancelled is raised between two BVHs of
     meshes. Other metadata: the "seconds" of "build", "compile_kernels" and "render"; samples; the error reached; "notes" on effects
-    that the backend does not draw, each (message, table, row); the number of rays "unproved"; "cut", the light lost to the limit on
+    that are not drawn, each (message, table, row); the number of rays "unproved"; "cut", the light lost to the limit on
     bounces, a bounce_error.Cut, or None if not measured, as of `quick` pictures, which others replace soon; "brightness", the 99th
     percentile of luminance; "exposure", "view" and "transparent" of the plan, for files. `progressive` refines all tiles together, for
     viewers.
@@ -143,9 +143,11 @@ def _unproved_of(renderer: Any) -> int:
 
 
 def _notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
-    """Effects that the backend does not draw."""
+    """Effects that the plan or the backend does not draw."""
+    dark = emissive_shapes.without_effect(scene, plan)
+    found = [] if dark is None else [(dark.message, "instances", dark.instance)]
     if plan["backend"] != "raster":
-        return []
+        return found
     from .backends.raster import notes
 
-    return notes(scene, plan)
+    return [*found, *notes(scene, plan)]

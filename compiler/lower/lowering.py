@@ -42,9 +42,6 @@ def _lower(document: Document, builder: SceneBuilder, folder: Folder | None) -> 
         if not lowering.beyond(element):
             cameras.camera(lowering, element)
     settings = cameras.settings(lowering, document.settings.get("render"), document.cameras)
-    if lowering.unsampled is not None and not settings.bounces:
-        hint = "render(bounces: 1) or more; area lights and round spheres are sampled without"
-        builder.diagnostics.note("this emits light, but lights other objects only with bounces", lowering.unsampled.place, hint)
     animate = document.settings.get("animate")
     return builder.finish(
         document.name,
@@ -71,7 +68,6 @@ class Lowering:
         self.centered: dict[Any, int] = {}
         self._folder = folder
         self._emissive = 0
-        self.unsampled: Element | None = None  # the first shape that shines and is not sampled as a light
         self.generated: dict[tuple[object, ...], list[Piece]] = {}
         self._meshes: dict[Path, list[Piece]] = {}
 
@@ -160,10 +156,12 @@ class Lowering:
             self.placements.add(frame, center, geometry, row, name, element.place, element.call)
             return
         for piece in self.pieces(element):
-            if material is not None and material.kind == "emissive":
-                if self._shining_sphere(element, material, matrix(compose(frame, piece.matrix))):
-                    continue
-                self.unsampled = self.unsampled or element
+            if (
+                material is not None
+                and material.kind == "emissive"
+                and self._shining_sphere(element, material, matrix(compose(frame, piece.matrix)))
+            ):
+                continue
             row = piece.material if piece.material >= 0 and args["material"] is None else -1
             if row < 0 and material is not None:
                 row = self.materials.row(material)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from ...lang.diagnostics import suggest
+from ...lang.diagnostics import Diagnostic, suggest
 from .. import ir
-from . import picture_rules, raster_rules, scene_rules, transport_rules
+from . import emissive_shapes, picture_rules, raster_rules, scene_rules, transport_rules
 from .decision import Decision, Plan, PlanError, Rule, current_names, override
 
 UNSEEN = 0.02  # of a place's light, that may be missing where no error was asked for
@@ -50,6 +50,20 @@ def make_plan(scene: ir.Scene, settings: ir.Settings, overrides: Mapping[str, st
         hint = suggest(name, decided) or "`maquette explain` lists them"
         raise PlanError(f"no decision is called `{name}`; {hint}")
     return plan
+
+
+def notes(scene: ir.Scene, plan: Plan) -> list[Diagnostic]:
+    """Notes on parts of the scene that are without effect under the plan."""
+    found = emissive_shapes.without_effect(scene, plan)
+    return [] if found is None else [found.diagnostic(scene)]
+
+
+def default_notes(scene: ir.Scene) -> list[Diagnostic]:
+    """The notes of a picture with the scene's own settings; none if these exclude each other."""
+    try:
+        return notes(scene, make_plan(scene, ir.Settings()))
+    except PlanError:
+        return []
 
 
 def warnings(scene: ir.Scene, plan: Plan) -> list[str]:

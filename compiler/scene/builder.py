@@ -33,8 +33,8 @@ from .row_records import (
 )
 
 NONE = -1  # the row of a rejected item; a diagnostic says why
-FARTHEST = 1e100  # largest coordinate; its square stays finite
 FARTHEST_PLACE = 1e30  # largest coordinate of a transform; single precision ends at 3.4e38
+FRAMED = FARTHEST_PLACE / 100  # largest coordinate of shapes that are framed: the camera stands at less than 100 times that
 SPANNED = ("geometries", "instances", "calls", "materials", "textures", "lights", "cameras", "settings")
 _NO_INVERSE = {
     True: ("this is flattened to nothing by its transform (no inverse)", "a scale must not be 0 along any axis"),
@@ -374,7 +374,7 @@ class SceneBuilder:
         for first in range(0, len(rows), _CHUNK):
             chosen = rows[first : first + _CHUNK]
             boxes = shape_bounds.boxes_under(local[chosen[:, 0]], matrices[chosen[:, 1]])
-            bounded = boxes[(np.abs(boxes) < FARTHEST).all(axis=(1, 2))]
+            bounded = boxes[(np.abs(boxes) < FRAMED).all(axis=(1, 2))]
             if len(bounded):
                 found.append(np.stack([bounded[:, 0].min(axis=0), bounded[:, 1].max(axis=0)]))
         return np.stack([np.min(found, axis=0)[0], np.max(found, axis=0)[1]]) if found else None

@@ -17,7 +17,7 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdUtils, Vt
 from ....lang.diagnostics import Diagnostics, Span, suggest
 from ...io.sandbox import Files
 from ..stage_options import StageOptions
-from .layers import prim_count, repair
+from .layers import crate_check, prim_count, repair
 
 Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # −90° about x
 MAX_WARNINGS = 20
@@ -35,6 +35,7 @@ class Opened:
     frame: np.ndarray
     meters_per_unit: float
     within: Files | None = None  # limits a stage used by a .scene; None for a stage rendered directly
+    made: tuple[Any, ...] = ()  # layers in place of files; without them a change of variants could read the files
 
     def wait(self, seconds: float) -> None:
         """Advance the time by `seconds`; a stage read at its earliest time continues from its start."""
@@ -195,8 +196,9 @@ def open_(
     options = options or StageOptions()
     reports = Reports(path)
     whole = span or Span(name)
+    made: list[Any] = []
     try:
-        stage = _open(path, options, diagnostics, whole)
+        stage = _open(path, options, diagnostics, whole, made)
     except Tf.ErrorException as failure:
         why = reason(failure, path)
         at = re.match(rf"{re.escape(path.name)}:(\d+):(\d+): (.*)", why, re.DOTALL)
@@ -220,7 +222,7 @@ def open_(
         code = Usd.TimeCode(time)
     frame = Z_UP if _up_axis(stage, diagnostics, whole) == UsdGeom.Tokens.z else np.eye(4)
     meters = UsdGeom.GetStageMetersPerUnit(stage)
-    return Opened(stage, path, name, code, frame, meters if meters > 0 else 1.0)
+    return Opened(stage, path, name, code, frame, meters if meters > 0 else 1.0, made=tuple(made))
 
 
 def _up_axis(stage: Any, diagnostics: Diagnostics, span: Span) -> Any:
@@ -233,27 +235,20 @@ def _up_axis(stage: Any, diagnostics: Diagnostics, span: Span) -> Any:
         return UsdGeom.GetStageUpAxis(stage)
 
 
-def _open(path: Path, options: StageOptions, diagnostics: Diagnostics, span: Span) -> Any:
-    """The stage of a layer, with its session layer and population mask. None after an error."""
+def _open(path: Path, options: StageOptions, diagnostics: Diagnostics, span: Span, made: list[Any]) -> Any:
+    """The stage of a layer, with its session layer and population mask. None after an error. See repair.layers for `made`."""
     bad = [p for p in options.mask if not (Sdf.Path.IsValidPathString(p) and Sdf.Path(p).IsAbsoluteRootOrPrimPath())]
     if bad:
         diagnostics.error(f"`{bad[0]}` is no path of a prim", span, "write --mask /World/Chair")
         return None
-    if why := repair.fault(path):
+    if why := crate_check.fault(path):
         diagnostics.error(f"cannot read the stage `{path.name}`: {why}", span)
         return None
-    try:
-        root = repair.without_excess(path, diagnostics) or Sdf.Layer.FindOrOpen(str(path))
-    except Tf.ErrorException:
-        root = repair.repaired(path, diagnostics)
-        if root is None:
-            raise
-    if root is None and path.suffix.lower() == ".usdz":
-        root = repair.package(path, diagnostics)
+    root = repair.opened(path, diagnostics, made)
     if root is None or not root.pseudoRoot:
         return None
     repair.clear_metadata(root, diagnostics)
-    below = [] if options.mask else repair.layers(root, diagnostics)  # kept until the stage has them
+    below = [] if options.mask else repair.layers(root, diagnostics, made)  # kept until the stage has them
     count = 0 if options.mask else prim_count.estimate(root)
     if count > prim_count.MAX_PRIMS:
         message = f"the stage has about {count:,} prims, more than {prim_count.MAX_PRIMS:,}"
@@ -282,13 +277,30 @@ def _near_whole(code: float) -> float:
 
 def time_codes(path: Path) -> tuple[float, float] | None:
     """The start and end time codes of a stage; None without authored ones."""
-    stage = Usd.Stage.Open(str(path), Usd.Stage.LoadNone)
-    return (stage.GetStartTimeCode(), stage.GetEndTimeCode()) if stage.HasAuthoredTimeCodeRange() else None
+    stage = _without_prims(path)
+    return (stage.GetStartTimeCode(), stage.GetEndTimeCode()) if stage and stage.HasAuthoredTimeCodeRange() else None
 
 
 def time_codes_per_second(path: Path) -> float:
     """The rate of a stage's time codes, by which frames are numbered."""
-    return Usd.Stage.Open(str(path), Usd.Stage.LoadNone).GetTimeCodesPerSecond()
+    stage = _without_prims(path)
+    return stage.GetTimeCodesPerSecond() if stage else 24.0
+
+
+def _without_prims(path: Path) -> Any:
+    """The stage of a file, repaired, with its metadata alone; None for a file that cannot be read. A load of the file tells why."""
+    reports, unread = Reports(path), Diagnostics()
+    made: list[Any] = []
+    try:
+        root = None if crate_check.fault(path) else repair.opened(path, unread, made)
+        if root is None or not root.pseudoRoot:
+            return None
+        repair.clear_metadata(root, unread)
+        return Usd.Stage.OpenMasked(root, Usd.StagePopulationMask())
+    except Tf.ErrorException:
+        return None
+    finally:
+        reports.tell(unread, Span(path.name))
 
 
 def summary(path: Path, options: StageOptions) -> list[str]:

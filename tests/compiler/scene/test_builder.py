@@ -232,9 +232,11 @@ def test_bounds_of_a_skewed_ellipsoid_are_tight() -> None:
     assert builder.finish().tables.geometries.bounds[0] == pytest.approx(np.array([-half, half]) + [0, 0, 2], rel=1e-8)
 
 
-def test_world_bounds_leave_out_what_is_endless() -> None:
+def test_world_bounds_leave_out_what_is_endless_or_beyond_a_camera() -> None:
     builder = scene_builder.SceneBuilder()
     builder.instance(InstanceData(builder.geometry(KINDS.PLANE)))
+    assert builder.world_bounds() is None
+    builder.instance(InstanceData(builder.geometry(KINDS.SPHERE, (1e30,))))
     assert builder.world_bounds() is None
     builder.instance(InstanceData(builder.geometry(KINDS.BOX, (1, 2, 3)), builder.transform(transforms.translation((10, 0, 0)))))
     bounds = builder.world_bounds()

@@ -24,29 +24,35 @@ _PACKED = 4  # integers in a byte at most
 
 
 def fault(path: Path) -> str:
-    """Why a crate file, or one in a `.usdz` package, cannot be read; "" for a sound file and for other files."""
+    """Why a crate file, or the first layer of a `.usdz` package, cannot be read; "" for a sound file and for other files."""
     try:
         if path.suffix.lower() == ".usdz":
-            return next((f"`{name}`: {found}" for name, data in crates_of(path) if (found := _fault(data))), "")
+            first, data = next(_layers_of(path), ("", b""))
+            return f"`{first}`: {found}" if (found := fault_of(data)) else ""
         with open(path, "rb") as file:
             if file.read(len(IDENTIFIER)) != IDENTIFIER:
                 return ""
             with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-                return _fault(data)
+                return fault_of(data)
     except (OSError, ValueError, NotImplementedError, RuntimeError, zipfile.BadZipFile):
         return ""  # usd-core reports it
 
 
 def crates_of(package: Path) -> Iterator[tuple[str, bytes]]:
     """(name, bytes) of the crate files in a `.usdz` package. Raises as zipfile does."""
+    return ((name, data) for name, data in _layers_of(package) if data.startswith(IDENTIFIER))
+
+
+def _layers_of(package: Path) -> Iterator[tuple[str, bytes]]:
+    """(name, bytes) of the layers in a package, b"" of compressed ones, which usd-core refuses."""
     with zipfile.ZipFile(package) as files:
-        for name in files.namelist():
-            data = files.read(name) if name.lower().endswith((".usd", ".usdc")) else b""
-            if data.startswith(IDENTIFIER):
-                yield name, data
+        for info in files.infolist():
+            if info.filename.lower().endswith((".usd", ".usda", ".usdc")):
+                yield info.filename, files.read(info) if info.compress_type == zipfile.ZIP_STORED else b""
 
 
-def _fault(data: Bytes) -> str:
+def fault_of(data: Bytes) -> str:
+    """Why the bytes of a crate file cannot be read; "" for a sound file and for other files."""
     if data[: len(IDENTIFIER)] != IDENTIFIER:
         return ""
     try:

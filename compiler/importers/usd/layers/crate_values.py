@@ -8,17 +8,18 @@ from __future__ import annotations
 
 import mmap
 import struct
-import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from .....lang.diagnostics import Diagnostics, Span
 from . import crate_check
 
 MOST = 16_000_000  # items in compressed arrays of a file, together
 PER_BYTE = 4  # further such items for each byte of the file
+MOST_TOLD = 20  # values of a file that are named
 _DENSEST = 1020  # items of a compressed array in a byte: 4 in a byte of codes, 255 bytes in a byte of LZ4
 _SMALLEST = 16  # items from which arrays are compressed
 _DEEP, _MANY = 64, 1_000_000  # levels of nested values; values in one field
@@ -52,30 +53,29 @@ def excessive(data: crate_check.Bytes) -> list[Excess]:
         return []
 
 
-def read(path: Path) -> tuple[bytes, list[tuple[str, str]]]:
-    """(a copy of a crate file without such values, the path and the reason of each); nothing without any, and for other files."""
+def read(path: Path, diagnostics: Diagnostics) -> bytes:
+    """A copy of a crate file without such values, which are named; b"" without any, and for other files."""
     try:
         with open(path, "rb") as file:
             if file.read(len(crate_check.IDENTIFIER)) != crate_check.IDENTIFIER:
-                return b"", []
+                return b""
             with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
                 found = excessive(data)
                 if not found:
-                    return b"", []
-                return without(data, found), list(zip(paths(data, found), (each.why for each in found), strict=True))
+                    return b""
+                warn(path.name, data, found, diagnostics)
+                return without(data, found)
     except (OSError, ValueError):
-        return b"", []
+        return b""
 
 
-def package_fault(path: Path) -> str:
-    """Why a .usdz package with such values is refused; "" for others."""
-    try:
-        for name, data in crate_check.crates_of(path):
-            if found := excessive(data):
-                return f"`{name}`: the value of `{paths(data, found[:1])[0]}`: {found[0].why}"
-    except (OSError, ValueError, NotImplementedError, RuntimeError, zipfile.BadZipFile):
-        pass  # usd-core reports it
-    return ""
+def warn(place: str, data: crate_check.Bytes, excess: list[Excess], diagnostics: Diagnostics) -> None:
+    """The warnings about the values of a file that are left out."""
+    told = excess[:MOST_TOLD]
+    for where, each in zip(paths(data, told), told, strict=True):
+        diagnostics.warning(f"the value of `{where}` is left out: {each.why}", Span(place))
+    if len(excess) > MOST_TOLD:
+        diagnostics.warning(f"the values of {len(excess) - MOST_TOLD:,} more are left out", Span(place))
 
 
 def without(data: crate_check.Bytes, excess: list[Excess]) -> bytes:

@@ -15,7 +15,7 @@ from typing import Any
 from pxr import Sdf, Tf
 
 from .....lang.diagnostics import Diagnostics, Span
-from . import crate_check, crate_values, missing_specs, mtlx_files
+from . import crate_check, crate_values, missing_specs, mtlx_files, packages
 
 MOST = 20  # statements of a layer that may be left out
 _HEADER = "#usda 1.0"
@@ -53,29 +53,36 @@ def clear_metadata(root: Any, diagnostics: Diagnostics) -> None:
             diagnostics.warning(f"the value of `{name}` has another type: its default is used", Span(root.GetDisplayName()))
 
 
-def layers(root: Any, diagnostics: Diagnostics) -> list[Any]:
+def layers(root: Any, diagnostics: Diagnostics, made: list[Any]) -> list[Any]:
     """The layers that a layer refers to, and those that they refer to. They stay in memory as long as they are kept.
 
-    Damaged ones are repaired. A reference to a .mtlx file becomes one to a layer with its materials, in memory alone.
+    Damaged ones are repaired: those in place of files are added to `made`. A reference to a .mtlx file becomes one to a layer with
+    its materials, in memory alone.
     """
-    made: dict[str, Any] = {}
+    found: dict[str, Any] = {}
+    packages_read = {root.identifier}
     waiting = [root]
     while waiting:
         layer = waiting.pop()
         missing_specs.leave_out(layer, diagnostics)
         for asset in layer.GetCompositionAssetDependencies():
             path = layer.ComputeAbsolutePath(asset)
-            if path and path not in made:
-                made[path] = found = _opened(path, diagnostics)
-                if found:
-                    waiting.append(found)
-            if path and made[path] and made[path].anonymous:
-                layer.UpdateCompositionAssetDependency(asset, made[path].identifier)
-    return [layer for layer in made.values() if layer]
+            package = path.partition("[")[0] if path.endswith("]") else ""
+            if package and package not in packages_read:  # a layer in a package whose first layer is not referred to
+                packages_read.add(package)
+                found[package] = _opened(package, diagnostics, made)
+            if path and path not in found:
+                packages_read.add(path)
+                found[path] = other = _opened(path, diagnostics, made)
+                if other:
+                    waiting.append(other)
+            if path and found[path] and (found[path].anonymous or found[path].identifier.startswith(f"{path}[")):
+                layer.UpdateCompositionAssetDependency(asset, found[path].identifier)
+    return [layer for layer in found.values() if layer]
 
 
-def _opened(path: str, diagnostics: Diagnostics) -> Any:
-    """The layer of a file, repaired; None for one that usd-core refuses.
+def _opened(path: str, diagnostics: Diagnostics, made: list[Any]) -> Any:
+    """The layer of a file, repaired; None for one that usd-core refuses. One in place of the file is added to `made`.
 
     It is anonymous for a MaterialX document, and empty for a file that usd-core must not read.
     """
@@ -85,29 +92,41 @@ def _opened(path: str, diagnostics: Diagnostics) -> Any:
     if file.exists() and not (file.is_file() or file.is_dir()):
         diagnostics.warning("this layer is no ordinary file: it is left out", Span(path))
         return Sdf.Layer.CreateAnonymous(".usda")
-    if why := fault(file):
+    if why := crate_check.fault(file):
         diagnostics.warning(f"this layer cannot be read: {why}", Span(file.name))
         return Sdf.Layer.CreateAnonymous(".usda")
     try:
-        return without_excess(file, diagnostics) or Sdf.Layer.FindOrOpen(path)
+        return opened(file, diagnostics, made)
     except Tf.ErrorException:
-        return repaired(file, diagnostics)
+        return None
 
 
-def fault(path: Path) -> str:
-    """Why usd-core must not read a layer; "" for others."""
-    return crate_check.fault(path) or (crate_values.package_fault(path) if path.suffix.lower() == ".usdz" else "")
+def opened(path: Path, diagnostics: Diagnostics, made: list[Any]) -> Any:
+    """The layer of a file that `crate_check.fault` lets through, repaired; None for one that is none. Raises Tf.ErrorException.
+
+    Layers in place of files are added to `made`.
+    """
+    if path.suffix.lower() == ".usdz":
+        replaced = packages.replaced(path, diagnostics)
+        made += replaced
+        return replaced[0] if replaced else Sdf.Layer.FindOrOpen(str(path)) or package(path, diagnostics)
+    try:
+        found = _without_excess(path, diagnostics)
+        if found is None:
+            return Sdf.Layer.FindOrOpen(str(path))
+    except Tf.ErrorException:
+        found = repaired(path, diagnostics)
+        if found is None:
+            raise
+    made.append(found)
+    return found
 
 
-def without_excess(path: Path, diagnostics: Diagnostics) -> Any:
+def _without_excess(path: Path, diagnostics: Diagnostics) -> Any:
     """The layer of a crate file without values of too many items, which are named; None without any."""
-    data, left_out = crate_values.read(path)
+    data = crate_values.read(path, diagnostics)
     if not data:
         return None
-    for where, why in left_out[:MOST]:
-        diagnostics.warning(f"the value of `{where}` is left out: {why}", Span(path.name))
-    if len(left_out) > MOST:
-        diagnostics.warning(f"the values of {len(left_out) - MOST:,} more are left out", Span(path.name))
     with tempfile.TemporaryDirectory() as folder:
         (copy := Path(folder) / "x.usdc").write_bytes(data)
         made = _layer(path)
@@ -167,12 +186,12 @@ def package(path: Path, diagnostics: Diagnostics) -> Any:
     """The first layer in a .usdz whose first file is none, which usd-core refuses; None without any."""
     try:
         with zipfile.ZipFile(path) as files:
-            names = [name for name in files.namelist() if name.lower().endswith((".usd", ".usda", ".usdc"))]
+            names = packages.layer_names(files.namelist())
         found = Sdf.Layer.FindOrOpen(f"{path}[{names[0]}]") if names else None
     except (zipfile.BadZipFile, OSError, Tf.ErrorException):
         return None
     if found:
-        diagnostics.warning(f"the first file of the package is no layer: `{names[0]}` is drawn", Span(path.name))
+        packages.warn_of_first(path, names[0], diagnostics)
     return found
 
 

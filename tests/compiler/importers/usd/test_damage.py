@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from maquette.compiler.importers.usd import materials
+from maquette.compiler.importers.usd import materials, stage
 
 from .stages import SQUARE, attribute, kinds, read
 from .test_materials import ST
@@ -25,6 +25,25 @@ def test_a_light_without_a_size_is_left_out(tmp_path, text):
     scene, messages = read(tmp_path, text + '\ndef SphereLight "k" {}\ndef Cube "c" {}')
     assert messages == [NO_SIZE]
     assert scene.names.lights == ("/k",)
+
+
+@pytest.mark.parametrize(
+    "text", ['def Sphere "l" { double radius = 1e30 }', 'def Points "l" { point3f[] points = [(0, 0, 0)]\nfloat[] widths = [3e38] }']
+)
+def test_a_shape_beyond_a_camera_is_not_framed(tmp_path, text):
+    scene, messages = read(tmp_path, text + '\ndef Cube "c" {}')
+    assert messages == []
+    assert kinds(scene) == ["SPHERE", "BOX"]
+    assert scene.tables.transforms.matrix[scene.tables.cameras.transform[0], 2, 3] < 20
+
+
+def test_time_codes_of_a_damaged_stage(tmp_path):
+    path = tmp_path / "x.usda"
+    header = "#usda 1.0\n(\n    startTimeCode = 1\n    endTimeCode = 4\n    timeCodesPerSecond = 12\n)\n"
+    path.write_text(header + 'double x = ?\ndef Cube "c"\n{\n}\n')
+    assert (stage.time_codes(path), stage.time_codes_per_second(path)) == ((1, 4), 12)
+    path.write_text("nothing of the kind")
+    assert (stage.time_codes(path), stage.time_codes_per_second(path)) == (None, 24)
 
 
 def test_shaping_that_is_not_finite_is_left_out(tmp_path):

@@ -7,7 +7,10 @@ import struct
 import zipfile
 
 import pytest
-from maquette.compiler.importers.usd.layers import crate_check, crate_values
+from maquette.compiler.importers.stage_options import StageOptions
+from maquette.compiler.importers.usd import stage
+from maquette.compiler.importers.usd.layers import crate_check, crate_values, packages
+from maquette.lang.diagnostics import Diagnostics
 from pxr import Sdf
 
 from .....fuzz import crates
@@ -112,15 +115,107 @@ def test_values_in_values_without_end(tmp_path):
     )
 
 
-def test_a_package_is_refused(tmp_path):
-    data = lengthened(written(tmp_path / "part.usdc", SHORT), struct.pack("<Q", 3), struct.pack("<3i", 0, 1, 2), 10**9)
-    with zipfile.ZipFile(tmp_path / "x.usdz", "w") as files:
-        files.writestr("part.usdc", data)
-    scene, messages = load(tmp_path / "x.usdz")
-    assert kinds(scene) == []
-    assert messages[0].startswith(
-        "x.usdz: error: cannot read the stage `x.usdz`: `part.usdc`: the value of `/m.faceVertexIndices`: it declares 1,000,000,000 items"
-    )
+ROOT = '#usda 1.0\ndef "r" (\n    references = @./part.usdc@</s>\n)\n{\n}\ndef Cone "c"\n{\n}\n'
+
+
+def packed(folder, name: str, files: dict[str, str | bytes]):
+    """The path of a package with these files."""
+    with zipfile.ZipFile(folder / name, "w") as made:
+        for inner, data in files.items():
+            made.writestr(inner, data)
+    return folder / name
+
+
+def excess(folder) -> bytes:
+    """A file whose faceVertexIndices are too many."""
+    return lengthened(written(folder / "part.usdc", SHORT), struct.pack("<Q", 3), struct.pack("<3i", 0, 1, 2), 10**9)
+
+
+LEFT_OUT = "x.usdz[part.usdc]: warning: the value of `/m.faceVertexIndices` is left out: it declares 1,000,000,000 items"
+
+
+def test_the_rest_of_a_package_is_drawn(tmp_path):
+    """A value of the first layer, and of one that it refers to."""
+    path = packed(tmp_path, "x.usdz", {"part.usdc": excess(tmp_path)})
+    scene, messages = load(path)
+    assert kinds(scene) == ["SPHERE"]
+    assert messages[0].startswith(LEFT_OUT)
+    assert not any("error" in message for message in messages)
+    assert stage.time_codes(path) is None
+    scene, messages = load(packed(tmp_path, "x.usdz", {"root.usda": ROOT, "part.usdc": excess(tmp_path)}))
+    assert kinds(scene) == ["SPHERE", "CONE"]
+    assert messages[0].startswith(LEFT_OUT)
+    assert len(messages) == 1
+    with zipfile.ZipFile(tmp_path / "x.usdz", "a") as files:
+        assert files.testzip() is None  # it is as it was
+        assert files.namelist() == ["root.usda", "part.usdc"]
+
+
+def test_files_of_a_package_are_read_from_it(tmp_path):
+    """The layers that replace others refer to pictures and layers of the package."""
+    scene, messages = load(packed(tmp_path, "x.usdz", {"a/root.usda": ROOT, "a/part.usdc": excess(tmp_path), "a/b.png": b""}))
+    assert kinds(scene) == ["SPHERE", "CONE"]
+    assert len(messages) == 1
+    opened = stage.open_(tmp_path / "x.usdz", "x.usdz", Diagnostics(), None)
+    assert opened is not None
+    assert opened.files[0] == str(tmp_path / "x.usdz")
+    (part,) = (layer for layer in opened.made if layer.identifier.endswith("part.usdc]"))
+    assert part.ComputeAbsolutePath("./b.png") == f"{tmp_path}/x.usdz[a/b.png]"
+
+
+def test_a_package_that_a_layer_refers_to(tmp_path):
+    packed(tmp_path, "x.usdz", {"root.usda": ROOT.replace('def "r"', 'def "p"', 1), "part.usdc": excess(tmp_path)})
+    for target in ("x.usdz@</p>", "x.usdz[part.usdc]@</s>"):
+        (tmp_path / "y.usda").write_text(f'#usda 1.0\ndef "r" (\n    references = @./{target}\n)\n{{\n}}\ndef Cube "c"\n{{\n}}\n')
+        scene, messages = load(tmp_path / "y.usda")
+        assert kinds(scene) == ["SPHERE", "BOX"]
+        assert messages[0].startswith(LEFT_OUT)
+        assert len(messages) == 1
+
+
+def test_a_variant_of_a_package_keeps_its_replacement(tmp_path):
+    """A layer that only another variant refers to is not read from the file when that is selected."""
+    root = """#usda 1.0
+def "r" (
+    variants = {
+        string v = "a"
+    }
+    prepend variantSets = "v"
+)
+{
+    variantSet "v" = {
+        "a" {
+            def Cone "c"
+            {
+            }
+        }
+        "b" (
+            prepend references = @./part.usdc@</m>
+        ) {
+        }
+    }
+}
+"""
+    path = packed(tmp_path, "x.usdz", {"root.usda": root, "part.usdc": excess(tmp_path)})
+    opened = stage.open_(path, "x.usdz", Diagnostics(), None, options=StageOptions(variants={"/r:v": "b"}))
+    assert opened is not None
+    mesh = opened.stage.GetPrimAtPath("/r")
+    assert mesh.GetAttribute("faceVertexCounts").Get() is not None
+    assert mesh.GetAttribute("faceVertexIndices").Get() is None
+
+
+def test_a_layer_of_a_package_that_cannot_be_read(tmp_path):
+    layer = Sdf.Layer.CreateAnonymous(".usdc")
+    layer.ImportFromString(STAGE.replace("COUNTS", SHORT))
+    layer.Export(str(tmp_path / "part.usdc"))
+    data = bytearray((tmp_path / "part.usdc").read_bytes())
+    (toc,) = struct.unpack_from("<Q", data, 16)
+    struct.pack_into("<Q", data, toc, 1 << 40)
+    scene, messages = load(packed(tmp_path, "x.usdz", {"root.usda": ROOT, "part.usdc": bytes(data)}))
+    assert kinds(scene) == ["CONE"]
+    assert messages[0] == "x.usdz[part.usdc]: warning: this layer cannot be read: its table of contents is longer than the file"
+    scene, messages = load(packed(tmp_path, "x.usdz", {"part.usdc": bytes(data), "root.usda": ROOT}))
+    assert messages == ["x.usdz: error: cannot read the stage `x.usdz`: `part.usdc`: its table of contents is longer than the file"]
 
 
 def test_sections_of_old_versions_end_in_the_file(tmp_path):
@@ -136,4 +231,6 @@ def test_sections_of_old_versions_end_in_the_file(tmp_path):
 @pytest.mark.assets
 def test_sound_files_have_none(assets):
     found = [path for path in sorted(assets.rglob("*.usd*")) if path.suffix in (".usd", ".usdc", ".usdz")]
-    assert {crate_values.package_fault(path) if path.suffix == ".usdz" else crate_values.read(path)[0] for path in found} == {"", b""}
+    said = Diagnostics()
+    assert not any(packages.replaced(path, said) if path.suffix == ".usdz" else crate_values.read(path, said) for path in found)
+    assert said.items == []

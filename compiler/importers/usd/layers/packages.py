@@ -1,0 +1,90 @@
+"""Replaces layers in `.usdz` packages that usd-core must not read: in memory, so that the rest of a package is drawn."""
+
+# pyright: reportAttributeAccessIssue=false
+# (usd-core creates its modules' names at run time)
+
+from __future__ import annotations
+
+import os
+import tempfile
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from pxr import Sdf, Tf
+
+from .....lang.diagnostics import Diagnostics, Span
+from . import crate_check, crate_values
+
+_LAYERS = (".usd", ".usda", ".usdc")
+
+
+def replaced(path: Path, diagnostics: Diagnostics) -> list[Any]:
+    """The layers of a package whose replacements are in memory, the package's own first; none for a sound package.
+
+    Damaged layers are empty, and layers with values of too many items lack these, with a warning for each. The identifiers are those
+    of the package. usd-core finds them there as long as they are kept, and reads the other layers from the package.
+    """
+    try:
+        made = dict(_replacements(path, diagnostics))
+        if not made:
+            return []
+        with zipfile.ZipFile(path) as files:
+            names = files.namelist()
+            first = layer_names(names)[0]
+            made.setdefault(first, files.read(first))
+        if first != names[0]:
+            warn_of_first(path, first, diagnostics)
+        return _opened(os.path.abspath(path), first, made)
+    except (OSError, ValueError, IndexError, NotImplementedError, RuntimeError, zipfile.BadZipFile, Tf.ErrorException):
+        return []  # usd-core reports it
+
+
+def layer_names(names: list[str]) -> list[str]:
+    """The files of a package that are layers."""
+    return [name for name in names if name.lower().endswith(_LAYERS)]
+
+
+def warn_of_first(path: Path, first: str, diagnostics: Diagnostics) -> None:
+    """The warning about a package whose first file is no layer."""
+    diagnostics.warning(f"the first file of the package is no layer: `{first}` is drawn", Span(path.name))
+
+
+def _replacements(path: Path, diagnostics: Diagnostics) -> Iterator[tuple[str, bytes]]:
+    """(name, bytes) of the layers that replace others. The first layer is not damaged, see `crate_check.fault`."""
+    for name, data in crate_check.crates_of(path):
+        place = f"{path.name}[{name}]"
+        if why := crate_check.fault_of(data):
+            diagnostics.warning(f"this layer cannot be read: {why}", Span(place))
+            yield name, _empty()
+        elif excess := crate_values.excessive(data):
+            crate_values.warn(place, data, excess, diagnostics)
+            yield name, crate_values.without(data, excess)
+
+
+def _opened(package: str, first: str, made: dict[str, bytes]) -> list[Any]:
+    """The layer of a package and those in `made`. Each is read from a copy and then has its identifier in the package."""
+    kept = [Sdf.Layer.Find(package), *(Sdf.Layer.Find(f"{package}[{name}]") for name in made)]
+    if all(kept):  # of a stage that is still open
+        return kept
+    with tempfile.TemporaryDirectory() as folder:
+        copy = os.path.join(folder, os.path.basename(package))
+        with zipfile.ZipFile(copy, "w", zipfile.ZIP_STORED) as files:
+            for name in sorted(made, key=lambda name: name != first):
+                files.writestr(name, made[name])
+        found = []
+        for inner in ("", *(f"[{name}]" for name in made)):
+            layer = Sdf.Layer.Find(package + inner)
+            if layer is None:
+                layer = Sdf.Layer.FindOrOpen(copy + inner)
+                layer.identifier = package + inner
+            found.append(layer)
+    return found
+
+
+def _empty() -> bytes:
+    """The bytes of a crate file without prims."""
+    with tempfile.TemporaryDirectory() as folder:
+        Sdf.Layer.CreateAnonymous(".usdc").Export(f"{folder}/x.usdc")
+        return Path(folder, "x.usdc").read_bytes()

@@ -16,9 +16,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import simd
 from ..jit import thread_pool
 from ..jit.kernel import helper, kernel, noinline_helper
-from ..lanes import ops
+from ..lanes import crosslane, ops
+from ..lanes.soa import PAD, compress_store
 from ..material import bsdf
 from ..material.shader import Shader, Uses
 from ..simd.registration import overload
@@ -35,6 +37,9 @@ NEIGHBOURS = 24.0  # photons in the disk of one, for FIRST of them in a map and 
 FIRST = 32768.0
 ENOUGH = 12  # photons in a cell that suffice to estimate their density
 MATT, CLEAN, BESIDE = 2.0, 3.0, 5.0  # phases of a path, see phase_after
+LANES, LISTED = 16, 64  # most lanes of a vector; photons that are listed for each before their light is added
+LISTS = LANES * LISTED
+WIDER = 1.001  # of the squared radius, by which photons are listed: rounding errors there do not matter
 _BITS = 0x7FFFFFFF
 _PX, _PY, _PZ, _PL = 73856093, 19349663, 83492791, 40503 * 9973
 
@@ -57,6 +62,13 @@ class Maps(NamedTuple):
     inverse: NDArray[np.float64]  # (n,) 1 / r², negative of photons for diffuse surfaces alone
     origin: NDArray[np.float64]  # (3,)
     cells: NDArray[np.float64]  # (LEVELS,) 1 / width
+
+
+class Lists(NamedTuple):
+    """Photons near each lane."""
+
+    rows: NDArray[np.int32]  # (LISTS,) LISTED rows of each lane
+    counts: NDArray[np.int32]  # (LANES,)
 
 
 class Lookup(NamedTuple):
@@ -86,7 +98,7 @@ def build(landed: list[NDArray[np.float32]], emitted: int, so_far: int, width: f
     counts = [len(rows) for rows in landed]
     slots = 1 << max(int(max(counts)), 16).bit_length()
     first = np.concatenate([[0], np.cumsum(counts)])
-    n = int(first[-1])
+    n = int(first[-1]) + PAD  # loads read vectors
     cells = (2.0 ** np.arange(LEVELS) / width).astype(kind)
     made = Maps(
         np.zeros(MAPS * (slots + 1), np.int32), slots, np.zeros(MAPS * PRESENCE, np.int32), np.zeros(n, np.int32),
@@ -239,6 +251,7 @@ def _add_estimate(maps: Any, sent: Vec, shading: ShadingContext, uses: Uses, wei
 
 @noinline_helper
 def _add_levels(maps, sent, shading, uses, weight, here, sample):
+    """Add the light of the photons near each lane. Most photons of its cells are too far: a vector of one cell's is tested at a time."""
     number = (sample + (sample >> 4) * 5) & (MAPS - 1)  # samples of neighboring pixels read other maps, whatever their count
     position = shading.point.position
     x = (position[0] - maps.origin[0], position[1] - maps.origin[1], position[2] - maps.origin[2])
@@ -246,33 +259,63 @@ def _add_levels(maps, sent, shading, uses, weight, here, sample):
     coarse = _key(0, ops.floor_int(x[0] * wide), ops.floor_int(x[1] * wide), ops.floor_int(x[2] * wide))
     there = ops.where(here, maps.present[number * PRESENCE + _slot(coarse, PRESENCE)], 0)
     base = number * (maps.slots + 1)
-    lookup = Lookup(x, shading, uses, weight, bsdf.has_matt(shading.shader))
+    lists = Lists(simd.stack_array(np.int32, LISTS), simd.stack_array(np.int32, LANES))
+    for k in range(LANES):
+        lists.counts[k] = 0
     total = sent
     for level in range(LEVELS):
         some = ((there >> level) & 1) != 0
         if ops.any_lane(some):
-            total = _add_level(maps, level, base, some, total, lookup)
-    return total
+            inverse, lanes = maps.cells[level], crosslane.bits(some)
+            low = ops.floor_int(x[0] * inverse - 0.5), ops.floor_int(x[1] * inverse - 0.5), ops.floor_int(x[2] * inverse - 0.5)
+            for k in range(crosslane.width(x[0])):
+                if (lanes >> k) & 1 == 0:
+                    continue
+                place, normal, cell = crosslane.lane3(x, k), crosslane.lane3(shading.point.geometric, k), crosslane.lane3(low, k)
+                for corner in range(8):
+                    key = _key(level, cell[0] + (corner & 1), cell[1] + ((corner >> 1) & 1), cell[2] + (corner >> 2))
+                    slot = crosslane.lane(base, k) + _slot(key, maps.slots)
+                    at, end = maps.start[slot], maps.start[slot + 1]
+                    while at < end:
+                        full = _list_near(maps, at, end, key, place, normal, x[0], lists, k)
+                        at += crosslane.width(x[0])
+                        if full:
+                            total = _add_listed(maps, total, shading, uses, weight, x, lists)
+    return _add_listed(maps, total, shading, uses, weight, x, lists)
 
 
 @helper
-def _add_level(maps: Any, level: int, base: Lane, some: Lane, total: Vec, lookup: Lookup) -> Vec:
-    """Add the light of the photons of one level."""
-    inverse, x = maps.cells[level], lookup.place
-    i = ops.floor_int(x[0] * inverse - 0.5)
-    j = ops.floor_int(x[1] * inverse - 0.5)
-    k = ops.floor_int(x[2] * inverse - 0.5)
-    for corner in range(8):
-        key = _key(level, i + (corner & 1), j + ((corner >> 1) & 1), k + (corner >> 2))
-        slot = base + _slot(key, maps.slots)
-        at = ops.where(some, maps.start[slot], 0)
-        end = ops.where(some, maps.start[slot + 1], 0)
-        left = at < end
-        while ops.any_lane(left):
-            row = ops.where(left, at, 0)
-            total = ops.add(total, _photon_light(maps, row, left & (maps.key[row] == key), lookup))
-            at = at + 1
-            left = at < end
+def _list_near(maps: Any, at: int, end: int, key: int, x: Vec, normal: Vec, like: Lane, lists: Lists, k: int) -> bool:
+    """Add to the list of lane k those of a vector of photons that are near it; return whether the list is full."""
+    n, width = len(maps.inverse), crosslane.width(like)
+    off = (
+        x[0] - crosslane.load_like(maps.place, at, like), x[1] - crosslane.load_like(maps.place, at + n, like),
+        x[2] - crosslane.load_like(maps.place, at + 2 * n, like),
+    )  # fmt: skip
+    inverse = ops.absolute(crosslane.load_like(maps.inverse, at, like))
+    height = off[0] * normal[0] + off[1] * normal[1] + off[2] * normal[2]
+    near = simd.first_lanes(end - at, like) & (crosslane.load_like(maps.key, at, like) == key)
+    near = near & (ops.dot(off, off) * inverse < WIDER) & (height * height * inverse < WIDER * FLATNESS * FLATNESS)
+    if ops.any_lane(near):
+        count = lists.counts[k]
+        row = simd.iota(ops.int_like(like, 0)) + at
+        compress_store(lists.rows, k * LISTED + count, row, near)
+        lists.counts[k] = count + crosslane.count(near)
+    return lists.counts[k] > LISTED - width
+
+
+@noinline_helper
+def _add_listed(maps, total, shading, uses, weight, x, lists):
+    """Add the light of the listed photons, and empty the lists."""
+    lookup = Lookup(x, shading, uses, weight, bsdf.has_matt(shading.shader))
+    zero = ops.int_like(x[0], 0)
+    counts, base = zero + crosslane.load_like(lists.counts, 0, x[0]), simd.iota(zero) * LISTED
+    for k in range(crosslane.reduce_max(counts)):
+        mine = counts > k
+        row = ops.where(mine, lists.rows[base + k], 0)
+        total = ops.add(total, _photon_light(maps, row, mine, lookup))
+    for k in range(LANES):
+        lists.counts[k] = 0
     return total
 
 

@@ -105,6 +105,20 @@ def _load_at(numbers, first):
     return lambda numbers, first: simd.read(numbers, first)
 
 
+def load_like(numbers: Any, first: int, like: Lane) -> Lane:
+    """Load as many numbers as `like` has lanes from element `first` on, as floating-point numbers or integers of its bits."""
+    return np.asarray(numbers).ravel()[first : first + np.size(like)]
+
+
+@overload(load_like)
+def _load_like(numbers, first, like):
+    if _is_vector(like):
+        kind = "f" if isinstance(numbers.dtype, types.Float) else "i"
+        what = getattr(simd, f"{kind}{like.bits}x{like.lanes}")
+        return lambda numbers, first, like: simd.load(numbers, first, what)
+    return lambda numbers, first, like: simd.read(numbers, first)
+
+
 def load_rows3(rows: Any, first: int) -> Vec:
     """Load the columns of WIDTH rows of three numbers as float64; in kernels the array has any number type."""
     return tuple(np.asarray(rows[first : first + WIDTH], np.float64).T)

@@ -47,6 +47,7 @@ class Renderer:
         self.openings: Any = None  # sky_openings.Openings, from the first sample on
         self.learns = prepared.paths is not None and plan["transport.sky_visibility"] == "learnt"
         self.threads = int(plan["threads"]) or target.cores()
+        self.measured, self.bounces = False, int(plan["bounces"])
         self._lock = threading.Lock()
         self._workspaces = threading.local()  # of wavefronts and of ray packets
         self.reuses = prepared.paths is not None and plan["transport.path_reuse"] == "groups"
@@ -75,15 +76,30 @@ class Renderer:
     @property
     def round(self) -> int | None:
         """Samples that a pixel may take before photons are traced again; None without photons."""
-        crop = self.view.width * self.view.height
-        return None if self.prepared.photon_tracer is None else self.prepared.photon_tracer.most(crop)
+        if self.prepared.photon_tracer is None:
+            return None
+        self._measure()
+        return self.prepared.photon_tracer.most(self.view.width * self.view.height)
 
     def refresh(self, samples: int) -> None:
         """Trace photons for the next round, of this many samples of all pixels together."""
-        self._learn()
+        self._measure()
         scene = self.packed.tables
         maps = self.prepared.photon_tracer.make(samples)
         self.packed = Handle(scene._replace(light=scene.light._replace(photons=maps)))
+
+    def _measure(self) -> None:
+        """Measure how many photons the picture needs, before the first sample."""
+        self._learn()
+        with self._lock:
+            p, tracer = self.prepared, self.prepared.photon_tracer
+            if self.measured or tracer.effort < 1.0:  # faint light takes few photons
+                return
+            from . import photon_effort
+
+            frame = p.frame.tables._replace(options=p.frame.tables.options._replace(bounces=self.bounces))
+            tracer.effort = photon_effort.measure(p.accel, self.packed.tables, frame, tracer, p.paths, self.threads, self.reuses)
+            self.measured = True
 
     def _learn(self) -> None:
         """Learn which part of the sky each place sees, before the first sample."""
@@ -117,6 +133,9 @@ class Renderer:
     def continue_from(self, other: Renderer) -> None:
         """See film.Renderer."""
         self.share(other.shared())
+        if other.measured:
+            mine, its = self.prepared.photon_tracer, other.prepared.photon_tracer
+            mine.effort, mine.width, self.measured = its.effort, its.width, True
         self.openings = other.openings
 
     def limit(self, bounces: int) -> None:

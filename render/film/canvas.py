@@ -230,7 +230,7 @@ class Canvas:
                 pace = self.spent / (now - began)
                 samples = cells.means(whole_sums.samples).astype(np.int64)
                 goals = cells.spread(self._goals(relative, samples, excess, (deadline - now) * pace / self.renderer.cell**2))
-                goals = np.maximum(goals, whole_sums.samples)
+                goals = np.clip(goals, whole_sums.samples, whole_sums.samples + (self.renderer.round or self.most))
             else:
                 goals, excess, started = started, self.round["excess"], None
             self._refresh(int(np.sum(goals - whole_sums.samples)), goals=goals, rounds=rounds, excess=excess)

@@ -18,7 +18,6 @@ from ..light.emitter_table import Emitters
 
 F64 = NDArray[np.float64]
 TARGETS = 32  # most balls; further ones are merged
-ENCLOSED = 16.0  # factor of the number of photons where all lamps are in glass: photons alone carry their light
 
 
 class Aims(NamedTuple):
@@ -69,16 +68,7 @@ def photon_targets(tables: ir.Tables, table: Emitters, spots: Any, chosen: NDArr
     of_row = chance.sum(axis=1)
     within = np.cumsum(chance, axis=1) / np.maximum(of_row, 1e-300)[:, None]
     return Aims(_close(np.cumsum(of_row)), np.ascontiguousarray(within.ravel()), np.ascontiguousarray(chance.ravel()),
-                np.ascontiguousarray(centre), radius, len(radius), reach, float(gain.max()) ** 2 * _effort(tables, table))  # fmt: skip
-
-
-def _effort(tables: ir.Tables, table: Emitters) -> float:
-    """The factor of the number of photons by the share of the power whose lamps are enclosed in glass."""
-    if np.isin(table.kind, (emitter_table.DIRECTIONAL, emitter_table.SUN, emitter_table.DOME)).any():
-        return 1.0
-    power = table.color.mean(axis=1) * np.where(table.area > 0, math.pi * table.area, 4.0 * math.pi)
-    inside = caustic_casters.enclosing(tables, table.place)
-    return 1.0 + (ENCLOSED - 1.0) * float((power * inside).sum() / max(float(power.sum()), 1e-300))
+                np.ascontiguousarray(centre), radius, len(radius), reach, float(gain.max()) ** 2)  # fmt: skip
 
 
 def _close(upto: F64) -> F64:

@@ -36,6 +36,7 @@ FACING = 0.7  # smallest cosine between the normals of one surface
 NEIGHBOURS = 24.0  # photons in the disk of one, for FIRST of them in a map and in all
 FIRST = 32768.0
 ENOUGH = 12  # photons in a cell that suffice to estimate their density
+MOSTLY = 0.9  # share of the photons that have so many in their cell
 MATT, CLEAN, BESIDE = 2.0, 3.0, 5.0  # phases of a path, see phase_after
 LANES, LISTED = 16, 64  # most lanes of a vector; photons that are listed for each before their light is added
 LISTS = LANES * LISTED
@@ -113,6 +114,17 @@ def build(landed: list[NDArray[np.float32]], emitted: int, so_far: int, width: f
     return made
 
 
+def coarsest_width(landed: NDArray[np.float32], width: float, most: float) -> float:
+    """Return a width of the coarsest cells, from `width` up to `most`, at which MOSTLY all photons of a map are in cells with ENOUGH."""
+    while len(landed) and 2.0 * width <= most:
+        x, y, z = np.floor(landed[:, :3].astype(np.float64) / width).astype(np.int64).T
+        _, cell, count = np.unique((x * _PX) ^ (y * _PY) ^ (z * _PZ), return_inverse=True, return_counts=True)
+        if (count[cell] >= ENOUGH).mean() >= MOSTLY:
+            break
+        width *= 2.0
+    return width
+
+
 @kernel
 def _sort(rows, number, first, near, maps):
     """Choose the radius of each photon of a map, and store the photons by cell."""
@@ -141,8 +153,11 @@ def _sort(rows, number, first, near, maps):
 
 @helper
 def _choose_radii(rows: Any, near: float, cells: Any, counts: Any, level: Any, radius: Any) -> None:
-    """Write the level and radius of each photon: of the finest cells with ENOUGH photons; `counts` is a buffer, a power of two long."""
-    n, size = len(rows), len(counts)
+    """Write the level and radius of each photon: of the finest cells with ENOUGH photons, and with `near`.
+
+    `counts` is a buffer, a power of two long.
+    """
+    n, size, enough = len(rows), len(counts), max(ENOUGH, near)
     for step in range(LEVELS):
         fine = LEVELS - 1 - step
         counts[:] = 0
@@ -152,7 +167,7 @@ def _choose_radii(rows: Any, near: float, cells: Any, counts: Any, level: Any, r
         for i in range(n):
             if level[i] < 0:
                 there = counts[_slot(_key(fine, *_cell(rows, i, cells[fine])), size)]
-                if there >= ENOUGH or fine == 0:
+                if there >= enough or fine == 0:
                     level[i] = fine
                     radius[i] = 0.5 / cells[fine] * math.sqrt(min(1.0, near / there))
                 else:

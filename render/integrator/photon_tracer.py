@@ -36,8 +36,9 @@ from .wave_intersection import intersect_stage, load_hits, surface_at
 from .wave_memory import STATE, WaveMemory, load_medium, store_medium
 
 BLOCK = 8192  # photons of a thread's job
-PER_SAMPLE = 0.25  # photons for each sample of a round
 LEAST, FEWEST, MOST = 1 << 18, 1 << 14, 1 << 22  # of a round; FEWEST also where their light is faint
+SKETCH, FIRST_SKETCH = 1 << 17, 1 << 26  # photons of a sketch, and the number of its first map
+WIDEST = 0.1  # of the scene: the coarsest cells
 SPACE = 4  # stored photons of each that is emitted, on average, for which memory is allocated at first
 PART, BEND = 1 << 19, 1 << 20  # dimensions of random numbers
 WELL_SPREAD = 6  # pairs of numbers that are Sobol points; surfaces take two each
@@ -65,6 +66,8 @@ class Bounce(NamedTuple):
 class Tracer:
     """Makes photon maps, round by round; see film.Renderer.refresh."""
 
+    PER_SAMPLE = 0.25  # photons for each sample of a round, times `effort`
+
     def __init__(self, accel: Handle, scene: Handle, frame: Handle, aims: Aims, kind: type, threads: int) -> None:
         """`accel`, `scene` and `frame` as for `wavefront.draw_tile`; `kind` is their floating-point type and that of the aims."""
         self.accel, self.scene, self.frame, self.kind, self.threads = accel, scene, frame, kind, threads
@@ -74,7 +77,8 @@ class Tracer:
         self.maps = 0  # made so far
         self.so_far = 0  # photons
         known = aims.radius[np.isfinite(aims.radius)]
-        self.width = 0.5 * float(known.max()) if len(known) else 0.05 * aims.reach
+        self.width = 0.5 * float(known.max()) if len(known) else 0.05 * aims.reach  # of the coarsest cells
+        self.reach = float(aims.reach)
 
     def ready(self) -> None:
         """Compile or load the kernel."""
@@ -83,25 +87,48 @@ class Tracer:
 
     def most(self, pixels: int) -> int:
         """The most samples of each pixel in a round."""
-        return max(2 * MAPS, int(MOST / (PER_SAMPLE * self.effort)) // max(pixels, 1))
+        return max(2 * MAPS, int(MOST / (self.PER_SAMPLE * self.effort)) // max(pixels, 1))
 
     def make(self, samples: int) -> photon_map.Maps:
         """Make maps for a round of so many samples of all pixels together."""
-        each = int(np.clip(samples * PER_SAMPLE * self.effort, max(LEAST * self.effort, FEWEST), MOST)) // MAPS
-        jobs = [(self.maps + k, start, min(BLOCK, each - start)) for k in range(MAPS) for start in range(0, each, BLOCK)]
-        seed = self.frame.tables.options.seed
-        shift = np.random.default_rng([seed & 0xFFFFFFFF, self.maps]).random(3)  # cell edges differ from round to round
+        least = max(LEAST * min(self.effort, 1.0), FEWEST)
+        each = int(np.clip(samples * self.PER_SAMPLE * self.effort, least, MOST)) // MAPS
+        landed, origin = self._trace(self.maps, MAPS, each, self.frame)
+        self.maps += MAPS
+        self.so_far += MAPS * each
+        return photon_map.build(landed, each, self.so_far, self.width, origin, self.kind, self.threads)
+
+    def sketch(self, number: int, frame: Handle) -> photon_map.Maps:
+        """Make maps of few photons, which do not count, with the numbers of another frame."""
+        each = SKETCH // MAPS
+        landed, origin = self._trace(FIRST_SKETCH + MAPS * number, MAPS, each, frame)
+        return photon_map.build(landed, each, SKETCH, self.width, origin, self.kind, self.threads)
+
+    def widen(self, frame: Handle) -> None:
+        """Make the coarsest cells wide enough for the disks of nearly all photons."""
+        landed, _ = self._trace(FIRST_SKETCH - 1, 1, int(photon_map.FIRST), frame)
+        self.width = photon_map.coarsest_width(landed[0], self.width, WIDEST * self.reach)
+
+    def nothing(self) -> photon_map.Maps:
+        """Return maps without photons."""
+        return photon_map.empty(self.kind)
+
+    def _trace(self, first: int, count: int, each: int, frame: Handle) -> tuple[list[NDArray[np.float32]], NDArray[Any]]:
+        """Trace so many photons for each of `count` maps, from number `first` on; return those to be stored, and their origin."""
+        jobs = [(first + k, start, min(BLOCK, each - start)) for k in range(count) for start in range(0, each, BLOCK)]
+        seed = frame.tables.options.seed
+        shift = np.random.default_rng([seed & 0xFFFFFFFF, first]).random(3)  # cell edges differ from round to round
         origin = ((shift - 0.5) * 2.0 * self.width).astype(self.kind)
         found: dict[tuple[int, int], NDArray[np.float32]] = {}
 
         def draw(job: tuple[int, int, int]) -> None:
-            number, start, count = job
+            number, start, some = job
             if not hasattr(self.local, "memory"):
                 self.local.memory = Handle(WaveMemory.of(self.kind))
-            batch, space = Batch(number, start, count, each), SPACE * BLOCK
+            batch, space = Batch(number, start, some, each), SPACE * BLOCK
             while True:
                 rows = np.empty((COLUMNS, space + PAD), np.float32)
-                kept = trace_block(self.accel, self.scene, self.frame, self.aims, batch, origin, self.local.memory, rows)
+                kept = trace_block(self.accel, self.scene, frame, self.aims, batch, origin, self.local.memory, rows)
                 if kept <= space:
                     break
                 space = int(kept)
@@ -109,11 +136,9 @@ class Tracer:
 
         thread_pool.parallel_for(draw, jobs, self.threads)
         landed = [
-            np.concatenate([found.pop((self.maps + k, start)) for start in range(0, each, BLOCK)]) for k in range(MAPS)
+            np.concatenate([found.pop((first + k, start)) for start in range(0, each, BLOCK)]) for k in range(count)
         ]  # fmt: skip
-        self.maps += MAPS
-        self.so_far += MAPS * each
-        return photon_map.build(landed, each, self.so_far, self.width, origin, self.kind, self.threads)
+        return landed, origin
 
 
 # --- in lanes ------------------------------------------------------------------------------------------------------------

@@ -22,6 +22,7 @@ MAX_TEXELS = 1 << 26  # of one image: 8192 × 8192, 1 GiB
 MAX_ALL_TEXELS = 1 << 27  # of all images of a scene
 LARGEST = float(np.finfo(np.float32).max)
 SPACES = ("auto", "srgb", "linear")
+_BAND = 1 << 14  # pixels that are converted together
 _MOST_PARTS = 100  # of an EXR file, counted in messages
 
 
@@ -102,8 +103,8 @@ def read(source: str | bytes, name: str, space: str = "auto", limit: int = MAX_T
     if pixels.ndim == 4:  # first slice of a volume
         pixels = pixels[0]
     texels = _in_display_window(_linear(pixels.reshape(spec.height, spec.width, -1), spec, space), spec)
-    odd = int(np.count_nonzero(~np.isfinite(texels).all(axis=2)))
-    return np.nan_to_num(texels, copy=False, nan=0.0, posinf=LARGEST, neginf=0.0), odd, unread
+    odd = 0 if pixels.dtype != np.float32 else _make_finite(texels)
+    return texels, odd, unread
 
 
 def matrix(source: str | bytes, name: str, names: tuple[str, ...]) -> np.ndarray | None:
@@ -149,6 +150,23 @@ def _in_display_window(texels: np.ndarray, spec: Any) -> np.ndarray:
     return made
 
 
+def _make_finite(texels: np.ndarray) -> int:
+    """Put the largest float in place of +inf, and 0 in place of −inf and NaN. Returns the number of pixels that have some."""
+    odd = 0
+    for rows in _bands(texels):
+        finite = np.isfinite(texels[rows])
+        if not finite.all():
+            odd += int(np.count_nonzero(~finite.all(axis=2)))
+            np.nan_to_num(texels[rows], copy=False, nan=0.0, posinf=LARGEST, neginf=0.0)
+    return odd
+
+
+def _bands(pixels: np.ndarray) -> Iterator[slice]:
+    """Slices of some rows of a picture: temporary arrays of one stay in the processor's cache."""
+    step = max(1, _BAND // max(1, pixels.shape[1]))
+    return (slice(first, first + step) for first in range(0, len(pixels), step))
+
+
 def _stored_type(spec: Any) -> str:
     return {"uint8": "uint8", "uint16": "uint16"}.get(str(spec.format), "float")
 
@@ -162,20 +180,20 @@ def _linear(pixels: np.ndarray, spec: Any, space: str) -> np.ndarray:
     colors = [c for c in range(pixels.shape[2]) if c != alpha_at][:3]
     if len(colors) == 2:
         colors = [*colors, -1]  # two channels only: blue is 0
-    made = np.ones((*pixels.shape[:2], 4), dtype=np.float32)
+    made = np.empty((*pixels.shape[:2], 4), dtype=np.float32)
     table = _decode(np.arange(top + 1) / top, space).astype(np.float32) if whole else None
-    for k in range(3):
-        channel = colors[min(k, len(colors) - 1)] if colors else -1
-        if channel < 0:
-            made[..., k] = 0.0 if colors else 1.0
-        elif table is not None:
-            made[..., k] = table[pixels[..., channel]]
-        else:
-            made[..., k] = _decode(pixels[..., channel], space)
-    if alpha_at >= 0:
-        made[..., 3] = pixels[..., alpha_at] / np.float32(top)
-        if not spec.get_int_attribute("oiio:UnassociatedAlpha", 0):
-            made[..., :3] /= np.where(made[..., 3:] > 0, made[..., 3:], 1.0)
+    channels = [colors[min(k, len(colors) - 1)] if colors else -1 for k in range(3)]
+    associated = alpha_at >= 0 and not spec.get_int_attribute("oiio:UnassociatedAlpha", 0)
+    for rows in _bands(made):
+        given, band, decoded = pixels[rows], made[rows], {-1: np.array(0.0 if colors else 1.0, np.float32)}
+        for k, channel in enumerate(channels):
+            if channel not in decoded:
+                values = given[..., channel]
+                decoded[channel] = np.take(table, values) if table is not None else _decode(values, space)
+            band[..., k] = decoded[channel]
+        band[..., 3] = given[..., alpha_at] / np.float32(top) if alpha_at >= 0 else 1.0
+        if associated:
+            band[..., :3] /= np.where(band[..., 3:] > 0, band[..., 3:], 1.0)
     return made
 
 

@@ -30,6 +30,9 @@ from . import interaction, normal_map
 
 MESH = int(ir.GeometryKind.MESH)
 LEVELS = 20  # levels of an image, at most
+BAND = 1 << 16  # texels that are averaged together: so many stay in the processor's cache
+WIDEST = 2048  # texels of an odd side that are averaged in one matrix product
+BLOCK = 128  # averages of a wider side in each of several products
 FOOTPRINT_PARTS = {
     "pictures": "images are filtered",
     "cells": "checkers and stripes are filtered",
@@ -128,33 +131,56 @@ def build_pyramids(images: ir.Images) -> Pyramids:
     count = len(images.width)
     first = np.zeros((count, LEVELS), np.int64)
     width, height = np.ones((count, LEVELS), np.int32), np.ones((count, LEVELS), np.int32)
-    levels, parts, total = np.zeros(count, np.int32), [], 0
+    levels, total = np.zeros(count, np.int32), 0
     for row in range(count):
-        w, h, start = int(images.width[row]), int(images.height[row]), int(images.first[row])
-        level = images.texels[start : start + w * h].reshape(h, w, 4)
+        w, h = int(images.width[row]), int(images.height[row])
         for k in range(LEVELS):
-            first[row, k], width[row, k], height[row, k] = total, level.shape[1], level.shape[0]
-            parts.append(level.reshape(-1, 4))
-            total += len(parts[-1])
+            first[row, k], width[row, k], height[row, k] = total, w, h
+            total += w * h
             levels[row] = k + 1
-            if level.shape[:2] == (1, 1):
+            if (w, h) == (1, 1):
                 break
-            level = _halve(_halve(level, 0), 1)
-    texels = np.ascontiguousarray(np.concatenate(parts) if parts else np.zeros((0, 4)), np.float32)
+            w, h = max(w // 2, 1), max(h // 2, 1)
+    texels = np.empty((total, 4), np.float32)
+    for row in range(count):
+        made = [
+            texels[start : start + w * h].reshape(h, w, 4)
+            for start, w, h in zip(first[row].tolist(), width[row].tolist(), height[row].tolist(), strict=True)
+        ][: levels[row]]
+        start = int(images.first[row])
+        made[0][...] = images.texels[start : start + made[0].size // 4].reshape(made[0].shape)
+        for k in range(1, len(made)):
+            _halve(made[k - 1], made[k])
     nowhere = Eye(np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), True, 1.0)
     return Pyramids(first[:, 0].copy(), images.width, images.height, texels, levels, first, width, height, nowhere, _footprint_type(())())
 
 
-def _halve(level: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
-    """Half as many texels along an axis, each the mean of its area, which keeps the image's mean."""
+def _halve(level: NDArray[np.float32], out: NDArray[np.float32]) -> None:
+    """Write half as many texels along both axes, each the mean of its area, which keeps the image's mean."""
+    even = level.shape[:2] == (2 * out.shape[0], 2 * out.shape[1])
+    step = max(1, BAND // level.shape[1]) if even else len(out)
+    for first in range(0, len(out), step):
+        rows = level[2 * first : 2 * (first + step)] if even else level
+        out[first : first + step] = _halve_along(_halve_along(rows, 0), 1)
+
+
+def _halve_along(level: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
+    """Half as many texels along an axis."""
     n = level.shape[axis]
     m = max(n // 2, 1)
     if n == 2 * m:
-        shape = (*level.shape[:axis], m, 2, *level.shape[axis + 1 :])
-        return level.reshape(shape).mean(axis=axis + 1, dtype=np.float32)
-    edges = np.arange(m + 1) * (n / m)
-    share = np.clip(np.minimum(edges[1:, None], np.arange(1, n + 1)) - np.maximum(edges[:-1, None], np.arange(n)), 0.0, None) * (m / n)
-    return np.moveaxis(np.tensordot(share.astype(np.float32), level, axes=(1, axis)), 0, axis)
+        made = level[::2] + level[1::2] if axis == 0 else level[:, ::2] + level[:, 1::2]
+        made *= np.float32(0.5)
+        return made
+    edges, parts = np.arange(m + 1) * (n / m), []
+    block = m if n <= WIDEST else BLOCK  # products with all texels of a wide image take time as the square of its width
+    for first in range(0, m, block):
+        bounds, texels = edges[first : first + block + 1, None], slice(2 * first, min(2 * (first + block) + 1, n))
+        places = np.arange(texels.start, texels.stop)
+        share = np.clip(np.minimum(bounds[1:], places + 1) - np.maximum(bounds[:-1], places), 0.0, None) * (m / n)
+        given = level[texels] if axis == 0 else level[:, texels]
+        parts.append(np.moveaxis(np.tensordot(share.astype(np.float32), given, axes=(1, axis)), 0, axis))
+    return np.concatenate(parts, axis=axis) if len(parts) > 1 else parts[0]
 
 
 # --- derivatives of coordinates ----------------------------------------------------------------------------------------------------

@@ -22,8 +22,8 @@ from ..types import Hit, Lane, Options, Surface, Tables, Vec, VertexLight
 from . import gouraud, photon_map
 from .light_sampling import facing, sample_direct
 from .path_emission import emitted_radiance
-from .path_state import GATHERED, LIT, Connection, NoVertices, PathInputs, PathSample, PathState, Vertex, numbers
-from .photon_coverage import photon_covers_lobe
+from .path_state import GATHERED, LIT, Connection, NoVertices, PathInputs, PathSample, PathState, Vertex, lobe_number, numbers
+from .photon_coverage import photon_covers_lobe, split_lobe, splits_lobe
 from .records import ShadingContext
 
 END_FROM = 3  # surfaces before Russian roulette begins
@@ -84,6 +84,8 @@ def shade_vertex(
         seen = lights.background(tables, scattered.direction, lights.OPEN)[0]
         above = ops.mul(weight, links.background(options.links, seen, tables, scattered.direction, lights.OPEN, bits))
         sent = ops.where3(soft, ops.add(sent, above), sent)
+    splits = splits_lobe(inputs.photons, path.phase, shader)
+    weight, lobe = split_lobe(inputs.photons, (weight, nothing), splits, shading, scattered, lobe_number(index))
     going = here & ops.not_(last) & (ops.largest(weight) > 0.0)
     if ending:
         going = going & (scattered.density < ONLY)
@@ -91,7 +93,7 @@ def shade_vertex(
         survival = ops.minimum(SPARED * ops.largest(weight), MOST_GOING)
         going = going & (numbers(index, 3)[0] < survival)
         weight = ops.scale(weight, 1.0 / ops.maximum(survival, lights.TINY))
-    onward = _continue(tables, inputs, options.links, path, shading, lit, scattered, weight)
+    onward = _continue(tables, inputs, options.links, path, shading, lit, scattered, weight, lobe)
     return sent, connection, onward, going, Vertex(shading, scattered)
 
 
@@ -107,23 +109,24 @@ def _add_local(
         given = links.ambient(linked, lights.ambient(tables), tables, path.density, bits)
         always = ops.mul(ops.mul(path.weight, shading.shader.ambient), given)
         sent = ops.where3(here & ops.not_(lit), ops.add(sent, always), sent)
-    gathers = here & (path.phase < photon_map.MATT)
-    return photon_map.add_estimate(inputs.photons, sent, shading, inputs.uses, path.weight, gathers, sample)
+    gathers, base = here & (path.phase < photon_map.MATT), splits_lobe(inputs.photons, path.phase, shading.shader)
+    return photon_map.add_estimate(inputs.photons, sent, shading, inputs.uses, path.weight, gathers, base, sample)
 
 
 @helper
 def _continue(
-    tables: Tables, inputs: PathInputs, linked: Any, path: PathState, shading: ShadingContext, lit: Lane, scattered: Scattered, weight: Vec
-) -> PathState:
+    tables: Tables, inputs: PathInputs, linked: Any, path: PathState, shading: ShadingContext, lit: Lane, scattered: Scattered, weight: Vec,
+    lobe: Lane,
+) -> PathState:  # fmt: skip
     """The state of a path after a BSDF sample."""
     point, shader = shading.point, shading.shader
     straight = path.straight & scattered.through
     density = ops.where(lit & (scattered.density < ONLY), LIT, scattered.density)
-    after_matt = (path.density < ONLY) | (path.density > 2.0 * ONLY)
+    after_matt = ((path.density < ONLY) | (path.density > 2.0 * ONLY)) & (path.phase != photon_map.LOBE)
     density = ops.where((density >= ONLY) & after_matt, GATHERED, density)
     inside = medium_stack.cross_boundary(path.inside, None, tables, point, scattered.direction)
     covered = photon_covers_lobe(inputs.caustic_reflectance, point, shader)
-    phase = photon_map.phase_after(inputs.photons, path.phase, shader, scattered.density >= ONLY, covered)
+    phase = photon_map.phase_after(inputs.photons, path.phase, shader, scattered.density >= ONLY, covered, lobe)
     on_surface = bsdf.is_rough_glass(shader, scattered.density >= ONLY)
     place = ops.where3(on_surface, point.position, interaction.shadow_origin(point))  # the origin of shadow rays: equal both ways
     origin = interaction.offset_origin_at(point, place, scattered.direction)

@@ -121,3 +121,9 @@ def numbers(index: PathSample, pair: int) -> tuple[Lane, Lane]:
 def alpha_number(index: PathSample, layer: int) -> Lane:
     """Return the random number that lets a ray pass its `layer`-th partly transparent surface."""
     return sobol.hashed_pair(index.pixel, index.sample, ops.int_like(index.pixel, LAYERS + index.depth * 1024 + layer), index.seed)[0]
+
+
+@helper
+def lobe_number(index: PathSample) -> Lane:
+    """Return the random number that chooses the lobe or the base of a surface, see photon_coverage.split_lobe."""
+    return sobol.hashed_pair(index.pixel, index.sample, ops.int_like(index.pixel, LAYERS + index.depth * 1024 + 1023), index.seed)[0]

@@ -11,8 +11,9 @@ import numpy as np
 
 from ..jit.kernel import helper, specialize_if_present
 from ..lanes import ops
-from ..light import dome_spots
+from ..light import dome_spots, lights
 from ..material import bsdf
+from ..material.bsdf import Scattered
 from ..material.shader import ONLY, Shader
 from ..simd.registration import overload, types
 from ..types import Lane, Surface, Vec
@@ -99,3 +100,51 @@ def _exclude(
     if ops.any_lane(alone):
         share = ops.where3(alone, bsdf.eval_diffuse(shader, point.normal, direction, shading.viewer), share)
     return share, alone
+
+
+def splits_lobe(photons: Any, phase: Lane, shader: Shader) -> Lane:
+    """Where photons light the diffuse base of a surface alone, and paths follow the narrow lobe over it."""
+    return np.zeros(np.shape(phase), bool)
+
+
+@overload(splits_lobe)
+def _splits_in_kernels(photons, phase, shader):
+    if photons.layout:
+        return lambda photons, phase, shader: (phase == 0.0) & bsdf.has_narrow_lobe(shader)
+    return lambda photons, phase, shader: ops.bool_like(phase, False)
+
+
+def split_lobe(photons: Any, plain: tuple[Vec, Lane], *of: Any) -> tuple[Vec, Lane]:
+    """(photons, plain, splits, shading, scattered, number): choose the diffuse base or the narrow lobe for a BSDF sample; only in kernels.
+
+    `plain` is the weight of the path and where the lobe is chosen, which is nowhere. The chance of the lobe is its share in the BSDF at the
+    sampled direction. Photons are noisy in a narrow lobe, as few arrive in it.
+    """
+    return plain
+
+
+@overload(split_lobe)
+def _split_in_kernels(photons, plain, splits, shading, scattered, number):
+    if photons.layout:
+        return lambda photons, plain, splits, shading, scattered, number: _split(plain, splits, shading, scattered, number)
+    return lambda photons, plain, splits, shading, scattered, number: plain
+
+
+@helper
+def _split(plain: tuple[Vec, Lane], splits: Lane, shading: ShadingContext, scattered: Scattered, number: Lane) -> tuple[Vec, Lane]:
+    weight, lobe = plain
+    splits = splits & (scattered.density < ONLY)
+    if ops.any_lane(splits):
+        point, shader = shading.point, shading.shader
+        whole = bsdf.reflected(shader, point.normal, scattered.direction, shading.viewer)
+        base = bsdf.eval_diffuse(shader, point.normal, scattered.direction, shading.viewer)
+        chance = ops.clip(1.0 - ops.mean3(base) / ops.maximum(ops.mean3(whole), lights.TINY), 0.0, 1.0)
+        lobe = splits & (number < chance)
+        part = ops.where3(lobe, ops.sub(whole, base), base)
+        scale = 1.0 / ops.maximum(ops.where(lobe, chance, 1.0 - chance), lights.TINY)
+        share = (
+            part[0] * scale / ops.maximum(whole[0], lights.TINY), part[1] * scale / ops.maximum(whole[1], lights.TINY),
+            part[2] * scale / ops.maximum(whole[2], lights.TINY),
+        )  # fmt: skip
+        weight = ops.where3(splits, ops.mul(weight, share), weight)
+    return weight, lobe

@@ -37,7 +37,7 @@ NEIGHBOURS = 24.0  # photons in the disk of one, for FIRST of them in a map and 
 FIRST = 32768.0
 ENOUGH = 12  # photons in a cell that suffice to estimate their density
 MOSTLY = 0.9  # share of the photons that have so many in their cell
-MATT, CLEAN, BESIDE = 2.0, 3.0, 5.0  # phases of a path, see phase_after
+LOBE, PAST_LOBE, MATT, CLEAN, BESIDE = 1.75, 1.875, 2.0, 3.0, 5.0  # phases of a path, see phase_after
 LANES, LISTED = 16, 64  # most lanes of a vector; photons that are listed for each before their light is added
 LISTS = LANES * LISTED
 WIDER = 1.001  # of the squared radius, by which photons are listed: rounding errors there do not matter
@@ -80,6 +80,7 @@ class Lookup(NamedTuple):
     uses: Uses
     weight: Vec  # of the path
     diffuse: Lane  # bool: photons for diffuse surfaces count, too
+    diffuse_only: Lane  # bool: only the diffuse part of the BSDF counts
 
 
 def empty(kind: type) -> Maps:
@@ -221,20 +222,27 @@ def _slot(key: Lane, count: int) -> Lane:
 
 
 def add_estimate(maps: Any, sent: Vec, *of: Any) -> Vec:
-    """(maps, sent, shading, uses, weight, here, sample): add the photons' light to the viewer to `sent`; only in kernels."""
+    """(maps, sent, shading, uses, weight, here, diffuse_only, sample): add the photons' light to the viewer to `sent`; only in kernels.
+
+    In lanes of `diffuse_only` only the diffuse part of the BSDF reflects it.
+    """
     return sent
 
 
 @overload(add_estimate)
-def _add_estimate_in_kernels(maps, sent, shading, uses, weight, here, sample):
+def _add_estimate_in_kernels(maps, sent, shading, uses, weight, here, diffuse_only, sample):
     if maps.layout:
-        return lambda maps, sent, shading, uses, weight, here, sample: _add_estimate(maps, sent, shading, uses, weight, here, sample)
-    return lambda maps, sent, shading, uses, weight, here, sample: sent
+        return lambda maps, sent, shading, uses, weight, here, diffuse_only, sample: _add_estimate(
+            maps, sent, shading, uses, weight, here, diffuse_only, sample
+        )
+    return lambda maps, sent, shading, uses, weight, here, diffuse_only, sample: sent
 
 
-def phase_after(maps: Any, phase: Lane, shader: Shader, sharp: Lane, covered: Lane) -> Lane:
+def phase_after(maps: Any, phase: Lane, shader: Shader, sharp: Lane, covered: Lane, lobe: Lane) -> Lane:
     """Return the phase of a path that goes on from a surface: 0, no diffuse surface so far;
 
+    LOBE: since then, a narrow lobe over a diffuse base (`lobe`, see photon_coverage.split_lobe) and specular surfaces; PAST_LOBE: metals or
+    rough glass after it;
     MATT (2): the photon map has been read; CLEAN (3): since then, only specular surfaces and polished metals; 4: a metal among them;
     BESIDE (5): as CLEAN, but the small lights that it hits next count elsewhere: in photons that the surface's highlight reflects
     (`covered`), and in light samples of its diffuse part.
@@ -243,29 +251,32 @@ def phase_after(maps: Any, phase: Lane, shader: Shader, sharp: Lane, covered: La
 
 
 @overload(phase_after)
-def _phase_after_in_kernels(maps, phase, shader, sharp, covered):
+def _phase_after_in_kernels(maps, phase, shader, sharp, covered, lobe):
     if not maps.layout:
-        return lambda maps, phase, shader, sharp, covered: phase
+        return lambda maps, phase, shader, sharp, covered, lobe: phase
 
-    def counted(maps, phase, shader, sharp, covered):
+    def counted(maps, phase, shader, sharp, covered, lobe):
         clean = phase >= CLEAN
-        beside = ops.where(bsdf.is_polished(shader), ops.where(clean, 4.0, phase), ops.where(clean, MATT, phase))
-        matt = ops.where(clean & covered, BESIDE, CLEAN)
+        past = ops.where(phase == LOBE, PAST_LOBE, phase)
+        beside = ops.where(bsdf.is_polished(shader), ops.where(clean, 4.0, past), ops.where(clean, MATT, past))
+        matt = ops.where(lobe, LOBE, ops.where(clean & covered, BESIDE, CLEAN))
         return ops.where(sharp, phase, ops.where(bsdf.has_matt(shader), matt, beside))
 
     return counted
 
 
 @helper
-def _add_estimate(maps: Any, sent: Vec, shading: ShadingContext, uses: Uses, weight: Vec, here: Lane, sample: Lane) -> Vec:
+def _add_estimate(
+    maps: Any, sent: Vec, shading: ShadingContext, uses: Uses, weight: Vec, here: Lane, diffuse_only: Lane, sample: Lane
+) -> Vec:  # fmt: skip
     lit = here & bsdf.is_lit(shading.shader)
     if len(maps.key) > 0 and ops.any_lane(lit):
-        return _add_levels(maps, sent, shading, uses, weight, lit, sample)
+        return _add_levels(maps, sent, shading, uses, weight, lit, diffuse_only, sample)
     return sent
 
 
 @noinline_helper
-def _add_levels(maps, sent, shading, uses, weight, here, sample):
+def _add_levels(maps, sent, shading, uses, weight, here, diffuse_only, sample):
     """Add the light of the photons near each lane. Most photons of its cells are too far: a vector of one cell's is tested at a time."""
     number = (sample + (sample >> 4) * 5) & (MAPS - 1)  # samples of neighboring pixels read other maps, whatever their count
     position = shading.point.position
@@ -295,8 +306,8 @@ def _add_levels(maps, sent, shading, uses, weight, here, sample):
                         full = _list_near(maps, at, end, key, place, normal, x[0], lists, k)
                         at += crosslane.width(x[0])
                         if full:
-                            total = _add_listed(maps, total, shading, uses, weight, x, lists)
-    return _add_listed(maps, total, shading, uses, weight, x, lists)
+                            total = _add_listed(maps, total, shading, uses, weight, diffuse_only, x, lists)
+    return _add_listed(maps, total, shading, uses, weight, diffuse_only, x, lists)
 
 
 @helper
@@ -320,9 +331,9 @@ def _list_near(maps: Any, at: int, end: int, key: int, x: Vec, normal: Vec, like
 
 
 @noinline_helper
-def _add_listed(maps, total, shading, uses, weight, x, lists):
+def _add_listed(maps, total, shading, uses, weight, diffuse_only, x, lists):
     """Add the light of the listed photons, and empty the lists."""
-    lookup = Lookup(x, shading, uses, weight, bsdf.has_matt(shading.shader))
+    lookup = Lookup(x, shading, uses, weight, bsdf.has_matt(shading.shader), diffuse_only)
     zero = ops.int_like(x[0], 0)
     counts, base = zero + crosslane.load_like(lists.counts, 0, x[0]), simd.iota(zero) * LISTED
     for k in range(crosslane.reduce_max(counts)):
@@ -352,7 +363,7 @@ def _photon_light(maps: Any, row: Lane, same: Lane, lookup: Lookup) -> Vec:
         toward = (maps.toward[row], maps.toward[row + n], maps.toward[row + 2 * n])
         cosine = ops.dot(toward, point.geometric)
         near = near & bsdf.is_rough_glass(shader, cosine > 0.0)
-        share = _bsdf_share(near, shader, lookup.uses, point.normal, toward, lookup.shading.viewer)
+        share = _bsdf_share(near, lookup.diffuse_only, shader, lookup.uses, point.normal, toward, lookup.shading.viewer)
         strength = left * (1.0 / math.pi) / ops.maximum(ops.absolute(cosine), 1e-2)
         power = (maps.power[row], maps.power[row + n], maps.power[row + 2 * n])
         given = ops.scale(ops.mul(ops.mul(lookup.weight, share), power), strength)
@@ -361,10 +372,13 @@ def _photon_light(maps: Any, row: Lane, same: Lane, lookup: Lookup) -> Vec:
 
 
 @helper
-def _bsdf_share(here: Lane, shader: Shader, uses: Uses, normal: Vec, toward: Vec, viewer: Vec) -> Vec:
-    """π f cos."""
+def _bsdf_share(here: Lane, diffuse_only: Lane, shader: Shader, uses: Uses, normal: Vec, toward: Vec, viewer: Vec) -> Vec:
+    """π f cos; in lanes of `diffuse_only` that of the diffuse part."""
     if (uses.glossy or uses.sharp) and ops.any_lane(here & bsdf.is_shiny(shader)):
-        return _reflected(shader, normal, toward, viewer)
+        share = bsdf.eval_diffuse(shader, normal, toward, viewer)
+        if ops.any_lane(here & ops.not_(diffuse_only)):
+            share = ops.where3(diffuse_only, share, _reflected(shader, normal, toward, viewer))
+        return share
     return ops.scale(shader.diffuse, ops.maximum(ops.dot(normal, toward), 0.0))
 
 

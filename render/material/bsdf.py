@@ -18,6 +18,7 @@ from . import fresnel, microfacet, phong, rough_dielectric, sheen
 from .shader import ONLY, Shader, Uses
 
 MAX_CAUSTIC_ALPHA = 0.3  # greatest α of a metal that casts caustics
+NARROW = 0.25  # greatest α of a lobe that paths follow where photons light the diffuse base under it
 BRIGHT, PEAK, FAINT_PEAK = caustic_casters.BRIGHT, caustic_casters.PEAK, caustic_casters.FAINT_PEAK
 
 
@@ -95,6 +96,22 @@ def _bright(lobes: microfacet.Lobes, plain: Lane) -> Lane:
 
 
 _have_bright_lobe = specialize_if_present(_bright)
+
+
+@helper
+def has_narrow_lobe(shader: Shader) -> Lane:
+    """Whether it is diffuse under a glossy lobe of α up to NARROW."""
+    classic = (ops.largest(shader.specular) > 0.0) & (shader.shininess + 2.0 >= 2.0 / NARROW**2)
+    return _have_narrow_lobe(shader.lobes, classic & (ops.largest(shader.diffuse) > 0.0))
+
+
+@helper
+def _narrow_over_base(lobes: microfacet.Lobes, plain: Lane) -> Lane:
+    narrow = (lobes.alpha <= NARROW) | ((lobes.coat > 0.0) & (lobes.coat_alpha <= NARROW))
+    return ops.where(lobes.here, narrow & (ops.largest(lobes.base) > 0.0), plain)
+
+
+_have_narrow_lobe = specialize_if_present(_narrow_over_base)
 
 
 @helper

@@ -112,6 +112,15 @@ box([0.8, 0.8, 0.1], center: [1, 0.5, 0.2], material: glass(ior: 1.33, roughness
 camera(position: [0, 3, 5], look_at: [0, 0.4, 0], fov: 38deg)
 render(bounces: 8)
 """
+VARNISH = """
+box([2.4, 0.1, 1.6], center: [0, 0.2, 0.3], material: principled(rgb(0.5, 0.3, 0.1), roughness: 0.3))
+sphere(0.35, center: [-0.4, 0.62, 0.4], material: glass(ior: 1.5))
+sphere(0.3, center: [0.4, 0.57, 0.7], material: glass(ior: 1.5, roughness: 0.4))
+box([1.6, 1.2, 0.1], center: [0.1, 0.9, -0.5], material: principled(rgb(0.6, 0.6, 0.7), roughness: 0.25))
+box([0.3, 0.3, 0.3], center: [0.9, 0.4, 0.4], material: metal("gold", roughness: 0.3))
+camera(position: [0, 3, 5], look_at: [0, 0.4, 0], fov: 38deg)
+render(bounces: 8)
+"""
 SHINE = "material: emissive(1, luminance: 20))\n"
 SHAPES = BALL.replace("bounces: 6", "bounces: 16").format(matt="lambert(0.6)") + (
     f"cylinder(0.2, 0.5, rotate: [20deg, 0, 40deg], translate: [-1, 2.6, 0.4], {SHINE}"
@@ -127,6 +136,7 @@ SCENES = {
     "gloss": GLOSS + LAMPS["ball"],
     "gloss under sun and sky": GLOSS + LAMPS["sun"] + "sky(luminance: 0.3)\n",
     "faint gloss": FAINT + LAMPS["ball"],
+    "glass on varnish": VARNISH + LAMPS["ball"],
     "frost": FROST + LAMPS["rectangle"],
     "shapes that shine": SHAPES,  # and no lights
     "metals under a dome": METALS + SUNNY,

@@ -18,7 +18,7 @@ from . import fresnel, microfacet, phong, rough_dielectric, sheen
 from .shader import ONLY, Shader, Uses
 
 MAX_CAUSTIC_ALPHA = 0.3  # greatest α of a metal that casts caustics
-NARROW = 0.25  # greatest α of a lobe that paths follow where photons light the diffuse base under it
+NARROW = 0.04  # greatest α of a lobe that paths follow where photons light the diffuse base under it; at 0.06 neither is better
 BRIGHT, PEAK, FAINT_PEAK = caustic_casters.BRIGHT, caustic_casters.PEAK, caustic_casters.FAINT_PEAK
 
 

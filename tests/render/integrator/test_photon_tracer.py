@@ -113,10 +113,10 @@ camera(position: [0, 3, 5], look_at: [0, 0.4, 0], fov: 38deg)
 render(bounces: 8)
 """
 VARNISH = """
-box([2.4, 0.1, 1.6], center: [0, 0.2, 0.3], material: principled(rgb(0.5, 0.3, 0.1), roughness: 0.3))
+box([2.4, 0.1, 1.6], center: [0, 0.2, 0.3], material: principled(rgb(0.5, 0.3, 0.1), roughness: 0.2))
 sphere(0.35, center: [-0.4, 0.62, 0.4], material: glass(ior: 1.5))
 sphere(0.3, center: [0.4, 0.57, 0.7], material: glass(ior: 1.5, roughness: 0.4))
-box([1.6, 1.2, 0.1], center: [0.1, 0.9, -0.5], material: principled(rgb(0.6, 0.6, 0.7), roughness: 0.25))
+box([1.6, 1.2, 0.1], center: [0.1, 0.9, -0.5], material: principled(rgb(0.6, 0.6, 0.7), roughness: 0.15))
 box([0.3, 0.3, 0.3], center: [0.9, 0.4, 0.4], material: metal("gold", roughness: 0.3))
 camera(position: [0, 3, 5], look_at: [0, 0.4, 0], fov: 38deg)
 render(bounces: 8)

@@ -11,8 +11,8 @@ from .. import ir
 from . import scene_facts
 from .decision import Plan
 
-RASTER_HINT = "--backend ray with bounces draws that light; area lights and round spheres light with raster, too"
-BOUNCES_HINT = "render(bounces: 1) or --bounces 1, or more; area lights and round spheres are sampled without"
+RASTER_HINT = "--backend ray with bounces draws that light; area lights and round spheres of one color light with raster, too"
+BOUNCES_HINT = "render(bounces: 1) or --bounces 1, or more; area lights and round spheres of one color are sampled without"
 
 
 class Unlighting(NamedTuple):

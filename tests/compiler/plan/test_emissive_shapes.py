@@ -27,7 +27,7 @@ def notes(scene: ir.Scene, plan: dict[str, str] | None = None, **settings: objec
 
 def test_the_note_is_at_the_shape_with_the_fix(compiled: Compile) -> None:
     (note,) = planner.default_notes(compiled(LAMP + FLOOR))
-    hint = "render(bounces: 1) or --bounces 1, or more; area lights and round spheres are sampled without"
+    hint = "render(bounces: 1) or --bounces 1, or more; area lights and round spheres of one color are sampled without"
     said = render_text(note, lambda name: Path(name).read_text(encoding="utf-8"))
     assert said.partition("a.scene:")[2] == f"1:1: note: {ONE}\n   1 | {LAMP}\n     | {'^' * len(LAMP)} {hint}"
 
@@ -38,7 +38,7 @@ def test_raster_lights_with_none(compiled: Compile, lights: str) -> None:
     assert notes(scene) == notes(scene, backend="reference") == []
     (note,) = planner.notes(scene, planner.make_plan(scene, ir.Settings(backend="raster")))
     assert (note.message, str(note.span).rpartition("a.scene:")[2]) == (ONE_RASTER, "1:1")
-    assert note.hint == "--backend ray with bounces draws that light; area lights and round spheres light with raster, too"
+    assert note.hint == "--backend ray with bounces draws that light; area lights and round spheres of one color light with raster, too"
 
 
 def test_raster_with_bounces_does(compiled: Compile) -> None:

@@ -15,7 +15,7 @@ RASTER_HINT = "--backend ray with bounces draws that light; area lights and roun
 BOUNCES_HINT = "render(bounces: 1) or --bounces 1, or more; area lights and round spheres of one color are sampled without"
 
 
-class Unlighting(NamedTuple):
+class UnusedEmission(NamedTuple):
     """Emissive shapes that light no other surface: a note on the first of them."""
 
     message: str
@@ -27,7 +27,7 @@ class Unlighting(NamedTuple):
         return Diagnostic("note", self.message, scene.spans.at("instances", self.instance), self.hint)
 
 
-def without_effect(scene: ir.Scene, plan: Plan) -> Unlighting | None:
+def without_effect(scene: ir.Scene, plan: Plan) -> UnusedEmission | None:
     """The note on shapes that emit light which no other surface receives, because no ray is scattered; None if there are none.
 
     Shapes of lights are sampled by direct light, and are not among them.
@@ -44,8 +44,8 @@ def without_effect(scene: ir.Scene, plan: Plan) -> Unlighting | None:
         subject, verb, them = f"this and {len(rows) - 1:,} more shape{'s' if len(rows) > 2 else ''} emit light", "light", "them"
     if plan["backend"] == "raster" and plan["raster.secondary_rays"] == "none":
         message = f"{subject}, but raster lights no other objects with {them}"
-        return Unlighting(message, int(rows[0]), RASTER_HINT)
-    return Unlighting(f"{subject}, but {verb} other objects only with bounces", int(rows[0]), BOUNCES_HINT)
+        return UnusedEmission(message, int(rows[0]), RASTER_HINT)
+    return UnusedEmission(f"{subject}, but {verb} other objects only with bounces", int(rows[0]), BOUNCES_HINT)
 
 
 def _emitting(tables: ir.Tables) -> np.ndarray:

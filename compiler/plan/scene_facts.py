@@ -52,8 +52,7 @@ def profiled(tables: ir.Tables) -> np.ndarray:
 
 def shines(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: emissive materials."""
-    materials, slot = tables.materials, ir.Slot.EMISSION
-    return (materials.values[:, slot].max(axis=1, initial=0.0) > 0.0) | (materials.textures[:, slot] >= 0)
+    return tables.materials.values[:, ir.Slot.EMISSION].max(axis=1, initial=0.0) > 0.0  # a texture multiplies it
 
 
 def moving(tables: ir.Tables, camera: int) -> bool:

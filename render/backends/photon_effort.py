@@ -16,10 +16,10 @@ from ..jit.packed_struct import Handle
 from ..types import Film, Frame, Tile, View
 
 WIDTH = 48  # pixels of the small picture
-SAMPLES, TURN = 4, 4  # of each pixel, and between their numbers, so that they read different maps
+SAMPLES, STRIDE = 4, 4  # of each pixel, and between their numbers, so that they read different maps
 DARK = 1e-2  # share of the mean light below which a pixel's noise counts less
 SEED = 0x70_686F_746F  # the small picture and the large one have different random numbers
-BALANCE = 7.0  # the factor where a map's estimate and a sample have the same variance, in a picture of 2¹⁵ pixels
+EQUAL_FACTOR = 7.0  # the factor where a map's estimate and a sample have the same variance, in a picture of 2¹⁵ pixels
 LEAST, MOST = 1.0, 32.0  # factors of the number of photons
 
 
@@ -36,7 +36,7 @@ def measure(accel: Handle, scene: Any, frame: Frame, tracer: Tracer, kind: type,
     small = _frame(frame)
     unchanged = Handle(small._replace(picture=frame.picture))
     tracer.widen(unchanged)
-    lit = [scene._replace(light=scene.light._replace(photons=tracer.sketch(k, unchanged))) for k in range(2)]
+    lit = [scene._replace(light=scene.light._replace(photons=tracer.pilot(k, unchanged))) for k in range(2)]
     one, other = (_draw(accel, each, small, kind, threads, reuses) for each in lit)
     mean = one.mean(axis=0), other.mean(axis=0)
     light = np.maximum(0.5 * (mean[0] + mean[1]), 0.0)
@@ -44,13 +44,13 @@ def measure(accel: Handle, scene: Any, frame: Frame, tracer: Tracer, kind: type,
     of_photons = _mean(0.5 * np.square(one - other).mean(axis=0) / scale)
     of_paths = _mean(((one - mean[0]) * (other - mean[1])).sum(axis=0) / (SAMPLES - 1) / scale)
     pixels = frame.picture.width * frame.picture.height
-    found = BALANCE * of_photons / max(of_paths, 1e-3 * of_photons, 1e-300) * (pixels / 2**15) ** (-1.0 / 3.0)
+    found = EQUAL_FACTOR * of_photons / max(of_paths, 1e-3 * of_photons, 1e-300) * (pixels / 2**15) ** (-1.0 / 3.0)
     # Steps, so that the rounding errors of another processor do not change the number of photons.
     return float(np.clip(2.0 ** (round(2.0 * math.log2(max(found, LEAST))) / 2.0), LEAST, MOST))
 
 
 def _mean(relative: NDArray[np.float64]) -> float:
-    """Return the mean over the pixels, of which none counts much more than one that a single sample in SAMPLES lights."""
+    """Return the mean over the pixels. A pixel that one of its SAMPLES alone lights has SAMPLES at most; no other counts more."""
     return float(np.clip(relative, -SAMPLES, SAMPLES).mean())
 
 
@@ -71,8 +71,8 @@ def _draw(accel: Handle, scene: Any, frame: Frame, kind: type, threads: int, reu
         if not hasattr(local, "memory"):
             local.memory = Handle(wave_memory.WaveMemory.of(kind, reuses))
         film = Film(np.zeros((height, width, 3)), np.zeros((height, width)), np.zeros((height, width), np.int64))
-        first, count = np.full((height, width), k * TURN, np.int64), np.ones((height, width), np.int64)
-        drawn(accel, packed, made, Tile(0, 0, width, height), first, count, SAMPLES * TURN, film, local.memory)
+        first, count = np.full((height, width), k * STRIDE, np.int64), np.ones((height, width), np.int64)
+        drawn(accel, packed, made, Tile(0, 0, width, height), first, count, SAMPLES * STRIDE, film, local.memory)
         shown[k] = film.color.mean(axis=2)
 
     thread_pool.parallel_for(draw, range(SAMPLES), threads)

@@ -36,7 +36,7 @@ FACING = 0.7  # smallest cosine between the normals of one surface
 NEIGHBOURS = 24.0  # photons in the disk of one, for FIRST of them in a map and in all
 FIRST = 32768.0
 ENOUGH = 12  # photons in a cell that suffice to estimate their density
-MOSTLY = 0.9  # share of the photons that have so many in their cell
+DENSE = 0.9  # share of the photons that are in such cells, with the coarsest cells
 LOBE, PAST_LOBE, MATT, CLEAN, BESIDE = 1.75, 1.875, 2.0, 3.0, 5.0  # phases of a path, see phase_after
 LANES, LISTED = 16, 64  # most lanes of a vector; photons that are listed for each before their light is added
 LISTS = LANES * LISTED
@@ -116,11 +116,11 @@ def build(landed: list[NDArray[np.float32]], emitted: int, so_far: int, width: f
 
 
 def coarsest_width(landed: NDArray[np.float32], width: float, most: float) -> float:
-    """Return a width of the coarsest cells, from `width` up to `most`, at which MOSTLY all photons of a map are in cells with ENOUGH."""
+    """Return a width of the coarsest cells, from `width` to `most`, at which the share DENSE of a map's photons has ENOUGH in its cell."""
     while len(landed) and 2.0 * width <= most:
         x, y, z = np.floor(landed[:, :3].astype(np.float64) / width).astype(np.int64).T
         _, cell, count = np.unique((x * _PX) ^ (y * _PY) ^ (z * _PZ), return_inverse=True, return_counts=True)
-        if (count[cell] >= ENOUGH).mean() >= MOSTLY:
+        if (count[cell] >= ENOUGH).mean() >= DENSE:
             break
         width *= 2.0
     return width

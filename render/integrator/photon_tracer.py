@@ -37,7 +37,8 @@ from .wave_memory import STATE, WaveMemory, load_medium, store_medium
 
 BLOCK = 8192  # photons of a thread's job
 LEAST, FEWEST, MOST = 1 << 18, 1 << 14, 1 << 22  # of a round; FEWEST also where their light is faint
-SKETCH, FIRST_SKETCH = 1 << 17, 1 << 26  # photons of a sketch, and the number of its first map
+PILOT, FIRST_PILOT = 1 << 17, 1 << 26  # photons of pilot maps, which only measure, and the number of the first of them
+PER_SAMPLE = 0.25  # photons for each sample of a round, times the tracer's `effort`
 WIDEST = 0.1  # of the scene: the coarsest cells
 SPACE = 4  # stored photons of each that is emitted, on average, for which memory is allocated at first
 PART, BEND = 1 << 19, 1 << 20  # dimensions of random numbers
@@ -66,8 +67,6 @@ class Bounce(NamedTuple):
 class Tracer:
     """Makes photon maps, round by round; see film.Renderer.refresh."""
 
-    PER_SAMPLE = 0.25  # photons for each sample of a round, times `effort`
-
     def __init__(self, accel: Handle, scene: Handle, frame: Handle, aims: Aims, kind: type, threads: int) -> None:
         """`accel`, `scene` and `frame` as for `wavefront.draw_tile`; `kind` is their floating-point type and that of the aims."""
         self.accel, self.scene, self.frame, self.kind, self.threads = accel, scene, frame, kind, threads
@@ -87,31 +86,27 @@ class Tracer:
 
     def most(self, pixels: int) -> int:
         """The most samples of each pixel in a round."""
-        return max(2 * MAPS, int(MOST / (self.PER_SAMPLE * self.effort)) // max(pixels, 1))
+        return max(2 * MAPS, int(MOST / (PER_SAMPLE * self.effort)) // max(pixels, 1))
 
     def make(self, samples: int) -> photon_map.Maps:
         """Make maps for a round of so many samples of all pixels together."""
         least = max(LEAST * min(self.effort, 1.0), FEWEST)
-        each = int(np.clip(samples * self.PER_SAMPLE * self.effort, least, MOST)) // MAPS
+        each = int(np.clip(samples * PER_SAMPLE * self.effort, least, MOST)) // MAPS
         landed, origin = self._trace(self.maps, MAPS, each, self.frame)
         self.maps += MAPS
         self.so_far += MAPS * each
         return photon_map.build(landed, each, self.so_far, self.width, origin, self.kind, self.threads)
 
-    def sketch(self, number: int, frame: Handle) -> photon_map.Maps:
+    def pilot(self, number: int, frame: Handle) -> photon_map.Maps:
         """Make maps of few photons, which do not count, with the numbers of another frame."""
-        each = SKETCH // MAPS
-        landed, origin = self._trace(FIRST_SKETCH + MAPS * number, MAPS, each, frame)
-        return photon_map.build(landed, each, SKETCH, self.width, origin, self.kind, self.threads)
+        each = PILOT // MAPS
+        landed, origin = self._trace(FIRST_PILOT + MAPS * number, MAPS, each, frame)
+        return photon_map.build(landed, each, PILOT, self.width, origin, self.kind, self.threads)
 
     def widen(self, frame: Handle) -> None:
         """Make the coarsest cells wide enough for the disks of nearly all photons."""
-        landed, _ = self._trace(FIRST_SKETCH - 1, 1, int(photon_map.FIRST), frame)
+        landed, _ = self._trace(FIRST_PILOT - 1, 1, int(photon_map.FIRST), frame)
         self.width = photon_map.coarsest_width(landed[0], self.width, WIDEST * self.reach)
-
-    def nothing(self) -> photon_map.Maps:
-        """Return maps without photons."""
-        return photon_map.empty(self.kind)
 
     def _trace(self, first: int, count: int, each: int, frame: Handle) -> tuple[list[NDArray[np.float32]], NDArray[Any]]:
         """Trace so many photons for each of `count` maps, from number `first` on; return those to be stored, and their origin."""

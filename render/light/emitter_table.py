@@ -130,7 +130,7 @@ def _surface_row(kind: int, matrix: Any, flips: bool, size: Any, color: Any, bot
 
 def _is_emissive(tables: ir.Tables) -> NDArray[np.bool_]:
     """(instances,) whether the material emits and is opaque."""
-    shining = (tables.materials.values[:, ir.Slot.EMISSION].max(axis=1, initial=0.0) > 0.0) & ~scene_facts.partial(tables)
+    shining = scene_facts.shines(tables) & ~scene_facts.partial(tables)
     return shining[tables.instances.material] & (tables.instances.visible & ir.Visibility.REFLECTION != 0)
 
 

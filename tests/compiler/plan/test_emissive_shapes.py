@@ -55,6 +55,11 @@ def test_several_shapes_are_one_note(compiled: Compile) -> None:
     assert notes(scene, backend="raster") == ["this and 1 more shape emit light, but raster lights no other objects with them"]
 
 
+def test_a_pattern_of_no_luminance_emits_nothing(compiled: Compile) -> None:
+    dark = "box([1, 1, 1], material: principled(emission: checker(#ff0000, #00ff00), luminance: 0nit))\n"
+    assert notes(compiled(dark + FLOOR)) == notes(compiled(dark + FLOOR), backend="raster") == []
+
+
 EMITTING = ("principled(emission: #ff8000)", "emissive(checker(#ff0000, #00ff00))", "blend(emissive(), lambert())")
 
 

@@ -56,7 +56,9 @@ def text(tab: Tab, selector: str) -> str:
 
 def replace_all(tab: Tab, source: str) -> None:
     """Type a text over the whole source."""
+    tab.wait("document.querySelector('#code .cm-content')?.innerText.trim()")  # a picture may be shown before the source
     tab.js("document.querySelector('#code .cm-content').focus()")
+    tab.wait("document.activeElement === document.querySelector('#code .cm-content')")
     tab.key("a", MODIFIER)
     tab.type(source)
 

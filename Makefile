@@ -52,12 +52,9 @@ pictures: $(NAMES:%=examples/%.png)  ## render the pictures beside the examples 
 define rule
 $(1)/%.png: examples/%.$(2) $$(INPUTS) | $$(STAMP)
 	@mkdir -p $(1)
-	@MAQUETTE_PROGRESS=off $$(BIN)/maquette render $$< $$(LIMITS) $$(DENOISE) -o $$@
+	@MAQUETTE_PROGRESS=off $$(BIN)/maquette render $$< $$(LIMITS) -o $$@
 endef
 $(foreach folder,$(DEMO) examples,$(foreach kind,$(KINDS),$(eval $(call rule,$(folder),$(kind)))))
-
-# 5 seconds leave noise in rooms. Open Image Denoise is there for x86-64.
-$(DEMO)/daylight.png $(DEMO)/door.png $(DEMO)/evening.png: DENOISE = $(shell $(BIN)/python -c "import pyoidn" 2> /dev/null && echo --denoise)
 
 wheel: $(STAMP)  ## build a wheel with compiled kernels for three instruction sets into dist: an hour on two cores, minutes after small changes
 	@$(BIN)/python tools/wheel.py

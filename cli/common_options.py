@@ -101,7 +101,7 @@ _PICTURE = {
         help="Additional channels of an .exr: depth,normal,position,albedo,uv,id,variance,samples,cryptomatte,lights,light:NAME,issues.",
     ),
     "denoise": click.option(
-        "--denoise/--no-denoise", default=None, help="Remove noise with Open Image Denoise. Default: if 256 samples do not suffice."
+        "--denoise/--no-denoise", default=None, help="Remove noise with Open Image Denoise. Default: if 256 samples or a --budget leave it."
     ),
     "tolerance": click.option(
         "--tolerance", type=click.FloatRange(0, min_open=True), metavar="PIXELS",

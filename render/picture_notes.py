@@ -97,18 +97,20 @@ def exposure_notes(about: Mapping[str, Any]) -> list[Diagnostic]:
 
 
 def noise_notes(about: Mapping[str, Any], plan: Plan) -> list[Diagnostic]:
-    """The note about a picture that is noisy, or was before denoising, after the default number of samples: what less noise costs."""
-    error, default = about.get("error"), decision.by_default(plan)
+    """The note about a picture that is noisy, or was before denoising, after the default samples or a budget: what less noise costs."""
+    error, default, by_error = about.get("error"), decision.by_default(plan), plan["denoise"] == "above_error"
     if not plan["monte_carlo"] or plan["denoise"] == "on" or about.get("partial"):
         return []
-    if decision.adaptive(plan) and not default:
+    if decision.adaptive(plan) and not default and not by_error:
         return []
-    wanted = plan["error"] if default else NOISY
+    if about.get("denoised") and error is None:
+        message = f"the picture is denoised: {_limit_of(plan)} ended before its error was known"
+        return [Diagnostic("note", message, None, "a longer --budget leaves less noise; --no-denoise shows it")]
+    wanted = decision.denoised_above(plan) if default or by_error else NOISY
     if error is None or error <= wanted:
         return []
     longer = f"--error {wanted:.0%} takes about {time_range((error / wanted) ** 2 * about['seconds']['render'])}"
-    work = f"the default of {'at most ' if default else ''}{plan['samples']} samples a pixel"
-    left = about.get("denoised_error")
+    work, left = _limit_of(plan), about.get("denoised_error")
     if about.get("denoised"):
         now = f"its error was {error:.1%}" + ("" if left is None else f", and about {left:.1%} are left")
         return [Diagnostic("note", f"the picture was noisy after {work}, and is denoised: {now}", None, f"{longer} without denoising")]
@@ -117,6 +119,13 @@ def noise_notes(about: Mapping[str, Any], plan: Plan) -> list[Diagnostic]:
         return [Diagnostic("note", f"the picture is noisy: its error is {error:.0%} with {work}", None, hint)]
     smooth = "--denoise smooths it" if importlib.util.find_spec("pyoidn") else f"{install_command('denoise')} smooths it"
     return [Diagnostic("note", f"the picture is noisy: its error is {error:.0%} with {work}", None, f"{longer}; {smooth}")]
+
+
+def _limit_of(plan: Plan) -> str:
+    """The limit that ended a picture whose error was not asked for."""
+    if math.isfinite(plan["budget"]):
+        return f"a budget of {plan['budget']:g} s"
+    return f"the default of {'at most ' if decision.by_default(plan) else ''}{plan['samples']} samples a pixel"
 
 
 def unproved_warnings(rays: int) -> list[Diagnostic]:

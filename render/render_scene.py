@@ -58,7 +58,7 @@ def draw(
         image = film.run(renderer, plan, view, told, cancel, mattes, None if lit or by_moments else keeper, progressive)
         if lit:
             renderer.put(image)
-        if decision.denoises(plan, None if image.metadata["partial"] else image.metadata["error"]):
+        if plan["denoise"] == "on" or (not image.metadata["partial"] and decision.denoises(plan, image.metadata["error"])):
             from .film import denoise  # loads pyoidn
 
             tell(Progress("denoising"))

@@ -52,6 +52,7 @@ class Plan:
         return {d.name: list(d.value) if isinstance(d.value, tuple) else d.value for d in self.decisions.values()}
 
 
+DEFAULT_ERROR = 0.03  # √relMSE
 MAX_SAMPLES = 1 << 20  # a pixel of a render with an error target or a time budget
 
 Rule = Callable[[ir.Scene, ir.Settings, Plan], Decision]  # makes one decision; the plan holds the earlier ones
@@ -138,8 +139,14 @@ def error_asked(plan: Plan) -> float:
 
 
 def denoises(plan: Plan, error: float | None) -> bool:
-    """Whether a picture of this estimated error is denoised."""
-    return bool(plan["denoise"] == "on" or (plan["denoise"] == "above_error" and error is not None and error > plan["error"]))
+    """Whether a picture of this estimated error is denoised; `error` is None if a budget ended before it was known."""
+    noisy = math.isfinite(plan["budget"]) if error is None else error > denoised_above(plan)
+    return bool(plan["denoise"] == "on" or (plan["denoise"] == "above_error" and noisy))
+
+
+def denoised_above(plan: Plan) -> float:
+    """The error above which a plan with `denoise` "above_error" denoises the picture."""
+    return float(plan["error"] or DEFAULT_ERROR)
 
 
 def may_denoise(plan: Plan) -> bool:

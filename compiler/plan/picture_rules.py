@@ -9,14 +9,13 @@ from ...lang.diagnostics import suggest
 from ...lang.distribution import install_command
 from .. import ir
 from .channels import CHANNELS, CRYPTOMATTES, LIGHT, REST, is_channel
-from .decision import MAX_SAMPLES, Decision, Plan, PlanError, Rule, by_default
+from .decision import DEFAULT_ERROR, MAX_SAMPLES, Decision, Plan, PlanError, Rule, by_default
 
 DEFAULT_SIZE = (800, 600)
 DEFAULT_WIDTH = 960  # of cameras whose film has an aspect ratio, as in usdrecord
 SAMPLES_SHARP = 16  # antialiasing alone
 SAMPLES_SOFT = 64  # antialiasing and Monte Carlo integration of light
 SAMPLES_MOST = 256  # a pixel of a picture that ends at the default error
-DEFAULT_ERROR = 0.03  # √relMSE
 RASTER_MOMENTS = 16  # times, or lens points, at which the raster backend draws motion blur and depth of field
 FILTERS = ("box", "tent", "gaussian", "blackman-harris")
 NOISES = ("blue", "white")
@@ -174,10 +173,19 @@ def _denoise(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
         raise PlanError(f"denoising takes the package pyoidn, which is not installed: {install_command('denoise')}")
     if asked.denoise:
         return Decision("denoise", "on", f"asked for: {how}", fixed="--denoise")
-    if asked.denoise is None and by_default(plan) and known:
+    if asked.denoise is None and known and by_default(plan):
         reason = f"the default, if {plan['samples']} samples a pixel do not reach the error: {how}"
         return Decision("denoise", "above_error", reason, fixed="--no-denoise")
+    if asked.denoise is None and known and _only_time_is_limited(asked, plan):
+        reason = f"the default, if √relMSE is above {DEFAULT_ERROR:.0%} when the budget ends: {how}"
+        return Decision("denoise", "above_error", reason, fixed="--no-denoise")
     return Decision("denoise", "off", "not asked for: noise shows the error of a picture", fixed="--denoise")
+
+
+def _only_time_is_limited(asked: ir.Settings, plan: Plan) -> bool:
+    """Whether a budget alone ends the picture: neither samples nor an error were asked for."""
+    limited = asked.budget is not None and asked.samples is None and asked.error is None
+    return limited and bool(plan["backend"] == "ray" and plan["monte_carlo"])
 
 
 def _threads(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:

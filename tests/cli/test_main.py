@@ -391,6 +391,18 @@ def test_a_picture_above_the_default_error(monkeypatch: pytest.MonkeyPatch) -> N
     assert picture_notes.missed_error_warnings(about, plan) == []
 
 
+def test_a_picture_that_a_budget_ends_is_denoised() -> None:
+    values = {"error": 0.0, "budget": 5.0, "samples": 1 << 20, "denoise": "above_error", "monte_carlo": True}
+    plan = Plan({name: Decision(name, value, "the default") for name, value in values.items()})
+    about = {"error": 0.12, "seconds": {"render": 5.0}, "denoised": True, "denoised_error": 0.021}
+    (note,) = picture_notes.noise_notes(about, plan)
+    assert note.message == "the picture was noisy after a budget of 5 s, and is denoised: its error was 12.0%, and about 2.1% are left"
+    assert note.hint == "--error 3% takes about 1:20 min without denoising"
+    assert picture_notes.noise_notes({**about, "error": 0.02}, plan) == []
+    (note,) = picture_notes.noise_notes({**about, "error": None, "denoised_error": None}, plan)
+    assert note.message == "the picture is denoised: a budget of 5 s ended before its error was known"
+
+
 def test_an_error_that_strays_decide_is_uncertain() -> None:
     (note,) = picture_notes.sparse_error_notes({"error": 0.08, "error_in_few": 0.7})
     assert note.message == "70% of the squared error is in 0.1 % of the pixels: stray bright samples, so the error is uncertain"

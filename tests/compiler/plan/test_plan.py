@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from maquette.compiler import ir
 from maquette.compiler.plan import picture_rules, plan, transport_rules
-from maquette.compiler.plan.decision import RENAMED, RENAMED_VALUES, Decision, Plan, current_names, denoises, error_asked
+from maquette.compiler.plan.decision import DEFAULT_ERROR, RENAMED, RENAMED_VALUES, Decision, Plan, current_names, denoises, error_asked
 
 
 def scene(
@@ -57,7 +57,7 @@ def test_point_lights_need_no_random_numbers_and_few_samples() -> None:
 def test_a_sky_is_soft_and_seen() -> None:
     made = plan.make_plan(scene(ir.LightKind.SKY, models=(ir.MaterialModel.LAMBERT,)), ir.Settings())
     assert made["area_lights"] is True
-    assert (made["error"], made["samples"]) == (picture_rules.DEFAULT_ERROR, picture_rules.SAMPLES_MOST)
+    assert (made["error"], made["samples"]) == (DEFAULT_ERROR, picture_rules.SAMPLES_MOST)
     assert made["background"] == "sky"
     assert "sky" in made.decisions["area_lights"].reason
 
@@ -112,21 +112,25 @@ def test_a_picture_without_samples_ends_at_the_default_error(monkeypatch: pytest
     assert made(denoise=True) == (0.03, 256, "on")
     assert made(denoise=False) == (0.03, 256, "off")
     assert made(error=0.03) == (0.03, picture_rules.MAX_SAMPLES, "off")
-    assert made(budget=2.0) == (0.0, picture_rules.MAX_SAMPLES, "off")
+    assert made(budget=2.0) == (0.0, picture_rules.MAX_SAMPLES, "above_error")
+    assert made(budget=2.0, denoise=False) == (0.0, picture_rules.MAX_SAMPLES, "off")
+    assert made(budget=2.0, error=0.03)[2] == made(budget=2.0, samples=9)[2] == made(budget=2.0, backend="raster")[2] == "off"
     sharp = plan.make_plan(scene(ir.LightKind.POINT, models=(ir.MaterialModel.LAMBERT,)), ir.Settings())
     assert (sharp["error"], sharp["samples"], sharp["denoise"]) == (0.0, 16, "off")
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     assert made() == (0.03, 256, "off")
 
 
-def test_only_the_default_is_denoised_above_its_error() -> None:
-    def plan_of(error: float, samples: int, denoise: str) -> Plan:
-        values = {"error": error, "samples": samples, "denoise": denoise}
+def test_the_default_and_a_budget_are_denoised_above_an_error() -> None:
+    def plan_of(error: float, samples: int, denoise: str, budget: float = math.inf) -> Plan:
+        values = {"error": error, "samples": samples, "denoise": denoise, "budget": budget}
         return Plan({name: Decision(name, value, "") for name, value in values.items()})
 
     assert [denoises(plan_of(0.03, 256, "above_error"), error) for error in (0.04, 0.03, None)] == [True, False, False]
     assert [denoises(plan_of(0.03, 256, "on"), error) for error in (0.04, 0.01, None)] == [True] * 3
     assert not denoises(plan_of(0.03, 256, "off"), 0.5)
+    in_time = plan_of(0.0, picture_rules.MAX_SAMPLES, "above_error", budget=5.0)
+    assert [denoises(in_time, error) for error in (0.04, 0.03, None)] == [True, False, True]
     assert [error_asked(plan_of(0.03, n, "off")) for n in (256, picture_rules.MAX_SAMPLES)] == [0.0, 0.03]
 
 

@@ -48,7 +48,10 @@ def scene(
         if options.as_asset:
             asked = replace(asked, depth_of_field=False, motion_blur=False)
         said = _cameras(walk, asked, options)
-    said += defaults.add(builder, ir.Settings(size=asked.size), lights=options.default_light)
+    if walk.mesh_lights:
+        asked = replace(asked, bounces=1)
+        said.append("bounces: 1; without bounces, mesh lights light no other prims")
+    said += defaults.add(builder, asked.settings(), lights=options.default_light)
     reports.tell(builder.diagnostics, Span(opened.name))
     stage = opened.stage
     codes = stage.GetTimeCodesPerSecond()
@@ -122,7 +125,8 @@ def _cameras(walk: Walk, asked: render_settings.Asked, options: StageOptions) ->
         camera.tell_conform(cameras[0][0], walk.opened, walk.builder, asked)
     for prim, matrix in cameras:
         camera.camera(prim, matrix, walk.unit, walk.opened, walk.builder, asked)
-    if options.default_light and not options.as_asset and eye is not None and not walk.builder.count("lights"):
+    unlit = not (walk.builder.count("lights") or walk.mesh_lights)
+    if options.default_light and not options.as_asset and eye is not None and unlit:
         _head_light(eye, walk.builder)
         said.append("light: the stage has none; it is lit from its first camera, as usdrecord does")
     return said

@@ -49,7 +49,7 @@ API_SCHEMAS = Table(
         "MaterialBindingAPI": "direct, by collection, and by purpose",
         "CollectionAPI": "of material bindings",
         "LightAPI ShadowAPI ShapingAPI": "see the properties",
-        "MeshLightAPI": "a mesh that emits light",
+        "MeshLightAPI": "a mesh that emits light; a stage with mesh lights has one bounce unless `--bounces` says otherwise",
         "SkelBindingAPI": "see SkelRoot",
         "NodeDefAPI": "the identifier of a shader",
         "VisibilityAPI": "visibility by purpose",

@@ -81,6 +81,7 @@ class Walk:
     complexity: int = 0  # refinements of subdivision surfaces
     pieces: dict[str, list[Piece]] = field(default_factory=lambda: {"default": [], "render": [], "proxy": [], "guide": []})
     cameras: list[tuple[Any, np.ndarray]] = field(default_factory=list)
+    mesh_lights: int = 0  # prims with MeshLightAPI that emit light
     materials: Materials = field(init=False)
     _geometries: dict[Any, int] = field(default_factory=dict)
     _faces: dict[Any, geometry_module.Faces | None] = field(default_factory=dict)
@@ -363,6 +364,7 @@ class Walk:
         r, g, b = DEFAULT_COLOR if color is None or len(color) != 3 else map(float, color)
         r, g, b = self.materials.without_negatives((r, g, b), prim, "this prim's displayColor")
         if radiance is not None:
+            self.mesh_lights += any(radiance)
             return self.materials.matt_light((r, g, b), radiance, str(prim.GetPath()))
         alpha = 1.0 if opacity is None else float(np.clip(opacity[0], 0.0, 1.0))
         return self.materials.plain((r, g, b), alpha, DISPLAY_COLOR, fit.number is not None)

@@ -109,7 +109,8 @@ def test_mesh_lights_of_a_stage(tmp_path: Path) -> None:
         encoding="utf-8",
     )
     scene = load.load(file)
-    (note,) = planner.default_notes(scene)
+    assert planner.default_notes(scene) == []
+    (note,) = planner.notes(scene, planner.make_plan(scene, ir.Settings(bounces=0)))
     assert (note.message, str(note.span)) == (ONE, f"{file}</Lamp>")
     assert notes(scene, bounces=1) == []
     assert notes(scene, bounces=1, backend="raster") == [ONE_RASTER]

@@ -285,6 +285,15 @@ def test_a_mesh_light_shines(tmp_path):
     assert [m for m in messages if "warning" in m] == []
 
 
+@pytest.mark.parametrize(("intensity", "names", "bounces"), [(5, (), 1), (0, ("head light",), None)])
+def test_mesh_lights_replace_the_light_at_the_camera_and_take_a_bounce(tmp_path, intensity, names, bounces):
+    text = f'def Mesh "m" (prepend apiSchemas=["MeshLightAPI"]) {{ {SQUARE}\nfloat inputs:intensity = {intensity} }}'
+    scene, _ = read(tmp_path, text)
+    assert (scene.names.lights, scene.settings.bounces) == (names, bounces)
+    said = "bounces: 1; without bounces, mesh lights light no other prims"
+    assert (said in scene.defaults) == (bounces == 1)
+
+
 def test_a_cylinder_as_a_line_has_its_power(tmp_path):
     text = 'def CylinderLight "l" { float inputs:length = 8\nfloat inputs:radius = 1\nbool treatAsLine = MODE }'
     whole, line = (read(tmp_path, text.replace("MODE", mode) + CUBE)[0].tables.lights for mode in ("0", "1"))

@@ -160,7 +160,7 @@ def _check_usage(
     if side_by_side and not output:
         raise click.UsageError("--side-by-side writes a picture: give its file with -o")
     if output:
-        jobs.check_output(output)
+        jobs.check_output(output, kept=[file for file in (first, second) if file])
         if side_by_side and output.suffix.lower() == ".exr":
             raise click.UsageError(f"--side-by-side writes a picture for viewing: {output.name} cannot be an .exr; write a .png")
 

@@ -64,6 +64,7 @@ def convert(
         raise click.UsageError(f"--deviation applies to triangles: OUT ends in {', '.join(MESHES | ASSETS)}")
     jobs.check_folder(output)
     compiled = selected(shared.load(source), only, without)
+    jobs.check_folder(output, map(Path, compiled.files))
     if ending in MESHES:
         _write_triangles(compiled, output, ending, deviation)
         return

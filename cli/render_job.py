@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import click
 
 from .. import __version__
-from ..compiler.io.replace_file import replace_file
+from ..compiler.io.replace_file import check_replaceable, replace_file
 from ..lang.diagnostics import Diagnostic, SceneError
 from ..lang.plain_values import time_range
 from . import option_types as values
@@ -52,13 +52,12 @@ def make_plan(scene: ir.Scene, settings: ir.Settings, overrides: Mapping[str, st
         raise click.UsageError(str(error)) from None
 
 
-def check_folder(path: Path) -> None:
-    """Raise OSError with a full sentence if no file can be written at `path`."""
+def check_folder(path: Path, kept: Iterable[Path] = ()) -> None:
+    """Raise OSError with a full sentence if no file can be written at `path`, or if it would replace one of `kept`."""
     folder = path.parent
     if not folder.is_dir():
         raise FileNotFoundError(f"there is no folder {folder} to write {path.name} into")
-    if path.is_dir():
-        raise IsADirectoryError(f"{path} is a folder")
+    check_replaceable(path, kept)
     if not os.access(folder, os.W_OK | os.X_OK):
         raise PermissionError(f"the folder {folder} is not writable")
 
@@ -72,15 +71,15 @@ def check_stats(stats: Path | None, *others: Path) -> None:
         raise click.UsageError(f"--stats {stats} would replace {taken}: choose another file, such as {stats.stem}.json")
 
 
-def check_output(path: Path, aov: tuple[str, ...] = (), bits: int | None = None, view: str = "sRGB") -> None:
-    """Check that a picture can be written. Raises UsageError for a wrong name, OSError for a wrong folder."""
+def check_output(path: Path, aov: tuple[str, ...] = (), bits: int | None = None, view: str = "sRGB", kept: Iterable[Path] = ()) -> None:
+    """Check that a picture can be written. Raises UsageError for a wrong name, OSError for a wrong folder or one of the files `kept`."""
     from ..render.image import image_files
 
     try:
         image_files.check(path, aov, bits, view)
     except image_files.FormatError as error:
         raise click.UsageError(str(error)) from None
-    check_folder(path)
+    check_folder(path, kept)
 
 
 def confine(scene: Path, output: Path, stats: Path | None, given: Mapping[str, Any]) -> None:
@@ -246,7 +245,7 @@ class Job:
         scene, found = self.source.load(seconds, **moment)
         self.files = tuple(Path(file) for file in scene.files)
         plan = make_plan(scene, self.settings, self.overrides)
-        check_output(path, plan["aov"], self.bits, plan["view"])
+        check_output(path, plan["aov"], self.bits, plan["view"], self.files)
         parts, expected = strip_plans(scene, plan, path, self.memory)
         self._report(found.items)
         self._report(picture_notes.plan_warnings(scene, plan))
@@ -302,7 +301,7 @@ class Job:
 
         file = read.path.with_name(f"{read.path.name}.checkpoint")
         first, every = (FIRST_CHECKPOINT, CHECKPOINT) if self.checkpoint is None else (self.checkpoint, self.checkpoint)
-        there = file.is_file()
+        there = checkpoint.is_there(file)
         key = functools.partial(checkpoint.key_of, read.scene, read.plan, __version__)
         keeper = checkpoint.Keeper(file, key, first, every, self.resume)
         if self.resume and keeper.found is not None:

@@ -86,7 +86,7 @@ def sweep(scene: Path, output: Path | None, cluster: str | None, quiet: bool, **
     output = output or Path(f"{scene.stem}.sweep.png")
     if output.suffix.lower() not in SUFFIXES:
         raise click.UsageError(f"cannot tell the picture format of {output}: its name must end in one of {', '.join(SUFFIXES)}")
-    jobs.check_folder(output)
+    jobs.check_folder(output, [scene])
     axes = _axes(given)
     shared.check_cluster(cluster, given)
     source, settings, overrides = shared.read_options(scene, given)
@@ -105,6 +105,7 @@ def sweep(scene: Path, output: Path | None, cluster: str | None, quiet: bool, **
                 failed += not drawn
         labels = [", ".join(f"{axis.name} {at}" for axis, at in zip(down, row, strict=True)) for row in rows]
         made = _sheet(files, [f"{along.name} {value}" for value in along.values], labels, settings.size or (CELL, CELL))
+        jobs.check_folder(output, job.files)
         with replacing(output) as partial:
             made.save(partial)
     if not quiet:

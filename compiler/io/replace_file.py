@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 import platform
 import shutil
+import stat
 import tempfile
 import time
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -26,9 +27,10 @@ class Replacement:
     """
 
     def __init__(self, path: Path) -> None:
+        check_replaceable(path)
         target = Path(os.path.realpath(path))
         folder = target.parent if _is_utf8(str(target.parent)) else Path(tempfile.gettempdir())
-        suffix = target.suffix if _is_utf8(target.suffix) else ""
+        suffix = path.suffix if _is_utf8(path.suffix) else ""
         remove_abandoned(folder)
         self.partial = folder / f"{PREFIX}{_host()}-{os.getpid()}-{os.urandom(6).hex()}{suffix}"
 
@@ -49,19 +51,49 @@ class Replacement:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Replace `path` atomically by the file that the block writes at the yielded path. An error keeps the old file."""
+    """Replace `path` atomically by the file that the block writes at the yielded path. An error keeps the old file.
+
+    An OSError of the new file names `path`.
+    """
     new, good = Replacement(path), False
     try:
-        yield new.partial
-        good = True
-    finally:
-        new.place(path, good)
+        try:
+            yield new.partial
+            good = True
+        finally:
+            new.place(path, good)
+    except OSError as failure:
+        if failure.errno is None or failure.filename not in (None, str(new.partial), new.partial):
+            raise
+        raise OSError(failure.errno, failure.strerror, str(path)) from failure
 
 
 def replace_file(path: Path, data: bytes) -> None:
     """Write `data` to `path` atomically. Raises OSError and keeps the old file."""
     with replacing(path) as partial:
         partial.write_bytes(data)
+
+
+def check_replaceable(path: Path, kept: Iterable[Path] = ()) -> None:
+    """Raise OSError with a full sentence if no file may be written at `path`.
+
+    A folder, a device, a pipe, a socket, a link that leads nowhere or one of `kept`, the files that are read, stands there.
+    """
+    name, target = as_utf8(str(path)), os.path.realpath(path)
+    if os.path.islink(target):
+        raise OSError(f"{name} is a link that leads to itself: remove it, or choose another name")
+    if os.path.islink(path) and not os.path.isdir(folder := os.path.dirname(target)):
+        raise FileNotFoundError(f"{name} is a link into {as_utf8(folder)}, a folder that does not exist: make it, or remove the link")
+    try:
+        mode = os.stat(target).st_mode
+    except OSError:
+        return  # nothing is there
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(f"{name} is a folder")
+    if not stat.S_ISREG(mode):
+        raise OSError(f"{name} is a device, a pipe or a socket: choose the name of a file")
+    if read := next((file for file in kept if os.path.realpath(file) == target), None):
+        raise OSError(f"{name} would replace {as_utf8(str(read))}, which is read: choose another name")
 
 
 def remove_abandoned(folder: Path) -> None:

@@ -40,7 +40,7 @@ class Keeper:
     def __init__(self, path: Path, key: Callable[[], str], first: float, every: float, resume: bool) -> None:
         """`first`: seconds to the first checkpoint; `every`: seconds between two, or more where writing takes long."""
         self.path, self._key = path, functools.cache(key)  # of a large scene it takes a second
-        self.found = load(path, self._key()) if resume and path.is_file() else None  # None: begin
+        self.found = load(path, self._key()) if resume and is_there(path) else None  # None: begin
         self._every = every
         self._next = time.monotonic() + first
 
@@ -62,6 +62,14 @@ class Keeper:
     def remove(self) -> None:
         """Remove the checkpoint of a finished picture."""
         self.path.unlink(missing_ok=True)
+
+
+def is_there(path: Path) -> bool:
+    """Whether a checkpoint stands at `path`. Raises OSError for a name that no file can have."""
+    try:
+        return path.is_file()
+    except OSError as fault:
+        raise OSError(f"{path}: {fault.strerror}; shorten the name of the picture, or give --checkpoint off") from None
 
 
 def key_of(scene: ir.Scene, plan: Plan, version: str) -> str:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import shutil
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
@@ -25,6 +27,7 @@ EXIF_DESCRIPTION, EXIF_SOFTWARE = 0x10E, 0x131
 WITH_ALPHA = (".png", ".tif", ".tiff")
 PNG_SUB = 16  # libpng's Sub filter: with zlib level 4 a quarter of the default time, for about the same size
 MIDDLE_GREY = 0.18
+FULL = 1 << 16  # free bytes below which a disk is full
 ABOUT = "maquette:"  # prefix of attribute names
 WORKING_SPACE = "lin_rec709_scene"  # OpenColorIO's name for scene-linear Rec.709
 
@@ -126,11 +129,11 @@ class Strips:
             partial = str(self._new.partial)
             self._target, self._top = oiio.ImageOutput.create(partial), spec.y
             if self._target is None or not self._target.open(partial, spec):
-                raise OSError(f"cannot write {self.path}: {self._target.geterror() if self._target else oiio.geterror()}")
+                raise self._failure(self._target.geterror() if self._target else oiio.geterror())
         begin = self._top + self._rows
         self._rows += picture.height
         if not self._target.write_scanlines(begin, begin + picture.height, 0, pixels):
-            raise OSError(f"cannot write {self.path}: {self._target.geterror()}")
+            raise self._failure(self._target.geterror())
 
     def _spec(self, picture: Picture, pixels: NDArray[Any], linear: bool) -> Any:
         _, width, channels = pixels.shape
@@ -180,9 +183,18 @@ class Strips:
             elif not closed or self._rows < self.height:
                 problem = self._target.geterror() if self._target else "it has no pixels"
             problem = problem or _problem_at_end(self._new.partial)
+        failure = self._failure(problem) if problem else None
         self._new.place(self.path, kind is None and not problem)
-        if problem:
-            raise OSError(f"cannot write {self.path}: {' '.join(problem.split())}")
+        if failure:
+            raise failure
+
+    def _failure(self, problem: str) -> OSError:
+        """The error of a file that cannot be written. Libraries do not say that the disk is full: the free space does."""
+        free = math.inf
+        with suppress(OSError):
+            free = shutil.disk_usage(self._new.partial.parent).free
+        reason = "the disk is full" if free < FULL else " ".join(problem.split())
+        return OSError(f"cannot write {self.path}: {reason}")
 
 
 @library_messages.left_out()

@@ -729,3 +729,51 @@ def test_a_sandboxed_render_draws_and_reads_nothing_else(scene: Path, tmp_path: 
         assert done.returncode == returned, done.stderr
     assert "Permission denied" in done.stderr
     assert sorted(path.name for path in inside.iterdir()) == ["a.png", "a.scene"]
+
+
+@pytest.mark.parametrize("link", [False, True])
+def test_a_picture_does_not_replace_what_the_scene_reads(scene: Path, link: bool) -> None:
+    run("render", scene, "-o", "a.png", "--size", "8", "--samples", "1", "-q")
+    Path("textured.scene").write_text('plane(y: 0, material: lambert(image("a.png")))\n')
+    if link:
+        Path("b.png").symlink_to("a.png")
+    before, name = Path("a.png").read_bytes(), "b.png" if link else "a.png"
+    expected = (1, "", f"error: {name} would replace {Path('a.png').resolve()}, which is read: choose another name\n")
+    assert run("render", "textured.scene", "-o", name, "--size", "8", "--samples", "1", "-q") == expected
+    assert Path("a.png").read_bytes() == before
+
+
+@pytest.mark.parametrize("command", [("render",), ("sweep", "--set", "radius=1,2")])
+def test_a_link_to_the_scene_is_not_replaced(scene: Path, command: tuple[str, ...]) -> None:
+    Path("a.png").symlink_to(scene)
+    before = scene.read_bytes()
+    code, _, err = run(command[0], scene, *command[1:], "-o", "a.png", "--size", "8", "--samples", "1", "-q")
+    assert (code, scene.read_bytes()) == (1, before)
+    assert err.startswith("error: a.png would replace ")
+    assert err.endswith(f"{scene.name}, which is read: choose another name\n")
+
+
+def test_convert_does_not_replace_its_input() -> None:
+    Path("a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert run("convert", "a.obj", "a.obj") == (
+        1, "", f"error: a.obj would replace {Path('a.obj').resolve()}, which is read: choose another name\n"
+    )  # fmt: skip
+    assert Path("a.obj").read_text().endswith("f 1 2 3\n")
+
+
+def test_a_device_is_not_replaced(scene: Path) -> None:
+    Path("a.json").symlink_to("/dev/null")
+    assert run("render", scene, "-o", "a.png", "--stats", "a.json", "-q") == (
+        1, "", "error: a.json is a device, a pipe or a socket: choose the name of a file\n"
+    )  # fmt: skip
+    assert Path("/dev/null").is_char_device()
+
+
+def test_a_name_too_long_for_its_checkpoint(scene: Path) -> None:
+    name = "n" * 246 + ".png"
+    options = ("-o", name, "--size", "8", "--samples", "1", "-q")
+    assert run("render", scene, *options) == (
+        1, "", f"error: {name}.checkpoint: File name too long; shorten the name of the picture, or give --checkpoint off\n"
+    )  # fmt: skip
+    assert run("render", scene, *options, "--checkpoint", "off")[0] == 0
+    assert Path(name).is_file()

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import socket
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from maquette.compiler.io.replace_file import Replacement, as_utf8, replace_file
+from maquette.compiler.io.replace_file import Replacement, as_utf8, replace_file, replacing
 
 NOT_UTF8 = os.fsdecode(b"a\xff")
 
@@ -82,3 +85,54 @@ print(Replacement(Path({str(tmp_path / "a.png")!r})).partial)
             os.utime(path, (0, 0))
     replace_file(tmp_path / "b.png", b"whole")
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted([fresh.name, mine.name, foreign.name, other.name, "b.png"])
+
+
+def _pipe(path: Path) -> None:
+    os.mkfifo(path)
+
+
+def _socket(path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as made:
+        made.bind(str(path))
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (Path.mkdir, "{} is a folder"),
+        (_pipe, "{} is a device, a pipe or a socket: choose the name of a file"),
+        (_socket, "{} is a device, a pipe or a socket: choose the name of a file"),
+        (lambda path: path.symlink_to(os.devnull), "{} is a device, a pipe or a socket: choose the name of a file"),
+        (lambda path: path.symlink_to(path), "{} is a link that leads to itself: remove it, or choose another name"),
+        (
+            lambda path: path.symlink_to(path.parent / "no" / "b.json"),
+            "{} is a link into {parent}/no, a folder that does not exist: make it, or remove the link",
+        ),
+    ],
+)
+def test_what_is_no_file_is_not_replaced(tmp_path: Path, make: Callable[[Path], None], message: str) -> None:
+    path = tmp_path / "a.json"
+    make(path)
+    kind = path.lstat().st_mode
+    with pytest.raises(OSError) as caught:
+        replace_file(path, b"new")
+    assert str(caught.value) == message.format(path, parent=tmp_path)
+    assert path.lstat().st_mode == kind
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_the_new_file_has_the_extension_of_the_link(tmp_path: Path) -> None:
+    """Writers choose a format by it. The target of a link is often named by its hash."""
+    link = tmp_path / "a.png"
+    link.symlink_to(tmp_path / "0f3c")
+    assert Replacement(link).partial.suffix == ".png"
+
+
+def test_an_error_of_the_disk_names_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    with pytest.raises(OSError) as caught, replacing(path):
+        raise OSError(errno.ENOSPC, "No space left on device")
+    assert (caught.value.filename, caught.value.errno) == (str(path), errno.ENOSPC)
+    with pytest.raises(FileNotFoundError) as caught:
+        replace_file(tmp_path / "no" / "a.json", b"new")
+    assert caught.value.filename == str(tmp_path / "no" / "a.json")

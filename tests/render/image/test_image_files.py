@@ -269,3 +269,24 @@ def test_names_and_commands_need_not_be_utf8(tmp_path: Path) -> None:
     assert path.is_file()
     path.rename(tmp_path / "a.exr")
     assert image_reader.read(tmp_path / "a.exr").metadata["about"]["command"] == "render a\\xff.scene"
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.exr", "a.jpg"])
+def test_a_full_disk_is_the_reason(tmp_path: Path, name: str) -> None:
+    """The messages of libraries do not say it: the free space does."""
+    program = f"""
+        import resource, shutil, numpy as np
+        from pathlib import Path
+        from maquette.render.image import image_files
+        from maquette.render.image.image import Image
+        pixels = np.random.default_rng(0).random((64, 64, 4), dtype=np.float32)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (2048, 2048))
+        shutil.disk_usage = lambda path: shutil._ntuple_diskusage(1 << 20, 1 << 20, 0)
+        try:
+            image_files.write(Image(64, 64, {{"rgba": pixels}}, {{}}), Path({name!r}), image_files.Look(), {{}})
+        except OSError as error:
+            print(error)
+    """
+    done = subprocess.run([sys.executable, "-c", textwrap.dedent(program)], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert done.stdout == f"cannot write {name}: the disk is full\n"
+    assert not list(tmp_path.iterdir())

@@ -169,14 +169,31 @@ def connect(address: str) -> Iterator[Cluster]:
             client = stack.enter_context(distributed.Client(started, set_as_default=False))
         else:
             try:
+                asyncio.run(_greet(address))
                 client = stack.enter_context(distributed.Client(address, timeout=CONNECT, set_as_default=False))
-            except (OSError, ValueError, TimeoutError) as fault:
-                raise ClusterError(f"no scheduler answers at {address}: {str(fault).splitlines()[0]}") from None
+            except Exception as fault:
+                raise ClusterError(f"no scheduler answers at {address}: {_reason(address, fault)}") from None
         cluster = Cluster(client, address)
         try:
             yield cluster
         finally:
             cluster.close()
+
+
+async def _greet(address: str) -> None:
+    """Connect to a scheduler once. Dask's client itself waits without end for the greeting of a port that is no scheduler's."""
+    from distributed import Security, comm
+
+    sent = comm.connect(address, timeout=CONNECT, **Security().get_connection_args("client"))
+    (await asyncio.wait_for(sent, CONNECT + 1)).abort()
+
+
+def _reason(address: str, fault: Exception) -> str:
+    if isinstance(fault, TypeError) and address.startswith("tls:"):
+        return "Dask's configuration has no certificates: see https://distributed.dask.org/en/stable/tls.html"
+    if isinstance(fault, (OSError, ValueError)) and (lines := str(fault).splitlines()):
+        return lines[0]
+    return "something else listens there, or it is stopped"
 
 
 def workers_of(address: str) -> int:

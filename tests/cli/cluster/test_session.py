@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -156,6 +159,44 @@ def test_a_cluster_that_is_not_there(case: str, monkeypatch: pytest.MonkeyPatch)
     assert (code, out) == (expected, "")
     assert err.startswith(message)
     assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("answer", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n" + b"x" * 1000, None])
+def test_another_server_is_no_scheduler(answer: bytes | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It says nothing, something else, or closes the connection."""
+    monkeypatch.setattr(dask_cluster, "CONNECT", 1.0)
+    taken = []
+
+    def serve() -> None:
+        with contextlib.suppress(OSError):
+            while True:
+                taken.append(server.accept()[0])
+                if answer is None:
+                    taken[-1].close()
+                else:
+                    taken[-1].sendall(answer)
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        thread = threading.Thread(target=serve, daemon=True)
+        thread.start()
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        began = time.monotonic()
+        code, out, err = run("render", "a.scene", "-o", "a.png", "--cluster", address)
+        server.shutdown(socket.SHUT_RDWR)
+        thread.join(5)
+    assert (code, out) == (1, "")
+    if answer is None:
+        assert err.startswith(f"error: no scheduler answers at {address}: ")
+        assert err.count("\n") == 1
+    else:
+        assert err == f"error: no scheduler answers at {address}: something else listens there, or it is stopped\n"
+    assert time.monotonic() - began < 10
+
+
+def test_tls_without_certificates() -> None:
+    link = "https://distributed.dask.org/en/stable/tls.html"
+    message = f"error: no scheduler answers at tls://127.0.0.1:9: Dask's configuration has no certificates: see {link}\n"
+    assert run("render", "a.scene", "-o", "a.png", "--cluster", "tls://127.0.0.1:9") == (1, "", message)
 
 
 def test_without_dask_the_message_has_the_command(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -159,7 +159,8 @@ def _mesh(path: Path, real: Path, files: Files, time: float | None, found: Diagn
         parts = mesh_files.read(real, str(path), builder, found, None, files, as_scene=True, time=time)
     with watch.stage("lower"):
         for part in parts:
-            row = builder.transform(transforms.identity() if part.transform is None else part.transform)
+            span = Span(f"{path}<{part.name[:80]}>" if part.name else str(path))
+            row = builder.transform(transforms.identity() if part.transform is None else part.transform, span)
             material = -1 if part.material is None else part.material
             builder.instance(InstanceData(part.geometry, row, material, name=part.name), Span(str(path)))
         photometric = builder.count("lights") > 0  # glTF has candela and lux

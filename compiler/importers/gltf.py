@@ -23,7 +23,7 @@ from ..scene import transforms
 from ..scene.builder import SceneBuilder
 from ..scene.row_records import WHITE, CameraData, LightData, MeshAttribute, as_color, nonnegative, scale_color
 from . import gltf_animation, gltf_draco, gltf_materials, gltf_tables, uv_sets, vertex_numbers
-from .gltf_container import Container, open_container
+from .gltf_container import Container, Rows, check_finite, open_container
 from .gltf_errors import GltfError
 from .mesh_parts import Part, add
 
@@ -173,10 +173,12 @@ class _Reader:
         return self.meshes[key]
 
     def primitive(self, primitive: dict[str, Any], name: str, weights: tuple[float, ...], skin: gltf_animation.Skin | None) -> list[Part]:
-        """One triangle primitive (§3.7.2), morphed and skinned; several parts if its pictures read several sets of texture coordinates."""
+        """One primitive (§3.7.2), morphed and skinned; several parts if its pictures read several sets of texture coordinates."""
         if not self.readable(primitive):
             return []
-        if primitive.get("mode", TRIANGLES) not in (TRIANGLES, STRIP, FAN):
+        if (mode := primitive.get("mode", TRIANGLES)) not in range(FAN + 1):
+            raise GltfError(f"there is no mode {str(mode)[:40]}: 0 to {FAN} are points, lines and triangles")
+        if mode not in (TRIANGLES, STRIP, FAN):
             return self.thin(primitive, name, weights)
         material: int | None = primitive.get("material")
         sets: list[int] = []
@@ -305,7 +307,8 @@ class _Reader:
         if not self.as_scene:
             self.warn("the lights of a mesh file are left out: only a file that is drawn by itself brings its lights")
             return
-        light = self.container.document["extensions"]["KHR_lights_punctual"]["lights"][index]
+        light = Rows(self.container.document["extensions"]["KHR_lights_punctual"]["lights"])[index]
+        check_finite(light)
         color = scale_color(nonnegative(as_color(light.get("color", WHITE))), max(float(light.get("intensity", 1.0)), 0.0))
         axis = matrix[:3, 2] / max(float(np.linalg.norm(matrix[:3, 2])), 1e-300)
         backward, forward = as_color(axis), as_color(-axis)
@@ -333,6 +336,7 @@ class _Reader:
             self.warn("the cameras of a mesh file are left out: only a file that is drawn by itself brings its cameras")
             return
         camera = self.container.document["cameras"][node["camera"]]
+        check_finite(camera)
         name = node.get("name") or camera.get("name", "")
         row = self.builder.transform(transforms.unscaled(matrix), Span(self.name))
         if camera.get("type") == "orthographic":

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..mesh import skinning
 from ..mesh.polygon_mesh import PolyMesh
-from .gltf_container import Container, Warn
+from .gltf_container import Container, Rows, Warn
 from .gltf_errors import GltfError
 
 _PATHS = ("translation", "rotation", "scale", "weights")
@@ -18,7 +18,7 @@ _PATHS = ("translation", "rotation", "scale", "weights")
 
 def animated(container: Container, time: float | None, warn: Warn) -> list[dict[str, Any]]:
     """The document's nodes with the values of the first animation at `time` seconds; the nodes as they are without a time."""
-    nodes = [dict(node) for node in container.document.get("nodes", ())]
+    nodes = Rows(dict(node) for node in container.document.get("nodes", ()))
     animations = container.document.get("animations") or []
     if not animations:
         return nodes

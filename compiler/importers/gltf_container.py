@@ -8,6 +8,7 @@ from __future__ import annotations
 import base64
 import binascii
 import json
+import math
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -29,6 +30,15 @@ _TABLES = (
     "animations",
 )  # fmt: skip
 _CHILDREN = {"scenes": ("nodes",), "nodes": ("children",), "meshes": ("primitives",), "animations": ("channels", "samplers")}
+
+
+class Rows(list[Any]):
+    """A table of a document. Indices in a file count from its begin: negative ones, which Python counts from the end, are errors."""
+
+    def __getitem__(self, index: Any) -> Any:
+        if isinstance(index, int) and index < 0:
+            raise IndexError(f"there is no row {index}")
+        return super().__getitem__(index)
 
 
 @dataclass(slots=True)
@@ -123,6 +133,19 @@ class Container:
         return np.ndarray((held, width), kind, data, start, (stride, kind.itemsize))
 
 
+def check_finite(part: dict[str, Any]) -> None:
+    """Raises GltfError for a number in a part of a document that is not finite: JSON's 1e999 is read as infinity."""
+    waiting: list[tuple[str, Any]] = list(part.items())
+    while waiting:
+        name, value = waiting.pop()
+        if isinstance(value, float) and not math.isfinite(value):
+            raise GltfError(f"`{name[:40]}` is too large or no number")
+        if isinstance(value, dict):
+            waiting += [(str(key), item) for key, item in value.items() if key != "extras"]
+        elif isinstance(value, list):
+            waiting += [(name, item) for item in value]
+
+
 def open_container(data: bytes, folder: Path | None, files: Files) -> Container:
     """Parses the bytes of a .glb or .gltf file. Raises GltfError."""
     warnings: list[str] = []
@@ -178,6 +201,8 @@ def _tidy(document: dict[str, Any], warnings: list[str]) -> dict[str, Any]:
                 if not isinstance(row.get(key, []), list):
                     warnings.append(f"`{table}[{k}].{key}` is no list: it is left out")
                     row[key] = []
+        if table in document:
+            document[table] = Rows(rows)
     waiting: list[Any] = [document]
     while waiting:
         value = waiting.pop()

@@ -18,7 +18,7 @@ from ..scene import metallic_roughness
 from ..scene.builder import NONE, SceneBuilder
 from ..scene.row_records import BLACK, WHITE, Input, MaterialData, TextureData, as_color, scale_color
 from . import images, uv_sets, vertex_numbers
-from .gltf_container import Container, Warn
+from .gltf_container import Container, Warn, check_finite
 from .gltf_errors import GltfError
 
 _WRAPS = {33071: ir.Wrap.CLAMP, 33648: ir.Wrap.MIRROR, 10497: ir.Wrap.REPEAT}
@@ -55,6 +55,7 @@ class Materials:
         key = (index, self._fit.alpha, self._fit.ramp, *((k, m if m is None else m.tobytes()) for k, m in self._fit.maps.items()))
         if key not in self._rows:
             written = self.container.document["materials"][index]
+            check_finite(written)
             self._rows[key] = self.builder.material(self._material(written), Span(self.name))
         return self._rows[key]
 

@@ -160,7 +160,8 @@ def connect(address: str) -> Iterator[Cluster]:
         from distributed.versions import VersionMismatchWarning
     except ImportError:
         raise ClusterError(f"--cluster needs Dask: {install_command('cluster')}") from None
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    for logger in ("distributed", "distributed.client"):  # Dask's configuration gives the second its own level
+        logging.getLogger(logger).setLevel(logging.CRITICAL)
     warnings.filterwarnings("ignore", message="Sending large graph", category=UserWarning)
     warnings.filterwarnings("ignore", category=VersionMismatchWarning)  # identity.difference says more
     with contextlib.ExitStack() as stack:
@@ -182,9 +183,10 @@ def connect(address: str) -> Iterator[Cluster]:
 
 async def _greet(address: str) -> None:
     """Connect to a scheduler once. Dask's client itself waits without end for the greeting of a port that is no scheduler's."""
-    from distributed import Security, comm
+    from distributed import Security
+    from distributed.comm.core import connect
 
-    sent = comm.connect(address, timeout=CONNECT, **Security().get_connection_args("client"))
+    sent = connect(address, timeout=CONNECT, **Security().get_connection_args("client"))
     (await asyncio.wait_for(sent, CONNECT + 1)).abort()
 
 

@@ -4,6 +4,7 @@ import base64
 import codecs
 import itertools
 import json
+import math
 import struct
 
 import numpy as np
@@ -456,9 +457,38 @@ def bad_scene(document):
     document["scene"] = 4
 
 
+def negative_child(document):
+    document["nodes"][1]["children"].append(-1)
+
+
+def negative_accessor(document):
+    document["meshes"][0]["primitives"].append({"attributes": {"POSITION": -3}})
+
+
+def unknown_mode(document):
+    document["meshes"][0]["primitives"].append({"attributes": {"POSITION": 0}, "mode": 99})
+
+
+def infinite_color(document):
+    document["materials"][0]["pbrMetallicRoughness"] = {"baseColorFactor": [1e999, 0, 0, 1]}
+
+
+def infinite_light(document):
+    document["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "point", "intensity": math.inf}]}}
+    document["nodes"][0]["extensions"] = {"KHR_lights_punctual": {"light": 0}}
+
+
+NEGATIVE = "the glTF file contradicts itself (IndexError: there is no row {})"
+
+
 @pytest.mark.parametrize(
     ("spoil", "expected"),
     [
+        (negative_child, f"node -1 is left out: {NEGATIVE.format(-1)}"),
+        (negative_accessor, f"primitive 1 of `sq` is left out: {NEGATIVE.format(-3)}"),
+        (unknown_mode, "primitive 1 of `sq` is left out: there is no mode 99: 0 to 6 are points, lines and triangles"),
+        (infinite_color, "material 0 is left out: `baseColorFactor` is too large or no number"),
+        (infinite_light, "the light of node 0 is left out: `intensity` is too large or no number"),
         (bad_primitive, f"primitive 1 of `sq` is left out: {INDEX}"),
         (bad_texture, "texture 5, its sampler or its image does not exist: it is left out"),
         (bad_material, f"material 0 is left out: {INDEX}"),

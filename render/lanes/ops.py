@@ -424,8 +424,11 @@ def reflect(direction: Vec, normal: Vec) -> Vec:
 
 @helper
 def basis(n: Vec) -> tuple[Vec, Vec]:
-    """Two unit vectors that complete unit n to a right-handed frame (Duff et al. 2017, "Building an Orthonormal Basis, Revisited")."""
-    s = sign_of(n[2])
+    """Two unit vectors that complete unit n to a right-handed frame (Duff et al. 2017, "Building an Orthonormal Basis, Revisited").
+
+    The frame jumps at z = −0.65, not at 0. Normals of z = 0 are frequent, and errors of rounding would give neighbors different frames.
+    """
+    s = sign_of(n[2] + 0.65)
     a = -1.0 / (s + n[2])
     b = n[0] * n[1] * a
     return (1.0 + s * n[0] * n[0] * a, s * b, -s * n[0]), (b, s + n[1] * n[1] * a, -n[1])

@@ -91,6 +91,12 @@ def test_a_basis_has_no_singular_direction(z):
     assert np.isfinite(np.array(ops.basis((np.float64(0.0), np.float64(0.0), np.float64(z))), float)).all()
 
 
+def test_a_basis_is_steady_around_upright_normals():
+    """Rounding errors of z do not turn the samples around the normal of a surface that is extruded along z."""
+    below, above = (ops.basis((np.float64(0.6), np.float64(0.8), np.float64(z))) for z in (-1e-9, 1e-9))
+    assert np.allclose(below, above, rtol=0, atol=1e-8)
+
+
 def test_a_nan_as_first_operand_gives_the_second():
     assert ops.minimum(np.nan, 1.0) == 1.0
     assert ops.maximum(np.nan, 1.0) == 1.0

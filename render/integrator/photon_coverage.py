@@ -103,14 +103,14 @@ def _exclude(
 
 
 def splits_lobe(photons: Any, phase: Lane, shader: Shader) -> Lane:
-    """Where photons light the diffuse base of a surface alone, and paths follow the narrow lobe over it."""
+    """Where photons light the diffuse base of a surface alone, and paths follow the narrow lobe over it; general kernels may have no photons."""
     return np.zeros(np.shape(phase), bool)
 
 
 @overload(splits_lobe)
 def _splits_in_kernels(photons, phase, shader):
     if photons.layout:
-        return lambda photons, phase, shader: (phase == 0.0) & bsdf.has_narrow_lobe(shader)
+        return lambda photons, phase, shader: (phase == 0.0) & (photons.slots > 0) & bsdf.has_narrow_lobe(shader)
     return lambda photons, phase, shader: ops.bool_like(phase, False)
 
 

@@ -103,7 +103,7 @@ def _exclude(
 
 
 def splits_lobe(photons: Any, phase: Lane, shader: Shader) -> Lane:
-    """Where photons light the diffuse base of a surface alone, and paths follow the narrow lobe over it; general kernels may have no photons."""
+    """Where photons light the diffuse base of a surface alone, and paths follow the narrow lobe over it; nowhere without photons."""
     return np.zeros(np.shape(phase), bool)
 
 

@@ -84,7 +84,7 @@ def test_what_is_asked_for_is_neither_exceeded_nor_undercut_by_far(tmp_path: Pat
     Smaller pictures keep more distance, as their estimates are less certain.
     """
     texts = (*PLAIN.values(), *ROOMS.values())
-    found = np.concatenate([errors(tmp_path, text, {"error": error}, 2048, (96, 72), 6)[0] / error for text in texts])
+    found = np.concatenate([errors(tmp_path, text, {"error": error}, 2048, (160, 120), 4)[0] / error for text in texts])
     assert np.mean((found >= 0.7) & (found <= 1.0)) >= 0.9, np.sort(found)
 
 

@@ -46,7 +46,7 @@ def test_general_kernels_draw_the_same_picture(monkeypatch: pytest.MonkeyPatch, 
 def test_narrow_lobes_without_photons(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """General kernels split narrow lobes from their diffuse base only where photons light it."""
     path = tmp_path / "a.scene"
-    path.write_text("sphere(1, material: principled(roughness: 0.12))\nsky(luminance: 1)\ncamera(position: [0, 0, 4])\nrender(bounces: 1)\n")
+    path.write_text("sphere(1, material: principled(roughness: 0.12))\nsky(luminance: 1)\nrender(bounces: 1)\n")
     test_general_kernels_draw_the_same_picture(monkeypatch, path, "ray")
 
 

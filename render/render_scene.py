@@ -58,7 +58,7 @@ def draw(
         image = film.run(renderer, plan, view, told, cancel, mattes, None if lit or by_moments else keeper, progressive)
         if lit:
             renderer.put(image)
-        if plan["denoise"] == "on" or (not image.metadata["partial"] and decision.denoises(plan, image.metadata["error"])):
+        if decision.denoises(plan, image.metadata["error"], image.metadata["partial"]):
             from .film import denoise  # loads pyoidn
 
             tell(Progress("denoising"))

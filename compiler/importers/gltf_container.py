@@ -33,7 +33,7 @@ _CHILDREN = {"scenes": ("nodes",), "nodes": ("children",), "meshes": ("primitive
 
 
 class Rows(list[Any]):
-    """A table of a document. Indices in a file count from its begin: negative ones, which Python counts from the end, are errors."""
+    """A table of a document. Indices in a file count from 0: negative ones, which Python counts from the end, are errors."""
 
     def __getitem__(self, index: Any) -> Any:
         if isinstance(index, int) and index < 0:

@@ -138,10 +138,13 @@ def error_asked(plan: Plan) -> float:
     return 0.0 if by_default(plan) else float(plan["error"])
 
 
-def denoises(plan: Plan, error: float | None) -> bool:
+def denoises(plan: Plan, error: float | None, partial: bool = False) -> bool:
     """Whether a picture of this estimated error is denoised; `error` is None if a budget ended before it was known."""
-    noisy = math.isfinite(plan["budget"]) if error is None else error > denoised_above(plan)
-    return bool(plan["denoise"] == "on" or (plan["denoise"] == "above_error" and noisy))
+    if plan["denoise"] != "above_error":
+        return bool(plan["denoise"] == "on")
+    if partial:
+        return False
+    return math.isfinite(plan["budget"]) if error is None else error > denoised_above(plan)
 
 
 def denoised_above(plan: Plan) -> float:

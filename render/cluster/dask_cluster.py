@@ -170,7 +170,7 @@ def connect(address: str) -> Iterator[Cluster]:
             client = stack.enter_context(distributed.Client(started, set_as_default=False))
         else:
             try:
-                asyncio.run(_greet(address))
+                asyncio.run(_handshake(address))
                 client = stack.enter_context(distributed.Client(address, timeout=CONNECT, set_as_default=False))
             except Exception as fault:
                 raise ClusterError(f"no scheduler answers at {address}: {_reason(address, fault)}") from None
@@ -181,8 +181,8 @@ def connect(address: str) -> Iterator[Cluster]:
             cluster.close()
 
 
-async def _greet(address: str) -> None:
-    """Connect to a scheduler once. Dask's client itself waits without end for the greeting of a port that is no scheduler's."""
+async def _handshake(address: str) -> None:
+    """Connect to a scheduler once, within a time limit. Dask's client waits without end for the handshake of another server."""
     from distributed import Security
     from distributed.comm.core import connect
 
@@ -191,6 +191,7 @@ async def _greet(address: str) -> None:
 
 
 def _reason(address: str, fault: Exception) -> str:
+    """Why no scheduler answers."""
     if isinstance(fault, TypeError) and address.startswith("tls:"):
         return "Dask's configuration has no certificates: see https://distributed.dask.org/en/stable/tls.html"
     if isinstance(fault, (OSError, ValueError)) and (lines := str(fault).splitlines()):

@@ -753,7 +753,7 @@ def test_a_link_to_the_scene_is_not_replaced(scene: Path, command: tuple[str, ..
     assert err.endswith(f"{scene.name}, which is read: choose another name\n")
 
 
-def test_convert_does_not_replace_its_input() -> None:
+def test_convert_does_not_replace_its_input(scene: Path) -> None:
     Path("a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     assert run("convert", "a.obj", "a.obj") == (
         1, "", f"error: a.obj would replace {Path('a.obj').resolve()}, which is read: choose another name\n"

@@ -32,7 +32,7 @@ class Asked:
     depth_of_field: bool = True
     motion_blur: bool = True
     pixel_aspect: float = 1.0  # width of a pixel over its height
-    bounces: int | None = None
+    bounces: int | None = None  # None: not given
 
     def settings(self) -> ir.Settings:
         return ir.Settings(size=self.size, camera=self.camera, crop=self.crop, bounces=self.bounces)

@@ -131,6 +131,8 @@ def test_the_default_and_a_budget_are_denoised_above_an_error() -> None:
     assert not denoises(plan_of(0.03, 256, "off"), 0.5)
     in_time = plan_of(0.0, picture_rules.MAX_SAMPLES, "above_error", budget=5.0)
     assert [denoises(in_time, error) for error in (0.04, 0.03, None)] == [True, False, True]
+    assert not denoises(in_time, 0.04, partial=True)
+    assert denoises(plan_of(0.03, 256, "on"), None, partial=True)
     assert [error_asked(plan_of(0.03, n, "off")) for n in (256, picture_rules.MAX_SAMPLES)] == [0.0, 0.03]
 
 

@@ -61,20 +61,20 @@ def _name(given: object) -> str:
 def _of_picture(lowering: Context, element: Element, name: str) -> np.ndarray:
     try:
         path = lowering.files.find(name, lowering.folder(element), "picture")
-        texels, odd, unread = images.read(str(path), path.name, "linear")
+        decoded = images.read(str(path), path.name, "linear")
     except (FileError, images.ImageError) as failure:
         raise _Unfit(failure.message, failure.hint) from None
-    if unread:
-        lowering.warn(element, f"of the picture `{path.name}`, {unread} are not heights")
-    rows, columns = texels.shape[:2]
+    for message, hint in decoded.faults:
+        lowering.warn(element, message, hint)
+    rows, columns = decoded.texels.shape[:2]
     if min(rows, columns) < 2 or rows * columns > MOST_HEIGHTS:
         raise _Unfit(
             f"the picture `{path.name}` has {columns} by {rows} pixels",
             f"heights take 2 by 2 pixels or more, and {MOST_HEIGHTS:,} pixels at the most",
         )
-    if odd:
-        raise _Unfit(f"{odd:,} of {rows * columns:,} pixels of the picture `{path.name}` are infinite or no numbers")
-    return texels[..., :3].astype(np.float64) @ LUMINANCE
+    if decoded.odd:
+        raise _Unfit(f"{decoded.odd:,} of {rows * columns:,} pixels of the picture `{path.name}` are infinite or no numbers")
+    return decoded.texels[..., :3].astype(np.float64) @ LUMINANCE
 
 
 def _of_formula(element: Element, formula: Formula) -> np.ndarray:

@@ -31,6 +31,8 @@ from . import interaction, normal_map
 MESH = int(ir.GeometryKind.MESH)
 LEVELS = 20  # levels of an image, at most
 BAND = 1 << 16  # texels that are averaged together: so many stay in the processor's cache
+LARGEST = np.finfo(np.float32).max
+HALF = np.float32(0.5)
 WIDEST = 2048  # texels of an odd side that are averaged in one matrix product
 BLOCK = 128  # averages of a wider side in each of several products
 FOOTPRINT_PARTS = {
@@ -169,8 +171,13 @@ def _halve_along(level: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
     n = level.shape[axis]
     m = max(n // 2, 1)
     if n == 2 * m:
-        made = level[::2] + level[1::2] if axis == 0 else level[:, ::2] + level[:, 1::2]
-        made *= np.float32(0.5)
+        one, other = (level[::2], level[1::2]) if axis == 0 else (level[:, ::2], level[:, 1::2])
+        try:
+            with np.errstate(over="raise"):
+                made = one + other
+                made *= HALF
+        except FloatingPointError:  # sums of texels near the largest float
+            made = one * HALF + other * HALF
         return made
     edges, parts = np.arange(m + 1) * (n / m), []
     block = m if n <= WIDEST else BLOCK  # products with all texels of a wide image take time as the square of its width
@@ -179,7 +186,9 @@ def _halve_along(level: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
         places = np.arange(texels.start, texels.stop)
         share = np.clip(np.minimum(bounds[1:], places + 1) - np.maximum(bounds[:-1], places), 0.0, None) * (m / n)
         given = level[texels] if axis == 0 else level[:, texels]
-        parts.append(np.moveaxis(np.tensordot(share.astype(np.float32), given, axes=(1, axis)), 0, axis))
+        with np.errstate(over="ignore"):  # shares may add up to little more than 1
+            mean = np.tensordot(share.astype(np.float32), given, axes=(1, axis))
+        parts.append(np.moveaxis(np.clip(mean, -LARGEST, LARGEST, out=mean), 0, axis))
     return np.concatenate(parts, axis=axis) if len(parts) > 1 else parts[0]
 
 

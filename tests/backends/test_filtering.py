@@ -89,6 +89,18 @@ def test_smaller_sizes_keep_the_mean(width: int, height: int, seed: int):
         assert np.allclose(made.texels[first : first + count].mean(axis=0), texels.mean(axis=0), atol=1e-6)
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("size", [(8, 8), (7, 5)])
+def test_smaller_sizes_of_the_largest_numbers_are_finite(size: tuple[int, int]):
+    """Sums of two of these texels are beyond the largest float, and shares of odd sides may add up to more than 1."""
+    height, width = size
+    largest = np.finfo(np.float32).max
+    texels = np.tile(np.array([largest, -largest, 0.9 * largest, 1], np.float32), (width * height, 1))
+    images = ir.Images(np.zeros(1, np.int64), np.array([width], np.int32), np.array([height], np.int32), texels)
+    made = texture_footprint.build_pyramids(images)
+    assert np.allclose(made.texels, texels[0], rtol=1e-5)
+
+
 # --- patterns -----------------------------------------------------------------------------------------------------------
 
 EVERY = ["ray", "raster", "reference"]

@@ -27,7 +27,7 @@ class Asset:
 
     def row(self, builder: SceneBuilder, space: str, color: bool = True, span: Span | None = None) -> int:
         if self.tiles is not None:
-            return self.tiles.row(builder, space, color, _source)
+            return self.tiles.row(builder, space, color, _source, span)
         source = _source(self.path)
         if isinstance(source, str):
             return images.row(builder, Path(source), space, color, span)

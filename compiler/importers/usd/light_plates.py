@@ -112,11 +112,13 @@ def texture(prim: Any, time: Any, builder: SceneBuilder, materials: Materials, s
     if found is None:
         return None
     try:
-        texels, _, _ = images.read(contents(found.path), Path(found.path).name)
+        name = Path(found.path).name
+        decoded = images.read(contents(found.path), name)
     except (images.ImageError, OSError) as failure:
-        builder.diagnostics.warning(str(failure), span)
+        builder.diagnostics.warning(str(failure), span, getattr(failure, "hint", ""))
         return None
-    return _shrunk(_shrunk(texels[..., :3].astype(np.float64)).swapaxes(0, 1)).swapaxes(0, 1)
+    decoded.warn(name, builder.diagnostics, span)
+    return _shrunk(_shrunk(decoded.texels[..., :3].astype(np.float64)).swapaxes(0, 1)).swapaxes(0, 1)
 
 
 def _shrunk(texels: F64) -> F64:

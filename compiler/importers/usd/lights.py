@@ -238,8 +238,9 @@ def _dome_image(it: _Light, file: Asset, builder: SceneBuilder, materials: Mater
         if layout not in ("automatic", "latlong", "None"):
             materials.tell(f"the dome's format `{layout}` is read as latlong", it.prim)
         return file.row(builder, "auto", span=it.span)
-    texels, _, _ = images.read(contents(file.path), Path(file.path).name)
-    made = dome_pictures.latitude_longitude(texels, layout)
+    decoded = images.read(contents(file.path), Path(file.path).name)
+    decoded.warn(Path(file.path).name, builder.diagnostics, it.span)
+    made = dome_pictures.latitude_longitude(decoded.texels, layout)
     return builder.shared(("dome", file.path, layout), lambda: builder.image(made, file.path))
 
 

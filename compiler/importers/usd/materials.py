@@ -378,11 +378,12 @@ class Materials:
             return 0.0
         try:
             space = self._space(source)
-            texels, _, _ = images.read(contents(found.path), Path(found.path).name, "linear" if space == "auto" else space)
+            decoded = images.read(contents(found.path), Path(found.path).name, "linear" if space == "auto" else space)
         except (images.ImageError, OSError) as failure:
             self.tell(str(failure), source.shader.GetPrim())
             return 0.0
-        return self._mapping(source, found, source.frame, _CHANNELS.get(source.output, 0)), texels
+        decoded.warn(Path(found.path).name, self.builder.diagnostics, self.opened.span(source.shader.GetPrim()))
+        return self._mapping(source, found, source.frame, _CHANNELS.get(source.output, 0)), decoded.texels
 
     def _levels(self, picture: Picture) -> tuple[Any, Any, Any]:
         """Scale, bias and fallback of a UsdUVTexture, four floats each."""

@@ -21,11 +21,11 @@ def linear(value: float) -> float:
 
 def read(path: Path, space: str = "auto", odd: int = 0) -> np.ndarray:
     """Read from disk, checked to be the same from memory; `odd` pixels are not finite."""
-    made, found, unread = images.read(str(path), path.name, space)
+    made, found, faults = images.read(str(path), path.name, space)
     held, again, _ = images.read(path.read_bytes(), path.name, space)
     assert np.array_equal(made, held)
     assert found == again == odd
-    assert unread == ""
+    assert faults == ()
     assert (made.dtype, made.shape[2]) == (np.float32, 4)
     return made
 
@@ -93,13 +93,6 @@ def test_what_is_no_picture_is_refused(tmp_path: Path, data: bytes) -> None:
         assert "/proc" not in caught.value.hint
 
 
-def test_half_a_picture_is_refused(tmp_path: Path) -> None:
-    noise = np.random.default_rng(1).integers(0, 256, (64, 64, 3)).astype(np.uint8)
-    data = write_image(tmp_path / "a.png", noise).read_bytes()
-    with pytest.raises(images.ImageError, match=r"the picture `a\.png` is damaged"):
-        images.read(data[: len(data) // 2], "a.png")
-
-
 def test_too_big_a_picture_is_refused_before_it_is_read(tmp_path: Path) -> None:
     path = write_image(tmp_path / "a.png", np.zeros((8, 8, 3), dtype=np.uint8))
     with pytest.raises(images.ImageError, match=r"the picture `a\.png` is too big: 8 by 8 pixels"):
@@ -138,18 +131,170 @@ def test_the_data_window_of_an_exr_lies_in_its_display_window(tmp_path, window, 
     assert texels[..., 3].tolist() == expected
 
 
-def test_channels_that_are_not_read_are_named(tmp_path: Path) -> None:
-    spec = oiio.ImageSpec(2, 2, 6, "float")
-    spec.channelnames = ("R", "G", "B", "A", "depth.Z", "mask")
-    out = oiio.ImageOutput.create(str(tmp_path / "a.exr"))
+def write_exr(path: Path, names: tuple[str, ...], pixels: np.ndarray | None = None) -> Path:
+    """An EXR of 2 by 1 pixels: the channels are 1, 2, 3 … in the order of `names`."""
+    spec = oiio.ImageSpec(2, 1, len(names), "float")
+    spec.channelnames = names
+    out = oiio.ImageOutput.create(str(path))
     assert out is not None
-    assert out.open(str(tmp_path / "a.exr"), spec)
-    assert out.write_image(np.ones((2, 2, 6), np.float32))
+    assert out.open(str(path), spec)
+    assert out.write_image(np.tile(np.arange(1, len(names) + 1, dtype=np.float32), (1, 2, 1)) if pixels is None else pixels)
     out.close()
-    found = Diagnostics()
-    builder = scene_builder.SceneBuilder(found)
-    images.row(builder, tmp_path / "a.exr")
-    assert [d.message for d in found.items] == ["of the picture `a.exr`, the channels `mask`, `depth.Z` are not drawn"]
+    return path
+
+
+def told(path: Path) -> list[tuple[str, str, str]]:
+    """Severity, message and hint of all diagnostics of an image, the same from disk and from memory."""
+    made = []
+    for add in (
+        lambda builder: images.row(builder, path),
+        lambda builder: images.row_from_bytes(builder, path.read_bytes(), path.name),
+    ):
+        found = Diagnostics()
+        add(scene_builder.SceneBuilder(found))
+        made.append([(d.severity, d.message, d.hint) for d in found.items])
+    assert made[0] == made[1]
+    return made[0]
+
+
+OTHERS = "to draw them, write them to files of their own"
+ANOTHER = "to draw another, write it to a file of its own"
+NO_RGB, NAME_THEM = "the picture `a.exr` has no channels R, G and B: ", "name the channels to draw R, G and B"
+
+
+@pytest.mark.parametrize(
+    ("names", "color", "messages"),
+    [
+        (("R", "G", "B"), [1, 2, 3, 1], []),
+        (("R", "G", "B", "A"), [1 / 4, 2 / 4, 3 / 4, 4], []),
+        (("Y",), [1, 1, 1, 1], []),
+        (("Y", "A"), [1 / 2, 1 / 2, 1 / 2, 2], []),
+        (("R", "G"), [1, 2, 0, 1], []),
+        (
+            ("R", "G", "B", "A", "depth.Z", "mask"),
+            [1 / 4, 2 / 4, 3 / 4, 4],
+            [("of the picture `a.exr`, the channels `mask`, `depth.Z` are not drawn", OTHERS)],
+        ),
+        (("R", "G", "B", "mask"), [1, 2, 3, 1], [("of the picture `a.exr`, the channel `mask` is not drawn", OTHERS)]),
+        (("Z",), [1, 1, 1, 1], [(f"{NO_RGB}`Z` is drawn as grey", NAME_THEM)]),
+        (("u", "v"), [1, 2, 0, 1], [(f"{NO_RGB}`u` and `v` are drawn as red and green", NAME_THEM)]),
+        (("X", "Y", "Z"), [1, 2, 3, 1], [(f"{NO_RGB}`X`, `Y` and `Z` are drawn as red, green and blue", NAME_THEM)]),
+        (("A",), [1, 1, 1, 1], [(f"{NO_RGB}it is drawn white, with its alpha", NAME_THEM)]),
+        (
+            ("diffuse.R", "diffuse.G", "diffuse.B", "diffuse.A"),
+            [1 / 4, 2 / 4, 3 / 4, 4],
+            [(f"{NO_RGB}`diffuse.R`, `diffuse.G` and `diffuse.B` are drawn as red, green and blue", NAME_THEM)],
+        ),
+        (
+            ("albedo.R", "albedo.G", "albedo.B", "v.Combined.R", "v.Combined.G", "v.Combined.B", "v.Depth.Z"),
+            [4, 5, 6, 1],
+            [
+                (f"{NO_RGB}`v.Combined.R`, `v.Combined.G` and `v.Combined.B` are drawn as red, green and blue", NAME_THEM),
+                ("of the picture `a.exr`, the channels `albedo.R`, `albedo.G`, `albedo.B`, `v.Depth.Z` are not drawn", OTHERS),
+            ],
+        ),
+    ],
+)  # fmt: skip
+def test_channels_of_an_exr_are_selected_by_name(tmp_path, names, color, messages):
+    path = write_exr(tmp_path / "a.exr", names)
+    assert images.read(str(path), "a.exr").texels[0, 0] == pytest.approx(color)
+    assert told(path) == [("warning", *message) for message in messages]
+
+
+def test_further_parts_of_an_exr_are_counted(tmp_path: Path) -> None:
+    path, specs = tmp_path / "a.exr", []
+    for name in ("one", "two", "three"):
+        specs.append(oiio.ImageSpec(2, 1, 3, "half"))
+        specs[-1].attribute("oiio:subimagename", name)
+    out = oiio.ImageOutput.create(str(path))
+    assert out is not None
+    assert out.open(str(path), tuple(specs))
+    for k, spec in enumerate(specs):
+        assert k == 0 or out.open(str(path), spec, "AppendSubimage")
+        assert out.write_image(np.ones((1, 2, 3), np.float32))
+    out.close()
+    assert told(path) == [("warning", "of the picture `a.exr`, 2 further parts are not drawn", OTHERS)]
+
+
+def test_pixels_that_are_not_finite_are_counted(tmp_path: Path) -> None:
+    path = write_exr(tmp_path / "a.exr", ("R", "G", "B"), np.array([[[np.nan, np.inf, 1.0], [0.5, 0.5, 0.5]]], np.float32))
+    hint = "they are drawn as 3.4e+38 and as 0; half floats end at 65504: write it as float"
+    assert told(path) == [("warning", "1 of 2 pixels of the picture `a.exr` are infinite or no numbers", hint)]
+
+
+@pytest.mark.parametrize(("name", "noun"), [("a.gif", "frames"), ("a.webp", "frames"), ("a.png", "frames"), ("a.tif", "pages")])
+def test_further_frames_and_pages_are_counted(tmp_path: Path, name: str, noun: str) -> None:
+    first, *others = (Image.new("RGB", (4, 4), color) for color in ("#ff0000", "#00ff00", "#0000ff"))
+    first.save(tmp_path / name, save_all=True, append_images=others)
+    assert told(tmp_path / name) == [("warning", f"the picture `{name}` has 3 {noun}: the first is drawn", ANOTHER)]
+    assert images.read(str(tmp_path / name), name).texels[0, 0] == pytest.approx([1, 0, 0, 1], abs=0.02)
+
+
+def test_sizes_of_an_icon_are_counted(tmp_path: Path) -> None:
+    Image.new("RGB", (32, 32)).save(tmp_path / "a.ico", sizes=[(16, 16), (32, 32)])
+    assert told(tmp_path / "a.ico") == [("warning", "the picture `a.ico` has 2 sizes: the first is drawn", ANOTHER)]
+
+
+def test_smaller_copies_are_no_pages(tmp_path: Path) -> None:
+    """MIP maps that OpenImageIO writes, and copies with bit 0 of NewSubfileType."""
+    pixels = np.random.default_rng(1).integers(0, 256, (16, 16, 3)).astype(np.uint8)
+    source = oiio.ImageBuf(str(write_image(tmp_path / "p.png", pixels)))
+    for name in ("mip.tif", "mip.exr"):
+        assert oiio.ImageBufAlgo.make_texture(oiio.MakeTxTexture, source, str(tmp_path / name))
+        assert told(tmp_path / name) == []
+    small = Image.new("RGB", (2, 2))
+    small.encoderinfo = {"tiffinfo": {254: 1}}
+    Image.new("RGB", (4, 4)).save(tmp_path / "copy.tif", save_all=True, append_images=[small])
+    assert told(tmp_path / "copy.tif") == []
+
+
+@pytest.mark.parametrize("progressive", [False, True])
+def test_a_jpeg_that_is_cut_off(tmp_path: Path, progressive: bool) -> None:
+    noise = np.random.default_rng(1).integers(0, 256, (64, 64, 3)).astype(np.uint8)
+    path = tmp_path / "a.jpg"
+    Image.fromarray(noise).save(path, progressive=progressive)
+    assert told(path) == []
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    hint = "the missing part is drawn grey or blurred: copy or write the file again"
+    assert told(path) == [("warning", "the picture `a.jpg` is cut off: its file ends early", hint)]
+
+
+def test_a_jpeg_whose_thumbnail_is_whole_is_cut_off(tmp_path: Path) -> None:
+    """The thumbnail in the EXIF segment has an end of its own."""
+    noise = Image.fromarray(np.random.default_rng(1).integers(0, 256, (64, 64, 3)).astype(np.uint8))
+    noise.resize((16, 16)).save(tmp_path / "small.jpg")
+    noise.save(tmp_path / "a.jpg", exif=b"Exif\0\0" + (tmp_path / "small.jpg").read_bytes())
+    data = (tmp_path / "a.jpg").read_bytes()
+    assert told(tmp_path / "a.jpg") == []
+    (tmp_path / "a.jpg").write_bytes(data[:-100])
+    assert [message for _, message, _ in told(tmp_path / "a.jpg")] == ["the picture `a.jpg` is cut off: its file ends early"]
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.tif", "a.webp", "a.bmp", "a.tga", "a.gif", "a.hdr", "a.exr", "a.ppm"])
+def test_half_a_picture_of_other_formats_is_refused(tmp_path: Path, name: str) -> None:
+    noise = np.random.default_rng(1).integers(0, 256, (64, 64, 3)).astype(np.uint8)
+    if name in ("a.exr", "a.hdr"):
+        data = write_image(tmp_path / name, noise.astype(np.float32)).read_bytes()
+    else:
+        Image.fromarray(noise).save(tmp_path / name)
+        data = (tmp_path / name).read_bytes()
+    with pytest.raises(images.ImageError) as caught:
+        images.read(data[: len(data) // 2], name)
+    assert caught.value.message in (f"the picture `{name}` is damaged", f"cannot read the picture `{name}`")
+    assert caught.value.hint
+
+
+def test_an_orientation_is_left_out(tmp_path: Path) -> None:
+    exif = Image.Exif()
+    exif[0x112] = 6
+    Image.new("RGB", (4, 2)).save(tmp_path / "a.jpg", exif=exif)
+    message = "the picture `a.jpg` is drawn as it is stored: its orientation 6 is left out"
+    assert told(tmp_path / "a.jpg") == [("warning", message, "turn it and write it again")]
+
+
+def test_a_gif_keeps_its_holes(tmp_path: Path) -> None:
+    Image.fromarray(np.array([[[255, 0, 0, 255], [0, 0, 0, 0]]], np.uint8), "RGBA").save(tmp_path / "a.gif")
+    assert read(tmp_path / "a.gif")[0].tolist() == [[1, 0, 0, 1], [0, 0, 0, 0]]
 
 
 @pytest.mark.parametrize(

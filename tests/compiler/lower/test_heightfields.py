@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 import trimesh
-from maquette.compiler import ir
+from maquette.compiler import ir, load
+from maquette.lang.diagnostics import Diagnostics
 
 from ..mesh.test_swept import of_scene
 
@@ -58,6 +59,22 @@ def test_a_colour_picture_counts_by_its_luminance(compiled, tmp_path):
     out.close()
     made = of_scene(compiled('heightfield("a.exr", size: 2)' + REST))
     assert [height_at(made, x, z) for z in (-1, 1) for x in (-1, 1)] == pytest.approx([0.2126, 0.7152, 0.0722, 1])
+
+
+def test_channels_that_are_no_heights_are_named(compiled, tmp_path):
+    spec = oiio.ImageSpec(2, 2, 2, "float")
+    spec.channelnames = ("Y", "mask")
+    out = oiio.ImageOutput.create(str(tmp_path / "a.exr"))
+    out.open(str(tmp_path / "a.exr"), spec)
+    out.write_image(np.array([[[1, 9], [2, 9]], [[3, 9], [4, 9]]], np.float32))
+    out.close()
+    found = Diagnostics()
+    (tmp_path / "a.scene").write_text('heightfield("a.exr", size: 2)' + REST)
+    scene = load.load(tmp_path / "a.scene", diagnostics=found)
+    assert [height_at(of_scene(scene), x, z) for z in (-1, 1) for x in (-1, 1)] == pytest.approx([1, 2, 3, 4])
+    assert [(d.severity, d.message, d.hint) for d in found.items] == [
+        ("warning", "of the picture `a.exr`, the channel `mask` is not drawn", "to draw them, write them to files of their own")
+    ]
 
 
 @pytest.mark.parametrize("unit", ["m", "mm", "cm"])

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .....lang.diagnostics import Span
 from ....scene.builder import SceneBuilder
 from ... import images
 
@@ -28,19 +29,26 @@ class Tiles:
         us, vs = [(n - 1001) % 10 for n, _ in self.paths], [(n - 1001) // 10 for n, _ in self.paths]
         return min(us), min(vs), max(us) - min(us) + 1, max(vs) - min(vs) + 1
 
-    def row(self, builder: SceneBuilder, space: str, color: bool, source: Callable[[str], str | bytes]) -> int:
+    def row(
+        self, builder: SceneBuilder, space: str, color: bool, source: Callable[[str], str | bytes], span: Span | None
+    ) -> int:  # fmt: skip
         """The row of the image of all tiles; `source` gives the path or the bytes of a tile. Tiles that are missing are black.
 
-        Tiles have the size of the largest. Raises ImageError.
+        Tiles have the size of the largest. Warnings refer to `span`. Raises ImageError.
         """
         space = "linear" if space == "auto" and not color else space
         key = ("udim", self.name, self.paths, space)
-        return builder.shared(key, lambda: builder.image(self._texels(builder, space, source), self.name))
+        return builder.shared(key, lambda: builder.image(self._texels(builder, space, source, span), self.name))
 
-    def _texels(self, builder: SceneBuilder, space: str, source: Callable[[str], str | bytes]) -> np.ndarray:
+    def _texels(self, builder: SceneBuilder, space: str, source: Callable[[str], str | bytes], span: Span | None) -> np.ndarray:
         left, low, columns, rows = self._corner()
         limit = min(images.MAX_TEXELS, images.MAX_ALL_TEXELS - builder.texels)
-        tiles = [(n, images.read(source(path), path.rsplit("/", 1)[-1], space, limit)[0]) for n, path in self.paths]
+        tiles = []
+        for n, path in self.paths:
+            name = path.rsplit("/", 1)[-1]
+            decoded = images.read(source(path), name, space, limit)
+            decoded.warn(name, builder.diagnostics, span)
+            tiles.append((n, decoded.texels))
         height, width = (max(texels.shape[axis] for _, texels in tiles) for axis in (0, 1))
         if height * width * columns * rows > limit:
             message = f"the {len(tiles)} tiles of `{self.name}` are too big together: {width * columns} by {height * rows} pixels"

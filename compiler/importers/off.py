@@ -42,6 +42,8 @@ def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
     if len(given) < count:
         message = f"the OFF file ends early: it promises {vertices} vertices and {count} faces and holds {len(points)} and {len(given)}"
         diagnostics.warning(message, span)
+    if (beyond := len(rows) - 1 - vertices - count) > 0:
+        diagnostics.warning(f"after the {count} faces that the OFF file promises, {beyond} more lines are not drawn", span)
     if not given:
         raise OffError("the OFF file holds no faces")
     normals, colors, uvs = 3, 3 + 3 * bool(kind[3]), 3 + 3 * bool(kind[3]) + 4 * bool(kind[2])
@@ -50,7 +52,11 @@ def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
     if len(faces) < len(given):
         lost = f"{len(given) - len(faces)} of {len(given)} faces"
         diagnostics.warning(f"{lost} are damaged, or use vertices that do not exist or are not finite: they are left out", span)
-    tints = MeshAttribute(_colors(table[:, colors : colors + 3])) if kind[2] else _face_colors([tail for _, tail in faces])
+    tails = [tail for _, tail in faces]
+    tints = MeshAttribute(_colors(table[:, colors : colors + 3])) if kind[2] else _face_colors(tails)
+    if rows_of_map := sum(len(tail) == 1 for tail in tails):
+        message = f"the colours of {rows_of_map} of {len(faces)} faces are rows of a colour map, which is not read: they are left out"
+        diagnostics.warning(message, span)
     return PolyMesh(
         np.nan_to_num(table[:, :3]), np.array([len(face) for face, _ in faces], np.int64),
         np.array([index for face, _ in faces for index in face], np.int64),

@@ -177,6 +177,8 @@ def _binary(body: bytes, elements: list[_Element], order: str, warn: Warn) -> di
             continue
         data, at = _rows_alike(body, at, element, order) or _rows_one_by_one(body, at, element, order, warn)
         found[element.name] = data
+    if rest := len(body[at:].rstrip(b"\0\r\n")):
+        warn(f"after the rows that the PLY header promises, {rest:,} more bytes are not drawn")
     return found
 
 
@@ -281,6 +283,8 @@ def _ascii(body: bytes, elements: list[_Element], warn: Warn) -> dict[str, _Data
                 at = len(stream)
                 break
         found[element.name] = _gather(element, values)
+    if at < len(stream):
+        warn(f"after the rows that the PLY header promises, {len(stream) - at:,} more words are not drawn")
     return found
 
 

@@ -16,7 +16,10 @@ from .obj import linear
 _VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)")
 _NAME = re.compile(rb"^\s*(end)?solid\b[^\r\n]*", re.MULTILINE)  # names may contain any text
 _ROW = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_FACET = re.compile(rb"\b(?:facet|vertex)\b")
+_LOOP_END = b"endloop"
 _HEADER = 84
+_TAIL = 4096  # bytes that hold the last line and its name
 
 
 class StlError(Exception):
@@ -81,6 +84,11 @@ def _binary(data: bytes, diagnostics: Diagnostics, span: Span) -> np.ndarray | N
         if not held:
             raise StlError(message)
         diagnostics.warning(message, span)
+    if not count and held:
+        diagnostics.warning(f"the STL file promises 0 triangles and holds {held}: these are drawn", span)
+        count = held
+    if rest := len(data[_HEADER + count * _ROW.itemsize :].rstrip(b"\0")):
+        diagnostics.warning(f"after the {count} triangles that the STL file promises, {rest:,} more bytes are not drawn", span)
     return np.frombuffer(data, _ROW, min(count, held), _HEADER)
 
 
@@ -88,21 +96,42 @@ def _ascii(data: bytes, diagnostics: Diagnostics, span: Span) -> np.ndarray:
     """The corners (t, 3, 3) of the triangles of a text file; a facet without three vertices is left out, with a warning."""
     if not _begins_as_text(data):
         raise StlError("this is no STL file: it is neither binary nor does it begin with `solid`")
-    text = _NAME.sub(b"", data.removeprefix(codecs.BOM_UTF8).lower())
-    facets = [_VERTEX.findall(facet) for facet in text.split(b"endloop")] if text.count(b"endloop") else [_VERTEX.findall(text)]
-    sound = [facet for facet in facets if len(facet) and len(facet) % 3 == 0]
+    text = _NAME.sub(lambda name: re.sub(rb"[^\r\n]", b" ", name[0]), data.lower())
+    chunks = text.split(_LOOP_END)
+    facets = [_VERTEX.findall(chunk) for chunk in chunks]
+    last = facets.pop() if len(facets) > 1 else []  # after the last loop
+    sound = [facet for facet in [*facets, last] if len(facet) and len(facet) % 3 == 0]
     if not sound:
         found = sum(map(len, facets))
         raise StlError(f"the STL file has {found} vertices, which make no whole number of triangles")
-    damaged = sum(1 for facet in facets if len(facet) % 3)
+    damaged = [k for k, facet in enumerate(facets) if not facet or len(facet) % 3]
     if damaged:
-        diagnostics.warning(f"{damaged} facets of the STL file have no three vertices: they are left out", span)
+        message = f"{len(damaged)} facets of the STL file have no three vertices: they are left out"
+        diagnostics.warning(message, _place(text, chunks, damaged[0], span))
+    if len(chunks) > 1 and (len(last) % 3 or (not last and _FACET.search(chunks[-1]))):
+        message = "the STL file ends in the middle of this facet: it is left out"
+        diagnostics.warning(message, _place(text, chunks, len(chunks) - 1, span), "copy or write the file again")
+    elif b"endsolid" not in data.lower()[-_TAIL:]:
+        message = "the STL file ends without `endsolid`: it may be cut off"
+        diagnostics.warning(message, _at(text, len(text.rstrip()), span), "copy or write the file again")
     corners = [number for facet in sound for vertex in facet for number in vertex]
     try:
         numbers = np.array(corners, dtype=np.float64)
     except ValueError:
         numbers = np.array([_number(text) for text in corners])
     return numbers.reshape(-1, 3, 3)
+
+
+def _place(text: bytes, chunks: list[bytes], k: int, span: Span) -> Span:
+    """The line at which the facet of a chunk begins."""
+    first = sum(len(chunk) + len(_LOOP_END) for chunk in chunks[:k])
+    found = _FACET.search(text, first)
+    return _at(text, found.start() if found else first, span)
+
+
+def _at(text: bytes, position: int, span: Span) -> Span:
+    line = len(re.findall(rb"\r\n|\r|\n", text[:position])) + 1
+    return Span(span.file, line, 1, line, 1)
 
 
 def _number(text: bytes) -> float:

@@ -33,6 +33,17 @@ class Audit:
                 self.warnings.tell(message, prim)
         self._properties(prim, kind)
 
+    def variants(self, prim: Any) -> None:
+        """Report selections of variants that do not exist."""
+        if not prim.HasVariantSets():
+            return
+        sets = prim.GetVariantSets()
+        for name, choice in sets.GetAllVariantSelections().items():
+            known = list(sets.GetVariantSet(name).GetVariantNames())
+            if choice and known and choice not in known:
+                message = f"the variant set `{name}` has no variant `{choice}`, which is selected: none is drawn"
+                self.warnings.tell(f"{message} (it has {', '.join(known[:12])})", prim)
+
     def shader(self, node: Any, kind: str) -> None:
         """Report the inputs of a shader that are not drawn; those of MaterialX surfaces are reported where they are read."""
         for given in UsdShade.Shader(node).GetInputs():

@@ -46,7 +46,12 @@ def read(instancer: Any, time: Any, prototypes: int, tell: Callable[[str], None]
         ids = np.flatnonzero(mask[:count])
     absent = (of[ids] < 0) | (of[ids] >= prototypes)
     if absent.any():
-        tell(f"{np.count_nonzero(absent)} instances have none of the {prototypes} prototypes of this instancer: they are left out")
+        lost = np.count_nonzero(absent)
+        tell(
+            f"{lost} instances have none of the {prototypes} prototypes of this instancer: they are left out"
+            if prototypes
+            else f"this instancer has no prototypes: its {lost} instances are left out"
+        )
         ids = ids[~absent]
     if moves(prim, time):
         kind = type(instancer)

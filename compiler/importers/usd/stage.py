@@ -17,7 +17,7 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdUtils, Vt
 from ....lang.diagnostics import Diagnostics, Span, suggest
 from ...io.sandbox import Files
 from ..stage_options import StageOptions
-from .layers import crate_check, prim_count, repair
+from .layers import crate_check, prim_count, repair, text_layers
 
 Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # −90° about x
 MAX_WARNINGS = 20
@@ -357,7 +357,7 @@ def _listed(what: str, names: list[str]) -> str:
 
 def reason(failure: Exception, path: Path) -> str:
     """The first of usd-core's messages. Its lines are `Error in 'function' at line n in file f : 'message'`."""
-    lines = repair.text_of(failure).strip().splitlines() or ["no reason given"]
+    lines = text_layers.text_of(failure).strip().splitlines() or ["no reason given"]
     first = next((line for line in lines if "Error in" in line), lines[-1])
     return _plain(first.partition(" : '")[2].rstrip("'") or first, path)
 
@@ -367,6 +367,7 @@ def _plain(message: str, path: Path) -> str:
     line = " ".join(message.split())
     line = re.sub(r" \(instantiating stage on stage .*?>\)", "", line)
     line = re.sub(r" matching \S*pxrInternal\S*", "", line)
+    line = re.sub(r",?@anon:0x[0-9a-f]+[^@]*@", "", line)  # the session layer
     for folder in (path.parent, path.resolve().parent):
         line = line.replace(f"{folder}/", "")
     return line if len(line) <= 300 else line[:299] + "…"

@@ -227,8 +227,11 @@ class Walk:
     def _audit_once(self, prim: Any, kind: str) -> None:
         """Report undrawn parts of a prim, once for all instances of a prototype. Materials are reported where they are bound."""
         source = self._source(prim)
-        if source not in self._audited and kind not in ("Material", "Shader", "NodeGraph"):
-            self._audited.add(source)
+        if source in self._audited:
+            return
+        self._audited.add(source)
+        self.materials.audit.variants(prim)
+        if kind not in ("Material", "Shader", "NodeGraph"):
             self.materials.audit.prim(prim, kind)
 
     def _light(self, prim: Any, here: _Inherited, into: dict[str, list[Piece]]) -> None:
@@ -383,8 +386,6 @@ class Walk:
             self.materials.tell("point instancers contain each other", prim)
             return
         targets = instancer.GetPrototypesRel().GetForwardedTargets()
-        if not targets:
-            return
         found = instancers.read(instancer, time, len(targets), lambda message: self.materials.tell(message, prim))
         for which, target in enumerate(targets):
             chosen = np.flatnonzero(found.prototypes == which)

@@ -20,6 +20,7 @@ IDENTIFIER = b"PXR-USDC"
 COMPRESSED = (0, 4, 0)  # the version from which sections are compressed
 _SECTIONS = ("TOKENS", "STRINGS", "FIELDS", "FIELDSETS", "PATHS", "SPECS")
 _LZ4 = 255  # bytes that a byte of an LZ4 block can stand for
+MAX_LEVELS = 1000  # of prims in prims; usd-core is recursive in some places
 _PACKED = 4  # integers in a byte at most
 
 
@@ -27,7 +28,7 @@ def fault(path: Path) -> str:
     """Why a crate file, or the first layer of a `.usdz` package, cannot be read; "" for a sound file and for other files."""
     try:
         if path.suffix.lower() == ".usdz":
-            first, data = next(_layers_of(path), ("", b""))
+            first, data = next(layers_of(path), ("", b""))
             return f"`{first}`: {found}" if (found := fault_of(data)) else ""
         with open(path, "rb") as file:
             if file.read(len(IDENTIFIER)) != IDENTIFIER:
@@ -38,13 +39,8 @@ def fault(path: Path) -> str:
         return ""  # usd-core reports it
 
 
-def crates_of(package: Path) -> Iterator[tuple[str, bytes]]:
-    """(name, bytes) of the crate files in a `.usdz` package. Raises as zipfile does."""
-    return ((name, data) for name, data in _layers_of(package) if data.startswith(IDENTIFIER))
-
-
-def _layers_of(package: Path) -> Iterator[tuple[str, bytes]]:
-    """(name, bytes) of the layers in a package, b"" of compressed ones, which usd-core refuses."""
+def layers_of(package: Path) -> Iterator[tuple[str, bytes]]:
+    """(name, bytes) of the layers in a `.usdz` package, b"" of compressed ones, which usd-core refuses. Raises as zipfile does."""
     with zipfile.ZipFile(package) as files:
         for info in files.infolist():
             if info.filename.lower().endswith((".usd", ".usda", ".usdc")):
@@ -72,8 +68,11 @@ def fault_of(data: Bytes) -> str:
                 return f"its section {name} has fewer than the {items:,} items that it declares"
         if tuple(data[8:11]) < COMPRESSED:
             return ""
-        if not _is_tree(column(found["PATHS"], 8, 2)):
+        jumps = column(found["PATHS"], 8, 2)
+        if not _is_tree(jumps):
             return "its paths are no tree"
+        if _nests_too_deep(jumps):
+            return f"its paths have more than {MAX_LEVELS:,} levels"
         return "" if (column(found["SPECS"], 0, 2) >= 0).all() else "the types of its specs are damaged"
     except IndexError:
         return "its paths or specs are damaged"
@@ -118,6 +117,22 @@ def _is_tree(jumps: np.ndarray) -> bool:
     rows = np.arange(len(jumps))
     reached = np.concatenate([rows[jumps >= -1] + 1, (rows + jumps)[jumps > 0]])
     return bool((np.bincount(reached[reached < len(jumps)], minlength=1) <= 1).all())
+
+
+def _nests_too_deep(jumps: np.ndarray) -> bool:
+    """Whether a path of a tree has more than MAX_LEVELS above it."""
+    if np.count_nonzero((jumps == -1) | (jumps > 0)) <= MAX_LEVELS:
+        return False
+    siblings: dict[int, int] = {}  # the level of paths that are reached by a jump
+    level = 0
+    for row, jump in enumerate(jumps.tolist()):
+        level = siblings.pop(row, level)
+        if level > MAX_LEVELS:
+            return True
+        if jump > 0:
+            siblings[row + jump] = level
+        level += jump > 0 or jump == -1
+    return False
 
 
 def decompressed(block: bytes) -> bytes:

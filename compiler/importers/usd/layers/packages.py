@@ -15,7 +15,7 @@ from typing import Any
 from pxr import Sdf, Tf
 
 from .....lang.diagnostics import Diagnostics, Span
-from . import crate_check, crate_values
+from . import crate_check, crate_values, text_layers
 
 _LAYERS = (".usd", ".usda", ".usdc")
 
@@ -23,8 +23,9 @@ _LAYERS = (".usd", ".usda", ".usdc")
 def replaced(path: Path, diagnostics: Diagnostics) -> list[Any]:
     """The layers of a package whose replacements are in memory, the package's own first; none for a sound package.
 
-    Damaged layers are empty, and layers with values of too many items lack these, with a warning for each. The identifiers are those
-    of the package. usd-core finds them there as long as they are kept, and reads the other layers from the package.
+    Damaged crate files are empty, damaged text is repaired, and layers with values of too many items lack these, with a warning for
+    each. The identifiers are those of the package. usd-core finds them there as long as they are kept, and reads the other layers
+    from the package.
     """
     try:
         made = dict(_replacements(path, diagnostics))
@@ -52,10 +53,14 @@ def warn_of_first(path: Path, first: str, diagnostics: Diagnostics) -> None:
 
 
 def _replacements(path: Path, diagnostics: Diagnostics) -> Iterator[tuple[str, bytes]]:
-    """(name, bytes) of the layers that replace others. The first layer is not damaged, see `crate_check.fault`."""
-    for name, data in crate_check.crates_of(path):
+    """(name, bytes) of the layers that replace others. A first one that is a crate file is sound, see `crate_check.fault`."""
+    for name, data in crate_check.layers_of(path):
         place = f"{path.name}[{name}]"
-        if why := crate_check.fault_of(data):
+        if data and not data.startswith(crate_check.IDENTIFIER):
+            found = None if text_layers.is_sound(data) else text_layers.repaired(data, place, diagnostics)
+            if found:
+                yield name, found.ExportToString().encode()
+        elif why := crate_check.fault_of(data):
             diagnostics.warning(f"this layer cannot be read: {why}", Span(place))
             yield name, _empty()
         elif excess := crate_values.excessive(data):

@@ -1,12 +1,11 @@
-"""Reads damaged `.usda` layers: byte order marks, stray bytes, and statements that usd-core refuses are left out with warnings."""
+"""Opens the layers of a stage: damaged ones are repaired in memory, with warnings, so that the rest is drawn."""
 
 # pyright: reportAttributeAccessIssue=false
 # (usd-core creates its modules' names at run time)
 
 from __future__ import annotations
 
-import codecs
-import re
+import math
 import tempfile
 import zipfile
 from pathlib import Path
@@ -15,42 +14,37 @@ from typing import Any
 from pxr import Sdf, Tf
 
 from .....lang.diagnostics import Diagnostics, Span
-from . import crate_check, crate_values, missing_specs, mtlx_files, packages
+from . import crate_check, crate_values, missing_specs, mtlx_files, packages, text_layers
 
-MOST = 20  # statements of a layer that may be left out
-_HEADER = "#usda 1.0"
-_FARTHEST = 1000  # characters before the header
-_CRATE = b"PXR-USDC"
-_MARKS = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
-_ODD = re.compile("[\0-\x08\x0b\x0c\x0e-\x1f\ufffd\ufeff]+")
-_METADATA = {
-    "upAxis": str, "metersPerUnit": (int, float), "timeCodesPerSecond": (int, float), "framesPerSecond": (int, float),
-    "startTimeCode": (int, float), "endTimeCode": (int, float), "startFrame": (int, float), "endFrame": (int, float),
-}  # fmt: skip
-_PLACE = re.compile(r":(\d+):\d+: ")
-_PROPERTY = re.compile(r" in <[^<>]*?([^/<>.]+)\.([\w:]+)>")
-
-
-def text_of(failure: Exception) -> str:
-    """The text of an error of usd-core; "" where it is not UTF-8."""
-    try:
-        return str(failure)
-    except UnicodeDecodeError:
-        return ""
+_POSITIVE = ("metersPerUnit", "timeCodesPerSecond", "framesPerSecond")
+_NUMBERS = (*_POSITIVE, "startTimeCode", "endTimeCode", "startFrame", "endFrame")
+_UP = ("Y", "Z")
 
 
 def clear_metadata(root: Any, diagnostics: Diagnostics) -> None:
-    """Clear the stage metadata of a root layer whose values have another type, in memory, with a warning for each."""
-    for name, types in _METADATA.items():
+    """Clear the stage metadata of a root layer whose values have no meaning, in memory, with a warning for each."""
+    top = root.pseudoRoot
+    for name in ("upAxis", *_NUMBERS):
         try:
-            fits = not root.pseudoRoot.HasInfo(name) or isinstance(root.pseudoRoot.GetInfo(name), types)
+            fault = _metadata_fault(name, top.GetInfo(name)) if top.HasInfo(name) else ""
         except (Tf.ErrorException, TypeError, ValueError):
-            fits = False
-        if fits and types is not str and root.pseudoRoot.HasInfo(name):
-            root.pseudoRoot.SetInfo(name, float(root.pseudoRoot.GetInfo(name)))  # usd-core refuses floats of 32 bits
-        if not fits:
-            root.pseudoRoot.ClearInfo(name)
-            diagnostics.warning(f"the value of `{name}` has another type: its default is used", Span(root.GetDisplayName()))
+            fault = "has another type"
+        if fault:
+            top.ClearInfo(name)
+            diagnostics.warning(f"the value of `{name}` {fault}: its default is used", Span(root.GetDisplayName()))
+        elif name in _NUMBERS and top.HasInfo(name):
+            top.SetInfo(name, float(top.GetInfo(name)))  # usd-core refuses floats of 32 bits
+
+
+def _metadata_fault(name: str, value: object) -> str:
+    """What is wrong with the value of a stage's metadata; "" for a sound one."""
+    if name == "upAxis" and isinstance(value, str):
+        return "" if value in _UP else f"is `{value}`, neither Y nor Z"
+    if name == "upAxis" or not isinstance(value, int | float):
+        return "has another type"
+    if not math.isfinite(value):
+        return "is not finite"
+    return f"is {value:g}, not above 0" if name in _POSITIVE and value <= 0 else ""
 
 
 def layers(root: Any, diagnostics: Diagnostics, made: list[Any]) -> list[Any]:
@@ -112,6 +106,8 @@ def opened(path: Path, diagnostics: Diagnostics, made: list[Any]) -> Any:
         return replaced[0] if replaced else Sdf.Layer.FindOrOpen(str(path)) or package(path, diagnostics)
     try:
         found = _without_excess(path, diagnostics)
+        if found is None and text_layers.nests_too_deep(path):
+            found = repaired(path, diagnostics)
         if found is None:
             return Sdf.Layer.FindOrOpen(str(path))
     except Tf.ErrorException:
@@ -139,25 +135,11 @@ def repaired(path: Path, diagnostics: Diagnostics) -> Any:
     if path.suffix.lower() not in (".usda", ".usdc", ".usd") or not path.is_file():
         return None
     data = path.read_bytes()
-    if data.startswith(_CRATE):
+    if data.startswith(crate_check.IDENTIFIER):
         return _crate(path, diagnostics) if path.suffix.lower() == ".usda" else None
-    mark = next((mark for mark in _MARKS if data.startswith(mark)), b"")
-    before, header, rest = data.removeprefix(mark).decode(_MARKS.get(mark, "utf-8"), "replace").partition(_HEADER)
-    if not header or len(before) > _FARTHEST:
+    found = text_layers.repaired(data, path.name, diagnostics)
+    if found is None:
         return None
-    said = Diagnostics()  # for a layer that can be read
-    if path.suffix.lower() == ".usdc":
-        _warn(path, 1, "this file is text, and its name ends as those of binary files", said)
-    if mark:
-        _warn(path, 1, f"a byte order mark ({_MARKS[mark].upper()}) is left out", said)
-    skipped = before.count("\n")
-    if odd := _ODD.search(rest):
-        _warn(path, skipped + rest[: odd.start()].count("\n") + 1, "bytes that are no text are left out", said)
-    lines = [""] * skipped + (header + _ODD.sub(" ", rest)).split("\n")
-    found = Sdf.Layer.CreateAnonymous(".usda")
-    if not _read(found, lines, skipped, path, said) or (said.items and not found.rootPrims):
-        return None
-    diagnostics.items += said.items
     made = _layer(path)
     made.TransferContent(found)
     return made
@@ -176,7 +158,7 @@ def _crate(path: Path, diagnostics: Diagnostics) -> Any:
             found = Sdf.Layer.OpenAsAnonymous(str(link))
         except Tf.ErrorException:
             return None
-        _warn(path, 1, "this file is binary, and its name ends as those of text", diagnostics)
+        text_layers.warn(path.name, 1, "this file is binary, and its name ends as those of text", diagnostics)
         made = _layer(path)
         made.TransferContent(found)
         return made
@@ -193,52 +175,3 @@ def package(path: Path, diagnostics: Diagnostics) -> Any:
     if found:
         packages.warn_of_first(path, names[0], diagnostics)
     return found
-
-
-def _read(layer: Any, lines: list[str], skipped: int, path: Path, diagnostics: Diagnostics) -> bool:
-    """Fill the layer from lines, after `skipped` empty ones. Lines that cannot be read are made empty."""
-    closed = 0
-    for _ in range(MOST):
-        try:
-            return bool(layer.ImportFromString("\n".join(lines[skipped:]) + "\n" + "}\n" * closed))
-        except Tf.ErrorException as failure:
-            text = text_of(failure)
-        layer.Clear()
-        found = _bad(text, lines, skipped)
-        if found is None:
-            return False
-        first, last = found
-        if first >= len(lines) or not any(line.strip() for line in lines[first:]):
-            if not closed:
-                _warn(path, len(lines), "the file ends early: it is read as if its prims ended there", diagnostics)
-            closed += 1
-            continue
-        _warn(path, first + 1, f"this statement cannot be read and is left out: `{lines[first].strip()[:60]}`", diagnostics)
-        lines[first : last + 1] = [""] * (last + 1 - first)
-    return False
-
-
-def _bad(text: str, lines: list[str], skipped: int) -> tuple[int, int] | None:
-    """The first and last line of the statement that an error of the parser names; None if it names none."""
-    if named := _PROPERTY.search(text):
-        prim, name = named.groups()
-        opening = next((k for k, line in enumerate(lines) if f'"{prim}"' in line), 0)
-        statement = re.compile(rf"(?:^|[\s\]]){re.escape(name)}(?:\.\w+)?\s*=")
-        first = next((k for k in range(opening, len(lines)) if statement.search(lines[k])), -1)
-    elif at := _PLACE.search(text):
-        first = int(at[1]) - 1 + skipped
-    else:
-        return None
-    if first < 0:
-        return None
-    last, depth = first, 0
-    while last < len(lines):
-        depth += sum(lines[last].count(c) for c in "([{") - sum(lines[last].count(c) for c in ")]}")
-        if depth <= 0:
-            break
-        last += 1
-    return first, first if last == len(lines) else last
-
-
-def _warn(path: Path, line: int, message: str, diagnostics: Diagnostics) -> None:
-    diagnostics.warning(message, Span(path.name, line, 1, line, 1))

@@ -115,3 +115,47 @@ def test_a_camera_with_an_unknown_operation_is_left_out(tmp_path):
     _, messages = read(tmp_path, text)
     assert messages[0].startswith("x.usda</c>: warning: this ")
     assert "transla0e" in messages[0]
+
+
+def test_a_variant_that_does_not_exist_is_named(tmp_path):
+    text = """def "v" (
+    variants = { string size = "huge"
+    }
+    prepend variantSets = "size"
+)
+{
+    variantSet "size" = { "small" { def Sphere "s" {} }
+    "big" {}
+    }
+}
+def Material "m" (
+    variants = { string look = "red"
+    }
+    prepend variantSets = "look"
+)
+{
+    variantSet "look" = { "blue" {}
+    }
+}
+def Cube "c" {}"""
+    scene, messages = read(tmp_path, text)
+    assert kinds(scene) == ["BOX"]
+    assert messages == [
+        "x.usda</v>: warning: the variant set `size` has no variant `huge`, which is selected: none is drawn (it has big, small)",
+        "x.usda</m>: warning: the variant set `look` has no variant `red`, which is selected: none is drawn (it has blue)",
+    ]
+
+
+def test_an_instancer_without_prototypes_is_named(tmp_path):
+    text = 'def PointInstancer "p" { int[] protoIndices = [0, 0]\npoint3f[] positions = [(0, 0, 0), (1, 0, 0)] }\ndef Cube "c" {}'
+    scene, messages = read(tmp_path, text)
+    assert kinds(scene) == ["BOX"]
+    assert messages == ["x.usda</p>: warning: this instancer has no prototypes: its 2 instances are left out"]
+
+
+def test_layers_in_memory_have_no_names_in_messages(tmp_path):
+    (tmp_path / "y.usda").write_text('#usda 1.0\n(\n    defaultPrim = "y"\n)\ndef "y" (\n    references = @y.usda@\n)\n{\n}\n')
+    scene, messages = read(tmp_path, 'def "r" (references = @y.usda@) {}\ndef Cube "c" {}')
+    assert kinds(scene) == ["BOX"]
+    cycle = "Cycle detected: @x.usda@</r> references: @y.usda@</y> which CANNOT reference: @y.usda@</y>"
+    assert messages == [f"x.usda: warning: In </r>: {cycle}"]

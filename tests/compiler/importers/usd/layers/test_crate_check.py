@@ -35,6 +35,24 @@ def test_paths_that_are_no_tree(tmp_path):
     assert messages[0] == "x.usdc: error: cannot read the stage `x.usdc`: its paths are no tree"
 
 
+def chained(made: crates.Crate, count: int) -> crates.Crate:
+    """The prim /g becomes the top of a chain of prims in each other."""
+    new = list(range(made.path_count, made.path_count + count))
+    return replace(
+        made, path_count=made.path_count + count, paths=[*made.paths[:2], *new, *made.paths[2:]],
+        elements=[*made.elements[:2], *[made.elements[1]] * count, *made.elements[2:]],
+        jumps=[*made.jumps[:2], *[-1] * count, *made.jumps[2:]],
+    )  # fmt: skip
+
+
+def test_paths_of_many_levels(tmp_path):
+    path = tmp_path / "x.usdc"
+    made = crate(path)
+    for count, fault in ((900, ""), (100_000, "its paths have more than 1,000 levels")):
+        path.write_bytes(crates.written(chained(made, count)))
+        assert crate_check.fault(path) == fault
+
+
 def test_a_negative_type_of_a_spec(tmp_path):
     path = tmp_path / "x.usdc"
     path.write_bytes(crates.written(typed(crate(path), 3, -1784)))

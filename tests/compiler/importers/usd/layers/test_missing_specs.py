@@ -69,7 +69,8 @@ def test_a_spec_that_is_listed_and_missing_is_left_out(tmp_path, number, kind, d
     scene, messages = load(path)
     right = made.spec_types[number] == kind
     assert kinds(scene) == drawn
-    assert messages == ([] if right else [f"x.usdc: warning: `{lost}` {LOST}"])
+    selected = "x.usdc</g/b>: warning: the variant set `v` has no variant `big`, which is selected: none is drawn (it has small)"
+    assert messages == ([] if right else [f"x.usdc: warning: `{lost}` {LOST}", *([selected] if lost.endswith("big}") else [])])
 
 
 def test_the_layers_that_are_referred_to(tmp_path):

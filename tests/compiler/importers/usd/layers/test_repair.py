@@ -85,3 +85,60 @@ def test_a_file_without_a_sound_prim_is_an_error(tmp_path):
     _, messages = load(tmp_path / "x.usda")
     assert len(messages) == 1
     assert messages[0].startswith("x.usda:2:1: error: cannot read the stage `x.usda`")
+
+
+DEPTHS = "brackets nest in more than 1,000 levels here: what the deeper ones hold is left out"
+
+
+def nested(levels: int) -> str:
+    """A stage with a sphere under `levels` prims in each other, and a cube."""
+    return '#usda 1.0\n# {{{ "\n' + 'def "a" {\n' * levels + 'def Sphere "s" {\n}\n' + "}\n" * levels + 'def Cube "b" {\n}\n'
+
+
+@pytest.mark.parametrize("levels", [1001, 100_000])
+@pytest.mark.parametrize("packed", [False, True])
+def test_prims_that_nest_too_deep_are_left_out(tmp_path, levels, packed):
+    path = tmp_path / "x.usda"
+    path.write_text(nested(levels))
+    if packed:
+        with zipfile.ZipFile(tmp_path / "x.usdz", "w") as files:
+            files.write(path, path.name)
+    scene, messages = load(tmp_path / "x.usdz" if packed else path)
+    assert kinds(scene) == ["BOX"]
+    assert [m.splitlines()[0] for m in messages] == [f"{'x.usdz[x.usda]' if packed else 'x.usda'}:1003:1: warning: {DEPTHS}"]
+
+
+def test_brackets_of_strings_and_comments_nest_nothing(tmp_path):
+    path = tmp_path / "x.usda"
+    path.write_text(nested(900) + 'def Cone "c" (\n    doc = """' + "((\n" * 600 + '"""\n) {\n}\n' + "# [{\n" * 600)
+    scene, messages = load(path)
+    assert sorted(kinds(scene)) == ["BOX", "CONE", "SPHERE"]
+    assert messages == []
+
+
+@pytest.mark.parametrize("first", ["x.usda", "y.usda"])
+def test_damaged_text_in_a_package_is_repaired(tmp_path, first):
+    texts = {"x.usda": GOOD.replace("radius = 2", "radius = "), "y.usda": '#usda 1.0\ndef "r" (\n    references = @x.usda@</b>\n)\n{\n}\n'}
+    with zipfile.ZipFile(tmp_path / "x.usdz", "w") as files:
+        for name in sorted(texts, key=lambda name: name != first):
+            files.writestr(name, texts[name])
+    scene, messages = load(tmp_path / "x.usdz")
+    assert kinds(scene) == (["SPHERE", "BOX"] if first == "x.usda" else ["BOX"])
+    assert messages == [f"x.usdz[x.usda]:4:1: warning: {LOST}: `double radius =`"]
+
+
+@pytest.mark.parametrize(
+    ("entry", "fault"),
+    [
+        ('upAxis = "Q"', "the value of `upAxis` is `Q`, neither Y nor Z"),
+        ("metersPerUnit = 0", "the value of `metersPerUnit` is 0, not above 0"),
+        ("metersPerUnit = nan", "the value of `metersPerUnit` is not finite"),
+        ("timeCodesPerSecond = -24", "the value of `timeCodesPerSecond` is -24, not above 0"),
+        ("endTimeCode = inf", "the value of `endTimeCode` is not finite"),
+    ],
+)  # fmt: skip
+def test_metadata_without_a_meaning_take_their_default(tmp_path, entry, fault):
+    (tmp_path / "x.usda").write_text(GOOD.replace("1.0\n", f"1.0\n(\n    {entry}\n)\n"))
+    scene, messages = load(tmp_path / "x.usda")
+    assert kinds(scene) == ["SPHERE", "BOX"]
+    assert messages == [f"x.usda: warning: {fault}: its default is used"]

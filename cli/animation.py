@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import itertools
+import os
 import re
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -43,13 +44,19 @@ def check(path: Path, frames: tuple[float, ...] | None) -> None:
 
 def render(job: Job, path: Path, frames: tuple[float, ...], fps: float | None) -> list[dict[str, Any]]:
     """Render an animation; returns the statistics of the frames rendered. Raises KeyboardInterrupt after a partial one."""
-    from ..render.image import animation
-
     job.output = frame_files(path)
     folder = job.output.parent
-    if not job.resume:
-        _remove(folder)
     folder.mkdir(exist_ok=True)
+    with _locked(folder, path):
+        return _render(job, path, folder, frames, fps)
+
+
+def _render(job: Job, path: Path, folder: Path, frames: tuple[float, ...], fps: float | None) -> list[dict[str, Any]]:
+    from ..render.image import animation
+
+    if not job.resume:
+        for file in _pictures(folder):
+            file.unlink()
     try:
         pictures = job.run(frames)
     except BaseException:
@@ -63,6 +70,27 @@ def render(job: Job, path: Path, frames: tuple[float, ...], fps: float | None) -
     if not job.quiet:
         click.echo(f"{path}: {len(numbers)} frame{'' if len(numbers) == 1 else 's'}, {path.stat().st_size / 1e6:.2f} MB")
     return pictures
+
+
+@contextmanager
+def _locked(folder: Path, path: Path) -> Iterator[None]:
+    """Hold the folder of an animation's frames, while this process lives. Raises OSError if another one holds it."""
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        yield
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise OSError(f"another process renders {path}: wait for it, or choose another -o") from None
+        except OSError:
+            pass  # a file system without locks
+        yield
+    finally:
+        os.close(handle)
 
 
 def _pictures(folder: Path) -> list[Path]:

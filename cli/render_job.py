@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import json
 import math
 import os
@@ -27,7 +26,7 @@ from . import option_types as values
 from . import terminal
 from .memory import peak_memory, strip_plans
 from .progress import Display
-from .scene_source import Source, measure_time
+from .scene_source import Laps, Source, measure_time
 
 if TYPE_CHECKING:
     from ..compiler import ir
@@ -94,21 +93,6 @@ def confine(scene: Path, output: Path, stats: Path | None, given: Mapping[str, A
         raise click.UsageError(f"--sandbox: {fault}") from None
 
 
-class Laps:
-    """Seconds, and CPU seconds of all threads, of consecutive parts."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-        self.cpu: dict[str, float] = {}
-        self._last = time.perf_counter(), time.process_time()
-
-    def end(self, part: str) -> None:
-        """Record the time since the end of the last part."""
-        (seconds, cpu), now = self._last, (time.perf_counter(), time.process_time())
-        self.seconds[part], self.cpu[part] = now[0] - seconds, now[1] - cpu
-        self._last = now
-
-
 class Reading(NamedTuple):
     """A picture that was read and planned."""
 
@@ -170,9 +154,8 @@ class Job:
             return [self.summarize(self.output, self._picture(self.output, {}))]
         numbers = self.source.frames(frames)
         every = [(self.frame_file(n), n, moment) for n, moment in zip(numbers, self.source.moments(numbers), strict=True)]
-        missing = [frame for frame in every if not (self.resume and frame[0].is_file())]
-        if len(missing) < len(every):
-            self._skip(len(every) - len(missing), next(path for path, _, _ in every if path.is_file()))
+        kept = self._skip([path for path, _, _ in every]) if self.resume else {}
+        missing = [frame for frame in every if frame[0] not in kept]
         if self.cluster is not None and self.cluster.takes_frames(self, missing):
             return self.cluster.frames(self, missing)
         pictures: list[dict[str, Any]] = []
@@ -191,14 +174,19 @@ class Job:
         """The file of a frame."""
         return values.frame_path(self.output, number)
 
-    def _skip(self, count: int, file: Path) -> None:
-        """Tell that frames are there already, and take the exposure of one of them."""
-        from ..render.image import image_reader
+    def _skip(self, files: Iterable[Path]) -> dict[Path, None]:
+        """The frames that are there and whole, of which one gives the exposure. Tells of these, and of damaged ones."""
+        from ..render.image import image_files, image_reader
 
-        if not self.quiet:
-            click.echo(f"{count} frame{' is' if count == 1 else 's are'} there already", err=True)
-        about = image_reader.read(file).metadata["about"]
-        self.exposure = float(about["exposure"]) if "exposure" in about else None
+        there = [file for file in files if file.is_file()]
+        whole = dict.fromkeys(file for file in there if not image_files.damage(file))
+        self._report(Diagnostic("warning", f"{file} is damaged: the frame is drawn again") for file in there if file not in whole)
+        if whole:
+            if not self.quiet:
+                click.echo(f"{len(whole)} frame{' is' if len(whole) == 1 else 's are'} there already", err=True)
+            about = image_reader.read(next(iter(whole))).metadata["about"]
+            self.exposure = float(about["exposure"]) if "exposure" in about else None
+        return whole
 
     def summarize(self, path: Path, figures: dict[str, Any]) -> dict[str, Any]:
         """Print the summary of a picture, unless quiet. Returns its statistics."""
@@ -294,25 +282,35 @@ class Job:
         return self._figures(read, image)
 
     def _keeper(self, read: Reading) -> Keeper | None:
-        """The writer of a picture's checkpoints, beside its file; None for none. Prints a note on a checkpoint that exists."""
-        if self.checkpoint == 0.0:
+        """The writer of a picture's checkpoints, beside its file; None for none. Tells of a checkpoint that exists."""
+        file = read.path.with_name(f"{read.path.name}.checkpoint")
+        if self.checkpoint == 0.0 and not (self.resume and os.path.isfile(file)):
             return None
+        from ..render.cluster.identity import identity
         from ..render.film import checkpoint
 
-        file = read.path.with_name(f"{read.path.name}.checkpoint")
-        first, every = (FIRST_CHECKPOINT, CHECKPOINT) if self.checkpoint is None else (self.checkpoint, self.checkpoint)
-        there = checkpoint.is_there(file)
-        key = functools.partial(checkpoint.key_of, read.scene, read.plan, __version__)
-        keeper = checkpoint.Keeper(file, key, first, every, self.resume)
-        if self.resume and keeper.found is not None:
-            note = f"goes on from {file}, with {keeper.found.arrays['samples'].mean():.3g} samples a pixel"
-        elif self.resume and there:
-            note = f"{file} is damaged, or of another scene, version or settings: the picture begins anew"
-        else:
-            note = f"{file} is there: --resume goes on from it" if there else ""
-        if note and not self.quiet:
+        first, every = (FIRST_CHECKPOINT, CHECKPOINT) if self.checkpoint is None else (self.checkpoint or math.inf,) * 2
+
+        def key() -> str:
+            return checkpoint.key_of(read.scene, read.plan, json.dumps(identity()))
+
+        def fail(fault: OSError) -> None:
+            hint = "the picture goes on; make room there, or give --checkpoint off"
+            self._report([Diagnostic("warning", f"cannot write {file}: {fault.strerror or fault}", hint=hint)])
+
+        there = checkpoint.is_there(file, self.files)
+        keeper = checkpoint.Keeper(file, key, first, every, self.resume, fail)
+        if self.resume and there and keeper.found is None:
+            again = "is damaged, or of another scene, version, machine or settings: the picture begins anew"
+            self._report([Diagnostic("warning", f"{file} {again}")])
+        elif there and not self.quiet:
+            found = keeper.found
             self.display.hide()
-            click.echo(note, err=True)
+            click.echo(
+                f"goes on from {file}, with {found.arrays['samples'].mean():.3g} samples a pixel" if found is not None
+                else f"{file} is there: --resume goes on from it",
+                err=True,
+            )  # fmt: skip
         return keeper
 
     def _write(self, image: Image, path: Path, plan: Plan) -> None:
@@ -330,6 +328,7 @@ class Job:
         about["samples"] = json_value(image.metadata.get("samples", plan["samples"]))
         error = image.metadata.get("denoised_error" if image.metadata.get("denoised") else "error")
         try:
+            check_replaceable(path, self.files)  # it may have become a link to the scene
             image_files.write(image, path, look, about if error is None else {**about, "error": float(error)})
         except Exception as fault:
             raise OSError(f"{fault}; {_rescue(image, path)}") from fault
@@ -362,6 +361,7 @@ class Job:
                 metadata.append(image.metadata)
             if cancel.is_set():
                 file.path = _partial(path, True)
+            check_replaceable(file.path, self.files)
         return Image(0, 0, {}, large_images.join_metadata(metadata, plan))
 
     def _figures(self, read: Reading, image: Image) -> dict[str, Any]:

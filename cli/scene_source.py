@@ -90,3 +90,18 @@ def measure_time(seconds: dict[str, float], stage: str) -> Iterator[None]:
         yield
     finally:
         seconds[stage] = seconds.get(stage, 0.0) + time.perf_counter() - began
+
+
+class Laps:
+    """Seconds, and CPU seconds of all threads, of consecutive parts."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self.cpu: dict[str, float] = {}
+        self._last = time.perf_counter(), time.process_time()
+
+    def end(self, part: str) -> None:
+        """Record the time since the end of the last part."""
+        (seconds, cpu), now = self._last, (time.perf_counter(), time.process_time())
+        self.seconds[part], self.cpu[part] = now[0] - seconds, now[1] - cpu
+        self._last = now

@@ -12,8 +12,8 @@ import numpy as np
 from .sandbox import size
 
 _DAMAGE = (
-    OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, IndexError, RuntimeError, MemoryError, zipfile.BadZipFile,
-    zlib.error, tokenize.TokenError,
+    OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, IndexError, RuntimeError, MemoryError, SyntaxError,
+    zipfile.BadZipFile, zlib.error, tokenize.TokenError,
 )  # fmt: skip
 
 

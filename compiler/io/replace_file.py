@@ -10,7 +10,7 @@ import tempfile
 import time
 import zlib
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 PREFIX = ".maquette-"  # of temporary files: the prefix, the host, the process, random digits
@@ -46,7 +46,8 @@ class Replacement:
                 else:
                     shutil.move(self.partial, target)
         finally:
-            self.partial.unlink(missing_ok=True)
+            with suppress(OSError):  # its folder may be gone, or not writable any more
+                self.partial.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -79,7 +80,11 @@ def check_replaceable(path: Path, kept: Iterable[Path] = ()) -> None:
 
     A folder, a device, a pipe, a socket, a link that leads nowhere or one of `kept`, the files that are read, stands there.
     """
-    name, target = as_utf8(str(path)), os.path.realpath(path)
+    name = as_utf8(str(path))
+    try:
+        target = os.path.realpath(path)
+    except FileNotFoundError:
+        raise FileNotFoundError(f"cannot write {name}: the current folder was removed") from None
     if os.path.islink(target):
         raise OSError(f"{name} is a link that leads to itself: remove it, or choose another name")
     if os.path.islink(path) and not os.path.isdir(folder := os.path.dirname(target)):

@@ -10,7 +10,7 @@ import functools
 import hashlib
 import json
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,10 +18,10 @@ import numpy as np
 
 from ...compiler import ir
 from ...compiler.io import array_files
-from ...compiler.io.replace_file import replacing
+from ...compiler.io.replace_file import check_replaceable, replacing
 from ...compiler.plan.plan import Plan
 
-FORMAT = 1
+FORMAT = 2
 SHARE = 0.02  # most of the time that writing may take
 _DAMAGE = (ValueError, KeyError, TypeError, AttributeError, RuntimeError, MemoryError, array_files.ArrayFileError)
 FREE = ("threads", "budget")  # decisions that a resumed render may change
@@ -37,9 +37,14 @@ class State(NamedTuple):
 class Keeper:
     """Writes the checkpoints of one picture, and reads the one to go on from."""
 
-    def __init__(self, path: Path, key: Callable[[], str], first: float, every: float, resume: bool) -> None:
-        """`first`: seconds to the first checkpoint; `every`: seconds between two, or more where writing takes long."""
-        self.path, self._key = path, functools.cache(key)  # of a large scene it takes a second
+    def __init__(
+        self, path: Path, key: Callable[[], str], first: float, every: float, resume: bool, fail: Callable[[OSError], Any] = lambda _: None
+    ) -> None:
+        """`first`: seconds to the first checkpoint; `every`: seconds between two, or more where writing takes long.
+
+        `fail` is called, from any thread, with the error of a checkpoint that cannot be written.
+        """
+        self.path, self._key, self._fail = path, functools.cache(key), fail  # the key of a large scene takes a second
         self.found = load(path, self._key()) if resume and is_there(path) else None  # None: begin
         self._every = every
         self._next = time.monotonic() + first
@@ -54,8 +59,8 @@ class Keeper:
         try:
             with replacing(self.path) as partial, open(partial, "wb") as file:
                 save(file, self._key(), state)
-        except OSError:
-            pass
+        except OSError as fault:
+            self._fail(fault)
         now = time.monotonic()
         self._next = now + max(self._every, (now - began) / SHARE)
 
@@ -64,12 +69,14 @@ class Keeper:
         self.path.unlink(missing_ok=True)
 
 
-def is_there(path: Path) -> bool:
-    """Whether a checkpoint stands at `path`. Raises OSError for a name that no file can have."""
+def is_there(path: Path, kept: Iterable[Path] = ()) -> bool:
+    """Whether a checkpoint stands at `path`. Raises OSError where none can: for a name that no file can have, as check_replaceable does."""
     try:
+        check_replaceable(path, kept)
         return path.is_file()
     except OSError as fault:
-        raise OSError(f"{path}: {fault.strerror}; shorten the name of the picture, or give --checkpoint off") from None
+        why = f"{path}: {fault.strerror}; shorten the name of the picture" if fault.strerror else f"{fault}; remove it"
+        raise OSError(f"{why}, or give --checkpoint off") from None
 
 
 def key_of(scene: ir.Scene, plan: Plan, version: str) -> str:
@@ -93,7 +100,8 @@ def _arrays(value: Any, name: str) -> Iterator[tuple[str, np.ndarray]]:
 
 def save(file: Any, key: str, state: State) -> None:
     """Write a checkpoint to an open binary file."""
-    head = np.frombuffer(json.dumps({"format": FORMAT, "key": key, **state.numbers}).encode(), np.uint8)
+    about = {"format": FORMAT, "key": key, "arrays": sorted(state.arrays), **state.numbers}
+    head = np.frombuffer(json.dumps(about).encode(), np.uint8)
     np.savez(file, **{"head": head, **state.arrays})  # pyright: ignore[reportArgumentType]
 
 
@@ -102,6 +110,7 @@ def load(path: Path, key: str) -> State | None:
     try:
         arrays = array_files.read(path)
         numbers = json.loads(arrays.pop("head").tobytes())
-        return State(arrays, numbers) if numbers.get("key") == key and numbers.get("format") == FORMAT else None
+        expected = {"format": FORMAT, "key": key, "arrays": sorted(arrays)}
+        return State(arrays, numbers) if expected.items() <= numbers.items() else None
     except _DAMAGE:
         return None

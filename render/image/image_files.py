@@ -182,7 +182,7 @@ class Strips:
                 problem = self._write_jpeg()
             elif not closed or self._rows < self.height:
                 problem = self._target.geterror() if self._target else "it has no pixels"
-            problem = problem or _problem_at_end(self._new.partial)
+            problem = problem or damage(self._new.partial, end=True)
         failure = self._failure(problem) if problem else None
         self._new.place(self.path, kind is None and not problem)
         if failure:
@@ -198,15 +198,15 @@ class Strips:
 
 
 @library_messages.left_out()
-def _problem_at_end(path: Path) -> str:
-    """Why the last row of a new file cannot be read, "" where it can. A full disk is not an error to every library that writes."""
+def damage(path: Path, end: bool = False) -> str:
+    """Why a file, or at its `end` the last row, cannot be read; "" where it can. Not every library that writes tells of a full disk."""
     source = oiio.ImageInput.open(str(path))
     if source is None:
         return f"the new file is incomplete; is the disk full? ({oiio.geterror()})"
     try:
         spec = source.spec()
-        end = spec.y + spec.height
-        if source.read_scanlines(end - 1, end, 0, 0, spec.nchannels, oiio.UNKNOWN) is None:
+        bottom = spec.y + spec.height
+        if source.read_scanlines(bottom - 1 if end else spec.y, bottom, 0, 0, spec.nchannels, oiio.UNKNOWN) is None:
             return f"the new file is incomplete; is the disk full? ({source.geterror()})"
     finally:
         source.close()

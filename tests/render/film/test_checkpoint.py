@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import struct
 import threading
 from pathlib import Path
 from typing import Any
@@ -137,14 +138,21 @@ def test_a_key_is_that_of_one_picture(tmp_path: Path) -> None:
     assert checkpoint.key_of(scene, made, "2") != key
 
 
-@pytest.mark.parametrize("damage", [b"", b"PK\x03\x04", None, "cut", "flipped"])
+@pytest.mark.parametrize("damage", [b"", b"PK\x03\x04", None, "cut", "flipped", "fewer", "header"])
 def test_a_damaged_checkpoint_counts_as_none(tmp_path: Path, damage: Any) -> None:
     keeper = Copying(tmp_path / "a", "k")
     draw("fixed samples", keeper)
     whole = keeper.path.read_bytes()
     assert checkpoint.load(keeper.path, "k") is not None
     assert checkpoint.load(keeper.path, "other") is None
-    damages = {"cut": whole[: len(whole) // 2], "flipped": whole[:200] + bytes(64) + whole[264:], None: whole.replace(b"head", b"heap")}
+    header = whole.index(b"NUMPY\x01\x00", whole.index(b"NUMPY") + 1)  # of the second array, read before its checksum
+    first = whole.index(b"PK\x01\x02")  # of the entries in the directory; the others become its comment
+    others = struct.pack("<H", whole.index(b"PK\x05\x06") - whole.index(b"PK\x01\x02", first + 4))
+    damages = {
+        "fewer": whole[: first + 32] + others + whole[first + 34 :],
+        "header": whole[: header + 6] + b"\x03" + whole[header + 7 :],
+    }
+    damages |= {"cut": whole[: len(whole) // 2], "flipped": whole[:200] + bytes(64) + whole[264:], None: whole.replace(b"head", b"heap")}
     keeper.path.write_bytes(damage if isinstance(damage, bytes) else damages[damage])
     assert checkpoint.load(keeper.path, "k") is None
 

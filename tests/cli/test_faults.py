@@ -1,0 +1,182 @@
+"""Files that are damaged, replaced or cannot be written while a picture is drawn."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from maquette.cli.main import cli
+from maquette.render import render_scene
+from maquette.render.film import checkpoint
+from maquette.render.image import image_reader
+
+from ..files import standing_by
+
+SCENE = """\
+sphere(center: [time / 1s, 1, 0], material: lambert(#d0402a))
+point([2, 4, 3], intensity: 20)
+camera(position: [0, 1.6, 5], look_at: [0, 1, 0], fov: 35deg)
+animate(duration: 2s, fps: 4)
+render(size: [32, 24], samples: 4, backend: "reference")
+"""
+
+
+@pytest.fixture(autouse=True)
+def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A small scene as a.scene in the current folder, and a temporary folder of its own."""
+    (tmp_path / "temporary").mkdir()
+    standing_by(tmp_path, monkeypatch, SCENE)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "temporary"))
+
+
+def run(*arguments: object) -> tuple[int, str]:
+    """(exit code, stderr) of a render."""
+    done = CliRunner().invoke(cli, ["render", "a.scene", "--exposure", "0", "-q", *map(str, arguments)])
+    return done.exit_code, done.stderr
+
+
+def pixels(path: str) -> np.ndarray:
+    return image_reader.read(Path(path)).channels["rgba"]
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[], Any]], None]:
+    """Call it with what happens after a picture is drawn and before it is written."""
+
+    def then(happen: Callable[[], Any]) -> None:
+        draw = render_scene.draw
+
+        def changed(*arguments: Any) -> Any:
+            image = draw(*arguments)
+            happen()
+            return image
+
+        monkeypatch.setattr(render_scene, "draw", changed)
+
+    return then
+
+
+# --- outputs ---------------------------------------------------------------------------------------------------------------
+
+
+def test_an_output_that_becomes_a_link_to_the_scene_does_not_replace_it(tmp_path: Path, drawn: Any) -> None:
+    drawn(lambda: Path("a.exr").symlink_to("a.scene"))
+    told = f"error: a.exr would replace {tmp_path}/a.scene, which is read: choose another name; its pixels are in a.rescued.exr\n"
+    assert run("-o", "a.exr") == (1, told)
+    assert Path("a.scene").read_text(encoding="utf-8") == SCENE
+    assert pixels("a.rescued.exr").shape == (24, 32, 4)
+
+
+def test_a_folder_that_becomes_a_file(tmp_path: Path, drawn: Any) -> None:
+    Path("out").mkdir()
+
+    def happen() -> None:
+        Path("out").rmdir()
+        Path("out").write_bytes(b"")
+
+    drawn(happen)
+    code, told = run("-o", "out/a.exr")
+    assert code == 1
+    assert told.startswith("error: cannot write out/a.exr: Could not open ")
+    assert told.endswith(f"(Not a directory); its pixels are in {tmp_path}/temporary/a.rescued.exr\n")
+
+
+def test_the_current_folder_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, drawn: Any) -> None:
+    (tmp_path / "gone").mkdir()
+    shutil.copy("a.scene", tmp_path / "gone" / "a.scene")
+    monkeypatch.chdir(tmp_path / "gone")
+    drawn(lambda: shutil.rmtree(tmp_path / "gone"))
+    code, told = run("-o", "a.exr")
+    rescued = f"its pixels are in {tmp_path}/temporary/a.rescued.exr"
+    assert (code, told) == (1, f"error: cannot write a.exr: the current folder was removed; {rescued}\n")
+
+
+# --- frames ----------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("damage", ["empty", "cut", "other"])
+@pytest.mark.parametrize("suffix", ["exr", "png"])
+def test_a_damaged_frame_is_drawn_again(suffix: str, damage: str) -> None:
+    frames = ("-o", f"f.#.{suffix}", "--frames", "1..2")
+    assert run(*frames) == (0, "")
+    whole = Path(f"f.2.{suffix}").read_bytes()
+    broken = {"empty": b"", "cut": whole[: len(whole) // 2], "other": b"text"}[damage]
+    expected = [pixels(f"f.{n}.{suffix}") for n in (1, 2)]
+    for n in (1, 2):
+        Path(f"f.{n}.{suffix}").write_bytes(broken)
+        assert run(*frames, "--resume") == (0, f"warning: f.{n}.{suffix} is damaged: the frame is drawn again\n")
+    np.testing.assert_array_equal([pixels(f"f.{n}.{suffix}") for n in (1, 2)], expected)
+
+
+def test_an_animation_is_drawn_by_one_process() -> None:
+    """Two that draw into one folder would mix their frames."""
+    Path("a.apng.frames").mkdir()
+    handle = os.open("a.apng.frames", os.O_RDONLY)
+    fcntl.flock(handle, fcntl.LOCK_EX)
+    frames = ("-o", "a.apng", "--frames", "0..1")
+    assert run(*frames) == (1, "error: another process renders a.apng: wait for it, or choose another -o\n")
+    assert not Path("a.apng").exists()
+    os.close(handle)
+    assert run(*frames) == (0, "")
+    assert not Path("a.apng.frames").exists()
+
+
+# --- checkpoints -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("what", ["folder", "link"])
+def test_no_checkpoint_can_stand_there(tmp_path: Path, what: str) -> None:
+    file = Path("a.exr.checkpoint")
+    file.mkdir() if what == "folder" else file.symlink_to("a.scene")
+    why = {"folder": "is a folder", "link": f"would replace {tmp_path}/a.scene, which is read: choose another name"}[what]
+    assert run("-o", "a.exr") == (1, f"error: a.exr.checkpoint {why}; remove it, or give --checkpoint off\n")
+    assert run("-o", "a.exr", "--checkpoint", "off", "--seed", "2") == (0, "")
+    assert Path("a.scene").read_text(encoding="utf-8") == SCENE
+
+
+def test_a_checkpoint_that_cannot_be_written_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Once; the picture goes on."""
+
+    def full(*_: Any, **__: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(np, "savez", full)
+    hint = "the picture goes on; make room there, or give --checkpoint off"
+    told = f"warning: cannot write a.exr.checkpoint: No space left on device\n  {hint}\n"
+    monkeypatch.setattr(checkpoint.Keeper, "due", lambda _: True)
+    assert run("-o", "a.exr", "--size", "96x96", "--threads", "1") == (0, told)
+    assert Path("a.exr").is_file()
+
+
+def test_resume_reads_a_checkpoint_though_none_is_written(monkeypatch: pytest.MonkeyPatch) -> None:
+    Path("a.exr.checkpoint").write_bytes(b"")
+    told = "warning: a.exr.checkpoint is damaged, or of another scene, version, machine or settings: the picture begins anew\n"
+    assert run("-o", "a.exr", "--resume", "--checkpoint", "off") == (0, told)
+    assert not Path("a.exr.checkpoint").exists()
+
+
+@pytest.mark.parametrize("name", ["maquette", "kernels", "target", "numpy"])
+def test_a_checkpoint_of_another_installation_is_told(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its kernels or libraries may draw other bits."""
+    from maquette.render.cluster import identity
+
+    def interrupted(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    options = ("-o", "a.exr", "--size", "96x96", "--threads", "1")
+    with monkeypatch.context() as patch:
+        patch.setattr(checkpoint.Keeper, "due", lambda _: True)
+        patch.setattr(checkpoint.Keeper, "remove", interrupted)
+        assert run(*options)[0] == 130
+    assert Path("a.exr.checkpoint").is_file()
+    other = {**identity.identity(), name: "other"}
+    monkeypatch.setattr(identity, "identity", lambda: other)
+    told = "warning: a.exr.checkpoint is damaged, or of another scene, version, machine or settings: the picture begins anew\n"
+    assert run(*options, "--resume") == (0, told)

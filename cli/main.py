@@ -129,7 +129,7 @@ def cli() -> None:
 @shared.scene_options
 @click.option("--frames", type=values.FRAMES, help="Frames: 1..24, 1..240x10, 1,5,10 or all, written to out.####.png or an animation.")
 @click.option("--fps", type=click.FloatRange(0.01, 1000), help="Frames a second of an animation. Default: the scene's.")
-@click.option("--resume", is_flag=True, help="Go on from the checkpoint of the picture; keep the frames that are there.")
+@click.option("--resume", is_flag=True, help="Go on from the checkpoint of the picture; keep the frames that are whole.")
 @click.option(
     "--checkpoint", type=values.CHECKPOINT, metavar="TIME",
     help="Seconds between checkpoints in OUT.checkpoint, or off. Default: 30s, after the first minute.",

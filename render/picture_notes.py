@@ -15,6 +15,7 @@ from ..lang.diagnostics import Diagnostic
 from ..lang.distribution import install_command
 from ..lang.plain_values import time_range
 from ..lang.schema.elements import MAX_BOUNCES
+from .jit import cache_folder, kernel_cache
 
 if TYPE_CHECKING:
     from .film.bounce_error import Cut
@@ -35,6 +36,7 @@ def of_render(about: Mapping[str, Any], scene: ir.Scene, plan: Plan, asked: ir.S
         *missed_error_warnings(about, plan),
         *sparse_error_notes(about),
         *exposure_notes(about),
+        *unkept_kernel_notes(),
         *([] if asked.samples or scene.settings.samples else noise_notes(about, plan)),
     ]
 
@@ -94,6 +96,17 @@ def exposure_notes(about: Mapping[str, Any]) -> list[Diagnostic]:
         return [Diagnostic("note", "the picture is black: no light reaches what the camera sees", None, "--aov depth shows the shapes")]
     message = f"the picture is black: its brightest pixels have {bright:.2g} of the light of white, at an exposure of {stops:g}"
     return [Diagnostic("note", message, None, f"--exposure {math.log2(BRIGHT / bright):.0f} shows it, or brighter lights")]
+
+
+def unkept_kernel_notes() -> list[Diagnostic]:
+    """The note about compiled kernels that could not be kept for later runs."""
+    count, reason = kernel_cache.unkept()
+    if not count:
+        return []
+    kernels = "1 kernel was" if count == 1 else f"{count} kernels were"
+    message = f"{kernels} compiled and cannot be kept for the next run in {kernel_cache.CACHE}: {reason}"
+    hint = "MAQUETTE_CACHE_SIZE takes more" if cache_folder.VARIABLE in reason else "MAQUETTE_CACHE names another folder"
+    return [Diagnostic("note", message, None, hint)]
 
 
 def noise_notes(about: Mapping[str, Any], plan: Plan) -> list[Diagnostic]:

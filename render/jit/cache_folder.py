@@ -68,11 +68,21 @@ def read(file: Path) -> bytes | None:
     return data
 
 
-def write(file: Path, data: bytes) -> None:
-    """Write a file, in place of others where the folder is full. On a full or read-only disk nothing is kept."""
-    if make_room(len(data)) and is_trusted(file.parent):
-        with suppress(OSError):
-            replace_file(file, data)
+def write(file: Path, data: bytes) -> str:
+    """Write a file, in place of others where the folder is full. Return why it could not be written, "" if it was."""
+    if not make_room(len(data)):
+        return f"{VARIABLE} is {os.environ.get(VARIABLE) or DEFAULT_SIZE}"
+    try:
+        if not file.parent.is_dir():
+            file.parent.mkdir(mode=0o700, parents=True)
+        if not is_trusted(file.parent):
+            return "other users can write to it" if _is_own(file.parent) else "it belongs to another user"
+        replace_file(file, data)
+    except FileExistsError:
+        return "a file has its name"
+    except OSError as fault:
+        return fault.strerror or str(fault)
+    return ""
 
 
 def make_room(size: int) -> bool:

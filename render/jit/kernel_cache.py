@@ -59,6 +59,7 @@ class NotCompiled(Exception):
 
 _rules = threading.local()
 _records: list[list[str]] = []
+_unkept: list[str] = []  # why compiled kernels could not be written
 
 
 @contextmanager
@@ -199,8 +200,14 @@ def is_current(name: str) -> bool:
 
 
 def write(name: str, code: Code) -> None:
-    """Write compiled code. On a full or read-only disk it serves this process alone."""
-    cache_folder.write(CACHE / name, kernel_file.packed(name, code))
+    """Write compiled code. On a full or read-only disk it serves this process alone: see `unkept`."""
+    if reason := cache_folder.write(CACHE / name, kernel_file.packed(name, code)):
+        _unkept.append(reason)
+
+
+def unkept() -> tuple[int, str]:
+    """How many kernels this process has compiled and could not write to disk, and why the first of them."""
+    return len(_unkept), _unkept[0] if _unkept else ""
 
 
 # --- time ----------------------------------------------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -94,6 +95,79 @@ def test_a_wrong_size_is_an_error_of_the_command(tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (1, message)
 
 
-def test_a_read_only_folder_costs_the_cache_alone(folder: Path) -> None:
-    cache_folder.write(folder / "nothing" / "a", b"code")
-    assert cache_folder.read(folder / "nothing" / "a") is None
+def test_a_folder_that_was_removed_is_made_again(folder: Path) -> None:
+    assert cache_folder.write(folder / "new" / "a", b"code") == ""
+    assert cache_folder.read(folder / "new" / "a") == b"code"
+
+
+@POSIX
+def test_why_a_file_is_not_written(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (folder / "file").write_bytes(b"")
+    assert cache_folder.write(folder / "file" / "a", b"code") == "a file has its name"
+    assert cache_folder.write(folder / "file" / "more" / "a", b"code") == "Not a directory"
+    assert cache_folder.write(folder / "a", b"code") == ""
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(cache_folder, "replace_file", full)
+        assert cache_folder.write(folder / "b", b"code") == "No space left on device"
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "geteuid", lambda: folder.stat().st_uid + 1)
+        assert cache_folder.write(folder / "b", b"code") == "it belongs to another user"
+    folder.chmod(0o770)
+    assert cache_folder.write(folder / "b", b"code") == "other users can write to it"
+    monkeypatch.setenv("MAQUETTE_CACHE_SIZE", "1KB")
+    assert cache_folder.write(folder / "b", bytes(1001)) == "MAQUETTE_CACHE_SIZE is 1KB"
+
+
+WRITES = """
+import pathlib, sys
+from maquette.lang.diagnostics import render_text
+from maquette.render import picture_notes
+from maquette.render.jit import kernel_cache
+from maquette.render.jit.kernel_file import Code
+from maquette.render.jit.value_types import NONE
+for k in range(int(sys.argv[1])):
+    kernel_cache.write(f"a{k}.kernel", Code("a", "a", NONE, (), bytes(2000)))
+for note in picture_notes.unkept_kernel_notes():
+    print(render_text(note, lambda file: None).replace(str(kernel_cache.CACHE), "FOLDER"))
+"""
+
+
+@pytest.mark.parametrize(
+    ("variables", "count", "told"),
+    [
+        ({"MAQUETTE_CACHE": "cache"}, 2, ""),
+        ({"MAQUETTE_CACHE": "file/cache"}, 0, ""),
+        (
+            {"MAQUETTE_CACHE": "file/cache"}, 1,
+            "note: 1 kernel was compiled and cannot be kept for the next run in FOLDER: Not a directory\n"
+            "  MAQUETTE_CACHE names another folder\n",
+        ),
+        (
+            {"MAQUETTE_CACHE": "cache", "MAQUETTE_CACHE_SIZE": "1KB"}, 2,
+            "note: 2 kernels were compiled and cannot be kept for the next run in FOLDER: MAQUETTE_CACHE_SIZE is 1KB\n"
+            "  MAQUETTE_CACHE_SIZE takes more\n",
+        ),
+    ],
+)  # fmt: skip
+def test_kernels_that_cannot_be_kept_are_told(tmp_path: Path, variables: dict[str, str], count: int, told: str) -> None:
+    (tmp_path / "file").write_bytes(b"")
+    command = [sys.executable, "-c", WRITES, str(count)]
+    done = subprocess.run(command, cwd=tmp_path, env={**os.environ, **variables}, capture_output=True, text=True)
+    assert (done.stdout, done.stderr) == (told, "")
+
+
+def test_a_render_tells_of_kernels_that_cannot_be_kept(tmp_path: Path) -> None:
+    scene = tmp_path / "a.scene"
+    scene.write_text("sphere()\nsun()\ncamera([0, 1, 5])\n", encoding="utf-8")
+    (tmp_path / "file").write_bytes(b"")
+    command = [sys.executable, "-m", "maquette", "render", str(scene), "-o", str(tmp_path / "a.png"), "--size", "8x6", "--samples", "1"]
+    environment = {**os.environ, "MAQUETTE_CACHE": str(tmp_path / "file" / "cache"), "MAQUETTE_PROGRESS": "off"}
+    done = subprocess.run([*command, "--backend", "reference"], env=environment, capture_output=True, text=True)
+    assert done.returncode == 0
+    message = rf"compiled and cannot be kept for the next run in {re.escape(str(tmp_path))}/file/cache/kernels/\S+: Not a directory\n"
+    assert re.search(rf"^note: (1 kernel was|\d+ kernels were) {message}  MAQUETTE_CACHE names another folder\n", done.stderr, re.MULTILINE)
+    assert done.stderr.count("cannot be kept") == 1

@@ -1,7 +1,19 @@
-"""File name extensions by kind of content."""
+"""File name extensions by kind of content, and whether data is text."""
 
 SCENE = (".scene",)
 USD = (".usd", ".usda", ".usdc", ".usdz")
 MESH = (".obj", ".ply", ".stl", ".glb", ".gltf", ".off")
 SAVED = (".npz",)
 FONT = (".ttf", ".otf", ".ttc")
+MOST_ZEROS = 1 / 16  # share of zero bytes in a text; UTF-16 has about a half
+
+
+def is_binary(data: bytes) -> bool:
+    """Whether zero bytes show that data is no UTF-8 text. A text with stray ones is parsed, so that they are errors with their places."""
+    if b"\0" not in data:
+        return False
+    try:
+        data.decode()
+    except UnicodeDecodeError:
+        return True
+    return data.count(0) > len(data) * MOST_ZEROS

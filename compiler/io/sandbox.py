@@ -10,6 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from ...lang.diagnostics import suggest
+from ...lang.file_types import is_binary
 from ...lang.input_error import InputError
 
 LIBRARY = Path(__file__).resolve().parents[2] / "stdlib"
@@ -130,8 +131,9 @@ def resolved(path: Path) -> Path:
 
 def decode(data: bytes, name: str) -> str:
     """The text of a UTF-8 source file, whose lines end with `\\n`. Raises FileError for other data."""
-    if b"\0" in data[:65536]:
-        raise FileError(f"`{name}` is not a text file", "save it as UTF-8" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "")
+    if is_binary(data):
+        is_utf16 = max(data[::2].count(0), data[1::2].count(0)) > len(data) / 4 or data[:2] in (b"\xff\xfe", b"\xfe\xff")
+        raise FileError(f"`{name}` is not a text file", "save it as UTF-8" if is_utf16 else "")
     try:
         return data.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as failure:

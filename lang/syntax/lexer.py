@@ -101,8 +101,9 @@ def scan(text: str, file: str, diagnostics: Diagnostics) -> Scan:
                 break
         elif token in CLOSERS:
             depth = max(0, depth - 1)
-        elif token.type == "STRING" and "\\" in token:
+        elif token.type == "STRING" and ("\\" in token or "\0" in token):
             _check_escapes(token, file, diagnostics)
+            _check_zeros(token, file, diagnostics)
         elif token.type == "_NL":
             if result.tokens and result.tokens[-1].type == "_NL":  # a line with only a comment
                 first = result.tokens.pop()
@@ -146,6 +147,14 @@ def _check_escapes(token: Token, file: str, diagnostics: Diagnostics) -> None:
             hint = "write `/` in paths; a backslash is `\\\\`, a line end `\\n`"
             diagnostics.error(f"a string has no `{match[0]}`", span, hint)
             return
+
+
+def _check_zeros(token: Token, file: str, diagnostics: Diagnostics) -> None:
+    """Report the first zero byte of a string: no file name and no text has one."""
+    if "\0" in token:
+        column = (token.column or 1) + token.index("\0")
+        span = Span(file, token.line or 1, column, token.line or 1, column + 1)
+        diagnostics.error("a string has no invisible character U+0000", span, "delete it")
 
 
 def _open_string(token: Token, file: str, diagnostics: Diagnostics) -> Token:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..diagnostics import Diagnostics, Span, sort_diagnostics
+from ..file_types import is_binary
 from . import ast, lexer, line_joining, syntax_errors
 from .ast_builder import BROKEN, MAX_DEPTH, TooDeep, TreeBuilder
 from .error_site import ErrorSite
@@ -28,7 +29,7 @@ def decode(data: bytes, name: str, diagnostics: Diagnostics) -> str | None:
     if len(data) > MAX_BYTES:
         _too_large(len(data), name, diagnostics)
         return None
-    if b"\0" in data:
+    if is_binary(data):
         diagnostics.error("this is a binary file, no scene", Span(name))
         return None
     try:

@@ -127,6 +127,13 @@ def test_a_missing_scene(tmp_path: Path) -> None:
 def test_a_binary_scene_and_an_empty_one(tmp_path: Path) -> None:
     (tmp_path / "b.scene").write_bytes(bytes(range(256)))
     assert refused(tmp_path / "b.scene") == [("`b.scene` is not a text file", "")]
+    (tmp_path / "z.scene").write_bytes(b"sphere(1)\nsun()\ncamera([0, 1, 5])\n\0\n")
+    found = Diagnostics()
+    with pytest.raises(SceneError):
+        load.load(tmp_path / "z.scene", diagnostics=found)
+    assert [(str(d.span), d.message, d.hint) for d in found.items] == [
+        (f"{tmp_path}/z.scene:4:1", "the language has no invisible character U+0000", "delete it")
+    ]
     (tmp_path / "e.scene").write_text("")
     found = Diagnostics()
     scene = load.load(tmp_path / "e.scene", diagnostics=found)

@@ -107,10 +107,13 @@ def test_text_must_be_text(home: Path) -> None:
         with pytest.raises(sandbox.FileError) as caught:
             found.text(name)
         assert caught.value.message == message
-    (home / "wide.scene").write_bytes("sphere(1)".encode("utf-16"))
-    with pytest.raises(sandbox.FileError) as caught:
-        found.text("wide.scene")
-    assert (caught.value.message, caught.value.hint) == ("`wide.scene` is not a text file", "save it as UTF-8")
+    for encoding in ("utf-16", "utf-16-le", "utf-16-be"):
+        (home / "wide.scene").write_bytes("sphere(1)".encode(encoding))
+        with pytest.raises(sandbox.FileError) as caught:
+            found.text("wide.scene")
+        assert (caught.value.message, caught.value.hint) == ("`wide.scene` is not a text file", "save it as UTF-8")
+    (home / "zero.scene").write_bytes(b"sphere(1)  // a zero byte\0")
+    assert found.text("zero.scene")[1] == "sphere(1)  // a zero byte\0"
 
 
 def test_sizes_as_people_read_them() -> None:

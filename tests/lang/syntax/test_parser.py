@@ -188,6 +188,19 @@ def test_decode():
     assert decoded(b" " * 4_100_000) == (None, [too_large])
 
 
+def test_zero_bytes_are_told_with_their_places():
+    data = b'sphere(1)\nlet a =\0 1\nlet b = "x\0y"  // in a comment \0 it is none\n' + b"// more\n" * 20
+    diagnostics = Diagnostics()
+    text = parser.decode(data, "t", diagnostics)
+    assert text is not None
+    parser.parse(text, "t", diagnostics)
+    assert [render_text(d, lambda _: text) for d in diagnostics.items] == [
+        "t:2:8: error: the language has no invisible character U+0000\n   2 | let a =␀ 1\n     |        ^ delete it",
+        't:3:11: error: a string has no invisible character U+0000\n   3 | let b = "x␀y"  // in a comment ␀ it is none\n'
+        "     |           ^ delete it",
+    ]
+
+
 def test_invisible_characters_are_named():
     diagnostics = Diagnostics()
     parser.parse("let x = 1\u200b + 2", "t", diagnostics)

@@ -17,7 +17,7 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdUtils, Vt
 from ....lang.diagnostics import Diagnostics, Span, suggest
 from ...io.sandbox import Files
 from ..stage_options import StageOptions
-from .layers import crate_check, prim_count, repair, text_layers
+from .layers import crate_check, packages, prim_count, repair, text_layers
 
 Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # −90° about x
 MAX_WARNINGS = 20
@@ -200,7 +200,7 @@ def open_(
     try:
         stage = _open(path, options, diagnostics, whole, made)
     except Tf.ErrorException as failure:
-        why = reason(failure, path)
+        why = packages.fault_of(path) or reason(failure, path)
         at = re.match(rf"{re.escape(path.name)}:(\d+):(\d+): (.*)", why, re.DOTALL)
         if at and span is None:
             line, column = int(at[1]), int(at[2])
@@ -211,8 +211,11 @@ def open_(
         reports.tell(diagnostics, whole)
     if stage is None:
         if not diagnostics.failed:
-            diagnostics.error(f"cannot read the stage `{path.name}`", whole)
+            why = packages.fault_of(path) or "usd-core does not say why"
+            diagnostics.error(f"cannot read the stage `{path.name}`: {why}", whole, "copy or export it again")
         return None
+    if path.suffix.lower() == ".usdz" and packages.fault_of(path) == packages.CUT_OFF:
+        diagnostics.warning(f"the package may lack files: {packages.CUT_OFF}", whole, "copy or export it again")
     for where, choice in options.variants.items():
         _choose(stage, where, choice, diagnostics, whole)
     code = Usd.TimeCode.EarliestTime()

@@ -17,6 +17,7 @@ from pxr import Sdf, Tf
 from .....lang.diagnostics import Diagnostics, Span
 from . import crate_check, crate_values, text_layers
 
+CUT_OFF = "it is cut off: the list of files at the end of the zip archive is missing"
 _LAYERS = (".usd", ".usda", ".usdc")
 
 
@@ -40,6 +41,25 @@ def replaced(path: Path, diagnostics: Diagnostics) -> list[Any]:
         return _opened(os.path.abspath(path), first, made)
     except (OSError, ValueError, IndexError, NotImplementedError, RuntimeError, zipfile.BadZipFile, Tf.ErrorException):
         return []  # usd-core reports it
+
+
+def fault_of(path: Path) -> str:
+    """Why a file is no package that can be read; "" for others, and for those of which usd-core gives the reason."""
+    try:
+        with open(path, "rb") as file:
+            begin = file.read(4)
+        if not begin:
+            return "it is empty"
+        if path.suffix.lower() != ".usdz":
+            return ""
+        if not zipfile.is_zipfile(path):
+            return CUT_OFF if begin == b"PK\3\4" else "it is no zip archive"
+        with zipfile.ZipFile(path) as files:
+            return "" if layer_names(files.namelist()) else "it holds no layer: no .usda, .usdc or .usd file"
+    except OSError as failure:
+        return failure.strerror or str(failure)
+    except (ValueError, NotImplementedError, zipfile.BadZipFile) as failure:
+        return str(failure)
 
 
 def layer_names(names: list[str]) -> list[str]:

@@ -107,4 +107,5 @@ def test_a_layer_without_a_root_is_refused(tmp_path):
     made = crate(path)
     specs = {name: getattr(made, name)[1:] for name in ("spec_paths", "spec_fields", "spec_types")}
     path.write_bytes(crates.written(replace(made, **specs)))
-    assert load(path)[1] == ["x.usdc: error: cannot read the stage `x.usdc`"]
+    reason = "usd-core does not say why\n  copy or export it again"
+    assert load(path)[1] == [f"x.usdc: error: cannot read the stage `x.usdc`: {reason}"]

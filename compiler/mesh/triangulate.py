@@ -11,9 +11,12 @@ import mapbox_earcut
 import numpy as np
 
 from ..ir import F64, I32, I64
+from . import polygon_split
 
 FLAT = 1e-12  # 2 · area / extent² below which a face or triangle counts as degenerate
 _LEAST = 1e-280  # squared area that is far from underflow
+REPEATED = 3  # corners for each point, from which a face of over 500 corners is not clipped, which takes cubic time
+FEW = 64  # most corners of faces that are examined a coordinate at a time
 FAN_APEXES = 8  # most corners of a face for which every fan apex is tried; larger faces try the first corner only, then ear clipping
 
 
@@ -53,7 +56,7 @@ def faces(points: F64, indices: I32 | I64, counts: I32 | I64) -> Cut:
     for n in np.unique(counts[counts >= 3]):
         rows = np.flatnonzero(counts == n)
         corners = firsts[rows][:, None] + np.arange(n)
-        if (simple := _simple(points, indices, corners)) is not None:
+        if n <= FEW and (simple := _simple(points, indices, corners)) is not None:
             solid, whole = simple
             made.append((_fan(corners[whole], 0).reshape(-1, 3), np.repeat(rows[whole], n - 2)))
             if n == 3:
@@ -152,13 +155,10 @@ def _fans(
 
 def _crossing(shape: F64, flat: np.ndarray, extent: F64) -> list[int]:
     """Rows of self-intersecting faces (figures of eight): zero signed area, non-zero extent. They are fanned."""
-    found = []
-    for k in np.flatnonzero(flat):
-        spokes = shape[k, 1:] - shape[k, 0]
-        areas = np.linalg.norm(np.cross(spokes[:-1], spokes[1:]), axis=1)
-        if (areas > 1e-6 * extent[k] ** 2).any():
-            found.append(int(k))
-    return found
+    rows = np.flatnonzero(flat)
+    spokes = shape[rows, 1:] - shape[rows, :1]
+    areas = np.linalg.norm(np.cross(spokes[:, :-1], spokes[:, 1:]), axis=2)
+    return rows[(areas > 1e-6 * extent[rows, None] ** 2).any(axis=1)].tolist()
 
 
 def _clip(points: F64, loops: list[np.ndarray]) -> I32:
@@ -180,8 +180,18 @@ def _ears(shape: F64, ends: list[int], normal: F64) -> np.ndarray:
     u = np.cross(helper, axis)
     u /= np.linalg.norm(u)
     flat = (shape - shape[0]) @ np.stack([u, np.cross(axis, u)], axis=1)
-    ears = mapbox_earcut.triangulate_float64(np.ascontiguousarray(flat), np.array(ends, np.uint32)).reshape(-1, 3).astype(np.int64)
+    if len(ends) == 1:
+        ears = np.concatenate([rows[_clipped(flat[rows], [len(rows)])] for rows in polygon_split.pieces(flat)])
+    else:
+        ears = _clipped(flat, ends)
     a, b, c = flat[ears[:, 0]], flat[ears[:, 1]], flat[ears[:, 2]]
     doubled = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     ears = np.where((doubled < 0)[:, None], ears[:, ::-1], ears)
     return ears[np.abs(doubled) > FLAT * np.ptp(flat, axis=0).max() ** 2]
+
+
+def _clipped(loops: F64, ends: list[int]) -> I64:
+    """Triangles (m, 3) of an outline and its holes in a plane, by ear clipping; a fan where this would take minutes."""
+    if ends[0] > 500 and ends[0] > REPEATED * len(np.unique(loops, axis=0)):
+        return _fan(np.arange(ends[0])[None], 0)[0]
+    return mapbox_earcut.triangulate_float64(np.ascontiguousarray(loops), np.array(ends, np.uint32)).reshape(-1, 3).astype(np.int64)

@@ -1,0 +1,78 @@
+"""Splits large polygons along diagonals into pieces that ear clipping, of quadratic time, triangulates fast."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..ir import F64, I64
+
+LARGE = 5000  # most corners of a piece that can be split
+WHOLE = 30_000  # most corners of one that cannot
+_SHARES = (4, 16, 64)  # of the corners are left on either side of a diagonal, at least: the first that some diagonal leaves
+_TRIES = 32  # corners from which a diagonal is searched
+_STRIDE = 0.6180339887498949  # of the polygon, from one such corner to the next
+_SLACK = 1e-12  # of the extents: distance from a diagonal that counts as 0
+
+
+def pieces(loop: F64) -> list[I64]:
+    """Rows of the corners of the pieces of a polygon (n, 2), counter-clockwise.
+
+    A large polygon without diagonals, as one that crosses itself everywhere, is split at any corners.
+    """
+    found = []
+    waiting = [np.arange(len(loop))]
+    while waiting:
+        rows = waiting.pop()
+        if len(rows) <= LARGE:
+            found.append(rows)
+            continue
+        split = next(filter(None, (_diagonal(loop[rows], share) for share in _SHARES)), None)
+        if split is None and len(rows) <= WHOLE:
+            found.append(rows)
+            continue
+        first, last = split or (0, len(rows) // 2)
+        waiting += [rows[first : last + 1], np.concatenate([rows[last:], rows[: first + 1]])]
+    return found
+
+
+def _diagonal(loop: F64, share: int) -> tuple[int, int] | None:
+    """Two corners, first < last, whose connection lies inside of a polygon and leaves 1 / share of the corners on either side."""
+    count = len(loop)
+    rows = np.arange(count)
+    for k in range(_TRIES):
+        one = int(k * _STRIDE * count) % count
+        ways = loop - loop[one]
+        apart = np.abs(rows - one)
+        far = (np.minimum(apart, count - apart) >= count // share) & _is_inside(ways, ways[one - 1], ways[(one + 1) % count])
+        if not far.any():
+            continue
+        other = int(np.argmin(np.where(far, (ways * ways).sum(axis=1), np.inf)))
+        if not _crosses(loop, ways, one, other):
+            return min(one, other), max(one, other)
+    return None
+
+
+def _is_inside(ways: F64, before: F64, after: F64) -> np.ndarray:
+    """Whether directions (n, 2) at a corner lead inside; `before` and `after` lead to its neighbours."""
+    left, right = _cross(after, ways) > 0, _cross(ways, before) > 0
+    return left & right if _cross(after, before) > 0 else left | right
+
+
+def _crosses(loop: F64, ways: F64, one: int, other: int) -> bool:
+    """Whether the diagonal between two corners crosses an edge; corners may touch it. `ways` (n, 2) lead from its start."""
+    slack = _SLACK * np.ptp(loop, axis=0).max() ** 2
+    sides = _cross(ways[other], ways)
+    sides[np.abs(sides) <= slack] = 0.0
+    sides[[one, other]] = 0.0
+    following = np.roll(sides, -1)
+    rows = np.flatnonzero(sides * following < 0)
+    edges = loop[(rows + 1) % len(loop)] - loop[rows]
+    if (_cross(edges, loop[one] - loop[rows]) * _cross(edges, loop[other] - loop[rows]) < 0).any():
+        return True
+    along = (ways @ ways[other]) / (ways[other] @ ways[other])
+    through = (sides == 0) & (np.roll(sides, 1) * following < 0) & (along > 0) & (along < 1)
+    return bool(through.any())
+
+
+def _cross(a: F64, b: F64) -> F64:
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
 import json
 import os
@@ -17,9 +18,9 @@ from .. import __version__
 from ..compiler.io.environment import SettingError
 from ..lang.diagnostics import SceneError, sort_diagnostics
 from . import common_options as shared
+from . import memory, terminal
 from . import option_types as values
 from . import render_job as jobs
-from . import terminal
 
 COMMANDS = {  # in the order of --help, which imports none of them
     "new": "Write the starter scene NAME.scene.",
@@ -54,9 +55,10 @@ class Commands(click.Group):
             ctx.exit(1)
         except (KeyboardInterrupt, click.Abort):
             ctx.exit(130)
+        except BrokenPipeError:  # the reader of stdout has ended, as in `maquette inspect a.scene | head -1`
+            ctx.exit(1)
         except OSError as error:
-            named = f"{error.filename}: {error.strerror}" if error.filename else str(error)
-            click.echo(f"error: {named}", err=True)
+            click.echo(f"error: {_os_message(error)}", err=True)
             ctx.exit(1)
         except UnicodeEncodeError as error:
             name = error.object[error.start : error.end]
@@ -296,8 +298,30 @@ def lsp(allow: tuple[Path, ...]) -> None:
     server.serve(allow)
 
 
+def _os_message(error: OSError) -> str:
+    if error.errno == errno.EMFILE:
+        return f"{error.strerror}: raise the limit of this shell, such as by ulimit -n 1024"
+    if error.filename:
+        return f"{error.filename}: {error.strerror}"
+    return f"cannot print: {error.strerror}" if error.errno == errno.ENOSPC else str(error)
+
+
+def _open_streams() -> None:
+    """Open stdin, stdout and stderr that are closed, as by `maquette … >&-`: otherwise a file takes their number."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest free number
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w" if number else "r", encoding="utf-8"))  # noqa: SIM115 (for as long as the process)
+
+
 def main() -> None:
     """The `maquette` command. Exits by os._exit, because a regular exit of the interpreter takes 1/6 s."""
+    _open_streams()
+    if why := memory.refused_limits():
+        sys.exit(f"error: {why}")
     shared.raise_gc_threshold()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -309,6 +333,5 @@ def main() -> None:
             raise
         for stream in (sys.stdout, sys.stderr):
             with contextlib.suppress(OSError, ValueError):
-                if stream is not None:  # None: closed by the shell, as in `maquette … >&-`
-                    stream.flush()
+                stream.flush()
         os._exit(stop.code or 0)

@@ -16,6 +16,10 @@ if TYPE_CHECKING:
 SMALL_PICTURE = 256_000_000  # bytes of pixels that are tried in any case
 PROGRAM = 150_000_000  # bytes of this process with a small scene
 LATER = 600_000_000  # bytes of address space of libraries that are loaded later
+LIMITS = (  # name, kind, least bytes, the command that raises it
+    ("RLIMIT_STACK", "stack", 1 << 20, "ulimit -s 8192"),
+    ("RLIMIT_DATA", "data", 300_000 << 10, "ulimit -d unlimited"),
+)
 
 try:
     import resource
@@ -37,6 +41,17 @@ def resident_memory() -> int:
     except OSError:
         return peak_memory() or PROGRAM
     return pages * resource.getpagesize() if resource is not None else PROGRAM
+
+
+def refused_limits() -> str:
+    """Limits of the shell under which libraries end the process without a message, and the command that raises them; "" if none does."""
+    if resource is None:
+        return ""
+    for name, kind, least, command in LIMITS:
+        limit = resource.getrlimit(getattr(resource, name))[0]
+        if limit != resource.RLIM_INFINITY and limit < least:
+            return f"this shell limits the {kind} to {limit >> 10} kB, and {least >> 10} are needed: {command}"
+    return ""
 
 
 def free_memory() -> int | None:

@@ -117,6 +117,7 @@ ONE_FILE = {
 # Files whose functions open the next stage's door when it is reached, so that `--help` and `check` stay quick.
 DOORS = {
     "__init__.py": "`import maquette` loads no numpy",
+    "__main__.py": "Ctrl-C ends the process silently while the command is loaded",
     "cli/main.py": "each command loads its own stages",
     "cli/common_options.py": "settings are asked for once numpy is needed anyway",
     "cli/animation.py": "only an animation loads what writes it",

@@ -56,7 +56,7 @@ def test_every_dependency_is_pinned() -> None:
 
 def test_the_distribution_has_one_name() -> None:
     assert PROJECT["project"]["name"] == distribution.NAME
-    assert PROJECT["project"]["scripts"] == {"maquette": "maquette.cli.main:main"}
+    assert PROJECT["project"]["scripts"] == {"maquette": "maquette.__main__:start"}
     files = (path for path in ROOT.rglob("*") if path.suffix in (".md", ".py") and path != Path(__file__))
     pages = [path for path in files if path.relative_to(ROOT).parts[0][0] != "." and path.relative_to(ROOT).parts[0] != "build"]
     wrong = re.compile(r"pip install[^\n`#]*\bmaquette\b(?!-render)")  # another program on the package index

@@ -160,7 +160,7 @@ def connect(address: str) -> Iterator[Cluster]:
         from distributed.versions import VersionMismatchWarning
     except ImportError:
         raise ClusterError(f"--cluster needs Dask: {install_command('cluster')}") from None
-    for logger in ("distributed", "distributed.client"):  # Dask's configuration gives the second its own level
+    for logger in ("asyncio", "tornado", "distributed", "distributed.client"):  # Dask's configuration gives the second its own level
         logging.getLogger(logger).setLevel(logging.CRITICAL)
     warnings.filterwarnings("ignore", message="Sending large graph", category=UserWarning)
     warnings.filterwarnings("ignore", category=VersionMismatchWarning)  # identity.difference says more

@@ -20,6 +20,11 @@ from ...compiler.io.replace_file import Replacement, as_utf8
 from . import cryptomatte, metrics, srgb
 from .srgb import encode_srgb
 
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None
+
 LINEAR = (".exr",)
 DEPTHS = {".png": (8, 16), ".tif": (8, 16), ".tiff": (8, 16), ".jpg": (8,), ".jpeg": (8,)}  # bits a channel, by extension
 JPEG = (".jpg", ".jpeg")
@@ -193,8 +198,19 @@ class Strips:
         free = math.inf
         with suppress(OSError):
             free = shutil.disk_usage(self._new.partial.parent).free
-        reason = "the disk is full" if free < FULL else " ".join(problem.split())
+        reason = "the disk is full" if free < FULL else _limit_reached(self._new.partial) or " ".join(problem.split())
         return OSError(f"cannot write {self.path}: {reason}")
+
+
+def _limit_reached(path: Path) -> str:
+    """That a file is as large as the shell allows, "" if it is not."""
+    if resource is None:
+        return ""
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
+    with suppress(OSError):
+        if limit != resource.RLIM_INFINITY and path.stat().st_size + FULL > limit:
+            return f"the shell limits files to {limit >> 10} kB: raise it by ulimit -f"
+    return ""
 
 
 @library_messages.left_out()

@@ -8,7 +8,8 @@ from pathlib import Path
 import click
 
 from ..compiler.io.replace_file import replace_file
-from ..lang.diagnostics import Diagnostics
+from ..compiler.io.sandbox import MAX_SOURCE, size
+from ..lang.diagnostics import Diagnostics, Span
 from . import common_options as shared
 from . import terminal
 
@@ -41,9 +42,13 @@ def _format(path: Path, only_check: bool) -> bool:
 
     piped = path == Path("-")
     name = "stdin" if piped else str(path)
-    data = sys.stdin.buffer.read() if piped else path.read_bytes()
+    data = sys.stdin.buffer.read(MAX_SOURCE + 1) if piped else path.read_bytes()
     found = Diagnostics()
-    text = decode(data, name, found)
+    if piped and len(data) > MAX_SOURCE:
+        found.error("stdin is too big", Span(name), f"the limit is {size(MAX_SOURCE)}")
+        text = None
+    else:
+        text = decode(data, name, found)
     done = None if text is None else format_text(text, name, found)
     if done is None:
         terminal.report(found.items, {name: text} if piped else {})

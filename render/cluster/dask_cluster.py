@@ -13,6 +13,7 @@ import time
 import uuid
 import warnings
 from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from functools import partial
 from multiprocessing import resource_tracker
@@ -21,6 +22,7 @@ from typing import Any
 from ...compiler import ir
 from ...lang.diagnostics import Diagnostic
 from ...lang.distribution import install_command
+from .. import packing
 from ..jit.cancellation import Cancelled
 from ..simd import target
 from . import messages
@@ -132,7 +134,8 @@ class Cluster:
 
         try:
             answer = await future.result()
-        except (asyncio.CancelledError, KilledWorker, OSError, TimeoutError) as fault:
+            packing.unpack(answer)  # raises for what no worker of ours has sent
+        except (asyncio.CancelledError, CancelledError, KilledWorker, OSError, TimeoutError) as fault:
             answer = Lost(str(fault))
         except Exception as fault:
             answer = Unreadable(f"{type(fault).__name__}: {fault}".splitlines()[0])

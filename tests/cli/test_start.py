@@ -81,6 +81,11 @@ def test_a_full_disk_behind_stdout() -> None:
     assert shell(f"{MAQUETTE} inspect a.scene > /dev/full") == (1, "", "error: cannot print: No space left on device\n")
 
 
+def test_stdin_that_does_not_end() -> None:
+    why = "stdin: error: stdin is too big\n  the limit is 16 MB\n"
+    assert shell(f"yes 'let a = 1' | {MAQUETTE} format -") == (1, "", why)
+
+
 def test_too_few_files_may_be_open(monkeypatch: pytest.MonkeyPatch) -> None:
     def refused(*_: object) -> None:
         raise OSError(24, "Too many open files", "a.scene")

@@ -143,6 +143,44 @@ def test_another_version_is_told_and_the_render_goes_on(processes: Processes, ad
         processes.send(name, signal.SIGKILL)
 
 
+def test_a_worker_that_answers_something_else_is_told(processes: Processes, address: str) -> None:
+    code = "import importlib; importlib.import_module('maquette.render.cluster.worker').serve = lambda message: b'rubbish'"
+    (name,) = processes.start(1, code)
+    processes.wait(3)
+    try:
+        code, _, err = run("render", "a.scene", "-o", "a.exr", "--cluster", address)
+        assert code == 0
+        assert err.startswith("warning: worker tcp://127.0.0.1:")
+        why = "JSONDecodeError: Expecting value: line 1 column 1 (char 0)"
+        assert err.endswith(f" cannot draw ({why}): it draws nothing\n  install maquette {VERSION} with the extra `cluster` there\n")
+    finally:
+        processes.send(name, signal.SIGKILL)
+
+
+def test_a_scheduler_that_is_killed_ends_the_render(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its workers are not blamed."""
+    monkeypatch.setattr(dispatcher, "PATIENCE", 3.0)
+    (tmp_path / "cluster").mkdir()
+    own = Processes(tmp_path / "cluster")
+    try:
+        asked = tmp_path / "asked"
+        serve = f"lambda message: (pathlib.Path({str(asked)!r}).touch(), time.sleep(60))"
+        own.start(1, f"import importlib, pathlib, time; importlib.import_module('maquette.render.cluster.worker').serve = {serve}")
+        own.wait(1)
+
+        def kill() -> None:
+            until(asked.exists, "message")
+            own.scheduler.kill()
+
+        killer = threading.Thread(target=kill)
+        killer.start()
+        code, _, err = run("render", "a.scene", "-o", "a.exr", "--cluster", own.address)
+        killer.join()
+        assert (code, err) == (1, f"error: the scheduler {own.address} does not answer any more\n")
+    finally:
+        own.close()
+
+
 MESSAGES = {
     "nobody there": ("tcp://127.0.0.1:9", 1, "error: no scheduler answers at tcp://127.0.0.1:9: "),
     "no address": ("nonsense://x", 1, "error: no scheduler answers at nonsense://x: "),

@@ -7,8 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-import numpy as np
-
 from ...lang import file_types
 from ...lang.diagnostics import Diagnostics, Span
 from .. import ir
@@ -101,11 +99,9 @@ def _obj(data: bytes, name: str, folder: Path | None, builder: SceneBuilder, fil
     library = _libraries(found, folder, files, diagnostics)
     stem = Path(name).stem
     parts = []
-    for k in np.unique(found.material):
+    for k, mesh in polygon_mesh.split(found.mesh, found.material):
         asked = found.materials[k]
         row = _material(asked, found, library, builder, files, diagnostics)
-        faces = np.flatnonzero(found.material == k)
-        mesh = found.mesh if len(faces) == len(found.material) else polygon_mesh.subset(found.mesh, faces)
         part = add(mesh, row, asked or stem, builder, diagnostics, Span(name))
         parts += [] if part is None else [part]
     return parts

@@ -9,6 +9,7 @@
 from __future__ import annotations
 
 import tempfile
+import warnings
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -142,8 +143,13 @@ def show(path: str | Path, *, plan: Mapping[str, str] | None = None, allow: Sequ
 
 
 def compare(image: Image | str | Path, reference: Image | str | Path) -> Difference:
-    """√relMSE and the largest difference between two pictures or files of pictures, in linear light."""
+    """√relMSE and the largest difference between two pictures or files of pictures, in linear light.
+
+    Warns of what of a file is missing, not read, or read by a guess.
+    """
     from .render.image import image_reader, metrics
 
     a, b = (image_reader.read(Path(p)) if isinstance(p, str | Path) else p for p in (image, reference))
+    for message, hint in (fault for picture in (a, b) for fault in picture.metadata.get("faults", ())):
+        warnings.warn(f"{message}; {hint}", stacklevel=2)
     return metrics.difference(a.channels["rgba"], b.channels["rgba"])

@@ -200,6 +200,7 @@ def _sides(given: _Inputs, quiet: bool) -> tuple[Side, Side]:
         ready = [None if _is_scene(path) else sides.read(path) for path in paths]
     except pictures.FormatError as error:
         raise click.ClickException(str(error)) from None
+    terminal.report(warning for side in ready if side is not None for warning in side.warnings)
     scenes: dict[Path, ir.Scene] = {}
     plans: list[tuple[ir.Scene, Plan] | None] = []
     for k, path in enumerate(paths):

@@ -102,6 +102,7 @@ def _tested(name: str, path: Path, update: bool, output: Path | None, quiet: boo
         before = _kept(sides.read(kept)) if kept.is_file() else None
     except image_files.FormatError as error:
         return Result(name, "error", str(error))
+    terminal.report([] if before is None else before.warnings)
     try:
         made = _render(name, path, before, quiet, given)
     except SceneError as error:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import os
-import re
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -14,7 +13,7 @@ import numpy as np
 
 from ...lang.diagnostics import Diagnostics, Span
 from ...lang.input_error import InputError
-from ..io import library_messages, stage_cache
+from ..io import library_messages, picture_contents, stage_cache
 
 if TYPE_CHECKING:
     from ..scene.builder import SceneBuilder
@@ -24,16 +23,6 @@ MAX_ALL_TEXELS = 1 << 27  # of all images of a scene
 LARGEST = float(np.finfo(np.float32).max)
 SPACES = ("auto", "srgb", "linear")
 _BAND = 1 << 14  # pixels that are converted together
-_MOST_PARTS = 100  # of a file, counted in messages
-_PARTS = {"gif": "frames", "webp": "frames", "png": "frames", "tiff": "pages", "ico": "sizes"}  # names of further pictures in a file
-_COMPOSED = ("psd",)  # formats whose first picture is made of the others
-_RGB = (("r", "g", "b"), ("red", "green", "blue"))
-_MAIN_LAYERS = ("rgba", "rgb", "beauty", "combined", "color", "colour")
-_ALPHA = ("a", "alpha")
-_ANOTHER = "to draw another, write it to a file of its own"
-_OTHERS = "to draw them, write them to files of their own"
-_JPEG_SEGMENT = re.compile(rb"\xff[\x02-\xcf\xd9-\xfe]")  # the markers of segments and of the end, and no byte of coded pixels
-_JPEG_END = 0xD9
 
 
 class ImageError(InputError):
@@ -59,15 +48,6 @@ class Decoded(NamedTuple):
             message = f"{self.odd:,} of {pixels:,} pixels of the picture `{name}` are infinite or no numbers"
             hint = f"they are drawn as {LARGEST:.1e} and as 0; half floats end at 65504: write it as float"
             diagnostics.warning(message, span, hint)
-
-
-class _Channels(NamedTuple):
-    """The channels of a file that are read, and how they are drawn."""
-
-    first: int
-    end: int
-    alpha: int  # among those read; -1: none
-    told: str  # the channels that are drawn in place of R, G and B, for a message; "" where the file has these
 
 
 def row(builder: SceneBuilder, path: Path, space: str = "auto", color: bool = True, span: Span | None = None) -> int:
@@ -111,8 +91,8 @@ def _read_cached(source: str | bytes, name: str, space: str, limit: int) -> Deco
 def read(source: str | bytes, name: str, space: str = "auto", limit: int = MAX_TEXELS) -> Decoded:
     """Decode a path or a file's bytes. `name` is the one in messages. Raises ImageError.
 
-    The first picture of the file is read: its R, G, B and A, or the channels that `_channels` selects. Infinite values become the largest
-    float, NaN becomes 0.
+    The first picture of the file is read: its R, G, B and A, or the channels that `choose_channels` selects. Infinite values become
+    the largest float, NaN becomes 0.
     """
     import OpenImageIO as oiio
 
@@ -130,11 +110,12 @@ def read(source: str | bytes, name: str, space: str = "auto", limit: int = MAX_T
                     f"the picture `{name}` is too big: {width} by {height} pixels",
                     f"at most {MAX_TEXELS:,} in one and {MAX_ALL_TEXELS:,} in all pictures of a scene",
                 )
-            channels = _channels([str(channel) for channel in spec.channelnames], spec.alpha_channel, picture.format_name())
+            names = [str(channel) for channel in spec.channelnames]
+            channels = picture_contents.choose_channels(names, spec.alpha_channel, picture.format_name())
             pixels = picture.read_image(0, 0, channels.first, channels.end, _stored_type(spec))
             if pixels is None:
                 raise ImageError(f"the picture `{name}` is damaged", _reason(picture.geterror(), path, name))
-            faults = tuple(_faults(picture, spec, channels, path, name))
+            faults = tuple(picture_contents.faults(picture, channels.stand_in, channels.left(names), path, name))
         finally:
             picture.close()
     if pixels.ndim == 4:  # first slice of a volume
@@ -155,103 +136,6 @@ def matrix(source: str | bytes, name: str, names: tuple[str, ...]) -> np.ndarray
         found = [picture.spec().getattribute(key) for key in names]
         picture.close()
     return next((np.array(values, np.float64).reshape(4, 4) for values in found if np.size(values) == 16), None)
-
-
-def _channels(names: list[str], alpha: int, kind: str) -> _Channels:
-    """The channels to read: the first four, but for EXR files by their names, as these may hold anything.
-
-    Of an EXR without R and Y these are the R, G and B of a layer, or its Y, or its first three, with the alpha that follows them.
-    """
-    if kind != "openexr":
-        known = alpha < len(names)  # OpenImageIO gives the alpha of GIF files as the fifth of four channels
-        return _Channels(0, min(len(names), 4), alpha if known else names.index("A") if "A" in names else -1, "")
-    ends = [name.rpartition(".")[2].lower() for name in names]
-    layers: dict[str, list[int]] = {}
-    for k, name in enumerate(names):
-        layers.setdefault(name.rpartition(".")[0], []).append(k)
-    colored = [layer for layer, at in layers.items() if tuple(ends[k] for k in at[:3]) in _RGB]
-    colored.sort(key=lambda layer: layer.rpartition(".")[2].lower() not in _MAIN_LAYERS)
-    grey = [layer for layer, at in layers.items() if ends[at[0]] == "y"]
-    plain = ends[layers[""][0]] in ("r", "red", "y") if "" in layers else False
-    free = [layer for layer, at in layers.items() if any(ends[k] not in _ALPHA for k in at)]
-    layer = "" if plain else (colored or grey or free or list(layers))[0]
-    at = [k for k in layers[layer] if ends[k] not in _ALPHA]
-    if plain or layer in colored:
-        at = [k for k in at if ends[k] in (*_RGB[0], *_RGB[1])] or at[:1]
-    elif layer in grey:
-        at = at[:1]
-    first, end = (at[0], at[:3][-1] + 1) if at else (layers[layer][0], layers[layer][0])
-    has_alpha = ends[end : end + 1] in ([word] for word in _ALPHA) and end in layers[layer]
-    return _Channels(first, end + has_alpha, end - first if has_alpha else -1, "" if plain else _drawn_as(names[first:end]))
-
-
-def _drawn_as(names: list[str]) -> str:
-    """The sense of colour channels by their number, for a message."""
-    if not names:
-        return "it is drawn white, with its alpha"
-    quoted = [f"`{name}`" for name in names]
-    inks = {1: "grey", 2: "red and green", 3: "red, green and blue"}[len(names)]
-    return f"{', '.join(quoted[:-1])}{' and ' * (len(names) > 1)}{quoted[-1]} {'are' if len(names) > 1 else 'is'} drawn as {inks}"
-
-
-def _faults(picture: Any, spec: Any, channels: _Channels, path: str, name: str) -> Iterator[tuple[str, str]]:
-    """(message, hint) of all that an image lacks, or has and is not drawn. Smaller copies (MIP maps, thumbnails) are not meant."""
-    kind = picture.format_name()
-    if kind == "jpeg" and _is_cut_off(Path(path).read_bytes()):
-        hint = "the missing part is drawn grey or blurred: copy or write the file again"
-        yield f"the picture `{name}` is cut off: its file ends early", hint
-    if channels.told:
-        yield f"the picture `{name}` has no channels R, G and B: {channels.told}", "name the channels to draw R, G and B"
-    left = [*spec.channelnames[: channels.first], *spec.channelnames[channels.end :]]
-    unread = []
-    if left:
-        listed = ", ".join(f"`{channel}`" for channel in left[:8]) + (f" and {len(left) - 8} more" if len(left) > 8 else "")
-        unread.append(f"the channel{'s' * (len(left) > 1)} {listed}")
-    parts = _count_parts(picture, path, kind)
-    if parts > 1 and kind == "openexr":
-        unread.append(f"{parts - 1} further part{'s' * (parts > 2)}")
-    if unread:
-        are = "are" if len(left) > 1 or len(unread) > 1 or parts > 2 else "is"
-        yield f"of the picture `{name}`, {' and '.join(unread)} {are} not drawn", _OTHERS
-    if parts > 1 and kind != "openexr":
-        counted = f"more than {_MOST_PARTS}" if parts > _MOST_PARTS else str(parts)
-        yield f"the picture `{name}` has {counted} {_PARTS.get(kind, 'pictures')}: the first is drawn", _ANOTHER
-    if (turn := spec.get_int_attribute("Orientation", 1)) not in (0, 1):
-        yield f"the picture `{name}` is drawn as it is stored: its orientation {turn} is left out", "turn it and write it again"
-    if spec.depth > 1:
-        yield f"the picture `{name}` has {spec.depth} slices: the first is drawn", _ANOTHER
-
-
-def _is_cut_off(data: bytes) -> bool:
-    """Whether a JPEG ends without the marker of its end."""
-    at = 2
-    while found := _JPEG_SEGMENT.search(data, at):
-        if data[found.end() - 1] == _JPEG_END:
-            return False
-        at = found.end() + int.from_bytes(data[found.end() : found.end() + 2], "big")
-    return True
-
-
-def _count_parts(picture: Any, path: str, kind: str) -> int:
-    """The number of pictures in a file, at most _MOST_PARTS + 1; 1 where the first is made of the others, or they of it."""
-    from PIL import Image
-
-    if kind in _COMPOSED or picture.spec().get_int_attribute("oiio:miplevels") > 1:
-        return 1
-    if kind in _PARTS:
-        with suppress(Exception), Image.open(path) as file:  # Pillow raises exceptions of any kind for damaged files
-            frames = min(len(file.info["sizes"]) if kind == "ico" else getattr(file, "n_frames", 1), _MOST_PARTS + 1)
-            return sum(_is_page(file, k) for k in range(frames)) if kind == "tiff" else frames
-    parts = 1
-    while parts <= _MOST_PARTS and picture.seek_subimage(parts, 0):
-        parts += 1
-    return parts
-
-
-def _is_page(file: Any, number: int) -> bool:
-    """Whether a picture of a TIFF is neither a smaller copy (bit 0 of NewSubfileType) nor a mask (bit 2) of another."""
-    file.seek(number)
-    return number == 0 or not file.tag_v2.get(254, 0) & 5
 
 
 def _in_display_window(texels: np.ndarray, spec: Any) -> np.ndarray:

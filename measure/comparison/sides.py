@@ -69,6 +69,11 @@ class Side:
         return found.astype(np.float64) if found is not None and np.isfinite(found).all() else None
 
     @property
+    def warnings(self) -> list[Diagnostic]:
+        """What of a picture file is missing, not read, or read by a guess."""
+        return [Diagnostic("warning", message, None, hint) for message, hint in self.image.metadata.get("faults", ())]
+
+    @property
     def bits(self) -> int:
         """Bits a channel of an 8 or 16-bit picture; 0 for linear light."""
         return int(self.image.metadata.get("bits", 0))

@@ -9,7 +9,7 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from ...compiler.io import library_messages
+from ...compiler.io import library_messages, picture_contents
 from . import image as images
 from .image_files import ABOUT, CHANNEL_NAMES, LIGHT, FormatError
 from .srgb import decode_srgb
@@ -20,8 +20,9 @@ def read(path: Path) -> images.Image:
     """Read a picture in any format of OpenImageIO, as scene-linear rgba with associated alpha (1 without an alpha channel).
 
     Integer files are sRGB with unassociated alpha, float files are linear. Other channels that maquette writes are read, too. metadata:
-    "size" of the whole picture and "crop" in it, "bits" a channel (0 for floats), "alpha": whether it has alpha, and "about": the texts
-    that `write` got. Raises FormatError if the file is missing or not a picture.
+    "size" of the whole picture and "crop" in it, "bits" a channel (0 for floats), "alpha": whether it has alpha, "about": the texts
+    that `write` got, and "faults": (message, hint) of all that is missing, not read, or read by a guess. Raises FormatError if the file
+    is missing or not a picture.
     """
     wanted = oiio.ImageSpec()
     wanted.attribute("oiio:UnassociatedAlpha", 1)
@@ -35,18 +36,29 @@ def read(path: Path) -> images.Image:
         pixels = source.read_image(oiio.FLOAT)
         if pixels is None:
             raise FormatError(f"{path} cannot be read: {source.geterror()}")
+        names = [str(name) for name in spec.channelnames]
+        channels = picture_contents.choose_channels(names, spec.alpha_channel, source.format_name())
+        if all(name in names for name in "RGB"):
+            channels = channels._replace(stand_in=None)
+        faults = tuple(picture_contents.faults(source, channels.stand_in, [], str(path), str(path), picture_contents.READ))
     finally:
         source.close()
-    return _as_image(np.asarray(pixels, dtype=np.float32).reshape(spec.height, spec.width, -1), spec)
+    return _as_image(np.asarray(pixels, dtype=np.float32).reshape(spec.height, spec.width, -1), spec, channels, faults)
 
 
-def _as_image(pixels: NDArray[np.float32], spec: Any) -> images.Image:
+def _as_image(
+    pixels: NDArray[np.float32], spec: Any, chosen: picture_contents.Channels, faults: tuple[tuple[str, str], ...]
+) -> images.Image:  # fmt: skip
     names = list(spec.channelnames)
+    alpha_at = chosen.first + chosen.alpha if chosen.alpha >= 0 else -1
     if all(name in names for name in "RGB"):
+        alpha_at = spec.alpha_channel if spec.alpha_channel < len(names) else alpha_at
         rgb = pixels[..., [names.index(name) for name in "RGB"]].astype(np.float64)
     else:
-        rgb = np.repeat(pixels[..., :1], 3, axis=2).astype(np.float64)  # grey
-    alpha = pixels[..., [spec.alpha_channel]].astype(np.float64) if spec.alpha_channel >= 0 else np.ones_like(rgb[..., :1])
+        inks = [pixels[..., k] for k in range(chosen.first, chosen.end) if k != alpha_at] or [np.ones(pixels.shape[:2])]
+        inks = inks * 3 if len(inks) == 1 else [*inks, np.zeros(pixels.shape[:2])][:3]
+        rgb = np.stack(inks, axis=2).astype(np.float64)
+    alpha = pixels[..., [alpha_at]].astype(np.float64) if alpha_at >= 0 else np.ones_like(rgb[..., :1])
     if spec.format.basetype in (oiio.UINT8, oiio.UINT16):
         rgb = decode_srgb(rgb) * alpha
     found = {"rgba": np.concatenate([rgb, alpha], axis=2).astype(np.float32)}
@@ -57,7 +69,7 @@ def _as_image(pixels: NDArray[np.float32], spec: Any) -> images.Image:
         if part.startswith("light_") and part.endswith(".R"):
             layer = part.removesuffix(".R")
             found[LIGHT + layer.removeprefix("light_")] = pixels[..., [names.index(f"{layer}.{c}") for c in "RGB"]]
-    return images.Image(spec.width, spec.height, found, _read_about(spec))
+    return images.Image(spec.width, spec.height, found, {**_read_about(spec), "alpha": alpha_at >= 0, "faults": faults})
 
 
 def _read_about(spec: Any) -> dict[str, Any]:
@@ -65,7 +77,6 @@ def _read_about(spec: Any) -> dict[str, Any]:
     return {
         "size": (spec.full_width, spec.full_height),
         "crop": (x, y, x + spec.width, y + spec.height),
-        "alpha": spec.alpha_channel >= 0,
         "bits": {oiio.UINT8: 8, oiio.UINT16: 16}.get(spec.format.basetype, 0),
         "about": {a.name.removeprefix(ABOUT): str(a.value) for a in spec.extra_attribs if a.name.startswith(ABOUT)},
     }

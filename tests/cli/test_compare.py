@@ -12,6 +12,7 @@ from typing import Any
 
 import maquette
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 from click.testing import CliRunner
 from hypothesis import given
@@ -21,6 +22,7 @@ from maquette.cli import terminal
 from maquette.cli.main import cli
 from maquette.render.image import image_files, image_reader, metrics
 from maquette.render.image.image import Image
+from PIL import Image as Pictures
 
 PIXELS = arrays.arrays(np.float32, (3, 4, 3), elements=st.floats(0, 1000, width=32))
 
@@ -168,6 +170,62 @@ def test_a_file_that_is_no_picture(tmp_path: Path) -> None:
     assert (code, out) == (1, "")
     assert err.startswith(f"Error: {text} is not a picture: ")
     assert run("compare", a, tmp_path / "none.exr")[0] == 2
+
+
+def cut_off(path: Path) -> Path:
+    """A JPEG whose second half is missing."""
+    noise = np.random.default_rng(1).integers(0, 256, (48, 64, 3)).astype(np.uint8)
+    Pictures.fromarray(noise).save(path)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    return path
+
+
+def animated(path: Path) -> Path:
+    """A picture with two frames."""
+    first, other = (Pictures.new("RGB", (64, 48), color) for color in ("#ff0000", "#00ff00"))
+    first.save(path, save_all=True, append_images=[other])
+    return path
+
+
+def without_colors(path: Path) -> Path:
+    """An EXR with a layer of colours, which is not the first."""
+    spec = oiio.ImageSpec(64, 48, 4, "float")
+    spec.channelnames = ("Z", "beauty.R", "beauty.G", "beauty.B")
+    out = oiio.ImageOutput.create(str(path))
+    assert out is not None
+    assert out.open(str(path), spec)
+    assert out.write_image(np.tile(np.array([9, 0.25, 0.5, 1], np.float32), (48, 64, 1)))
+    out.close()
+    return path
+
+
+FAULTY = [
+    (
+        cut_off, "a.jpg", "the picture `{}` is cut off: its file ends early",
+        "the missing part is read grey or blurred: copy or write the file again",
+    ),
+    (animated, "a.gif", "the picture `{}` has 2 frames: the first is read", "to read another, write it to a file of its own"),
+    (
+        without_colors, "a.exr",
+        "the picture `{}` has no channels R, G and B: `beauty.R`, `beauty.G` and `beauty.B` are read as red, green and blue",
+        "name the channels to read R, G and B",
+    ),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("make", "name", "message", "hint"), FAULTY)
+def test_what_of_a_picture_is_not_read_is_told(tmp_path: Path, make: Any, name: str, message: str, hint: str) -> None:
+    a, b = make(tmp_path / name), saved(tmp_path / "b.exr", flat(1.0, 64, 48))
+    said = message.format(a)
+    assert run("compare", a, b)[::2] == (0, f"warning: {said}\n  {hint}\n")
+    assert run("compare", b, a)[::2] == (0, f"warning: {said}\n  {hint}\n")
+    with pytest.warns(UserWarning, match=f"^{re.escape(said)}; {re.escape(hint)}$"):
+        maquette.compare(a, b)
+
+
+def test_colors_of_a_layer_are_compared(tmp_path: Path) -> None:
+    rgba = image_reader.read(without_colors(tmp_path / "a.exr")).channels["rgba"]
+    assert rgba[5, 7].tolist() == [0.25, 0.5, 1, 1]
 
 
 SCENE = """\

@@ -1,0 +1,144 @@
+"""What a picture file holds: the channels that are read of it, and what of it is missing or not read."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, NamedTuple
+
+_MOST_PARTS = 100  # of a file, counted in messages
+_PARTS = {"gif": "frames", "webp": "frames", "png": "frames", "tiff": "pages", "ico": "sizes"}  # names of further pictures in a file
+_COMPOSED = ("psd",)  # formats whose first picture is made of the others
+_RGB = (("r", "g", "b"), ("red", "green", "blue"))
+_MAIN_LAYERS = ("rgba", "rgb", "beauty", "combined", "color", "colour")
+_ALPHA = ("a", "alpha")
+_JPEG_SEGMENT = re.compile(rb"\xff[\x02-\xcf\xd9-\xfe]")  # the markers of segments and of the end, and no byte of coded pixels
+_JPEG_END = 0xD9
+
+
+class Use(NamedTuple):
+    """What is done with pictures, as a word of messages."""
+
+    infinitive: str
+    done: str
+
+
+DRAWN, READ = Use("draw", "drawn"), Use("read", "read")
+
+
+class Channels(NamedTuple):
+    """The channels of a file that are read, and how they are used."""
+
+    first: int
+    end: int
+    alpha: int  # among those read; -1: none
+    stand_in: tuple[str, ...] | None  # the channels that are used in place of R, G and B; None where the file has these
+
+    def left(self, names: list[str]) -> list[str]:
+        """Those of a file's channels that are not read."""
+        return [*names[: self.first], *names[self.end :]]
+
+
+def choose_channels(names: list[str], alpha: int, kind: str) -> Channels:
+    """The channels to read: the first four, but for EXR files by their names, as these may hold anything.
+
+    Of an EXR without R and Y these are the R, G and B of a layer, or its Y, or its first three, with the alpha that follows them.
+    """
+    if kind != "openexr":
+        known = alpha < len(names)  # OpenImageIO gives the alpha of GIF files as the fifth of four channels
+        return Channels(0, min(len(names), 4), alpha if known else names.index("A") if "A" in names else -1, None)
+    ends = [name.rpartition(".")[2].lower() for name in names]
+    layers: dict[str, list[int]] = {}
+    for k, name in enumerate(names):
+        layers.setdefault(name.rpartition(".")[0], []).append(k)
+    colored = [layer for layer, at in layers.items() if tuple(ends[k] for k in at[:3]) in _RGB]
+    colored.sort(key=lambda layer: layer.rpartition(".")[2].lower() not in _MAIN_LAYERS)
+    grey = [layer for layer, at in layers.items() if ends[at[0]] == "y"]
+    plain = ends[layers[""][0]] in ("r", "red", "y") if "" in layers else False
+    free = [layer for layer, at in layers.items() if any(ends[k] not in _ALPHA for k in at)]
+    layer = "" if plain else (colored or grey or free or list(layers))[0]
+    at = [k for k in layers[layer] if ends[k] not in _ALPHA]
+    if plain or layer in colored:
+        at = [k for k in at if ends[k] in (*_RGB[0], *_RGB[1])] or at[:1]
+    elif layer in grey:
+        at = at[:1]
+    first, end = (at[0], at[:3][-1] + 1) if at else (layers[layer][0], layers[layer][0])
+    has_alpha = ends[end : end + 1] in ([word] for word in _ALPHA) and end in layers[layer]
+    return Channels(first, end + has_alpha, end - first if has_alpha else -1, None if plain else tuple(names[first:end]))
+
+
+def _used_as(names: tuple[str, ...], use: Use) -> str:
+    """The sense of colour channels by their number, for a message."""
+    if not names:
+        return f"it is {use.done} white, with its alpha"
+    quoted = [f"`{name}`" for name in names]
+    inks = {1: "grey", 2: "red and green", 3: "red, green and blue"}[len(names)]
+    return f"{', '.join(quoted[:-1])}{' and ' * (len(names) > 1)}{quoted[-1]} {'are' if len(names) > 1 else 'is'} {use.done} as {inks}"
+
+
+def faults(
+    picture: Any, stand_in: tuple[str, ...] | None, left: list[str], path: str, name: str, use: Use = DRAWN
+) -> Iterator[tuple[str, str]]:  # fmt: skip
+    """(message, hint) of all that an open picture lacks, or has and is not used. Smaller copies (MIP maps, thumbnails) are not meant.
+
+    `stand_in` are the channels in place of R, G and B, as in Channels; `left` are those whose loss is told.
+    """
+    kind, spec = picture.format_name(), picture.spec()
+    if kind == "jpeg" and _is_cut_off(Path(path).read_bytes()):
+        hint = f"the missing part is {use.done} grey or blurred: copy or write the file again"
+        yield f"the picture `{name}` is cut off: its file ends early", hint
+    if stand_in is not None:
+        hint = f"name the channels to {use.infinitive} R, G and B"
+        yield f"the picture `{name}` has no channels R, G and B: {_used_as(stand_in, use)}", hint
+    unread = []
+    if left:
+        listed = ", ".join(f"`{channel}`" for channel in left[:8]) + (f" and {len(left) - 8} more" if len(left) > 8 else "")
+        unread.append(f"the channel{'s' * (len(left) > 1)} {listed}")
+    parts, another = _count_parts(picture, path, kind), f"to {use.infinitive} another, write it to a file of its own"
+    if parts > 1 and kind == "openexr":
+        unread.append(f"{parts - 1} further part{'s' * (parts > 2)}")
+    if unread:
+        are = "are" if len(left) > 1 or len(unread) > 1 or parts > 2 else "is"
+        others = f"to {use.infinitive} them, write them to files of their own"
+        yield f"of the picture `{name}`, {' and '.join(unread)} {are} not {use.done}", others
+    if parts > 1 and kind != "openexr":
+        counted = f"more than {_MOST_PARTS}" if parts > _MOST_PARTS else str(parts)
+        yield f"the picture `{name}` has {counted} {_PARTS.get(kind, 'pictures')}: the first is {use.done}", another
+    if (turn := spec.get_int_attribute("Orientation", 1)) not in (0, 1):
+        yield f"the picture `{name}` is {use.done} as it is stored: its orientation {turn} is left out", "turn it and write it again"
+    if spec.depth > 1:
+        yield f"the picture `{name}` has {spec.depth} slices: the first is {use.done}", another
+
+
+def _is_cut_off(data: bytes) -> bool:
+    """Whether a JPEG ends without the marker of its end."""
+    at = 2
+    while found := _JPEG_SEGMENT.search(data, at):
+        if data[found.end() - 1] == _JPEG_END:
+            return False
+        at = found.end() + int.from_bytes(data[found.end() : found.end() + 2], "big")
+    return True
+
+
+def _count_parts(picture: Any, path: str, kind: str) -> int:
+    """The number of pictures in a file, at most _MOST_PARTS + 1; 1 where the first is made of the others, or they of it."""
+    from PIL import Image
+
+    if kind in _COMPOSED or picture.spec().get_int_attribute("oiio:miplevels") > 1:
+        return 1
+    if kind in _PARTS:
+        with suppress(Exception), Image.open(path) as file:  # Pillow raises exceptions of any kind for damaged files
+            frames = min(len(file.info["sizes"]) if kind == "ico" else getattr(file, "n_frames", 1), _MOST_PARTS + 1)
+            return sum(_is_page(file, k) for k in range(frames)) if kind == "tiff" else frames
+    parts = 1
+    while parts <= _MOST_PARTS and picture.seek_subimage(parts, 0):
+        parts += 1
+    return parts
+
+
+def _is_page(file: Any, number: int) -> bool:
+    """Whether a picture of a TIFF is neither a smaller copy (bit 0 of NewSubfileType) nor a mask (bit 2) of another."""
+    file.seek(number)
+    return number == 0 or not file.tag_v2.get(254, 0) & 5

@@ -128,7 +128,10 @@ def _names(scene: ir.Scene, table_name: str, most: int = 8) -> str:
 
 @contextmanager
 def catch_interrupt() -> Iterator[threading.Event]:
-    """An event that the first Ctrl-C sets; the second raises KeyboardInterrupt at once."""
+    """An event that the first Ctrl-C, SIGTERM or SIGHUP sets; the second raises KeyboardInterrupt at once.
+
+    SIGTERM ends jobs of batch systems, SIGHUP those of a terminal that closes; the latter stays ignored under nohup.
+    """
     event = threading.Event()
 
     def interrupt(number: int, frame: Any) -> None:
@@ -136,8 +139,12 @@ def catch_interrupt() -> Iterator[threading.Event]:
             raise KeyboardInterrupt
         event.set()
 
-    before = signal.signal(signal.SIGINT, interrupt)
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
+        numbers.append(signal.SIGHUP)
+    before = {number: signal.signal(number, interrupt) for number in numbers}
     try:
         yield event
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)

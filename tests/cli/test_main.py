@@ -447,14 +447,15 @@ def test_stats_replace_neither_scene_nor_picture(scene: Path, command: str, file
     assert scene.read_bytes() == before
 
 
-def test_ctrl_c_writes_the_partial_picture(scene: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_ctrl_c_and_its_like_write_the_partial_picture(scene: Path, number: int) -> None:
     tell = "p.Display.__call__ = lambda self, reached: reached.share > 0 and print('begun', flush=True)"
     code = f"from maquette.cli import main, progress as p; {tell}; main.main()"
     command = [sys.executable, "-c", code, "render", "a.scene", "--backend", "reference", "--size", "600", "--samples", "1024"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stdout is not None
     assert process.stdout.readline() == "begun\n"
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130, err
     assert re.fullmatch(r"interrupted: the partial picture is in a\.partial\.exr(; --resume goes on from a\.png\.checkpoint)?\n", err)

@@ -24,6 +24,7 @@ from ..lang.diagnostics import Diagnostic, SceneError
 from ..lang.plain_values import time_range
 from . import option_types as values
 from . import terminal
+from .job import checkpoints
 from .memory import peak_memory, strip_plans
 from .progress import Display
 from .scene_source import Laps, Source, measure_time
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
     from ..render.image.image import Image
     from ..render.large_images import Draw
 
-FIRST_CHECKPOINT, CHECKPOINT = 60.0, 30.0  # seconds to the first checkpoint, and between others
 Frame = tuple[Path, float, dict[str, float]]  # file, number, moment as for Source.load
 STAGES = ("import", "parse", "evaluate", "lower", "validate", "compile_kernels", "build", "render", "write")
 
@@ -135,7 +135,7 @@ class Job:
     bits: int | None = None
     quiet: bool = False
     files: tuple[Path, ...] = ()  # files of the last scene
-    checkpoint: float | None = 0.0  # seconds between checkpoints; 0: none; None: CHECKPOINT, after the first minute
+    checkpoint: float | None = 0.0  # seconds between checkpoints; 0: none; None: checkpoints.EVERY, after the first minute
     resume: bool = False  # go on from checkpoints
     memory: int | None = None  # bytes that may be taken; None: what is free
     cluster: Cluster | None = None  # that draws the pictures; None: this machine
@@ -180,7 +180,7 @@ class Job:
 
         there = [file for file in files if file.is_file()]
         whole = dict.fromkeys(file for file in there if not image_files.damage(file))
-        self._report(Diagnostic("warning", f"{file} is damaged: the frame is drawn again") for file in there if file not in whole)
+        self.report(Diagnostic("warning", f"{file} is damaged: the frame is drawn again") for file in there if file not in whole)
         if whole:
             if not self.quiet:
                 click.echo(f"{len(whole)} frame{' is' if len(whole) == 1 else 's are'} there already", err=True)
@@ -218,7 +218,7 @@ class Job:
 
     def _shown_picture(self, path: Path, moment: Mapping[str, float]) -> dict[str, Any]:
         read = self.read(path, moment)
-        keeper = self._keeper(read) if len(read.parts) == 1 else None
+        keeper = checkpoints.keeper_of(self, read)
         with terminal.catch_interrupt() as cancel:
             image = self._draw(read, cancel, keeper)
         return self.finish(read, image, keeper)
@@ -235,8 +235,8 @@ class Job:
         plan = make_plan(scene, self.settings, self.overrides)
         check_output(path, plan["aov"], self.bits, plan["view"], self.files)
         parts, expected = strip_plans(scene, plan, path, self.memory)
-        self._report(found.items)
-        self._report(picture_notes.plan_warnings(scene, plan))
+        self.report(found.items)
+        self.report(picture_notes.plan_warnings(scene, plan))
         self.laps.end("read")
         return Reading(path, scene, plan, parts, expected, seconds)
 
@@ -254,7 +254,7 @@ class Job:
             raise KeyboardInterrupt from None
         finally:
             if self.cluster is not None:
-                self._report(self.cluster.notes())
+                self.report(self.cluster.notes())
 
     def finish(self, read: Reading, image: Image, keeper: Keeper | None = None) -> dict[str, Any]:
         """Write a picture, unless it was in strips. Returns its statistics. Raises KeyboardInterrupt after a partial one."""
@@ -264,7 +264,7 @@ class Job:
         for name, value in image.metadata["seconds"].items():
             seconds[name] = seconds.get(name, 0.0) + value
         self.laps.end("draw")
-        self._report(picture_notes.of_render(image.metadata, scene, plan, self.settings))
+        self.report(picture_notes.of_render(image.metadata, scene, plan, self.settings))
         if partial := bool(image.metadata.get("partial")):
             path = _partial(path, len(parts) > 1)
         self.display.stage("writing")
@@ -280,38 +280,6 @@ class Job:
         if keeper is not None:
             keeper.remove()
         return self._figures(read, image)
-
-    def _keeper(self, read: Reading) -> Keeper | None:
-        """The writer of a picture's checkpoints, beside its file; None for none. Tells of a checkpoint that exists."""
-        file = read.path.with_name(f"{read.path.name}.checkpoint")
-        if self.checkpoint == 0.0 and not (self.resume and os.path.isfile(file)):
-            return None
-        from ..render.cluster.identity import identity
-        from ..render.film import checkpoint
-
-        first, every = (FIRST_CHECKPOINT, CHECKPOINT) if self.checkpoint is None else (self.checkpoint or math.inf,) * 2
-
-        def key() -> str:
-            return checkpoint.key_of(read.scene, read.plan, json.dumps(identity()))
-
-        def fail(fault: OSError) -> None:
-            hint = "the picture goes on; make room there, or give --checkpoint off"
-            self._report([Diagnostic("warning", f"cannot write {file}: {fault.strerror or fault}", hint=hint)])
-
-        there = checkpoint.is_there(file, self.files)
-        keeper = checkpoint.Keeper(file, key, first, every, self.resume, fail)
-        if self.resume and there and keeper.found is None:
-            again = "is damaged, or of another scene, version, machine or settings: the picture begins anew"
-            self._report([Diagnostic("warning", f"{file} {again}")])
-        elif there and not self.quiet:
-            found = keeper.found
-            self.display.hide()
-            click.echo(
-                f"goes on from {file}, with {found.arrays['samples'].mean():.3g} samples a pixel" if found is not None
-                else f"{file} is there: --resume goes on from it",
-                err=True,
-            )  # fmt: skip
-        return keeper
 
     def _write(self, image: Image, path: Path, plan: Plan) -> None:
         from ..render.image import image_files
@@ -385,7 +353,7 @@ class Job:
             }
         )
 
-    def _report(self, found: Iterable[Diagnostic]) -> None:
+    def report(self, found: Iterable[Diagnostic]) -> None:
         """Print the diagnostics that no earlier frame printed; without notes if quiet. Notes that differ in figures alone count as one."""
         new = [d for d in found if d not in self.reported and not (self.quiet and d.severity == "note")]
         new = [d for d in new if d.severity != "note" or _without_figures(d) not in self.noted]

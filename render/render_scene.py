@@ -105,6 +105,22 @@ def choose_renderer(scene: ir.Scene, plan: Plan, view: types.View) -> Any:
     return light_groups.Renderer(scene, plan, made) if channels.light_groups(plan) else made(scene, plan)
 
 
+def why_without_checkpoint(plan: Plan) -> str:
+    """Why a picture has no checkpoints, as a clause; "" if it has some."""
+    if channels.light_groups(plan):
+        return "it has channels of light groups"
+    if _is_by_moments(plan):
+        return f"the rasterizer draws its {'motion' if plan['motion_blur'] else 'depth of field'}"
+    if plan["samples"] == 1:
+        return "it has one sample a pixel"
+    if plan["backend"] == "raster":
+        from .raster import band_renderer
+
+        if band_renderer.can_draw(plan):
+            return "the rasterizer draws it as a whole"
+    return ""
+
+
 def _is_by_moments(plan: Plan) -> bool:
     return plan["backend"] == "raster" and (plan["motion_blur"] or plan["lens"] == "thin")
 

@@ -22,6 +22,7 @@ from ...render.film.progress import Progress, Report
 from ...render.image.image import Image
 from ...render.jit.cancellation import Cancelled
 from .. import terminal
+from ..job import checkpoints
 from ..progress import Display
 from ..render_job import Frame, Job, Reading
 
@@ -58,6 +59,7 @@ class Session:
         sent: deque[tuple[Reading, Request]] = deque()
         pictures: list[dict[str, Any]] = []
         began = time.perf_counter()
+        checkpoints.tell_of_none(job, "each frame is drawn by one worker", False)
 
         def take() -> None:
             read, request = sent.popleft()

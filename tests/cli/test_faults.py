@@ -155,6 +155,44 @@ def test_a_checkpoint_that_cannot_be_written_is_told(monkeypatch: pytest.MonkeyP
     assert Path("a.exr").is_file()
 
 
+WITHOUT = [
+    ((), "--aov", "lights", "it has channels of light groups"),
+    (("--samples", "1"), "--size", "16x12", "it has one sample a pixel"),
+    (("--backend", "raster"), "--plan", "raster.sample_positions=shared", "the rasterizer draws it as a whole"),
+]
+
+
+@pytest.mark.parametrize(("options", "name", "value", "why"), WITHOUT)
+@pytest.mark.parametrize(("asked", "time"), [("--checkpoint", "5s"), ("--resume", "")])
+def test_options_of_checkpoints_without_effect(options: tuple[str, ...], name: str, value: str, why: str, asked: str, time: str) -> None:
+    given = ["render", "a.scene", "-o", "a.exr", *options, name, value, *filter(None, (asked, time))]
+    done = CliRunner().invoke(cli, given)
+    note = f"note: {asked} has no effect: the picture has no checkpoints, as {why}\n"
+    assert (done.exit_code, [line for line in done.stderr.splitlines(True) if "effect" in line]) == (0, [note])
+
+
+@pytest.mark.parametrize(
+    ("camera", "why"), [("shutter: 0.5s", "the rasterizer draws its motion"), ("aperture: 4", "the rasterizer draws its depth of field")]
+)
+def test_the_rasterizer_has_no_checkpoints_of_motion_and_lenses(camera: str, why: str) -> None:
+    Path("a.scene").write_text(SCENE.replace("fov: 35deg", f"fov: 35deg, {camera}"), encoding="utf-8")
+    done = CliRunner().invoke(cli, ["render", "a.scene", "-o", "a.exr", "--backend", "raster", "--checkpoint", "5s", "--resume"])
+    notes = [f"note: {asked} has no effect: the picture has no checkpoints, as {why}" for asked in ("--checkpoint", "--resume")]
+    assert (done.exit_code, [line for line in done.stderr.splitlines() if "effect" in line]) == (0, notes)
+
+
+def test_resume_without_a_checkpoint_is_told() -> None:
+    done = CliRunner().invoke(cli, ["render", "a.scene", "-o", "a.exr", "--resume"])
+    assert (done.exit_code, done.stderr) == (0, "note: --resume has no effect: there is no a.exr.checkpoint\n")
+
+
+def test_frames_without_checkpoints_tell_once() -> None:
+    options = ("--frames", "0..2", "--samples", "1", "--checkpoint", "5s", "--resume")
+    done = CliRunner().invoke(cli, ["render", "a.scene", "-o", "a.#.exr", *options])
+    note = "note: --checkpoint has no effect: the picture has no checkpoints, as it has one sample a pixel\n"
+    assert (done.exit_code, done.stderr) == (0, note)
+
+
 def test_resume_reads_a_checkpoint_though_none_is_written(monkeypatch: pytest.MonkeyPatch) -> None:
     Path("a.exr.checkpoint").write_bytes(b"")
     told = "warning: a.exr.checkpoint is damaged, or of another scene, version, machine or settings: the picture begins anew\n"

@@ -704,6 +704,9 @@ def test_a_picture_is_drawn_in_strips_where_memory_is_short(scene: Path, monkeyp
     assert run("render", scene, "-o", "strips.exr", *options, "--memory", "460MB")[0] == 0
     strips, whole = (image_reader.read(Path(name)).channels["rgba"] for name in ("strips.exr", "whole.exr"))
     np.testing.assert_array_equal(strips, whole)
+    _, _, err = run("render", scene, "-o", "strips.exr", *options, "--memory", "460MB", "--checkpoint", "5s", "--resume")
+    without = "has no effect: the picture has no checkpoints, as it is drawn in strips"
+    assert err == f"note: --checkpoint {without}\nnote: --resume {without}\n"
     code, _, err = run("render", scene, "-o", "a.exr", "--size", "8000x6000", "--samples", "1", "--memory", "100MB", "--backend", "ray")
     assert code == 2
     what = "a picture of 8000 by 6000 pixels takes about 2.5 GB of memory, and 0.1 GB are allowed"

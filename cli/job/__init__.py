@@ -1,0 +1,1 @@
+"""Parts of a render job: the checkpoints of its pictures."""

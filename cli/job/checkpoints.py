@@ -1,0 +1,66 @@
+"""The checkpoints of a render job: begins to write them, goes on from one, and tells why a picture has none."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from typing import TYPE_CHECKING
+
+import click
+
+from ...lang.diagnostics import Diagnostic
+
+if TYPE_CHECKING:
+    from ...render.film.checkpoint import Keeper
+    from ..render_job import Job, Reading
+
+FIRST, EVERY = 60.0, 30.0  # seconds to the first checkpoint, and between others
+
+
+def keeper_of(job: Job, read: Reading) -> Keeper | None:
+    """The writer of a picture's checkpoints, beside its file; None for none. Tells of a checkpoint that exists."""
+    from ...render import render_scene
+
+    why = "it is drawn in strips" if len(read.parts) > 1 else render_scene.why_without_checkpoint(read.plan)
+    if why:
+        tell_of_none(job, why, read.path == job.output)
+    file = read.path.with_name(f"{read.path.name}.checkpoint")
+    if len(read.parts) > 1 or (job.checkpoint == 0.0 and not (job.resume and os.path.isfile(file))):
+        return None
+    from ...render.cluster.identity import identity
+    from ...render.film import checkpoint
+
+    first, every = (FIRST, EVERY) if job.checkpoint is None else (job.checkpoint or math.inf,) * 2
+
+    def key() -> str:
+        return checkpoint.key_of(read.scene, read.plan, json.dumps(identity()))
+
+    def fail(fault: OSError) -> None:
+        hint = "the picture goes on; make room there, or give --checkpoint off"
+        job.report([Diagnostic("warning", f"cannot write {file}: {fault.strerror or fault}", hint=hint)])
+
+    there = checkpoint.is_there(file, job.files)
+    keeper = checkpoint.Keeper(file, key, first, every, job.resume, fail)
+    if job.resume and there and keeper.found is None:
+        again = "is damaged, or of another scene, version, machine or settings: the picture begins anew"
+        job.report([Diagnostic("warning", f"{file} {again}")])
+    elif there and not job.quiet:
+        found = keeper.found
+        job.display.hide()
+        click.echo(
+            f"goes on from {file}, with {found.arrays['samples'].mean():.3g} samples a pixel" if found is not None
+            else f"{file} is there: --resume goes on from it",
+            err=True,
+        )  # fmt: skip
+    elif job.resume and not why and read.path == job.output:
+        job.report([Diagnostic("note", f"--resume has no effect: there is no {file}")])
+    return keeper
+
+
+def tell_of_none(job: Job, why: str, alone: bool) -> None:
+    """Note the options of checkpoints that have no effect on a picture; --resume has one if it is not `alone`, but a frame."""
+    if job.checkpoint:
+        job.report([Diagnostic("note", f"--checkpoint has no effect: the picture has no checkpoints, as {why}")])
+    if job.resume and alone:
+        job.report([Diagnostic("note", f"--resume has no effect: the picture has no checkpoints, as {why}")])

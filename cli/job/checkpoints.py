@@ -5,17 +5,49 @@ from __future__ import annotations
 import json
 import math
 import os
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
 
 import click
 
 from ...lang.diagnostics import Diagnostic
+from ..progress import Display
 
 if TYPE_CHECKING:
+    from ...compiler import ir
+    from ...compiler.plan.plan import Plan
     from ...render.film.checkpoint import Keeper
-    from ..render_job import Job, Reading
 
 FIRST, EVERY = 60.0, 30.0  # seconds to the first checkpoint, and between others
+
+
+class Job(Protocol):
+    """What is needed of a render_job.Job."""
+
+    output: Path
+    quiet: bool
+    files: tuple[Path, ...]
+    checkpoint: float | None
+    resume: bool
+    display: Display
+
+    def report(self, found: Iterable[Diagnostic]) -> None:
+        """Print diagnostics."""
+        ...
+
+
+class Reading(Protocol):
+    """What is needed of a render_job.Reading."""
+
+    @property
+    def path(self) -> Path: ...
+    @property
+    def scene(self) -> ir.Scene: ...
+    @property
+    def plan(self) -> Plan: ...
+    @property
+    def parts(self) -> Sequence[Plan]: ...
 
 
 def keeper_of(job: Job, read: Reading) -> Keeper | None:

@@ -251,12 +251,17 @@ def _open(path: Path, options: StageOptions, diagnostics: Diagnostics, span: Spa
     if root is None or not root.pseudoRoot:
         return None
     repair.clear_metadata(root, diagnostics)
-    below = [] if options.mask else repair.layers(root, diagnostics, made)  # kept until the stage has them
-    count = 0 if options.mask else prim_count.estimate(root)
-    if count > prim_count.MAX_PRIMS:
-        message = f"the stage has about {count:,} prims, more than {prim_count.MAX_PRIMS:,}"
-        diagnostics.error(message, span, "make the prims that are referenced often instanceable, or read a part by --mask")
-        return None
+    below = []  # layers that are kept until the stage has them
+    if not options.mask:
+        below, trees = repair.layers(root, diagnostics, made)
+        extent = prim_count.estimate(root, trees)
+        if extent.prims > prim_count.MAX_PRIMS:
+            message = f"the stage has about {extent.prims:,} prims, more than {prim_count.MAX_PRIMS:,}"
+            diagnostics.error(message, span, "make the prims that are referenced often instanceable, or read a part by --mask")
+            return None
+        if extent.levels > prim_count.MAX_LEVELS:
+            diagnostics.error(f"the prims of the stage nest in more than {prim_count.MAX_LEVELS:,} levels", span, "read a part by --mask")
+            return None
     session = Sdf.Layer.FindOrOpen(str(options.session_layer)) if options.session_layer else Sdf.Layer.CreateAnonymous(".usda")
     if session is None:
         diagnostics.error(f"cannot read the session layer `{options.session_layer}`", span)

@@ -23,6 +23,7 @@ from .network import Fit, Network, Picture
 from .stage import Opened, linear, numbers, primvar_mean, reason
 
 MAX_INSTANCES = 4_000_000
+MAX_VISITS = 4_000_000
 MAX_BALLS = 5_000  # points drawn as exact spheres
 MESHES = ("Mesh", "TetMesh", "NurbsPatch")
 MAX_LIGHTS = 10_000  # of point instancers
@@ -86,7 +87,8 @@ class Walk:
     _geometries: dict[Any, int] = field(default_factory=dict)
     _faces: dict[Any, geometry_module.Faces | None] = field(default_factory=dict)
     _stand_ins: dict[tuple[str, str], list[tuple[int, int]]] = field(default_factory=dict)
-    _count: int = 0
+    _count: int = 0  # instances of point instancers
+    _visited: int = 0  # prims, with those of instances
     _told_cages: bool = False
     _audited: set[str] = field(default_factory=set)
     _skins: dict[str, skeletons.Skin] = field(default_factory=dict)  # of the SkelRoots so far, by path
@@ -161,6 +163,10 @@ class Walk:
         waiting = [(root, here)]
         while waiting:
             prim, above = waiting.pop()
+            self._visited += 1
+            if self._visited > MAX_VISITS:
+                self.materials.tell(f"the stage has more than {MAX_VISITS:,} prims, with those of instances: the rest is left out", prim)
+                return
             try:
                 now = self._state(prim, above)
                 kind = str(prim.GetTypeName())

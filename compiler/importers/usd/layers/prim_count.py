@@ -1,79 +1,133 @@
-"""Estimates the number of prims of a stage before it is opened: references that reference twice grow without bound."""
+"""Estimates the prims of a stage before it is opened: prims that reference twice what references twice grow without bound."""
 
 # pyright: reportAttributeAccessIssue=false
 # (usd-core creates its modules' names at run time)
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 from pxr import Sdf
 
+from . import spec_tree
+from .spec_tree import SpecTree
+
 MAX_PRIMS = 4_000_000
-_DEEP = 6  # levels of references from which prims are counted: fewer levels cannot hide so many prims in small files
+MAX_LEVELS = 4000  # of prims in prims; usd-core takes quadratic time
 
 
-def estimate(root: Any) -> int:
-    """The prims of the stage of a layer, about: variants count by their largest; 0 if few levels of layers reference each other.
+class Extent(NamedTuple):
+    """The size of a hierarchy of prims."""
 
-    Layers and prims that are referenced many times are counted once and multiplied.
+    prims: int
+    levels: int
+
+
+def estimate(root: Any, trees: dict[str, SpecTree]) -> Extent:
+    """The extent of the stage of a layer, about; (0, 0) without references and the like. `trees` are those that were read, by layer.
+
+    Variants count by the largest of a set, instances as one prim. Prims that are referenced many times are counted once and multiplied.
     """
-    depths: dict[str, int] = {}
-    if _depth(root, depths, set()) < _DEEP:
-        return 0
-    return _Counter().layer(root)
+    counter = _Counter(trees)
+    if not any(counter.tree(layer).arcs for layer in counter.stack(root)):
+        return Extent(0, 0)
+    try:
+        return counter.at(root, spec_tree.ROOT)
+    except RecursionError:
+        return Extent(0, MAX_LEVELS + 1)
 
 
-def _depth(layer: Any, known: dict[str, int], above: set[str]) -> int:
-    """Levels of layers below a layer; a layer that depends on itself ends there."""
-    name = layer.identifier
-    if name in above or name in known:
-        return known.get(name, 0)
-    below = 0
-    for path in layer.GetCompositionAssetDependencies():
-        other = _opened(layer, path)
-        if other is not None:
-            below = max(below, _depth(other, known, above | {name}))
-    known[name] = below + 1
-    return below + 1
+@dataclass(slots=True)
+class _Sums:
+    """Sums of the specs of a layer without arcs. `parts` are the children of a spec that have some, or below which some have."""
+
+    prims: list[int]
+    levels: list[int]
+    parts: dict[int, list[int]] = field(default_factory=dict)
+
+
+def _sums(tree: SpecTree) -> _Sums:
+    prims = [int(kind is Sdf.PrimSpec) for kind in tree.kinds]
+    sums = _Sums(prims, list(prims))
+    for row in range(len(prims) - 1, 0, -1):
+        parent = tree.parents[row]
+        if row in tree.arcs or row in sums.parts:
+            sums.parts.setdefault(parent, []).append(row)
+        elif tree.kinds[parent] is Sdf.VariantSetSpec:
+            prims[parent] = max(prims[parent], prims[row])
+        else:
+            prims[parent] += prims[row]
+        own = int(tree.kinds[parent] is Sdf.PrimSpec)
+        sums.levels[parent] = max(sums.levels[parent], sums.levels[row] + own)
+    return sums
+
+
+class _Counter:
+    """Counts the prims below paths of layers, each path once."""
+
+    def __init__(self, trees: dict[str, SpecTree]) -> None:
+        self._trees = trees
+        self._sums: dict[str, _Sums] = {}
+        self._stacks: dict[str, list[Any]] = {}
+        self._known: dict[tuple[str, Any], Extent] = {}
+
+    def tree(self, layer: Any) -> SpecTree:
+        if layer.identifier not in self._trees:
+            self._trees[layer.identifier] = spec_tree.read(layer)
+        return self._trees[layer.identifier]
+
+    def sums(self, layer: Any) -> _Sums:
+        if layer.identifier not in self._sums:
+            self._sums[layer.identifier] = _sums(self.tree(layer))
+        return self._sums[layer.identifier]
+
+    def stack(self, layer: Any) -> list[Any]:
+        """A layer with its sublayers, and theirs."""
+        if layer.identifier not in self._stacks:
+            found, waiting = {}, [layer]
+            while waiting:
+                one = waiting.pop()
+                if one is not None and one.identifier not in found:
+                    found[one.identifier] = one
+                    waiting += [_opened(one, path) for path in one.subLayerPaths]
+            self._stacks[layer.identifier] = list(found.values())
+        return self._stacks[layer.identifier]
+
+    def at(self, top: Any, path: Any) -> Extent:
+        """The extent of the prim at a path of a layer and its sublayers; (0, 0) if there is none, and in a cycle."""
+        key = (top.identifier, path)
+        if key not in self._known:
+            self._known[key] = Extent(0, 0)
+            specs = [(layer, row) for layer in self.stack(top) if (row := self.tree(layer).rows.get(path)) is not None]
+            found = [self._spec(top, layer, row) for layer, row in specs]
+            own = max((self.sums(layer).prims[row] for layer, row in specs), default=0)  # many layers may hold opinions on one prim
+            self._known[key] = Extent(own + sum(one.prims for one in found), max((one.levels for one in found), default=0))
+        return self._known[key]
+
+    def _spec(self, top: Any, layer: Any, row: int) -> Extent:
+        """The extent of what a spec composes: the prims of its arcs and parts, without those in `_Sums.prims`."""
+        tree, sums = self.tree(layer), self.sums(layer)
+        own = int(tree.kinds[row] is Sdf.PrimSpec)
+        parts = [(part, self._spec(top, layer, part)) for part in sums.parts.get(row, ())]
+        each = [sums.prims[part] + below.prims for part, below in parts]
+        targets = [self._target(top, layer, arc) for arc in tree.arcs.get(row, ())]
+        levels = max([sums.levels[row], *(own + below.levels for _, below in parts), *(own - 1 + target.levels for target in targets)])
+        prims = max(each, default=0) if tree.kinds[row] is Sdf.VariantSetSpec else sum(each)
+        return Extent(prims + (0 if row in tree.instanceable else sum(target.prims for target in targets)), levels)
+
+    def _target(self, top: Any, layer: Any, arc: tuple[str, Any]) -> Extent:
+        asset, path = arc
+        other = _opened(layer, asset) if asset else top
+        if other is None:
+            return Extent(0, 0)
+        if not path:
+            path = spec_tree.ROOT.AppendChild(other.defaultPrim) if other.defaultPrim else spec_tree.ROOT
+        return self.at(other, path)
 
 
 def _opened(layer: Any, path: str) -> Any:
     try:
-        return Sdf.Layer.FindOrOpenRelativeToLayer(layer, path) if path else layer
+        return Sdf.Layer.FindOrOpenRelativeToLayer(layer, path)
     except Exception:  # usd-core reports it when the stage is opened
         return None
-
-
-class _Counter:
-    """Counts prims below prim specs, each once."""
-
-    def __init__(self) -> None:
-        self._known: dict[tuple[str, str], int] = {}
-
-    def layer(self, layer: Any) -> int:
-        below = [_opened(layer, path) for path in layer.subLayerPaths]
-        return sum(self.spec(spec) for spec in layer.rootPrims) + sum(self.layer(one) for one in below if one is not None)
-
-    def spec(self, spec: Any) -> int:
-        """Prims of a prim spec, with those that it references."""
-        key = (spec.layer.identifier, str(spec.path))
-        if key in self._known:
-            return self._known[key]
-        self._known[key] = 0  # a circle of references counts as nothing
-        total = 1 + sum(map(self.spec, spec.nameChildren))
-        for variants in spec.variantSets.values():
-            total += max((self.spec(variant.primSpec) for variant in variants.variants.values()), default=0)
-        if not spec.instanceable:
-            arcs = [*spec.referenceList.GetAddedOrExplicitItems(), *spec.payloadList.GetAddedOrExplicitItems()]
-            total += sum(self._target(spec, arc) for arc in arcs)
-        self._known[key] = total
-        return total
-
-    def _target(self, spec: Any, arc: Any) -> int:
-        layer = _opened(spec.layer, arc.assetPath)
-        if layer is None:
-            return 0
-        path = arc.primPath if arc.primPath else Sdf.Path.absoluteRootPath.AppendChild(layer.defaultPrim) if layer.defaultPrim else None
-        found = layer.GetPrimAtPath(path) if path else None
-        return self.spec(found) if found else 0

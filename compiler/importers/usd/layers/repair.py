@@ -14,7 +14,8 @@ from typing import Any
 from pxr import Sdf, Tf
 
 from .....lang.diagnostics import Diagnostics, Span
-from . import crate_check, crate_values, missing_specs, mtlx_files, packages, text_layers
+from . import crate_check, crate_values, missing_specs, mtlx_files, packages, spec_tree, text_layers
+from .spec_tree import SpecTree
 
 _POSITIVE = ("metersPerUnit", "timeCodesPerSecond", "framesPerSecond")
 _NUMBERS = (*_POSITIVE, "startTimeCode", "endTimeCode", "startFrame", "endFrame")
@@ -47,18 +48,22 @@ def _metadata_fault(name: str, value: object) -> str:
     return f"is {value:g}, not above 0" if name in _POSITIVE and value <= 0 else ""
 
 
-def layers(root: Any, diagnostics: Diagnostics, made: list[Any]) -> list[Any]:
-    """The layers that a layer refers to, and those that they refer to. They stay in memory as long as they are kept.
+def layers(root: Any, diagnostics: Diagnostics, made: list[Any]) -> tuple[list[Any], dict[str, SpecTree]]:
+    """The layers that a layer refers to, and those that they refer to, and the specs of all by identifier.
+
+    The layers stay in memory as long as they are kept.
 
     Damaged ones are repaired: those in place of files are added to `made`. A reference to a .mtlx file becomes one to a layer with
     its materials, in memory alone.
     """
     found: dict[str, Any] = {}
+    trees: dict[str, SpecTree] = {}
     packages_read = {root.identifier}
     waiting = [root]
     while waiting:
         layer = waiting.pop()
-        missing_specs.leave_out(layer, diagnostics)
+        tree = trees[layer.identifier] = spec_tree.read(layer)
+        missing_specs.leave_out(layer, tree.missing, diagnostics)
         for asset in layer.GetCompositionAssetDependencies():
             path = layer.ComputeAbsolutePath(asset)
             package = path.partition("[")[0] if path.endswith("]") else ""
@@ -72,7 +77,7 @@ def layers(root: Any, diagnostics: Diagnostics, made: list[Any]) -> list[Any]:
                     waiting.append(other)
             if path and found[path] and (found[path].anonymous or found[path].identifier.startswith(f"{path}[")):
                 layer.UpdateCompositionAssetDependency(asset, found[path].identifier)
-    return [layer for layer in found.values() if layer]
+    return [layer for layer in found.values() if layer], trees
 
 
 def _opened(path: str, diagnostics: Diagnostics, made: list[Any]) -> Any:

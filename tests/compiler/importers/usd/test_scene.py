@@ -10,6 +10,7 @@ import pytest
 from maquette.compiler import ir
 from maquette.compiler.importers.stage_options import StageOptions
 from maquette.compiler.importers.usd import load as usd_load
+from maquette.compiler.importers.usd import traverse
 from maquette.compiler.importers.usd.layers import prim_count
 from maquette.compiler.io.sandbox import Files
 from maquette.compiler.scene.builder import SceneBuilder
@@ -515,16 +516,70 @@ def test_references_that_multiply_are_refused_before_they_are_composed(tmp_path)
     assert messages[0].startswith("x0.usda: error: the stage has about 50,331,646 prims, more than 4,000,000\n")
 
 
+def extent(path):
+    return prim_count.estimate(Sdf.Layer.FindOrOpen(str(path)), {})
+
+
 def test_the_estimate_of_prims(tmp_path):
-    for depth, expected in ((7, 3 * 2**7 - 2), (3, 0)):  # n(k) = 2 n(k − 1) + 2, n(0) = 1; few levels are not counted
+    for depth in (7, 3):  # n(k) = 2 n(k − 1) + 2, n(0) = 1
         folder = tmp_path / str(depth)
         folder.mkdir()
-        assert prim_count.estimate(Sdf.Layer.FindOrOpen(str(chain(folder, depth)))) == expected
+        assert extent(chain(folder, depth)) == (3 * 2**depth - 2, depth + 1)
     (tmp_path / "shared").mkdir()
-    shared = Sdf.Layer.FindOrOpen(str(chain(tmp_path / "shared", 9, "instanceable = true\n")))
-    assert prim_count.estimate(shared) == 2  # instances share their prims
+    shared = chain(tmp_path / "shared", 9, "instanceable = true\n")
+    assert extent(shared).prims == 2  # instances share their prims
     (tmp_path / "a.usda").write_text('#usda 1.0\ndef "A" (\nreferences = @a.usda@</A>\n) {\n}\n')
-    assert prim_count.estimate(Sdf.Layer.FindOrOpen(str(tmp_path / "a.usda"))) == 0
+    assert extent(tmp_path / "a.usda") == (2, 1)
+    (tmp_path / "b.usda").write_text('#usda 1.0\ndef "A" {\ndef "B" {\n}\n}\n')
+    assert extent(tmp_path / "b.usda") == (0, 0)  # nothing multiplies
+
+
+def test_the_estimate_of_prims_of_variants_and_sublayers(tmp_path):
+    variants = "".join(f'"v{k}" (\nreferences = </T>\n) {{\ndef "{k}" {{\n}}\n}}\n' for k in range(3))
+    text = f'#usda 1.0\n(\nsubLayers = [@t.usda@]\n)\ndef "A" (\nprepend variantSets = "s"\n) {{\nvariantSet "s" = {{\n{variants}}}\n}}\n'
+    (tmp_path / "x.usda").write_text(text.replace('def "0"', 'def "p"').replace('def "1"', 'def "p"').replace('def "2"', 'def "p"'))
+    (tmp_path / "t.usda").write_text('#usda 1.0\ndef "T" {\n' + "".join(f'def "c{k}" {{\n}}\n' for k in range(9)) + "}\n")
+    assert extent(tmp_path / "x.usda") == (1 + 1 + 10 + 10, 2)  # A, p, T in one of the variants, and T
+
+
+@pytest.mark.parametrize("arc", ["references = <{}>", "payload = <{}>", "inherits = <{}>", "specializes = <{}>", "add references = <{}>"])
+@pytest.mark.parametrize("split", [False, True])
+def test_prims_of_one_layer_that_multiply_are_refused(tmp_path, arc, split):
+    count = 26
+    texts = ["#usda 1.0\n(\nsubLayers = [@y.usda@]\n)\n" if split else "#usda 1.0\n", "#usda 1.0\n"]
+    for k in range(count):
+        below = "".join(f'def "{name}" (\n{arc.format(f"/P{k + 1}")}\n) {{\n}}\n' for name in "ab") if k < count - 1 else ""
+        texts[k % 2 if split else 0] += f'def "P{k}" {{\n{below}}}\n'
+    (tmp_path / "x.usda").write_text(texts[0])
+    (tmp_path / "y.usda").write_text(texts[1])
+    messages = load(tmp_path / "x.usda")[1]
+    hint = "make the prims that are referenced often instanceable, or read a part by --mask"
+    assert messages == [f"x.usda: error: the stage has about 268,435,374 prims, more than 4,000,000\n  {hint}"]
+
+
+def test_prims_that_nest_by_references_are_refused(tmp_path):
+    text = "#usda 1.0\n"
+    for k in range(50):
+        arc = f"(\nreferences = </P{k + 1}>\n)" if k < 49 else ""
+        text += f'def "P{k}" {{\n' + 'def "a" {\n' * 98 + f'def "a" {arc} {{\n' + "}\n" * 100
+    (tmp_path / "x.usda").write_text(text)
+    messages = load(tmp_path / "x.usda")[1]
+    assert messages == ["x.usda: error: the prims of the stage nest in more than 4,000 levels\n  read a part by --mask"]
+
+
+def test_instances_that_multiply_end_with_a_warning(tmp_path, monkeypatch):
+    monkeypatch.setattr(traverse, "MAX_VISITS", 1000)
+    text = "#usda 1.0\n"
+    for k in range(12):
+        below = "".join(f'def "{name}" (\ninstanceable = true\nreferences = </P{k + 1}>\n) {{\n}}\n' for name in "ab")
+        text += f'def "P{k}" {{\n{below}}}\n'
+    (tmp_path / "x.usda").write_text(text + 'def "P12" {\ndef Sphere "s" {\n}\n}\n')
+    scene, messages = load(tmp_path / "x.usda")
+    assert 300 < len(scene.tables.instances.geometry) < 500
+    place = f"x.usda</P0{'/a' * 3}"
+    assert len(messages) == 1
+    assert messages[0].startswith(place)
+    assert messages[0].endswith(">: warning: the stage has more than 1,000 prims, with those of instances: the rest is left out")
 
 
 def test_a_prototype_that_is_not_there_is_said(tmp_path):

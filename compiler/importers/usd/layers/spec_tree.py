@@ -1,0 +1,87 @@
+"""Reads the prim and variant specs of a layer: what they compose by references and the like, and which of them are missing."""
+
+# pyright: reportAttributeAccessIssue=false
+# (usd-core creates its modules' names at run time)
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from pxr import Sdf, Tf
+
+ROOT = Sdf.Path.absoluteRootPath
+REFUSED = (Tf.ErrorException, TypeError, ValueError)  # ValueError: names that are not UTF-8
+CHILDREN = {  # fields that list children: the path of a child, and its type
+    "primChildren": (lambda path, name: path.AppendChild(name), Sdf.PrimSpec),
+    "properties": (lambda path, name: path.AppendProperty(name), Sdf.PropertySpec),
+    "variantSetChildren": (lambda path, name: path.AppendVariantSelection(name, ""), Sdf.VariantSetSpec),
+    "variantChildren": (
+        lambda path, name: path.GetParentPath().AppendVariantSelection(path.GetVariantSelection()[0], name), Sdf.VariantSpec,
+    ),
+}  # fmt: skip
+_FIELDS = ("primChildren", "variantSetChildren", "variantChildren")
+_ARCS = ("references", "payload", "inheritPaths", "specializes")
+
+
+@dataclass(slots=True)
+class SpecTree:
+    """The prim, variant set and variant specs of a layer, parents before their children."""
+
+    rows: dict[Any, int] = field(default_factory=dict)  # by path
+    parents: list[int] = field(default_factory=list)
+    kinds: list[type] = field(default_factory=list)
+    arcs: dict[int, list[tuple[str, Any]]] = field(default_factory=dict)  # (layer, "" for the same; path) of what a spec composes
+    instanceable: set[int] = field(default_factory=set)
+    missing: list[Any] = field(default_factory=list)  # paths that are listed and not there, listed twice, or whose lists cannot be read
+
+
+def read(layer: Any) -> SpecTree:
+    """The specs of a layer. Missing ones are not in the tree."""
+    tree = SpecTree()
+    waiting: list[tuple[Any, Any, int]] = [(layer.pseudoRoot, ROOT, -1)]
+    seen = {ROOT}
+    while waiting:
+        spec, path, parent = waiting.pop()
+        try:
+            children = [found for name in _FIELDS for found in listed(layer, spec, path, name)]
+            arcs = _arcs(spec)
+        except REFUSED:
+            tree.missing.append(path)
+            continue
+        row = tree.rows[path] = len(tree.parents)
+        tree.parents.append(parent)
+        tree.kinds.append(type(spec))
+        if arcs:
+            tree.arcs[row] = arcs
+            if spec.HasInfo("instanceable") and spec.GetInfo("instanceable"):
+                tree.instanceable.add(row)
+        for _, child, found in children:
+            if found is not None and child not in seen:
+                seen.add(child)
+                waiting.append((found, child, row))
+            else:
+                tree.missing.append(child)
+    return tree
+
+
+def listed(layer: Any, spec: Any, path: Any, name: str) -> list[tuple[str, Any, Any]]:
+    """The children that a spec at a path lists in a field: name, path, and the child's spec, None if the layer does not hold it."""
+    if not spec or not spec.HasInfo(name):
+        return []
+    below, kind = CHILDREN[name]
+    found = []
+    for child in spec.GetInfo(name):
+        below_spec = layer.GetObjectAtPath(path_of_child := below(path, child))
+        found.append((child, path_of_child, below_spec if isinstance(below_spec, kind) else None))
+    return found
+
+
+def _arcs(spec: Any) -> list[tuple[str, Any]]:
+    """(layer, path) of the references, payloads, inherits and specializes of a spec; an empty path for a layer's default prim."""
+    found: list[tuple[str, Any]] = []
+    for name in _ARCS:
+        if spec.HasInfo(name):
+            for item in spec.GetInfo(name).GetAddedOrExplicitItems():
+                found.append(("", item) if isinstance(item, Sdf.Path) else (str(item.assetPath), item.primPath))
+    return found

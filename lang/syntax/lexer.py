@@ -21,6 +21,8 @@ MAX_NESTING = 200  # open brackets
 MAX_MISTAKES = 1000  # after which the lexer stops
 
 _ESCAPE = re.compile(r"\\(.)")
+_CONTROL = re.compile(r"[\0-\x08\x0b-\x1f\x7f-\x9f]")  # not the tab
+_TURNING = re.compile(r"[\u202a-\u202e\u2066-\u2069]")  # characters that change the direction of text
 _REPLACEMENTS = {  # hints for characters of other languages
     "!": "write `not`",
     "&": "write `and`",
@@ -90,6 +92,7 @@ def scan(text: str, file: str, diagnostics: Diagnostics) -> Scan:
                 break
             continue
         if token.type == "COMMENT":
+            _check_direction(token, "comment", file, diagnostics)
             result.comments.append(ast.Comment(span_of(token, file), str(token).rstrip()))
             continue
         if token in OPENERS:
@@ -101,9 +104,10 @@ def scan(text: str, file: str, diagnostics: Diagnostics) -> Scan:
                 break
         elif token in CLOSERS:
             depth = max(0, depth - 1)
-        elif token.type == "STRING" and ("\\" in token or "\0" in token):
+        elif token.type == "STRING" and ("\\" in token or not token.isprintable()):
             _check_escapes(token, file, diagnostics)
-            _check_zeros(token, file, diagnostics)
+            _check_controls(token, file, diagnostics)
+            _check_direction(token, "string", file, diagnostics)
         elif token.type == "_NL":
             if result.tokens and result.tokens[-1].type == "_NL":  # a line with only a comment
                 first = result.tokens.pop()
@@ -149,12 +153,28 @@ def _check_escapes(token: Token, file: str, diagnostics: Diagnostics) -> None:
             return
 
 
-def _check_zeros(token: Token, file: str, diagnostics: Diagnostics) -> None:
-    """Report the first zero byte of a string: no file name and no text has one."""
-    if "\0" in token:
-        column = (token.column or 1) + token.index("\0")
-        span = Span(file, token.line or 1, column, token.line or 1, column + 1)
-        diagnostics.error("a string has no invisible character U+0000", span, "delete it")
+def _check_controls(token: Token, file: str, diagnostics: Diagnostics) -> None:
+    """Report the first control character of a string other than a tab: no file name and no text has one."""
+    if found := _CONTROL.search(token):
+        diagnostics.error(f"a string has no invisible character {_code(found[0])}", _span_at(token, found.start(), file), "delete it")
+
+
+def _check_direction(token: Token, what: str, file: str, diagnostics: Diagnostics) -> None:
+    """Warn of the first character of a string or comment that changes the direction of text: code behind it is shown elsewhere."""
+    if not token.isascii() and (found := _TURNING.search(token)):
+        message = f"this {what} has the invisible character {_code(found[0])}, which changes the direction of the text after it"
+        hint = "delete it: editors may show code as part of the text, and text as code"
+        diagnostics.warning(message, _span_at(token, found.start(), file), hint)
+
+
+def _span_at(token: Token, index: int, file: str) -> Span:
+    """The place of a character of a token in one line."""
+    line, column = token.line or 1, (token.column or 1) + index
+    return Span(file, line, column, line, column + 1)
+
+
+def _code(char: str) -> str:
+    return f"U+{ord(char):04X}"
 
 
 def _open_string(token: Token, file: str, diagnostics: Diagnostics) -> Token:
@@ -203,7 +223,7 @@ def _bad_color(token: Token, file: str, diagnostics: Diagnostics) -> Token:
 def _unknown(token: Token, file: str, diagnostics: Diagnostics) -> Token | None:
     char = str(token)
     visible = char.isprintable() and not char.isspace()
-    shown = "backquote" if char == "`" else f"`{char}`" if visible else f"invisible character U+{ord(char):04X}"
+    shown = "backquote" if char == "`" else f"`{char}`" if visible else f"invisible character {_code(char)}"
     usual = unicodedata.normalize("NFKC", char)  # of a full-width character
     hint = _REPLACEMENTS.get(char, f"write `{usual}`" if visible and usual != char and usual.isascii() else "" if visible else "delete it")
     kept = token.replaced("NAME", char) if char == "$" else None  # the name after it is part of the error

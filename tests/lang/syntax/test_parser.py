@@ -201,6 +201,32 @@ def test_zero_bytes_are_told_with_their_places():
     ]
 
 
+def test_control_characters_of_strings_are_told():
+    """Tabs are fine, and comments may have any of them."""
+    for char, picture in (("\x07", "␇"), ("\x1b", "␛"), ("\x7f", "␡"), ("\x85", "\ufffd"), ("\x0c", "␌")):
+        diagnostics = Diagnostics()
+        text = f'let b = "a\t{char}b{char}"  // {char}\n'
+        parser.parse(text, "t", diagnostics)
+        assert [render_text(d, lambda _, text=text: text) for d in diagnostics.items] == [
+            f't:1:12: error: a string has no invisible character U+{ord(char):04X}\n   1 | let b = "a {picture}b{picture}"  // {picture}\n'
+            "     |            ^ delete it",
+        ]
+
+
+@pytest.mark.parametrize("code", [*range(0x202A, 0x202F), *range(0x2066, 0x206A)])
+def test_characters_that_turn_text_around_are_told(code: int) -> None:
+    diagnostics = Diagnostics()
+    text = f'let b = "שלום{chr(code)}"\nlet c = 1  // {chr(code)} let c = 2 {chr(code)}\nlet d = 1 {chr(code)} + 1\n'
+    parser.parse(text, "t", diagnostics)
+    after = f"has the invisible character U+{code:04X}, which changes the direction of the text after it"
+    hint = "delete it: editors may show code as part of the text, and text as code"
+    assert [render_text(d, lambda _: text) for d in diagnostics.items] == [
+        f't:1:14: warning: this string {after}\n   1 | let b = "שלום\ufffd"\n     |              ^ {hint}',
+        f"t:2:15: warning: this comment {after}\n   2 | let c = 1  // \ufffd let c = 2 \ufffd\n     |               ^ {hint}",
+        f"t:3:11: error: the language has no invisible character U+{code:04X}\n   3 | let d = 1 \ufffd + 1\n     |           ^ delete it",
+    ]
+
+
 def test_invisible_characters_are_named():
     diagnostics = Diagnostics()
     parser.parse("let x = 1\u200b + 2", "t", diagnostics)

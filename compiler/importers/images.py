@@ -115,7 +115,8 @@ def read(source: str | bytes, name: str, space: str = "auto", limit: int = MAX_T
             pixels = picture.read_image(0, 0, channels.first, channels.end, _stored_type(spec))
             if pixels is None:
                 raise ImageError(f"the picture `{name}` is damaged", _reason(picture.geterror(), path, name))
-            faults = tuple(picture_contents.faults(picture, channels.stand_in, channels.left(names), path, name))
+            left, is_srgb = channels.left(names), space != "linear"
+            faults = tuple(picture_contents.faults(picture, channels.stand_in, left, path, name, is_srgb=is_srgb))
         finally:
             picture.close()
     if pixels.ndim == 4:  # first slice of a volume

@@ -54,6 +54,9 @@ def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
         diagnostics.warning(f"{lost} are damaged, or use vertices that do not exist or are not finite: they are left out", span)
     tails = [tail for _, tail in faces]
     tints = MeshAttribute(_colors(table[:, colors : colors + 3])) if kind[2] else _face_colors(tails)
+    if kind[2] and (unseen := sum(len(tail) >= 3 for tail in tails)):
+        message = f"the colours of {unseen} of {len(faces)} faces are left out: the vertices of the OFF file have colours, which are drawn"
+        diagnostics.warning(message, span, "to draw those of the faces, write the vertices without colours")
     if rows_of_map := sum(len(tail) == 1 for tail in tails):
         message = f"the colours of {rows_of_map} of {len(faces)} faces are rows of a colour map, which is not read: they are left out"
         diagnostics.warning(message, span)

@@ -16,6 +16,9 @@ _MAIN_LAYERS = ("rgba", "rgb", "beauty", "combined", "color", "colour")
 _ALPHA = ("a", "alpha")
 _JPEG_SEGMENT = re.compile(rb"\xff[\x02-\xcf\xd9-\xfe]")  # the markers of segments and of the end, and no byte of coded pixels
 _JPEG_END = 0xD9
+_SRGB_PROFILES = ("c2",)  # names of ICC profiles of sRGB that lack its name
+_SRGB_PLACES = (0.3127, 0.329, 0.64, 0.33, 0.3, 0.6, 0.15, 0.06)  # x and y of its white, red, green and blue
+_SLACK = 0.03
 
 
 class Use(NamedTuple):
@@ -79,11 +82,12 @@ def _used_as(names: tuple[str, ...], use: Use) -> str:
 
 
 def faults(
-    picture: Any, stand_in: tuple[str, ...] | None, left: list[str], path: str, name: str, use: Use = DRAWN
+    picture: Any, stand_in: tuple[str, ...] | None, left: list[str], path: str, name: str, use: Use = DRAWN, is_srgb: bool = True
 ) -> Iterator[tuple[str, str]]:  # fmt: skip
     """(message, hint) of all that an open picture lacks, or has and is not used. Smaller copies (MIP maps, thumbnails) are not meant.
 
-    `stand_in` are the channels in place of R, G and B, as in Channels; `left` are those whose loss is told.
+    `stand_in` are the channels in place of R, G and B, as in Channels; `left` are those whose loss is told; `is_srgb`: integers are read as
+    sRGB.
     """
     kind, spec = picture.format_name(), picture.spec()
     if kind == "jpeg" and _is_cut_off(Path(path).read_bytes()):
@@ -108,8 +112,33 @@ def faults(
         yield f"the picture `{name}` has {counted} {_PARTS.get(kind, 'pictures')}: the first is {use.done}", another
     if (turn := spec.get_int_attribute("Orientation", 1)) not in (0, 1):
         yield f"the picture `{name}` is {use.done} as it is stored: its orientation {turn} is left out", "turn it and write it again"
+    if is_srgb and (instead := _color_space(spec, path, kind)):
+        yield f"the colours of the picture `{name}` are {use.done} as sRGB, and not by {instead}", "convert it to sRGB and write it again"
     if spec.depth > 1:
         yield f"the picture `{name}` has {spec.depth} slices: the first is {use.done}", another
+
+
+def _color_space(spec: Any, path: str, kind: str) -> str:
+    """What says that the colours of integers are not of sRGB, for a message: an ICC profile, or the gamma or primaries of a PNG."""
+    if str(spec.format) not in ("uint8", "uint16"):
+        return ""
+    if spec.getattribute("ICCProfile") is not None:
+        profile = str(spec.getattribute("ICCProfile:profile_description") or "").strip("\0 ")
+        return "" if "srgb" in profile.lower() or profile in _SRGB_PROFILES else f"its profile `{profile}`" if profile else "its profile"
+    if kind != "png":
+        return ""
+    head = Path(path).read_bytes().partition(b"IDAT")[0]
+    if b"sRGB" in head:
+        return ""
+    if at := head.find(b"gAMA") + 1:
+        gamma = int.from_bytes(head[at + 3 : at + 7], "big") / 100_000
+        if gamma > 0 and abs(gamma * 2.2 - 1) > _SLACK:
+            return f"its gamma of {1 / gamma:.3g}"
+    if at := head.find(b"cHRM") + 1:
+        places = [int.from_bytes(head[k : k + 4], "big") / 100_000 for k in range(at + 3, at + 35, 4)]
+        if max(abs(one - other) for one, other in zip(places, _SRGB_PLACES, strict=True)) > _SLACK:
+            return "its primaries"
+    return ""
 
 
 def _is_cut_off(data: bytes) -> bool:

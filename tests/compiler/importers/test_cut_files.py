@@ -3,6 +3,8 @@
 import struct
 
 import pytest
+from maquette.compiler.importers import off
+from maquette.lang.diagnostics import Diagnostic, Diagnostics, Span
 
 from .. import tables
 from .test_mesh_files import BOX, OFF, QUALITY, ply, read, stl
@@ -102,6 +104,15 @@ def test_each_cut_of_a_ply_is_told(order):
 )
 def test_an_off_with_more_or_less_than_it_promises(data, message):
     assert read(data, "a.off")[2] == [f"a.off: warning: {message}"]
+
+
+def test_face_colours_of_an_off_whose_vertices_have_some():
+    data = b"COFF\n3 2 0\n0 0 0 1 0 0 1\n1 0 0 1 0 0 1\n0 1 0 1 0 0 1\n3 0 1 2 0 255 0\n3 2 1 0\n"
+    message = "the colours of 1 of 2 faces are left out: the vertices of the OFF file have colours, which are drawn"
+    found = Diagnostics()
+    off.read(data, found, Span("a.off"))
+    hint = "to draw those of the faces, write the vertices without colours"
+    assert found.items == [Diagnostic("warning", message, Span("a.off"), hint)]
 
 
 OBJ = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4"

@@ -10,7 +10,8 @@ import pytest
 from maquette.compiler.importers import images
 from maquette.compiler.scene import builder as scene_builder
 from maquette.lang.diagnostics import Diagnostics
-from PIL import Image
+from PIL import Image, ImageCms
+from PIL.PngImagePlugin import PngInfo
 
 from ...files import write_image
 
@@ -290,6 +291,41 @@ def test_an_orientation_is_left_out(tmp_path: Path) -> None:
     Image.new("RGB", (4, 2)).save(tmp_path / "a.jpg", exif=exif)
     message = "the picture `a.jpg` is drawn as it is stored: its orientation 6 is left out"
     assert told(tmp_path / "a.jpg") == [("warning", message, "turn it and write it again")]
+
+
+def profile(name: str) -> bytes:
+    """The ICC profile of sRGB under a name of as many letters."""
+    made = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+    return made.replace("sRGB built-in".encode("utf-16-be"), name.encode("utf-16-be"))
+
+
+@pytest.mark.parametrize("ending", ["png", "jpg", "tif", "webp"])
+def test_a_profile_of_another_space_is_left_out(tmp_path: Path, ending: str) -> None:
+    path = tmp_path / f"a.{ending}"
+    Image.new("RGB", (4, 4)).save(path, icc_profile=profile("sRGB built-in"))
+    assert told(path) == []
+    Image.new("RGB", (4, 4)).save(path, icc_profile=profile("Display P3 (D"))
+    message = f"the colours of the picture `{path.name}` are drawn as sRGB, and not by its profile `Display P3 (D`"
+    assert told(path) == [("warning", message, "convert it to sRGB and write it again")]
+    assert images.read(str(path), path.name, "linear").faults == ()
+
+
+@pytest.mark.parametrize(
+    ("gamma", "red", "chunk", "instead"),
+    [
+        (45455, 64000, b"", ""), (45000, 64000, b"", ""), (100000, 64000, b"", "its gamma of 1"), (55556, 64000, b"", "its gamma of 1.8"),
+        (45455, 70800, b"", "its primaries"), (100000, 70800, b"sRGB", ""),
+    ],
+)  # fmt: skip
+def test_gamma_and_primaries_of_a_png_are_left_out(tmp_path: Path, gamma: int, red: int, chunk: bytes, instead: str) -> None:
+    info = PngInfo()
+    if chunk:
+        info.add(chunk, b"\0")
+    info.add(b"gAMA", gamma.to_bytes(4, "big"))
+    info.add(b"cHRM", b"".join(n.to_bytes(4, "big") for n in (31270, 32900, red, 33000, 30000, 60000, 15000, 6000)))
+    Image.new("RGB", (4, 4)).save(tmp_path / "a.png", pnginfo=info)
+    message = f"the colours of the picture `a.png` are drawn as sRGB, and not by {instead}"
+    assert told(tmp_path / "a.png") == ([("warning", message, "convert it to sRGB and write it again")] if instead else [])
 
 
 def test_a_gif_keeps_its_holes(tmp_path: Path) -> None:

@@ -85,7 +85,7 @@ def light(
         if not _is_sound(made):
             materials.tell("the size or angle of this light is 0, negative or not finite: it is left out", prim)
             return
-        builder.light(replace(made, shadows=_casts_shadows(it), links=links.of(prim, prefix)), it.span)
+        builder.light(replace(made, shadows=_casts_shadows(it), links=links.of(prim, prefix, materials.warnings)), it.span)
 
 
 def _is_sound(light: LightData) -> bool:
@@ -109,7 +109,7 @@ def mesh_radiance(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, ma
         radiance = radiance / (area / unit**2) if area > 0 else radiance
     if not _casts_shadows(it):
         materials.tell("mesh lights cast shadows", prim)
-    if links.of(prim, ""):
+    if links.of(prim, "", materials.warnings):
         materials.tell("mesh lights light every prim, and every prim casts their shadows: their links are not drawn", prim)
     return as_color(radiance)
 

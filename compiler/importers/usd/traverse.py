@@ -16,7 +16,7 @@ from ... import ir
 from ...scene import transforms
 from ...scene.builder import NONE, SceneBuilder
 from ...scene.row_records import InstanceData
-from . import curves, displacement, draw_modes, instancers, levels_of_detail, lights, mesh_inputs, patches, skeletons
+from . import curves, displacement, draw_modes, instancers, levels_of_detail, lights, links, mesh_inputs, patches, skeletons
 from . import geometry as geometry_module
 from .materials import DEFAULT_COLOR, DISPLAY_COLOR, DISPLAY_OPACITY, Materials
 from .network import Fit, Network, Picture
@@ -237,6 +237,7 @@ class Walk:
             return
         self._audited.add(source)
         self.materials.audit.variants(prim)
+        links.remove_bindings(prim, self.materials.warnings)
         if kind not in ("Material", "Shader", "NodeGraph"):
             self.materials.audit.prim(prim, kind)
 

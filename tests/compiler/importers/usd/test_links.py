@@ -77,3 +77,46 @@ def test_a_mesh_light_has_no_links(tmp_path):
     text = f'def Mesh "m" (prepend apiSchemas=["MeshLightAPI"]) {{ {SQUARE}\n{EXCLUDE.format("lightLink", "</w/b>")} }}'
     expected = "mesh lights light every prim, and every prim casts their shadows: their links are not drawn"
     assert f"x.usda</m>: warning: {expected}" in read(tmp_path, STAGE.replace("LINKS", "") + text)[1]
+
+
+def collections(prim: str, count: int, cyclic: bool) -> str:
+    """Collections a0, a1, … of a prim, each of which includes the next two; the last ones include </w/a>."""
+    lines = []
+    for k in range(count):
+        steps = [k + 1, k + 2]
+        others = [f"<{prim}.collection:a{j % count}>" for j in steps if cyclic or j < count] or ["</w/a>"]
+        lines.append(f"rel collection:a{k}:includes = [{', '.join(others)}]")
+    return "\n".join(lines)
+
+
+def applied(count: int, *more: str) -> str:
+    names = [*more, *(f"CollectionAPI:a{k}" for k in range(count))]
+    return "(prepend apiSchemas = [" + ", ".join(f'"{name}"' for name in names) + "])"
+
+
+@pytest.mark.parametrize(("cyclic", "others"), [(True, "itself by way of others"), (False, "others more than 10,000 times")])
+def test_collections_that_multiply_are_left_out(tmp_path, cyclic, others):
+    links = collections("/l", 40, cyclic) + "\n" + INCLUDE.format("lightLink", "</l.collection:a0>")
+    stage = STAGE.replace('"l"', f'"l" {applied(40)}').replace("LINKS", links)
+    scene, messages = read(tmp_path, stage)
+    assert sets(scene) == (ALL, ALL)
+    assert messages == [f"x.usda</l>: warning: the collection `/l.collection:lightLink` includes {others}: it is left out"]
+    bound = "rel material:binding = </red>\nrel material:binding:collection:x = [</g.collection:a0>, </blue>]\n"
+    bound += collections("/g", 40, cyclic)
+    text = f"""def Xform "g" {applied(40, "MaterialBindingAPI")} {{ {bound}
+def Sphere "s" {{}}
+}}
+def Xform "w" {{ def Cube "a" {{}} }}
+def Material "red" {{}}
+def Material "blue" {{}}
+"""
+    scene, messages = read(tmp_path, text)
+    assert messages[0] == f"x.usda</g>: warning: the collection `/g.collection:a0` includes {others}: it is left out"
+    assert messages[1:] == ["x.usda</red>: warning: the material has no surface: its prims show their displayColor"]
+
+
+def test_collections_of_collections_are_expanded(tmp_path):
+    links = collections("/l", 5, False) + "\n" + INCLUDE.format("lightLink", "</l.collection:a0>")
+    scene, messages = read(tmp_path, STAGE.replace('"l"', f'"l" {applied(5)}').replace("LINKS", links))
+    assert messages == []
+    assert sets(scene) == ({"/w/a"}, ALL)

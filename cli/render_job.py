@@ -24,7 +24,7 @@ from ..lang.diagnostics import Diagnostic, SceneError
 from ..lang.plain_values import time_range
 from . import option_types as values
 from . import terminal
-from .job import checkpoints
+from .job import checkpoints, ignored_options
 from .memory import peak_memory, strip_plans
 from .progress import Display
 from .scene_source import Laps, Source, measure_time
@@ -236,7 +236,7 @@ class Job:
         check_output(path, plan["aov"], self.bits, plan["view"], self.files)
         parts, expected = strip_plans(scene, plan, path, self.memory)
         self.report(found.items)
-        self.report(picture_notes.plan_warnings(scene, plan))
+        self.report([*picture_notes.plan_warnings(scene, plan), *ignored_options.notes(self.settings, plan, path)])
         self.laps.end("read")
         return Reading(path, scene, plan, parts, expected, seconds)
 

@@ -782,3 +782,21 @@ def test_a_name_too_long_for_its_checkpoint(scene: Path) -> None:
     )  # fmt: skip
     assert run("render", scene, *options, "--checkpoint", "off")[0] == 0
     assert Path(name).is_file()
+
+
+@pytest.mark.parametrize(
+    ("options", "notes"),
+    [
+        (["-o", "a.exr", "--exposure", "1"], ["--exposure has no effect: an EXR file holds the radiance itself"]),
+        (["-o", "a.exr", "--view", "sRGB"], ["--view has no effect: an EXR file holds the radiance itself"]),
+        (["-o", "a.png", "--tolerance", "1"], ["--tolerance has no effect: the backend ray draws curved shapes without triangles"]),
+        (["-o", "a.png", "--exposure", "1"], []),
+        (["-o", "a.exr", "--exposure", "1", "--quiet"], []),
+        (["-o", "a.exr", "--backend", "raster", "--tolerance", "1"], []),
+    ],
+)  # fmt: skip
+def test_options_without_an_effect_are_noted(scene: Path, options: list[str], notes: list[str]) -> None:
+    backend = [] if "--backend" in options else ["--backend", "ray"]
+    code, _, err = run("render", "a.scene", "--size", "8", "--samples", "1", "--no-denoise", *backend, *options)
+    assert code == 0
+    assert [line for line in err.splitlines() if "no effect" in line] == [f"note: {note}" for note in notes]

@@ -1,0 +1,25 @@
+"""Notes on options that have no effect on a picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...lang.diagnostics import Diagnostic
+
+if TYPE_CHECKING:
+    from ...compiler import ir
+    from ...compiler.plan.plan import Plan
+
+
+def notes(settings: ir.Settings, plan: Plan, path: Path) -> list[Diagnostic]:
+    """A note for each option among the settings of a command that does not change the picture at `path`."""
+    from ...render.image import image_files
+
+    found = []
+    if path.suffix.lower() in image_files.LINEAR:
+        given = [name for name in ("exposure", "view") if getattr(settings, name) is not None]
+        found += [f"--{name} has no effect: an EXR file holds the radiance itself" for name in given]
+    if settings.tolerance is not None and plan["backend"] != "raster":
+        found.append(f"--tolerance has no effect: the backend {plan['backend']} draws curved shapes without triangles")
+    return [Diagnostic("note", message) for message in found]

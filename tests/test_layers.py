@@ -135,6 +135,7 @@ DOORS = {
     "cli/doctor.py": "`--help` looks at no packages",
     "cli/installation.py": "what cannot be imported is a finding",
     "cli/scene_source.py": "each kind of file loads what reads it",
+    "cli/job/ignored_options.py": "`--help` loads no writers of pictures",
     "cli/job/checkpoints.py": "a picture without checkpoints loads nothing for them",
     "cli/render_job.py": "a job loads the stages it comes to",
     "render/render_scene.py": "a picture loads the backend that draws it",

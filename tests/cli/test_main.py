@@ -10,6 +10,7 @@ import re
 import signal
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -452,7 +453,8 @@ def test_ctrl_c_and_its_like_write_the_partial_picture(scene: Path, number: int)
     tell = "p.Display.__call__ = lambda self, reached: reached.share > 0 and print('begun', flush=True)"
     code = f"from maquette.cli import main, progress as p; {tell}; main.main()"
     command = [sys.executable, "-c", code, "render", "a.scene", "--backend", "reference", "--size", "600", "--samples", "1024"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    restored = partial(signal.signal, number, signal.SIG_DFL)  # nohup ignores SIGHUP
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=restored)
     assert process.stdout is not None
     assert process.stdout.readline() == "begun\n"
     process.send_signal(number)

@@ -25,6 +25,8 @@ INTERRUPTED = """
 import os, signal, sys
 from maquette.__main__ import start
 
+signal.signal(signal.SIGINT, signal.default_int_handler)  # background processes of a shell ignore it
+
 class Finder:
     def find_spec(self, name, *_):
         if name == "maquette.cli.main":

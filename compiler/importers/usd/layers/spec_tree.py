@@ -81,7 +81,7 @@ def _arcs(spec: Any) -> list[tuple[str, Any]]:
     """(layer, path) of the references, payloads, inherits and specializes of a spec; an empty path for a layer's default prim."""
     found: list[tuple[str, Any]] = []
     for name in _ARCS:
-        if spec.HasInfo(name):
-            for item in spec.GetInfo(name).GetAddedOrExplicitItems():
-                found.append(("", item) if isinstance(item, Sdf.Path) else (str(item.assetPath), item.primPath))
+        items = getattr(spec.GetInfo(name), "GetAddedOrExplicitItems", tuple) if spec.HasInfo(name) else tuple
+        for item in items():  # without any for a damaged value of another type
+            found.append(("", item) if isinstance(item, Sdf.Path) else (str(item.assetPath), item.primPath))
     return found

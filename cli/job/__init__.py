@@ -1,1 +1,1 @@
-"""Parts of a render job: the checkpoints of its pictures."""
+"""Parts of a render job: checkpoints, and notes on options without an effect."""

@@ -1,4 +1,4 @@
-"""The checkpoints of a render job: begins to write them, goes on from one, and tells why a picture has none."""
+"""Writes and reads the checkpoints of a render job, and notes why a picture has none."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a picture file holds: the channels that are read of it, and what of it is missing or not read."""
+"""Selects the channels of a picture file, and finds its faults: cut-off data, unread frames and channels, unknown colour spaces."""
 
 from __future__ import annotations
 

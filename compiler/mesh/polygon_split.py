@@ -1,4 +1,4 @@
-"""Splits large polygons along diagonals into pieces that ear clipping, of quadratic time, triangulates fast."""
+"""Splits large polygons along diagonals, because ear clipping takes quadratic time."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ..ir import F64, I64
 
 LARGE = 5000  # most corners of a piece that can be split
 WHOLE = 30_000  # most corners of one that cannot
-_SHARES = (4, 16, 64)  # of the corners are left on either side of a diagonal, at least: the first that some diagonal leaves
+_SHARES = (4, 16, 64)  # a diagonal has 1 / share of the corners on either side, or more; tried in this order
 _TRIES = 32  # corners from which a diagonal is searched
 _STRIDE = 0.6180339887498949  # of the polygon, from one such corner to the next
 _SLACK = 1e-12  # of the extents: distance from a diagonal that counts as 0

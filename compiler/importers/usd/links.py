@@ -1,4 +1,4 @@
-"""Collections of prims: the light and shadow links of lights (UsdLux's LightAPI), and limits to collections that include collections."""
+"""Reads the light and shadow links of lights (UsdLux's LightAPI), and limits collections that include other collections."""
 
 # pyright: reportAttributeAccessIssue=false
 # (usd-core creates its modules' names at run time)

@@ -259,8 +259,9 @@ def _open(path: Path, options: StageOptions, diagnostics: Diagnostics, span: Spa
             message = f"the stage has about {extent.prims:,} prims, more than {prim_count.MAX_PRIMS:,}"
             diagnostics.error(message, span, "make the prims that are referenced often instanceable, or read a part by --mask")
             return None
-        if extent.levels > prim_count.MAX_LEVELS:
-            diagnostics.error(f"the prims of the stage nest in more than {prim_count.MAX_LEVELS:,} levels", span, "read a part by --mask")
+        if extent.levels > prim_count.MAX_STAGE_LEVELS:
+            message = f"the prims of the stage nest in more than {prim_count.MAX_STAGE_LEVELS:,} levels"
+            diagnostics.error(message, span, "read a part by --mask")
             return None
     session = Sdf.Layer.FindOrOpen(str(options.session_layer)) if options.session_layer else Sdf.Layer.CreateAnonymous(".usda")
     if session is None:

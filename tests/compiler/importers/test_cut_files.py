@@ -1,4 +1,4 @@
-"""Mesh files that end early, or hold more than they promise: each lost facet, row and byte is told, and the rest is drawn."""
+"""Mesh files that end early, or hold more than they promise: warnings name the lost facets, rows and bytes."""
 
 import struct
 

@@ -1,4 +1,4 @@
-"""Polygon meshes: parts of one by the labels of its faces."""
+"""Polygon meshes are split by labels of their faces."""
 
 import numpy as np
 import pytest

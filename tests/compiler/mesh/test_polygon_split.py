@@ -1,4 +1,4 @@
-"""Large polygons: diagonals inside of them, and triangles that cover them once."""
+"""Large polygons are split along diagonals, and covered once by triangles."""
 
 import numpy as np
 import pytest

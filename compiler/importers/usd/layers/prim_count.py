@@ -1,4 +1,4 @@
-"""Estimates the prims of a stage before it is opened: prims that reference twice what references twice grow without bound."""
+"""Estimates the number of prims of a stage before it is opened, so that references that multiply without bound are refused."""
 
 # pyright: reportAttributeAccessIssue=false
 # (usd-core creates its modules' names at run time)
@@ -14,7 +14,7 @@ from . import spec_tree
 from .spec_tree import SpecTree
 
 MAX_PRIMS = 4_000_000
-MAX_LEVELS = 4000  # of prims in prims; usd-core takes quadratic time
+MAX_STAGE_LEVELS = 4000  # of prims in prims; usd-core takes quadratic time
 
 
 class Extent(NamedTuple):
@@ -25,7 +25,7 @@ class Extent(NamedTuple):
 
 
 def estimate(root: Any, trees: dict[str, SpecTree]) -> Extent:
-    """The extent of the stage of a layer, about; (0, 0) without references and the like. `trees` are those that were read, by layer.
+    """The extent of the stage of a layer, about; (0, 0) without composition arcs. `trees` are those that were read, by layer.
 
     Variants count by the largest of a set, instances as one prim. Prims that are referenced many times are counted once and multiplied.
     """
@@ -35,7 +35,7 @@ def estimate(root: Any, trees: dict[str, SpecTree]) -> Extent:
     try:
         return counter.at(root, spec_tree.ROOT)
     except RecursionError:
-        return Extent(0, MAX_LEVELS + 1)
+        return Extent(0, MAX_STAGE_LEVELS + 1)
 
 
 @dataclass(slots=True)

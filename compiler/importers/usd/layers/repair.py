@@ -1,4 +1,4 @@
-"""Opens the layers of a stage: damaged ones are repaired in memory, with warnings, so that the rest is drawn."""
+"""Opens the layers of a stage, and repairs damaged ones in memory, with warnings."""
 
 # pyright: reportAttributeAccessIssue=false
 # (usd-core creates its modules' names at run time)

@@ -1,4 +1,4 @@
-"""Reads the prim and variant specs of a layer: what they compose by references and the like, and which of them are missing."""
+"""Reads the prim and variant specs of a layer, their composition arcs, and the paths of missing specs."""
 
 # pyright: reportAttributeAccessIssue=false
 # (usd-core creates its modules' names at run time)
@@ -21,7 +21,7 @@ CHILDREN = {  # fields that list children: the path of a child, and its type
     ),
 }  # fmt: skip
 _FIELDS = ("primChildren", "variantSetChildren", "variantChildren")
-_ARCS = ("references", "payload", "inheritPaths", "specializes")
+_ARCS = ("references", "payload", "inheritPaths", "specializes")  # fields of composition arcs
 
 
 @dataclass(slots=True)
@@ -31,7 +31,7 @@ class SpecTree:
     rows: dict[Any, int] = field(default_factory=dict)  # by path
     parents: list[int] = field(default_factory=list)
     kinds: list[type] = field(default_factory=list)
-    arcs: dict[int, list[tuple[str, Any]]] = field(default_factory=dict)  # (layer, "" for the same; path) of what a spec composes
+    arcs: dict[int, list[tuple[str, Any]]] = field(default_factory=dict)  # composition arcs of a spec: (layer, "" for the same; path)
     instanceable: set[int] = field(default_factory=set)
     missing: list[Any] = field(default_factory=list)  # paths that are listed and not there, listed twice, or whose lists cannot be read
 
@@ -78,10 +78,15 @@ def listed(layer: Any, spec: Any, path: Any, name: str) -> list[tuple[str, Any, 
 
 
 def _arcs(spec: Any) -> list[tuple[str, Any]]:
-    """(layer, path) of the references, payloads, inherits and specializes of a spec; an empty path for a layer's default prim."""
+    """(layer, path) of the references, payloads, inherits and specializes of a spec; an empty path for a layer's default prim.
+
+    Damaged values have none.
+    """
     found: list[tuple[str, Any]] = []
     for name in _ARCS:
-        items = getattr(spec.GetInfo(name), "GetAddedOrExplicitItems", tuple) if spec.HasInfo(name) else tuple
-        for item in items():  # without any for a damaged value of another type
-            found.append(("", item) if isinstance(item, Sdf.Path) else (str(item.assetPath), item.primPath))
+        try:
+            items = spec.GetInfo(name).GetAddedOrExplicitItems() if spec.HasInfo(name) else ()
+        except (*REFUSED, AttributeError):
+            continue
+        found += [("", item) if isinstance(item, Sdf.Path) else (str(item.assetPath), item.primPath) for item in items]
     return found

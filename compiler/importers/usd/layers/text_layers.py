@@ -1,4 +1,4 @@
-"""Reads damaged `.usda` text: byte order marks, stray bytes, and statements that usd-core refuses are left out with warnings."""
+"""Repairs damaged `.usda` text: leaves out byte order marks, stray bytes and statements that usd-core refuses, with warnings."""
 
 # pyright: reportAttributeAccessIssue=false
 # (usd-core creates its modules' names at run time)

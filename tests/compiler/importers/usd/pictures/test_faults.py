@@ -1,4 +1,4 @@
-"""Faults of pictures are told wherever a stage uses one: textures, UDIM tiles, lights, domes and displacement."""
+"""Warnings name faulty pictures of textures, UDIM tiles, lights, domes and displacement."""
 
 import pytest
 from PIL import Image

@@ -44,6 +44,8 @@ from .shading_points import (
     store_point,
 )
 
+MOST_POINTS = 17  # of sixteen fragments: one without lanes, and one for each where all are of precise triangles
+
 
 def to_float32(tables: ir.Tables, eye: NDArray[np.float64]) -> ir.Tables:
     """Tables whose shading columns are float32; lights are relative to the eye."""
@@ -165,7 +167,7 @@ def interpolate_fragments(shading: Any, textured: Any, colored: Any, group: int,
     """Interpolate the points of fragments from `group` on, up to CAPACITY; returns the next group and the number of points."""
     projection, cache, buffer = shading.projection, shading.planes, shading.fragments
     count = 0
-    while group < groups and count <= CAPACITY - 16:
+    while group < groups and count <= CAPACITY - MOST_POINTS:
         start = fragments.fragment_start(buffer, group)
         rows = simd.load(buffer.rows, start, simd.i32x16)
         there = simd.first_lanes(buffer.half + buffer.counts[1] - start, rows)

@@ -187,7 +187,8 @@ def _ears(shape: F64, ends: list[int], normal: F64) -> np.ndarray:
     a, b, c = flat[ears[:, 0]], flat[ears[:, 1]], flat[ears[:, 2]]
     doubled = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     ears = np.where((doubled < 0)[:, None], ears[:, ::-1], ears)
-    return ears[np.abs(doubled) > FLAT * np.ptp(flat, axis=0).max() ** 2]
+    extents = np.maximum.reduce([np.abs(b - a).max(axis=1), np.abs(c - b).max(axis=1), np.abs(a - c).max(axis=1)])
+    return ears[np.abs(doubled) > FLAT * extents**2]
 
 
 def _clipped(loops: F64, ends: list[int]) -> I64:

@@ -61,6 +61,7 @@ class Materials:
     bindings: dict[tuple[str, str], Any] = field(default_factory=dict)
     warnings: Warnings = field(init=False)
     audit: Audit = field(init=False)
+    _rows: dict[Any, int] = field(default_factory=dict)  # of networks that read no primvars, by path and fit
     _fit: Fit = field(default_factory=Fit)  # of the row that is being made
     _depth: int = 0  # of the shader that is being read
 
@@ -227,6 +228,15 @@ class Materials:
 
     def row(self, network: Network, prim: Any, fit: Fit) -> int:
         """The row of a network for a part of a prim, whose primvars it may read."""
+        if any(isinstance(source, Primvar) for source in network.inputs.values()):
+            return self._row(network, prim, fit)
+        maps = tuple((name, None if map_ is None else map_.tobytes()) for name, map_ in fit.maps.items())
+        key = (network.path, fit.colored, fit.number, maps)
+        if key not in self._rows:
+            self._rows[key] = self._row(network, prim, fit)
+        return self._rows[key]
+
+    def _row(self, network: Network, prim: Any, fit: Fit) -> int:
         i, self._fit = network.inputs, fit
         diffuse = Input(WHITE) if fit.colored else self._color(i["diffuseColor"], DEFAULT_COLOR, prim)
         specular = None

@@ -17,6 +17,7 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdUtils, Vt
 from ....lang.diagnostics import Diagnostics, Span, suggest
 from ...io.sandbox import Files
 from ..stage_options import StageOptions
+from .instancing import prototypes
 from .layers import crate_check, packages, prim_count, repair, text_layers
 
 Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # −90° about x
@@ -44,7 +45,10 @@ class Opened:
             self.time = Usd.TimeCode(begin + seconds * self.stage.GetTimeCodesPerSecond())
 
     def span(self, prim: Any) -> Span:
-        return Span(f"{self.name}<{prim.GetPath()}>")
+        return self.span_of(str(prim.GetPath()))
+
+    def span_of(self, path: str) -> Span:
+        return Span(f"{self.name}<{path}>")
 
     def fenced_off(self, path: str) -> bool:
         """Whether the scene that uses this stage may not read a layer or image (in a package: `x.usdz[y.png]`)."""
@@ -218,6 +222,9 @@ def open_(
         diagnostics.warning(f"the package may lack files: {packages.CUT_OFF}", whole, "copy or export it again")
     for where, choice in options.variants.items():
         _choose(stage, where, choice, diagnostics, whole)
+    if excess := prototypes.without_excess(stage):
+        message = f"the stage has more than {prototypes.MAX_PRIMS:,} prims, with those of instances: {len(excess)} instances are left out"
+        diagnostics.warning(message, Span(f"{name}<{excess[0]}>"))
     code = Usd.TimeCode.EarliestTime()
     if seconds is not None:
         code = Usd.TimeCode(_near_whole(stage.GetStartTimeCode() + seconds * stage.GetTimeCodesPerSecond()))

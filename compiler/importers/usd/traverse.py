@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -15,43 +16,24 @@ from ....lang.diagnostics import Span
 from ... import ir
 from ...scene import transforms
 from ...scene.builder import NONE, SceneBuilder
-from ...scene.row_records import InstanceData
-from . import curves, displacement, draw_modes, instancers, levels_of_detail, lights, links, mesh_inputs, patches, skeletons
+from . import curves, displacement, draw_modes, levels_of_detail, lights, links, mesh_inputs, patches, skeletons
 from . import geometry as geometry_module
+from .instancing import instancers
+from .instancing.pieces import Piece, merged
+from .instancing.prototypes import Prototypes
 from .materials import DEFAULT_COLOR, DISPLAY_COLOR, DISPLAY_OPACITY, Materials
 from .network import Fit, Network, Picture
-from .stage import Opened, linear, numbers, primvar_mean, reason
+from .stage import Opened, numbers, primvar_mean, reason
 
 MAX_INSTANCES = 4_000_000
-MAX_VISITS = 4_000_000
 MAX_BALLS = 5_000  # points drawn as exact spheres
 MESHES = ("Mesh", "TetMesh", "NurbsPatch")
 MAX_LIGHTS = 10_000  # of point instancers
+_BATCH = 10_000  # pieces that are placed at once
 LIGHT = -2  # in place of a geometry: a light of a prototype
 MAX_NESTING = 32  # levels of nested point instancers
 CAGES = "subdivision surfaces, as meshes are that do not say otherwise, are drawn as their cages with smooth normals"
 REFINE = "--complexity medium, high or veryhigh refines them"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Piece:
-    """A geometry with its material and transform. `prim` owns it.
-
-    One that point instancers place has the matrices (n, 4, 4) of its copies, a material or n of them, and their ids, which are appended to
-    `name`.
-    """
-
-    geometry: int
-    material: int | np.ndarray
-    matrix: np.ndarray  # (4, 4) or (n, 4, 4)
-    prim: Any
-    name: str
-    colored: bool = True  # has a material or a displayColor of its own
-    ids: np.ndarray | None = None  # (n,)
-
-    @property
-    def copies(self) -> int:
-        return 1 if self.ids is None else len(self.ids)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,11 +66,12 @@ class Walk:
     cameras: list[tuple[Any, np.ndarray]] = field(default_factory=list)
     mesh_lights: int = 0  # prims with MeshLightAPI that emit light
     materials: Materials = field(init=False)
+    _prototypes: Prototypes = field(init=False)
+    _shared: dict[Any, tuple[str, dict[str, list[Piece]]]] = field(default_factory=dict)  # see _gathered
     _geometries: dict[Any, int] = field(default_factory=dict)
     _faces: dict[Any, geometry_module.Faces | None] = field(default_factory=dict)
     _stand_ins: dict[tuple[str, str], list[tuple[int, int]]] = field(default_factory=dict)
     _count: int = 0  # instances of point instancers
-    _visited: int = 0  # prims, with those of instances
     _told_cages: bool = False
     _audited: set[str] = field(default_factory=set)
     _skins: dict[str, skeletons.Skin] = field(default_factory=dict)  # of the SkelRoots so far, by path
@@ -96,6 +79,7 @@ class Walk:
 
     def __post_init__(self) -> None:
         self.materials = Materials(self.opened, self.builder)
+        self._prototypes = Prototypes(self.opened.time)
 
     def run(self, root: Any, matrix: np.ndarray, base: np.ndarray) -> None:
         """Traverse `root` and its descendants. `matrix` (4, 4) is its parent's transform, `base` the world's."""
@@ -122,22 +106,29 @@ class Walk:
                 are = "prim of the purpose {} is" if len(pieces) == 1 else "prims of the purpose {} are"
                 message = f"{len(pieces)} {are.format(purpose)} not drawn"
                 hint = f"--purposes {','.join(shown)},{purpose} draws them too"
-                self.builder.diagnostics.note(message, self.opened.span(pieces[0].prim), hint)
+                self.builder.diagnostics.note(message, self.opened.span_of(pieces[0].path), hint)
         return found
 
     def place(self) -> None:
         """Make instances of all drawn geometry, and free its pieces: the matrices of many copies take much memory."""
-        waiting = self.drawn()[::-1]
-        self.pieces = {}
+        waiting, single = self.drawn()[::-1], []
+        self.pieces, self._shared = {}, {}
         while waiting:
             piece = waiting.pop()
-            span = self.opened.span(piece.prim)
+            if piece.ids is None:
+                single.append(piece)
+            if single and (piece.ids is not None or len(single) == _BATCH or not waiting):
+                self._place_single(single)
+                single = []
             if piece.ids is not None:
-                self._place_copies(piece, span)
-                continue
-            row = self.builder.transform(piece.matrix, span)
-            material = int(piece.material) if piece.material != NONE else self.material
-            self.builder.instance(InstanceData(piece.geometry, row, material, name=self.prefix + piece.name), span)
+                self._place_copies(piece, self.opened.span_of(piece.path))
+
+    def _place_single(self, pieces: list[Piece]) -> None:
+        spans = [self.opened.span_of(piece.path) for piece in pieces]
+        rows = self.builder.transforms(np.stack([piece.matrix[:3] for piece in pieces]), spans)
+        materials = [int(piece.material) if piece.material != NONE else self.material for piece in pieces]
+        names = [self.prefix + piece.name for piece in pieces]
+        self.builder.instances([piece.geometry for piece in pieces], rows, materials, names, spans)
 
     def _place_copies(self, piece: Piece, span: Span) -> None:
         assert piece.ids is not None
@@ -159,14 +150,10 @@ class Walk:
                 lights.light(piece.prim, matrix, self.unit, self.opened, self.builder, self.materials, self.prefix)
 
     def _below(self, root: Any, here: _Inherited, into: dict[str, list[Piece]]) -> None:
-        """Traverse a prim and its descendants; recursive only for point instancers."""
+        """Traverse a prim and its descendants; recursive only for point instancers and prototypes."""
         waiting = [(root, here)]
         while waiting:
             prim, above = waiting.pop()
-            self._visited += 1
-            if self._visited > MAX_VISITS:
-                self.materials.tell(f"the stage has more than {MAX_VISITS:,} prims, with those of instances: the rest is left out", prim)
-                return
             try:
                 now = self._state(prim, above)
                 kind = str(prim.GetTypeName())
@@ -183,7 +170,7 @@ class Walk:
                 message = f"this prim and its descendants are left out: {reason(failure, self.opened.path)}"
                 self.builder.diagnostics.warning(message, self.opened.span(prim))
                 continue
-            if now is None or kind == "PointInstancer":
+            if now is None or kind == "PointInstancer" or (prim.IsInstance() and self._shares(prim, now, into)):
                 continue
             waiting += [(child, now) for child in reversed(levels_of_detail.children(prim, now.detail, self.opened.time))]
 
@@ -384,7 +371,32 @@ class Walk:
             message = "displacement moves the points of the meshes as they are"
             self.builder.diagnostics.note(message, self.opened.span(prim), REFINE)
 
-    # --- point instancers ---
+    # --- instances ---
+
+    def _gathered(self, owner: str, prims: Sequence[Any], which: tuple[Any, ...], here: _Inherited) -> tuple[str, dict[str, list[Piece]]]:
+        """The pieces of a prototype in its own frame, by purpose, collected once; and the path of the first prim that asked for them."""
+        key = (*which, here.purpose, here.draw_mode, here.detail, here.instancers)
+        if key not in self._shared:
+            found: dict[str, list[Piece]] = {}
+            inside = replace(here, matrix=np.eye(4), base=np.eye(4))
+            for prim in prims:
+                self._below(prim, inside, found)
+            self._shared[key] = (owner, found)
+        return self._shared[key]
+
+    def _shares(self, prim: Any, here: _Inherited, into: dict[str, list[Piece]]) -> bool:
+        """Adds the pieces of a native instance, collected once for all instances that are alike; False where an instance has its own."""
+        if not self._prototypes.of(prim).alike or prim.HasAPI("LODRootAPI"):
+            return False
+        inherited = self._prototypes.inherited(prim)
+        if inherited is None:
+            return False
+        path = str(prim.GetPath())
+        children = levels_of_detail.children(prim, here.detail, self.opened.time)
+        first, gathered = self._gathered(path, children, (prim.GetPrototype().GetPath(), inherited), here)
+        for purpose, pieces in gathered.items():
+            into.setdefault(purpose, []).extend(piece.moved(here.matrix, first, path) for piece in pieces)
+        return True
 
     def _instancer(self, instancer: Any, here: _Inherited, into: dict[str, list[Piece]]) -> None:
         """Collects each prototype once, in its own frame, and places it at each instance."""
@@ -402,31 +414,15 @@ class Walk:
                 self.materials.tell(message, prim)
             if not len(chosen) or not prototype:
                 continue
-            gathered: dict[str, list[Piece]] = {}
-            inside = replace(here, matrix=np.eye(4), base=np.eye(4), instancers=here.instancers + 1)
-            self._below(prototype, inside, gathered)
+            _, gathered = self._gathered("", [prototype], (target,), replace(here, instancers=here.instancers + 1))
             self._spread(gathered, here.matrix @ found.places(chosen), found.ids[chosen], prim, into)
-
-    def _instance_materials(self, prim: Any) -> list[int]:
-        """Materials of a point instancer with a displayColor for each instance; empty otherwise."""
-        found = UsdGeom.PrimvarsAPI(prim).GetPrimvar(DISPLAY_COLOR)
-        if not found or not found.HasValue() or str(found.GetInterpolation()) == "constant":
-            return []
-        colors = linear(found.GetAttr(), np.array(found.ComputeFlattened(self.opened.time) or (), dtype=np.float64).reshape(-1, 3))
-        if len(colors) != len(numbers(UsdGeom.PointInstancer(prim).GetProtoIndicesAttr(), self.opened.time, np.int64)):
-            self.materials.tell("the displayColor of this instancer does not fit its instances: it is left out", prim)
-            return []
-        what, rows = "a displayColor of this instancer", {}
-        for color in np.unique(colors, axis=0):
-            r, g, b = map(float, color)
-            rows[color.tobytes()] = self.materials.plain(self.materials.without_negatives((r, g, b), prim, what), 1.0, DISPLAY_COLOR)
-        return [rows[color.tobytes()] for color in colors]
 
     def _spread(
         self, gathered: dict[str, list[Piece]], places: np.ndarray, ids: np.ndarray, prim: Any, into: dict[str, list[Piece]]
     ) -> None:
-        tints = self._instance_materials(prim)
-        for purpose, pieces in gathered.items():
+        tints = instancers.colors(prim, self.opened.time, self.materials)
+        for purpose, found in gathered.items():
+            pieces = merged(found)
             self._count += sum(piece.copies for piece in pieces) * len(places)
             if self._count > MAX_INSTANCES:
                 message = f"the stage has more than {MAX_INSTANCES:,} instances: the rest is left out"
@@ -438,4 +434,4 @@ class Walk:
                 whole = (places[:, None] @ piece.matrix.reshape(1, n, 4, 4)).reshape(-1, 4, 4)
                 material = np.tile(np.broadcast_to(piece.material, n), len(places)) if own else np.repeat(np.array(tints)[ids], n)
                 colored = piece.colored or bool(tints)
-                to.append(Piece(piece.geometry, material, whole, piece.prim, str(prim.GetPath()), colored, np.repeat(ids, n)))
+                to.append(Piece(piece.geometry, material, whole, piece.prim, str(prim.GetPath()), colored, np.repeat(ids, n), piece.owner))

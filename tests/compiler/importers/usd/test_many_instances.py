@@ -37,6 +37,32 @@ def test_nested_instancers_make_a_valid_scene(tmp_path):
     assert len(scene.names.instances) == 4
 
 
+def doubling(levels: int) -> str:
+    """Two instancers a level, each of which places the two of the next level; the last two place a sphere twice: 2^levels spheres."""
+    text = ""
+    for k in range(levels):
+        last = k == levels - 1
+        for name in "ab":
+            below = "</L>" if last else f"</I{k + 1}a>, </I{k + 1}b>"
+            text += f"""{"class" if k or name == "b" else "def"} PointInstancer "I{k}{name}" {{ rel prototypes = [{below}]
+                int[] protoIndices = [0, {0 if last else 1}]
+                point3f[] positions = [(0, 0, 0), ({2**k}, 0, 0)] }}\n"""
+    return text + 'class Sphere "L" {}'
+
+
+def test_instancers_that_share_prototypes(tmp_path):
+    scene, messages = read(tmp_path, doubling(5))
+    assert messages == []
+    assert sorted(world(scene, k)[0, 3] for k in range(len(scene.names.instances))) == list(range(2**5))
+    assert set(scene.names.instances) == {"/I0a[0]", "/I0a[1]"}
+
+
+def test_instancers_that_multiply_end_with_a_warning(tmp_path):
+    scene, messages = read(tmp_path, doubling(30))
+    assert len(scene.names.instances) == 0
+    assert messages[0].partition(": ")[2] == "warning: the stage has more than 4,000,000 instances: the rest is left out"
+
+
 @pytest.mark.long
 def test_a_million_instances(tmp_path):
     n = 1_000_000

@@ -10,7 +10,6 @@ import pytest
 from maquette.compiler import ir
 from maquette.compiler.importers.stage_options import StageOptions
 from maquette.compiler.importers.usd import load as usd_load
-from maquette.compiler.importers.usd import traverse
 from maquette.compiler.importers.usd.layers import prim_count
 from maquette.compiler.io.sandbox import Files
 from maquette.compiler.scene.builder import SceneBuilder
@@ -565,21 +564,6 @@ def test_prims_that_nest_by_references_are_refused(tmp_path):
     (tmp_path / "x.usda").write_text(text)
     messages = load(tmp_path / "x.usda")[1]
     assert messages == ["x.usda: error: the prims of the stage nest in more than 4,000 levels\n  read a part by --mask"]
-
-
-def test_instances_that_multiply_end_with_a_warning(tmp_path, monkeypatch):
-    monkeypatch.setattr(traverse, "MAX_VISITS", 1000)
-    text = "#usda 1.0\n"
-    for k in range(12):
-        below = "".join(f'def "{name}" (\ninstanceable = true\nreferences = </P{k + 1}>\n) {{\n}}\n' for name in "ab")
-        text += f'def "P{k}" {{\n{below}}}\n'
-    (tmp_path / "x.usda").write_text(text + 'def "P12" {\ndef Sphere "s" {\n}\n}\n')
-    scene, messages = load(tmp_path / "x.usda")
-    assert 300 < len(scene.tables.instances.geometry) < 500
-    place = f"x.usda</P0{'/a' * 3}"
-    assert len(messages) == 1
-    assert messages[0].startswith(place)
-    assert messages[0].endswith(">: warning: the stage has more than 1,000 prims, with those of instances: the rest is left out")
 
 
 def test_a_prototype_that_is_not_there_is_said(tmp_path):

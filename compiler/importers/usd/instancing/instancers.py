@@ -10,9 +10,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from pxr import UsdGeom
 
-from ...ir import F64, I64
-from .stage import moves, numbers
+from ....ir import F64, I64
+from ..materials import DISPLAY_COLOR, Materials
+from ..stage import linear, moves, numbers
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,6 +67,22 @@ def read(instancer: Any, time: Any, prototypes: int, tell: Callable[[str], None]
         linear = np.broadcast_to(np.eye(3), (len(ids), 3, 3)) if turned is None else _rotations(turned[ids])
         linear = linear if scaled is None else linear * scaled[ids][:, None, :]
     return Instances(ids, of[ids], positions[ids], linear)
+
+
+def colors(prim: Any, time: Any, materials: Materials) -> list[int]:
+    """Materials of the instances of a point instancer with a displayColor for each; empty otherwise."""
+    found = UsdGeom.PrimvarsAPI(prim).GetPrimvar(DISPLAY_COLOR)
+    if not found or not found.HasValue() or str(found.GetInterpolation()) == "constant":
+        return []
+    given = linear(found.GetAttr(), np.array(found.ComputeFlattened(time) or (), dtype=np.float64).reshape(-1, 3))
+    if len(given) != len(numbers(UsdGeom.PointInstancer(prim).GetProtoIndicesAttr(), time, np.int64)):
+        materials.tell("the displayColor of this instancer does not fit its instances: it is left out", prim)
+        return []
+    what, rows = "a displayColor of this instancer", {}
+    for color in np.unique(given, axis=0):
+        r, g, b = map(float, color)
+        rows[color.tobytes()] = materials.plain(materials.without_negatives((r, g, b), prim, what), 1.0, DISPLAY_COLOR)
+    return [rows[color.tobytes()] for color in given]
 
 
 def _fitting(prim: Any, names: tuple[str, ...], time: Any, width: int, count: int, tell: Callable[[str], None]) -> F64 | None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from maquette.compiler.importers.usd import traverse
+from maquette.compiler.importers.usd import draw_modes
 from maquette.compiler.importers.usd.instancing import prototypes
 
 from .stages import SQUARE, load, read
@@ -126,8 +126,8 @@ def test_a_collection_binds_parts_of_one_instance(tmp_path):
 
 def test_the_pieces_of_alike_instances_are_read_once(tmp_path, monkeypatch):
     visited = []
-    state = traverse.Walk._state
-    monkeypatch.setattr(traverse.Walk, "_state", lambda self, prim, above: visited.append(str(prim.GetPath())) or state(self, prim, above))
+    resolved = draw_modes.resolved
+    monkeypatch.setattr(draw_modes, "resolved", lambda prim, above: visited.append(prim) or resolved(prim, above))
     text = "".join(instance(f"i{k}", k, of="Pair") for k in range(50))
     scene, messages = read(tmp_path, f'{PROP.replace("EXTRA", "")} def Xform "W" {{ {text} }}')
     assert (len(scene.names.instances), messages) == (50 * 7, [])

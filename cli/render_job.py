@@ -24,7 +24,7 @@ from ..lang.diagnostics import Diagnostic, SceneError
 from ..lang.plain_values import time_range
 from . import option_types as values
 from . import terminal
-from .job import checkpoints, ignored_options
+from .job import checkpoints, ignored_options, kept_frames
 from .memory import peak_memory, strip_plans
 from .progress import Display
 from .scene_source import Laps, Source, measure_time
@@ -102,6 +102,7 @@ class Reading(NamedTuple):
     parts: list[Plan]  # of strips, if there are several
     memory: int  # bytes that the process will take, as estimated
     seconds: dict[str, float]
+    keys: kept_frames.Keys | None  # of a frame
 
 
 class Cluster(Protocol):
@@ -139,6 +140,7 @@ class Job:
     resume: bool = False  # go on from checkpoints
     memory: int | None = None  # bytes that may be taken; None: what is free
     cluster: Cluster | None = None  # that draws the pictures; None: this machine
+    inputs: str | None = None  # the key of an animation, "" before its first frame is read; None for one picture
     exposure: float | None = None  # metered at the first picture
     reported: set[Diagnostic] = field(default_factory=set)
     noted: set[str] = field(default_factory=set)  # notes so far, without their figures
@@ -154,7 +156,8 @@ class Job:
             return [self.summarize(self.output, self._picture(self.output, {}))]
         numbers = self.source.frames(frames)
         every = [(self.frame_file(n), n, moment) for n, moment in zip(numbers, self.source.moments(numbers), strict=True)]
-        kept = self._skip([path for path, _, _ in every]) if self.resume else {}
+        self.inputs = ""
+        kept = self._skip(every) if self.resume and every else {}
         missing = [frame for frame in every if frame[0] not in kept]
         if self.cluster is not None and self.cluster.takes_frames(self, missing):
             return self.cluster.frames(self, missing)
@@ -174,19 +177,27 @@ class Job:
         """The file of a frame."""
         return values.frame_path(self.output, number)
 
-    def _skip(self, files: Iterable[Path]) -> dict[Path, None]:
-        """The frames that are there and whole, of which one gives the exposure. Tells of these, and of damaged ones."""
-        from ..render.image import image_files, image_reader
-
-        there = [file for file in files if file.is_file()]
-        whole = dict.fromkeys(file for file in there if not image_files.damage(file))
-        self.report(Diagnostic("warning", f"{file} is damaged: the frame is drawn again") for file in there if file not in whole)
-        if whole:
+    def _skip(self, frames: list[Frame]) -> dict[Path, dict[str, str]]:
+        """The frames that are kept, of which one gives the exposure. Tells of these and of the others that are there."""
+        first, _, moment = frames[0]
+        read = self.read(first, moment)
+        kept, damaged, others = kept_frames.find((file for file, _, _ in frames), read.keys.inputs if read.keys else "")
+        self.report(Diagnostic("warning", f"{file} is damaged: the frame is drawn again") for file in damaged)
+        for file, _, moment in frames:
+            if file in others:
+                read = self.read(file, moment)
+                if read.keys is not None and others[file].get("picture") == read.keys.picture:
+                    kept[file] = others.pop(file)
+        if others:
+            are = "1 frame is" if len(others) == 1 else f"{len(others)} frames are"
+            message = f"{are} of another scene, version or settings, such as {next(iter(others))}: drawn again"
+            self.report([Diagnostic("warning", message)])
+        if kept:
             if not self.quiet:
-                click.echo(f"{len(whole)} frame{' is' if len(whole) == 1 else 's are'} there already", err=True)
-            about = image_reader.read(next(iter(whole))).metadata["about"]
+                click.echo(f"{len(kept)} frame{' is' if len(kept) == 1 else 's are'} there already", err=True)
+            about = next(iter(kept.values()))
             self.exposure = float(about["exposure"]) if "exposure" in about else None
-        return whole
+        return kept
 
     def summarize(self, path: Path, figures: dict[str, Any]) -> dict[str, Any]:
         """Print the summary of a picture, unless quiet. Returns its statistics."""
@@ -233,12 +244,16 @@ class Job:
         scene, found = self.source.load(seconds, **moment)
         self.files = tuple(Path(file) for file in scene.files)
         plan = make_plan(scene, self.settings, self.overrides)
+        keys = None
+        if self.inputs is not None:
+            keys = kept_frames.keys_of(scene, plan, self.bits, self.inputs)
+            self.inputs = keys.inputs
         check_output(path, plan["aov"], self.bits, plan["view"], self.files)
         parts, expected = strip_plans(scene, plan, path, self.memory)
         self.report(found.items)
         self.report([*picture_notes.plan_warnings(scene, plan), *ignored_options.notes(self.settings, plan, path)])
         self.laps.end("read")
-        return Reading(path, scene, plan, parts, expected, seconds)
+        return Reading(path, scene, plan, parts, expected, seconds, keys)
 
     def _draw(self, read: Reading, cancel: threading.Event, keeper: Keeper | None) -> Image:
         """Draw a picture here, or on the cluster. Raises KeyboardInterrupt if it was cancelled before its first sample."""
@@ -270,7 +285,7 @@ class Job:
         self.display.stage("writing")
         if len(parts) == 1:
             with measure_time(seconds, "write"):
-                self._write(image, path, plan)
+                self._write(image, path, read)
         self.laps.end("write")
         if partial:
             self.display.hide()
@@ -281,9 +296,10 @@ class Job:
             keeper.remove()
         return self._figures(read, image)
 
-    def _write(self, image: Image, path: Path, plan: Plan) -> None:
+    def _write(self, image: Image, path: Path, read: Reading) -> None:
         from ..render.image import image_files
 
+        plan = read.plan
         exposure = plan["exposure"]
         if exposure == "metered":
             if self.exposure is None:
@@ -292,7 +308,7 @@ class Job:
                     self.display.hide()
                     click.echo(f"exposure: metered, {self.exposure:g} ev (--exposure {self.exposure:g} fixes it)", err=True)
             exposure = self.exposure
-        look, about = self._encoding(plan, exposure)
+        look, about = self._encoding(read, exposure)
         about["samples"] = json_value(image.metadata.get("samples", plan["samples"]))
         error = image.metadata.get("denoised_error" if image.metadata.get("denoised") else "error")
         try:
@@ -301,14 +317,16 @@ class Job:
         except Exception as fault:
             raise OSError(f"{fault}; {_rescue(image, path)}") from fault
 
-    def _encoding(self, plan: Plan, exposure: float) -> tuple[Any, dict[str, Any]]:
+    def _encoding(self, read: Reading, exposure: float) -> tuple[Any, dict[str, Any]]:
         """The encoding of the picture and the metadata of its file."""
         from ..render.image import image_files
 
+        plan = read.plan
         look = image_files.Look(exposure, plan["view"], self.bits or 8, alpha=plan["background"] == "transparent")
         about = {
             "command": shlex.join(["maquette", *sys.argv[1:]]), "version": __version__, "backend": plan["backend"],
             "seed": plan["seed"], "samples": json_value(plan["samples"]), "exposure": exposure,
+            **(read.keys._asdict() if read.keys else {}),
         }  # fmt: skip
         return look, about
 
@@ -320,7 +338,7 @@ class Job:
 
         path, plan = read.path, read.plan
         metered = plan["exposure"] == "metered"  # of a file that holds linear light
-        look, about = self._encoding(plan, 0.0 if metered else plan["exposure"])
+        look, about = self._encoding(read, 0.0 if metered else plan["exposure"])
         _, y0, _, y1 = plan["crop"]
         metadata: list[dict[str, Any]] = []
         with image_files.Strips(path, look, about, y1 - y0) as file:

@@ -137,6 +137,7 @@ DOORS = {
     "cli/scene_source.py": "each kind of file loads what reads it",
     "cli/job/ignored_options.py": "`--help` loads no writers of pictures",
     "cli/job/checkpoints.py": "a picture without checkpoints loads nothing for them",
+    "cli/job/kept_frames.py": "a picture that is not of an animation loads nothing for it",
     "cli/render_job.py": "a job loads the stages it comes to",
     "render/render_scene.py": "a picture loads the backend that draws it",
     "render/backends/kernel_choice.py": "a picture loads the backend that draws it",

@@ -78,5 +78,20 @@ def _read_about(spec: Any) -> dict[str, Any]:
         "size": (spec.full_width, spec.full_height),
         "crop": (x, y, x + spec.width, y + spec.height),
         "bits": {oiio.UINT8: 8, oiio.UINT16: 16}.get(spec.format.basetype, 0),
-        "about": {a.name.removeprefix(ABOUT): str(a.value) for a in spec.extra_attribs if a.name.startswith(ABOUT)},
+        "about": _texts(spec),
     }
+
+
+def about(path: Path) -> dict[str, str]:
+    """The texts that `write` got, of a picture whose pixels are not read; empty without some, as in a JPEG."""
+    source = oiio.ImageInput.open(str(path))
+    if source is None:
+        return {}
+    try:
+        return _texts(source.spec())
+    finally:
+        source.close()
+
+
+def _texts(spec: Any) -> dict[str, str]:
+    return {a.name.removeprefix(ABOUT): str(a.value) for a in spec.extra_attribs if a.name.startswith(ABOUT)}

@@ -93,6 +93,36 @@ def test_resuming_keeps_the_frames_that_are_there(scene: Path) -> None:
     assert Path("f.00.png").stat().st_mtime_ns == before
 
 
+def test_resuming_draws_frames_of_another_scene_again(scene: Path) -> None:
+    assert run(scene, "-o", "f.##.png", "--frames", "0..3", "-q")[0] == 0
+    scene.write_text(SCENE.replace("[moment, 0, 0]", "[min(moment, 0.25), 0, 0]"), encoding="utf-8")  # frames 0 and 1 stay the same
+    code, out, err = run(scene, "-o", "f.##.png", "--frames", "0..3", "--resume")
+    assert code == 0
+    assert err.splitlines() == [
+        "warning: 2 frames are of another scene, version or settings, such as f.02.png: drawn again",
+        "2 frames are there already",
+    ]
+    assert [line.split(":")[0] for line in out.splitlines()] == ["f.02.png", "f.03.png"]
+    again = [Path(f"f.0{k}.png").read_bytes() for k in range(4)]
+    assert run(scene, "-o", "g.##.png", "--frames", "0..3", "-q")[0] == 0
+    assert [pixels(Path(f"g.0{k}.png")) for k in range(4)] == [pixels(Path(f"f.0{k}.png")) for k in range(4)]
+    assert run(scene, "-o", "f.##.png", "--frames", "0..3", "--resume", "-q") == (0, "", "")
+    assert [Path(f"f.0{k}.png").read_bytes() for k in range(4)] == again
+
+
+@pytest.mark.parametrize("more", [("--samples", "4"), ("--bits", "16"), ("--size", "20x20")])
+def test_resuming_draws_frames_of_other_settings_again(scene: Path, more: tuple[str, ...]) -> None:
+    assert run(scene, "-o", "f.##.png", "--frames", "0..1", "-q")[0] == 0
+    code, out, err = run(scene, "-o", "f.##.png", "--frames", "0..1", "--resume", *more)
+    assert code == 0
+    assert err.splitlines() == ["warning: 2 frames are of another scene, version or settings, such as f.00.png: drawn again"]
+    assert len(out.splitlines()) == 2
+
+
+def pixels(path: Path) -> list[int]:
+    return np.asarray(Image.open(path)).tolist()
+
+
 def test_an_animation_resumes_after_an_error(scene: Path) -> None:
     text = SCENE.replace("animate(", "assert(moment < 0.4)\nanimate(")
     scene.write_text(text, encoding="utf-8")

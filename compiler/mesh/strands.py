@@ -12,7 +12,7 @@ from ..scene.row_records import MeshAttribute
 from .polygon_mesh import PolyMesh
 
 _SIDES = ((50_000, 16), (500_000, 8))  # up to so many samples, sides of a tube
-_FEWEST_SIDES = 4
+_FEWEST_SIDES = 4  # without ends and with normals of points
 _MOST_STRETCH = 3.0  # of a section at a corner
 
 
@@ -51,19 +51,25 @@ def _neighbours(strands: Strands) -> tuple[I64, I64]:
 
 
 def _frames(strands: Strands, along: F64) -> F64:
-    """Unit vectors (m, 3) across the tangents, transported without twist (Bishop 1975), all polylines at once."""
+    """Unit vectors (m, 3) across the tangents, transported without twist (Bishop 1975).
+
+    The smallest rotation from a tangent to the next turns the frame of one point against that of the next by an angle. The sum of these
+    angles along a polyline makes up for it.
+    """
     first = np.cumsum(strands.counts) - strands.counts
-    made = np.zeros_like(along)
-    axis = np.eye(3)[np.argmin(np.abs(along[first]), axis=1)]
-    made[first] = _unit(np.cross(along[first], axis))
-    for k in range(1, int(strands.counts.max())):
-        rows = first[strands.counts > k] + k
-        moved = made[rows - 1]
-        moved = moved - along[rows] * np.einsum("ij,ij->i", moved, along[rows])[:, None]
-        lost = np.einsum("ij,ij->i", moved, moved) < 1e-12
-        moved[lost] = np.cross(along[rows[lost]], np.eye(3)[np.argmin(np.abs(along[rows[lost]]), axis=1)])
-        made[rows] = _unit(moved)
-    return made
+    own = _unit(np.cross(along, np.eye(3)[np.argmin(np.abs(along), axis=1)]))
+    beside = np.cross(along, own)
+    before, after = along[:-1], along[1:]
+    whole = 1.0 + np.einsum("ij,ij->i", before, after)
+    turned = whole > 1e-9  # back along itself has no smallest rotation
+    share = np.einsum("ij,ij->i", after, own[:-1]) / np.where(turned, whole, 1.0)
+    moved = own[:-1] - share[:, None] * (before + after)
+    angle = np.zeros(len(along))
+    angle[1:] = np.arctan2(np.einsum("ij,ij->i", moved, beside[1:]), np.einsum("ij,ij->i", moved, own[1:])) * turned
+    angle[first] = 0.0
+    angle = np.cumsum(angle)
+    angle -= np.repeat(angle[first], strands.counts)
+    return np.cos(angle)[:, None] * own + np.sin(angle)[:, None] * beside
 
 
 def _unit(vectors: F64) -> F64:
@@ -79,7 +85,10 @@ def _segments(strands: Strands) -> tuple[I64, I64]:
 
 
 def tubes(strands: Strands, uvs: np.ndarray | None = None, colors: np.ndarray | None = None) -> PolyMesh:
-    """Round tubes with flat ends and smooth normals. `uvs` (m, 2) and `colors` (m, 3) are values at the points."""
+    """Round tubes with smooth normals and flat ends; without ends if they have very many points.
+
+    `uvs` (m, 2) and `colors` (m, 3) are values at the points.
+    """
     sides = next((sides for most, sides in _SIDES if len(strands.points) <= most), _FEWEST_SIDES)
     along, way = tangents(strands)
     across = _frames(strands, along)
@@ -92,16 +101,19 @@ def tubes(strands: Strands, uvs: np.ndarray | None = None, colors: np.ndarray | 
     a, b = (rows[:, None] * sides for rows in _segments(strands))
     k, after = np.arange(sides), (np.arange(sides) + 1) % sides
     quads = np.stack([a + k, a + after, b + after, b + k], axis=2).reshape(-1, 4)
+
+    def spread(values: np.ndarray | None) -> MeshAttribute | None:
+        return None if values is None else MeshAttribute(np.repeat(values, sides, axis=0).astype(np.float32))
+
+    if sides == _FEWEST_SIDES:
+        normal = MeshAttribute(outward.reshape(-1, 3).astype(np.float32))
+        return PolyMesh(points.reshape(-1, 3), np.full(len(quads), 4), quads.reshape(-1), normal, spread(uvs), spread(colors))
     first = np.cumsum(strands.counts) - strands.counts
     low, high = first[~strands.closed], (first + strands.counts - 1)[~strands.closed]
     caps = np.concatenate([low[:, None] * sides + k[::-1], high[:, None] * sides + k])
     flat = np.repeat(np.concatenate([-along[low], along[high]]), sides, axis=0)
     normals = np.concatenate([outward.reshape(-1, 3)[quads.reshape(-1)], flat])
     counts = np.concatenate([np.full(len(quads), 4), np.full(len(caps), sides)])
-
-    def spread(values: np.ndarray | None) -> MeshAttribute | None:
-        return None if values is None else MeshAttribute(np.repeat(values, sides, axis=0).astype(np.float32))
-
     indices = np.concatenate([quads.reshape(-1), caps.reshape(-1)])
     normal = MeshAttribute(normals.astype(np.float32), Interpolation.CORNER)
     return PolyMesh(points.reshape(-1, 3), counts, indices, normal, spread(uvs), spread(colors))

@@ -18,7 +18,9 @@ from ...mesh.polygon_mesh import PolyMesh
 from . import stage
 
 KINDS = ("BasisCurves", "NurbsCurves", "HermiteCurves", "Points")
-_STEPS = ((5_000, 16), (1 << 30, 8))  # up to so many segments, samples of a cubic segment or a span of knots
+# Up to so many segments, samples of a cubic segment or a span of knots.
+_STEPS = ((5_000, 16), (120_000, 8), (250_000, 4), (500_000, 2), (1 << 62, 1))
+MAX_ORDER = 64  # of NURBS
 # Rows: powers 1, t, t², t³; columns: control points (UsdGeomBasisCurves).
 _BASES = {
     "bezier": np.array([[1, 0, 0, 0], [-3, 3, 0, 0], [3, -6, 3, 0], [-1, 3, -3, 1]]) / 1.0,
@@ -84,7 +86,7 @@ def mesh(
     else:
         samples = _basis(prim, counts) if kind == "BasisCurves" else _nurbs(prim, time, counts, number)
     if samples is None:
-        what = "tangents" if kind == "HermiteCurves" else "knots or counts"
+        what = "tangents" if kind == "HermiteCurves" else f"knots, counts or orders (at most {MAX_ORDER})"
         diagnostics.warning(f"the {what} of this {kind} do not fit its points: it is not drawn", span)
         return None
     samples = samples.without(damaged)
@@ -251,7 +253,9 @@ def _nurbs(prim: Any, time: Any, counts: I64, points: int) -> Samples | None:
     heavy = stage.numbers(prim.GetAttribute("pointWeights"), time, np.float64)
     heavy = heavy if len(heavy) == points else np.ones(points)
     orders = np.repeat(orders, len(counts)) if len(orders) == 1 else orders
-    if len(orders) != len(counts) or (orders < 2).any() or (orders > counts).any() or (counts + orders).sum() != len(knots):
+    if len(orders) != len(counts) or (counts + orders).sum() != len(knots):
+        return None
+    if (orders < 2).any() or (orders > np.minimum(counts, MAX_ORDER)).any():
         return None
     width = int(orders.max())
     rows, weights, curves, ends, shares = [], [], [], [], []

@@ -8,6 +8,7 @@ Control points are row by row, u fastest (UsdGeomNurbsPatch).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,11 +20,21 @@ from ...ir import F64
 from ...mesh.polygon_mesh import PolyMesh, flip
 from ...scene.row_records import MeshAttribute
 from . import stage
-from .curves import de_boor
+from .curves import MAX_ORDER, de_boor
 from .geometry import Faces, Reads
 
-_STEPS = 8  # of a span of knots
+_STEPS = 8  # of a span of knots, fewer for many spans
 MOST_CELLS = 1 << 22
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Spans:
+    """Knots along one parameter, number of control points, order, and the different knots (n + 1,) of its range."""
+
+    knots: F64
+    count: int
+    order: int
+    inner: F64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,21 +49,27 @@ class _Axis:
 def faces(prim: Any, time: Any, reads: Reads, diagnostics: Diagnostics, span: Span) -> Faces | None:
     """The mesh of a NurbsPatch; None, with a warning, if its numbers do not fit. Texture coordinates are the parameters, 0 to 1."""
     points = stage.numbers(prim.GetAttribute("points"), time, np.float64, 3)
-    axes = [_axis(prim, time, letter) for letter in "uv"]
-    u, v = axes
-    if u is None or v is None or len(points) != u.basis.shape[1] * v.basis.shape[1] or not np.isfinite(points).all():
-        diagnostics.warning("the knots, orders and points of this NurbsPatch do not fit each other: it is not drawn", span)
+    spans = [_spans(prim, time, letter) for letter in "uv"]
+    sizes = [each.count for each in spans if each is not None]
+    if len(sizes) < 2 or len(points) != sizes[0] * sizes[1] or not np.isfinite(points).all():
+        diagnostics.warning(
+            f"the knots, orders (at most {MAX_ORDER}) and points of this NurbsPatch do not fit each other: it is not drawn", span
+        )
         return None
-    if len(u.basis) * len(v.basis) > MOST_CELLS:
+    cells = math.prod(len(each.inner) - 1 for each in spans if each is not None)
+    steps = min(_STEPS, math.isqrt(MOST_CELLS // cells))
+    if not steps:
         diagnostics.warning(f"this NurbsPatch needs more than {MOST_CELLS:,} faces: it is not drawn", span)
         return None
+    u, v = (_axis(each, steps) for each in spans if each is not None)
     heavy = stage.numbers(prim.GetAttribute("pointWeights"), time, np.float64)
     heavy = heavy if len(heavy) == len(points) else np.ones(len(points))
     grid = (v.basis.shape[1], u.basis.shape[1])
     weighted = np.concatenate([points * heavy[:, None], heavy[:, None]], axis=1).reshape(*grid, 4)
 
     def mixed(along_v: F64, along_u: F64, values: F64) -> F64:
-        return np.einsum("iv,vuk,ju->ijk", along_v, values, along_u)
+        rows = np.tensordot(along_v, values, 1)  # (i, u, k)
+        return np.tensordot(rows, along_u, ([1], [1])).transpose(0, 2, 1)
 
     whole, du, dv = mixed(v.basis, u.basis, weighted), mixed(v.basis, u.slope, weighted), mixed(v.slope, u.basis, weighted)
     w = np.where(whole[..., 3:] != 0, whole[..., 3:], 1.0)
@@ -78,11 +95,11 @@ def faces(prim: Any, time: Any, reads: Reads, diagnostics: Diagnostics, span: Sp
     return Faces(mesh, np.arange(len(quads)), False)
 
 
-def _axis(prim: Any, time: Any, letter: str) -> _Axis | None:
-    """Samples along u or v, over its range; None if the knots do not fit."""
+def _spans(prim: Any, time: Any, letter: str) -> _Spans | None:
+    """The spans of knots along u or v, in its range; None if the knots do not fit."""
     count, order = (int(stage.number(prim.GetAttribute(f"{letter}{name}"), time)) for name in ("VertexCount", "Order"))
     knots = stage.numbers(prim.GetAttribute(f"{letter}Knots"), time, np.float64)
-    if order < 2 or count < order or len(knots) != count + order or not (np.diff(knots) >= 0).all():
+    if not 2 <= order <= MAX_ORDER or count < order or len(knots) != count + order or not (np.diff(knots) >= 0).all():
         return None
     low, high = knots[order - 1], knots[count]
     asked = stage.numbers(prim.GetAttribute(f"{letter}Range"), time, np.float64)
@@ -90,9 +107,13 @@ def _axis(prim: Any, time: Any, letter: str) -> _Axis | None:
         low, high = max(low, asked[0]), min(high, asked[1])
     if not low < high:
         return None
-    inner = np.unique(np.clip(knots[order - 1 : count + 1], low, high))
-    t = np.interp(np.arange((len(inner) - 1) * _STEPS + 1) / _STEPS, np.arange(len(inner)), inner)
-    return _Axis(_spread(knots, t, count, order), _slopes(knots, t, count, order), (t - low) / (high - low))
+    return _Spans(knots, count, order, np.unique(np.clip(knots[order - 1 : count + 1], low, high)))
+
+
+def _axis(spans: _Spans, steps: int) -> _Axis:
+    knots, count, order, inner = spans.knots, spans.count, spans.order, spans.inner
+    t = np.interp(np.arange((len(inner) - 1) * steps + 1) / steps, np.arange(len(inner)), inner)
+    return _Axis(_spread(knots, t, count, order), _slopes(knots, t, count, order), (t - inner[0]) / (inner[-1] - inner[0]))
 
 
 def _spread(knots: F64, t: F64, count: int, order: int) -> F64:

@@ -75,3 +75,20 @@ def test_balls_have_fewer_triangles_the_more_there_are(count, triangles):
 def test_points_in_one_place_make_no_broken_numbers():
     mesh = strands.tubes(line((0, 0, 0), (0, 0, 0), (0, 1, 0), (0, 0, 0)))
     assert np.isfinite(mesh.points).all()
+
+
+def test_tubes_do_not_twist():
+    """The corners of a tube about a plane curve keep their heights above the plane, also over 100,000 points."""
+    t = np.linspace(0, 300, 100_001)
+    mesh = strands.tubes(line(*np.stack([t, np.sin(t), 0 * t], axis=1), radius=0.1))
+    heights = mesh.points.reshape(len(t), -1, 3)[1:-1, :, 2]
+    assert np.ptp(heights, axis=0).max() < 1e-9
+
+
+def test_very_many_points_have_open_tubes_of_four_sides():
+    t = np.linspace(0, 1000, 500_001)
+    mesh = strands.tubes(line(*np.stack([t, 0 * t, 0 * t], axis=1), radius=0.1))
+    assert (np.asarray(mesh.counts) == 4).all()
+    assert len(mesh.points) == 4 * len(t)
+    assert np.hypot(mesh.points[:, 1], mesh.points[:, 2]) == pytest.approx(0.1)
+    assert np.einsum("ij,ij->i", mesh.normals.values[:, 1:], mesh.points[:, 1:]) == pytest.approx(0.1, abs=1e-6)

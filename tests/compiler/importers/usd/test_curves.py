@@ -122,7 +122,7 @@ def test_curves_with_normals_are_ribbons(tmp_path):
         (curve([(0, 0, 0), (float("nan"), 0, 0), (0, 1, 0), (1, 1, 0)]),
             "1 of 1 curves have points that are not finite: they are left out"),
         ('def NurbsCurves "c" { int[] curveVertexCounts = [2]\nint[] order = [3]\npoint3f[] points = [(0, 0, 0), (0, 1, 0)] }',
-            "the knots or counts of this NurbsCurves do not fit its points: it is not drawn"),
+            "the knots, counts or orders (at most 64) of this NurbsCurves do not fit its points: it is not drawn"),
     ],
 )  # fmt: skip
 def test_what_does_not_fit_is_said(tmp_path, text, expected):

@@ -54,7 +54,8 @@ def test_a_range_cuts_a_patch(tmp_path):
 )
 def test_a_patch_that_does_not_fit_is_named(tmp_path, change):
     scene, messages = read(tmp_path, ARC.replace("MORE", "").replace(*change) + '\ndef Cube "c" {}')
-    assert messages == ["x.usda</n>: warning: the knots, orders and points of this NurbsPatch do not fit each other: it is not drawn"]
+    fault = "the knots, orders (at most 64) and points of this NurbsPatch do not fit each other"
+    assert messages == [f"x.usda</n>: warning: {fault}: it is not drawn"]
     assert kinds(scene) == ["BOX"]
 
 
@@ -102,3 +103,26 @@ def test_hermite_curves_without_tangents_are_named(tmp_path):
     assert read(tmp_path, text + '\ndef Cube "c" {}')[1] == [
         "x.usda</h>: warning: the tangents of this HermiteCurves do not fit its points: it is not drawn"
     ]
+
+
+def plane(count: int, order: int) -> str:
+    """A patch of count × count control points, in the plane z = x + 2 y."""
+    knots = [0] * (order - 1) + list(range(count - order + 2)) + [count - order + 1] * (order - 1)
+    axes = "".join(f"int {a}VertexCount = {count}\nint {a}Order = {order}\ndouble[] {a}Knots = {knots}\n" for a in "uv")
+    points = ", ".join(f"({x}, {y}, {x + 2 * y})" for y in range(count) for x in range(count))
+    return f'def NurbsPatch "n" {{ {axes} point3f[] points = [{points}] }}'
+
+
+def test_a_patch_of_many_spans_has_fewer_faces_for_each(tmp_path):
+    scene, messages = read(tmp_path, plane(400, 4))
+    at = corners(scene)
+    assert messages == []
+    assert len(at) == 2 * (397 * 5) ** 2
+    assert np.abs(at[..., 2] - at[..., 0] - 2 * at[..., 1]).max() < 1e-2
+
+
+def test_orders_have_a_limit(tmp_path):
+    assert read(tmp_path, plane(70, 64))[1] == []
+    messages = read(tmp_path, plane(70, 65) + '\ndef Cube "c" {}')[1]
+    assert len(messages) == 1
+    assert "orders (at most 64)" in messages[0]

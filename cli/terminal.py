@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 import threading
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from types import MappingProxyType
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from ..compiler.plan.decision import Decision
     from ..compiler.plan.plan import Plan
 
+MAX_SHOWN = 100  # diagnostics of a severity
 _STYLES = {"error": "bold red", "warning": "bold yellow", "note": "bold cyan"}
 
 
@@ -31,8 +33,12 @@ def supports_color(stream: Any) -> bool:
 
 
 def report(found: Iterable[diagnostics.Diagnostic], texts: Mapping[str, str | None] = MappingProxyType({})) -> None:
-    """Print diagnostics to stderr, sorted and without duplicates. `texts` are sources that are not files."""
+    """Print diagnostics to stderr, sorted and without duplicates; of many, the first of each severity.
+
+    `texts` are sources that are not files.
+    """
     cache = dict(texts)
+    shown: Counter[str] = Counter()
 
     def source(name: str) -> str | None:
         if name not in cache:
@@ -40,11 +46,17 @@ def report(found: Iterable[diagnostics.Diagnostic], texts: Mapping[str, str | No
         return cache[name]
 
     for d in diagnostics.sort_diagnostics(found):
+        shown[d.severity] += 1
+        if shown[d.severity] > MAX_SHOWN:
+            continue
         text = diagnostics.render_text(d, source)
         if supports_color(sys.stderr):
             _print_coloured(d, text)
         else:
             click.echo(text, err=True)
+    for severity, count in shown.items():
+        if (more := count - MAX_SHOWN) > 0:
+            click.echo(f"{more:,} more {severity}{'' if more == 1 else 's'}: `maquette check --json` shows all", err=True)
 
 
 def _print_coloured(d: diagnostics.Diagnostic, text: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import functools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -134,9 +135,14 @@ def render_text(d: Diagnostic, source: Callable[[str], str | None]) -> str:
     return "\n".join(lines).translate(_PICTURES)
 
 
+@functools.lru_cache(maxsize=8)
+def _rows(text: str) -> list[str]:
+    return text.split("\n")
+
+
 def _quote(span: Span, source: Callable[[str], str | None]) -> tuple[str, str] | None:
     text = source(span.file)
-    rows = text.split("\n") if text is not None else []
+    rows = _rows(text) if text is not None else []
     if not 0 < span.line <= len(rows):
         return None
     row = rows[span.line - 1].rstrip("\r").replace("\t", " ")

@@ -128,7 +128,8 @@ class _Reader:
             index, above, visible = waiting.pop()
             seen += 1
             if seen > most:
-                self.warn("the glTF file's nodes contain each other: the rest is left out")
+                why = f"the glTF file has more than {MAX_NODES:,} nodes" if seen > MAX_NODES else "the glTF file's nodes contain each other"
+                self.warn(f"{why}: the rest is left out")
                 return
             node = self.attempt(f"node {index}", lambda i=index: document["nodes"][i], {})
             visible = visible and node.get("extensions", {}).get("KHR_node_visibility", {}).get("visible", True) is not False

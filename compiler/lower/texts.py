@@ -15,11 +15,15 @@ from ..scene.row_records import Piece
 from .context import Context
 
 DEPTH = 0.2  # of the size, by default
+MAX_LETTERS = 50_000  # a letter has some hundred triangles
 
 
 def text(lowering: Context, element: Element) -> list[Piece]:
     """The letters of a text; nothing, after a diagnostic, if there are none."""
     args = element.args
+    if len(args["string"]) > MAX_LETTERS:
+        message = f"a text of {len(args['string']):,} characters is too long: {MAX_LETTERS:,} at most"
+        return lowering.refuse(element, message, "write several texts")
     path = _font_file(lowering, element)
     if path is None:
         return []

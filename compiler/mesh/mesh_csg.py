@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 Manifold = Any
 FINENESS = 8000  # extent / FINENESS is the largest deviation of contoured analytic shapes
 MAX_CELLS = 128  # cells along an axis
+FEW_LOOPS = 64  # that are triangulated and united at once
 SHARP = 40.0  # degrees; edges with a larger dihedral angle get split normals, so that meshes of round things with ten sides stay smooth
 
 
@@ -112,7 +113,13 @@ def triangulate(loops: Sequence[np.ndarray]) -> np.ndarray:
     """
     import manifold3d
 
-    return np.asarray(manifold3d.triangulate([np.ascontiguousarray(loop, np.float64) for loop in loops])).astype(np.int64)
+    starts = np.cumsum([0, *map(len, loops)])
+    made = []
+    for group in _apart(loops):
+        triangles = np.asarray(manifold3d.triangulate([np.ascontiguousarray(loops[k], np.float64) for k in group])).astype(np.int64)
+        rows = np.concatenate([np.arange(starts[k], starts[k + 1]) for k in group])
+        made.append(rows[triangles.reshape(-1, 3)])
+    return np.concatenate(made)
 
 
 def union_of_outlines(contours: Sequence[np.ndarray]) -> list[np.ndarray]:
@@ -121,8 +128,30 @@ def union_of_outlines(contours: Sequence[np.ndarray]) -> list[np.ndarray]:
 
     if not contours:
         return []
-    area = manifold3d.CrossSection([np.ascontiguousarray(contour, np.float64) for contour in contours], manifold3d.FillRule.NonZero)
-    return [np.asarray(loop) for loop in area.to_polygons()]
+    made: list[np.ndarray] = []
+    for group in _apart(contours):
+        loops = [np.ascontiguousarray(contours[k], np.float64) for k in group]
+        area = manifold3d.CrossSection(loops, manifold3d.FillRule.NonZero)
+        made += [np.asarray(loop) for loop in area.to_polygons()]
+    return made
+
+
+def _apart(loops: Sequence[np.ndarray]) -> list[list[int]]:
+    """Rows of loops in groups that lines along x or y separate, for work that takes quadratic time; few loops are one group."""
+    if len(loops) <= FEW_LOOPS:
+        return [list(range(len(loops)))]
+    low, high = (np.array([getattr(loop, end)(axis=0) for loop in loops]) for end in ("min", "max"))
+    found: list[list[int]] = []
+    waiting = [(np.arange(len(loops)), 0, 0)]
+    while waiting:
+        rows, axis, tries = waiting.pop()
+        if tries == 2 or len(rows) == 1:
+            found.append(sorted(rows.tolist()))
+            continue
+        rows = rows[np.argsort(low[rows, axis], kind="stable")]
+        gaps = np.flatnonzero(low[rows[1:], axis] > np.maximum.accumulate(high[rows, axis])[:-1]) + 1
+        waiting += [(part, 1 - axis, 0 if len(gaps) else tries + 1) for part in np.split(rows, gaps)]
+    return sorted(found)
 
 
 def combine(kind: str, parts: Sequence[Manifold]) -> Manifold:

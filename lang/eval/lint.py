@@ -18,6 +18,8 @@ RESERVED = frozenset({"true", "false", "children"})
 
 Report = Callable[[str, Span, str], None]
 
+MAX_COMPARED = 1000  # unknown names of a file that are compared with known ones
+
 
 @dataclass(slots=True)
 class Definition:
@@ -59,6 +61,7 @@ class _Checker:
         self.outer = outer
         self.report = report
         self.unused = unused
+        self.unknown = 0  # names so far that nothing defines
 
     def file(self, file: ast.File) -> None:
         for item in file.items:
@@ -188,6 +191,7 @@ class _Checker:
                 definition.used = True
                 return
         if name.id not in self.outer:
-            known = {n for scope in chain for n in scope} | self.outer
+            self.unknown += 1
+            known = {n for scope in chain for n in scope} | self.outer if self.unknown <= MAX_COMPARED else ()
             message, hint = suggestions.name(name.id, sorted(known))
             self.report(message, name.span, hint)

@@ -84,6 +84,8 @@ def _action(rule: Rule, builder: TreeBuilder) -> Callable[[list[Any]], Any]:
     spread = [k for k, name in enumerate(rule.parts) if name.startswith("_") and not name.isupper()]
     if not spread:
         return method
+    if not rule.method and spread == [0] and rule.parts[0] == rule.origin:
+        return _append  # a repetition: copies of its list would take quadratic time
 
     def build(parts: list[Any]) -> Any:
         for k in reversed(spread):
@@ -91,3 +93,9 @@ def _action(rule: Rule, builder: TreeBuilder) -> Callable[[list[Any]], Any]:
         return method(parts)
 
     return build
+
+
+def _append(parts: list[Any]) -> list[Any]:
+    """The list of a repetition, with one more item."""
+    parts[0] += parts[1:]
+    return parts[0]

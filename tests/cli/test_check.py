@@ -1,5 +1,7 @@
 """The `check` command on files that have more than is drawn."""
 
+import json
+
 from click.testing import CliRunner
 from maquette.cli.main import cli
 
@@ -30,3 +32,19 @@ def test_inspect_sums_up_a_stage(tmp_path):
         "time codes: 1 to 9, 24 a second",
         "variants: /a:shape=ball (ball, box)",
     ]
+
+
+def test_of_many_diagnostics_the_first_are_shown(tmp_path):
+    scene = tmp_path / "x.scene"
+    unused, unknown = (f"let a{k} = {k}\n" for k in range(103)), (f"sphere(b{k})\n" for k in range(1200))
+    scene.write_text("".join(unused) + "".join(unknown) + "camera([0, 1, 5])\n")
+    done = CliRunner().invoke(cli, ["check", str(scene)])
+    assert (done.exit_code, done.stdout) == (1, f"{scene}: 1200 errors\n")
+    lines = done.stderr.splitlines()
+    assert sum(": error: " in line for line in lines) == sum(": warning: " in line for line in lines) == 100
+    assert lines[-2:] == [
+        "3 more warnings: `maquette check --json` shows all",
+        "1,100 more errors: `maquette check --json` shows all",
+    ]
+    data = json.loads(CliRunner().invoke(cli, ["check", str(scene), "--json"]).stdout)
+    assert len(data) == 1303

@@ -418,6 +418,7 @@ def test_broken_glb(change, expected):
     ("change", "expected"),
     [
         ({"nodes": [{"children": [1]}, {"children": [0]}]}, ["the glTF file's nodes contain each other: the rest is left out"]),
+        ({"nodes": [{}], "scenes": [{"nodes": [0] * 200_001}]}, ["the glTF file has more than 200,000 nodes: the rest is left out"]),
         ({"bufferViews": []}, [f"primitive 0 of `sq` is left out: {INDEX}"]),
         ({"bufferViews": [{"buffer": 0, "byteOffset": 9999}] * 3}, [f"primitive 0 of `sq` is left out: {OUTSIDE}"]),
         ({"scenes": [7]}, ["`scenes[0]` is no object: it is left out"]),

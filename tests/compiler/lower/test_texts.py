@@ -12,9 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from maquette.compiler.importers import fonts
 from maquette.compiler.io.sandbox import LIBRARY
-from maquette.compiler.mesh import polygon_mesh, profiles, swept
+from maquette.compiler.mesh import mesh_csg, polygon_mesh, profiles, swept
 
 from ..mesh.test_mesh_csg import triangles
+from .test_formulas import refused
 
 REST = "\ncamera([0, 1, 5])\nsun()\n"
 SANS = LIBRARY / "fonts" / "DejaVuSans.ttf"
@@ -169,3 +170,26 @@ def test_messages(said, tmp_path, text, message, hint):
 
 def test_a_number_is_no_text(said):
     assert said("text(5)" + REST).splitlines()[0] == "a.scene:1:6: error: expected string, got the bare number 5"
+
+
+def test_long_texts_are_cut_into_letters(monkeypatch):
+    """Letters apart have the outlines and the volume that all of them at once have."""
+    text = "\n".join(["The quick brown fox", "jumps % over ß & @", "8 lazy dögs. " * 3] * 2)
+
+    def solid() -> trimesh.Trimesh:
+        loops, _ = fonts.Font(SANS).outlines(text, fonts.Layout())
+        made, _ = polygon_mesh.assemble(swept.extrude(loops, swept.Sweep(0.0, 0.5)))
+        return trimesh.Trimesh(made.positions, made.triangles)
+
+    parts = solid()
+    monkeypatch.setattr(mesh_csg, "FEW_LOOPS", 10**6)
+    whole = solid()
+    assert parts.is_watertight
+    assert len(parts.faces) == len(whole.faces)
+    assert parts.volume == pytest.approx(whole.volume, rel=1e-12)
+    assert parts.area == pytest.approx(whole.area, rel=1e-12)
+
+
+def test_a_text_has_a_limit(tmp_path):
+    messages = refused(tmp_path, f'text("{"a" * 50_001}")' + REST)
+    assert messages[0] == "a text of 50,001 characters is too long: 50,000 at most (write several texts)"

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .diagnostics import Span
-from .limits import MAX_TERMS, Exhausted
+from .limits import MAX_TERMS, REPEATS, Exhausted
 from .noise import noise
 
 
@@ -162,6 +162,7 @@ class Graph:
         self.unit = unit
         self.terms: list[Term] = []
         self._known: dict[tuple[object, ...], Term] = {}
+        self._applied = 0  # operations, those counted too whose terms were there
 
     def constant(self, value: float | bool) -> Term:
         return self._term("constant", (), value)
@@ -170,7 +171,11 @@ class Graph:
         return self._term("parameter", (), float(index))
 
     def apply(self, op: str, *args: Term) -> Term:
-        """The term of `op`; a constant if all arguments are constants within its domain."""
+        """The term of `op`; a constant if all arguments are constants within its domain. Raises Exhausted."""
+        self._applied += 1
+        if self._applied > REPEATS * MAX_TERMS:
+            message = f"the formula takes more than {REPEATS * MAX_TERMS:,} operations to write down"
+            raise Exhausted(message, "bind repeated parts with `let`")
         if all(a.op == "constant" for a in args):
             try:
                 value = OPERATIONS[op](*(a.value for a in args))

@@ -223,9 +223,25 @@ class _Reader:
 
     def value(self, name: int) -> Root | None:
         """A value as k √Q + P, if it has that form."""
-        if name not in self.known:
-            self.known[name] = self._value(name)
+        waiting = [name]  # chains of operations may be longer than the stack
+        while name not in self.known:
+            last = waiting[-1]
+            unknown = self._first_unknown(last)
+            if unknown is None:
+                self.known[last] = self._value(last)
+                waiting.pop()
+            else:
+                waiting.append(unknown)
         return self.known[name]
+
+    def _first_unknown(self, name: int) -> int | None:
+        """The first operand that is not known, unless one before it has no such form."""
+        for operand in self.row(name)[1] if name >= INPUTS else ():
+            if operand not in self.known:
+                return operand
+            if self.known[operand] is None:
+                return None
+        return None
 
     def _value(self, name: int) -> Root | None:
         if name < 0:

@@ -24,7 +24,7 @@ class Graph(ABC):
     _names: dict[Any, int] = field(default_factory=dict)  # by constant or row
     _integers: set[int] = field(default_factory=set)  # values that are whole numbers wherever they are defined
     _constant_values: dict[int, Values] = field(default_factory=dict)  # of values that may be constant over a region
-    _choices: dict[int, frozenset[int]] = field(default_factory=dict)  # of MIN, MAX, CHOOSE and ABS, the values that they may equal
+    _choices: dict[int, tuple[int, ...]] = field(default_factory=dict)  # of MIN, MAX, CHOOSE and ABS, the values that they may equal
 
     @abstractmethod
     def op(self, op: Op, a: int, b: int = 0, c: int = 0) -> int:
@@ -81,11 +81,23 @@ class Graph(ABC):
         varies = op not in STEPS and not any(a < 0 or a in self._constant_values for a in operands)
         values = NOWHERE if varies else constant_values(op, [self.constant_values(a) for a in operands])
         if op in (Op.MIN, Op.MAX, Op.CHOOSE, Op.ABS):
-            self._choices[name] = frozenset().union(*({a} | self._choices.get(a, frozenset()) for a in operands))
-        if op == Op.SUBTRACT and (operands[0] in self._choices.get(operands[1], ()) or operands[1] in self._choices.get(operands[0], ())):
+            self._choices[name] = operands
+        if op == Op.SUBTRACT and (self._may_be(operands[0], operands[1]) or self._may_be(operands[1], operands[0])):
             values = union(values, frozenset({0.0}))
         if values is None or values:
             self._constant_values[name] = values
+
+    def _may_be(self, name: int, other: int) -> bool:
+        """Whether a value may be another one, by one choice or several. Operands have lower names than their operation."""
+        waiting, seen = [name], {name}
+        while waiting:
+            operands = self._choices.get(waiting.pop(), ())
+            if other in operands:
+                return True
+            fresh = {a for a in operands if a > other} - seen
+            seen |= fresh
+            waiting += fresh
+        return False
 
     # --- expressions of several operations ---
 

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 from ..elements import Element
-from ..limits import Exhausted
+from ..limits import MAX_LIST, Exhausted
 from ..schema.elements import SCHEMA
 from ..syntax import ast
 from . import arguments, calls
@@ -207,12 +207,17 @@ def _element(node: ast.ElementItem, names: Names | None) -> Placing:
 
 def _for(node: ast.For, names: Names | None) -> Placing:
     items, run, place = source(node.source, names, "`for`"), block(node.block, names, node.name.id), node.source.span
+    each = _fewest(node.block)
 
     def loop(scope: Scope, sink: Sink) -> None:
         meter = scope.meter
         before = meter.elements + meter.placed
         try:
-            for value in items(scope):
+            values = items(scope)
+            if len(values) * each > meter.most:  # known before the first is made
+                before = -1
+                raise meter.too_many_elements()
+            for value in values:
                 meter.step()
                 run(scope, sink, value)
         except Exhausted as limit:
@@ -221,6 +226,21 @@ def _for(node: ast.For, names: Names | None) -> Placing:
             raise calls.locate(limit, place, scope) from None
 
     return loop
+
+
+def _fewest(body: ast.Block) -> int:
+    """The fewest elements that a block makes, whatever its values are."""
+    total = 0
+    for node in body.items:
+        if isinstance(node, ast.ElementItem):
+            call = node.expression.target if isinstance(node.expression, ast.WithChildren) else node.expression
+            called = call.function if isinstance(call, ast.Call) else None
+            total += isinstance(called, ast.Name) and called.id in _PLACEABLE
+        elif isinstance(node, ast.For) and isinstance(node.source, ast.Binary) and node.source.op == "..":
+            start, stop = constant(node.source.left), constant(node.source.right)
+            if isinstance(start, float) and isinstance(stop, float):
+                total += max(int(min(stop - start + 1, MAX_LIST)), 0) * _fewest(node.block)
+    return total
 
 
 def _if(node: ast.If, names: Names | None) -> Placing:

@@ -97,3 +97,18 @@ def test_whatever_is_recognised_holds_at_the_same_points(data):
         field = numpy_interpreter.points(tape, *points.T)[0]
     clear = np.abs(field) > 1e-6 * (1 + np.abs(field))
     assert (closed_form_solids.holds(found, points) == (field <= 0))[clear & ~np.isnan(field)].all()
+
+
+def test_long_chains_of_operations():
+    """Half of the space: 30,000 sums of x and y are at most 0; and a union of as many spheres has too many relations."""
+    builder = Builder()
+    total = 0
+    for k in range(30_000):
+        total = builder.add(total, k % 2)
+    found = closed_form_solids.solid(builder.finish(total))
+    assert found is not None
+    points = np.random.default_rng(1).uniform(-1, 1, (100, 3))
+    assert (closed_form_solids.holds(found, points) == (15_001 * points[:, 0] + 15_000 * points[:, 1] <= 0)).all()
+    builder = Builder()
+    balls = [builder.offset(builder.op(Op.SQUARE, builder.offset(0, -k)), -0.1) for k in range(30_000)]
+    assert closed_form_solids.solid(builder.finish(builder.reduce(Op.MIN, balls))) is None

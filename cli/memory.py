@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
+import threading
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -51,6 +53,23 @@ def refused_limits() -> str:
         limit = resource.getrlimit(getattr(resource, name))[0]
         if limit != resource.RLIM_INFINITY and limit < least:
             return f"this shell limits the {kind} to {limit >> 10} kB, and {least >> 10} are needed: {command}"
+    return _refused_threads()
+
+
+def _refused_threads() -> str:
+    """Why the threads of the libraries cannot all be started, which ends the process without a message; "" if they can."""
+    count, leave = min(3 * (os.cpu_count() or 1) + 2, 100), threading.Event()
+    threads: list[threading.Thread] = []
+    try:
+        for _ in range(count):
+            threads.append(threading.Thread(target=leave.wait, daemon=True))
+            threads[-1].start()
+    except RuntimeError:
+        return f"the system allows {len(threads) - 1} more threads, and {count} are needed: end other processes, or raise ulimit -u"
+    finally:
+        leave.set()
+    for thread in threads:
+        thread.join()
     return ""
 
 

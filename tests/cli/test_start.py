@@ -6,11 +6,12 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from maquette.cli import main
+from maquette.cli import main, memory
 
 from ..files import standing_by
 
@@ -57,6 +58,24 @@ def shell(command: str) -> tuple[int, str, str]:
 )
 def test_limits_under_which_libraries_end_the_process(limit: str, why: str) -> None:
     assert shell(f"ulimit {limit}; exec {MAQUETTE} check a.scene") == (1, "", f"error: this shell limits the {why}\n")
+
+
+def test_a_limit_of_threads_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As `ulimit -u` gives it to others than root."""
+    begin, begun = threading.Thread.start, []
+
+    def start(thread: threading.Thread) -> None:
+        if len(begun) == 2:
+            raise RuntimeError("can't start new thread")
+        begun.append(thread)
+        begin(thread)
+
+    monkeypatch.setattr(threading.Thread, "start", start)
+    why = memory.refused_limits()
+    assert why.startswith("the system allows 2 more threads, and ")
+    assert why.endswith(" are needed: end other processes, or raise ulimit -u")
+    monkeypatch.undo()
+    assert memory.refused_limits() == ""
 
 
 def test_a_limit_of_file_sizes_is_told() -> None:

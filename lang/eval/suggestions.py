@@ -9,13 +9,13 @@ from ..diagnostics import suggest
 
 # Equivalents of an argument name, the likeliest first. Those that the element lacks are skipped.
 _ARGUMENTS: dict[str, tuple[str, ...]] = {
-    "pos": ("position", "center"),
+    "pos": ("position", "center", "translate"),
     "position": ("center", "translate"),
-    "location": ("position", "center"),
-    "origin": ("center", "position"),
-    "centre": ("center",),
-    "center": ("position",),
-    "at": ("position", "center"),
+    "location": ("position", "center", "translate"),
+    "origin": ("center", "position", "translate"),
+    "centre": ("center", "translate"),
+    "center": ("position", "translate"),
+    "at": ("position", "center", "translate"),
     "eye": ("position",),
     "target": ("look_at",),
     "to": ("look_at",),
@@ -38,6 +38,7 @@ _ARGUMENTS: dict[str, tuple[str, ...]] = {
     "valign": ("vertical",),
     **dict.fromkeys(("points", "outline", "polygon", "shape", "path"), ("profile", "points")),
     **dict.fromkeys(("x", "y", "z"), ("center", "position")),
+    **dict.fromkeys(("bounds", "bbox", "bounding_box"), ("within",)),
     "dimensions": ("size",),
     "resolution": ("size",),
     "angle": ("cone", "fov", "rotate"),

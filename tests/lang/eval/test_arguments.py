@@ -184,6 +184,17 @@ def test_a_misspelt_argument_is_not_missing_as_well() -> None:
     assert "point has no `positoin`; did you mean `position`?" in messages[0]
 
 
+@pytest.mark.parametrize(
+    ("text", "near"),
+    [
+        ('text("a", center: [0, 1, 0])', "translate"), ("sphere(centre: [0, 1, 0])", "center"),
+        ("implicit(|x, y, z| x, bounds: 2)", "within"),
+    ],
+)
+def test_an_argument_of_another_name_is_suggested(text: str, near: str) -> None:
+    assert run(text)[1][0].splitlines()[0].endswith(f"; did you mean `{near}`?")
+
+
 def test_a_wrong_value_is_reported_once() -> None:
     _, messages = run("let r = 1m + 1s\nlet ball(k) = sphere(k)\nsphere(r)\nball(r)\nbox([r, r, 2 * r])\nfor (k in [r]) { sphere(k) }")
     assert len(messages) == 1

@@ -184,16 +184,17 @@ class Dispatcher:
 
     def _no_worker(self) -> ClusterError:
         """The reason why no worker draws."""
+        fix = f"start {'others' if self.workers else 'some'} with `dask worker {self.wire.address}`"
         refused = [note.message for note in self.notes.values()]
         if time.monotonic() - self.reached > PATIENCE:
             return ClusterError(f"the scheduler {self.wire.address} does not answer any more")
         if self.ever:
-            return ClusterError(f"no worker of {self.wire.address} {'answers' if self.workers else 'is left'}")
+            return ClusterError(f"no worker of {self.wire.address} {'answers' if self.workers else 'is left'}: {fix}")
         if refused:
             return ClusterError(f"{self.wire.address} has no worker that can draw this picture: {refused[0]}")
         if self.workers:
-            return ClusterError(f"no worker of {self.wire.address} answers")
-        return ClusterError(f"{self.wire.address} has no workers: start some with `dask worker {self.wire.address}`")
+            return ClusterError(f"no worker of {self.wire.address} answers: {fix}")
+        return ClusterError(f"{self.wire.address} has no workers: {fix}")
 
     def _lose(self, worker: Worker) -> None:
         """Give the requests of a worker that ended to others."""

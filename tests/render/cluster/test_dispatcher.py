@@ -256,8 +256,11 @@ def test_without_a_worker_that_fits_the_error_says_why(monkeypatch: pytest.Monke
 
 ENDS = {
     "none came": ([], "tcp://here:8786 has no workers: start some with `dask worker tcp://here:8786`"),
-    "all left": ([{"a": (1, 0.0, False)}, {}], "no worker of tcp://here:8786 is left"),
-    "all are paused": ([{"a": (1, 0.0, False)}, {"a": (1, 0.0, True)}], "no worker of tcp://here:8786 answers"),
+    "all left": ([{"a": (1, 0.0, False)}, {}], "no worker of tcp://here:8786 is left: start some with `dask worker tcp://here:8786`"),
+    "all are paused": (
+        [{"a": (1, 0.0, False)}, {"a": (1, 0.0, True)}],
+        "no worker of tcp://here:8786 answers: start others with `dask worker tcp://here:8786`",
+    ),
 }
 
 

@@ -225,7 +225,7 @@ def test_without_a_worker_left_the_render_ends(processes: Processes, cluster: Cl
         for name in list(processes.workers):
             processes.send(name, signal.SIGKILL)
 
-    with pytest.raises(ClusterError, match=rf"^no worker of {processes.address} is left$"):
+    with pytest.raises(ClusterError, match=rf"^no worker of {processes.address} is left: start some with `dask"):
         there(cluster, *planned(BALLS, **LONG), at(0.1, kill))
 
 

@@ -261,7 +261,12 @@ def _open(path: Path, options: StageOptions, diagnostics: Diagnostics, span: Spa
     below = []  # layers that are kept until the stage has them
     if not options.mask:
         below, trees = repair.layers(root, diagnostics, made)
-        extent = prim_count.estimate(root, trees)
+        try:
+            extent = prim_count.estimate(root, trees)
+        except prim_count.TooLongChain:
+            message = f"references of the stage lead from one prim to the next more than {prim_count.MAX_CHAIN} times"
+            diagnostics.error(message, span, "flatten the stage, as by `usdcat --flatten`, or read a part by --mask")
+            return None
         if extent.prims > prim_count.MAX_PRIMS:
             message = f"the stage has about {extent.prims:,} prims, more than {prim_count.MAX_PRIMS:,}"
             diagnostics.error(message, span, "make the prims that are referenced often instanceable, or read a part by --mask")

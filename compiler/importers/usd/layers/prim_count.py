@@ -15,6 +15,7 @@ from .spec_tree import SpecTree
 
 MAX_PRIMS = 4_000_000
 MAX_STAGE_LEVELS = 4000  # of prims in prims; usd-core takes quadratic time
+MAX_CHAIN = 120  # references that lead from one to the next; usd-core takes quadratic time
 
 
 class Extent(NamedTuple):
@@ -24,10 +25,15 @@ class Extent(NamedTuple):
     levels: int
 
 
+class TooLongChain(Exception):
+    """References lead from one to the next more than MAX_CHAIN times."""
+
+
 def estimate(root: Any, trees: dict[str, SpecTree]) -> Extent:
     """The extent of the stage of a layer, about; (0, 0) without composition arcs. `trees` are those that were read, by layer.
 
     Variants count by the largest of a set, instances as one prim. Prims that are referenced many times are counted once and multiplied.
+    Raises TooLongChain.
     """
     counter = _Counter(trees)
     if not any(counter.tree(layer).arcs for layer in counter.stack(root)):
@@ -71,6 +77,9 @@ class _Counter:
         self._sums: dict[str, _Sums] = {}
         self._stacks: dict[str, list[Any]] = {}
         self._known: dict[tuple[str, Any], Extent] = {}
+        self._chains: dict[tuple[str, Any], int] = {}  # paths from one to the next, from each path on
+        self._longest = 0  # of those that the path leads to that is being counted
+        self._depth = 0  # paths that are being counted
 
     def tree(self, layer: Any) -> SpecTree:
         if layer.identifier not in self._trees:
@@ -95,14 +104,22 @@ class _Counter:
         return self._stacks[layer.identifier]
 
     def at(self, top: Any, path: Any) -> Extent:
-        """The extent of the prim at a path of a layer and its sublayers; (0, 0) if there is none, and in a cycle."""
+        """The extent of the prim at a path of a layer and its sublayers; (0, 0) if there is none, and in a cycle. Raises TooLongChain."""
         key = (top.identifier, path)
         if key not in self._known:
-            self._known[key] = Extent(0, 0)
+            self._known[key], self._chains[key] = Extent(0, 0), 0
+            others, self._longest, self._depth = self._longest, 0, self._depth + 1
+            if self._depth > MAX_CHAIN:
+                raise TooLongChain
             specs = [(layer, row) for layer in self.stack(top) if (row := self.tree(layer).rows.get(path)) is not None]
             found = [self._spec(top, layer, row) for layer, row in specs]
             own = max((self.sums(layer).prims[row] for layer, row in specs), default=0)  # many layers may hold opinions on one prim
             self._known[key] = Extent(own + sum(one.prims for one in found), max((one.levels for one in found), default=0))
+            self._chains[key] = self._longest + 1
+            self._longest, self._depth = others, self._depth - 1
+        self._longest = max(self._longest, self._chains[key])
+        if self._longest > MAX_CHAIN:
+            raise TooLongChain
         return self._known[key]
 
     def _spec(self, top: Any, layer: Any, row: int) -> Extent:

@@ -566,6 +566,19 @@ def test_prims_that_nest_by_references_are_refused(tmp_path):
     assert messages == ["x.usda: error: the prims of the stage nest in more than 4,000 levels\n  read a part by --mask"]
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_chains_of_references_have_a_limit(tmp_path, order):
+    fault = "references of the stage lead from one prim to the next more than 120 times"
+    hint = "flatten the stage, as by `usdcat --flatten`, or read a part by --mask"
+    for length, expected in ((118, []), (121, [f"x.usda: error: {fault}\n  {hint}"])):
+        prims = [f'class "P{k}" (\nreferences = </P{k + 1}>\n) {{\n}}\n' for k in range(length)]
+        last = f'class "P{length}" {{\ndef Sphere "s" {{\n}}\n}}\ndef "x" (\nreferences = </P0>\n) {{\n}}\n'
+        (tmp_path / "x.usda").write_text("#usda 1.0\n" + "".join(prims[::order]) + last)
+        scene, messages = load(tmp_path / "x.usda")
+        assert messages == expected
+        assert scene.names.instances == (() if expected else ("/x/s",))
+
+
 def test_a_prototype_that_is_not_there_is_said(tmp_path):
     text = '''def PointInstancer "i" { int[] protoIndices = [0, 0]
         point3f[] positions = [(0, 0, 0), (1, 0, 0)]

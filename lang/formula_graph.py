@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .diagnostics import Span
-from .limits import MAX_TERMS, REPEATS, Exhausted
+from .limits import MAX_APPLIED, MAX_TERMS, Exhausted
 from .noise import noise
 
 
@@ -162,7 +162,7 @@ class Graph:
         self.unit = unit
         self.terms: list[Term] = []
         self._known: dict[tuple[object, ...], Term] = {}
-        self._applied = 0  # operations, those counted too whose terms were there
+        self._applied = 0  # operations so far, equal ones counted each time
 
     def constant(self, value: float | bool) -> Term:
         return self._term("constant", (), value)
@@ -173,8 +173,8 @@ class Graph:
     def apply(self, op: str, *args: Term) -> Term:
         """The term of `op`; a constant if all arguments are constants within its domain. Raises Exhausted."""
         self._applied += 1
-        if self._applied > REPEATS * MAX_TERMS:
-            message = f"the formula takes more than {REPEATS * MAX_TERMS:,} operations to write down"
+        if self._applied > MAX_APPLIED:
+            message = f"the formula has more than {MAX_APPLIED:,} operations, equal ones counted each time"
             raise Exhausted(message, "bind repeated parts with `let`")
         if all(a.op == "constant" for a in args):
             try:

@@ -14,7 +14,7 @@ MAX_STEPS = 2_000_000  # calls, loop iterations and comparisons together, beside
 STEPS_OF_ELEMENT = 100  # further steps for each element made
 MAX_ELEMENTS = 2_000_000  # elements made, and elements placed, counting the repetitions of blocks: some 3 GB of memory
 MAX_TERMS = 50_000  # operations in one formula
-REPEATS = 5  # of each operation of a formula on the average, before equal ones are found
+MAX_APPLIED = 250_000  # operations of one formula, equal ones counted each time
 MAX_FILES = 200  # files used
 
 _STACK = 40_000  # Python frames: MAX_CALLS calls with some 50 nested expressions each, or one expression of the greatest depth

@@ -71,6 +71,7 @@ def _limits_of_scenes() -> str:
         (f"{limits.MAX_LIST:,}", "items of a list or range"),
         (f"{limits.MAX_TEXT:,}", "characters of a string"),
         (f"{limits.MAX_TERMS:,}", "operations of a formula"),
+        (f"{limits.MAX_APPLIED:,}", "operations of a formula, equal ones counted each time"),
         (f"{limits.MAX_CALLS:,}", "nested calls"),
         (f"{limits.MAX_FILES:,}", "files used"),
     ]

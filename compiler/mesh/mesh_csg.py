@@ -115,7 +115,7 @@ def triangulate(loops: Sequence[np.ndarray]) -> np.ndarray:
 
     starts = np.cumsum([0, *map(len, loops)])
     made = []
-    for group in _apart(loops):
+    for group in _separated(loops):
         triangles = np.asarray(manifold3d.triangulate([np.ascontiguousarray(loops[k], np.float64) for k in group])).astype(np.int64)
         rows = np.concatenate([np.arange(starts[k], starts[k + 1]) for k in group])
         made.append(rows[triangles.reshape(-1, 3)])
@@ -129,14 +129,14 @@ def union_of_outlines(contours: Sequence[np.ndarray]) -> list[np.ndarray]:
     if not contours:
         return []
     made: list[np.ndarray] = []
-    for group in _apart(contours):
+    for group in _separated(contours):
         loops = [np.ascontiguousarray(contours[k], np.float64) for k in group]
         area = manifold3d.CrossSection(loops, manifold3d.FillRule.NonZero)
         made += [np.asarray(loop) for loop in area.to_polygons()]
     return made
 
 
-def _apart(loops: Sequence[np.ndarray]) -> list[list[int]]:
+def _separated(loops: Sequence[np.ndarray]) -> list[list[int]]:
     """Rows of loops in groups that lines along x or y separate, for work that takes quadratic time; few loops are one group."""
     if len(loops) <= FEW_LOOPS:
         return [list(range(len(loops)))]

@@ -215,7 +215,7 @@ def _for(node: ast.For, names: Names | None) -> Placing:
         try:
             values = items(scope)
             if len(values) * each > meter.most:  # known before the first is made
-                before = -1
+                before = -1  # all elements count as those of this loop
                 raise meter.too_many_elements()
             for value in values:
                 meter.step()

@@ -223,7 +223,7 @@ def open_(
     for where, choice in options.variants.items():
         _choose(stage, where, choice, diagnostics, whole)
     if excess := prototypes.without_excess(stage):
-        message = f"the stage has more than {prototypes.MAX_PRIMS:,} prims, with those of instances: {len(excess)} instances are left out"
+        message = f"the stage has more than {prim_count.MAX_PRIMS:,} prims, with those of instances: {len(excess)} instances are left out"
         diagnostics.warning(message, Span(f"{name}<{excess[0]}>"))
     code = Usd.TimeCode.EarliestTime()
     if seconds is not None:

@@ -129,9 +129,14 @@ def test_elements_without_a_loop_are_counted(monkeypatch: pytest.MonkeyPatch) ->
     assert [m.splitlines()[0] for m in messages] == ["a.scene:3:2: error: the scene makes more than 100 elements"]
 
 
-def test_operations_of_a_formula_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+def takes_a_formula(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let `implicit` have a formula as its only argument."""
     entry = argument_types.Entry("implicit", "shape", "for tests", (argument_types.Arg("f", "formula", argument_types.REQUIRED),))
     monkeypatch.setitem(schema_elements.SCHEMA, "implicit", entry)
+
+
+def test_operations_of_a_formula_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    takes_a_formula(monkeypatch)
     monkeypatch.setattr("maquette.lang.formula_graph.MAX_TERMS", 500)
     _, messages = run("implicit(|x| fold(|s, k| s + sin(k * x), 0, 1..999))")
     assert [m.splitlines()[0] for m in messages] == ["a.scene:1:30: error: the formula has more than 500 operations"]
@@ -213,8 +218,8 @@ def test_loops_of_known_ends_are_refused_at_once() -> None:
 
 
 def test_formulas_that_repeat_themselves_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    entry = argument_types.Entry("implicit", "shape", "for tests", (argument_types.Arg("f", "formula", argument_types.REQUIRED),))
-    monkeypatch.setitem(schema_elements.SCHEMA, "implicit", entry)
-    monkeypatch.setattr("maquette.lang.formula_graph.MAX_TERMS", 100)
+    takes_a_formula(monkeypatch)
+    monkeypatch.setattr("maquette.lang.formula_graph.MAX_APPLIED", 500)
     _, messages = run("let f(n, x) = if n == 0 then x else f(n - 1, x) * f(n - 1, x)\nimplicit(|x| f(40, x))")
-    assert [m.splitlines()[0] for m in messages] == ["a.scene:1:37: error: the formula takes more than 500 operations to write down"]
+    expected = "a.scene:1:37: error: the formula has more than 500 operations, equal ones counted each time"
+    assert [m.splitlines()[0] for m in messages] == [expected]

@@ -44,10 +44,10 @@ def merged(pieces: list[Piece]) -> list[Piece]:
     groups: dict[Any, list[Piece]] = {}
     for piece in pieces:
         groups.setdefault((piece.geometry, piece.path, piece.colored), []).append(piece)
-    return [group[0] if len(group) == 1 else _one(group) for group in groups.values()]
+    return [group[0] if len(group) == 1 else _joined(group) for group in groups.values()]
 
 
-def _one(group: list[Piece]) -> Piece:
+def _joined(group: list[Piece]) -> Piece:
     material = np.concatenate([np.broadcast_to(piece.material, piece.copies) for piece in group])
     matrix = np.concatenate([piece.matrix.reshape(-1, 4, 4) for piece in group])
     first = group[0]

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 
 from pxr import Sdf, Usd, UsdGeom
 
-MAX_PRIMS = 4_000_000  # of a stage, those of every instance counted
+from ..layers.prim_count import MAX_PRIMS
+
 MAX_LEVELS = 32  # of instances in instances that share geometry
 _INHERITED = ("primvars:", "material:binding", "colorSpace:", "guideVisibility", "proxyVisibility", "renderVisibility")
 _COLLECTION = "material:binding:collection"  # binds by path

@@ -13,7 +13,7 @@ from pxr import Sdf
 from . import spec_tree
 from .spec_tree import SpecTree
 
-MAX_PRIMS = 4_000_000
+MAX_PRIMS = 4_000_000  # of a stage; once it is open, those of every instance are counted
 MAX_STAGE_LEVELS = 4000  # of prims in prims; usd-core takes quadratic time
 MAX_CHAIN = 120  # references that lead from one to the next; usd-core takes quadratic time
 

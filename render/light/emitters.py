@@ -82,10 +82,13 @@ def sample(tables: Tables, emitters: Emitters, e: Lane, position: Vec, u: Lane, 
 @helper
 def _profiled(plain: Vec, tables: Tables, emitters: Emitters, e: Lane, direction: Vec) -> Vec:
     """Return `plain` times the factors of lights whose emission depends on the direction."""
-    row = ops.maximum(emitters.light[e], 0)
-    shaped = (emitters.light[e] >= 0) & (emitters.kind[e] != DOME) & (tables.lights.image[row] >= 0)
-    if ops.any_lane(shaped):
-        plain = ops.where3(shaped, ops.mul(plain, lights.profile(tables, row, direction)), plain)
+    light = emitters.light[e]
+    listed = (light >= 0) & (emitters.kind[e] != DOME)
+    if ops.any_lane(listed):  # otherwise the table of lights may be empty
+        row = ops.maximum(light, 0)
+        shaped = listed & (tables.lights.image[row] >= 0)
+        if ops.any_lane(shaped):
+            plain = ops.where3(shaped, ops.mul(plain, lights.profile(tables, row, direction)), plain)
     return plain
 
 

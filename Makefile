@@ -100,13 +100,13 @@ accuracy: $(STAMP)  ## measure the known answers and the failing places again: d
 	@MAQUETTE_ACCURACY=build/answers MAQUETTE_PLACES=build/places $(BIN)/python -m pytest -q -n $(WORKERS) --long tests/accuracy tests/stability
 	@$(BIN)/python tests/accuracy/answers.py build/answers build/places > build/accuracy.md && mv build/accuracy.md docs/accuracy.md
 
-test: $(if $(PACKAGE),$(STAMP),check)  ## the whole suite, after ruff and pyright; PACKAGE=render/accel: the tests of one package alone
+test: $(if $(PACKAGE),$(STAMP),check) $(if $(filter lang% compiler%,$(PACKAGE)),,kernels)  ## the whole suite, after ruff, pyright and `make kernels`; PACKAGE=render/accel: the tests of one package alone
 ifdef PACKAGE
 	@test -d tests/$(PACKAGE) || { echo "no tests are in tests/$(PACKAGE); packages: $$(cd tests && find . -name 'test_*.py' -printf '%h\n' | sed 's:^\./::' | sort -u | xargs)"; exit 1; }
 endif
 	@$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal $(if $(PACKAGE),tests/$(PACKAGE))
 
-test-all: check  ## also what takes long: statistics, soak, packaging; then parts of it under other conditions
+test-all: check kernels  ## also what takes long: statistics, soak, packaging; then parts of it under other conditions
 	@$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal --long
 	@$(BIN)/python tools/matrix.py --all
 

@@ -10,7 +10,8 @@ import uharfbuzz  # noqa: F401  (before all else: loaded after some other librar
 from maquette.render.simd import target
 
 os.environ["MAQUETTE_PROGRESS"] = "off"  # stderr does not depend on how long kernels compile
-os.environ["MAQUETTE_KERNELS"] = "special"  # no test starts a process that compiles kernels for later
+# Tests run the kernels that users run, which `make kernels` compiles. No test starts a process that compiles kernels for later.
+os.environ["MAQUETTE_KERNELS"] = os.environ.get("MAQUETTE_TEST_KERNELS", "general")
 if "MAQUETTE_TEST_THREADS" in os.environ:  # of tools/matrix.py: renders in this process take so many, whatever the machine has
     target.cores = lambda: int(os.environ["MAQUETTE_TEST_THREADS"])
 ROOT = Path(__file__).resolve().parent.parent
@@ -36,3 +37,12 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 def assets() -> Path:
     """The folder of the shared sample files. Tests that use it are marked `assets`."""
     return ASSETS
+
+
+@pytest.fixture
+def special_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures of the test, and of the processes that it starts, take kernels specialised to their scenes.
+
+    For tests with an empty cache, where one specialised kernel compiles in less time than a general one, and for tests of the choice.
+    """
+    monkeypatch.setenv("MAQUETTE_KERNELS", "special")

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 import numpy as np
 from maquette.compiler import ir
 from maquette.compiler.plan import plan
-from maquette.render.backends import prepare, raster, ray
+from maquette.render.backends import kernel_choice
 from maquette.render.film import film
 from maquette.render.image.image import Image
 from maquette.render.types import View
-
-BACKENDS = {"raster": raster.Renderer, "ray": ray.Renderer}
 
 
 def planned(tables: ir.Tables, backend: str, overrides: dict[str, str] | None = None, **settings: Any) -> tuple[ir.Scene, plan.Plan, View]:
@@ -26,13 +25,18 @@ def planned(tables: ir.Tables, backend: str, overrides: dict[str, str] | None = 
 def renderer(tables: ir.Tables, backend: str, overrides: dict[str, str] | None = None, **settings: Any) -> Any:
     """A backend ready to draw."""
     scene, made, view = planned(tables, backend, overrides, **settings)
-    return BACKENDS[backend](prepare.prepare(scene, made, view), made, view)
+    return kernel_choice.make_renderer(scene, made, view, general())
+
+
+def general() -> bool:
+    """Whether the tests take general kernels, as users do."""
+    return os.environ[kernel_choice.VARIABLE] == "general"
 
 
 def picture(tables: ir.Tables, backend: str = "raster", overrides: dict[str, str] | None = None, **settings: Any) -> Image:
     """The picture a backend makes."""
     scene, made, view = planned(tables, backend, overrides, **settings)
-    return film.run(BACKENDS[backend](prepare.prepare(scene, made, view), made, view), made, view)
+    return film.run(kernel_choice.make_renderer(scene, made, view, general()), made, view)
 
 
 def aov(tables: ir.Tables, name: str, backend: str = "raster", overrides: dict[str, str] | None = None, **settings: Any) -> np.ndarray:

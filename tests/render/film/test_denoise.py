@@ -18,6 +18,8 @@ from maquette.render.film import denoise
 from maquette.render.image import metrics
 from maquette.render.types import View
 
+from .. import pictures
+
 SCENE = """
 camera(position: [0, 1.2, 4], look_at: [0, 0.6, 0], fov: 40deg)
 plane(y: 0, material: lambert(#a0a0a0))
@@ -64,7 +66,7 @@ def test_guides_are_what_is_seen_first(scene) -> None:
     """The sky has none; a matt ball its color and the mirror its tint, with unit normals inside of outlines."""
     plan = planner.make_plan(scene, maquette.compiler.ir.Settings(size=(48, 36), samples=4, threads=1))
     view = View(plan["camera"], 48, 36)
-    albedo, normal = denoise.guides(ray.Renderer(prepare.prepare(scene, plan, view), plan, view), plan)
+    albedo, normal = denoise.guides(ray.Renderer(prepare.prepare(scene, plan, view, pictures.general()), plan, view), plan)
     assert albedo.shape == normal.shape == (36, 48, 3)
     assert not albedo[0].any()
     assert not normal[0].any()
@@ -146,6 +148,6 @@ def test_a_default_picture_keeps_noise_that_denoising_would_not_lessen(scene, mo
     image.metadata.update(half_difference=0.1 * image.channels["rgba"][..., :3], variance_share=1.0, error=0.1)
     view = View(plan["camera"], 48, 36)
     by_default = planner.Plan({**plan.decisions, "denoise": replace(plan.decisions["denoise"], value="above_error")})
-    denoise.denoise(image, ray.Renderer(prepare.prepare(scene, plan, view), plan, view), by_default)
+    denoise.denoise(image, ray.Renderer(prepare.prepare(scene, plan, view, pictures.general()), plan, view), by_default)
     assert np.array_equal(image.channels["rgba"], noisy.channels["rgba"])
     assert (image.metadata["denoised"], image.metadata["denoised_error"]) == (False, 0.5)

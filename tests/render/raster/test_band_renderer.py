@@ -197,7 +197,7 @@ def a_mesh_in_bands(threads: int = 1, crop: tuple[int, ...] | None = None) -> tu
     scene = tables.scene(meshes=[(MeshData(points, triangles), tables.matrix((0, 0, -4)), 0)], lights=[sun])
     asked = {"size": (90, 300), "background": (1.0, 1.0, 1.0), "threads": threads, "crop": crop}
     made, decided, view = pictures.planned(scene, "raster", **asked)
-    return prepare.prepare(made, decided, view), decided, view
+    return prepare.prepare(made, decided, view, pictures.general()), decided, view
 
 
 @pytest.mark.parametrize("seconds", [1e-9, 3e-4, 1.0])

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..compiler.io.regular_files import MAX_DATA, read_text
 from ..compiler.io.replace_file import replace_file
 from ..lang.diagnostics import suggest
 from ..render.film.progress import Progress
@@ -132,7 +133,7 @@ def _check_numbers(path: Path, ctx: click.Context) -> None:
     jobs.check_folder(path)
     if ctx.params["numbers"] is None and path.exists():
         try:
-            json_format.read(path.read_text(encoding="utf-8"))
+            json_format.read(read_text(path, MAX_DATA))
         except (json_format.FormatError, UnicodeDecodeError):
             raise click.UsageError(f"{path} exists and is not a chart: choose a file for the numbers with --json FILE") from None
 
@@ -141,7 +142,7 @@ def _read(path: Path) -> Chart:
     from ..measure.report import json_format
 
     try:
-        return json_format.read(path.read_text(encoding="utf-8"))
+        return json_format.read(read_text(path, MAX_DATA))
     except (json_format.FormatError, UnicodeDecodeError) as error:
         raise click.ClickException(f"{path}: {error}") from None
 

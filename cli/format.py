@@ -7,8 +7,8 @@ from pathlib import Path
 
 import click
 
+from ..compiler.io.regular_files import MAX_SOURCE, read_bytes, size
 from ..compiler.io.replace_file import replace_file
-from ..compiler.io.sandbox import MAX_SOURCE, size
 from ..lang.diagnostics import Diagnostics, Span
 from . import common_options as shared
 from . import terminal
@@ -42,7 +42,7 @@ def _format(path: Path, only_check: bool) -> bool:
 
     piped = path == Path("-")
     name = "stdin" if piped else str(path)
-    data = sys.stdin.buffer.read(MAX_SOURCE + 1) if piped else path.read_bytes()
+    data = sys.stdin.buffer.read(MAX_SOURCE + 1) if piped else read_bytes(path, MAX_SOURCE)
     found = Diagnostics()
     if piped and len(data) > MAX_SOURCE:
         found.error("stdin is too big", Span(name), f"the limit is {size(MAX_SOURCE)}")

@@ -17,6 +17,7 @@ from typing import Any
 import click
 
 from .. import __version__
+from ..compiler.io.regular_files import MAX_DATA, read_text
 from ..compiler.io.replace_file import replace_file
 from ..lang import file_types
 from . import common_options as shared
@@ -124,7 +125,7 @@ def _save(output: Path, made: Sequence[Thumbnail]) -> None:
 
 def _records(path: Path) -> dict[str, dict[str, Any]]:
     try:
-        return {row["name"]: row for row in json.loads(path.read_text(encoding="utf-8"))}
+        return {row["name"]: row for row in json.loads(read_text(path, MAX_DATA))}
     except (OSError, ValueError, KeyError, TypeError):
         return {}
 

@@ -17,7 +17,7 @@ from ..lang.eval import evaluator
 from . import ir
 from .importers.stage_options import StageOptions
 from .io import source_files
-from .io.sandbox import FileError, Files, resolved
+from .io.sandbox import FileError, Files, open_main
 from .lower import lowering
 from .plan import enclosed_lights
 from .scene import defaults, motion_keys, serialize, texture_coordinates, transforms, validate
@@ -52,9 +52,7 @@ def load(
     suffix = path.suffix.lower()
     scene = None
     try:
-        real = resolved(path)
-        files = Files(real.parent, allow)
-        files.find(real.name, what="scene" if suffix in file_types.SCENE else "file")
+        files, real = open_main(path, allow, "scene" if suffix in file_types.SCENE else "file")
         options = replace(stage or StageOptions(), variants=variants or {})
         _refuse_unused(suffix, str(path), sets, time, code, options, found)
         if max_elements is not None and suffix not in file_types.SCENE:

@@ -10,6 +10,7 @@ from typing import Any
 
 from ..compiler import ir
 from ..compiler.io import sandbox
+from ..compiler.io.regular_files import MAX_SOURCE, read_bytes
 from ..compiler.io.sandbox import LIBRARY, source_text
 from ..lang import file_types
 from ..lang.diagnostics import Diagnostic, Diagnostics, Span, render_text, sort_diagnostics
@@ -83,7 +84,7 @@ def of_scene(files: Iterable[str | Path], main: Path) -> list[Path]:
 def read_text(path: Path) -> str | None:
     """The text of a source file on disk; None if it is missing or not text. Line ends stay as they are."""
     try:
-        return path.read_bytes().decode("utf-8")
+        return read_bytes(path, MAX_SOURCE).decode("utf-8")
     except (OSError, UnicodeDecodeError):
         return None
 

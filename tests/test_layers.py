@@ -34,7 +34,7 @@ MAY_IMPORT = {
     "compiler.mesh": "compiler.scene",
     "compiler.plan": "lang.schema compiler.formula",
     "compiler.importers": "compiler.mesh",
-    "compiler.importers.usd.layers": "lang",
+    "compiler.importers.usd.layers": "compiler.io",
     "compiler.importers.usd.pictures": "compiler.importers",
     "compiler.importers.usd": "compiler.importers.usd.pictures compiler.importers.usd.layers",
     "compiler.lower": "compiler.fillets compiler.plan compiler.importers.usd",

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from ... import __version__
+from ...compiler.io.regular_files import ANY_SIZE, open_regular
 
 if TYPE_CHECKING:
     from ...compiler import ir
@@ -41,7 +42,7 @@ def _digest(files: Iterable[str]) -> str:
     digest = hashlib.blake2b(digest_size=16)
     for file in sorted(files):
         if Path(file).is_file():
-            with Path(file).open("rb") as opened:
+            with open_regular(file, ANY_SIZE) as opened:
                 digest.update(hashlib.file_digest(opened, "blake2b").digest())
     return digest.hexdigest()
 
@@ -52,7 +53,7 @@ def find(files: Iterable[Path], inputs: str) -> Found:
 
     found = Found({}, [], {})
     for file in files:
-        if not file.is_file():
+        if not file.is_file() or file.is_symlink():  # a link is refused when the frame is drawn
             continue
         if image_files.damage(file):
             found.damaged.append(file)

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..io.regular_files import read_bytes
 from ..ir import F64
 from ..mesh import mesh_csg, splines
 
@@ -43,7 +44,7 @@ class Font:
 
         self._hb: Any = uharfbuzz  # its names are not in its types
         try:
-            face = self._hb.Face(self._hb.Blob(path.read_bytes()))
+            face = self._hb.Face(self._hb.Blob(read_bytes(path)))
         except OSError as failure:
             raise FontError(f"cannot read the font `{path.name}`: {failure.strerror}") from None
         if not face.glyph_count:

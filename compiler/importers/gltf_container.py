@@ -18,6 +18,7 @@ from urllib.parse import unquote, unquote_to_bytes
 
 import numpy as np
 
+from ..io.regular_files import read_bytes
 from ..io.sandbox import FileError, Files
 from . import gltf_meshopt
 from .gltf_errors import GltfError
@@ -66,7 +67,7 @@ class Container:
                 raise GltfError("a data URI is not base64") from None
         if self.folder is None:
             raise GltfError(f"the {what} `{uri}` is not read: its mesh has no folder")
-        return self.files.find(unquote(uri), self.folder, what).read_bytes()
+        return read_bytes(self.files.find(unquote(uri), self.folder, what))
 
     def buffer(self, index: int) -> bytes:
         """The bytes of a buffer (§3.6.1): the binary chunk, a file or a data URI."""

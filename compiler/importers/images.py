@@ -14,6 +14,7 @@ import numpy as np
 from ...lang.diagnostics import Diagnostics, Span
 from ...lang.input_error import InputError
 from ..io import library_messages, picture_contents, stage_cache
+from ..io.regular_files import read_bytes
 
 if TYPE_CHECKING:
     from ..scene.builder import SceneBuilder
@@ -81,7 +82,7 @@ def _row(builder: SceneBuilder, key: str, space: str, color: bool, source: Any, 
 def _read_cached(source: str | bytes, name: str, space: str, limit: int) -> Decoded:
     """As `read`, or its result of the last compilation."""
     try:
-        data = source if isinstance(source, bytes) else Path(source).read_bytes()
+        data = source if isinstance(source, bytes) else read_bytes(source)
     except OSError:
         return read(source, name, space, limit)
     return stage_cache.cached("images read", (data, name, space, limit), lambda: read(source, name, space, limit))

@@ -11,6 +11,7 @@ from ...lang import file_types
 from ...lang.diagnostics import Diagnostics, Span
 from .. import ir
 from ..io import stage_cache
+from ..io.regular_files import read_bytes
 from ..io.sandbox import FileError, Files
 from ..mesh import polygon_mesh
 from ..scene.builder import NONE, SceneBuilder
@@ -39,7 +40,7 @@ def read(
     if files is None:
         files = Files(folder or Path.cwd())
     try:
-        data = source.read_bytes() if isinstance(source, Path) else source
+        data = read_bytes(source) if isinstance(source, Path) else source
     except OSError as failure:
         diagnostics.error(f"cannot read `{name}`: {failure.strerror}", span or whole)
         return []
@@ -125,7 +126,7 @@ def _libraries(found: obj.ObjMesh, folder: Path | None, files: Files, diagnostic
             diagnostics.warning(f"the material library `{text}` is not read: its mesh has no folder", span)
             continue
         for path in _library_paths(text, folder, files, diagnostics, span):
-            read = mtl.parse(path.read_bytes(), _shown(path, files), path.parent, diagnostics)
+            read = mtl.parse(read_bytes(path), _shown(path, files), path.parent, diagnostics)
             materials = read | materials
     return materials
 

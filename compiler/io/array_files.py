@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tokenize
 import zipfile
 import zlib
@@ -9,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .sandbox import size
+from .regular_files import ANY_SIZE, open_regular, size
 
 _DAMAGE = (
     OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, IndexError, RuntimeError, MemoryError, SyntaxError,
@@ -24,8 +25,8 @@ class ArrayFileError(Exception):
 def read(path: Path | str) -> dict[str, np.ndarray]:
     """The arrays of a file that numpy.savez wrote. Raises ArrayFileError."""
     try:
-        with open(path, "rb") as file:
-            length = Path(path).stat().st_size
+        with open_regular(path, ANY_SIZE) as file:
+            length = os.fstat(file.fileno()).st_size
             with zipfile.ZipFile(file) as archive:
                 total = sum(entry.file_size for entry in archive.infolist())
             if total > length:  # compressed, or the same bytes several times

@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from contextlib import suppress
-from pathlib import Path
 from typing import Any, NamedTuple
+
+from .regular_files import read_bytes
 
 _MOST_PARTS = 100  # of a file, counted in messages
 _PARTS = {"gif": "frames", "webp": "frames", "png": "frames", "tiff": "pages", "ico": "sizes"}  # names of further pictures in a file
@@ -90,7 +91,7 @@ def faults(
     sRGB.
     """
     kind, spec = picture.format_name(), picture.spec()
-    if kind == "jpeg" and _is_cut_off(Path(path).read_bytes()):
+    if kind == "jpeg" and _is_cut_off(read_bytes(path)):
         hint = f"the missing part is {use.done} grey or blurred: copy or write the file again"
         yield f"the picture `{name}` is cut off: its file ends early", hint
     if stand_in is not None:
@@ -127,7 +128,7 @@ def _color_space(spec: Any, path: str, kind: str) -> str:
         return "" if "srgb" in profile.lower() or profile in _SRGB_PROFILES else f"its profile `{profile}`" if profile else "its profile"
     if kind != "png":
         return ""
-    head = Path(path).read_bytes().partition(b"IDAT")[0]
+    head = read_bytes(path).partition(b"IDAT")[0]
     if b"sRGB" in head:
         return ""
     if at := head.find(b"gAMA") + 1:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import stat
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -12,10 +13,9 @@ from types import MappingProxyType
 from ...lang.diagnostics import suggest
 from ...lang.file_types import is_binary
 from ...lang.input_error import InputError
+from .regular_files import MAX_DATA, MAX_SOURCE, read_bytes, read_text, size
 
 LIBRARY = Path(__file__).resolve().parents[2] / "stdlib"
-MAX_SOURCE = 16 << 20  # bytes of a .scene file
-MAX_DATA = 2 << 30  # bytes of a mesh, image or stage
 MAX_QUOTED = 4 << 20  # bytes of the largest file whose lines are quoted in messages
 
 
@@ -82,7 +82,7 @@ class Files:
         if str(path) in self._unsaved:
             return path, self._unsaved[str(path)]
         try:
-            data = path.read_bytes()
+            data = read_bytes(path, MAX_SOURCE)
         except OSError as failure:
             raise FileError(f"cannot read `{name}`: {failure.strerror}") from None
         return path, decode(data, name)
@@ -108,7 +108,9 @@ class Files:
         except (OSError, RuntimeError):
             raise FileError(f"`{name}` leads round in a circle of links") from None
         if not self._holds(path):
-            raise FileError(f"`{name}` lies outside of the scene's folder", f"use --allow {path.parent} to let scenes read it")
+            is_link = self._holds(Path(os.path.normpath(folder / name)))
+            how = "is a link that leads outside" if is_link else "lies outside"
+            raise FileError(f"`{name}` {how} of the scene's folder", f"use --allow {path.parent} to let scenes read it")
         return path
 
     def _near(self, name: str, path: Path) -> str:
@@ -118,11 +120,21 @@ class Files:
         return f"there is no folder {path.parent}"
 
 
-def resolved(path: Path) -> Path:
-    """The target of a path that the user names. A scene opened by a link finds its files beside the link's target.
+def open_main(path: Path | str, allow: Iterable[Path | str] = (), what: str = "file") -> tuple[Files, Path]:
+    """What the main file of a scene, stage or mesh may read, and its path.
 
-    Raises FileError for a circle of links.
+    Inputs are the files of the main file's folder as it is named, and those below each path of `allow`. A main file that is a link may
+    lead to another file of these folders. Raises FileError for a link that leads elsewhere, and as Files.find does.
     """
+    path = Path(path)
+    if path.name in ("", ".."):
+        path = resolved(path)
+    files = Files(path.parent, allow)
+    return files, files.find(path.name, what=what)
+
+
+def resolved(path: Path) -> Path:
+    """The target of a path that the user names. Raises FileError for a circle of links."""
     try:
         return path.resolve()
     except (OSError, RuntimeError):
@@ -141,18 +153,10 @@ def decode(data: bytes, name: str) -> str:
         raise FileError(f"`{name}` is not UTF-8 text (line {line})", "save it as UTF-8") from None
 
 
-def size(count: int) -> str:
-    """A number of bytes with a unit, for messages."""
-    for unit, step in (("GB", 1 << 30), ("MB", 1 << 20), ("kB", 1 << 10)):
-        if count >= step:
-            return f"{count / step:.3g} {unit}"
-    return f"{count} byte{'s' * (count != 1)}"
-
-
 def source_text(name: str) -> str | None:
     """The text of a file by its displayed name (a path, or `std/room` of the library), or None."""
     try:
         path = LIBRARY / f"{name[4:].removesuffix('.scene')}.scene" if name.startswith("std/") else Path(name)
-        return path.read_text(encoding="utf-8", errors="replace") if path.stat().st_size <= MAX_QUOTED else None
+        return read_text(path, MAX_QUOTED, "replace")
     except (OSError, ValueError):
         return None

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ...lang.diagnostics import Span, suggest
 from ...lang.eval.modules import ReadError, Source
+from .regular_files import read_text
 from .sandbox import LIBRARY, FileError, Files
 
 
@@ -20,7 +21,7 @@ class SceneReader:
 
     def main(self, shown: str, path: Path) -> Source:
         """The main source at `path`, displayed as `shown`. Raises FileError if it cannot be read."""
-        found, text = self.files.text(path.name, what="scene")
+        found, text = self.files.text(path.name, path.parent, "scene")
         return self._source(shown, found, text)
 
     def scene(self, path: str, importer: str, span: Span) -> Source:
@@ -46,7 +47,7 @@ class SceneReader:
             there = sorted(f"std/{p.stem}" for p in LIBRARY.glob("*.scene"))
             raise ReadError(f"the library has no `{name}`", suggest(name, there) or f"it has {', '.join(there)}")
         self._folders[name] = LIBRARY
-        return Source(name, file.read_text(encoding="utf-8"), name)
+        return Source(name, read_text(file), name)
 
     def _source(self, shown: str, path: Path, text: str) -> Source:
         self._shown[str(path)] = shown

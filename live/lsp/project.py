@@ -8,6 +8,7 @@ from pathlib import Path
 
 from pygls import uris
 
+from ...compiler.io.regular_files import read_text
 from ...compiler.io.sandbox import LIBRARY
 from ...lang import file_types
 from ...lang.eval.modules import is_asset
@@ -48,7 +49,7 @@ class Project:
             status = file.stat()
             key = status.st_mtime_ns, status.st_size
             if path not in self._read or self._read[path][0] != key:
-                self._read[path] = key, Document(path, file.read_text(encoding="utf-8"))
+                self._read[path] = key, Document(path, read_text(file))
         except (OSError, UnicodeDecodeError, ValueError):
             return None
         return self._read[path][1]
@@ -86,7 +87,9 @@ class Project:
         known = dict.fromkeys(self.open)
         if not path.startswith("std/"):
             root = folder_of(path)
-            known |= dict.fromkeys(os.path.realpath(root / name) for name in files_in(root, file_types.SCENE))
+            real = os.path.realpath(root)
+            found = (os.path.realpath(root / name) for name in files_in(root, file_types.SCENE))
+            known |= dict.fromkeys(name for name in found if name.startswith(os.path.join(real, "")))  # without links out of the folder
         for each in known:
             document = self.document(each)
             if document is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from ...compiler.io import library_messages, picture_contents
+from ...compiler.io.regular_files import is_regular
 from . import image as images
 from .image_files import ABOUT, CHANNEL_NAMES, LIGHT, FormatError
 from .srgb import decode_srgb
@@ -26,8 +28,8 @@ def read(path: Path) -> images.Image:
     """
     wanted = oiio.ImageSpec()
     wanted.attribute("oiio:UnassociatedAlpha", 1)
-    if not Path(path).is_file():
-        raise FormatError(f"there is no file {path}")
+    if not is_regular(path):
+        raise FormatError(f"{path} is not an ordinary file" if os.path.exists(path) else f"there is no file {path}")
     source = oiio.ImageInput.open(str(path), wanted)
     if source is None:
         raise FormatError(f"{path} is not a picture: {oiio.geterror()}")

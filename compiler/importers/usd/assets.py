@@ -12,6 +12,7 @@ from typing import Any
 from pxr import Ar, UsdShade
 
 from ....lang.diagnostics import Span
+from ...io.regular_files import read_bytes
 from ...scene.builder import SceneBuilder
 from .. import images
 from .pictures import udim
@@ -47,7 +48,7 @@ def _source(path: str) -> str | bytes:
 def contents(path: str) -> bytes:
     """The bytes of a file, on disk or in a package. Raises OSError or images.ImageError."""
     source = _source(path)
-    return Path(source).read_bytes() if isinstance(source, str) else source
+    return read_bytes(source) if isinstance(source, str) else source
 
 
 def asset(value: Any, warnings: Warnings, prim: Any, what: str = "picture") -> Asset | None:

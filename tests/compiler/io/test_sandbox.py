@@ -39,7 +39,8 @@ def test_what_lies_outside_is_refused_whether_it_is_there_or_not(home: Path, nam
     (home / "link.txt").symlink_to("../secret.txt")
     (home / "linked").symlink_to("..")
     message, hint = refusal(home, name)
-    assert message == f"`{name}` lies outside of the scene's folder"
+    how = "is a link that leads outside" if name.startswith("link") else "lies outside"
+    assert message == f"`{name}` {how} of the scene's folder"
     assert hint.startswith("use --allow /")
 
 
@@ -68,6 +69,18 @@ def test_a_link_that_stays_inside_is_followed(home: Path) -> None:
 def test_a_scene_reached_by_a_link_reads_beside_its_target(home: Path) -> None:
     (home.parent / "shortcut").symlink_to("home")
     assert sandbox.Files(home.parent / "shortcut").find("oak.png") == home / "oak.png"
+
+
+def test_a_main_file_reads_the_files_of_its_folder_as_it_is_named(home: Path) -> None:
+    """A link at its name leads to another file of the folder, or is refused before the target is opened."""
+    (home / "near.scene").symlink_to("sub/bunny.obj")
+    files, path = sandbox.open_main(home / "near.scene")
+    assert (files.root, path) == (home, home / "sub" / "bunny.obj")
+    (home / "far.scene").symlink_to("../secret.txt")
+    with pytest.raises(sandbox.FileError) as caught:
+        sandbox.open_main(home / "far.scene")
+    assert caught.value.message == "`far.scene` is a link that leads outside of the scene's folder"
+    assert sandbox.open_main(home / "far.scene", [home.parent])[1] == home.parent / "secret.txt"
 
 
 def test_refusals(home: Path) -> None:

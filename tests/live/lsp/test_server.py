@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -389,3 +390,20 @@ def test_colors_have_swatches(editor: Editor) -> None:
     about = {"textDocument": {"uri": editor.uri("a.scene")}, "color": found["color"], "range": found["range"]}
     written = editor.ask("textDocument/colorPresentation", about)
     assert labels(written) == ["#ff8800", "rgb(1, 0.246, 0)"]
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_files_that_are_no_ordinary_files_are_left_out(tmp_path: Path) -> None:
+    """A pipe that nobody writes to, an endless device and a link out of the folder: in the workspace, and as the open file."""
+    folder = tmp_path / "scenes"
+    folder.mkdir()
+    os.mkfifo(folder / "pipe.scene")
+    (folder / "zero.scene").symlink_to("/dev/zero")
+    (tmp_path / "secret.scene").write_text("sphere(leg)\n", encoding="utf-8")
+    (folder / "link.scene").symlink_to("../secret.scene")
+    editor = Editor(folder)
+    for name in ("a.scene", "pipe.scene", "zero.scene"):
+        found = editor.at(name, "references", 'use "pipe.scene"\nlet leg = 1\nsphere(leg‸)\n', context={"includeDeclaration": True})
+        assert [place["range"] for place in found] == [span(1, 4, 7), span(2, 7, 10)]
+        editor.close(name)
+    assert editor.end() == 0

@@ -15,6 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ....io.regular_files import ANY_SIZE, open_regular
+
 Bytes = bytes | mmap.mmap
 IDENTIFIER = b"PXR-USDC"
 COMPRESSED = (0, 4, 0)  # the version from which sections are compressed
@@ -30,7 +32,7 @@ def fault(path: Path) -> str:
         if path.suffix.lower() == ".usdz":
             first, data = next(layers_of(path), ("", b""))
             return f"`{first}`: {found}" if (found := fault_of(data)) else ""
-        with open(path, "rb") as file:
+        with open_regular(path, ANY_SIZE) as file:
             if file.read(len(IDENTIFIER)) != IDENTIFIER:
                 return ""
             with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
@@ -41,7 +43,7 @@ def fault(path: Path) -> str:
 
 def layers_of(package: Path) -> Iterator[tuple[str, bytes]]:
     """(name, bytes) of the layers in a `.usdz` package, b"" of compressed ones, which usd-core refuses. Raises as zipfile does."""
-    with zipfile.ZipFile(package) as files:
+    with open_regular(package, ANY_SIZE) as opened, zipfile.ZipFile(opened) as files:
         for info in files.infolist():
             if info.filename.lower().endswith((".usd", ".usda", ".usdc")):
                 yield info.filename, files.read(info) if info.compress_type == zipfile.ZIP_STORED else b""

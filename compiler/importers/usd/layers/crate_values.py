@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .....lang.diagnostics import Diagnostics, Span
+from ....io.regular_files import ANY_SIZE, open_regular
 from . import crate_check
 
 MOST = 16_000_000  # items in compressed arrays of a file, together
@@ -56,7 +57,7 @@ def excessive(data: crate_check.Bytes) -> list[Excess]:
 def read(path: Path, diagnostics: Diagnostics) -> bytes:
     """A copy of a crate file without such values, which are named; b"" without any, and for other files."""
     try:
-        with open(path, "rb") as file:
+        with open_regular(path, ANY_SIZE) as file:
             if file.read(len(crate_check.IDENTIFIER)) != crate_check.IDENTIFIER:
                 return b""
             with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:

@@ -19,6 +19,7 @@ from xml.etree import ElementTree
 from pxr import Sdf, Tf, Usd, UsdShade
 
 from .....lang.diagnostics import Diagnostics, Span
+from ....io.regular_files import read_bytes
 
 _TYPES = {
     "float": Sdf.ValueTypeNames.Float, "integer": Sdf.ValueTypeNames.Int, "boolean": Sdf.ValueTypeNames.Bool,
@@ -37,7 +38,7 @@ def layer(path: Path, diagnostics: Diagnostics) -> Any:
         diagnostics.warning(message, span)
 
     try:
-        root = ElementTree.fromstring(path.read_bytes())
+        root = ElementTree.fromstring(read_bytes(path))
     except (ElementTree.ParseError, OSError, ValueError, LookupError) as failure:
         warn(f"the MaterialX file `{path.name}` cannot be read: {failure}")
         return None

@@ -15,6 +15,7 @@ from typing import Any
 from pxr import Sdf, Tf
 
 from .....lang.diagnostics import Diagnostics, Span
+from ....io.regular_files import ANY_SIZE, open_regular
 from . import crate_check, crate_values, text_layers
 
 CUT_OFF = "it is cut off: the list of files at the end of the zip archive is missing"
@@ -46,7 +47,7 @@ def replaced(path: Path, diagnostics: Diagnostics) -> list[Any]:
 def fault_of(path: Path) -> str:
     """Why a file is no package that can be read; "" for others, and for those of which usd-core gives the reason."""
     try:
-        with open(path, "rb") as file:
+        with open_regular(path, ANY_SIZE) as file:
             begin = file.read(4)
         if not begin:
             return "it is empty"

@@ -14,6 +14,7 @@ from typing import Any
 from pxr import Sdf, Tf
 
 from .....lang.diagnostics import Diagnostics, Span
+from ....io.regular_files import read_bytes
 from . import crate_check, crate_values, missing_specs, mtlx_files, packages, spec_tree, text_layers
 from .spec_tree import SpecTree
 
@@ -139,9 +140,9 @@ def repaired(path: Path, diagnostics: Diagnostics) -> Any:
     """The layer of a damaged text file, under the file's path; None for another file or one of which no prim can be read."""
     if path.suffix.lower() not in (".usda", ".usdc", ".usd") or not path.is_file():
         return None
-    data = path.read_bytes()
+    data = read_bytes(path)
     if data.startswith(crate_check.IDENTIFIER):
-        return _crate(path, diagnostics) if path.suffix.lower() == ".usda" else None
+        return _crate(path, data, diagnostics) if path.suffix.lower() == ".usda" else None
     found = text_layers.repaired(data, path.name, diagnostics)
     if found is None:
         return None
@@ -155,12 +156,12 @@ def _layer(path: Path) -> Any:
     return Sdf.Layer.New(Sdf.FileFormat.FindByExtension(path.suffix[1:].lower()), str(path.resolve()))
 
 
-def _crate(path: Path, diagnostics: Diagnostics) -> Any:
+def _crate(path: Path, data: bytes, diagnostics: Diagnostics) -> Any:
     """The layer of a binary file whose name ends as those of text; None if it is damaged."""
     with tempfile.TemporaryDirectory() as folder:
-        (link := Path(folder) / "x.usdc").symlink_to(path.resolve())
+        (copy := Path(folder) / "x.usdc").write_bytes(data)
         try:
-            found = Sdf.Layer.OpenAsAnonymous(str(link))
+            found = Sdf.Layer.OpenAsAnonymous(str(copy))
         except Tf.ErrorException:
             return None
         text_layers.warn(path.name, 1, "this file is binary, and its name ends as those of text", diagnostics)

@@ -14,6 +14,7 @@ import numpy as np
 from pxr import Sdf, Tf
 
 from .....lang.diagnostics import Diagnostics, Span
+from ....io.regular_files import ANY_SIZE, open_regular
 from .crate_check import IDENTIFIER, MAX_LEVELS
 
 MOST = 20  # statements of a layer that may be left out
@@ -51,7 +52,7 @@ def nests_too_deep(path: Path) -> bool:
     """Whether the brackets of a text file nest in more levels than usd-core may read, counted with those of strings and comments."""
     level = 0
     try:
-        with open(path, "rb") as file:
+        with open_regular(path, ANY_SIZE) as file:
             if file.read(len(IDENTIFIER)) == IDENTIFIER:
                 return False
             while data := file.read(_CHUNK):

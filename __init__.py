@@ -53,6 +53,7 @@ def load(
     Raises maquette.lang.diagnostics.SceneError with everything that is wrong in it.
     """
     from .compiler import load as loader
+    from .compiler.importers.stage_options import StageOptions
     from .lang import diagnostics as messages
     from .render.python_scene import Scene
 
@@ -67,8 +68,9 @@ def load(
     folders = tuple(Path(folder) for folder in allow)
     given = {**{name: _as_text(value) for name, value in params.items()}, **(sets or {})}
     made = loader.load(
-        Path(source), sets=given, time=time, allow=folders, variants=variants, max_elements=max_elements, diagnostics=found, seconds={}
-    )
+        Path(source), sets=given, time=time, allow=folders, stage=StageOptions(variants=variants or {}), max_elements=max_elements,
+        diagnostics=found, seconds={},
+    )  # fmt: skip
     return Scene.of(made)
 
 

@@ -189,7 +189,7 @@ def _command_line(source: jobs.Source) -> str:
         words += ["--time", f"{source.time:g}s"]
     for folder in source.allow:
         words += ["--allow", str(folder)]
-    return shlex.join([*words, *source.stage.words()])
+    return shlex.join([*words, *source.stage.words(), *source.mesh.words()])
 
 
 def _draw(measured: Chart, path: Path) -> None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..compiler.importers.stage_options import AXES, UNITS
 from ..lang.limits import MAX_ELEMENTS
 from ..lang.schema.elements import MAX_BOUNCES
 from . import option_types as values
@@ -81,6 +82,12 @@ scene_options = options(
         help="The part of its film that a USD camera keeps in a picture of another aspect; `pixels` stretches it. Default: vertical.",
     ),
     click.option("--render-settings", metavar="PRIM", help="RenderSettings or RenderProduct prim. Default: the one that the stage names."),
+    click.option(
+        "--unit", type=click.Choice(list(UNITS)),
+        help="What 1 is in a mesh file. Default: as the file says; mm for .stl, m for the others.",
+    ),
+    click.option("--up", type=click.Choice(AXES), help="Axis of a mesh file that points up. Default: z for .stl, y for the others."),
+    click.option("--animation", metavar="NAME", help="Animation of a glTF file: its name or number. Default: the first."),
     click.option("--session-layer", type=FILE, help="USD layer whose values go over those of the stage."),
     click.option(
         "--max-elements", type=click.IntRange(1), help=f"Limit of the elements that a scene makes and places. Default: {MAX_ELEMENTS:,}."
@@ -128,14 +135,15 @@ picture_options = picture_options_except()
 
 def source_of(scene: Path, given: dict[str, Any]) -> jobs.Source:
     """The source of the options of `scene_options`, which are removed from `given`."""
-    from ..compiler.importers.stage_options import StageOptions
+    from ..compiler.importers.stage_options import MeshOptions, StageOptions
 
     of_stage = {name: given.pop(name) for name in ("variants", "purposes", "conform", "render_settings", "session_layer")}
     stage = StageOptions(
         **of_stage, mask=given.pop("mask") or (), complexity=given.pop("complexity") or 0, default_light=not given.pop("no_default_light"),
         size=given.get("size"),
     )  # fmt: skip
-    return jobs.Source(scene, given.pop("sets"), given.pop("at"), given.pop("allow"), stage, given.pop("max_elements"))
+    mesh = MeshOptions(*(given.pop(name) for name in ("unit", "up", "animation")), deviation=given.get("deviation"))
+    return jobs.Source(scene, given.pop("sets"), given.pop("at"), given.pop("allow"), stage, mesh, given.pop("max_elements"))
 
 
 def read_options(scene: Path, given: dict[str, Any]) -> tuple[jobs.Source, ir.Settings, dict[str, str]]:

@@ -16,6 +16,7 @@ import click
 
 from .. import __version__
 from ..compiler.io.environment import SettingError
+from ..lang import file_types
 from ..lang.diagnostics import SceneError, sort_diagnostics
 from . import common_options as shared
 from . import memory, terminal
@@ -130,7 +131,7 @@ def cli() -> None:
 )
 @shared.scene_options
 @click.option("--frames", type=values.FRAMES, help="Frames: 1..24, 1..240x10, 1,5,10 or all, written to out.####.png or an animation.")
-@click.option("--fps", type=click.FloatRange(0.01, 1000), help="Frames a second of an animation. Default: the scene's.")
+@click.option("--fps", type=click.FloatRange(0.01, 1000), help="Frames a second of an animation. Default: the scene's; 24 of a glTF file.")
 @click.option("--resume", is_flag=True, help="Go on from the checkpoint of the picture; keep the frames that are whole.")
 @click.option(
     "--checkpoint", type=values.CHECKPOINT, metavar="TIME",
@@ -167,8 +168,10 @@ def render(
         jobs.confine(scene, output, stats, given)
     animated = animation.is_animation(output)
     kept = {name: given.pop(name) for name in ("checkpoint", "memory", "resume")}
-    _check_frames(frames, given["at"], animated, fps)
+    sampled = frames is not None and scene.suffix.lower() in file_types.GLTF
+    _check_frames(frames, given["at"], animated or sampled, fps)
     source, settings, overrides = shared.read_options(scene, given)
+    source = replace(source, fps=fps if sampled else None)
     depth = int(bits) if bits else None
     if animated:
         animation.check(output, frames)

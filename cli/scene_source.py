@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -13,10 +14,11 @@ import click
 
 from ..lang import file_types
 from ..lang.diagnostics import Diagnostics
+from .option_types import MAX_FRAMES
 
 if TYPE_CHECKING:
     from ..compiler import ir
-    from ..compiler.importers.stage_options import StageOptions
+    from ..compiler.importers.stage_options import MeshOptions, StageOptions
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +30,9 @@ class Source:
     time: float | None
     allow: tuple[Path, ...]
     stage: StageOptions
+    mesh: MeshOptions
     max_elements: int | None = None
+    fps: float | None = None  # pictures a second of a file that has no rate of its own
 
     def load(self, seconds: dict[str, float], time: float | None = None, code: float | None = None) -> tuple[ir.Scene, Diagnostics]:
         """The scene at `time` seconds or at a USD time code (default: --time), and its diagnostics. Raises SceneError."""
@@ -37,8 +41,8 @@ class Source:
 
         found = Diagnostics()
         scene = load.load(
-            self.path, sets=self.sets, time=self.time if time is None else time, code=code, allow=self.allow, variants=self.stage.variants,
-            stage=self.stage, max_elements=self.max_elements, diagnostics=found, seconds=seconds,
+            self.path, sets=self.sets, time=self.time if time is None else time, code=code, allow=self.allow,
+            stage=self.stage, mesh=self.mesh, max_elements=self.max_elements, diagnostics=found, seconds=seconds,
         )  # fmt: skip
         return scene, found
 
@@ -51,26 +55,35 @@ class Source:
         return stage.summary(self.path, self.stage)
 
     def frames(self, asked: tuple[float, ...]) -> tuple[float, ...]:
-        """The frames asked for; for `all`, which is (), those from the start to the end of the stage or animation."""
+        """The frames asked for; for `all`, which is (), those of the stage or animation.
+
+        A stage has the frames from its start to its end code. A duration is half-open: 1 s at 4 frames a second has the frames 0 to 3,
+        since frame 4 is the moment at which a loop begins again.
+        """
         if asked:
             return asked
         if self.path.suffix.lower() in file_types.USD:
             from ..compiler.importers.usd import stage
 
-            found = stage.time_codes(self.path)
+            codes = stage.time_codes(self.path)
+            first, count = (None, 0.0) if codes is None else (codes[0], codes[1] - codes[0] + 1 + 1e-6)
         else:
             scene, _ = self.load({})
-            found = (0.0, scene.duration * scene.fps) if scene.duration else None
-        if found is None:
+            first, count = (0.0, math.ceil(scene.duration * self.rate() - 1e-6)) if scene.duration else (None, 0.0)
+        if first is None:
             raise click.UsageError(f"{self.path} has no range of frames: name them, as in --frames 1..24")
-        return tuple(found[0] + k for k in range(int(found[1] - found[0] + 1e-6) + 1))
+        if not (math.isfinite(first) and count <= MAX_FRAMES):
+            raise click.UsageError(f"{self.path} has more than {MAX_FRAMES:,} frames: name some, as in --frames 1..24")
+        return tuple(first + k for k in range(max(int(count), 1)))
 
     def rate(self) -> float:
-        """Frames a second: of a USD stage, time codes a second."""
+        """Frames a second: of a USD stage, time codes a second; of a glTF file, those asked for."""
         if self.path.suffix.lower() in file_types.USD:
             from ..compiler.importers.usd import stage
 
             return stage.time_codes_per_second(self.path)
+        if self.fps is not None:
+            return self.fps
         scene, _ = self.load({})
         return scene.fps
 

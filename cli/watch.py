@@ -110,7 +110,7 @@ def _opened(job: jobs.Job, path: Path) -> Opened:
     from ..live.scene_files import Opened
 
     source, stage = job.source, job.source.stage
-    loaded = partial(load.load, path, allow=source.allow, variants=stage.variants, stage=stage, max_elements=source.max_elements)
+    loaded = partial(load.load, path, allow=source.allow, stage=stage, mesh=source.mesh, max_elements=source.max_elements)
     return Opened(path, loaded, job.settings, job.overrides, source.sets, source.time)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from ..lang import collector, file_types
 from ..lang.diagnostics import Diagnostics, Span, suggest
 from ..lang.eval import evaluator
 from . import ir
-from .importers.stage_options import StageOptions
+from .importers.stage_options import MeshOptions, StageOptions
 from .io import source_files
 from .io.sandbox import FileError, Files, open_main
 from .lower import lowering
@@ -33,8 +32,8 @@ def load(
     time: float | None = None,
     code: float | None = None,
     allow: Sequence[Path | str] = (),
-    variants: Mapping[str, str] | None = None,
     stage: StageOptions | None = None,
+    mesh: MeshOptions | None = None,
     max_elements: int | None = None,
     diagnostics: Diagnostics | None = None,
     seconds: dict[str, float] | None = None,
@@ -42,8 +41,8 @@ def load(
     """The scene in a file, validated: no backend will raise on it.
 
     `sets` are values of params as text; `time` is in seconds (None: the file's own default, 0 in a .scene); `code` is a USD
-    stage's time code, in place of `time`; `allow` are folders the scene may read beside its own; `variants` choose among a
-    stage's ({"/prim:set": "name"}); `stage` has its other options; `max_elements` limits what a .scene makes (None: 10 million).
+    stage's time code, in place of `time`; `allow` are folders the scene may read beside its own; `stage` and `mesh` are the
+    options of USD stages and of meshes; `max_elements` limits what a .scene makes (None: 10 million).
     Warnings are added to `diagnostics`, the time each stage took to `seconds`. Raises SceneError with everything found.
     """
     found = diagnostics if diagnostics is not None else Diagnostics()
@@ -53,8 +52,8 @@ def load(
     scene = None
     try:
         files, real = open_main(path, allow, "scene" if suffix in file_types.SCENE else "file")
-        options = replace(stage or StageOptions(), variants=variants or {})
-        _refuse_unused(suffix, str(path), sets, time, code, options, found)
+        options, meshes = stage or StageOptions(), mesh or MeshOptions()
+        _refuse_unused(suffix, str(path), sets, (time, code), options, meshes, found)
         if max_elements is not None and suffix not in file_types.SCENE:
             found.error("only .scene files make elements", Span(str(path)), "leave out --max-elements")
         if suffix in file_types.SCENE:
@@ -66,7 +65,7 @@ def load(
             scene = _stage(path, files, (time, code), options, found, watch)
             scene = _blurred(scene, lambda later, said: _stage(path, files, (time, code), options, said, watch, later), found)
         elif suffix in file_types.MESH:
-            scene = _mesh(path, real, files, time, found, watch)
+            scene = _mesh(path, real, files, time, meshes, found, watch)
         elif suffix in file_types.SAVED:
             with watch.stage("import"):
                 scene = serialize.load(path)
@@ -148,13 +147,15 @@ def _stage(
         return usd_load.scene(path, SceneBuilder(found, files), time=moment[0], code=moment[1], options=options, later=later)
 
 
-def _mesh(path: Path, real: Path, files: Files, time: float | None, found: Diagnostics, watch: Stopwatch) -> ir.Scene:
+def _mesh(
+    path: Path, real: Path, files: Files, time: float | None, options: MeshOptions, found: Diagnostics, watch: Stopwatch
+) -> ir.Scene:  # fmt: skip
     """A bare mesh file: its own materials or grey; the lights and cameras of a glTF file, else the default ones."""
     builder = SceneBuilder(found, files)
     with watch.stage("import"), np.errstate(all="ignore"):
         from .importers import mesh_files
 
-        parts = mesh_files.read(real, str(path), builder, found, None, files, as_scene=True, time=time)
+        parts = mesh_files.read(real, str(path), builder, found, None, files, as_scene=True, time=time, options=options)
     with watch.stage("lower"):
         for part in parts:
             span = Span(f"{path}<{part.name[:80]}>" if part.name else str(path))
@@ -163,14 +164,15 @@ def _mesh(path: Path, real: Path, files: Files, time: float | None, found: Diagn
             builder.instance(InstanceData(part.geometry, row, material, name=part.name), Span(str(path)))
         photometric = builder.count("lights") > 0  # glTF has candela and lux
         said = defaults.add(builder, ir.Settings())
-        return builder.finish(str(path), defaults=said, files=files.read, photometric=photometric)
+        return builder.finish(str(path), defaults=said, files=files.read, photometric=photometric, duration=builder.duration)
 
 
 def _refuse_unused(
-    suffix: str, name: str, sets: Mapping[str, str] | None, time: float | None, code: float | None,
-    options: StageOptions, found: Diagnostics,
+    suffix: str, name: str, sets: Mapping[str, str] | None, moment: tuple[float | None, float | None],
+    options: StageOptions, meshes: MeshOptions, found: Diagnostics,
 ) -> None:  # fmt: skip
     """Report settings that this kind of file does not support."""
+    time, code = moment
     if options.variants and suffix not in file_types.USD:
         found.error("only USD stages have variants", Span(name), "leave out --variant")
     if suffix not in file_types.USD:
@@ -181,5 +183,10 @@ def _refuse_unused(
     if suffix not in file_types.SCENE:
         for param in sets or {}:
             found.error(f"there is no param `{param}`: only .scene files have params", Span(name), "leave out --set")
-    if time and suffix not in (*file_types.SCENE, *file_types.USD, ".glb", ".gltf"):
+    for option in meshes.given():
+        of = file_types.GLTF if option == "animation" else file_types.MESH
+        if suffix not in of:
+            which = "glTF files have animations with names" if option == "animation" else f"mesh files take --{option}"
+            found.error(f"only {which}", Span(name), f"leave out --{option}")
+    if time and suffix not in (*file_types.SCENE, *file_types.USD, *file_types.GLTF):
         found.error("nothing moves in this kind of file: it has no time", Span(name), "leave out --time")

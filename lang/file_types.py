@@ -2,7 +2,8 @@
 
 SCENE = (".scene",)
 USD = (".usd", ".usda", ".usdc", ".usdz")
-MESH = (".obj", ".ply", ".stl", ".glb", ".gltf", ".off")
+GLTF = (".glb", ".gltf")
+MESH = (".obj", ".ply", ".stl", *GLTF, ".off")
 SAVED = (".npz",)
 FONT = (".ttf", ".otf", ".ttc")
 MOST_ZEROS = 1 / 16  # share of zero bytes in a text; UTF-16 has about a half

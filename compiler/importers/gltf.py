@@ -38,16 +38,17 @@ MAX_NODES = 200_000
 
 def read(
     data: bytes, name: str, folder: Path | None, files: Files, builder: SceneBuilder, diagnostics: Diagnostics, as_scene: bool,
-    time: float | None = None,
+    moment: tuple[float | None, str | None] = (None, None),
 ) -> list[Part]:  # fmt: skip
     """The parts of a glTF scene: one for each primitive of each visible mesh node; nodes share geometries.
 
-    `time` is in seconds of its first animation; without it, nodes stand where the file places them.
+    `moment` is a time in seconds and the name or number of an animation, by default the first; without both, nodes stand where the file
+    places them. With `as_scene`, the builder gets the duration of the animation.
     With `as_scene`, the file is the scene: its lights and cameras go to the builder. Else they are reported as left out.
     Raises GltfError if nothing can be drawn.
     """
     container = open_container(data, folder, files)
-    reader = _Reader(container, name, builder, diagnostics, as_scene, time)
+    reader = _Reader(container, name, builder, diagnostics, as_scene, moment)
     try:
         return reader.parts()
     except WRONG as failure:
@@ -64,7 +65,7 @@ class _Reader:
     builder: SceneBuilder
     diagnostics: Diagnostics
     as_scene: bool
-    time: float | None = None
+    moment: tuple[float | None, str | None] = (None, None)
     warned: set[str] = field(default_factory=set)
     meshes: dict[Any, list[Part]] = field(default_factory=dict)
     globals: dict[int, np.ndarray] = field(default_factory=dict)  # of all nodes of the scene
@@ -78,9 +79,7 @@ class _Reader:
         for message in self.container.warnings:
             self.warn(message)
         gltf_tables.report(document, self.warn)
-        document["nodes"] = self.attempt(
-            "the animation", lambda: gltf_animation.animated(self.container, self.time, self.warn), document.get("nodes", [])
-        )
+        document["nodes"] = self.animated()
         found: list[Part] = []
         nodes = list(self.nodes())
         self.globals = {index: matrix for index, _, matrix, _ in nodes}
@@ -97,6 +96,29 @@ class _Reader:
         if not found and not self.diagnostics.failed:
             raise GltfError("the glTF file shows no mesh")
         return found
+
+    def animated(self) -> list[dict[str, Any]]:
+        """The nodes at the moment; as they are without one. Raises GltfError for an animation that the file lacks."""
+        (time, name), nodes = self.moment, Rows(dict(node) for node in self.container.document.get("nodes", ()))
+        animation = gltf_animation.chosen(self.container, name)
+        if animation is None:
+            return nodes
+        length = self.attempt("the length of the animation", lambda: gltf_animation.duration(self.container, animation), 0.0)
+        if self.as_scene and 0.0 < length < math.inf:
+            self.builder.duration = length
+        if time is None and name is None:
+            self.warn(gltf_animation.unused(self.container, length, self.as_scene))
+            return nodes
+        if name is None:
+            self.warn_of_others()
+        return self.attempt("the animation", lambda: gltf_animation.animated(self.container, animation, time or 0.0, self.warn), nodes)
+
+    def warn_of_others(self) -> None:
+        """Tell of the animations beside the first, which is drawn."""
+        names = gltf_animation.names(self.container)
+        if len(names) > 1:
+            others = ", ".join(f"`{name}`" for name in names[1:6]) + (", …" if len(names) > 6 else "")
+            self.warn(f"only the first of {len(names)} animations, `{names[0]}`, is drawn: --animation takes another ({others})")
 
     def attempt(self, what: str, make: Callable[[], _T], otherwise: _T) -> _T:
         """The result of `make`; `otherwise`, with a warning, where the file contradicts itself."""

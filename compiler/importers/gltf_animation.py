@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -16,26 +17,54 @@ from .gltf_errors import GltfError
 _PATHS = ("translation", "rotation", "scale", "weights")
 
 
-def animated(container: Container, time: float | None, warn: Warn) -> list[dict[str, Any]]:
-    """The document's nodes with the values of the first animation at `time` seconds; the nodes as they are without a time."""
-    nodes = Rows(dict(node) for node in container.document.get("nodes", ()))
-    animations = container.document.get("animations") or []
+def names(container: Container) -> list[str]:
+    """The names of the animations; those without one, or with that of an earlier one, have their number, from 0."""
+    found: list[str] = []
+    for number, animation in enumerate(container.document.get("animations") or ()):
+        name = animation.get("name")
+        found.append(name if isinstance(name, str) and name and name not in found else str(number))
+    return found
+
+
+def chosen(container: Container, name: str | None) -> dict[str, Any] | None:
+    """The animation of a name or number, by default the first; None without any. Raises GltfError for one that is not there."""
+    animations, known = container.document.get("animations") or [], names(container)
+    if name is None:
+        return animations[0] if animations else None
+    if name in known:
+        return animations[known.index(name)]
+    if name.isascii() and name.isdecimal() and len(name) < 10 and int(name) < len(animations):
+        return animations[int(name)]
     if not animations:
-        return nodes
-    if time is None:
-        length = max((duration(container, animation) for animation in animations), default=0.0)
-        warn(f"the file has {len(animations)} animation{'s' * (len(animations) > 1)} of up to {length:.4g} s: --time draws the first")
-        return nodes
-    if len(animations) > 1:
-        warn(f"only the first of {len(animations)} animations is drawn")
-    for channel in animations[0].get("channels", ()):
+        raise GltfError(f"there is no animation `{name}`: the glTF file has none")
+    near = difflib.get_close_matches(name, known, 1)
+    listed = ", ".join(f"`{one}`" for one in known[:20]) + (", …" if len(known) > 20 else "")
+    raise GltfError(f"there is no animation `{name}`: the glTF file has {listed}" + (f"; did you mean `{near[0]}`?" if near else ""))
+
+
+def unused(container: Container, length: float, as_scene: bool) -> str:
+    """The message of a picture without a time of a file with animations, whose first has a `length` in seconds."""
+    known = names(container)
+    if not as_scene:
+        return f"the file has {len(known)} animation{'s' * (len(known) > 1)}: a mesh in a scene stands as its file places it"
+    if len(known) == 1:
+        return f"the file has an animation of {length:.4g} s: --time 0s draws its first moment, --frames all its pictures"
+    listed = ", ".join(f"`{name}`" for name in known[:6]) + (", …" if len(known) > 6 else "")
+    first = f"--time draws a moment of the first, of {length:.4g} s, --frames all its pictures"
+    return f"the file has {len(known)} animations ({listed}): {first}, and --animation takes another"
+
+
+def animated(container: Container, animation: dict[str, Any], time: float, warn: Warn) -> list[dict[str, Any]]:
+    """The document's nodes with the values of an animation at `time` seconds."""
+    nodes = Rows(dict(node) for node in container.document.get("nodes", ()))
+    for channel in animation.get("channels", ()):
         target, path = channel["target"], channel["target"].get("path")
         if "node" not in target:
             continue
         if path not in _PATHS:
             warn(f"the animation of `{str(path)[:40]}` is not drawn")
             continue
-        value = _sampled(container, animations[0]["samplers"][channel["sampler"]], time, path)
+        value = _sampled(container, animation["samplers"][channel["sampler"]], time, path)
         if value is not None:
             node = nodes[target["node"]]
             node[path] = value.reshape(-1).tolist()

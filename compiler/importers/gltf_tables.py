@@ -68,7 +68,7 @@ PROPERTIES = Table(
         "nodes.skin skins.joints skins.inverseBindMatrices": "",
         "meshes.primitives.attributes.JOINTS_* meshes.primitives.attributes.WEIGHTS_*": "skins",
         "nodes.weights meshes.weights meshes.primitives.targets.POSITION meshes.primitives.targets.NORMAL": "morph targets",
-        "animations.channels animations.channels.* animations.samplers animations.samplers.*": "the first animation, at --time",
+        "animations.channels animations.channels.* animations.samplers animations.samplers.*": "the first, or --animation, at --time",
         "materials.pbrMetallicRoughness.*": "base colour, metallic and roughness with their pictures",
         "materials.normalTexture textureInfo.scale materials.occlusionTexture": "",
         "materials.emissiveFactor materials.emissiveTexture materials.alphaMode materials.alphaCutoff": "",

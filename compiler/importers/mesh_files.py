@@ -18,19 +18,22 @@ from ..scene.builder import NONE, SceneBuilder
 from ..scene.row_records import WHITE, Input, MaterialData
 from . import gltf, mtl, obj, off, ply, stl
 from .mesh_parts import Part, add
+from .stage_options import MeshOptions
 
 T = TypeVar("T")
 
 
 def read(
     source: Path | bytes, name: str, builder: SceneBuilder, diagnostics: Diagnostics, span: Span | None = None, files: Files | None = None,
-    as_scene: bool = False, time: float | None = None,
+    as_scene: bool = False, time: float | None = None, options: MeshOptions | None = None,
 ) -> list[Part]:  # fmt: skip
     """The parts of a mesh file; none after an error. `name` is shown in messages; its extension selects the format.
 
     `span` is the place of the import. `files` decides which libraries and images may be read (default: those below the file's folder).
     With `as_scene`, the file is the scene, so its lights and cameras are imported. `time` in seconds is for animations of glTF files.
+    `options` precede what the file says.
     """
+    options = options or MeshOptions()
     format_ = Path(name).suffix.lower()
     whole = Span(name)
     if format_ not in file_types.MESH:
@@ -58,7 +61,7 @@ def read(
         if format_ == ".off":
             mesh = _cached(data, diagnostics, lambda found: off.read(data, found, whole), name)
             return _parts(mesh, Path(name).stem, builder, diagnostics, whole)
-        return gltf.read(data, name, folder, files, builder, diagnostics, as_scene, time)
+        return gltf.read(data, name, folder, files, builder, diagnostics, as_scene, (time, options.animation))
     except (ply.PlyError, stl.StlError, gltf.GltfError, off.OffError) as failure:
         diagnostics.error(str(failure), whole)
     except MemoryError:

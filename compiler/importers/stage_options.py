@@ -1,4 +1,4 @@
-"""Options for reading a USD stage; the command line names them as usdrecord does."""
+"""Options for USD stages, which the command line names as usdrecord does, and for meshes."""
 
 from __future__ import annotations
 
@@ -44,3 +44,26 @@ class StageOptions:
             text = ",".join(value) if isinstance(value, tuple) else next((n for n, k in COMPLEXITIES.items() if k == value), str(value))
             found += [f"--{option}"] if option == "no-default-light" else [f"--{option}", text]
         return found
+
+
+UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "um": 1e-6, "km": 1000.0, "in": 0.0254, "ft": 0.3048}
+"""Metres in a unit of length of a mesh file. `µm` is written um."""
+AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True, slots=True)
+class MeshOptions:
+    """How mesh files are read, and how fine generated meshes are. None: as the file says, else the default."""
+
+    unit: str | None = None  # key of UNITS: what 1 is in a file
+    up: str | None = None  # one of AXES: the axis of a file that points up
+    animation: str | None = None  # name or number of an animation of a glTF file
+    deviation: float | None = None  # metres: greatest distance of generated triangles from the true surface
+
+    def given(self) -> list[str]:
+        """Names on the command line of the options about files that are not at their default."""
+        return [name for name in ("unit", "up", "animation") if getattr(self, name) is not None]
+
+    def words(self) -> list[str]:
+        """The same options as words of a command line."""
+        return [word for name in self.given() for word in (f"--{name}", str(getattr(self, name)))]

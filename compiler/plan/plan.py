@@ -55,7 +55,19 @@ def make_plan(scene: ir.Scene, settings: ir.Settings, overrides: Mapping[str, st
 def notes(scene: ir.Scene, plan: Plan) -> list[Diagnostic]:
     """Notes on parts of the scene that are without effect under the plan."""
     found = emissive_shapes.without_effect(scene, plan)
-    return [] if found is None else [found.diagnostic(scene)]
+    return [*unused_cameras(scene, plan), *([] if found is None else [found.diagnostic(scene)])]
+
+
+def unused_cameras(scene: ir.Scene, plan: Plan) -> list[Diagnostic]:
+    """The note where a picture takes the camera that was added, and the scene has cameras of its own."""
+    names, added = scene.names.cameras, any(said.startswith("camera:") for said in scene.defaults)
+    if not added or len(names) < 2 or plan["camera"] != 0:
+        return []
+    own = names[1:]
+    takes = f"--camera {own[0]} takes " + ("it" if len(own) == 1 else "the first")
+    has = "the stage's camera is not used: it is not" if len(own) == 1 else f"none of the stage's {len(own)} cameras is used: none is"
+    message = f"{has} called `main_cam`, so that the picture frames everything, as usdrecord does"
+    return [Diagnostic("note", message, scene.spans.at("cameras", 1), takes)]
 
 
 def default_notes(scene: ir.Scene) -> list[Diagnostic]:

@@ -52,7 +52,7 @@ class SceneBuilder:
     """
 
     def __init__(self, diagnostics: Diagnostics | None = None, files: Files | None = None) -> None:
-        """`files` decides which files may be read while this builder is filled (default: the library only)."""
+        """`files` decides which files may be read meanwhile (default: the library only)."""
         self.diagnostics = diagnostics if diagnostics is not None else Diagnostics()
         self.files = files if files is not None else Files(LIBRARY)
         self._matrices: list[np.ndarray] = []  # (k, 3, 4) each
@@ -70,6 +70,7 @@ class SceneBuilder:
         self._length: dict[str, int] = dict.fromkeys(self._pools, 0)
         self._colorful: list[bool] = []  # of each image: whether its channels differ
         self._holes: list[bool] = []  # of each image: whether some alpha is below 1
+        self.duration: float | None = None  # seconds of the animation of an imported file
         self.transform(np.eye(4))
 
     # --- transforms ---
@@ -151,10 +152,9 @@ class SceneBuilder:
     def triangles(self, geometry: int) -> tuple[np.ndarray, np.ndarray]:
         """(positions (n, 3), triangles (m, 3)) of a mesh row, in its own frame."""
         row = dict(zip(ir.Geometries._fields, self._rows["geometries"][geometry], strict=True))
-        first, begin = row["first_triangle"], row["first_vertex"]
-        triangles = mesh_storage.pool_rows(self._pools["triangles"], first, row["triangle_count"])
-        points = mesh_storage.pool_rows(self._pools["positions"], begin, row["vertex_count"])
-        return points.astype(np.float64) + row["origin"], triangles - begin
+        triangles = mesh_storage.pool_rows(self._pools["triangles"], row["first_triangle"], row["triangle_count"])
+        points = mesh_storage.pool_rows(self._pools["positions"], row["first_vertex"], row["vertex_count"])
+        return points.astype(np.float64) + row["origin"], triangles - row["first_vertex"]
 
     def tape(self, tape: Tape) -> int:
         """The row of a tape; equal tapes share one."""
@@ -404,10 +404,10 @@ class SceneBuilder:
         instances = self._instances.table().copy()
         if (instances[:, 2] < 0).any():
             instances[instances[:, 2] < 0, 2] = self.default_material()
-        rows = dict(self._rows)
         shape_of = {int(instances[index, 3]): index for index in np.flatnonzero(instances[:, 3] >= 0).tolist()}
         at = ir.Lights._fields.index("instance")
-        rows["lights"] = [(*row[:at], shape_of.get(index, NONE), *row[at + 1 :]) for index, row in enumerate(rows["lights"])]
+        lights = [(*row[:at], shape_of.get(index, NONE), *row[at + 1 :]) for index, row in enumerate(self._rows["lights"])]
+        rows = {**self._rows, "lights": lights}
         made = {table: ir.table_of(table, row_tables.columns(table, rows[table])) for table in ir.TABLES}
         made["instances"] = ir.table_of("instances", dict(zip(ir.Instances._fields, instances.T, strict=True)))
         made["transforms"] = self._transforms()

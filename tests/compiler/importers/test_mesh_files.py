@@ -664,7 +664,7 @@ def test_a_gltf_with_a_file_and_a_data_uri(tmp_path):
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
-        ({"animations": [{}]}, "the file has 1 animation of up to 0 s: --time draws the first"),
+        ({"animations": [{}]}, "the file has 1 animation: a mesh in a scene stands as its file places it"),
         ({"extensionsUsed": ["EXT_new", "KHR_mesh_quantization"]}, "the extension `EXT_new` is not known: it is not drawn"),
         ({"materials": [{"extensions": {"KHR_materials_anisotropy": {}}}]},
          "the extension `KHR_materials_anisotropy` is not drawn: no material has this lobe: the others are drawn"),
@@ -868,7 +868,7 @@ def test_without_a_time_nodes_stand_where_the_file_places_them():
     document, binary, _ = moving()
     _, parts, messages = at_time(glb(document, binary), None)
     assert np.asarray(parts[0].transform)[:, 3].tolist() == [1, 2, 3]
-    assert messages == ["the file has 1 animation of up to 2 s: --time draws the first"]
+    assert messages == ["the file has 1 animation: a mesh in a scene stands as its file places it"]
 
 
 def test_morph_targets():

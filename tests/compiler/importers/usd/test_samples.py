@@ -5,6 +5,7 @@ import csv
 import numpy as np
 import pytest
 from maquette.compiler import ir, load
+from maquette.compiler.importers.stage_options import StageOptions
 from maquette.lang.diagnostics import Diagnostics, SceneError
 
 from .stages import load as read
@@ -93,12 +94,14 @@ def test_variants_change_what_is_drawn(assets):
     prim = next(p for p in stage.TraverseAll() if p.HasVariantSets())
     name = prim.GetVariantSets().GetNames()[0]
     choices = prim.GetVariantSet(name).GetVariantNames()
-    counts = {len(load.load(path, variants={f"{prim.GetPath()}:{name}": c}).tables.pools.triangles) for c in choices}
+    chosen = [StageOptions(variants={f"{prim.GetPath()}:{name}": c}) for c in choices]
+    counts = {len(load.load(path, stage=stage).tables.pools.triangles) for stage in chosen}
     assert len(counts) > 1
 
 
 def test_a_wrong_variant_of_a_real_stage_is_one_error(assets):
     found = Diagnostics()
+    asked = StageOptions(variants={"/nowhere:x": "y"})
     with pytest.raises(SceneError):
-        load.load(assets / manifest(assets)["pub_vehicles"]["path"], variants={"/nowhere:x": "y"}, diagnostics=found)
+        load.load(assets / manifest(assets)["pub_vehicles"]["path"], stage=asked, diagnostics=found)
     assert [d.message for d in found.items] == ["the stage has no prim `/nowhere`"]

@@ -6,7 +6,10 @@
     print(maquette.compare(image, "reference.exr").error)
 """
 
-from __future__ import annotations
+# ruff: noqa: E402 (this comes first, before a module of Python's could come from the current folder; so would __future__)
+from .compiler.io import import_path  # isort: split
+
+import_path.isolate_command(__name__, __path__[0])
 
 import tempfile
 import warnings
@@ -41,9 +44,9 @@ def load(
     allow: Sequence[str | Path] = (),
     variants: Mapping[str, str] | None = None,
     max_elements: int | None = None,
-    diagnostics: Diagnostics | None = None,
+    diagnostics: "Diagnostics | None" = None,
     **params: Any,
-) -> Scene:
+) -> "Scene":
     """Compile a .scene, USD or mesh file, a Usd.Stage, or a mesh or scene of trimesh.
 
     `params` are values of the scene's params: numbers, truth values, lists, arrays, and texts in the language ("2cm", "#d0402a").
@@ -88,7 +91,7 @@ def _written(source: Any, folder: Path) -> tuple[Path, list[Path]]:
     raise TypeError(f"load takes a file, a pxr.Usd.Stage, or a mesh or scene of trimesh, not {kind.__module__}.{kind.__name__}")
 
 
-def load_text(text: str, folder: str | Path = ".", **options: Any) -> Scene:
+def load_text(text: str, folder: str | Path = ".", **options: Any) -> "Scene":
     """Compile the text of a scene as if it were a file in `folder`, called text.scene; `options` are those of `load`.
 
     Raises maquette.lang.diagnostics.SceneError.
@@ -111,7 +114,7 @@ def _as_text(value: Any) -> str:
     return value if isinstance(value, str) else repr(value)
 
 
-def render(scene: ir.Scene | str | Path, *, plan: Mapping[str, str] | None = None, **settings: Any) -> Image:
+def render(scene: "ir.Scene | str | Path", *, plan: Mapping[str, str] | None = None, **settings: Any) -> "Image":
     """Draw a scene, or the file of one.
 
     `settings` are the fields of compiler.ir.Settings: size=(800, 600), backend="ray", samples=16, aov=("depth",) and so
@@ -123,7 +126,7 @@ def render(scene: ir.Scene | str | Path, *, plan: Mapping[str, str] | None = Non
     return Scene.of(scene if isinstance(scene, ir.Scene) else load(scene)).render(plan=plan, **settings)
 
 
-def show(path: str | Path, *, plan: Mapping[str, str] | None = None, allow: Sequence[str | Path] = (), **settings: Any) -> Widget:
+def show(path: str | Path, *, plan: Mapping[str, str] | None = None, allow: Sequence[str | Path] = (), **settings: Any) -> "Widget":
     """The live window of a scene file as a widget of a notebook, which follows its edits; see docs/live.md.
 
     `settings` and `plan` are those of `render`, `allow` that of `load`. Raises ImportError without anywidget.
@@ -144,7 +147,7 @@ def show(path: str | Path, *, plan: Mapping[str, str] | None = None, allow: Sequ
     return Widget(Opened(file, made, ir.Settings(**settings), plan or {}))
 
 
-def compare(image: Image | str | Path, reference: Image | str | Path) -> Difference:
+def compare(image: "Image | str | Path", reference: "Image | str | Path") -> "Difference":
     """√relMSE and the largest difference between two pictures or files of pictures, in linear light.
 
     Warns of what of a file is missing, not read, or read by a guess.

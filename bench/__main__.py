@@ -44,13 +44,14 @@ def main(arguments: list[str] | None = None) -> int:
     known = limits.simd()
     limits.limit(os.environ, asked.simd, CORES.get(names[0], 1))
     if limits.simd() != known:  # the vectors of kernels are selected at import
-        return subprocess.run([sys.executable, "-m", "maquette.bench", *(sys.argv[1:] if arguments is None else arguments)]).returncode
+        words = sys.argv[1:] if arguments is None else arguments
+        return subprocess.run([sys.executable, "-P", "-m", "maquette.bench", *words]).returncode
     return run(names[0], asked.quick, asked.results, asked.only)
 
 
 def _run_in_process(name: str, asked: argparse.Namespace) -> int:
     """Run one benchmark in its own process, as the libraries of peers conflict."""
-    command = [sys.executable, "-m", "maquette.bench", name]
+    command = [sys.executable, "-P", "-m", "maquette.bench", name]
     command += ["--quick"] if asked.quick else []
     command += ["--simd", asked.simd] if asked.simd else []
     command += ["--only", asked.only] if asked.only else []

@@ -92,11 +92,11 @@ class Environment:
     def install(self) -> None:
         """Install the wheel of MAQUETTE_WHEEL, or one that is built from this checkout. Raises CalledProcessError."""
         wheel = os.environ.get(WHEEL)
-        pip = [sys.executable, "-m", "pip"]
+        pip = [sys.executable, "-P", "-m", "pip"]
         if not wheel:
             subprocess.run([*pip, "wheel", "-q", "--no-deps", "--no-build-isolation", "-w", self.folder, ROOT], check=True)
             wheel = str(next(self.folder.glob("*.whl")))
-        subprocess.run([sys.executable, "-m", "venv", "--without-pip", self.folder / "venv"], check=True)
+        subprocess.run([sys.executable, "-P", "-m", "venv", "--without-pip", self.folder / "venv"], check=True)
         self.python = str(self.folder / "venv/bin/python")
         code = "import sysconfig; print(sysconfig.get_path('purelib'))"
         site = Path(subprocess.run([self.python, "-c", code], capture_output=True, text=True, check=True).stdout.strip())

@@ -174,7 +174,7 @@ def instances(folder: Path, count: int) -> Path:
 def _process(arguments: list[str]) -> tuple[str, str, str]:
     """CPU seconds, wall seconds and peak memory in MB (10⁶ bytes) of a command and its children."""
     started = time.perf_counter()
-    child = subprocess.Popen([sys.executable, "-m", "maquette", *arguments], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    child = subprocess.Popen([sys.executable, "-P", "-m", "maquette", *arguments], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     _, status, used = os.wait4(child.pid, 0)
     child.returncode = os.waitstatus_to_exitcode(status)
     if child.returncode:

@@ -7,7 +7,6 @@ hits of camera rays are found with, and by precision. See render/backends/kernel
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
@@ -15,12 +14,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..compiler import ir, load
+from ..compiler.io import child_process
 from ..compiler.plan import plan
 from ..render import render_scene
 from ..render.backends import kernel_choice
 from ..render.jit import kernel_cache
 
 WORKERS = 2
+_THIS = f"{__package__}.build_kernels"  # __name__ may be __main__
 SIZES = (24, 16), (72, 40)  # one tile, and several tiles, whose arrays are parts of larger ones
 _BALL = "plane(y: 0)\nsphere(1, center: [0, 1, 0], material: {0})\ncamera(position: [0, 2, 6], look_at: [0, 1, 0])\n"
 _TORUS = _BALL + "union(round: 0.1, material: {0}) {{ box(1, center: [1, 1, 0]); torus(radius: 1, tube: 0.2) }}\n"
@@ -113,7 +114,8 @@ def main() -> int:
         return 0
 
     def run(name: str) -> int:
-        return subprocess.run([sys.executable, "-P", "-m", __spec__.name, name], check=False).returncode
+        command = child_process.python(f"from {_THIS} import compile_variant\ncompile_variant({name!r})")
+        return child_process.run(command, check=False).returncode
 
     with ThreadPoolExecutor(WORKERS) as pool:
         done = track(pool.map(run, missing), "compiling kernels", len(missing), console=Console(stderr=True))

@@ -17,6 +17,7 @@ from typing import Any
 import click
 
 from .. import __version__
+from ..compiler.io import child_process, import_path
 from ..compiler.io.regular_files import MAX_DATA, read_text
 from ..compiler.io.replace_file import replace_file
 from ..lang import file_types
@@ -157,7 +158,7 @@ def _draw_all(
     if count < 2:
         yield from (draw(asset, output, size, complexity, options) for asset in assets)
         return
-    with ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), _begin_worker) as pool:
+    with child_process.isolated(), ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), _begin_worker) as pool:
         waiting: dict[Future[Thumbnail], Asset] = {pool.submit(draw, a, output, size, complexity, options): a for a in assets}
         for future in as_completed(waiting):
             try:
@@ -168,6 +169,7 @@ def _draw_all(
 
 
 def _begin_worker() -> None:
+    import_path.isolate()
     shared.raise_gc_threshold()
     atexit.register(os._exit, 0)  # as in main: without the end of OpenImageIO's module, which prints what it leaks
 

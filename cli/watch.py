@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 import tempfile
 import threading
-import webbrowser
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .. import __version__
+from ..compiler.io import child_process
 from . import common_options as shared
 from . import render_job as jobs
 
@@ -100,7 +100,7 @@ def _show(job: jobs.Job, output: Path | None, browser: bool, port: int | None, s
         click.echo(f"{source.path}: {shown.address.url} (Ctrl-C ends)")
         sys.stdout.flush()
         if browser:
-            threading.Thread(target=webbrowser.open, args=(shown.address.url,), daemon=True).start()
+            threading.Thread(target=child_process.browse, args=(shown.address.url,), daemon=True).start()
         shown.serve()
 
 

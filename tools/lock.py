@@ -22,7 +22,7 @@ def main() -> int:
         command = ["pip", "compile", "--quiet", "--universal", "--generate-hashes", "--no-annotate", "--no-header", "--upgrade"]
         command += ["--python-version", OLDEST, "--constraints", "constraints.txt", "pyproject.toml"]
         command += [word for extra in extras for word in ("--extra", extra)]
-        done = subprocess.run([sys.executable, "-m", "uv", *command], cwd=ROOT, stdout=subprocess.PIPE, text=True)
+        done = subprocess.run([sys.executable, "-P", "-m", "uv", *command], cwd=ROOT, stdout=subprocess.PIPE, text=True)
         if done.returncode:
             return done.returncode
         uses = "what maquette needs" + "".join(f", and its extra `{extra}`" for extra in extras)

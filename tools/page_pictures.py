@@ -47,9 +47,10 @@ def draw(picture: str, scene: str) -> None:
         source = Path(folder) / "block.scene"
         source.write_text(re.sub(r'"assets/', '"../assets/', scene), encoding="utf-8")
         target = Path(folder) / "block.png"
-        command = [sys.executable, "-m", "maquette", "render", str(source), "-o", str(target), "--size", SIZE, "--samples", SAMPLES, "-q"]
+        command = [sys.executable, "-P", "-m", "maquette", "render", str(source), "-o", str(target), "--size", SIZE]
+        command += ["--samples", SAMPLES, "-q"]
         command += ["--allow", str(ROOT / "examples")] + ["--time", "0.7s"] * ("animate(" in scene)
-        if subprocess.run([sys.executable, "-c", "import pyoidn"], capture_output=True).returncode == 0:
+        if subprocess.run([sys.executable, "-P", "-c", "import pyoidn"], capture_output=True).returncode == 0:
             command.append("--denoise")
         subprocess.run(command, check=True, env={**os.environ, "MAQUETTE_PROGRESS": "off", "MAQUETTE_KERNELS": "general"})
         (DOCS / picture).parent.mkdir(exist_ok=True)

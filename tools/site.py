@@ -96,7 +96,7 @@ def build(folder: Path) -> int:
     lay_out(folder / "source")
     config = {**CONFIG, "nav": [{title: pages} for title, pages in sections().items()]}
     (folder / "mkdocs.yml").write_text(yaml.safe_dump(config, sort_keys=False), encoding="utf-8")
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "-f", str(folder / "mkdocs.yml")]
+    command = [sys.executable, "-P", "-m", "mkdocs", "build", "--strict", "-f", str(folder / "mkdocs.yml")]
     done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "NO_MKDOCS_2_WARNING": "1"})
     for line in (done.stdout + done.stderr).splitlines():
         if not line.startswith("INFO"):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import os
 import platform
 import re
 import subprocess
@@ -17,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from ...compiler import ir
+from ...compiler.io import child_process
 from ...compiler.plan import plan as planner
 from ...lang.distribution import VERSION
 from ...render import render_scene
@@ -60,9 +60,9 @@ def import_seconds() -> float:
     """Seconds to import the renderer in a new process; 0 if none can be started."""
     code = "import time; t = time.perf_counter(); import maquette.render.render_scene; print(time.perf_counter() - t)"
     try:
-        done = subprocess.run(
-            [sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}, timeout=60,
-            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, check=True,
+        done = child_process.run(
+            child_process.python(code), timeout=60, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+            text=True, check=True,
         )  # fmt: skip
         return float(done.stdout)
     except (OSError, subprocess.SubprocessError, ValueError):

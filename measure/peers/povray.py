@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shutil
-import subprocess
 import tempfile
 import time
 from pathlib import Path
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...compiler.exporters.povray import scene as povray_scene
+from ...compiler.io import child_process
 from ...compiler.plan.plan import Plan
 from ...render.image import image_reader
 from ...render.tessellation import scene_meshes
@@ -37,7 +37,7 @@ class PovRay:
 
     @property
     def version(self) -> str:
-        output = subprocess.run(["povray", "--version"], capture_output=True, text=True, check=False)
+        output = child_process.run(["povray", "--version"], capture_output=True, text=True, check=False)
         found = re.search(r"POV-Ray ([\w.]+)", output.stdout + output.stderr)
         return f"POV-Ray {found.group(1) if found else '(version unknown)'}"
 

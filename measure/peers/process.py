@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from ...compiler.io import child_process
 from ...compiler.plan.plan import Plan
 from ...render.simd import target
 
@@ -26,9 +26,9 @@ def threads(plan: Plan) -> int:
 def run(name: str, command: Sequence[str], folder: Path, environment: Mapping[str, str] | None = None) -> str:
     """Run a program in `folder` and return its output (both streams). Raises PeerError if it fails."""
     try:
-        done = subprocess.run(
-            command, cwd=folder, env={**os.environ, **(environment or {})}, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT, text=True, errors="replace", timeout=TIMEOUT, check=False,
+        done = child_process.run(
+            command, folder, environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+            errors="replace", timeout=TIMEOUT, check=False,
         )  # fmt: skip
     except OSError as error:
         raise PeerError(f"{name} cannot be started: {error.strerror}") from None

@@ -20,6 +20,7 @@ from multiprocessing import resource_tracker
 from typing import Any
 
 from ...compiler import ir
+from ...compiler.io import child_process
 from ...lang.diagnostics import Diagnostic
 from ...lang.distribution import install_command
 from .. import packing
@@ -219,12 +220,14 @@ def _start_local(workers: int) -> Any:
 
     threads = math.ceil(target.cores() / workers)
     options: dict[str, Any] = {"dashboard_address": "127.0.0.1:0", "memory_limit": 0, "silence_logs": logging.CRITICAL}
-    resource_tracker.ensure_running()  # otherwise it is started with the first worker, and unblocks SIGINT
+    with child_process.isolated():
+        resource_tracker.ensure_running()  # otherwise it is started with the first worker, and unblocks SIGINT
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if hasattr(signal, "pthread_sigmask") else None
     try:
-        return distributed.LocalCluster(
-            n_workers=workers, threads_per_worker=threads, security=distributed.Security.temporary(), **options
-        )  # fmt: skip
+        with child_process.isolated():
+            return distributed.LocalCluster(
+                n_workers=workers, threads_per_worker=threads, security=distributed.Security.temporary(), **options
+            )  # fmt: skip
     finally:
         if before is not None:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-import webbrowser
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -11,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from ...compiler.io import child_process
 from . import metrics
 
 WIDTHS = {
@@ -78,7 +78,7 @@ class Image:
         """Open the picture in the desktop's viewer, as a temporary PNG file."""
         path = Path(tempfile.mkdtemp(prefix="maquette-")) / "image.png"
         self.save(path)
-        webbrowser.open(path.as_uri())
+        child_process.browse(path.as_uri())
 
     def _repr_png_(self) -> bytes:
         """The picture in a notebook."""

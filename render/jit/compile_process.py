@@ -19,12 +19,13 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
+from ...compiler.io import child_process
 from ..simd import target
 from . import compile_events, function_pointer, kernel_cache
 from .kernel import Kernel
 from .value_types import ValueType, from_plain, typeof
 
-_BEGIN = "import importlib, json, sys; sys.path[:], name = json.loads(sys.stdin.buffer.readline()); importlib.import_module(name).serve()"
+_BEGIN = f"from {__name__} import serve\nserve()"
 _PACKAGE = __name__.partition(".")[0]
 
 LOCK_SECONDS = 0.5  # between two attempts to lock the cache
@@ -126,12 +127,12 @@ def _start(
     request = str(kernel_cache.CACHE), loaded, function.__module__, function.__qualname__, compiles, arguments, message is not None
     try:
         quiet = subprocess.DEVNULL
-        process = subprocess.Popen([sys.executable, "-c", _BEGIN], stdin=subprocess.PIPE, stdout=quiet, stderr=quiet)
+        process = child_process.start(child_process.python(_BEGIN), stdin=subprocess.PIPE, stdout=quiet, stderr=quiet)
     except OSError:
         return None
     assert process.stdin is not None
     try:
-        process.stdin.write(f"{json.dumps((sys.path, __name__))}\n{json.dumps(request)}\n".encode())
+        process.stdin.write(f"{json.dumps(request)}\n".encode())
         process.stdin.flush()  # stays open: its end tells the other process that this one has ended
     except OSError:  # the process failed to start
         process.kill()

@@ -13,7 +13,7 @@ from .polygon_mesh import PolyMesh
 
 _SIDES = ((50_000, 16), (500_000, 8))  # up to so many samples, sides of a tube
 _FEWEST_SIDES = 4  # without ends and with normals of points
-_MOST_STRETCH = 3.0  # of a section at a corner
+_MOST_STRETCH = 3.0  # of a section at a corner; sharper ones are bevelled (the mitre limit of PostScript)
 
 
 class Strands(NamedTuple):
@@ -38,6 +38,22 @@ def tangents(strands: Strands) -> tuple[F64, F64]:
     cosine = np.where((arriving == 0).all(axis=1) | (leaving == 0).all(axis=1), 1.0, np.einsum("ij,ij->i", along, leaving))
     stretch = np.minimum(1.0 / np.maximum(cosine, 1e-3), _MOST_STRETCH) - 1.0
     return along, _unit(leaving - cosine[:, None] * along) * stretch[:, None]
+
+
+def _bevelled(strands: Strands) -> tuple[Strands, I64]:
+    """The polylines with each corner twice that is too sharp for a mitre, and the points (n,) that theirs are.
+
+    Two points at one place have a section each, across their own segment, and the bevel between. One stretched section would be too thin.
+    """
+    before, after = _neighbours(strands)
+    arriving, leaving = _unit(strands.points - strands.points[before]), _unit(strands.points[after] - strands.points)
+    inner = (arriving != 0).any(axis=1) & (leaving != 0).any(axis=1)
+    # The cosine of the whole turn is 2 cos² − 1 of its half, whose inverse is the stretch.
+    sharp = inner & (np.einsum("ij,ij->i", arriving, leaving) < 2.0 / _MOST_STRETCH**2 - 1.0)
+    rows = np.repeat(np.arange(len(strands.points)), 1 + sharp)
+    of = np.repeat(np.arange(len(strands.counts)), strands.counts)
+    counts = strands.counts + np.bincount(of[sharp], minlength=len(strands.counts))
+    return Strands(strands.points[rows], strands.radii[rows], counts, strands.closed), rows
 
 
 def _neighbours(strands: Strands) -> tuple[I64, I64]:
@@ -80,7 +96,7 @@ def _segments(strands: Strands) -> tuple[I64, I64]:
     """Rows of the two ends of each segment."""
     _, after = _neighbours(strands)
     rows = np.arange(len(strands.points))
-    used = after != rows
+    used = after != rows  # the bevel between the two points of a corner is a segment too
     return rows[used], after[used]
 
 
@@ -89,6 +105,8 @@ def tubes(strands: Strands, uvs: np.ndarray | None = None, colors: np.ndarray | 
 
     `uvs` (m, 2) and `colors` (m, 3) are values at the points.
     """
+    strands, rows = _bevelled(strands)
+    uvs, colors = (None if values is None else np.asarray(values)[rows] for values in (uvs, colors))
     sides = next((sides for most, sides in _SIDES if len(strands.points) <= most), _FEWEST_SIDES)
     along, way = tangents(strands)
     across = _frames(strands, along)
@@ -121,6 +139,8 @@ def tubes(strands: Strands, uvs: np.ndarray | None = None, colors: np.ndarray | 
 
 def ribbons(strands: Strands, facing: F64, uvs: np.ndarray | None = None, colors: np.ndarray | None = None) -> PolyMesh:
     """Flat ribbons whose normals are those of `facing` (m, 3), made perpendicular to the curve."""
+    strands, rows = _bevelled(strands)
+    facing, uvs, colors = facing[rows], *(None if values is None else np.asarray(values)[rows] for values in (uvs, colors))
     along, way = tangents(strands)
     side = _unit(np.asarray(np.cross(facing, along), np.float64)) * (strands.radii * (1.0 + np.linalg.norm(way, axis=1)))[:, None]
     points = np.stack([strands.points - side, strands.points + side], axis=1).reshape(-1, 3)

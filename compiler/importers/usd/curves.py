@@ -84,7 +84,7 @@ def mesh(
         samples = _hermite(counts) if len(tangents) == number and np.isfinite(tangents).all() else None
         control, number = np.concatenate([control, tangents]), -1  # their values of interpolation vertex are varying
     else:
-        samples = _basis(prim, counts) if kind == "BasisCurves" else _nurbs(prim, time, counts, number)
+        samples = _basis(prim, counts) if kind == "BasisCurves" else _nurbs(prim, time, counts, number, diagnostics, span)
     if samples is None:
         what = "tangents" if kind == "HermiteCurves" else f"knots, counts or orders (at most {MAX_ORDER})"
         diagnostics.warning(f"the {what} of this {kind} do not fit its points: it is not drawn", span)
@@ -161,7 +161,7 @@ class _Reader:
         if not found or not found.HasValue():
             return None
         try:
-            values = np.array(found.ComputeFlattened(self.time), np.float64).reshape(-1, width)
+            values = np.array(stage.flattened(found, self.time), np.float64).reshape(-1, width)
         except (TypeError, ValueError):
             values = np.zeros((0, width))
         return self._fitted(str(name), stage.linear(found.GetAttr(), np.nan_to_num(values)), str(found.GetInterpolation()))
@@ -245,14 +245,20 @@ def _grid(segments: I64, steps: int, closed: bool) -> tuple[I64, I64, F64]:
     return curve, segment, (k - segment * steps) / steps
 
 
-def _nurbs(prim: Any, time: Any, counts: I64, points: int) -> Samples | None:
-    """Samples of NurbsCurves, over the range of each curve (Cox and de Boor)."""
+def _nurbs(prim: Any, time: Any, counts: I64, points: int, diagnostics: Diagnostics, place: Span) -> Samples | None:
+    """Samples of NurbsCurves, over the range of each curve (Cox and de Boor). Without knots they are clamped and uniform."""
     orders = stage.numbers(prim.GetAttribute("order"), time, np.int64)
     knots = stage.numbers(prim.GetAttribute("knots"), time, np.float64)
     ranges = stage.numbers(prim.GetAttribute("ranges"), time, np.float64, 2)
     heavy = stage.numbers(prim.GetAttribute("pointWeights"), time, np.float64)
     heavy = heavy if len(heavy) == points else np.ones(points)
+    if not len(orders):
+        orders = np.clip(counts, 2, 4)
+        diagnostics.warning("this NurbsCurves has no order: its curves are cubic, or as their points allow", place)
     orders = np.repeat(orders, len(counts)) if len(orders) == 1 else orders
+    if not len(knots) and len(orders) == len(counts) and (orders >= 1).all() and (orders <= np.minimum(counts, MAX_ORDER)).all():
+        knots = np.concatenate([clamped(count, order) for count, order in zip(counts.tolist(), orders.tolist(), strict=True)])
+        diagnostics.warning("this NurbsCurves has no knots: clamped uniform ones are taken", place)
     if len(orders) != len(counts) or (counts + orders).sum() != len(knots):
         return None
     if (orders < 2).any() or (orders > np.minimum(counts, MAX_ORDER)).any():
@@ -282,6 +288,11 @@ def _nurbs(prim: Any, time: Any, counts: I64, points: int) -> Samples | None:
     none = np.zeros(len(counts), bool)
     joined = [np.concatenate(parts) for parts in (rows, weights, curves, ends, shares)]
     return Samples(joined[0], joined[1], joined[2], joined[3], joined[4], none, 2 * len(counts))
+
+
+def clamped(count: int, order: int) -> F64:
+    """The knots of a curve that begins at its first point and ends at its last, one apart between."""
+    return np.clip(np.arange(count + order, dtype=np.float64) - (order - 1), 0, count - order + 1)
 
 
 def de_boor(knots: F64, span: I64, t: F64, order: int) -> F64:

@@ -1,4 +1,7 @@
-"""Displacement of meshes: points move along their normals by a number or by a picture, at the mesh's own resolution."""
+"""Displacement of meshes: points move along their normals by a number or by a picture, at the mesh's own resolution.
+
+Heights are lengths in the units of the stage, whatever the scale of the prim, as Storm applies them after the transform.
+"""
 
 from __future__ import annotations
 
@@ -13,10 +16,17 @@ from ...scene.row_records import MeshAttribute, TextureData
 from .geometry import Faces
 
 
-def displaced(found: Faces, heights: float | tuple[TextureData, np.ndarray]) -> Faces:
+def metric(matrix: F64) -> tuple[float, ...]:
+    """The metric MᵀM of a transform (4, 4), row by row; rotations and mirrors have that of the identity. Rounded, to compare."""
+    linear = np.asarray(matrix, np.float64)[:3, :3]
+    return tuple((np.float32(linear.T @ linear) + np.float32(0.0)).ravel().tolist())
+
+
+def displaced(found: Faces, heights: float | tuple[TextureData, np.ndarray], of: tuple[float, ...]) -> Faces:
     """Faces whose points are moved along smooth normals; points at the same place stay together. Normals become those of the result.
 
-    `heights` is a length, or a picture's mapping and texels (h, w, 4). A point has the mean of the heights at its corners.
+    `heights` is a length in the world, or a picture's mapping and texels (h, w, 4). A point has the mean of the heights at its corners.
+    `of` is the metric G of the prim's transform: the world's unit normal is G⁻¹n / √(nᵀG⁻¹n) in the frame of the prim.
     """
     mesh = found.mesh
     indices = np.asarray(mesh.indices)
@@ -35,11 +45,19 @@ def displaced(found: Faces, heights: float | tuple[TextureData, np.ndarray]) -> 
         total = np.bincount(of_point[indices], corners, len(places))
         height = total / np.maximum(np.bincount(of_point[indices], minlength=len(places)), 1)
     moved = np.array(mesh.points, np.float64)
-    moved[used] = (places + height[:, None] * _normals(whole))[of_point[used]]
+    moved[used] = (places + height[:, None] * _world_normals(_normals(whole), of))[of_point[used]]
     smooth = _normals(replace(whole, points=_welded(moved, used, of_point, len(places))))
     normals = np.zeros((len(moved), 3), np.float32)
     normals[used] = smooth[of_point[used]]
     return Faces(replace(mesh, points=moved, normals=MeshAttribute(normals)), found.rows, False)
+
+
+def _world_normals(normals: np.ndarray, of: tuple[float, ...]) -> F64:
+    """Normals (n, 3) of a prim that have the length 1 in the world, in the frame of the prim; see `displaced`."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = normals @ np.linalg.pinv(np.array(of).reshape(3, 3))
+        length = np.sqrt(np.einsum("ij,ij->i", along, normals))[:, None]
+    return np.where(length > 0, along / np.where(length > 0, length, 1.0), 0.0)
 
 
 def _welded(points: F64, used: np.ndarray, of_point: np.ndarray, count: int) -> F64:

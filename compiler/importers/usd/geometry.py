@@ -299,7 +299,7 @@ def primvar(
     found = api.FindPrimvarWithInheritance(name)
     if not found or not found.HasValue():
         return None
-    flat = found.ComputeFlattened(time)
+    flat = stage.flattened(found, time)
     if flat is None:
         diagnostics.warning(f"the indices of the primvar `{name}` do not fit it: it is left out", span)
         return None

@@ -19,6 +19,7 @@ from ...scene.builder import SceneBuilder
 from ...scene.row_records import LightData
 from ..stage_options import StageOptions
 from . import camera, render_settings
+from .layers import text_layers
 from .stage import Opened, Reports, open_
 from .traverse import Walk
 
@@ -44,6 +45,7 @@ def scene(
     with np.errstate(all="ignore"):  # consumers of non-finite values detect them
         walk.run(opened.stage.GetPseudoRoot(), opened.frame, opened.frame)
         walk.place()
+        _refuse_ruins(opened, builder, 0, Span(opened.name))
         asked = _with_camera(asked, walk)
         if options.as_asset:
             asked = replace(asked, depth_of_field=False, motion_blur=False)
@@ -88,9 +90,19 @@ def place(
     base = matrix @ np.diag([opened.meters_per_unit] * 3 + [1.0]) @ opened.frame
     walk = Walk(opened, builder, unit=unit, material=material, prefix=name)
     with np.errstate(all="ignore"):
+        before = builder.count("instances")
         walk.run(root or opened.stage.GetPseudoRoot(), base, base)
         walk.place()
+        _refuse_ruins(opened, builder, before, span)
     reports.tell(builder.diagnostics, span)
+
+
+def _refuse_ruins(opened: Opened, builder: SceneBuilder, before: int, span: Span) -> None:
+    """An error for a stage whose statements were left out as damaged, if nothing drawn is left. `before` instances were there."""
+    if builder.count("instances") > before or not text_layers.lost(builder.diagnostics):
+        return
+    message = f"cannot read the stage `{opened.path.name}`: nothing is left to draw without the statements that cannot be read"
+    builder.diagnostics.error(message, span, "correct those that the warnings name, or export it again")
 
 
 def _first(opened: Opened) -> str:

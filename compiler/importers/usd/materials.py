@@ -75,16 +75,19 @@ class Materials:
 
     def bound(self, prim: Any) -> Network | None:
         """The network bound to a prim, by purpose full, then preview, then all-purpose. None if absent or unsupported."""
-        api = UsdShade.MaterialBindingAPI(prim)
-        material, relation = api.ComputeBoundMaterial(UsdShade.Tokens.full)
-        if material and not str(relation.GetName()).startswith("material:binding:full"):
-            preferred, other = api.ComputeBoundMaterial(UsdShade.Tokens.preview)
-            if preferred and ":preview" in str(other.GetName()):
-                material = preferred
+        api, material = UsdShade.MaterialBindingAPI(prim), None
+        for purpose in (UsdShade.Tokens.full, UsdShade.Tokens.preview):
+            found, relation = api.ComputeBoundMaterial(purpose)  # of this purpose, else the all-purpose one
+            if found:
+                material = found
+                if _purpose(str(relation.GetName())) == purpose:
+                    break
         if not material:
-            missing = api.GetDirectBinding().GetMaterialPath()
-            if not missing.isEmpty and not prim.GetStage().GetPrimAtPath(missing):
-                self.tell(f"the material {missing} does not exist: its prims show their displayColor", prim)
+            for purpose in (UsdShade.Tokens.full, UsdShade.Tokens.preview, UsdShade.Tokens.allPurpose):
+                missing = api.GetDirectBinding(purpose).GetMaterialPath()
+                if not missing.isEmpty and not prim.GetStage().GetPrimAtPath(missing):
+                    self.tell(f"the material {missing} does not exist: its prims show their displayColor", prim)
+                    break
             return None
         path = str(material.GetPath())
         if path not in self.networks:
@@ -406,6 +409,14 @@ class Materials:
 
     def _picture(self, picture: Picture) -> Asset | None:
         return asset(self._value(picture.shader.GetInput("file"), None), self.warnings, picture.shader.GetPrim())
+
+
+def _purpose(relation: str) -> str:
+    """The purpose in the name of a binding, `material:binding[:PURPOSE]` or `material:binding:collection[:PURPOSE]:NAME`."""
+    parts = relation.split(":")[2:]
+    if parts[:1] == ["collection"]:
+        return parts[1] if len(parts) == 3 else ""
+    return parts[0] if parts else ""
 
 
 def _floats(value: Any) -> np.ndarray:

@@ -63,7 +63,7 @@ def parts(network: Network | None, prim: Any, read: geometry.Reads, faces: np.nd
     """The parts of a mesh's faces: one for each map between the texture coordinates that the material's pictures read."""
     fit = Fit(read.color is not None, number=read.uv if read.ramp else None)
     others = network.varnames[1:] if network else ()
-    if not others:
+    if not others or str(prim.GetTypeName()) in geometry.SHAPES:
         return [Part(faces, fit)]
     counts, indices = geometry.topology(prim, time)
     points = len(stage.numbers(prim.GetAttribute("points"), time, np.float64, 3))

@@ -20,7 +20,7 @@ from ...ir import F64
 from ...mesh.polygon_mesh import PolyMesh, flip
 from ...scene.row_records import MeshAttribute
 from . import stage
-from .curves import MAX_ORDER, de_boor
+from .curves import MAX_ORDER, clamped, de_boor
 from .geometry import Faces, Reads
 
 _STEPS = 8  # of a span of knots, fewer for many spans
@@ -49,7 +49,7 @@ class _Axis:
 def faces(prim: Any, time: Any, reads: Reads, diagnostics: Diagnostics, span: Span) -> Faces | None:
     """The mesh of a NurbsPatch; None, with a warning, if its numbers do not fit. Texture coordinates are the parameters, 0 to 1."""
     points = stage.numbers(prim.GetAttribute("points"), time, np.float64, 3)
-    spans = [_spans(prim, time, letter) for letter in "uv"]
+    spans = [_spans(prim, time, letter, diagnostics, span) for letter in "uv"]
     sizes = [each.count for each in spans if each is not None]
     if len(sizes) < 2 or len(points) != sizes[0] * sizes[1] or not np.isfinite(points).all():
         diagnostics.warning(
@@ -77,7 +77,7 @@ def faces(prim: Any, time: Any, reads: Reads, diagnostics: Diagnostics, span: Sp
     normal = np.cross((du[..., :3] - du[..., 3:] * at) / w, (dv[..., :3] - dv[..., 3:] * at) / w)
     colors = None
     if reads.color is not None:
-        given = np.array(UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(reads.color).ComputeFlattened(time), np.float64)
+        given = np.array(stage.flattened(UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(reads.color), time), np.float64)
         if given.shape == points.shape:
             colors = MeshAttribute(np.maximum(mixed(v.basis, u.basis, given.reshape(*grid, 3)).reshape(-1, 3), 0.0))
         else:
@@ -95,10 +95,13 @@ def faces(prim: Any, time: Any, reads: Reads, diagnostics: Diagnostics, span: Sp
     return Faces(mesh, np.arange(len(quads)), False)
 
 
-def _spans(prim: Any, time: Any, letter: str) -> _Spans | None:
-    """The spans of knots along u or v, in its range; None if the knots do not fit."""
+def _spans(prim: Any, time: Any, letter: str, diagnostics: Diagnostics, span: Span) -> _Spans | None:
+    """The spans of knots along u or v, in its range; None if the knots do not fit. Without knots they are clamped and uniform."""
     count, order = (int(stage.number(prim.GetAttribute(f"{letter}{name}"), time)) for name in ("VertexCount", "Order"))
     knots = stage.numbers(prim.GetAttribute(f"{letter}Knots"), time, np.float64)
+    if not len(knots) and 2 <= order <= min(count, MAX_ORDER):
+        knots = clamped(count, order)
+        diagnostics.warning(f"this NurbsPatch has no knots along {letter}: clamped uniform ones are taken", span)
     if not 2 <= order <= MAX_ORDER or count < order or len(knots) != count + order or not (np.diff(knots) >= 0).all():
         return None
     low, high = knots[order - 1], knots[count]

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from pxr import Usd, UsdGeom, UsdSkel, Vt
+from pxr import Tf, Usd, UsdGeom, UsdSkel, Vt
 
 from ...mesh.polygon_mesh import PolyMesh
 from ...mesh.skinning import blended_normals, deformed_normals
-from .stage import Warnings
+from .stage import Warnings, reason
 
 _PREDICATE = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 
@@ -43,17 +43,29 @@ def skins(prim: Any, time: Any, warnings: Warnings) -> dict[str, Skin]:
     world = UsdGeom.XformCache(time)
     to_root = np.linalg.inv(np.array(world.GetLocalToWorldTransform(prim)).T)
     for binding in cache.ComputeSkelBindings(root, _PREDICATE):
-        skeleton = cache.GetSkelQuery(binding.GetSkeleton())
-        matrices = skeleton.ComputeSkinningTransforms(time) if skeleton else None
-        if not matrices:
-            warnings.tell("the skeleton has no valid bind or rest pose: its meshes are drawn undeformed", binding.GetSkeleton().GetPrim())
-            continue
-        frame = to_root @ np.array(world.GetLocalToWorldTransform(binding.GetSkeleton().GetPrim())).T
+        skeleton, prim = cache.GetSkelQuery(binding.GetSkeleton()), binding.GetSkeleton().GetPrim()
+        matrices = _matrices(skeleton, prim, time, warnings)
+        frame = to_root @ np.array(world.GetLocalToWorldTransform(prim)).T
         for query in binding.GetSkinningTargets():
-            made = _skin(query, skeleton, matrices, time, frame, warnings)
+            try:
+                made = _skin(query, skeleton, matrices, time, frame, warnings)
+            except (Tf.ErrorException, TypeError, ValueError) as failure:
+                message = f"this mesh is drawn undeformed, as its skeleton cannot move it: {reason(failure, warnings.opened.path)}"
+                warnings.tell(message, query.GetPrim())
+                continue
             if made is not None:
                 found[str(query.GetPrim().GetPath())] = made
     return found
+
+
+def _matrices(skeleton: Any, prim: Any, time: Any, warnings: Warnings) -> Any:
+    """The skinning matrices of the joints of a skeleton; empty, with a warning unless it has no joint, where none can be computed."""
+    made = skeleton.ComputeSkinningTransforms(time) if skeleton else None
+    if made:
+        return made
+    if len(UsdSkel.Skeleton(prim).GetJointsAttr().Get() or ()):
+        warnings.tell("the skeleton has no valid bind or rest pose: its meshes are drawn undeformed", prim)
+    return Vt.Matrix4dArray()
 
 
 def _skin(query: Any, skeleton: Any, matrices: Any, time: Any, frame: np.ndarray, warnings: Warnings) -> Skin | None:
@@ -65,9 +77,13 @@ def _skin(query: Any, skeleton: Any, matrices: Any, time: Any, frame: np.ndarray
         return None
     points = Vt.Vec3fArray(given)
     bind = np.array(query.GetGeomBindTransform(time)).T
-    offsets = _blend(query, skeleton, time, points, warnings) if query.HasBlendShapes() else None
+    offsets = _blend(query, skeleton, time, points, warnings) if skeleton and query.HasBlendShapes() else None
     n = len(points)
-    if not query.HasJointInfluences():
+    if not skeleton:
+        return None
+    if not query.HasJointInfluences() or not len(matrices):
+        if query.HasJointInfluences() and not len(UsdSkel.Skeleton(skeleton.GetPrim()).GetJointsAttr().Get() or ()):
+            warnings.tell("this mesh has joint influences, and its skeleton has no joints: no joint moves it", prim)
         plain = UsdGeom.XformCache(time).GetLocalToWorldTransform(prim)
         own = np.linalg.inv(np.array(UsdGeom.XformCache(time).GetLocalToWorldTransform(skeleton.GetPrim())).T) @ np.array(plain).T
         moved = np.array(points, np.float64) @ own[:3, :3].T + own[:3, 3]
@@ -75,7 +91,9 @@ def _skin(query: Any, skeleton: Any, matrices: Any, time: Any, frame: np.ndarray
     mapper = query.GetJointMapper()
     ordered = matrices
     if mapper is not None and not mapper.IsIdentity():
-        ordered = mapper.RemapTransforms(matrices) or matrices
+        ordered = mapper.RemapTransforms(matrices, Vt.Matrix4dArray()) or matrices
+        if mapper.IsSparse():
+            warnings.tell("`skel:joints` of this mesh names joints that its skeleton lacks", prim)
     indices, weights = (np.array(values) for values in query.ComputeVaryingJointInfluences(n, time))
     inside = not len(indices) or 0 <= indices.min() <= indices.max() < len(ordered)
     if len(indices) != n * query.GetNumInfluencesPerComponent() or not inside:

@@ -138,10 +138,17 @@ _SPEEDS = ("velocities", "accelerations", "angularVelocities")
 
 
 def moves(prim: Any, time: Any) -> bool:
-    """Whether velocities move the points or instances of a prim at a time away from their samples."""
+    """Whether velocities move the points or instances of a prim at a time away from their samples.
+
+    They do between two samples and for less than a time code after the last; later, points stay as other viewers hold them.
+    """
     if time in (Usd.TimeCode.EarliestTime(), Usd.TimeCode.Default()):
         return False
-    return any(attribute.HasAuthoredValue() for name in _SPEEDS if (attribute := prim.GetAttribute(name)))
+    if not any(attribute.HasAuthoredValue() for name in _SPEEDS if (attribute := prim.GetAttribute(name))):
+        return False
+    given = prim.GetAttribute("points") or prim.GetAttribute("positions")
+    samples = given.GetBracketingTimeSamples(time.GetValue()) if given else ()
+    return len(samples) == 2 and (samples[0] < samples[1] or 0.0 <= time.GetValue() - samples[0] < 1.0)
 
 
 def points(prim: Any, time: Any) -> np.ndarray:
@@ -151,10 +158,26 @@ def points(prim: Any, time: Any) -> np.ndarray:
     return numbers(prim.GetAttribute("points"), time, np.float64, 3)
 
 
+def flattened(primvar: Any, time: Any) -> Any:
+    """The values of a primvar with its indices resolved; None where these do not fit.
+
+    An elementSize other than 1 is read as 1, with a warning: only skinning has several values for an element.
+    """
+    values, indices = value(primvar.GetAttr(), time), primvar.GetIndices(time) if primvar.IsIndexed() else None
+    if primvar.GetElementSize() == 1 or not primvar.GetTypeName().isArray or values is None:
+        return primvar.ComputeFlattened(time)
+    size = f"the primvar `{primvar.GetPrimvarName()}` of <{primvar.GetAttr().GetPrim().GetPath()}> has an elementSize of"
+    Tf.Warn(f"{size} {primvar.GetElementSize()}: it is read as 1")
+    if indices is None:
+        return values
+    rows, made = np.array(indices, np.int64), np.array(values)
+    return made[rows] if len(rows) and 0 <= rows.min() <= rows.max() < len(made) else None
+
+
 def primvar_mean(prim: Any, name: str, time: Any) -> tuple[np.ndarray | None, int]:
     """Mean (width,) of a prim's own or inherited primvar, and its number of values; None if absent."""
     found = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name) if name else None
-    flat = found.ComputeFlattened(time) if found and found.HasValue() else None
+    flat = flattened(found, time) if found and found.HasValue() else None
     try:
         values = np.array(flat if flat is not None else (), dtype=np.float64)
     except (TypeError, ValueError):

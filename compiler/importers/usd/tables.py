@@ -15,10 +15,14 @@ PRIM_TYPES = Table(
         "Mesh": "polygons; subdivision surfaces are refined by --complexity, else drawn as their cages with smooth normals",
         "TetMesh": "the triangles of its surface",
         "NurbsPatch": "eight by eight faces for each span of knots; without trim curves",
-        "BasisCurves NurbsCurves HermiteCurves": "round tubes, or ribbons where they have normals; all bases and wraps",
+        "BasisCurves NurbsCurves HermiteCurves": (
+            "round tubes, or ribbons where they have normals; all bases and wraps; NURBS without knots are clamped"
+        ),
         "Points": "spheres; meshes of spheres if they are many or have colours of their own",
         "GeomSubset": "a material for some faces of a mesh",
-        "Cube Sphere Cylinder Cylinder_1 Cone Capsule Capsule_1 Plane": "exact shapes; a Capsule_1 of two radii is a mesh",
+        "Cube Sphere Cylinder Cylinder_1 Cone Capsule Capsule_1 Plane": (
+            "exact shapes; a Capsule_1 of two radii is a mesh; so are a Cube and Plane with primvars that vary"
+        ),
         "PointInstancer": "each prototype is one geometry, placed by instances",
         "Camera": "perspective and orthographic",
         "DistantLight SphereLight RectLight DiskLight DomeLight DomeLight_1": "lights of these shapes",
@@ -95,7 +99,9 @@ PROPERTIES = Table(
         "axis size radius height width length radiusBottom radiusTop": "shapes",
         "protoIndices prototypes positions orientations orientationsf scales ids invisibleIds": "PointInstancer",
         "primvars:*": "displayColor, displayOpacity, normals; of a material all texture coordinates, its colour, one varying number",
-        "velocities accelerations angularVelocities": "points and instances move from the sample before the time",
+        "velocities accelerations angularVelocities": (
+            "points and instances move from the sample before the time, between two samples and less than a time code after the last"
+        ),
         "projection horizontalAperture verticalAperture horizontalApertureOffset verticalApertureOffset focalLength": "Camera",
         "clippingPlanes": f"Camera; at most {ir.CLIP_PLANES}; they bound what the camera sees, not light and shadows",
         "clippingRange fStop focusDistance shutter:open shutter:close exposure": "Camera",
@@ -187,7 +193,9 @@ INPUTS = Table(
         "varname": "UsdPrimvarReader",
         "uaddressmode vaddressmode default texcoord uvtiling uvoffset": "ND_image, ND_tiledimage",
         "geomprop index value pivot rotate offset": "ND_geompropvalue, ND_extract, ND_constant, ND_place2d",
-        "displacement": "moves the points of meshes, refined by --complexity, along their normals",
+        "displacement": (
+            "moves the points of meshes, refined by --complexity, along their normals, in units of the stage; in prototypes in theirs"
+        ),
     },
     no_effect={
         "filtertype": "pictures are filtered over the pixel",

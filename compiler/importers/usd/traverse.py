@@ -16,7 +16,7 @@ from ....lang.diagnostics import Span
 from ... import ir
 from ...scene import transforms
 from ...scene.builder import NONE, SceneBuilder
-from . import curves, displacement, draw_modes, levels_of_detail, lights, links, mesh_inputs, patches, skeletons
+from . import curves, displacement, draw_modes, levels_of_detail, lights, links, mesh_inputs, patches, shape_meshes, skeletons
 from . import geometry as geometry_module
 from .instancing import instancers
 from .instancing.pieces import Piece, merged
@@ -249,6 +249,8 @@ class Walk:
         if shape is None or shape.geometry == NONE:
             return []
         network = self.materials.bound(prim)
+        if shape_meshes.is_wanted(prim, mesh_inputs.reads(network, prim), self.builder.diagnostics, self.opened.span(prim)):
+            return self._part(prim, prim, None, "", matrix)
         row = self._material(network, prim, Fit(), matrix)
         own = network is not None or self._has_color(prim)
         return [Piece(shape.geometry, row, matrix @ shape.matrix, prim, str(prim.GetPath()), own)]
@@ -283,7 +285,7 @@ class Walk:
         reads = mesh_inputs.reads(network, prim)
         pieces = []
         for part in mesh_inputs.parts(network, prim, reads, faces, self.opened.time):
-            geometry = self._geometry(prim, reads, part, name, network)
+            geometry = self._geometry(prim, reads, part, name, network, matrix)
             if geometry == NONE:
                 continue
             row = self._material(network, prim, part.fit, matrix)
@@ -291,10 +293,13 @@ class Walk:
             pieces.append(Piece(geometry, row, matrix, prim, str(owner.GetPath()), own))
         return pieces
 
-    def _geometry(self, prim: Any, reads: geometry_module.Reads, part: mesh_inputs.Part, name: str, network: Network | None) -> int:
-        """The row of a part of a mesh, made once for all instances."""
+    def _geometry(
+        self, prim: Any, reads: geometry_module.Reads, part: mesh_inputs.Part, name: str, network: Network | None, matrix: np.ndarray
+    ) -> int:  # fmt: skip
+        """The row of a part of a mesh, made once for all instances, if it is displaced for all of one scale."""
         moved = network if network is not None and network.displaced else None
-        key = (self._source(prim), name, part.name, reads, moved.path if moved else "")
+        metric = displacement.metric(matrix / self.unit) if moved else ()
+        key = (self._source(prim), name, part.name, reads, moved.path if moved else "", metric)
         if key not in self._geometries:
             read = (self._source(prim), reads)
             span = self.opened.span(prim)
@@ -302,12 +307,14 @@ class Walk:
                 said, skin = self.builder.diagnostics, self._skins.get(str(prim.GetPath()))
                 if str(prim.GetTypeName()) == "NurbsPatch":
                     self._faces[read] = patches.faces(prim, self.opened.time, reads, said, span)
+                elif str(prim.GetTypeName()) in geometry_module.SHAPES:
+                    self._faces[read] = shape_meshes.faces(prim, self.opened.time, reads, said, span)
                 else:
                     self._faces[read] = geometry_module.mesh(prim, self.opened.time, reads, said, span, self.complexity, skin)
             found = self._faces[read]
             if found is not None and moved is not None:
                 self._tell_coarse(moved, prim)
-                found = displacement.displaced(found, self.materials.heights(moved, prim))
+                found = displacement.displaced(found, self.materials.heights(moved, prim), metric)
             if found is not None and found.subdivided and not self._told_cages:
                 self._told_cages = True
                 self.builder.diagnostics.note(CAGES, span, REFINE)

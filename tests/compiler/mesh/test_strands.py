@@ -92,3 +92,19 @@ def test_very_many_points_have_open_tubes_of_four_sides():
     assert len(mesh.points) == 4 * len(t)
     assert np.hypot(mesh.points[:, 1], mesh.points[:, 2]) == pytest.approx(0.1)
     assert np.einsum("ij,ij->i", mesh.normals.values[:, 1:], mesh.points[:, 1:]) == pytest.approx(0.1, abs=1e-6)
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_sharp_corners_keep_the_width_of_the_curve(closed):
+    """A zigzag of turns by 174 degrees: each segment has the volume of its tube, and no corner reaches farther than the radius."""
+    n, radius = 20, 0.01
+    points = np.array([(k % 2, 0.05 * k, 0.0) for k in range(n)])
+    made = strands.tubes(strands.Strands(points, np.full(n, radius), np.array([n]), np.array([closed])), np.zeros((n, 2)))
+    at = np.asarray(made.points)
+    near = np.linalg.norm(at[:, None] - points, axis=2).min(axis=1)
+    assert near.max() == pytest.approx(radius) if not closed else near.max() < 3 * radius
+    assert len(made.uvs.values) == len(at)
+    middle = strands.tubes(strands.Strands(points[:3], np.full(3, radius), np.array([3]), np.array([False])))
+    rings = np.asarray(middle.points).reshape(4, -1, 3)
+    along = (points[1] - points[0]) / np.linalg.norm(points[1] - points[0])
+    assert np.abs((rings[:2] - points[:2, None]) @ along) == pytest.approx(0, abs=1e-12)

@@ -14,7 +14,7 @@ from pxr import UsdGeom
 
 from ....ir import F64, I64
 from ..materials import DISPLAY_COLOR, Materials
-from ..stage import linear, moves, numbers
+from ..stage import flattened, linear, moves, numbers
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +74,8 @@ def colors(prim: Any, time: Any, materials: Materials) -> list[int]:
     found = UsdGeom.PrimvarsAPI(prim).GetPrimvar(DISPLAY_COLOR)
     if not found or not found.HasValue() or str(found.GetInterpolation()) == "constant":
         return []
-    given = linear(found.GetAttr(), np.array(found.ComputeFlattened(time) or (), dtype=np.float64).reshape(-1, 3))
+    flat = flattened(found, time)
+    given = linear(found.GetAttr(), np.array(() if flat is None else flat, dtype=np.float64).reshape(-1, 3))
     if len(given) != len(numbers(UsdGeom.PointInstancer(prim).GetProtoIndicesAttr(), time, np.int64)):
         materials.tell("the displayColor of this instancer does not fit its instances: it is left out", prim)
         return []

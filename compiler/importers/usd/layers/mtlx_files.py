@@ -9,7 +9,9 @@ Format: MaterialX Specification 1.39.
 
 from __future__ import annotations
 
+import codecs
 import os
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,6 +29,9 @@ _TYPES = {
     "vector3": Sdf.ValueTypeNames.Float3, "vector4": Sdf.ValueTypeNames.Float4, "string": Sdf.ValueTypeNames.String,
     "filename": Sdf.ValueTypeNames.Asset,
 }  # fmt: skip
+_COUNTS = {"color3": 3, "color4": 4, "vector2": 2, "vector3": 3, "vector4": 4}
+_BLANKS = " \t\r\n,"
+_SEPARATORS = re.compile(r"[\s,]+")  # of the numbers of a value, as the library of MaterialX separates them
 _ROOT = Sdf.Path("/MaterialX/Materials")
 
 
@@ -38,7 +43,7 @@ def layer(path: Path, diagnostics: Diagnostics) -> Any:
         diagnostics.warning(message, span)
 
     try:
-        root = ElementTree.fromstring(read_bytes(path))
+        root = ElementTree.fromstring(_without_blanks(read_bytes(path)))
     except (ElementTree.ParseError, OSError, ValueError, LookupError) as failure:
         warn(f"the MaterialX file `{path.name}` cannot be read: {failure}")
         return None
@@ -58,6 +63,12 @@ def layer(path: Path, diagnostics: Diagnostics) -> Any:
         if shader is not None and (source := document.source(shader, root, at)) is not None:
             material.CreateSurfaceOutput("mtlx").ConnectToSource(source)
     return made
+
+
+def _without_blanks(data: bytes) -> bytes:
+    """A document without blanks before its declaration, which XML refuses and pugixml, the parser of MaterialX, passes over."""
+    mark = codecs.BOM_UTF8 if data.startswith(codecs.BOM_UTF8) else b""
+    return mark + data.removeprefix(mark).lstrip()
 
 
 def _identifier(name: str) -> str:
@@ -144,8 +155,10 @@ class _Document:
         if type_ == "boolean":
             return text.strip().lower() == "true"
         try:
-            numbers = tuple(map(float, text.split(",")))
-            return int(numbers[0]) if type_ == "integer" else numbers[0] if type_ == "float" else numbers
-        except ValueError:
-            self.warn(f"`{text[:40]}` is no {type_}: the input takes its default")
-            return None
+            numbers = tuple(map(float, _SEPARATORS.split(text.strip(_BLANKS))))
+            if len(numbers) == _COUNTS.get(type_, 1):
+                return int(numbers[0]) if type_ == "integer" else numbers[0] if type_ == "float" else numbers
+        except (ValueError, OverflowError):
+            pass
+        self.warn(f"`{text[:40]}` is no {type_}: the input takes its default")
+        return None

@@ -17,6 +17,8 @@ from .....lang.diagnostics import Diagnostics, Span
 from ....io.regular_files import ANY_SIZE, open_regular
 from .crate_check import IDENTIFIER, MAX_LEVELS
 
+LEFT_OUT = "this statement cannot be read and is left out"
+ENDS_EARLY = "the file ends early: it is read as if its prims ended there"
 MOST = 20  # statements of a layer that may be left out
 _HEADER = "#usda 1.0"
 _FARTHEST = 1000  # characters before the header
@@ -25,6 +27,8 @@ _ODD = re.compile("[\0-\x08\x0b\x0c\x0e-\x1f\ufffd\ufeff]+")
 _PLACE = re.compile(r":(\d+):\d+: ")
 _PROPERTY = re.compile(r" in <[^<>]*?([^/<>.]+)\.([\w:]+)>")
 _STRING = re.compile(r'"""(?:[^\\]|\\[\s\S])*?"""|"(?:[^"\\\n]|\\.)*"|\'(?:[^\'\\\n]|\\.)*\'|@[^@\n]*@|#.*')  # or comment
+_UNENDED = re.compile("[\"'].*")  # a string without an end
+_PAIRS = {"(": ")", "[": "]", "{": "}"}
 _CHUNK = 1 << 24  # bytes whose levels are counted at a time
 _STEPS = np.zeros(256, np.int8)
 _STEPS[list(b"([{")], _STEPS[list(b")]}")] = 1, -1
@@ -46,6 +50,11 @@ def is_sound(data: bytes) -> bool:
         return Sdf.Layer.CreateAnonymous(".usda").ImportFromString(data.decode())
     except (Tf.ErrorException, UnicodeDecodeError):
         return False
+
+
+def lost(diagnostics: Diagnostics) -> int:
+    """The number of warnings of statements that were left out or cut off."""
+    return sum(item.message.startswith((LEFT_OUT, ENDS_EARLY)) for item in diagnostics.items)
 
 
 def nests_too_deep(path: Path) -> bool:
@@ -122,19 +131,19 @@ def _read(layer: Any, lines: list[str], skipped: int, place: str, diagnostics: D
         found = _bad(text, lines, skipped)
         if found is None:
             return False
-        first, last = found
+        first, last, closers = found
         if first >= len(lines) or not any(line.strip() for line in lines[first:]):
             if not closed:
-                warn(place, len(lines), "the file ends early: it is read as if its prims ended there", diagnostics)
+                warn(place, len(lines), ENDS_EARLY, diagnostics)
             closed += 1
             continue
-        warn(place, first + 1, f"this statement cannot be read and is left out: `{lines[first].strip()[:60]}`", diagnostics)
-        lines[first : last + 1] = [""] * (last + 1 - first)
+        warn(place, first + 1, f"{LEFT_OUT}: `{lines[first].strip()[:60]}`", diagnostics)
+        lines[first : last + 1] = [*[""] * (last - first), closers if closers != lines[first].strip() else ""]
     return False
 
 
-def _bad(text: str, lines: list[str], skipped: int) -> tuple[int, int] | None:
-    """The first and last line of the statement that an error of the parser names; None if it names none."""
+def _bad(text: str, lines: list[str], skipped: int) -> tuple[int, int, str] | None:
+    """(first line, last line, brackets it closes that others open) of the statement that a parser's error names; None if it names none."""
     if named := _PROPERTY.search(text):
         prim, name = named.groups()
         opening = next((k for k, line in enumerate(lines) if f'"{prim}"' in line), 0)
@@ -146,13 +155,25 @@ def _bad(text: str, lines: list[str], skipped: int) -> tuple[int, int] | None:
         return None
     if first < 0:
         return None
-    last, depth = first, 0
-    while last < len(lines):
-        depth += sum(lines[last].count(c) for c in "([{") - sum(lines[last].count(c) for c in ")]}")
-        if depth <= 0:
-            break
-        last += 1
-    return first, first if last == len(lines) else last
+    return first, *_extent(lines, first)
+
+
+def _extent(lines: list[str], first: int) -> tuple[int, str]:
+    """(last line of a statement, brackets it closes that others open). One whose brackets do not match ends with its first line."""
+    stack, closers = [], ""
+    for last in range(first, len(lines)):
+        for c in _UNENDED.sub("", _STRING.sub("", lines[last])):
+            if c in _PAIRS:
+                stack.append(_PAIRS[c])
+            elif c in ")]}" and not stack:
+                closers += c
+            elif c in ")]}" and stack.pop() != c:
+                if last > first:
+                    return first, ""
+                stack, closers = [], closers + c
+        if not stack:
+            return last, closers
+    return first, ""
 
 
 def warn(place: str, line: int, message: str, diagnostics: Diagnostics) -> None:

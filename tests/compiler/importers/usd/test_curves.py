@@ -166,3 +166,26 @@ def test_a_hundred_thousand_strands_are_read(tmp_path):
     found = curves.mesh(prim.GetPrim(), Usd.TimeCode.Default(), None, None, Diagnostics(), Span("x"))
     assert found is not None
     assert len(found.points) == n * 9 * 4
+
+
+def test_curves_and_patches_without_knots_are_clamped(tmp_path):
+    """As a Bezier curve, whose knots are 0, 0, 0, 0, 1, 1, 1, 1."""
+    text = """def NurbsCurves "c" { int[] curveVertexCounts = [4]
+        ORDER
+        point3f[] points = [(0, 0, 0), (0, 2, 0), (2, 2, 0), (2, 0, 0)]
+        float[] widths = [0.01] (interpolation = "constant") }"""
+    no_knots = "x.usda</c>: warning: this NurbsCurves has no knots: clamped uniform ones are taken"
+    scene, messages = read(tmp_path, text.replace("ORDER", "int[] order = [4]"))
+    assert messages == [no_knots]
+    at = corners(scene).reshape(-1, 3)
+    assert at[:, 1].max() == pytest.approx(1.505, abs=1e-3)  # the middle is at (1, 1.5)
+    assert (at[:, 0].min(), at[:, 0].max()) == (pytest.approx(-0.005, abs=1e-3), pytest.approx(2.005, abs=1e-3))
+    messages = read(tmp_path, text.replace("ORDER", ""))[1]
+    assert messages == ["x.usda</c>: warning: this NurbsCurves has no order: its curves are cubic, or as their points allow", no_knots]
+    points = [(x, y, 0) for y in range(2) for x in range(3)]
+    patch = (
+        f'def NurbsPatch "p" {{ int uVertexCount = 3\nint vVertexCount = 2\nint uOrder = 3\nint vOrder = 2\npoint3f[] points = {points} }}'
+    )
+    scene, messages = read(tmp_path, patch)
+    assert messages == [f"x.usda</p>: warning: this NurbsPatch has no knots along {a}: clamped uniform ones are taken" for a in "uv"]
+    assert corners(scene).reshape(-1, 3).max(axis=0).tolist() == [2, 1, 0]

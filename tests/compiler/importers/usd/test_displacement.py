@@ -83,3 +83,21 @@ def test_sampling_of_pictures(wrap, expected):
     texels = np.array([[[0.0, 9, 9, 1], [1.0, 9, 9, 1]]])
     found = displacement.sample(mapping, texels, np.array([[0.375, 0.5], [at[0], 0.5], [at[1], 0.5]]))
     assert found == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("scale", "z"), [((20, 20, 20), 0.5), ((1, 1, 4), 0.5), ((3, 1, -2), 0.5)]
+)  # fmt: skip
+def test_heights_are_in_units_of_the_stage(tmp_path, scale, z):
+    """As in Storm, which moves points after the transform; a mirror turns the outside around with the normal."""
+    moved = f'float3 xformOp:scale = {scale}\nuniform token[] xformOpOrder = ["xformOp:scale"]'
+    scene, messages = read(tmp_path, stage(CONSTANT, extra=moved).replace(OUTPUT, BOTH))
+    assert messages == []
+    assert corners(scene)[..., 2] == pytest.approx(np.copysign(z, scale[2]))
+
+
+def test_a_sheared_square_moves_along_its_normal_in_the_world(tmp_path):
+    rows = "((1, 0, 1, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))"  # x goes to (1, 0, 1)
+    moved = f'matrix4d xformOp:transform = {rows}\nuniform token[] xformOpOrder = ["xformOp:transform"]'
+    scene, _ = read(tmp_path, stage(CONSTANT, extra=moved).replace(OUTPUT, BOTH))
+    assert corners(scene)[0, 0] == pytest.approx(0.5 * np.array([-1, 0, 1]) / np.sqrt(2))

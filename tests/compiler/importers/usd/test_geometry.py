@@ -222,10 +222,13 @@ def test_complexity_refines_subdivision_surfaces(tmp_path):
 
 
 def test_refined_holes_subsets_and_left_handed_faces(tmp_path):
-    text = CUBE + """int[] holeIndices = [0]
+    text = (
+        CUBE
+        + """int[] holeIndices = [0]
         uniform token orientation = "leftHanded"
         color3f[] primvars:displayColor = [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (1, 0, 1), (0, 1, 1)] (interpolation = "uniform")
     """
+    )
     scene, messages = read(tmp_path, f'def Mesh "m" {{ {text} }}', options=StageOptions(complexity=2))
     triangles = corners(scene)
     assert messages == []
@@ -291,3 +294,51 @@ def test_display_opacity_lets_light_through(tmp_path):
     scene, _ = read(tmp_path, 'def Cube "a" { color3f[] primvars:displayColor = [(1, 1, 0)]\nfloat[] primvars:displayOpacity = [0.25] }')
     assert slot(scene, "DIFFUSE") == [0.25, 0.25, 0]
     assert slot(scene, "TRANSMISSION") == [0.75] * 3
+
+
+def test_an_element_size_of_primvars_is_read_as_1(tmp_path):
+    """Some exporters write the length of the array, with indices and without."""
+    size = '(interpolation = "vertex"\nelementSize = 4)'
+    more = f"texCoord2f[] primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1)] {size}\nint[] primvars:st:indices = [3, 2, 1, 0]\n"
+    more += f"normal3f[] primvars:normals = [(1, 0, 0), (1, 0, 0), (1, 0, 0), (0, 1, 0)] {size}"
+    scene, messages = read(tmp_path, f'def Mesh "m" {{ {SQUARE}\n{more} }}')
+    assert [m.partition("warning: ")[2] for m in messages] == [
+        f"the primvar `{name}` of </m> has an elementSize of 4: it is read as 1" for name in ("normals", "st")
+    ]
+    assert attribute(scene, "uvs")[0].tolist() == [[0, 1], [1, 1], [1, 0]]
+    assert attribute(scene, "normals")[0].tolist() == [[1, 0, 0]] * 3
+
+
+COORDINATES = 'texCoord2f[] primvars:st = [(0, 0), (3, 0), (3, 3), (0, 3)] (interpolation = "faceVarying")'
+
+
+@pytest.mark.parametrize(
+    ("axis", "corner"), [("X", [0, 1.5, 1]), ("Y", [-1, 0, 1.5]), ("Z", [1, 1.5, 0])]
+)  # fmt: skip
+def test_authored_coordinates_of_planes(tmp_path, axis, corner):
+    plane = f'def Plane "p" {{ double width = 2\ndouble length = 3\nuniform token axis = "{axis}"\n{COORDINATES} }}'
+    scene, messages = read(tmp_path, plane)
+    assert (messages, kinds(scene)) == ([], ["MESH"])
+    assert attribute(scene, "uvs")[0].tolist() == [[0, 0], [3, 0], [3, 3]]
+    assert corners(scene)[0, 0].tolist() == corner
+    a, b, c = corners(scene)[0]
+    normal = np.cross(b - a, c - a)
+    assert normal[("X", "Y", "Z").index(axis)] == np.linalg.norm(normal)
+
+
+def test_colors_of_the_faces_of_a_cube(tmp_path):
+    colors = [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (0, 1, 1), (1, 0, 1)]
+    text = f'def Cube "c" {{ double size = 4\ncolor3f[] primvars:displayColor = {colors} (interpolation = "uniform") }}'
+    scene, messages = read(tmp_path, text)
+    assert (messages, kinds(scene)) == ([], ["MESH"])
+    at, found = corners(scene), attribute(scene, "colors")
+    outward = np.cross(at[:, 1] - at[:, 0], at[:, 2] - at[:, 0])
+    assert (np.einsum("ij,ij->i", outward, at[:, 0]) > 0).all()
+    assert found[(at[..., 2] == 2).all(axis=1)][0][0].tolist() == [1, 0, 0]
+    assert np.abs(at).max() == 2
+
+
+def test_authored_coordinates_of_other_shapes_are_named(tmp_path):
+    scene, messages = read(tmp_path, f'def Sphere "s" {{ {COORDINATES} }}')
+    assert kinds(scene) == ["SPHERE"]
+    assert messages == ["x.usda</s>: warning: the primvar `st` of this Sphere is not drawn: it has the coordinates of an exact shape"]

@@ -393,3 +393,29 @@ def test_udim_tiles_are_one_image(tmp_path):
         return texels[int((1 - y) * 8), int(x * 8)].tolist()
 
     assert [at(0.5, 0.5), at(1.5, 0.5), at(0.5, 1.5), at(1.5, 1.5)] == [[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 0]]
+
+
+@pytest.mark.parametrize(
+    ("bindings", "red"),
+    [
+        ("rel material:binding:preview = </m>", True),
+        ("rel material:binding = </n>\nrel material:binding:preview = </m>", True),
+        ("rel material:binding:preview = </n>\nrel material:binding:full = </m>", True),
+        ("rel material:binding:collection:preview:a = [</c.collection:a>, </m>]", True),
+        ("rel material:binding = </n>\nrel material:binding:collection:full:a = [</c.collection:a>, </m>]", True),
+        ("rel material:binding:preview = </n>\nrel material:binding:collection:preview = [</c.collection:a>, </m>]", False),
+    ],
+)
+def test_the_purpose_of_bindings(tmp_path, bindings, red):
+    """Full precedes preview, which precedes all-purpose; the last has a collection called preview, of all purposes."""
+    other = (
+        SURFACE.replace('"m"', '"n"')
+        .replace("</m/", "</n/")
+        .replace("NODES", "")
+        .replace("INPUTS", "color3f inputs:diffuseColor = (0, 0, 1)")
+    )
+    bound = stage("color3f inputs:diffuseColor = (1, 0, 0)").replace("rel material:binding = </m>", bindings)
+    group = 'def Scope "c" (prepend apiSchemas = ["CollectionAPI:a"]) { rel collection:a:includes = [</thing>]\n}'
+    scene, messages = read(tmp_path, bound + other + group)
+    assert messages == []
+    assert slot(scene, "DIFFUSE") == ([1, 0, 0] if red else [0, 0, 1])

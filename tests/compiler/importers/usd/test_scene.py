@@ -277,6 +277,21 @@ def test_velocities_move_points_and_instances(tmp_path):
     assert positions(read(tmp_path, text.replace("END", "}\n"))[0]) == [[0, 0, 0], [2, 0, 0], [5, 0, 0]]
 
 
+@pytest.mark.parametrize(("code", "x"), [(1, 0), (1.5, 0.5), (2.5, 5.5), (3, 5), (30, 5)])
+def test_velocities_end_after_the_last_sample(tmp_path, code, x):
+    """Between samples and less than a time code later; else a mesh would leave the picture that other viewers hold."""
+    text = """def Points "p" { float[] widths = [1]
+        point3f[] points.timeSamples = {
+            1: [(0, 0, 0)],
+            2: [(5, 0, 0)],
+        ENDvector3f[] velocities.timeSamples = {
+            1: [(24, 0, 0)],
+            2: [(24, 0, 0)],
+        END}"""
+    scene, _ = read(tmp_path, text.replace("END", "}\n"), code=code)
+    assert world(scene)[:, 3].tolist() == [x, 0, 0]
+
+
 TIMED = """
 def Cube "c" {
     double3 xformOp:translate.timeSamples = { 1: (1, 0, 0), 25: (3, 0, 0) }
@@ -580,9 +595,9 @@ def test_chains_of_references_have_a_limit(tmp_path, order):
 
 
 def test_a_prototype_that_is_not_there_is_said(tmp_path):
-    text = '''def PointInstancer "i" { int[] protoIndices = [0, 0]
+    text = """def PointInstancer "i" { int[] protoIndices = [0, 0]
         point3f[] positions = [(0, 0, 0), (1, 0, 0)]
         rel prototypes = </gone> }
-    def Cube "c" {}'''
+    def Cube "c" {}"""
     expected = "the prototype /gone of this instancer does not exist: its 2 instances are left out"
     assert read(tmp_path, text)[1] == [f"x.usda</i>: warning: {expected}"]

@@ -90,8 +90,34 @@ def test_the_frame_of_the_skeleton_places_the_mesh(tmp_path):
 
 def test_joints_that_do_not_fit_are_said(tmp_path):
     scene, messages = arm(tmp_path, 10, [("[0, 0, 0, 0, 1, 1]", "[0, 0, 0, 0, 1, 7]")])
-    assert messages[0] == (
-        "arm10.usda</Root/Arm>: warning: the joints of this mesh do not fit its skeleton: it is drawn undeformed"
-    )
+    assert messages[0] == ("arm10.usda</Root/Arm>: warning: the joints of this mesh do not fit its skeleton: it is drawn undeformed")
     assert len(scene.tables.instances.geometry) == 1
     assert scene.tables.geometries.kind[0] == ir.GeometryKind.MESH
+
+
+def test_a_mesh_that_orders_its_joints_itself(tmp_path):
+    indices = ("jointIndices = [0, 0, 0, 0, 1, 1]", "jointIndices = [1, 1, 1, 1, 0, 0]")
+    own = ("rel skel:skeleton = </Root/Skel>", 'rel skel:skeleton = </Root/Skel>\n        uniform token[] skel:joints = ["A/B", "A"]')
+    scene, messages = arm(tmp_path, 10, [indices, own])
+    assert messages == []
+    assert corners(scene).reshape(-1, 3).min(axis=0) == pytest.approx([-2, 0, 0], abs=1e-6)
+
+
+def test_joints_that_the_skeleton_lacks_are_named(tmp_path):
+    own = ("rel skel:skeleton = </Root/Skel>", 'rel skel:skeleton = </Root/Skel>\n        uniform token[] skel:joints = ["A", "C"]')
+    scene, messages = arm(tmp_path, 10, [own])
+    assert messages == ["arm10.usda</Root/Arm>: warning: `skel:joints` of this mesh names joints that its skeleton lacks"]
+    assert len(scene.tables.instances.geometry) == 1
+
+
+def test_a_skeleton_without_joints_moves_by_blend_shapes(tmp_path):
+    matrices = "((1,0,0,0),(0,1,0,0),(0,0,1,0),(0,0,0,1)), ((1,0,0,0),(0,1,0,0),(0,0,1,0),(0,2,0,1))"
+    joints = (
+        'uniform token[] joints = ["A", "A/B"]\n        uniform matrix4d[] bind',
+        "uniform token[] joints = []\n        uniform matrix4d[] bind",
+    )
+    scene, messages = arm(tmp_path, 10, [joints, (matrices, "")])
+    assert messages == ["arm10.usda</Root/Arm>: warning: this mesh has joint influences, and its skeleton has no joints: no joint moves it"]
+    points = corners(scene).reshape(-1, 3)
+    assert points.min(axis=0) == pytest.approx([-1.5, 0, 0], abs=1e-6)
+    assert points.max(axis=0) == pytest.approx([0.5, 4, 0], abs=1e-6)

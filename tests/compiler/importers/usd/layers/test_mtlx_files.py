@@ -1,6 +1,7 @@
 """References to MaterialX documents."""
 
 import numpy as np
+import pytest
 from maquette.compiler import ir
 
 from .....files import write_image
@@ -71,3 +72,24 @@ def test_a_damaged_document_is_named(tmp_path):
 def test_nodes_that_do_not_exist_are_named(tmp_path):
     _, messages = stage(tmp_path, "Plain", DOCUMENT.replace('nodename="S1"', 'nodename="S9"'))
     assert messages[0] == "m.mtlx: warning: there is no node `S9`: the input that it feeds takes its default"
+
+
+@pytest.mark.parametrize("value", ["0.8 0.4 0.2", "0.8,0.4,0.2", " 0.8 ,\t0.4, 0.2 "])
+def test_commas_and_blanks_separate_numbers(tmp_path, value):
+    text = DOCUMENT.replace("0.8, 0.4, 0.2", value)
+    scene, messages = stage(tmp_path, "Plain", text)
+    assert messages == []
+    assert np.allclose(slot(scene, "DIFFUSE"), [0.4, 0.2, 0.1])
+
+
+@pytest.mark.parametrize("value", ["0.4 0.2", "0.4 0.2 0.1 1", "red"])
+def test_values_with_another_number_of_numbers_are_named(tmp_path, value):
+    _, messages = stage(tmp_path, "Plain", DOCUMENT.replace("0.8, 0.4, 0.2", value))
+    assert messages == [f"m.mtlx: warning: `{value}` is no color3: the input takes its default"]
+
+
+@pytest.mark.parametrize("before", ["\n", " \r\n\t", "\ufeff\n"])
+def test_blanks_before_the_declaration(tmp_path, before):
+    scene, messages = stage(tmp_path, "Plain", before + DOCUMENT.lstrip())
+    assert messages == []
+    assert np.allclose(slot(scene, "DIFFUSE"), [0.4, 0.2, 0.1])

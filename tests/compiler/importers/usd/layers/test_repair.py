@@ -142,3 +142,36 @@ def test_metadata_without_a_meaning_take_their_default(tmp_path, entry, fault):
     scene, messages = load(tmp_path / "x.usda")
     assert kinds(scene) == ["SPHERE", "BOX"]
     assert messages == [f"x.usda: warning: {fault}: its default is used"]
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "shown", "found"),
+    [
+        ('def Sphere "s"\n{\n    double radius = ? }\ndef Cube "c"\n{\n}\n', 4, "double radius = ? }", ["/s", "/c"]),
+        (
+            'def Xform "x"\n{\n    def Sphere "s"\n    {\n        double radius = [1, }\n}\ndef Cube "c" {}\n',
+            6,
+            "double radius = [1, }",
+            ["/x/s", "/c"],
+        ),
+        ('def Sphere "s" (\n    kind = ? )\n{\n}\ndef Cube "c" {}\n', 3, "kind = ? )", ["/s", "/c"]),
+        ('def Sphere "s"\n{\n    double radius = ? # }\n}\ndef Cube "c" {}\n', 4, "double radius = ? # }", ["/s", "/c"]),
+        ('def Sphere "s"\n{\n    double radius = (1,\n}\ndef Cube "c" {}\n', 4, "double radius = (1,", ["/s", "/c"]),
+        ('def Sphere "s"\n{\n}\n}\ndef Cube "c" {}\n', 5, "}", ["/s", "/c"]),
+    ],
+)
+def test_brackets_of_a_statement_that_is_left_out_still_close(tmp_path, text, line, shown, found):
+    (tmp_path / "x.usda").write_text("#usda 1.0\n" + text)
+    scene, messages = load(tmp_path / "x.usda")
+    assert messages == [f"x.usda:{line}:1: warning: {LOST}: `{shown}`"]
+    assert list(scene.names.instances) == found
+
+
+@pytest.mark.parametrize("text", ['def Mesh "m"\n{\n    point3f[] points = [(0,0,0) (1,0,0)]\n}\n', 'def Xform "x"\n{\n'])
+def test_a_damaged_stage_of_which_nothing_is_left_is_an_error(tmp_path, text):
+    (tmp_path / "x.usda").write_text("#usda 1.0\n" + text)
+    messages = load(tmp_path / "x.usda")[1]
+    assert messages[1] == (
+        "x.usda: error: cannot read the stage `x.usda`: nothing is left to draw without the statements that cannot be read\n"
+        "  correct those that the warnings name, or export it again"
+    )

@@ -1,5 +1,7 @@
 """File name extensions by kind of content, and whether data is text."""
 
+from . import text_encoding
+
 SCENE = (".scene",)
 USD = (".usd", ".usda", ".usdc", ".usdz")
 GLTF = (".glb", ".gltf")
@@ -10,8 +12,8 @@ MOST_ZEROS = 1 / 16  # share of zero bytes in a text; UTF-16 has about a half
 
 
 def is_binary(data: bytes) -> bool:
-    """Whether zero bytes show that data is no UTF-8 text. A text with stray ones is parsed, so that they are errors with their places."""
-    if b"\0" not in data:
+    """Whether zero bytes show that data is no text. A UTF-8 text with stray ones is parsed, so that they are errors with their places."""
+    if b"\0" not in data or text_encoding.is_wide(data):
         return False
     try:
         data.decode()

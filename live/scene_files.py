@@ -12,7 +12,7 @@ from ..compiler import ir
 from ..compiler.io import sandbox
 from ..compiler.io.regular_files import MAX_SOURCE, read_bytes
 from ..compiler.io.sandbox import LIBRARY, source_text
-from ..lang import file_types
+from ..lang import file_types, text_encoding
 from ..lang.diagnostics import Diagnostic, Diagnostics, Span, render_text, sort_diagnostics
 from .state import State
 
@@ -84,7 +84,7 @@ def of_scene(files: Iterable[str | Path], main: Path) -> list[Path]:
 def read_text(path: Path) -> str | None:
     """The text of a source file on disk; None if it is missing or not text. Line ends stay as they are."""
     try:
-        return read_bytes(path, MAX_SOURCE).decode("utf-8")
+        return text_encoding.decode(read_bytes(path, MAX_SOURCE))
     except (OSError, UnicodeDecodeError):
         return None
 

@@ -1,5 +1,5 @@
 """Mesh and image files to rows of the scene.
 
-May import: compiler.ir, io, mesh, scene.
+May import: compiler.ir, io, mesh, scene, importers.common.
 Begin with `mesh_files.py`.
 """

@@ -23,6 +23,7 @@ from ..scene import transforms
 from ..scene.builder import SceneBuilder
 from ..scene.row_records import WHITE, CameraData, LightData, MeshAttribute, as_color, nonnegative, scale_color
 from . import gltf_animation, gltf_draco, gltf_materials, gltf_tables, uv_sets, vertex_numbers
+from .common import point_clouds
 from .gltf_container import Container, Rows, check_finite, open_container
 from .gltf_errors import GltfError
 from .mesh_parts import Part, add
@@ -30,7 +31,6 @@ from .mesh_parts import Part, add
 __all__ = ["GltfError", "read"]
 
 POINTS, LINES, LOOP, TRIANGLES, STRIP, FAN = 0, 1, 2, 4, 5, 6
-THIN = 150  # the diameter of points and lines is 1 / THIN of their extent
 WRONG = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError)  # of a document that contradicts itself
 _T = TypeVar("_T")
 MAX_NODES = 200_000
@@ -250,7 +250,9 @@ class _Reader:
         rows = np.concatenate(runs) if runs else np.zeros(0, np.int64)
         if not len(rows):
             return []
-        radius = max(float(np.linalg.norm(np.ptp(points[rows], axis=0))), 1e-9) / THIN / 2
+        if primitive["mode"] == POINTS:
+            rows = point_clouds.thinned(rows, self.diagnostics, Span(self.name))
+        radius = point_clouds.radius(points[rows])
         given = primitive["attributes"].get("COLOR_0")
         colors = None if given is None else self.container.accessor(given)
         tints = None if colors is None or len(colors) < len(points) else colors[rows, :3]

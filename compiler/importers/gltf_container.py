@@ -18,9 +18,11 @@ from urllib.parse import unquote, unquote_to_bytes
 
 import numpy as np
 
+from ...lang import text_encoding
 from ..io.regular_files import read_bytes
 from ..io.sandbox import FileError, Files
 from . import gltf_meshopt
+from .common import file_names
 from .gltf_errors import GltfError
 
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
@@ -67,7 +69,12 @@ class Container:
                 raise GltfError("a data URI is not base64") from None
         if self.folder is None:
             raise GltfError(f"the {what} `{uri}` is not read: its mesh has no folder")
-        return read_bytes(self.files.find(unquote(uri), self.folder, what))
+        try:
+            return read_bytes(file_names.find(unquote(uri), self.folder, self.files, what))
+        except FileError:
+            if unquote(uri) == uri or (path := file_names.found(uri, self.folder)) is None:
+                raise
+            return read_bytes(self.files.find(path.name, path.parent, what))  # its name holds the code of a character
 
     def buffer(self, index: int) -> bytes:
         """The bytes of a buffer (§3.6.1): the binary chunk, a file or a data URI."""
@@ -153,7 +160,8 @@ def open_container(data: bytes, folder: Path | None, files: Files) -> Container:
     if data[:4] == b"glTF":
         document, binary = _chunks(data, warnings)
         return Container(_tidy(document, warnings), binary, folder, files, warnings=warnings)
-    if data.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] != b"{":
+    data = text_encoding.as_utf8(data)
+    if data.lstrip()[:1] != b"{":
         raise GltfError("this is no glTF file: it begins neither with `glTF` nor with `{`")
     return Container(_tidy(_document(data, warnings), warnings), b"", folder, files, warnings=warnings)
 
@@ -173,7 +181,7 @@ def _chunks(data: bytes, warnings: list[str]) -> tuple[dict[str, Any], bytes]:
 
 def _document(text: bytes, warnings: list[str]) -> dict[str, Any]:
     try:
-        document, end = json.JSONDecoder().raw_decode(written := text.decode("utf-8-sig", "replace").lstrip())
+        document, end = json.JSONDecoder().raw_decode(written := text_encoding.decode_any(text).lstrip())
     except (ValueError, RecursionError) as failure:
         raise GltfError(f"the glTF file's JSON is damaged: {failure}") from None
     if not isinstance(document, dict):

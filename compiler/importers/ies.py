@@ -10,7 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...lang import text_encoding
 from ..ir import F64
+from .common import number_text
 
 _COUNTED = 10  # numbers before the ballast factors
 MOST_VALUES = 1 << 20
@@ -61,12 +63,12 @@ def _place(grid: F64, at: F64) -> tuple[F64, np.ndarray]:
 
 def read(data: bytes) -> Photometry:
     """The photometry of a file. Raises IesError."""
-    text = data.decode("latin-1").replace("\x00", "")
+    text = text_encoding.decode_any(data).replace("\0", "")
     tilt = re.search(r"^[ \t]*TILT[ \t]*=[ \t]*(\S*)", text, re.MULTILINE | re.IGNORECASE)
     if tilt is None:
         raise IesError("an IES file has a line with TILT=")
     try:
-        numbers = np.array(re.split(r"[\s,]+", text[tilt.end() :].strip()), np.float64)
+        numbers = _numbers(text[tilt.end() :].encode())
     except ValueError:
         raise IesError("after TILT= an IES file has numbers alone") from None
     if tilt.group(1).upper() == "INCLUDE" and len(numbers) > 1:
@@ -87,6 +89,19 @@ def read(data: bytes) -> Photometry:
         raise IesError("the angles of an IES file ascend")
     candela = np.maximum(candela * multiplier * numbers[_COUNTED] * numbers[_COUNTED + 1], 0.0)
     return Photometry(vertical, *_all_around(horizontal, candela))
+
+
+def _numbers(text: bytes) -> F64:
+    """The numbers of text. Commas separate them (LM-63-2002, 4.2), but for decimal commas that make the promised number of values."""
+    decimal = number_text.plain(text)
+    if decimal.warning == number_text.DECIMAL:
+        try:
+            found = np.array(decimal.text.split(), np.float64)
+        except ValueError:
+            found = np.zeros(0)
+        if len(found) > _COUNTED + 3 and len(found) == _COUNTED + 3 + found[3] + found[4] + found[3] * found[4]:
+            return found
+    return np.array(number_text.plain(text, decimal=False).text.split(), np.float64)
 
 
 def _all_around(horizontal: F64, candela: F64) -> tuple[F64, F64]:

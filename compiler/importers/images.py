@@ -102,7 +102,7 @@ def read(source: str | bytes, name: str, space: str = "auto", limit: int = MAX_T
         config.attribute("oiio:UnassociatedAlpha", 1)
         picture = oiio.ImageInput.open(path, config)
         if picture is None:
-            raise ImageError(f"cannot read the picture `{name}`", _reason(oiio.geterror(), path, name))
+            raise ImageError(f"cannot read the picture `{name}`", _reason(picture_contents.message_of(oiio), path, name))
         try:
             spec = picture.spec()
             width, height = max(spec.width, spec.full_width), max(spec.height, spec.full_height)
@@ -111,18 +111,24 @@ def read(source: str | bytes, name: str, space: str = "auto", limit: int = MAX_T
                     f"the picture `{name}` is too big: {width} by {height} pixels",
                     f"at most {MAX_TEXELS:,} in one and {MAX_ALL_TEXELS:,} in all pictures of a scene",
                 )
-            names = [str(channel) for channel in spec.channelnames]
+            names = picture_contents.channel_names(spec)
             channels = picture_contents.choose_channels(names, spec.alpha_channel, picture.format_name())
-            pixels = picture.read_image(0, 0, channels.first, channels.end, _stored_type(spec))
+            first = min(channels.used)
+            pixels = picture.read_image(0, 0, first, max(channels.used) + 1, _stored_type(spec))
             if pixels is None:
-                raise ImageError(f"the picture `{name}` is damaged", _reason(picture.geterror(), path, name))
+                raise ImageError(f"the picture `{name}` is damaged", _reason(picture_contents.message_of(picture), path, name))
             left, is_srgb = channels.left(names), space != "linear"
             faults = tuple(picture_contents.faults(picture, channels.stand_in, left, path, name, is_srgb=is_srgb))
         finally:
             picture.close()
     if pixels.ndim == 4:  # first slice of a volume
         pixels = pixels[0]
-    texels = _in_display_window(_linear(pixels.reshape(spec.height, spec.width, -1), spec, channels.alpha, space), spec)
+    pixels = pixels.reshape(spec.height, spec.width, -1)
+    rows = [k - first for k in channels.used]
+    if rows != list(range(pixels.shape[2])):
+        pixels = pixels[..., rows]
+    alpha = len(channels.colors) if channels.alpha >= 0 else -1
+    texels = _in_display_window(_linear(pixels, spec, alpha, space), spec)
     odd = 0 if pixels.dtype != np.float32 else _make_finite(texels)
     return Decoded(texels, odd, faults)
 
@@ -134,7 +140,7 @@ def matrix(source: str | bytes, name: str, names: tuple[str, ...]) -> np.ndarray
     with _on_disk(source) as path:
         picture = oiio.ImageInput.open(path)
         if picture is None:
-            raise ImageError(f"cannot read the picture `{name}`", _reason(oiio.geterror(), path, name))
+            raise ImageError(f"cannot read the picture `{name}`", _reason(picture_contents.message_of(oiio), path, name))
         found = [picture.spec().getattribute(key) for key in names]
         picture.close()
     return next((np.array(values, np.float64).reshape(4, 4) for values in found if np.size(values) == 16), None)

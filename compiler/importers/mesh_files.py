@@ -17,6 +17,7 @@ from ..mesh import polygon_mesh
 from ..scene.builder import NONE, SceneBuilder
 from ..scene.row_records import WHITE, Input, MaterialData
 from . import gltf, mtl, obj, off, ply, stl
+from .common import file_names
 from .mesh_parts import Part, add
 from .stage_options import MeshOptions
 
@@ -141,7 +142,7 @@ def _library_paths(text: str, folder: Path, files: Files, diagnostics: Diagnosti
 
     def missing(name: str) -> FileError | None:
         try:
-            found.append(mtl.find(name, folder, files, "material library"))
+            found.append(file_names.find(name, folder, files, "material library"))
         except FileError as failure:
             return failure
         return None

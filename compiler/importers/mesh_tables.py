@@ -10,7 +10,7 @@ from .understood import Table
 OBJ = Table(
     "OBJ statements",
     drawn={
-        "v vt vn f": "polygons; `v x y z r g b` has a colour",
+        "v vt vn f": "polygons, and spheres without any; `v x y z r g b` has a colour",
         "usemtl mtllib": "a part for each material",
         "s": "smoothing groups",
     },
@@ -20,7 +20,7 @@ OBJ = Table(
         "shadow_obj trace_obj": "names of stand-ins for shadows and reflections",
     },
     not_drawn={
-        "p": "points",
+        "p": "points of a file with faces",
         "l": "lines",
         "vp cstype deg bmat step curv curv2 surf parm trim hole scrv sp end con ctech stech": "free-form curves and surfaces",
         "bsp bzp cdc cdp res": "patches of version 2.11",
@@ -56,10 +56,11 @@ MTL_OPTIONS = Table(
 PLY = Table(
     "PLY elements and properties",
     drawn={
-        "vertex vertex.x vertex.y vertex.z vertex.nx vertex.ny vertex.nz": "",
+        "vertex vertex.x vertex.y vertex.z vertex.nx vertex.ny vertex.nz": "without faces as spheres, without normals",
         "vertex.red vertex.green vertex.blue vertex.diffuse_red vertex.diffuse_green vertex.diffuse_blue": "",
         "vertex.s vertex.t vertex.u vertex.v vertex.texture_u vertex.texture_v vertex.texture_s vertex.texture_t": "",
         "face face.vertex_indices face.vertex_index face.texcoord": "",
+        "tristrips tristrips.vertex_indices tristrips.vertex_index": "triangle strips",
         "face.red face.green face.blue face.diffuse_red face.diffuse_green face.diffuse_blue": "",
         "comment.TextureFile": "the first picture",
     },
@@ -67,7 +68,7 @@ PLY = Table(
     not_drawn={
         "vertex.alpha face.alpha": "colours are opaque",
         "vertex.quality vertex.confidence face.quality face.flags vertex.flags": "measurements",
-        "edge tristrips material": "",
+        "edge material": "",
         "face.texnumber": "the first picture is drawn",
         "multi_texture_vertex multi_texture_face range_grid camera": "",
     },
@@ -81,7 +82,10 @@ STL = Table(
 
 OFF = Table(
     "OFF content",
-    drawn={"vertices faces": "polygons", "colours normals coordinates": "of COFF, NOFF and STOFF files, and colours of faces"},
+    drawn={
+        "vertices faces": "polygons, and spheres without any",
+        "colours normals coordinates": "of COFF, NOFF and STOFF files, and colours of faces",
+    },
     not_drawn={"BINARY 4OFF nOFF": "binary files and other dimensions than 3", "colour maps": "a single number as the colour of a face"},
 )
 

@@ -20,6 +20,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from ...lang import text_encoding
 from ...lang.diagnostics import Diagnostics, Span
 from .. import ir
 from ..io.sandbox import FileError, Files
@@ -27,6 +28,7 @@ from ..scene import metallic_roughness
 from ..scene.builder import NONE, SceneBuilder
 from ..scene.row_records import BLACK, WHITE, Color, Input, MaterialData, TextureData, nonnegative, scale_color
 from . import images, mesh_tables, obj_lexer
+from .common import file_names, number_text
 
 REFLECTING = (3, 5, 8)
 REFRACTING = (4, 6, 7, 9)
@@ -80,7 +82,7 @@ class MtlMaterial:
 
 def parse(data: bytes, file: str, folder: Path | None, diagnostics: Diagnostics) -> dict[str, MtlMaterial]:
     """The materials of a library by name. A malformed line is a warning; the rest of the material counts."""
-    text = obj_lexer.as_utf8(data).decode(errors="replace").replace("\x1a", "").replace("\r\n", "\n").replace("\r", "\n")
+    text = text_encoding.decode_any(data).replace("\x1a", "").replace("\r\n", "\n").replace("\r", "\n")
     found: dict[str, MtlMaterial] = {}
     current: MtlMaterial | None = None
     warned: set[str] = set()
@@ -105,20 +107,22 @@ def parse(data: bytes, file: str, folder: Path | None, diagnostics: Diagnostics)
 
 def _line(material: MtlMaterial, keyword: str, rest: str, span: Span) -> str:
     """Applies one line to a material. Returns an error message, or ""."""
+    numbers = number_text.plain(rest.split("#")[0].encode())
+    plain = numbers.text.decode()
     if keyword in _COLORS:
-        color = _color(rest)
+        color = _color(plain)
         if color is None:
             return f"`{keyword}` needs three numbers (spectra and CIE XYZ are not read)"
         material.colors[keyword] = nonnegative(color)
         if min(color) < 0:
             return f"material `{material.name}`: `{keyword}` has a negative component, which counts as 0"
+        return numbers.warning
     elif keyword in _NUMBERS:
-        plain = rest.split("#")[0]
         number = _number(plain.replace("-halo", "").strip())
         if number is None:
             return f"`{keyword}` needs a number"
         material.numbers[keyword] = number
-        return "`d -halo` is drawn without the halo" if "-halo" in plain else ""
+        return "`d -halo` is drawn without the halo" if "-halo" in plain else numbers.warning
     elif keyword in _MAPS:
         reference, problem = map_reference(rest, span)
         if reference is not None:
@@ -132,15 +136,16 @@ def _line(material: MtlMaterial, keyword: str, rest: str, span: Span) -> str:
 
 
 def _number(text: str) -> float | None:
+    """A finite number; None for other text. An option of a map may have a decimal comma."""
     try:
-        value = float(text)
+        value = float(text.replace(",", ".", 1))
     except ValueError:
         return None
     return value if math.isfinite(value) else None
 
 
 def _color(text: str) -> Color | None:
-    numbers = [_number(w) for w in text.split("#")[0].split()]
+    numbers = [_number(w) for w in text.split()]
     if len(numbers) == 1:
         numbers *= 3
     if len(numbers) < 3 or any(n is None for n in numbers[:3]):
@@ -186,34 +191,6 @@ def _option(made: MapReference, option: str, words: list[str]) -> str:
     elif words != ["off"] and any(n != 0 for n in numbers):
         return mesh_tables.MTL_OPTIONS.report(f"the option `{option}`", option)
     return ""
-
-
-def find(name: str, folder: Path | None, files: Files, what: str) -> Path:
-    """Resolves a file name of an OBJ or MTL file.
-
-    Candidates: as written, with backslashes replaced, in other case, or its last component beside the referencing file.
-    Raises FileError if there is none.
-    """
-    turned = name.replace("\\", "/").strip()
-    failure: FileError | None = None
-    for tried in dict.fromkeys((turned, turned.rsplit("/", 1)[-1])):
-        for spelled in (lambda t: t, lambda t: _other_case(t, folder or files.root)):
-            try:
-                return files.find(spelled(tried), folder, what)
-            except FileError as e:
-                failure = failure or e
-    raise failure or FileError(f"there is no {what} `{name}`")
-
-
-def _other_case(name: str, folder: Path) -> str:
-    """The name with the spelling on disk, if only case differs."""
-    at, spelled = folder, []
-    for part in name.split("/"):
-        if part not in ("", ".", "..") and not (at / part).exists() and at.is_dir():
-            part = next((p.name for p in at.iterdir() if p.name.lower() == part.lower()), part)
-        spelled.append(part)
-        at = at / part
-    return "/".join(spelled)
 
 
 def row(material: MtlMaterial, builder: SceneBuilder, files: Files, diagnostics: Diagnostics) -> int:
@@ -315,7 +292,7 @@ def picture_row(
         diagnostics.warning(f"the picture `{reference.file}` is not read: its mesh has no folder", reference.span)
         return -1
     try:
-        picture = images.row(builder, find(reference.file, folder, files, "picture"), color=color, span=reference.span)
+        picture = images.row(builder, file_names.find(reference.file, folder, files, "picture"), color=color, span=reference.span)
     except (FileError, images.ImageError) as failure:
         diagnostics.warning(failure.message, reference.span, failure.hint)
         return -1

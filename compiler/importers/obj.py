@@ -5,6 +5,7 @@ Format: Wavefront's Object Files, version 3.0 (Appendix B1 of the Advanced Visua
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,6 +15,9 @@ from .. import ir
 from ..mesh.polygon_mesh import PolyMesh
 from ..scene.row_records import MeshAttribute
 from . import mesh_tables, obj_lexer
+from .common import point_clouds, vertex_colors
+
+_LINES = ("l", "curv", "curv2", "surf")  # what may use the vertices of a file without faces
 
 
 @dataclass(slots=True)
@@ -62,11 +66,18 @@ def _read(lines: obj_lexer.Lines, file: str, problems: _Problems) -> ObjMesh | N
     if not np.isin(lines.keys, (0, 3)).any():
         problems.diagnostics.error("this is no OBJ file: it has neither vertices nor faces", Span(file))
         return None
-    points, tints = _vertices(*obj_lexer.numbers(lines, 0, 3, malformed))
+    def warn(message: str) -> None:
+        problems.diagnostics.warning(message, Span(file))
+
+    lines = obj_lexer.with_plain_numbers(lines, lambda line, message: problems.add("warning", "commas", line, message))
+    points, tints = _vertices(*obj_lexer.numbers(lines, 0, 3, malformed), warn)
     uv_values = _columns(*obj_lexer.numbers(lines, 1, 1, malformed), width=2)
     normal_values = _columns(*obj_lexer.numbers(lines, 2, 3, malformed), width=3)
     faces = obj_lexer.faces(lines, malformed)
-    state = _State.read(lines, file, problems)
+    is_cloud = not len(faces.rows) and not any(keyword in _LINES for _, keyword, _ in obj_lexer.others(lines))
+    state = _State.read(lines, file, problems, is_cloud)
+    if is_cloud and (cloud := point_clouds.mesh(points, tints, problems.diagnostics, Span(file))) is not None:
+        return ObjMesh(cloud, np.full(len(cloud.counts), len(state.names) - 1), state.names, state.libraries, state.uses)
     corners, counts, kept = _resolved(lines, faces, (points, uv_values, normal_values), problems)
     if not len(counts):
         problems.diagnostics.error("the OBJ file has no faces that can be drawn", Span(file), "a face is a line like `f 1 2 3`")
@@ -99,7 +110,7 @@ class _State:
         return values[np.searchsorted(where, rows)]
 
     @classmethod
-    def read(cls, lines: obj_lexer.Lines, file: str, problems: _Problems) -> _State:
+    def read(cls, lines: obj_lexer.Lines, file: str, problems: _Problems, is_cloud: bool) -> _State:
         state = cls()
         numbered = {"": 0}
         for row, keyword, rest in obj_lexer.others(lines):
@@ -115,6 +126,8 @@ class _State:
                 state.libraries.append((rest, Span(file, line, 1, line, len("mtllib ") + len(rest) + 1)))
             elif keyword == "s":
                 state.smoothing.append((row, int(rest) if rest.isdecimal() and len(rest) < 10 else 0))
+            elif keyword == "p" and is_cloud:
+                pass  # all vertices are drawn
             elif mesh_tables.OBJ.find(keyword) is None:
                 problems.add("warning", "keyword", line, f"OBJ has no keyword `{keyword[:40]}`: the line is left out")
             elif message := mesh_tables.OBJ.report(f"`{keyword}`", keyword):
@@ -122,7 +135,7 @@ class _State:
         return state
 
 
-def _vertices(values: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+def _vertices(values: np.ndarray, counts: np.ndarray, warn: Callable[[str], None]) -> tuple[np.ndarray, np.ndarray | None]:
     """Points (n, 3), and linear colours (n, 3) from `v x y z r g b` lines (sRGB, as vertex painting programs write)."""
     points = _columns(values, counts, 3)
     tinted = (counts == 6) | (counts == 7)
@@ -130,16 +143,8 @@ def _vertices(values: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.nd
         return points, None
     firsts = np.cumsum(counts) - counts
     tints = np.ones((len(counts), 3))
-    tints[tinted] = values[firsts[tinted][:, None] + np.arange(3, 6)]
-    if np.nanmax(tints) > 1:  # in 0 to 255
-        tints[tinted] /= 255.0
-    return points, linear(tints)
-
-
-def linear(tints: np.ndarray) -> np.ndarray:
-    """Linear colours from sRGB colours, clipped to 0…1."""
-    clipped = np.clip(np.nan_to_num(tints), 0.0, 1.0)
-    return np.where(clipped <= 0.04045, clipped / 12.92, ((clipped + 0.055) / 1.055) ** 2.4)
+    tints[tinted] = vertex_colors.from_numbers(values[firsts[tinted][:, None] + np.arange(3, 6)], warn)
+    return points, tints
 
 
 def _columns(values: np.ndarray, counts: np.ndarray, width: int) -> np.ndarray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import codecs
 import re
 import warnings
 from collections.abc import Callable, Iterator
@@ -10,7 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...lang import text_encoding
 from ..ir import F64, I64
+from .common import number_text
 
 _SPACE = np.zeros(256, dtype=bool)
 _SPACE[[9, 10, 11, 12, 13, 32]] = True
@@ -48,13 +49,6 @@ class Faces(NamedTuple):
     corners: I64  # (c, 3) v, vt, vn as written: from 1, negative from the end, NONE, BAD
 
 
-def as_utf8(data: bytes) -> bytes:
-    """Text bytes without byte order mark; UTF-16 with one is converted to UTF-8."""
-    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        data = data.decode("utf-16", errors="replace").encode()
-    return data.removeprefix(codecs.BOM_UTF8)
-
-
 def without_comment(text: str) -> str:
     """A name without a trailing `# comment`. A # inside a word belongs to the name."""
     return re.split(r"(?:^|\s+)#", text, maxsplit=1)[0].strip()
@@ -62,7 +56,7 @@ def without_comment(text: str) -> str:
 
 def split(data: bytes) -> Lines:
     """Splits a file into lines, for any line ends, byte order mark or encoding."""
-    data = as_utf8(data).replace(b"\x1a", b"")  # Ctrl-Z ends a text in old DOS programs
+    data = text_encoding.as_utf8(data).replace(b"\x1a", b"")  # Ctrl-Z ends a text in old DOS programs
     data = data.replace(b"\r\n", b" \n").replace(b"\r", b"\n")
     data = re.sub(rb"\\[ \t]*\n", lambda m: b" " * (len(m[0]) - 1) + b"\v", data)
     if not data.endswith(b"\n"):
@@ -96,6 +90,30 @@ def _keys(buffer: np.ndarray, starts: I64) -> I64:
     keys[(a == ord("v")) & (b == ord("n")) & _SPACE[c]] = 2
     keys[(a == ord("f")) & _SPACE[b]] = 3
     return keys
+
+
+def with_plain_numbers(lines: Lines, complain: Complain) -> Lines:
+    """The lines with points and blanks in place of the commas of numbers and faces; see number_text. Says once that there were some."""
+    if not number_text.has_commas(lines.data):
+        return lines
+    buffer = np.frombuffer(lines.data, dtype=np.uint8)
+    rows = np.unique(np.searchsorted(lines.starts, np.flatnonzero((buffer == ord(",")) | (buffer == ord(";"))), "right") - 1)
+    rows = rows[lines.keys[rows] < OTHER]
+    texts = [lines.text(int(row)).split(b"#")[0] for row in rows]
+    written = [(row, text) for row, text in zip(rows.tolist(), texts, strict=True) if number_text.has_commas(text)]
+    if not written:
+        return lines
+    measured = [(row, text) for row, text in written if lines.keys[row] < 3]
+    decimal = all(len(text.split()) > 3 for row, text in measured if lines.keys[row] != 1)
+    joined = b"\n".join(text[len(KEYWORDS[lines.keys[row]]) :] for row, text in measured)
+    found = number_text.plain(joined, decimal)
+    decimal = found.warning == number_text.DECIMAL
+    changed = bytearray(lines.data)
+    for row, text in written:
+        start = int(lines.starts[row])
+        changed[start : start + len(text)] = number_text.plain(text, decimal and int(lines.keys[row]) < 3).text
+    complain(int(lines.numbers[written[0][0]]), found.warning or number_text.SEPARATORS)
+    return lines._replace(data=bytes(changed))
 
 
 class Block(NamedTuple):

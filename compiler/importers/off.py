@@ -5,16 +5,17 @@ Format: OFF(5) of the Geomview manual. The keyword's letters ST, C and N name wh
 
 from __future__ import annotations
 
-import codecs
 import re
+from collections.abc import Callable
 
 import numpy as np
 
+from ...lang import text_encoding
 from ...lang.diagnostics import Diagnostics, Span
 from .. import ir
 from ..mesh.polygon_mesh import PolyMesh
 from ..scene.row_records import MeshAttribute
-from .obj import linear
+from .common import number_text, point_clouds, vertex_colors
 
 _KEYWORD = re.compile(r"(ST)?(C)?(N)?(4)?(n)?OFF$")
 _MOST_SIDES = 1 << 20
@@ -26,8 +27,11 @@ class OffError(Exception):
 
 def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
     """The mesh of an OFF file. Damaged vertices and faces are left out with a warning. Raises OffError."""
-    text = data.removeprefix(codecs.BOM_UTF8).decode("latin-1")
-    rows = [words for line in text.splitlines() if (words := line.partition("#")[0].split())]
+    text = text_encoding.decode_any(data)
+    numbers = number_text.plain(re.sub(r"#.*", "", text).encode())
+    if numbers.warning:
+        diagnostics.warning(numbers.warning, span)
+    rows = [words for line in numbers.text.decode().splitlines() if (words := line.split())]
     kind = _KEYWORD.match(rows[0][0]) if rows else None
     if kind is None:
         raise OffError("this is no OFF file: it does not begin with `OFF`")
@@ -44,16 +48,22 @@ def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
         diagnostics.warning(message, span)
     if (beyond := len(rows) - 1 - vertices - count) > 0:
         diagnostics.warning(f"after the {count} faces that the OFF file promises, {beyond} more lines are not drawn", span)
-    if not given:
-        raise OffError("the OFF file holds no faces")
+    def warn(message: str) -> None:
+        diagnostics.warning(message, span)
+
     normals, colors, uvs = 3, 3 + 3 * bool(kind[3]), 3 + 3 * bool(kind[3]) + 4 * bool(kind[2])
     table = _table(points, uvs + 2 * bool(kind[1]))
+    vertex_tints = vertex_colors.from_numbers(table[:, colors : colors + 3], warn) if kind[2] else None
+    if not count and (cloud := point_clouds.mesh(table[:, :3], vertex_tints, diagnostics, span)) is not None:
+        return cloud
+    if not given:
+        raise OffError("the OFF file holds no faces")
     faces = [face for row in given if (face := _face(row, table)) is not None]
     if len(faces) < len(given):
         lost = f"{len(given) - len(faces)} of {len(given)} faces"
         diagnostics.warning(f"{lost} are damaged, or use vertices that do not exist or are not finite: they are left out", span)
     tails = [tail for _, tail in faces]
-    tints = MeshAttribute(_colors(table[:, colors : colors + 3])) if kind[2] else _face_colors(tails)
+    tints = _face_colors(tails, warn) if vertex_tints is None else MeshAttribute(vertex_tints)
     if kind[2] and (unseen := sum(len(tail) >= 3 for tail in tails)):
         message = f"the colours of {unseen} of {len(faces)} faces are left out: the vertices of the OFF file have colours, which are drawn"
         diagnostics.warning(message, span, "to draw those of the faces, write the vertices without colours")
@@ -94,17 +104,13 @@ def _face(row: list[str], table: np.ndarray) -> tuple[list[int], list[str]] | No
     return (found, row[sides + 1 :]) if max(found) < len(table) and np.isfinite(table[found, :3]).all() else None
 
 
-def _face_colors(tails: list[list[str]]) -> MeshAttribute | None:
+def _face_colors(tails: list[list[str]], warn: Callable[[str], None]) -> MeshAttribute | None:
     """The colours of faces, white for those without; None without any. A single number is a row of a colour map, which is not read."""
     colored = [k for k, tail in enumerate(tails) if len(tail) >= 3]
     if not colored:
         return None
     values = np.ones((len(tails), 3))
-    values[colored] = _colors(_table([tails[k] for k in colored], 3))
+    values[colored] = vertex_colors.from_numbers(_table([tails[k] for k in colored], 3), warn)
     return MeshAttribute(values, ir.Interpolation.FACE)
 
 
-def _colors(values: np.ndarray) -> np.ndarray:
-    """Linear colours of sRGB numbers from 0 to 1, or to 255 if some number is above 1."""
-    found = np.nan_to_num(values)
-    return linear(np.clip(found / (255.0 if (found > 1.0).any() else 1.0), 0.0, 1.0))

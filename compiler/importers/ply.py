@@ -13,12 +13,13 @@ from typing import Any
 
 import numpy as np
 
+from ...lang import text_encoding
 from ...lang.diagnostics import Diagnostics, Span
 from .. import ir
 from ..mesh.polygon_mesh import PolyMesh
 from ..scene.row_records import MeshAttribute
 from . import mesh_tables
-from .obj import linear
+from .common import number_text, point_clouds, vertex_colors
 
 _TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2", "uint16": "u2",
@@ -27,6 +28,9 @@ _TYPES = {
 _ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": ""}
 _UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
 MAX_HEADER = 1 << 16
+_BEGIN = re.compile(rb"ply[ \t]*[\r\n]")
+_END = re.compile(rb"(?<=[\r\n])[ \t]*end_header[ \t]*(?:\r|\n|\Z)")
+_NEWLINE = re.compile(rb"\n")
 
 
 Warn = Callable[[str], None]
@@ -58,18 +62,28 @@ def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
     def warn(message: str) -> None:
         diagnostics.warning(message, span)
 
-    order, elements, body = _header(data.removeprefix(codecs.BOM_UTF8), warn)
+    order, elements, body = _header(data, warn)
     with np.errstate(all="ignore"):
         found = _ascii(body, elements, warn) if order == "ascii" else _binary(body, elements, _ORDERS[order], warn)
     vertices, faces = found.get("vertex"), found.get("face")
-    if vertices is None or any(axis not in vertices.scalars for axis in "xyz"):
+    points = None if vertices is None else _stack(vertices, "xyz")
+    if vertices is None or points is None:
         raise PlyError("the PLY file has no vertices with x, y and z")
-    listed = next((faces.lists[n] for n in ("vertex_indices", "vertex_index") if n in faces.lists), None) if faces else None
-    if faces is None or listed is None or not len(listed[0]):
-        raise PlyError("the PLY file has no faces: clouds of points and triangle strips are not drawn")
-    points = _stack(vertices, "xyz")
-    assert points is not None
-    counts, indices = listed[0], listed[1].astype(np.int64)
+    ignored = _not_drawn(elements, found)
+    listed = _listed(faces)
+    if faces is None or listed is None:
+        faces, listed = _Data(), _strips(found.get("tristrips"))
+    elif _strips(found.get("tristrips")) is not None:
+        warn("the triangle strips of the PLY file are not drawn: it has faces")
+    if listed is None and any(element.count for element in elements if element.name in ("face", "tristrips")):
+        raise PlyError("the PLY file has no faces that can be drawn: a face is a list `vertex_indices`")
+    if listed is None:
+        cloud = point_clouds.mesh(points, _colors(vertices, warn), diagnostics, span)
+        if cloud is None:
+            raise PlyError("the PLY file has neither faces nor points")
+        _tell(ignored, warn)
+        return cloud
+    counts, indices = listed
     owner = np.repeat(np.arange(len(counts)), counts)
     sound = np.asarray(np.isfinite(points).all(axis=1))
     inside = (indices >= 0) & (indices < len(points))
@@ -80,15 +94,41 @@ def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
     if not kept.all():
         lost = int(np.count_nonzero(~kept))
         diagnostics.warning(f"{lost} of {len(kept)} faces use vertices that do not exist or are not finite: they are left out", span)
-    if ignored := _not_drawn(elements, found):
-        diagnostics.warning(f"the PLY file has data that is not drawn: {', '.join(ignored)}", span)
-    return _mesh(points, counts, indices, kept, owner, vertices, faces)
+    _tell(ignored, warn)
+    return _mesh(points, counts, indices, kept, owner, vertices, faces, warn)
+
+
+def _tell(ignored: list[str], warn: Warn) -> None:
+    if ignored:
+        warn(f"the PLY file has data that is not drawn: {', '.join(ignored)}")
 
 
 def texture_files(data: bytes) -> list[str]:
-    """Image names from `comment TextureFile NAME` lines of the header, as MeshLab writes them."""
-    header = data[: max(data.find(b"end_header", 0, MAX_HEADER), 0)].decode(errors="replace")
-    return re.findall(r"^comment\s+TextureFile\s+(.+?)\s*$", header, re.MULTILINE)
+    """Image names from `comment TextureFile NAME` lines of the header, as MeshLab writes them. Raises PlyError."""
+    header, _ = _parted(data)
+    return [name.strip().strip('"') for name in re.findall(r"^comment\s+TextureFile\s+(\S.*?)\s*$", "\n".join(header), re.MULTILINE)]
+
+
+def _listed(faces: _Data | None) -> tuple[np.ndarray, np.ndarray] | None:
+    """Corner counts and vertices of faces; None without any."""
+    found = next((faces.lists[n] for n in ("vertex_indices", "vertex_index") if n in faces.lists), None) if faces else None
+    return (found[0], found[1].astype(np.int64)) if found is not None and len(found[0]) else None
+
+
+def _strips(strips: _Data | None) -> tuple[np.ndarray, np.ndarray] | None:
+    """Corner counts and vertices of the triangles of strips, which −1 ends; every other triangle of a strip is turned. None without any."""
+    found = _listed(strips)
+    if found is None:
+        return None
+    counts, indices = found
+    of = np.repeat(np.arange(len(counts)), counts)
+    rows = np.stack([indices[:-2], indices[1:-1], indices[2:]], axis=1) if len(indices) > 2 else np.zeros((0, 3), np.int64)
+    at = np.arange(len(indices))
+    starts = np.maximum.accumulate(np.where((indices < 0) | np.append(True, of[1:] != of[:-1]), at + (indices < 0), 0))
+    odd = (at - starts)[: len(rows)] % 2 == 1
+    rows[odd] = rows[odd][:, [1, 0, 2]]
+    kept = (rows >= 0).all(axis=1) & (of[: len(rows)] == of[2 : 2 + len(rows)])
+    return (np.full(int(kept.sum()), 3), rows[kept].reshape(-1)) if kept.any() else None
 
 
 def _not_drawn(elements: list[_Element], data: dict[str, _Data]) -> list[str]:
@@ -107,16 +147,17 @@ def _not_drawn(elements: list[_Element], data: dict[str, _Data]) -> list[str]:
 
 
 def _mesh(
-    points: np.ndarray, counts: np.ndarray, indices: np.ndarray, kept: np.ndarray, owner: np.ndarray, vertices: _Data, faces: _Data
-) -> PolyMesh:
+    points: np.ndarray, counts: np.ndarray, indices: np.ndarray, kept: np.ndarray, owner: np.ndarray, vertices: _Data, faces: _Data,
+    warn: Warn,
+) -> PolyMesh:  # fmt: skip
     uvs = next((uv for names in _UV_NAMES if (uv := _stack(vertices, names)) is not None), None)
     uv = None if uvs is None else MeshAttribute(np.nan_to_num(uvs))
     corner_uvs = faces.lists.get("texcoord")
     if corner_uvs is not None and np.array_equal(corner_uvs[0], 2 * counts):
         uv = MeshAttribute(np.nan_to_num(corner_uvs[1].reshape(-1, 2)[kept[owner]]), ir.Interpolation.CORNER)
-    color = _colors(vertices)
+    color = _colors(vertices, warn)
     tint = None if color is None else MeshAttribute(color)
-    if tint is None and (color := _colors(faces)) is not None:
+    if tint is None and (color := _colors(faces, warn)) is not None:
         tint = MeshAttribute(color[kept], ir.Interpolation.FACE)
     normals = _stack(vertices, ("nx", "ny", "nz"))
     normal = None if normals is None else MeshAttribute(normals)
@@ -129,24 +170,34 @@ def _stack(data: _Data, names: Any) -> np.ndarray | None:
     return np.stack([data.scalars[name].astype(np.float64) for name in names], axis=1)
 
 
-def _colors(data: _Data) -> np.ndarray | None:
-    """Linear colours from red, green and blue: sRGB, integers to 255 (65535) or floats to 1."""
+def _colors(data: _Data, warn: Warn) -> np.ndarray | None:
+    """Linear colours from red, green and blue; see vertex_colors."""
     names = next((n for n in (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue")) if n[0] in data.scalars), None)
     tints = _stack(data, names) if names else None
     if names is None or tints is None:
         return None
-    kind = data.scalars[names[0]].dtype
-    return linear(tints / np.iinfo(kind).max if kind.kind in "iu" else tints)
+    return vertex_colors.from_column(tints, data.scalars[names[0]].dtype, warn)
+
+
+def _parted(data: bytes) -> tuple[list[str], bytes]:
+    """The lines of the header between `ply` and `end_header`, and what follows it. Blanks at the end of lines count for nothing."""
+    data = (text_encoding.as_utf8(data) if text_encoding.is_wide(data) else data.removeprefix(codecs.BOM_UTF8)).lstrip()
+    end = _END.search(data, 0, MAX_HEADER)
+    if not _BEGIN.match(data):
+        raise PlyError("this is no PLY file: it does not begin with a PLY header")
+    if end is None:
+        raise PlyError(f"the PLY file has no line `end_header` in its first {MAX_HEADER:,} bytes")
+    at = end.end()
+    if end[0].endswith(b"\r") and data[at : at + 1] == b"\n" and _NEWLINE.search(data, 0, end.start() + 1):
+        at += 1  # in a file whose lines end with \r alone, \n is the first byte of the rows
+    return re.split("\r\n|\r|\n", text_encoding.decode_any(data[: end.start()]))[1:], data[at:]
 
 
 def _header(data: bytes, warn: Warn) -> tuple[str, list[_Element], bytes]:
-    end = data.find(b"end_header", 0, MAX_HEADER)
-    if not data.startswith(b"ply") or end < 0:
-        raise PlyError("this is no PLY file: it does not begin with a PLY header")
-    body = data[end + len(b"end_header") :]
-    body = body.removeprefix(b"\r").removeprefix(b"\n") if body[:2] != b"\r\n" else body[2:]
+    """The order of bytes, the elements, and what follows the header."""
+    lines, body = _parted(data)
     order, elements = "", []
-    for line in data[:end].decode("latin-1").splitlines()[1:]:
+    for line in lines:
         words = line.split()
         if not words or words[0] in ("comment", "obj_info"):
             continue
@@ -249,7 +300,10 @@ def _kept(row: dict[str, Any], values: dict[str, list[Any]], element: _Element, 
 
 def _ascii(body: bytes, elements: list[_Element], warn: Warn) -> dict[str, _Data]:
     """Reads ASCII rows as one stream of numbers, as many as each element declares; line ends do not matter."""
-    words = body.split()
+    numbers = number_text.plain(body)
+    if numbers.warning:
+        warn(numbers.warning)
+    words = numbers.text.split()
     try:
         stream = np.array(words, dtype=np.float64)
     except ValueError:

@@ -7,14 +7,16 @@ import re
 
 import numpy as np
 
+from ...lang import text_encoding
 from ...lang.diagnostics import Diagnostics, Span
 from .. import ir
 from ..mesh.polygon_mesh import PolyMesh
 from ..scene.row_records import MeshAttribute
-from .obj import linear
+from .common import number_text
+from .common.vertex_colors import linear
 
 _VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)")
-_NAME = re.compile(rb"^\s*(end)?solid\b[^\r\n]*", re.MULTILINE)  # names may contain any text
+_NAME = re.compile(rb"(?:\A|[\r\n])\s*(?:end)?solid\b[^\r\n]*")  # names may contain any text
 _ROW = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _FACET = re.compile(rb"\b(?:facet|vertex)\b")
 _LOOP_END = b"endloop"
@@ -28,10 +30,11 @@ class StlError(Exception):
 
 def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
     """The mesh of an STL file, oriented by winding; stored normals are ignored. Raises StlError."""
+    data = _narrow(data)
     found = _binary(data, diagnostics, span)
     colors = None
     if found is None:
-        corners = _ascii(data, diagnostics, span)
+        corners = _ascii(data.removeprefix(codecs.BOM_UTF8), diagnostics, span)
     else:
         with np.errstate(invalid="ignore"):  # signalling NaN
             corners = found["corners"].astype(np.float64)
@@ -66,6 +69,14 @@ def _colors(header: bytes, attribute: np.ndarray, diagnostics: Diagnostics, span
     return None
 
 
+def _narrow(data: bytes) -> bytes:
+    """A text file of UTF-16 or UTF-32 in UTF-8. A binary file may begin with such a text, in its header."""
+    if not text_encoding.is_wide(data):
+        return data
+    text = text_encoding.as_utf8(data)
+    return text if _begins_as_text(text) and _VERTEX.search(text.lower()) else data
+
+
 def _begins_as_text(data: bytes) -> bool:
     return data.removeprefix(codecs.BOM_UTF8).lstrip()[:5].lower() == b"solid"
 
@@ -96,7 +107,10 @@ def _ascii(data: bytes, diagnostics: Diagnostics, span: Span) -> np.ndarray:
     """The corners (t, 3, 3) of the triangles of a text file; a facet without three vertices is left out, with a warning."""
     if not _begins_as_text(data):
         raise StlError("this is no STL file: it is neither binary nor does it begin with `solid`")
-    text = _NAME.sub(lambda name: re.sub(rb"[^\r\n]", b" ", name[0]), data.lower())
+    numbers = number_text.plain(_NAME.sub(lambda name: re.sub(rb"[^\r\n]", b" ", name[0]), data.lower()))
+    text = numbers.text
+    if numbers.warning:
+        diagnostics.warning(numbers.warning, _at(text, numbers.first, span))
     chunks = text.split(_LOOP_END)
     facets = [_VERTEX.findall(chunk) for chunk in chunks]
     last = facets.pop() if len(facets) > 1 else []  # after the last loop

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any, NamedTuple
 
+from ...lang import text_encoding
 from .regular_files import read_bytes
 
 _MOST_PARTS = 100  # of a file, counted in messages
@@ -33,26 +34,50 @@ DRAWN, READ = Use("draw", "drawn"), Use("read", "read")
 
 
 class Channels(NamedTuple):
-    """The channels of a file that are read, and how they are used."""
+    """The channels of a file that are used, by their numbers in it."""
 
-    first: int
-    end: int
-    alpha: int  # among those read; -1: none
+    colors: tuple[int, ...]
+    alpha: int  # -1: none
     stand_in: tuple[str, ...] | None  # the channels that are used in place of R, G and B; None where the file has these
 
+    @property
+    def used(self) -> tuple[int, ...]:
+        """The colours, and the alpha behind them if there is one."""
+        return (*self.colors, self.alpha) if self.alpha >= 0 else self.colors
+
     def left(self, names: list[str]) -> list[str]:
-        """Those of a file's channels that are not read."""
-        return [*names[: self.first], *names[self.end :]]
+        """Those of a file's channels that are not used."""
+        return [name for k, name in enumerate(names) if k not in self.used]
+
+
+def channel_names(spec: Any) -> list[str]:
+    """The names of a file's channels; those that are not UTF-8 are read as other text is."""
+    return [_readable(str(name)) for name in spec.channelnames]
+
+
+def message_of(source: Any) -> str:
+    """The message of a failure of OpenImageIO, or of one of its pictures, which may quote bytes of the file."""
+    try:
+        return _readable(str(source.geterror()))
+    except UnicodeDecodeError as failure:
+        return text_encoding.decode_any(failure.object)
+
+
+def _readable(text: str) -> str:
+    """Text without the surrogates that stand for bytes that are not UTF-8."""
+    return text_encoding.decode_any(text.encode("utf-8", "surrogateescape")) if text and not text.isascii() else text
 
 
 def choose_channels(names: list[str], alpha: int, kind: str) -> Channels:
-    """The channels to read: the first four, but for EXR files by their names, as these may hold anything.
+    """The channels to use: the first four, but for EXR files by their names, as these may hold anything.
 
-    Of an EXR without R and Y these are the R, G and B of a layer, or its Y, or its first three, with the alpha that follows them.
+    Of an EXR without R and Y these are the R, G and B of a layer, or its Y, or its first three, with the alpha of the layer.
     """
     if kind != "openexr":
         known = alpha < len(names)  # OpenImageIO gives the alpha of GIF files as the fifth of four channels
-        return Channels(0, min(len(names), 4), alpha if known else names.index("A") if "A" in names else -1, None)
+        alpha = alpha if known else names.index("A") if "A" in names else -1
+        alpha = alpha if alpha < 4 else -1
+        return Channels(tuple(k for k in range(min(len(names), 4)) if k != alpha)[:3], alpha, None)
     ends = [name.rpartition(".")[2].lower() for name in names]
     layers: dict[str, list[int]] = {}
     for k, name in enumerate(names):
@@ -68,9 +93,8 @@ def choose_channels(names: list[str], alpha: int, kind: str) -> Channels:
         at = [k for k in at if ends[k] in (*_RGB[0], *_RGB[1])] or at[:1]
     elif layer in grey:
         at = at[:1]
-    first, end = (at[0], at[:3][-1] + 1) if at else (layers[layer][0], layers[layer][0])
-    has_alpha = ends[end : end + 1] in ([word] for word in _ALPHA) and end in layers[layer]
-    return Channels(first, end + has_alpha, end - first if has_alpha else -1, None if plain else tuple(names[first:end]))
+    found = next((k for k in layers[layer] if ends[k] in _ALPHA), -1)
+    return Channels(tuple(at[:3]), found, None if plain else tuple(names[k] for k in at[:3]))
 
 
 def _used_as(names: tuple[str, ...], use: Use) -> str:
@@ -124,7 +148,7 @@ def _color_space(spec: Any, path: str, kind: str) -> str:
     if str(spec.format) not in ("uint8", "uint16"):
         return ""
     if spec.getattribute("ICCProfile") is not None:
-        profile = str(spec.getattribute("ICCProfile:profile_description") or "").strip("\0 ")
+        profile = _readable(str(spec.getattribute("ICCProfile:profile_description") or "").strip("\0 "))
         return "" if "srgb" in profile.lower() or profile in _SRGB_PROFILES else f"its profile `{profile}`" if profile else "its profile"
     if kind != "png":
         return ""

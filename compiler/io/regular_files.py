@@ -9,6 +9,8 @@ import sys
 from pathlib import Path
 from typing import BinaryIO
 
+from ...lang import text_encoding
+
 MAX_SOURCE = 16 << 20  # bytes of a .scene file, or of another text
 MAX_DATA = 2 << 30  # bytes of a mesh, image or stage
 ANY_SIZE = sys.maxsize  # for files that are read in parts
@@ -46,9 +48,12 @@ def read_bytes(path: Path | str, limit: int = MAX_DATA) -> bytes:
     return b"".join(parts) if len(parts) > 1 else parts[0]
 
 
-def read_text(path: Path | str, limit: int = MAX_SOURCE, errors: str = "strict") -> str:
-    """The text of an ordinary UTF-8 file, whose lines end with `\\n`. Raises OSError as read_bytes does, and UnicodeDecodeError."""
-    return read_bytes(path, limit).decode("utf-8", errors).replace("\r\n", "\n").replace("\r", "\n")
+def read_text(path: Path | str, limit: int = MAX_SOURCE) -> str:
+    """The text of an ordinary file of UTF-8, UTF-16 or UTF-32, whose lines end with `\\n`.
+
+    Raises OSError as read_bytes does, and UnicodeDecodeError.
+    """
+    return text_encoding.decode(read_bytes(path, limit)).replace("\r\n", "\n").replace("\r", "\n")
 
 
 def is_regular(path: Path | str) -> bool:

@@ -10,10 +10,11 @@ from contextvars import ContextVar
 from pathlib import Path
 from types import MappingProxyType
 
+from ...lang import text_encoding
 from ...lang.diagnostics import suggest
 from ...lang.file_types import is_binary
 from ...lang.input_error import InputError
-from .regular_files import MAX_DATA, MAX_SOURCE, read_bytes, read_text, size
+from .regular_files import MAX_DATA, MAX_SOURCE, read_bytes, size
 
 LIBRARY = Path(__file__).resolve().parents[2] / "stdlib"
 MAX_QUOTED = 4 << 20  # bytes of the largest file whose lines are quoted in messages
@@ -142,13 +143,14 @@ def resolved(path: Path) -> Path:
 
 
 def decode(data: bytes, name: str) -> str:
-    """The text of a UTF-8 source file, whose lines end with `\\n`. Raises FileError for other data."""
+    """The text of a source file of UTF-8, UTF-16 or UTF-32, whose lines end with `\\n`. Raises FileError for other data."""
     if is_binary(data):
-        is_utf16 = max(data[::2].count(0), data[1::2].count(0)) > len(data) / 4 or data[:2] in (b"\xff\xfe", b"\xfe\xff")
-        raise FileError(f"`{name}` is not a text file", "save it as UTF-8" if is_utf16 else "")
+        raise FileError(f"`{name}` is not a text file")
     try:
-        return data.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+        return text_encoding.decode(data).replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as failure:
+        if text_encoding.is_wide(data):
+            raise FileError(f"`{name}` is damaged text of UTF-16 or UTF-32", "save it as UTF-8") from None
         line = data[: failure.start].count(b"\n") + 1
         raise FileError(f"`{name}` is not UTF-8 text (line {line})", "save it as UTF-8") from None
 
@@ -157,6 +159,6 @@ def source_text(name: str) -> str | None:
     """The text of a file by its displayed name (a path, or `std/room` of the library), or None."""
     try:
         path = LIBRARY / f"{name[4:].removesuffix('.scene')}.scene" if name.startswith("std/") else Path(name)
-        return read_text(path, MAX_QUOTED, "replace")
+        return text_encoding.decode_any(read_bytes(path, MAX_QUOTED))
     except (OSError, ValueError):
         return None

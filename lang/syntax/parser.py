@@ -6,6 +6,7 @@ from bisect import bisect_left
 from dataclasses import dataclass, field
 from typing import Any
 
+from .. import text_encoding
 from ..diagnostics import Diagnostics, Span, sort_diagnostics
 from ..file_types import is_binary
 from . import ast, lexer, line_joining, syntax_errors
@@ -22,7 +23,7 @@ MAX_TRIES = 2  # recoveries up to the same token
 
 
 def decode(data: bytes, name: str, diagnostics: Diagnostics) -> str | None:
-    """The text of a .scene file from its bytes: UTF-8, with or without a byte-order mark; lines end with `\\n`.
+    """The text of a .scene file from its bytes: UTF-8, UTF-16 or UTF-32; lines end with `\\n`.
 
     None, with a diagnostic, for data that is too large or not text.
     """
@@ -33,8 +34,11 @@ def decode(data: bytes, name: str, diagnostics: Diagnostics) -> str | None:
         diagnostics.error("this is a binary file, no scene", Span(name))
         return None
     try:
-        text = data.decode("utf-8-sig")
+        text = text_encoding.decode(data)
     except UnicodeDecodeError as e:
+        if text_encoding.is_wide(data):
+            diagnostics.error("this is damaged text of UTF-16 or UTF-32", Span(name), "save the file as UTF-8")
+            return None
         line = data.count(b"\n", 0, e.start) + 1
         diagnostics.error(f"line {line} is not UTF-8 text (byte 0x{data[e.start]:02x})", Span(name), "save the file as UTF-8")
         return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -32,13 +33,13 @@ def read(path: Path) -> images.Image:
         raise FormatError(f"{path} is not an ordinary file" if os.path.exists(path) else f"there is no file {path}")
     source = oiio.ImageInput.open(str(path), wanted)
     if source is None:
-        raise FormatError(f"{path} is not a picture: {oiio.geterror()}")
+        raise FormatError(f"{path} is not a picture: {picture_contents.message_of(oiio)}")
     try:
         spec = source.spec()
         pixels = source.read_image(oiio.FLOAT)
         if pixels is None:
-            raise FormatError(f"{path} cannot be read: {source.geterror()}")
-        names = [str(name) for name in spec.channelnames]
+            raise FormatError(f"{path} cannot be read: {picture_contents.message_of(source)}")
+        names = picture_contents.channel_names(spec)
         channels = picture_contents.choose_channels(names, spec.alpha_channel, source.format_name())
         if all(name in names for name in "RGB"):
             channels = channels._replace(stand_in=None)
@@ -51,13 +52,13 @@ def read(path: Path) -> images.Image:
 def _as_image(
     pixels: NDArray[np.float32], spec: Any, chosen: picture_contents.Channels, faults: tuple[tuple[str, str], ...]
 ) -> images.Image:  # fmt: skip
-    names = list(spec.channelnames)
-    alpha_at = chosen.first + chosen.alpha if chosen.alpha >= 0 else -1
+    names = picture_contents.channel_names(spec)
+    alpha_at = chosen.alpha
     if all(name in names for name in "RGB"):
         alpha_at = spec.alpha_channel if spec.alpha_channel < len(names) else alpha_at
         rgb = pixels[..., [names.index(name) for name in "RGB"]].astype(np.float64)
     else:
-        inks = [pixels[..., k] for k in range(chosen.first, chosen.end) if k != alpha_at] or [np.ones(pixels.shape[:2])]
+        inks = [pixels[..., k] for k in chosen.colors] or [np.ones(pixels.shape[:2])]
         inks = inks * 3 if len(inks) == 1 else [*inks, np.zeros(pixels.shape[:2])][:3]
         rgb = np.stack(inks, axis=2).astype(np.float64)
     alpha = pixels[..., [alpha_at]].astype(np.float64) if alpha_at >= 0 else np.ones_like(rgb[..., :1])
@@ -96,4 +97,9 @@ def about(path: Path) -> dict[str, str]:
 
 
 def _texts(spec: Any) -> dict[str, str]:
-    return {a.name.removeprefix(ABOUT): str(a.value) for a in spec.extra_attribs if a.name.startswith(ABOUT)}
+    found = {}
+    for attribute in spec.extra_attribs:
+        with suppress(UnicodeDecodeError):  # of another program
+            if attribute.name.startswith(ABOUT):
+                found[attribute.name.removeprefix(ABOUT)] = str(attribute.value)
+    return found

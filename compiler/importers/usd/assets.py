@@ -15,6 +15,7 @@ from ....lang.diagnostics import Span
 from ...io.regular_files import read_bytes
 from ...scene.builder import SceneBuilder
 from .. import images
+from ..common import file_names
 from .pictures import udim
 from .stage import Warnings
 
@@ -64,6 +65,8 @@ def asset(value: Any, warnings: Warnings, prim: Any, what: str = "picture") -> A
         found = UsdShade.UdimUtils.ResolveUdimTilePaths(written, _layer(prim))
         tiles = tuple(sorted((int(number), str(path)) for path, number in found if not warnings.opened.fenced_off(str(path))))
         resolved = tiles[0][1] if tiles else str(found[0][0]) if found else ""
+    if not resolved and "<UDIM>" not in written:
+        resolved = _otherwise_spelled(written, prim)
     if not resolved:
         warnings.diagnostics.warning(f"there is no {what} `{written}`: {without}", warnings.opened.span(prim))
         return None
@@ -73,6 +76,12 @@ def asset(value: Any, warnings: Warnings, prim: Any, what: str = "picture") -> A
         warnings.diagnostics.warning(message, warnings.opened.span(prim), hint)
         return None
     return Asset(resolved, udim.Tiles(written, tiles) if tiles else None)
+
+
+def _otherwise_spelled(written: str, prim: Any) -> str:
+    """The path of a file that is named with backslashes or in another case beside a layer of the prim; "" for none."""
+    folders = (Path(spec.layer.realPath).parent for spec in prim.GetPrimStack() if spec.layer.realPath)
+    return next((str(path) for folder in dict.fromkeys(folders) if (path := file_names.found(written, folder)) is not None), "")
 
 
 def _layer(prim: Any) -> Any:

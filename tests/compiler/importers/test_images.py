@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -200,6 +201,27 @@ def test_channels_of_an_exr_are_selected_by_name(tmp_path, names, color, message
     path = write_exr(tmp_path / "a.exr", names)
     assert images.read(str(path), "a.exr").texels[0, 0] == pytest.approx(color)
     assert told(path) == [("warning", *message) for message in messages]
+
+
+@pytest.mark.parametrize("names", list(itertools.permutations(["G", "B", "A", "z"], 4)))
+def test_an_exr_without_red_is_drawn_wherever_its_alpha_is(tmp_path: Path, names: tuple[str, ...]) -> None:
+    path = write_exr(tmp_path / "a.exr", names)
+    stored = [str(name) for name in oiio.ImageInput.open(str(path)).spec().channelnames]
+    inks = [name for name in stored if name != "A"]
+    shown = f"{NO_RGB}`{inks[0]}`, `{inks[1]}` and `{inks[2]}` are drawn as red, green and blue"
+    assert told(path) == [("warning", shown, NAME_THEM)]
+    value = dict(zip(names, (1, 2, 3, 4), strict=True))
+    assert images.read(str(path), "a.exr").texels[0, 0] == pytest.approx([*(value[k] / value["A"] for k in inks), value["A"]])
+
+
+def test_names_of_channels_and_messages_that_are_not_utf_8(tmp_path: Path) -> None:
+    path = write_exr(tmp_path / "a.exr", ("R", "G", "B", "tiefeX"))
+    path.write_bytes(path.read_bytes().replace(b"tiefeX", b"tief\xe9\xff"))
+    assert told(path) == [("warning", "of the picture `a.exr`, the channel `tieféÿ` is not drawn", OTHERS)]
+    path.write_bytes(path.read_bytes().replace(b"channels\0chlist", b"chan\xe9\xffls\0ch\xe9\xffst"))
+    with pytest.raises(images.ImageError) as caught:
+        told(path)
+    assert caught.value.message == "cannot read the picture `a.exr`"
 
 
 def test_further_parts_of_an_exr_are_counted(tmp_path: Path) -> None:

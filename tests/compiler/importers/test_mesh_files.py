@@ -117,7 +117,7 @@ end_header
     ("change", "expected"),
     [
         (lambda d: d[:-5], "a.ply: warning: the PLY file ends in the middle of its `face` rows: it promises 2 and has 1"),
-        (lambda d: d[:300], "a.ply: error: this is no PLY file: it does not begin with a PLY header"),
+        (lambda d: d[:300], "a.ply: error: the PLY file has no line `end_header` in its first 65,536 bytes"),
         (lambda d: b"plx" + d[3:], "a.ply: error: this is no PLY file: it does not begin with a PLY header"),
         (lambda d: d.replace(b"property float z", b"property foat z"),
          "a.ply: warning: the PLY header has a property of no known type, which is read as a number: `property foat z`"),
@@ -128,7 +128,7 @@ end_header
         (lambda d: d.replace(b"format ascii", b"format morse"), "a.ply: error: the PLY file has no format that is known: `morse`"),
         (lambda d: d.replace(b"float x", b"float q"), "a.ply: error: the PLY file has no vertices with x, y and z"),
         (lambda d: d.replace(b"vertex_indices", b"strips"),
-         "a.ply: error: the PLY file has no faces: clouds of points and triangle strips are not drawn"),
+         "a.ply: error: the PLY file has no faces that can be drawn: a face is a list `vertex_indices`"),
         (lambda d: d.replace(b"0.5", b"half"), "a.ply: warning: the PLY file has `half` among its numbers: it is read as not finite"),
         (lambda d: d.replace(b"4 0 1 2 3", b"4 0 1 2 9"),
          "a.ply: warning: 1 of 2 faces use vertices that do not exist or are not finite: they are left out"),
@@ -185,7 +185,7 @@ def test_cut_off_binary_ply():
         _, parts, messages = read(whole[:length], "a.ply")
         held = len(parts)
         expected = f"a.ply: warning: the PLY file ends in the middle of its `face` rows: it promises 2 and has {held}"
-        absent = "a.ply: error: the PLY file has no faces: clouds of points and triangle strips are not drawn"
+        absent = "a.ply: error: the PLY file has no faces that can be drawn: a face is a list `vertex_indices`"
         assert messages == ([expected, QUALITY] if held else [expected, absent])
     assert held == 1
 

@@ -140,7 +140,9 @@ FORMS = ": v, v/vt, v//vn or v/vt/vn, whole numbers"
         (SQUARE + "fx 1 2 3\nf 1 2 3\n", ["x.obj:5:1: warning: OBJ has no keyword `fx`: the line is left out"]),
         ("hello\n", ["x.obj: error: this is no OBJ file: it has neither vertices nor faces"]),
         ("", ["x.obj: error: `x.obj` is empty"]),
-        (SQUARE, ["x.obj: error: the OBJ file has no faces that can be drawn\n  a face is a line like `f 1 2 3`"]),
+        (SQUARE + "l 1 2\n", [
+            "x.obj: error: the OBJ file has no faces that can be drawn\n  a face is a line like `f 1 2 3`",
+            "x.obj:5:1: warning: `l` is not drawn: lines"]),
         (SQUARE + "f 1 2 3\nf 1 2 9\n\nf 1 0 3\n", [
             "x.obj:6:1: warning: there is no vertex 9 (the file has 4): the face is left out; so is 1 more line"]),
         (SQUARE + "f 1 2 3\nf -5 1 2\n", ["x.obj:6:1: warning: there is no vertex -5 (the file has 4): the face is left out"]),
@@ -149,7 +151,8 @@ FORMS = ": v, v/vt, v//vn or v/vt/vn, whole numbers"
         (SQUARE + "v nan 0 0\nf 1 2 3\nf 1 2 5\n", ["x.obj:7:1: warning: vertex 5 of this face is not finite: the face is left out"]),
         (SQUARE + "f 1 2 3\nf 1 2\n", ["x.obj:6:1: warning: a face needs 3 corners or more, this one has 2: it is left out"]),
         (SQUARE + "f 1 2 3\nl 1 2\nl 2 3\np 1\n", [
-            "x.obj:6:1: warning: `l` is not drawn: lines; so is 1 more line", "x.obj:8:1: warning: `p` is not drawn: points"]),
+            "x.obj:6:1: warning: `l` is not drawn: lines; so is 1 more line",
+            "x.obj:8:1: warning: `p` is not drawn: points of a file with faces"]),
         (SQUARE + "f 1 2 3\ncurv 0 1 1 2\n", ["x.obj:6:1: warning: `curv` is not drawn: free-form curves and surfaces"]),
         (SQUARE + "f 1 2 3\nf 1 2 2\n", ["x.obj: note: 1 of 2 faces have no area: they are left out"]),
         ("mtllib none.mtl\nusemtl red\n" + SQUARE + "f 1 2 3\n", [

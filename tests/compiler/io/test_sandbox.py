@@ -121,10 +121,12 @@ def test_text_must_be_text(home: Path) -> None:
             found.text(name)
         assert caught.value.message == message
     for encoding in ("utf-16", "utf-16-le", "utf-16-be"):
-        (home / "wide.scene").write_bytes("sphere(1)".encode(encoding))
+        (home / "wide.scene").write_bytes("sphere(1)  // é".encode(encoding))
+        assert found.text("wide.scene")[1] == "sphere(1)  // é"
+        (home / "wide.scene").write_bytes("sphere(1)  // é".encode(encoding)[:-1])
         with pytest.raises(sandbox.FileError) as caught:
             found.text("wide.scene")
-        assert (caught.value.message, caught.value.hint) == ("`wide.scene` is not a text file", "save it as UTF-8")
+        assert (caught.value.message, caught.value.hint) == ("`wide.scene` is damaged text of UTF-16 or UTF-32", "save it as UTF-8")
     (home / "zero.scene").write_bytes(b"sphere(1)  // a zero byte\0")
     assert found.text("zero.scene")[1] == "sphere(1)  // a zero byte\0"
 

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import codecs
 import re
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 from pxr import Sdf, Tf
 
+from .....lang import text_encoding
 from .....lang.diagnostics import Diagnostics, Span
 from ....io.regular_files import ANY_SIZE, open_regular
 from .crate_check import IDENTIFIER, MAX_LEVELS
@@ -22,7 +22,6 @@ ENDS_EARLY = "the file ends early: it is read as if its prims ended there"
 MOST = 20  # statements of a layer that may be left out
 _HEADER = "#usda 1.0"
 _FARTHEST = 1000  # characters before the header
-_MARKS = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
 _ODD = re.compile("[\0-\x08\x0b\x0c\x0e-\x1f\ufffd\ufeff]+")
 _PLACE = re.compile(r":(\d+):\d+: ")
 _PROPERTY = re.compile(r" in <[^<>]*?([^/<>.]+)\.([\w:]+)>")
@@ -81,15 +80,17 @@ def _nests_too_deep(data: bytes, level: int) -> tuple[bool, int]:
 
 def repaired(data: bytes, place: str, diagnostics: Diagnostics) -> Any:
     """An anonymous layer of the text of a damaged file at a place; None for other data and text of which no prim can be read."""
-    mark = next((mark for mark in _MARKS if data.startswith(mark)), b"")
-    before, header, rest = data.removeprefix(mark).decode(_MARKS.get(mark, "utf-8"), "replace").partition(_HEADER)
+    encoding, mark = text_encoding.encoding_of(data)
+    before, header, rest = data[mark:].decode(encoding, "replace").partition(_HEADER)
     if not header or len(before) > _FARTHEST:
         return None
     said = Diagnostics()  # for a layer that can be read
     if place.lower().endswith(".usdc"):
         warn(place, 1, "this file is text, and its name ends as those of binary files", said)
     if mark:
-        warn(place, 1, f"a byte order mark ({_MARKS[mark].upper()}) is left out", said)
+        warn(place, 1, f"a byte order mark ({encoding.upper()}) is left out", said)
+    elif encoding != "utf-8":
+        warn(place, 1, f"this text is {encoding.upper()}, and USD has UTF-8: it is read", said)
     skipped = before.count("\n")
     if odd := _ODD.search(rest):
         warn(place, skipped + rest[: odd.start()].count("\n") + 1, "bytes that are no text are left out", said)

@@ -10,6 +10,7 @@ import ctypes
 import functools
 import hashlib
 import json
+import mmap
 from collections.abc import Callable, Iterator
 from importlib import import_module
 from typing import Any
@@ -277,13 +278,32 @@ def _typeof_array(value: NDArray[Any]) -> Array:
     return found
 
 
+NO_ROWS = 1 << 16  # bytes of zeros on both sides of the address of an empty array
+
+
+@functools.cache
+def _zeros() -> NDArray[np.uint8]:
+    """(2 NO_ROWS,) zeros that nobody can write to."""
+    return np.frombuffer(mmap.mmap(-1, 2 * NO_ROWS, access=mmap.ACCESS_READ), np.uint8)
+
+
+@functools.cache
+def address_of_zeros() -> int:
+    """Address amid zeros, which kernels receive for an empty array.
+
+    Lanes that a mask excludes may read row 0 of a table without rows: they get zeros, and the process does not end.
+    MAQUETTE_CHECKED=1 reports such a read.
+    """
+    return int(_zeros().ctypes.data) + NO_ROWS
+
+
 def address(array: NDArray[Any]) -> int:
-    """Address of an array's elements; 0 for an empty array.
+    """Address of an array's elements; for an empty array of zeros, see `address_of_zeros`.
 
     `array.ctypes.data` takes three times as long, and longer than the rest of packing.
     """
     if not array.size:
-        return 0
+        return address_of_zeros()
     if not array.flags.writeable or not array.flags.c_contiguous:
         return int(array.ctypes.data)
     return ctypes.addressof(_BYTE.from_buffer(array))  # pyright: ignore[reportArgumentType]

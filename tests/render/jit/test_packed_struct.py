@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from maquette.render.jit.kernel import helper, kernel
 from maquette.render.jit.packed_struct import Handle, skip_when_tagged, with_type_tags
+from maquette.render.simd import target
 
 
 class Inner(NamedTuple):
@@ -56,6 +57,28 @@ def make(n: int = 4) -> Outer:
 
 def test_every_kind_of_field_reads_as_on_the_tuple() -> None:
     assert read(Handle(make()), 2) == (8.0, 4, 3, -7, 0.5, 2, 4, True, False, 30.0, True, 0)
+
+
+class Table(NamedTuple):
+    kind: np.ndarray
+    color: np.ndarray
+
+
+@kernel
+def read_row(table, loose, rows):
+    """As lanes do that a mask excludes, whose rows are 0."""
+    total = 0.0
+    for i in range(len(rows)):
+        total += table.kind[rows[i]] + table.color[rows[i], 2] + loose[rows[i], 1]
+    return total
+
+
+@pytest.mark.skipif(target.CHECKED, reason="bounds checks end the process")
+def test_a_row_of_a_table_without_rows_is_zero() -> None:
+    """A kernel that reads row 0 of an empty table without asking for its length does not end the process."""
+    table = Handle(Table(np.zeros(0, np.int32), np.zeros((0, 3))))
+    assert read_row(table, np.zeros((0, 2)), np.zeros(3, np.int64)) == 0.0
+    assert read_row(table, np.zeros((0, 2)), np.array([100, 1000, 0])) == 0.0
 
 
 def test_equal_layouts_share_a_type_for_any_lengths() -> None:

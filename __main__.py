@@ -8,6 +8,9 @@ def start() -> None:
     before = signal.getsignal(signal.SIGINT)
     if before is signal.default_int_handler:  # otherwise it is ignored, as in a background job
         signal.signal(signal.SIGINT, signal.SIG_DFL)
+    from .cli.process import supervisor
+
+    supervisor.supervise()
     from .cli.main import main
 
     signal.signal(signal.SIGINT, before)

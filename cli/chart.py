@@ -17,6 +17,7 @@ from . import common_options as shared
 from . import option_types as values
 from . import render_job as jobs
 from . import terminal
+from .process import supervisor
 from .progress import Display
 
 if TYPE_CHECKING:
@@ -177,6 +178,8 @@ def _measure(path: Path, metric: str, quiet: bool, given: dict[str, Any]) -> tup
             if cancel.is_set():
                 raise KeyboardInterrupt from None
             raise click.ClickException(str(error)) from None
+    if cancel.is_set():
+        supervisor.finishing()
     return measured, cancel.is_set()
 
 

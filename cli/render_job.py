@@ -26,6 +26,7 @@ from . import option_types as values
 from . import terminal
 from .job import checkpoints, ignored_options, kept_frames
 from .memory import peak_memory, strip_plans
+from .process import supervisor
 from .progress import Display
 from .scene_source import Laps, Source, measure_time
 
@@ -281,6 +282,7 @@ class Job:
         self.laps.end("draw")
         self.report(picture_notes.of_render(image.metadata, scene, plan, self.settings))
         if partial := bool(image.metadata.get("partial")):
+            supervisor.finishing()
             path = _partial(path, len(parts) > 1)
         self.display.stage("writing")
         if len(parts) == 1:

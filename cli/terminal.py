@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -17,6 +18,7 @@ import click
 from ..compiler.io.sandbox import source_text
 from ..lang import diagnostics
 from ..lang.plain_values import show_value
+from .process import supervisor
 
 if TYPE_CHECKING:
     from ..compiler import ir
@@ -142,14 +144,20 @@ def _names(scene: ir.Scene, table_name: str, most: int = 8) -> str:
 def catch_interrupt() -> Iterator[threading.Event]:
     """An event that the first Ctrl-C, SIGTERM or SIGHUP sets; the second raises KeyboardInterrupt at once.
 
-    SIGTERM ends jobs of batch systems, SIGHUP those of a terminal that closes; the latter stays ignored under nohup.
+    SIGTERM ends jobs of batch systems, SIGHUP those of a terminal that closes; the latter stays ignored under nohup. Signals within
+    `supervisor.APART` count as one: `timeout` and batch systems send one to a process and to its group.
     """
     event = threading.Event()
+    first = 0.0
 
     def interrupt(number: int, frame: Any) -> None:
-        if event.is_set():
+        nonlocal first
+        now = time.monotonic()
+        if not event.is_set():
+            first = now
+            event.set()
+        elif now - first > supervisor.APART:
             raise KeyboardInterrupt
-        event.set()
 
     numbers = [signal.SIGINT, signal.SIGTERM]
     if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:

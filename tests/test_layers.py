@@ -85,6 +85,7 @@ MAY_IMPORT = {
     "measure.chart": "measure.peers",
     "cli": "*",
     "cli.scene_tests": "cli",
+    "cli.process": "lang",
     "cli.cluster": "cli",
     "top": "*",
 }
@@ -98,9 +99,11 @@ LATE = {
     "av": "an extra, for .mp4 files",
     "distributed": "an extra, for rendering on a cluster",
     "OpenImageIO": "only scenes with pictures need it",
+    "ctypes": "`--help` calls nothing by it",
     "fcntl": "some systems lack it",
     "manifold3d": "only solids with meshes in them need it",
     "pyoidn": "only noisy pictures need it",
+    "resource": "some systems lack it",
     "rich": "only a terminal sees colours",
     "uharfbuzz": "only text needs it",
 }

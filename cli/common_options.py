@@ -99,7 +99,7 @@ _PICTURE = {
     "camera": click.option("--camera", metavar="NAME", help="Name of the camera."),
     "samples": click.option("--samples", type=click.IntRange(1, 1 << 20), help="Samples per pixel. Default: until √relMSE is 3%, or 256."),
     "error": click.option("--error", type=values.SHARE, help="Render until √relMSE is below this: 1%. A warning says if it is not."),
-    "budget": click.option("--budget", type=values.DURATION, help="Render for at most this long: 20s."),
+    "budget": click.option("--budget", type=values.DURATION, help="Time from the start of the command to the written picture: 20s."),
     "bounces": click.option("--bounces", type=click.IntRange(0, MAX_BOUNCES), help="Surface interactions after the first hit."),
     "seed": click.option("--seed", type=click.IntRange(0, (1 << 63) - 1), help="Seed of the random numbers."),
     "threads": click.option("--threads", type=click.IntRange(1, 1024), help="Default: one per core. The picture does not depend on it."),

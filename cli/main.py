@@ -22,6 +22,7 @@ from . import common_options as shared
 from . import memory, terminal
 from . import option_types as values
 from . import render_job as jobs
+from .job import start_time
 
 COMMANDS = {  # in the order of --help, which imports none of them
     "new": "Write the starter scene NAME.scene.",
@@ -322,6 +323,7 @@ def _open_streams() -> None:
 
 def main() -> None:
     """The `maquette` command. Exits by os._exit, because a regular exit of the interpreter takes 1/6 s."""
+    start_time.begin()
     _open_streams()
     if why := memory.refused_limits():
         sys.exit(f"error: {why}")

@@ -24,7 +24,7 @@ from ..lang.diagnostics import Diagnostic, SceneError
 from ..lang.plain_values import time_range
 from . import option_types as values
 from . import terminal
-from .job import checkpoints, ignored_options, kept_frames
+from .job import checkpoints, ignored_options, kept_frames, start_time
 from .memory import peak_memory, strip_plans
 from .process import supervisor
 from .progress import Display
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from ..compiler import ir
     from ..compiler.plan.plan import Plan
     from ..render.film.checkpoint import Keeper
+    from ..render.film.deadline import Deadline
     from ..render.film.progress import Report
     from ..render.image.image import Image
     from ..render.large_images import Draw
@@ -104,12 +105,16 @@ class Reading(NamedTuple):
     memory: int  # bytes that the process will take, as estimated
     seconds: dict[str, float]
     keys: kept_frames.Keys | None  # of a frame
+    deadline: Deadline
 
 
 class Cluster(Protocol):
     """Renders on other machines; see cluster/session.py."""
 
-    def draw(self, scene: ir.Scene, plan: Plan, report: Report, cancel: threading.Event, keeper: Keeper | None = None) -> Image:
+    def draw(
+        self, scene: ir.Scene, plan: Plan, report: Report, cancel: threading.Event, keeper: Keeper | None = None,
+        deadline: Deadline | None = None,
+    ) -> Image:  # fmt: skip
         """As render_scene.draw."""
         ...
 
@@ -237,10 +242,12 @@ class Job:
 
     def read(self, path: Path, moment: Mapping[str, float]) -> Reading:
         """Load and plan a picture, and report its diagnostics. Raises SceneError, and UsageError for one that cannot be drawn."""
+        began = start_time.take()
         seconds: dict[str, float] = dict.fromkeys(STAGES, 0.0)
         self.laps = Laps()
         with measure_time(seconds, "import"):
             from ..render import picture_notes
+            from ..render.film.deadline import Deadline
         self.display.stage("reading")
         scene, found = self.source.load(seconds, **moment)
         self.files = tuple(Path(file) for file in scene.files)
@@ -254,7 +261,7 @@ class Job:
         self.report(found.items)
         self.report([*picture_notes.plan_warnings(scene, plan), *ignored_options.notes(self.settings, plan, path)])
         self.laps.end("read")
-        return Reading(path, scene, plan, parts, expected, seconds, keys)
+        return Reading(path, scene, plan, parts, expected, seconds, keys, Deadline(plan["budget"], began))
 
     def _draw(self, read: Reading, cancel: threading.Event, keeper: Keeper | None) -> Image:
         """Draw a picture here, or on the cluster. Raises KeyboardInterrupt if it was cancelled before its first sample."""
@@ -265,7 +272,7 @@ class Job:
         try:
             if len(read.parts) > 1:
                 return self._render_strips(read, draw, cancel)
-            return draw(read.scene, read.plan, self.display, cancel, keeper)
+            return draw(read.scene, read.plan, self.display, cancel, keeper, deadline=read.deadline)
         except Cancelled:
             raise KeyboardInterrupt from None
         finally:
@@ -296,6 +303,7 @@ class Job:
             raise KeyboardInterrupt
         if keeper is not None:
             keeper.remove()
+        self.report(picture_notes.late_warnings(image.metadata, read.deadline))
         return self._figures(read, image)
 
     def _write(self, image: Image, path: Path, read: Reading) -> None:
@@ -344,7 +352,7 @@ class Job:
         _, y0, _, y1 = plan["crop"]
         metadata: list[dict[str, Any]] = []
         with image_files.Strips(path, look, about, y1 - y0) as file:
-            for image in large_images.draw_strips(draw, read.scene, read.parts, self.display, cancel):
+            for image in large_images.draw_strips(draw, read.scene, read.parts, self.display, cancel, read.deadline):
                 file.add(image)
                 metadata.append(image.metadata)
             if cancel.is_set():
@@ -367,6 +375,7 @@ class Job:
                 "memory": peak_memory(), "memory_expected": read.memory,
                 "error": image.metadata.get("error"),
                 "denoised": image.metadata.get("denoised", False), "denoised_error": image.metadata.get("denoised_error"),
+                "elapsed": read.deadline.spent() if read.deadline.is_finite else None,  # with what no stage counts
                 "cut": cut.share if (cut := image.metadata.get("cut")) else None,
                 "plan": read.plan.values(),
                 "warnings": warnings,
@@ -429,9 +438,12 @@ def json_value(value: Any) -> Any:
 def summary(path: Path, figures: Mapping[str, Any]) -> str:
     """A one-line summary of a picture."""
     width, height = figures["size"]
-    total, left = sum(figures["seconds"].values()), figures["denoised_error"]
+    total, left = figures.get("elapsed") or sum(figures["seconds"].values()), figures["denoised_error"]
     after = "" if not figures["denoised"] else " before denoising" + ("" if left is None else f", about {left:.1%} after")
     error = f", √relMSE {figures['error']:.2%}{after}" if figures["error"] is not None else ""
+    if not error and figures.get("elapsed"):
+        error = ", of unknown error"
     most, mean = figures["samples"], figures["samples_mean"]
-    samples = f"{most:g}" if mean is None or mean >= most else f"{mean:.3g} (at most {most:g})"
-    return f"{path}: {width}x{height}, {figures['backend']}, {samples} samples a pixel{error}, {total:.2f} s"
+    samples = f"{most:.3g}" if mean is None or mean >= most else f"{mean:.3g} (at most {most:g})"
+    of = f" of the budget of {figures['plan']['budget']:g} s" if figures.get("elapsed") else ""
+    return f"{path}: {width}x{height}, {figures['backend']}, {samples} samples a pixel{error}, {total:.2f} s{of}"

@@ -1,7 +1,7 @@
 """Renders pictures too large for memory as strips of rows, one after the other.
 
 Each strip is a crop. Samples depend on the pixel's position in the whole picture, not on the crop, so strips equal the whole picture.
-Each strip meets a requested error by itself; a time budget is divided by rows.
+Each strip meets a requested error by itself; what is left of a budget is divided by the rows that are left.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 from ..compiler import ir
 from ..compiler.plan.plan import Plan
 from .film import bounce_error, film
+from .film.deadline import Deadline
 from .film.progress import Progress, Report
 from .image.image import Image
 
@@ -34,7 +35,7 @@ def strip_plans(plan: Plan, most: int = MAX_PIXELS) -> list[Plan]:
     rows = max(min(STRIP_PIXELS, most) // (x1 - x0) // film.TILE, 1) * film.TILE  # the same tiles as of the whole picture
     ends = [(y, min(y + rows, y1)) for y in range(y0, y1, rows)]
     kept = {} if plan["denoise"] == "on" else {"denoise": "off"}  # the default needs the whole picture
-    return [_with_values(plan, crop=(x0, top, x1, end), budget=plan["budget"] * (end - top) / (y1 - y0), **kept) for top, end in ends]
+    return [_with_values(plan, crop=(x0, top, x1, end), **kept) for top, end in ends]
 
 
 def refusal(plan: Plan, exposed: bool = True) -> str:
@@ -46,14 +47,19 @@ def refusal(plan: Plan, exposed: bool = True) -> str:
     return ""
 
 
-def draw_strips(draw: Draw, scene: ir.Scene, strips: Sequence[Plan], report: Report, cancel: threading.Event) -> Iterator[Image]:
+def draw_strips(
+    draw: Draw, scene: ir.Scene, strips: Sequence[Plan], report: Report, cancel: threading.Event, deadline: Deadline
+) -> Iterator[Image]:  # fmt: skip
     """Yield the picture of each strip, as `draw` draws it. After `cancel` is set, the remaining strips are empty and partial."""
+    end = strips[-1]["crop"][3]
     for k, plan in enumerate(strips):
+        _, top, _, bottom = plan["crop"]
+        part = deadline.part((bottom - top) / (end - top))
 
         def of_all(progress: Progress, before: int = k) -> None:
             report(progress._replace(share=(before + progress.share) / len(strips)))
 
-        yield draw(scene, plan, of_all, cancel)
+        yield draw(scene, plan, of_all, cancel, deadline=part)
 
 
 def join_metadata(about: Sequence[dict[str, Any]], plan: Plan) -> dict[str, Any]:

@@ -19,9 +19,11 @@ from .jit import cache_folder, kernel_cache
 
 if TYPE_CHECKING:
     from .film.bounce_error import Cut
+    from .film.deadline import Deadline
 
 NOISY = 0.05  # √relMSE from which a note says how to lower it
 BLACK, BRIGHT = 0.001, 0.7  # luminance after exposure: below which a note calls a picture black, and of its brightest pixels with the hint
+LATE, LATE_SHARE = 0.5, 0.1  # seconds, and share of a budget, from which a warning tells of a later end
 SPARSE, SEEN = 0.5, 0.02  # share of the squared error in few pixels, and error, from which a note calls the estimate uncertain
 
 
@@ -33,6 +35,7 @@ def of_render(about: Mapping[str, Any], scene: ir.Scene, plan: Plan, asked: ir.S
         *unproved_warnings(about["unproved"]),
         *invalid_sample_warnings(about["issues"]),
         *bounce_limit_notes(about.get("cut"), scene, plan),
+        *budget_warnings(about, plan),
         *missed_error_warnings(about, plan),
         *sparse_error_notes(about),
         *exposure_notes(about),
@@ -66,6 +69,41 @@ def bounce_limit_notes(cut: Cut | None, scene: ir.Scene, plan: Plan) -> list[Dia
     enough = cut.enough or MAX_BOUNCES
     hint = f"render(bounces: {enough}) or --bounces {enough} leaves out less" + ("" if cut.enough else "; here light does not fade")
     return [Diagnostic("warning" if asked else "note", message, scene.spans.at("settings", 0), hint)]
+
+
+def budget_warnings(about: Mapping[str, Any], plan: Plan) -> list[Diagnostic]:
+    """Warnings about what a picture lacks as its budget had no time for it."""
+    budget, found, divisor = f"the budget of {plan['budget']:g} s", [], about.get("resolution", 1)
+    if about.get("partial"):
+        return []
+    if divisor > 1:
+        width, height = (max(round(side / divisor), 1) for side in plan["size"])
+        message = f"{budget} has no time for a sample of each pixel: the picture is drawn at {width}x{height} pixels and enlarged"
+        found.append(Diagnostic("warning", message, None, f"a longer --budget, or --size {width}x{height}"))
+    elif about.get("filled", 0.0) > 0.0:
+        message = f"{budget} ended before {about['filled']:.1%} of the pixels had a sample: they show what is near"
+        found.append(Diagnostic("warning", message, None, "a longer --budget or a smaller --size"))
+    if about.get("without_channels"):
+        message = f"{budget} ended before the channels of {about['without_channels']} tiles were drawn: they are empty"
+        found.append(Diagnostic("warning", message, None, "a longer --budget or a smaller --size"))
+    if about.get("denoising_left_out"):
+        kind = "warning" if plan["denoise"] == "on" else "note"
+        found.append(Diagnostic(kind, f"the picture is not denoised: {budget} has no time for it", None, "a longer --budget"))
+    return found
+
+
+def late_warnings(about: Mapping[str, Any], deadline: Deadline) -> list[Diagnostic]:
+    """The warning about a picture that was written after the end of its budget, with what took the time."""
+    late = deadline.spent() - deadline.seconds
+    if not deadline.is_finite or late < max(LATE, LATE_SHARE * deadline.seconds):
+        return []
+    compiling, ready = about["seconds"].get("compile_kernels", 0.0), about.get("ready", 0.0)
+    message = f"the picture took {deadline.spent():.1f} s, more than its budget of {deadline.seconds:g} s"
+    if compiling > 0.5 * late:
+        return [Diagnostic("warning", f"{message}: compiling kernels took {compiling:.1f} s, once", None, "render again")]
+    if ready > 0.5 * deadline.seconds:
+        return [Diagnostic("warning", f"{message}: reading and preparing the scene took {ready:.1f} s", None, "a longer --budget")]
+    return [Diagnostic("warning", message, None, "other work slows this machine, or a step took longer than measured")]
 
 
 def missed_error_warnings(about: Mapping[str, Any], plan: Plan) -> list[Diagnostic]:
@@ -112,7 +150,7 @@ def unkept_kernel_notes() -> list[Diagnostic]:
 def noise_notes(about: Mapping[str, Any], plan: Plan) -> list[Diagnostic]:
     """The note about a picture that is noisy, or was before denoising, after the default samples or a budget: what less noise costs."""
     error, default, by_error = about.get("error"), decision.by_default(plan), plan["denoise"] == "above_error"
-    if not plan["monte_carlo"] or plan["denoise"] == "on" or about.get("partial"):
+    if not plan["monte_carlo"] or plan["denoise"] == "on" or about.get("partial") or about.get("resolution", 1) > 1:
         return []
     if decision.adaptive(plan) and not default and not by_error:
         return []

@@ -12,23 +12,26 @@ from ..compiler import ir
 from ..compiler.plan import channels, decision, emissive_shapes
 from ..compiler.plan.plan import Plan
 from . import types
-from .backends import accumulation, kernel_choice, light_groups
+from .backends import accumulation, kernel_choice, light_groups, timed_picture
 from .film import bounce_error, film
 from .film.checkpoint import Keeper
+from .film.deadline import Deadline
 from .film.progress import Progress, Report
 from .film.remote import Remote
 from .image import cryptomatte, metrics
 from .image.image import Image
 from .jit import cancellation, compile_events, kernel_cache
 
+LONGER = 2.0  # times a sample of the picture, that one of the measurement of light beyond the limit on bounces takes
 MISSING_LIGHT = 0.02  # share of a pixel's light that the limit on bounces may leave out, unless an error was asked for
 
 
 def draw(
     scene: ir.Scene, plan: Plan, report: Report | None = None, cancel: threading.Event | None = None, keeper: Keeper | None = None,
     quick: bool = False, progressive: bool = False, remote: Callable[[ir.Scene, Plan], Remote] | None = None,
+    deadline: Deadline | None = None,
 ) -> Image:  # fmt: skip
-    """Render a validated scene under a plan.
+    """Render a validated scene under a plan, until the deadline, by default plan["budget"] from now.
 
     Calls `report` in the calling thread. `keeper` writes checkpoints, and brings the one to go on from; pictures by light groups, and
     those that a backend draws as a whole, have none. `remote` makes a renderer that draws in other processes. Setting `cancel` ends the
@@ -36,8 +39,8 @@ def draw(
     meshes. Other metadata: the "seconds" of "build", "compile_kernels" and "render"; samples; the error reached; "notes" on effects
     that are not drawn, each (message, table, row); the number of rays "unproved"; "cut", the light lost to the limit on
     bounces, a bounce_error.Cut, or None if not measured, as of `quick` pictures, which others replace soon; "brightness", the 99th
-    percentile of luminance; "exposure", "view" and "transparent" of the plan, for files. `progressive` refines all tiles together, for
-    viewers.
+    percentile of luminance; "ready", the seconds of the budget before the first sample; "exposure", "view" and "transparent" of the
+    plan, for files. `progressive` refines all tiles together, for viewers.
     """
     seconds: dict[str, float] = {}
     width, height = plan["size"]
@@ -47,31 +50,43 @@ def draw(
     tell(Progress("building"))
     if remote is None:
         compile_events.expect(_expected_kernels(scene, plan))
-    with cancellation.cancelled_by(cancel), kernel_cache.timed(seconds, "build"):
-        lit = channels.light_groups(plan)
+    deadline = deadline or Deadline(plan["budget"])
+    lit = channels.light_groups(plan)
+    with deadline.watch_compiler(), cancellation.cancelled_by(cancel), kernel_cache.timed(seconds, "build"):
         by_moments = _is_by_moments(plan)
         renderer = remote(scene, plan) if remote is not None else choose_renderer(scene, plan, view)
         layers = [name for name in plan["aov"] if name in cryptomatte.LAYERS]
         mattes = cryptomatte.Mattes(scene, layers) if layers else None
     with kernel_cache.timed(seconds, "render"):
         told = _with_denoiser(report, renderer, plan, cancel) if report and progressive and decision.may_denoise(plan) else report
-        image = film.run(renderer, plan, view, told, cancel, mattes, None if lit or by_moments else keeper, progressive)
-        if lit:
-            renderer.put(image)
-        if decision.denoises(plan, image.metadata["error"], image.metadata["partial"]):
-            from .film import denoise  # loads pyoidn
-
-            tell(Progress("denoising"))
-            denoise.denoise(image, renderer, plan)
+        kept = None if lit or by_moments else keeper
+        put = renderer.put if lit else lambda image: None
+        work = timed_picture.Work(renderer, plan, view, told, cancel or threading.Event(), mattes, kept, progressive)
+        ready = deadline.spent()
+        image = timed_picture.run(work, deadline, put) if deadline.is_finite else _draw(work, put)
     tell(Progress("finishing"))
     notes = _notes(scene, plan) + (accumulation.notes(scene, plan) if by_moments else [])
-    unproved, cut = count_unproved(renderer), None if quick else _measure_bounce_error(renderer, plan, image)
+    unproved, cut = count_unproved(renderer), None if quick else _measure_bounce_error(renderer, plan, image, deadline)
     shown = {"exposure": plan["exposure"], "view": plan["view"], "transparent": plan["background"] == "transparent"}
     image.metadata.update(
-        backend=backend, seconds=seconds, notes=notes, unproved=unproved, cut=cut, brightness=_brightness(image), **shown
+        backend=backend, seconds=seconds, notes=notes, unproved=unproved, cut=cut, brightness=_brightness(image), ready=ready,
+        **shown
     )  # fmt: skip
     if mattes is not None:
         image.metadata["attributes"] = mattes.attributes
+    return image
+
+
+def _draw(work: timed_picture.Work, put: Callable[[Image], None]) -> Image:
+    """A picture without a budget."""
+    image = film.run(*work)
+    put(image)
+    if decision.denoises(work.plan, image.metadata["error"], image.metadata["partial"]):
+        from .film import denoise  # loads pyoidn
+
+        if work.report is not None:
+            work.report(Progress("denoising"))
+        denoise.denoise(image, work.renderer, work.plan)
     return image
 
 
@@ -135,11 +150,15 @@ def _expected_kernels(scene: ir.Scene, plan: Plan) -> int:
     return count + 3 * meshes + 5 * formulas
 
 
-def _measure_bounce_error(renderer: Any, plan: Plan, image: Image) -> bounce_error.Cut | None:
-    """The light lost to the limit on bounces; None for partial pictures and light groups, which have a renderer each."""
+def _measure_bounce_error(renderer: Any, plan: Plan, image: Image, deadline: Deadline) -> bounce_error.Cut | None:
+    """The light lost to the limit on bounces; None for partial pictures, light groups, which have a renderer each, and lack of time."""
     grouped = bool(channels.light_groups(plan))
     if image.metadata["partial"] or grouped or not bounce_error.measurable(plan) or not hasattr(renderer, "limit"):
         return None
+    if deadline.is_finite:
+        seconds = LONGER * image.metadata["pace"] * bounce_error.cost(plan, renderer.cell, image.metadata["rays"])
+        if seconds > deadline.left():
+            return None
     allowed = decision.error_asked(plan) or max(image.metadata["error"] or 0.0, MISSING_LIGHT)
     return bounce_error.measure(renderer, plan, image.metadata["rays"], allowed)
 

@@ -18,6 +18,7 @@ from ...lang.plain_values import time_range
 from ...render.cluster import dask_cluster, draw
 from ...render.cluster.requests import Request
 from ...render.film.checkpoint import Keeper
+from ...render.film.deadline import Deadline
 from ...render.film.progress import Progress, Report
 from ...render.image.image import Image
 from ...render.jit.cancellation import Cancelled
@@ -33,9 +34,12 @@ class Session:
     def __init__(self, cluster: dask_cluster.Cluster) -> None:
         self._cluster = cluster
 
-    def draw(self, scene: ir.Scene, plan: Plan, report: Report, cancel: threading.Event, keeper: Keeper | None = None) -> Image:
+    def draw(
+        self, scene: ir.Scene, plan: Plan, report: Report, cancel: threading.Event, keeper: Keeper | None = None,
+        deadline: Deadline | None = None,
+    ) -> Image:  # fmt: skip
         """As render_scene.draw. Raises ClusterError."""
-        return draw.draw(self._cluster, scene, plan, report, cancel, keeper)
+        return draw.draw(self._cluster, scene, plan, report, cancel, keeper, deadline)
 
     def notes(self) -> list[Diagnostic]:
         """Warnings about workers that draw nothing."""

@@ -9,6 +9,7 @@ compiles the specialised kernels first. MAQUETTE_KERNELS=special or general sele
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
@@ -18,11 +19,13 @@ from ...compiler.io import confinement, environment
 from ...compiler.plan.plan import Plan
 from ...compiler.scene import serialize
 from .. import packing
+from ..film.deadline import Deadline
 from ..jit import compile_process, kernel_cache
 from ..types import Film, FirstHits, Tile, View
 from . import prepare
 
 VARIABLE = "MAQUETTE_KERNELS"
+CHANGE = 8.0  # times the seconds of making a renderer, that a budget must have left for another one
 CHOICES = ("auto", "special", "general")
 
 
@@ -68,12 +71,14 @@ def choose_renderer(scene: ir.Scene, plan: Plan, view: View) -> Any:
             return make(False)
     except kernel_cache.NotCompiled as missing:
         wanted = missing
+    began = time.perf_counter()
     try:
         with kernel_cache.compiled_only():
             general = make(True)
     except kernel_cache.NotCompiled:
         return make(False)
-    return Changeover(general, make, _compile_later(wanted.key, scene, plan, view))
+    compiling = _compile_later(wanted.key, scene, plan, view)
+    return Changeover(general, make, compiling, (view.width, view.height), time.perf_counter() - began)
 
 
 def _compile_later(key: str, scene: ir.Scene, plan: Plan, view: View) -> Callable[[], bool]:
@@ -98,15 +103,29 @@ def compile_special(message: bytes) -> None:
 class Changeover:
     """A renderer with general kernels that goes on with specialised ones when another process has compiled these."""
 
-    def __init__(self, general: Any, make: Callable[[bool], Any], compiling: Callable[[], bool]) -> None:
-        """`compiling()` returns whether the other process is still at work."""
+    def __init__(
+        self, general: Any, make: Callable[[bool], Any], compiling: Callable[[], bool], size: tuple[int, int], seconds: float = 0.0
+    ) -> None:  # fmt: skip
+        """`compiling()` returns whether the other process is still at work; the renderer of a `size` took `seconds` to make."""
         self.current, self.used = general, [general]
         self._make, self._compiling = make, compiling
         self._open = general.whole is None
         self._lock = threading.Lock()
+        self._deadline, self._size, self._seconds, self._resized = Deadline(), size, seconds, False
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.current, name)
+
+    def limit_time(self, deadline: Deadline) -> None:
+        """See film.Renderer."""
+        self._deadline = deadline
+        self.current.limit_time(deadline)
+
+    def resize(self, width: int, height: int) -> bool:
+        """See film.Renderer; the kernels stay while the size is another."""
+        done = self.current.resize(width, height)
+        self._resized = done and (width, height) != self._size
+        return done
 
     def refresh(self, samples: int) -> None:
         """See film.Renderer."""
@@ -130,7 +149,7 @@ class Changeover:
 
     def _advance(self) -> None:
         """Take specialised kernels if they are ready."""
-        if not self._open or self._compiling():
+        if not self._open or self._resized or self._deadline.left() < CHANGE * self._seconds or self._compiling():
             return
         with self._lock:
             if not self._open:
@@ -142,5 +161,6 @@ class Changeover:
             except kernel_cache.NotCompiled:
                 return
             special.continue_from(self.current)
+            special.limit_time(self._deadline)
             self.current = special
             self.used.append(special)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ...compiler import ir
 from ...compiler.plan import channels
 from ...compiler.plan.plan import Plan
+from ..film.deadline import Deadline
 from ..image.image import Image
 from ..types import Film, FirstHits, Tile
 
@@ -66,6 +67,15 @@ class Renderer:
         self.single = None  # each group needs a film of its own
         one = self.parts[0][1]
         self.by_tile, self.cell, self.side, self.prepared = one.by_tile, one.cell, one.side, getattr(one, "prepared", None)
+
+    def limit_time(self, deadline: Deadline) -> None:
+        """See film.Renderer."""
+        for _, part in self.parts:
+            part.limit_time(deadline)
+
+    def resize(self, width: int, height: int) -> bool:
+        """It cannot: the sums are those of the whole picture."""
+        return False
 
     @property
     def round(self) -> int | None:

@@ -18,6 +18,7 @@ from ..accel.formula_packets import hits
 from ..accel.formula_packets.hits import REST, closer_hit, first_samples, is_used, load_pixels, load_slots, slot_of
 from ..film import aov
 from ..film.accumulate import LARGEST, clamp
+from ..film.deadline import Deadline
 from ..film.film import TILE
 from ..integrator import background, ray_stack, whitted
 from ..jit.kernel import helper, kernel, noinline_helper
@@ -48,6 +49,11 @@ class Renderer:
         self.learns = prepared.paths is not None and plan["transport.sky_visibility"] == "learnt"
         self.threads = int(plan["threads"]) or target.cores()
         self.measured, self.bounces = False, int(plan["bounces"])
+        self.photon_pace: Any = None
+        if prepared.photon_tracer is not None:
+            from .photon_pace import PhotonPace  # few scenes have photons
+
+            self.photon_pace = PhotonPace()
         self._lock = threading.Lock()
         self._workspaces = threading.local()  # of wavefronts and of ray packets
         self.reuses = prepared.paths is not None and plan["transport.path_reuse"] == "groups"
@@ -81,11 +87,24 @@ class Renderer:
         self._measure()
         return self.prepared.photon_tracer.most(self.view.width * self.view.height)
 
+    def limit_time(self, deadline: Deadline) -> None:
+        """See film.Renderer: limits the photons."""
+        if self.photon_pace is not None:
+            self.photon_pace.deadline = deadline
+
+    def resize(self, width: int, height: int) -> bool:
+        """See film.Renderer. Textures are filtered for the size before."""
+        self.frame.put("picture.width", width)
+        self.frame.put("picture.height", height)
+        self.view = View(self.view.camera, width, height)
+        return True
+
     def refresh(self, samples: int) -> None:
         """Trace photons for the next round, of this many samples of all pixels together."""
         self._measure()
-        scene = self.packed.tables
-        maps = self.prepared.photon_tracer.make(samples)
+        scene, tracer = self.packed.tables, self.prepared.photon_tracer
+        with self.photon_pace.limited(tracer, samples):
+            maps = tracer.make(samples)
         self.packed = Handle(scene._replace(light=scene.light._replace(photons=maps)))
 
     def _measure(self) -> None:
@@ -94,6 +113,9 @@ class Renderer:
         with self._lock:
             p, tracer = self.prepared, self.prepared.photon_tracer
             if self.measured or tracer.effort < 1.0:  # faint light takes few photons
+                return
+            if not self.photon_pace.allows_measuring(tracer, p.frame):
+                self.measured = True
                 return
             from . import photon_effort
 

@@ -8,6 +8,7 @@ from ...compiler import ir
 from ...compiler.plan.plan import Plan
 from .. import packing, render_scene
 from ..film.checkpoint import Keeper
+from ..film.deadline import Deadline
 from ..film.progress import Progress, Report
 from ..image.image import Image
 from ..jit.cancellation import Cancelled
@@ -19,9 +20,10 @@ from .requests import Request
 
 
 def draw(
-    cluster: Cluster, scene: ir.Scene, plan: Plan, report: Report, cancel: threading.Event, keeper: Keeper | None = None
+    cluster: Cluster, scene: ir.Scene, plan: Plan, report: Report, cancel: threading.Event, keeper: Keeper | None = None,
+    deadline: Deadline | None = None,
 ) -> Image:  # fmt: skip
-    """The picture that render_scene.draw gives, bit for bit. Raises ClusterError, and Cancelled before the first sample.
+    """The picture that render_scene.draw gives, bit for bit but for a deadline. Raises ClusterError, and Cancelled before the first sample.
 
     The bands of the rasterizer share memory: one worker draws such a picture.
     """
@@ -30,7 +32,11 @@ def draw(
     if is_in_bands(plan):
         report(Progress("rendering"))
         return finish(begin(cluster, scene, plan, cancel))
-    return render_scene.draw(scene, plan, report, cancel, keeper, remote=lambda scene, plan: RemoteRenderer(cluster, scene, plan, cancel))
+
+    def remote(scene: ir.Scene, plan: Plan) -> RemoteRenderer:
+        return RemoteRenderer(cluster, scene, plan, cancel)
+
+    return render_scene.draw(scene, plan, report, cancel, keeper, remote=remote, deadline=deadline)
 
 
 def is_in_bands(plan: Plan) -> bool:

@@ -65,9 +65,7 @@ def measurable(plan: Plan) -> bool:
 
 def measure(renderer: Limited, plan: Plan, samples: int, allowed: float) -> Cut:
     """Estimate the loss of a plan's bounce limit, and the bounces that lose at most `allowed`; `samples` counts those of the picture."""
-    places = blocks(plan["crop"], renderer.cell)
-    pixels = sum((tile.x1 - tile.x0) * (tile.y1 - tile.y0) for tile in places)
-    each = int(np.clip(SHARE * samples / pixels, 1, MOST))
+    places, each = _work(plan, renderer.cell, samples)
     threads = renderer.threads if isinstance(renderer, Remote) else 1
 
     def light(bounces: int) -> NDArray[np.float64]:
@@ -83,6 +81,19 @@ def measure(renderer: Limited, plan: Plan, samples: int, allowed: float) -> Cut:
         return cut
     finally:
         renderer.limit(int(plan["bounces"]))
+
+
+def cost(plan: Plan, cell: int, samples: int) -> int:
+    """The samples that `measure` takes at least, of a picture with `samples`, in one thread; `cell` is that of the renderer."""
+    places, each = _work(plan, cell, samples)
+    return 2 * each * sum((tile.x1 - tile.x0) * (tile.y1 - tile.y0) for tile in places)
+
+
+def _work(plan: Plan, cell: int, samples: int) -> tuple[list[Tile], int]:
+    """(blocks, samples of each of their pixels)"""
+    places = blocks(plan["crop"], cell)
+    pixels = sum((tile.x1 - tile.x0) * (tile.y1 - tile.y0) for tile in places)
+    return places, int(np.clip(SHARE * samples / pixels, 1, MOST))
 
 
 def combine(cuts: Sequence[Cut | None], pixels: NDArray[np.float64]) -> Cut | None:

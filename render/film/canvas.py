@@ -21,12 +21,14 @@ from ..types import Film, Tile, View
 from . import accumulate, adaptive_sampling, aov
 from .accumulate import PixelSums
 from .checkpoint import Keeper, State
+from .deadline import Deadline, Pace
 from .progress import Picture, Progress, Report
 from .remote import Remote
 
 TILE = 32  # pixels
 CALL = 64  # samples a pixel of a tile between checks for cancellation and deadline
 
+KNOWN = 0.5  # of the pixels, whose variance tells that of the others
 ESTIMATE = 2.0  # seconds between estimates of the error for callers
 
 Counts = NDArray[np.int64]
@@ -58,16 +60,25 @@ def draw_auxiliary(renderer: Any, tile: Tile, out: dict[str, NDArray[np.float32]
 
 
 def draw_batch(
-    renderer: Any, tile: Tile, first: Counts, count: Counts, total: int, film: Film, stopped: Callable[[], bool]
+    renderer: Any, tile: Tile, first: Counts, count: Counts, total: int, film: Film, stopped: Callable[[], bool],
+    pace: Pace | None = None, clock: Callable[[], float] = time.perf_counter,
 ) -> int:  # fmt: skip
     """Add samples first … first + count - 1 of every pixel of a tile to its film, until `stopped`.
 
+    With a `pace`, a call takes no longer than the pace expects of deadline.CALL seconds, and adds to it.
     Returns the number up to which each pixel's samples were drawn: at least the greatest count, unless it was stopped.
     """
     start, most = 0, int(count.max(initial=0))
     while start < most and not stopped():
-        call = CALL * max(1, count.size // int(np.count_nonzero(count > start)))
-        renderer.sample(tile, first + start, np.clip(count - start, 0, call), total, film)
+        active = int(np.count_nonzero(count > start))
+        call = CALL * max(1, count.size // active)
+        if pace is None:
+            renderer.sample(tile, first + start, np.clip(count - start, 0, call), total, film)
+        else:
+            call = min(call, max(pace.samples() // active, 1))
+            some, began = np.clip(count - start, 0, call), clock()
+            renderer.sample(tile, first + start, some, total, film)
+            pace.add(int(some.sum()), clock() - began)
         start += call
     return start
 
@@ -116,6 +127,8 @@ class Canvas:
         self.estimate_at = time.perf_counter() + ESTIMATE
         self.sums: PixelSums | None = None  # of the whole picture, where it is drawn in rounds
         self.round: dict[str, Any] = {}  # what a checkpoint needs to go on with the round
+        self.deadline, self.pace, self.grants = Deadline(), Pace(), False
+        self.with_extras: set[Tile] = set()  # tiles with their channels, where a budget may leave some out
         self.lock = threading.Lock()  # a checkpoint is made between two batches
         self.resumed = keeper.found if keeper is not None and self.most > 1 else None
         if self.resumed is not None:
@@ -128,10 +141,10 @@ class Canvas:
             self._in_rounds(sorted({*goals, *range(self.renderer.round, self.most, self.renderer.round)}))
             return
         if self.most == 1:
-            self._work(self._draw_single, self.tiles, lambda: self.spent / (self.width * self.height))
+            self.work(self._draw_single, self.tiles, lambda: self.spent / (self.width * self.height))
             return
         if self.progressive:
-            self._preview(min(goals))
+            self.preview(min(goals))
             self._in_rounds(list(goals))
             return
 
@@ -139,13 +152,13 @@ class Canvas:
             if not self._is_finished(tile):
                 part = PixelSums.zeros(tile.y1 - tile.y0, tile.x1 - tile.x0)
                 for goal in goals:
-                    self._draw(tile, part, np.full(part.samples.shape, goal))
+                    self.draw_tile(tile, part, np.full(part.samples.shape, goal))
                     if part.samples.min() < goal:
                         break  # cancelled: all samples in one batch would tell no error
-            self._draw_extras(tile)
+            self.draw_extras(tile)
 
         whole = self.most * self.width * self.height
-        self._work(draw, self.tiles, lambda: self.spent / whole)
+        self.work(draw, self.tiles, lambda: self.spent / whole)
 
     def _is_finished(self, tile: Tile) -> bool:
         """Whether a tile of fixed samples is whole."""
@@ -154,7 +167,7 @@ class Canvas:
     def _draw_single(self, tile: Tile) -> None:
         """Render a tile of one sample a pixel, with memory of the thread."""
         shape = tile.y1 - tile.y0, tile.x1 - tile.x0
-        window = self._window(tile)
+        window = self.window(tile)
         if self.renderer.single is not None:
             self.issues[tile] = self.renderer.single(tile, self.channels["rgba"][window])
         else:
@@ -166,18 +179,18 @@ class Canvas:
             self.issues[tile] = accumulate.set_first(self._local.film, self.channels["rgba"][window])
         self.samples[window] = 1
         self.drawn[tile] = shape[0] * shape[1]
-        self._draw_extras(tile)
+        self.draw_extras(tile)
 
-    def _preview(self, first: int) -> None:
+    def preview(self, first: int) -> None:
         """Render all tiles with 1/4ᵏ of the `first` samples, in pictures of rising quality that the work begins anew after."""
         shares = [4**k for k in range(1, 16) if first >= 2 * 4**k]
         for goal in (-(-first // share) for share in reversed(shares)):
 
             def draw(tile: Tile, goal: int = goal) -> None:
                 part = PixelSums.zeros(tile.y1 - tile.y0, tile.x1 - tile.x0)
-                self._draw(tile, part, np.full(part.samples.shape, goal))
+                self.draw_tile(tile, part, np.full(part.samples.shape, goal))
 
-            self._work(draw, self.tiles, lambda: 0.0)
+            self.work(draw, self.tiles, lambda: 0.0)
             self.drawn, self.spent = dict.fromkeys(self.tiles, 0), 0
 
     def _in_rounds(self, goals: Sequence[int]) -> None:
@@ -188,128 +201,60 @@ class Canvas:
             if self.round and goal < self.round["goal"]:  # done before the checkpoint
                 before = goal
                 continue
-            self._refresh((goal - before) * pixels, goal=goal)
+            self.refresh((goal - before) * pixels, goal=goal)
 
             def draw(tile: Tile, goal: int = goal) -> None:
-                part = whole_sums.window(self._window(tile))
+                part = whole_sums.window(self.window(tile))
                 if self.drawn[tile] < goal * part.samples.size:
-                    self._draw(tile, part, np.full(part.samples.shape, goal))
+                    self.draw_tile(tile, part, np.full(part.samples.shape, goal))
 
-            self._work(draw, self.tiles, lambda: self.spent / (self.most * pixels))
+            self.work(draw, self.tiles, lambda: self.spent / (self.most * pixels))
             if self.cancel.is_set():
                 return
             before = goal
         self.round = {"goal": self.most + 1}
-        self._work(self._draw_extras, self.tiles, lambda: 1.0)
+        self.work(self.draw_extras, self.tiles, lambda: 1.0)
 
-    def adaptive(self, error: float, deadline: float) -> None:
-        """Render in rounds; the pixels of greatest benefit get two or four times their samples."""
-        whole_sums = self.sums = self.sums or PixelSums.zeros(self.height, self.width)
-        began = time.perf_counter()
-
-        whole = math.inf  # samples at the end, unknown before the first estimate
-        rounds = [(int(spent), float(mean)) for spent, mean in self.round.get("rounds", [])]  # samples, mean of `relative`
-        started = self.round.get("goals")  # of a round that a checkpoint interrupted
-        if started is None:
-            self._refresh(self.first * whole_sums.samples.size)
-
-        def share() -> float:
-            return max(self.spent / whole, (time.perf_counter() - began) / (deadline - began))
-
-        self._begin(self.first, deadline, share)
-        cells = adaptive_sampling.Cells(self.crop, self.renderer.cell)
-        while self.most > 1 and not self.cancel.is_set() and (now := time.perf_counter()) < deadline:
-            again = started is not None
-            if started is None:
-                relative = cells.means(self._relative()) * adaptive_sampling.SELECTION**2
-                excess = adaptive_sampling.excess(relative, error, self.renderer.cell) if error > 0.0 else 1.0
-                rounds.append((self.spent, float(np.mean(relative))))
-                self.error = math.sqrt(rounds[-1][1])
-                if excess <= 0.0:
-                    break
-                pace = self.spent / (now - began)
-                samples = cells.means(whole_sums.samples).astype(np.int64)
-                goals = cells.spread(self._goals(relative, samples, excess, (deadline - now) * pace / self.renderer.cell**2))
-                goals = np.clip(goals, whole_sums.samples, whole_sums.samples + (self.renderer.round or self.most))
-            else:
-                goals, excess, started = started, self.round["excess"], None
-            self._refresh(int(np.sum(goals - whole_sums.samples)), goals=goals, rounds=rounds, excess=excess)
-            added = {tile: int(np.sum(goals[self._window(tile)] - whole_sums.samples[self._window(tile)])) for tile in self.tiles}
-            more = sorted((tile for tile in self.tiles if added[tile]), key=lambda tile: -added[tile])  # longest first, for load balance
-            if not more and again:  # a checkpoint at the end of its round
-                continue
-            if not more:
-                break
-
-            def draw(tile: Tile, goals: Counts = goals) -> None:
-                window = self._window(tile)
-                self._double(tile, whole_sums.window(window), goals[window], deadline)
-
-            if error > 0.0:
-                expected = adaptive_sampling.expected_samples(rounds, excess)
-                whole = max(int(goals.sum()), min(expected, self.most * self.samples.size))
-            self._work(draw, more, share)
-
-    def _begin(self, first: int, deadline: float, share: Callable[[], float]) -> None:
-        """Render all tiles with the `first` samples by two doublings: one measures the error, two its decline."""
-        goals = sorted({-(-first // 4), -(-first // 2), first})
-        if self.progressive and self.renderer.round is None:
-            self._preview(goals[0])
-        for some in [[goal] for goal in goals] if self.progressive else [goals]:
-
-            def draw(tile: Tile, some: Sequence[int] = some) -> None:
-                assert self.sums is not None
-                part = self.sums.window(self._window(tile))
-                for goal in some:
-                    if goal > goals[0] and time.perf_counter() > deadline:
-                        break
-                    if self.drawn[tile] < goal * part.samples.size:
-                        self._draw(tile, part, np.full(part.samples.shape, goal))
-                    if part.samples.min() < goal:
-                        break
-                if first in some:
-                    self._draw_extras(tile)
-
-            self._work(draw, self.tiles, share)
-
-    def _double(self, tile: Tile, part: PixelSums, goals: Counts, deadline: float) -> None:
-        """Render a tile's pixels up to their goals, by doublings."""
-        for _ in range(adaptive_sampling.MOST_DOUBLINGS):
-            step = np.minimum(goals, 2 * part.samples)
-            if np.array_equal(step, part.samples):
-                break
-            self._draw(tile, part, step, deadline)
-
-    def _goals(self, relative: NDArray[np.float64], samples: Counts, excess: float, affordable: float) -> Counts:
-        """Return (h, w) samples of each pixel after the next round, so that `relative` falls by the share `excess`."""
-        if self.renderer.by_tile:
-            known = relative.copy()
-            for tile in self.tiles:
-                known[self._window(tile)] = known[self._window(tile)].mean()
-        elif self.renderer.cell > 1:
-            known = relative  # means of many pixels
-        else:
-            known = adaptive_sampling.smooth(relative, samples)
-        if excess < 1.0:
-            doublings = adaptive_sampling.doublings_for_error(known, samples, self.most, excess)
-            if np.sum(samples * (2**doublings - 1)) <= affordable:
-                return np.minimum(samples * 2**doublings, self.most)
-        # A round at most doubles all samples: beyond that, pixels at four times their own leave samples to pixels without need.
-        doublings = adaptive_sampling.doublings_for_samples(known, samples, self.most, min(affordable, float(samples.sum())))
-        return np.minimum(samples * 2**doublings, self.most)
-
-    def _draw(self, tile: Tile, part: PixelSums, goals: Counts, deadline: float = math.inf) -> None:
+    def draw_tile(self, tile: Tile, part: PixelSums, goals: Counts) -> None:
         """Render the pixels of a tile up to their goals as one batch; less if cancelled or after the deadline."""
+        granted = self.is_granted(tile) and not part.samples.any()
+        for rows in self._blocks(tile):
+            some = goals if rows is None else np.where(rows, goals, part.samples)
+            self._draw_batch(tile, part, some, self.cancel.is_set if granted else self._is_stopped)
+            if self._is_stopped() and not granted:
+                break
+
+    def is_granted(self, tile: Tile) -> bool:
+        """Whether a tile without samples is drawn after the deadline, too."""
+        return self.grants or tile == self.tiles[0]
+
+    def _blocks(self, tile: Tile) -> Sequence[NDArray[np.bool_] | None]:
+        """Masks (h, 1) of rows, of which a sample a pixel fits into a call of deadline.CALL seconds; None: the whole tile does."""
+        height = tile.y1 - tile.y0
+        if not self.deadline.is_finite or self.renderer.by_tile or self.renderer.cell > 1 or isinstance(self.renderer, Remote):
+            return (None,)
+        rows = max(self.pace.samples() // (tile.x1 - tile.x0), 1) if self.pace.seconds > 0.0 else height
+        if rows >= height:
+            return (None,)
+        at = np.arange(height)[:, None]
+        return [(at >= start) & (at < start + rows) for start in range(0, height, rows)]
+
+    def _is_stopped(self) -> bool:
+        return self.cancel.is_set() or self.deadline.is_over()
+
+    def _draw_batch(self, tile: Tile, part: PixelSums, goals: Counts, stopped: Callable[[], bool]) -> None:
         film, count = blank_film(tile), goals - part.samples
         most = int(count.max(initial=0))
         if isinstance(self.renderer, Remote):
-            start = self.renderer.batch(tile, part.samples, count, self.most, film, deadline)
+            start = self.renderer.batch(tile, part.samples, count, self.most, film, self.deadline.end)
+        elif not self.deadline.is_finite:
+            start = draw_batch(self.renderer, tile, part.samples, count, self.most, film, self.cancel.is_set)
         else:
-            stopped = lambda: self.cancel.is_set() or time.perf_counter() > deadline  # noqa: E731
-            start = draw_batch(self.renderer, tile, part.samples, count, self.most, film, stopped)
+            pace, clock = self.pace, self.deadline.clock
+            start = draw_batch(self.renderer, tile, part.samples, count, self.most, film, stopped, pace, clock)
         if start < most:
             count = np.minimum(count, start)
-        window = self._window(tile)
+        window = self.window(tile)
         with self.lock:
             if start < most and self.keeper is not None and self.cancel.is_set():
                 return  # a checkpoint holds whole batches
@@ -319,16 +264,16 @@ class Canvas:
             self.drawn[tile] = int(part.samples.sum())
             self.issues[tile] = int(part.issues.sum())
 
-    def _draw_extras(self, tile: Tile) -> None:
+    def draw_extras(self, tile: Tile) -> None:
         if self.names:
-            window = self._window(tile)
+            window = self.window(tile)
             draw_auxiliary(self.renderer, tile, {name: self.channels[name][window] for name in self.names}, self.most, self.mattes)
 
-    def _window(self, tile: Tile) -> tuple[slice, slice]:
+    def window(self, tile: Tile) -> tuple[slice, slice]:
         x0, y0 = self.crop[:2]
         return slice(tile.y0 - y0, tile.y1 - y0), slice(tile.x0 - x0, tile.x1 - x0)
 
-    def _relative(self, passing: bool = False) -> NDArray[np.float64]:
+    def relative(self, passing: bool = False) -> NDArray[np.float64]:
         """(h, w) variance / (light² + ε²) of all pixels, ε as in metrics.root_relmse; sets `least`, ε², unless `passing`."""
         rgba = self.channels["rgba"]
         mean = np.einsum("ijk->k", rgba, dtype=np.float64) / (rgba.size // rgba.shape[-1])
@@ -344,7 +289,7 @@ class Canvas:
         """(h, w) variance of pixels over the square of their differences."""
         return self.decline.shares()[np.log2(np.maximum(self.samples, 1)).astype(int)]
 
-    def _work(self, draw: Callable[[Tile], None], jobs: Sequence[Tile], fraction: Callable[[], float]) -> None:
+    def work(self, draw: Callable[[Tile], None], jobs: Sequence[Tile], fraction: Callable[[], float]) -> None:
         """Render tiles on all threads, and report the `fraction` done after each; the first exception is raised here."""
         known = dict(self.drawn)
 
@@ -358,7 +303,7 @@ class Canvas:
 
     # --- checkpoints ---
 
-    def _refresh(self, samples: int, **round_: Any) -> None:
+    def refresh(self, samples: int, **round_: Any) -> None:
         """Begin a round of this many samples, or go on with the one of a checkpoint, with the same data shared by its samples."""
         if self.renderer.round is not None:
             if self.keeper is not None:
@@ -393,7 +338,7 @@ class Canvas:
         found = state.arrays
         for tile, finished, issues, decline in zip(self.tiles, found["finished"], found["issues"], found["decline"], strict=True):
             if finished:
-                window = self._window(tile)
+                window = self.window(tile)
                 self.channels["rgba"][window], self.samples[window] = found["rgba"][window], found["samples"][window]
                 self.differences[window] = found["differences"][window]
                 self.decline.of(tile)[...] = decline
@@ -411,7 +356,7 @@ class Canvas:
             return
         if self.settled and self.most > 1 and time.perf_counter() > self.estimate_at:
             began = time.perf_counter()
-            relative = self._relative(passing=True)
+            relative = self.relative(passing=True)
             known = relative[np.isfinite(relative)]
             self.error = math.sqrt(float(np.mean(known))) if known.size else None
             self.estimate_at = 20.0 * time.perf_counter() - 19.0 * began + ESTIMATE  # takes at most 5 % of the time
@@ -419,15 +364,25 @@ class Canvas:
         most, picture = self.most if self.settled else 0, Picture(self.channels["rgba"], self.samples)
         self.report(Progress("rendering", min(fraction, 1.0), samples, most, self.error, picture, self.limit))
 
+    def _final_error(self) -> tuple[float | None, float]:
+        """(√relMSE, share of its square in few pixels); None for the first if it is unknown.
+
+        Where a budget ended the work, pixels of one sample take twice the variance of those of two, if these are KNOWN of all.
+        """
+        relative = self.relative() if self.most > 1 else np.full((1, 1), np.inf)
+        known = relative[np.isfinite(relative)]
+        if known.size < relative.size and (not self.deadline.is_finite or known.size < KNOWN * relative.size):
+            return None, 0.0
+        alone = int(np.count_nonzero(self.samples)) - known.size
+        mean = float(np.sum(known) + 2.0 * alone * np.mean(known)) / (known.size + alone)
+        few = max(known.size // 1000, 1)
+        sparse = float(np.sum(np.partition(known, -few, axis=None)[-few:]) / max(np.sum(known), 1e-300))
+        return (1.0 if self.settled else adaptive_sampling.SELECTION) * math.sqrt(mean), sparse
+
     def finish(self, view: View) -> image.Image:
         """Return the picture with its metadata."""
         partial = self.cancel.is_set() and bool(self.samples.min() == 0 or self.samples.min() < self.most)
-        error, sparse = None, 0.0
-        if self.most > 1 and np.isfinite(self.differences).all():
-            relative = self._relative()
-            error = (1.0 if self.settled else adaptive_sampling.SELECTION) * math.sqrt(float(np.mean(relative)))
-            few = max(relative.size // 1000, 1)
-            sparse = float(np.sum(np.partition(relative, -few, axis=None)[-few:]) / max(np.sum(relative), 1e-300))
+        error, sparse = self._final_error()
         self.error = error
         if self.reuses:  # samples of path reuse may be negative; few pixels of few samples are
             np.maximum(self.channels["rgba"][..., :3], 0.0, out=self.channels["rgba"][..., :3])
@@ -445,6 +400,8 @@ class Canvas:
             "samples_mean": rays / self.samples.size, "error": error, "partial": partial, "error_in_few": sparse,
             "variance": variance, "half_difference": self.differences if self.most > 1 else None,
             "variance_share": float(np.mean(self._shares())) if self.most > 1 else 1.0,
-            "rays": rays, "issues": sum(self.issues.values()), "threads": self.threads,
+            "rays": rays, "issues": sum(self.issues.values()), "threads": self.threads, "pace": self.pace.warm,
+            "undrawn": self.samples == 0 if self.samples.min() == 0 and not partial else None,
+            "without_channels": len(self.tiles) - len(self.with_extras) if self.names and self.deadline.is_finite else 0,
         }  # fmt: skip
         return image.Image(self.width, self.height, self.channels, about)

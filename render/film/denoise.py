@@ -40,17 +40,18 @@ FEW = 2  # of a preview
 CLEAR = (int(ir.Slot.SPECULAR), int(ir.Slot.REFLECTION), int(ir.Slot.TRANSMISSION))  # colors of materials without a diffuse color
 
 
-def denoise(image: Image, renderer: film.Renderer | Remote, plan: Plan) -> None:
+def denoise(image: Image, renderer: film.Renderer | Remote, plan: Plan, most: int = SAMPLES, measures: bool = True) -> None:
     """Denoise a picture's color in place. Sets metadata "denoised" and "denoised_error", the √relMSE left, None where it is unknown.
 
-    A picture that is denoised by default keeps its noise, and "denoised" is False, where the error left would be larger.
+    A picture that is denoised by default keeps its noise, and "denoised" is False, where the error left would be larger. The guides have
+    at most `most` samples. Without `measures` the error left is unknown, which saves two of three runs of the filter.
     """
-    clean = _make_filter(*guides(renderer, plan))
+    clean = make_filter(*guides(renderer, plan, most))
     rgba, half = image.channels["rgba"], image.metadata["half_difference"]
     noisy = rgba[..., :3].copy()
     rgba[..., :3] = clean(noisy)
     image.metadata.update(denoised=True, denoised_error=None)
-    if half is not None and np.isfinite(half).all():
+    if measures and half is not None and np.isfinite(half).all():
         left = error_left(noisy, half, image.metadata["variance_share"], rgba[..., :3], clean)
         image.metadata["denoised_error"] = left
         if plan["denoise"] == "above_error" and left >= image.metadata["error"]:
@@ -58,7 +59,7 @@ def denoise(image: Image, renderer: film.Renderer | Remote, plan: Plan) -> None:
             image.metadata["denoised"] = False
 
 
-def _make_filter(albedo: Pixels, normal: Pixels) -> Callable[[Pixels], Pixels]:
+def make_filter(albedo: Pixels, normal: Pixels) -> Callable[[Pixels], Pixels]:
     """The filter of pictures with these guides; (h, w, 3) each."""
     import pyoidn  # pyright: ignore[reportMissingImports]
 
@@ -115,7 +116,7 @@ def preview_filter(renderer: film.Renderer | Remote, plan: Plan, cancel: threadi
     found = guides(renderer, plan, FEW, cancel)
     if cancel.is_set():
         return None
-    clean = _make_filter(*found)
+    clean = make_filter(*found)
     return lambda rgba: np.concatenate([clean(rgba[..., :3]), rgba[..., 3:]], axis=2)
 
 

@@ -7,7 +7,6 @@ for any number of threads, except with a budget of seconds.
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Protocol
 
@@ -25,7 +24,9 @@ from .canvas import TILE as TILE
 from .canvas import Canvas, draw_auxiliary
 from .canvas import tiles as tiles
 from .checkpoint import Keeper
+from .deadline import Deadline
 from .progress import Progress, Report
+from .refinement import Refinement
 from .remote import Remote
 
 Counts = NDArray[np.int64]
@@ -56,6 +57,14 @@ class Renderer(Protocol):
     @property
     def single(self) -> Callable[[Tile, NDArray[np.float32]], int] | None:
         """Renders a tile of one sample a pixel into (h, w, 4) zeros, and returns the samples left out; None: `sample` does it."""
+        ...
+
+    def limit_time(self, deadline: Deadline) -> None:
+        """Let the data that samples share take a part of the time until a deadline."""
+        ...
+
+    def resize(self, width: int, height: int) -> bool:
+        """Draw pictures of another size from now on, as quick previews; False if it cannot. No thread may be drawing."""
         ...
 
     def refresh(self, samples: int) -> None:
@@ -92,6 +101,13 @@ class Unshared:
 
     round: int | None = None
     single: Callable[[Tile, NDArray[np.float32]], int] | None = None
+
+    def limit_time(self, deadline: Deadline) -> None:
+        """Do nothing."""
+
+    def resize(self, width: int, height: int) -> bool:
+        """It cannot."""
+        return False
 
     def refresh(self, samples: int) -> None:
         """Do nothing."""
@@ -136,25 +152,35 @@ class Whole(Protocol):
 
 def run(
     renderer: Renderer | Remote, plan: Plan, view: View, report: Report | None = None, cancel: threading.Event | None = None,
-    mattes: Mattes | None = None, keeper: Keeper | None = None, progressive: bool = False,
+    mattes: Mattes | None = None, keeper: Keeper | None = None, progressive: bool = False, deadline: Deadline | None = None,
+    grants: bool = False,
 ) -> image.Image:  # fmt: skip
-    """Render plan["crop"] of a picture to plan["samples"], or until plan["error"] or plan["budget"] ends it.
+    """Render plan["crop"] of a picture to plan["samples"], or until plan["error"] or the deadline ends it.
 
     `report` is called from this thread; `mattes` are for the channels crypto_…; `keeper` writes checkpoints;
-    `progressive` is that of Canvas.
+    `progressive` is that of Canvas. The `deadline` is by default plan["budget"] from now; `grants` is that
+    of Refinement.
     Setting `cancel` ends the work; the partial picture is returned, with metadata["partial"]. An exception in a worker is raised here.
     """
     if not isinstance(renderer, Remote) and renderer.whole is not None:
         return _in_pieces(renderer, renderer.whole, plan, view, report, cancel or threading.Event(), mattes)
-    started = time.perf_counter()
     canvas = Canvas(renderer, plan, cancel or threading.Event(), report, mattes, keeper, progressive)
     if decision.adaptive(plan):
-        canvas.adaptive(plan["error"], started + plan["budget"])
+        Refinement(canvas, plan["error"], deadline or Deadline(plan["budget"]), grants).run()
     else:
         canvas.fixed()
     if canvas.cancel.is_set():
         canvas.keep()
     return canvas.finish(view)
+
+
+def run_channels(
+    renderer: Renderer | Remote, plan: Plan, cancel: threading.Event, mattes: Mattes | None, deadline: Deadline
+) -> image.Image:  # fmt: skip
+    """Render the channels of plan["aov"] alone, tile by tile until the deadline; the colors are 0."""
+    canvas = Canvas(renderer, plan, cancel, None, mattes)
+    Refinement(canvas, 0.0, deadline).draw_channels()
+    return canvas.finish(View(plan["camera"], *plan["size"]))
 
 
 def _in_pieces(

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..image.image import Image
 from ..types import Film, Tile
+from .deadline import Deadline
 
 Counts = NDArray[np.int64]
 
@@ -30,6 +31,13 @@ class Remote:
     def put(self, image: Image) -> None:
         """Write the channels of light groups, after the samples; see light_groups.Sums."""
         raise NotImplementedError
+
+    def limit_time(self, deadline: Deadline) -> None:
+        """Do nothing: workers share no clock."""
+
+    def resize(self, width: int, height: int) -> bool:
+        """It cannot."""
+        return False
 
     def batch(self, tile: Tile, first: Counts, count: Counts, total: int, film: Film, deadline: float) -> int:
         """Add samples as canvas.draw_batch does. `deadline` is a time of time.perf_counter."""

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from maquette.render.film import adaptive_sampling, canvas, film
+from maquette.render.film.deadline import Deadline
 from maquette.render.film.progress import Progress
 from maquette.render.image import image, metrics
 from maquette.render.types import Film, Tile, View
@@ -345,43 +346,86 @@ def test_the_error_of_a_fixed_number_of_samples_is_estimated() -> None:
     assert picture.metadata["error"] == pytest.approx(root_relmse(picture), rel=0.15)
 
 
-def test_a_budget_ends_it_in_time_with_a_whole_picture() -> None:
-    started = time.perf_counter()
-    picture = draw(Painter(wait=0.002), budget=0.6, samples=100_000)
-    assert time.perf_counter() - started < 2.0
-    assert picture.metadata["samples"] > 8
-    assert np.all(picture.channels["rgba"][..., 0] > 0)
-    assert picture.metadata["partial"] is False
-    late = draw(Painter(wait=0.01), budget=1e-3, samples=100_000)  # too short: still every pixel once
-    assert late.metadata["samples"] == 4
-
-
 class Clockwork(Painter):
     """Noisy in one corner; time is what its samples take: a microsecond each, and some for each call."""
 
-    now = 0.0
-
-    def __init__(self) -> None:
-        super().__init__(width=lambda x, y: np.where((x < 30) & (y < 30), 1.0, 0.05))
+    def __init__(self, each: float = 1e-6, **about: Any) -> None:
+        super().__init__(width=lambda x, y: np.where((x < 30) & (y < 30), 1.0, 0.05), **about)
+        self.each, self.now, self.longest = each, 100.0, 0.0
 
     def sample(self, tile: Tile, first: np.ndarray, count: np.ndarray, total: int, film: Film) -> None:
         super().sample(tile, first, count, total, film)
-        self.now += 1e-6 * float(count.sum()) + 5e-5
+        took = self.each * float(count.sum()) + 5e-5
+        self.now, self.longest = self.now + took, max(self.longest, took)
 
-    def perf_counter(self) -> float:
-        return self.now
+    def until(self, seconds: float) -> Deadline:
+        """A deadline by this clock."""
+        return Deadline(seconds, None, lambda: self.now)
+
+
+def timed(painter: Clockwork, seconds: float, *, grants: bool = False, **changed: Any) -> image.Image:
+    made = plan(**{"budget": seconds, "samples": 100_000, "threads": 1, **changed})
+    return film.run(painter, made, View(0, *SIZE), deadline=painter.until(seconds), grants=grants)
 
 
 @pytest.mark.parametrize("seconds", [0.5, 2.0])
-def test_a_budget_is_spent_to_a_tenth_and_where_the_noise_is(monkeypatch: pytest.MonkeyPatch, seconds: float) -> None:
+def test_a_budget_is_spent_to_a_tenth_and_where_the_noise_is(seconds: float) -> None:
     painter = Clockwork()
-    monkeypatch.setattr(canvas, "time", painter)
-    monkeypatch.setattr(film, "time", painter)
-    picture = draw(painter, budget=seconds, samples=100_000, threads=1)
-    assert painter.now == pytest.approx(seconds, rel=0.1)
+    picture = timed(painter, seconds)
+    assert painter.now - 100.0 == pytest.approx(seconds, rel=0.1)
     assert painter.taken.sum() * 1e-6 > 0.9 * seconds
     assert np.median(painter.taken[:30, :30]) >= 4 * np.median(painter.taken[40:, 40:])
     assert picture.metadata["error"] < draw(samples=round(seconds * 1e6 / painter.taken.size)).metadata["error"]
+    assert picture.metadata["undrawn"] is None
+
+
+@pytest.mark.parametrize(("each", "by_tile"), [(1e-5, False), (1e-3, False), (2e-2, False), (1e-4, True)])
+def test_a_deadline_interrupts_a_pass(each: float, by_tile: bool) -> None:
+    """A call lasts a fifth of a second, as far as the pace is known: from the second call on."""
+    painter = Clockwork(each, by_tile=by_tile)
+    picture = timed(painter, 3.0)
+    assert painter.now - 100.0 < max(3.0, 32 * 32 * each) + max(0.3, 100 * each)
+    undrawn = picture.metadata["undrawn"]
+    assert np.array_equal(painter.taken == 0, np.zeros((SIZE[1], SIZE[0]), bool) if undrawn is None else undrawn)
+    assert picture.metadata["samples_mean"] == pytest.approx(painter.taken.mean())
+    assert picture.metadata["partial"] is False
+
+
+def test_pixels_of_an_interrupted_pass_have_the_mean_of_their_own_samples() -> None:
+    painter = Clockwork(1e-4)
+    picture = timed(painter, 1.0)  # 7000 pixels: a pass takes 0.7 s
+    y, x = np.mgrid[: SIZE[1], : SIZE[0]]
+    wide: Any = painter.width(x, y)
+    total = sum(np.where(s < painter.taken, truth(x, y) + wide * (noise(x, y, np.full_like(x, s)) - 0.5), 0.0) for s in range(4))
+    drawn = painter.taken > 0
+    np.testing.assert_allclose(picture.channels["rgba"][drawn, 0], (total / np.maximum(painter.taken, 1))[drawn], rtol=1e-5)
+    assert set(np.unique(painter.taken)) == {1, 2}
+
+
+def test_the_error_of_an_interrupted_picture_is_told_from_half_of_its_pixels_on() -> None:
+    assert timed(Clockwork(1e-4), 0.75).metadata["error"] is None  # few pixels have two samples
+    picture = timed(Clockwork(1e-4), 1.25)
+    assert picture.metadata["error"] == pytest.approx(root_relmse(picture), rel=0.4)
+
+
+def test_a_spent_budget_draws_one_tile_or_with_grants_each_pixel_once() -> None:
+    late = timed(Clockwork(1e-4), 1e-9)
+    assert (late.metadata["samples"], late.metadata["error"]) == (1, None)
+    assert int(np.count_nonzero(~late.metadata["undrawn"])) == 32 * 32
+    granted = timed(Clockwork(1e-4), 1e-9, grants=True)
+    assert (granted.metadata["samples_mean"], granted.metadata["undrawn"]) == (1.0, None)
+
+
+def test_channels_are_drawn_first_and_until_the_deadline() -> None:
+    assert timed(Clockwork(), 0.5, aov=("depth",)).metadata["without_channels"] == 0
+    late = timed(Clockwork(), 0.0, aov=("depth",))
+    assert late.metadata["without_channels"] == len(film.tiles((0, 0, *SIZE)))
+
+
+def test_the_most_samples_end_a_picture_before_its_budget() -> None:
+    painter = Clockwork()
+    assert timed(painter, 1e6, samples=40).metadata["samples"] == 40
+    assert np.all(painter.taken == 40)
 
 
 def test_luminance_is_of_the_linear_colour() -> None:

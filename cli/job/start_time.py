@@ -1,0 +1,32 @@
+"""The time at which the budget of a picture begins: the start of the process for the first picture of a command, else its reading."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+_began: float | None = None  # of the command, until its first picture takes it
+
+
+def begin() -> None:
+    """Note the start of this process, which runs one command."""
+    global _began
+    _began = time.perf_counter() - _age()
+
+
+def take() -> float:
+    """The time of time.perf_counter at which a picture begins."""
+    global _began
+    began, _began = _began, None
+    return time.perf_counter() if began is None else began
+
+
+def _age() -> float:
+    """Seconds since the start of this process; 0 where the system does not tell."""
+    try:
+        fields = Path("/proc/self/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
+        started = int(fields[19]) / os.sysconf("SC_CLK_TCK")  # field 22, of those from 3 on: ticks since the boot
+        return max(time.clock_gettime(time.CLOCK_BOOTTIME) - started, 0.0)
+    except (OSError, ValueError, IndexError, AttributeError):
+        return 0.0

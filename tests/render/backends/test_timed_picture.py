@@ -1,0 +1,138 @@
+"""Pictures with a budget: resolution, filled pixels and what is reserved, by a renderer whose samples move the clock."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import numpy as np
+import pytest
+from maquette.compiler.plan.decision import Decision
+from maquette.compiler.plan.plan import Plan
+from maquette.render import picture_notes
+from maquette.render.backends import timed_picture
+from maquette.render.film import film
+from maquette.render.film.deadline import Deadline
+from maquette.render.image.image import Image
+from maquette.render.types import Film, Tile, View
+
+SIZE = (96, 64)
+
+
+class Ramp(film.Unshared):
+    """Draws how far right a pixel is in the picture; a sample takes `each` seconds."""
+
+    whole, by_tile, cell, side = None, False, 1, film.TILE
+
+    def __init__(self, each: float, resizes: bool = True) -> None:
+        self.each, self.resizes, self.now, self.size = each, resizes, 0.0, SIZE
+        self.limits: list[Deadline] = []
+
+    def limit_time(self, deadline: Deadline) -> None:
+        self.limits.append(deadline)
+
+    def resize(self, width: int, height: int) -> bool:
+        self.size = (width, height) if self.resizes else SIZE
+        return self.resizes
+
+    def sample(self, tile: Tile, first: np.ndarray, count: np.ndarray, total: int, film: Film) -> None:
+        x = (np.arange(tile.x0, tile.x1) + 0.5) / self.size[0]
+        film.color[...] += (x[None, :] * count)[..., None]
+        film.alpha[...] += count
+        self.now += self.each * float(count.sum())
+
+    def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, np.ndarray]) -> None:
+        for name in names:
+            out[name][...] = 7.0
+
+
+def plan_of(budget: float, **more: Any) -> Plan:
+    values = {
+        "backend": "ray", "camera": 0, "size": SIZE, "crop": (0, 0, *SIZE), "aov": (), "samples": 1 << 20, "threads": 1, "error": 0.0,
+        "budget": budget, "denoise": "off", "monte_carlo": True, **more,
+    }  # fmt: skip
+    return Plan({name: Decision(name, value, "") for name, value in values.items()})
+
+
+def drawn(renderer: Ramp, budget: float, **more: Any) -> Image:
+    plan = plan_of(budget, **more)
+    work = timed_picture.Work(renderer, plan, View(0, *SIZE), None, threading.Event(), None, None, False)
+    return timed_picture.run(work, Deadline(budget, 0.0, lambda: renderer.now), lambda image: None)
+
+
+def expected() -> np.ndarray:
+    return np.broadcast_to((np.arange(SIZE[0]) + 0.5) / SIZE[0], SIZE[::-1])
+
+
+@pytest.mark.parametrize(("each", "resolution"), [(1e-5, 1), (6e-4, 1), (3e-3, 2), (1e-2, 4), (4e-2, 8)])
+def test_the_picture_is_as_fine_as_the_time_allows(each: float, resolution: int) -> None:
+    renderer = Ramp(each)
+    image = drawn(renderer, 10.0)
+    assert image.metadata["resolution"] == resolution
+    assert renderer.now < 10.0 + 32 * 32 * each  # the first call of a new pace
+    assert renderer.size == SIZE
+    assert (image.width, image.height, image.metadata["size"]) == (*SIZE, SIZE)
+    np.testing.assert_allclose(image.channels["rgba"][..., 0], expected(), atol=0.5 * resolution / SIZE[0] + 1e-6)
+    found = picture_notes.budget_warnings(image.metadata, plan_of(10.0))
+    width, height = SIZE[0] // resolution, SIZE[1] // resolution
+    about = f"the budget of 10 s has no time for a sample of each pixel: the picture is drawn at {width}x{height} pixels and enlarged"
+    assert [d.message for d in found] == ([] if resolution == 1 else [about])
+
+
+def test_a_spent_budget_still_gives_a_picture() -> None:
+    renderer = Ramp(1e-3)
+    renderer.now = 99.0
+    image = drawn(renderer, 5.0)
+    assert renderer.now == pytest.approx(99.0 + 12 * 8 * 1e-3 * 2, rel=0.6)  # a preview of 1/8, and a tile of 12 x 8
+    assert image.metadata["samples_mean"] <= 1 / 64 + 1e-9
+    np.testing.assert_allclose(image.channels["rgba"][..., 0], expected(), atol=4.0 / SIZE[0] + 1e-6)
+
+
+def test_without_another_size_pixels_show_the_nearest() -> None:
+    image = drawn(Ramp(1e-3, resizes=False), 4.0)  # a pass takes 6 s
+    assert 0.3 < image.metadata["filled"] < 0.9
+    assert image.channels["rgba"][..., 3].min() == 1.0
+    found = picture_notes.budget_warnings(image.metadata, plan_of(4.0))
+    share = f"{image.metadata['filled']:.1%}"
+    assert [d.message for d in found] == [f"the budget of 4 s ended before {share} of the pixels had a sample: they show what is near"]
+
+
+def test_a_crop_is_enlarged_in_its_place() -> None:
+    image = drawn(Ramp(2e-2), 10.0, crop=(48, 16, 96, 64))
+    assert image.metadata["resolution"] > 1
+    np.testing.assert_allclose(image.channels["rgba"][..., 0], expected()[16:64, 48:], atol=0.5 * image.metadata["resolution"] / SIZE[0])
+
+
+def test_channels_are_drawn_at_full_size() -> None:
+    image = drawn(Ramp(1e-2), 10.0, aov=("depth", "samples"))
+    assert image.metadata["resolution"] > 1
+    assert np.all(image.channels["depth"] == 7.0)
+    assert np.all(image.channels["samples"] == np.float32(image.metadata["samples_mean"]))
+
+
+def test_a_denoised_picture_without_time_for_it_says_so() -> None:
+    image = drawn(Ramp(1e-3), 1.0, denoise="on")
+    assert image.metadata["denoising_left_out"]
+    found = picture_notes.budget_warnings(image.metadata, plan_of(1.0, denoise="on"))
+    assert ("warning", "the picture is not denoised: the budget of 1 s has no time for it") in [(d.severity, d.message) for d in found]
+
+
+def test_enlarged_keeps_what_is_even_and_linear() -> None:
+    even = np.full((3, 5, 4), 2.5, np.float32)
+    assert np.all(timed_picture.enlarged(even, (5, 3), (0, 0, 5, 3), (50, 30), (0, 0, 50, 30)) == 2.5)
+    one = timed_picture.enlarged(np.ones((1, 1, 4), np.float32), (1, 1), (0, 0, 1, 1), (7, 5), (0, 0, 7, 5))
+    assert one.shape == (5, 7, 4)
+
+
+def test_late_pictures_say_what_took_the_time() -> None:
+    now = [0.0]
+    deadline = Deadline(5.0, 0.0, lambda: now[0])
+    about: dict[str, Any] = {"seconds": {"compile_kernels": 0.1}, "ready": 1.0}
+    now[0] = 5.4
+    assert picture_notes.late_warnings(about, deadline) == []
+    now[0] = 9.0
+    took = "the picture took 9.0 s, more than its budget of 5 s"
+    assert picture_notes.late_warnings(about, deadline)[0].message == took
+    prepared, compiled = {**about, "ready": 6.0}, {**about, "seconds": {"compile_kernels": 3.0}}
+    assert picture_notes.late_warnings(prepared, deadline)[0].message == f"{took}: reading and preparing the scene took 6.0 s"
+    assert picture_notes.late_warnings(compiled, deadline)[0].message == f"{took}: compiling kernels took 3.0 s, once"

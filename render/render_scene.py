@@ -12,7 +12,7 @@ from ..compiler import ir
 from ..compiler.plan import channels, decision, emissive_shapes
 from ..compiler.plan.plan import Plan
 from . import types
-from .backends import accumulation, kernel_choice, light_groups, timed_picture
+from .backends import accumulation, kernel_choice, light_groups
 from .film import bounce_error, film
 from .film.checkpoint import Keeper
 from .film.deadline import Deadline
@@ -61,9 +61,8 @@ def draw(
         told = _with_denoiser(report, renderer, plan, cancel) if report and progressive and decision.may_denoise(plan) else report
         kept = None if lit or by_moments else keeper
         put = renderer.put if lit else lambda image: None
-        work = timed_picture.Work(renderer, plan, view, told, cancel or threading.Event(), mattes, kept, progressive)
-        ready = deadline.spent()
-        image = timed_picture.run(work, deadline, put) if deadline.is_finite else _draw(work, put)
+        ready, work = deadline.spent(), (renderer, plan, view, told, cancel or threading.Event(), mattes, kept, progressive)
+        image = _draw_in_time(work, deadline, put) if deadline.is_finite else _draw(work, put)
     tell(Progress("finishing"))
     notes = _notes(scene, plan) + (accumulation.notes(scene, plan) if by_moments else [])
     unproved, cut = count_unproved(renderer), None if quick else _measure_bounce_error(renderer, plan, image, deadline)
@@ -77,17 +76,25 @@ def draw(
     return image
 
 
-def _draw(work: timed_picture.Work, put: Callable[[Image], None]) -> Image:
-    """A picture without a budget."""
+def _draw(work: tuple[Any, ...], put: Callable[[Image], None]) -> Image:
+    """A picture without a budget; `work` are the arguments of film.run, `put` writes the channels of light groups."""
+    renderer, plan, _, report, *_ = work
     image = film.run(*work)
     put(image)
-    if decision.denoises(work.plan, image.metadata["error"], image.metadata["partial"]):
+    if decision.denoises(plan, image.metadata["error"], image.metadata["partial"]):
         from .film import denoise  # loads pyoidn
 
-        if work.report is not None:
-            work.report(Progress("denoising"))
-        denoise.denoise(image, work.renderer, work.plan)
+        if report is not None:
+            report(Progress("denoising"))
+        denoise.denoise(image, renderer, plan)
     return image
+
+
+def _draw_in_time(work: tuple[Any, ...], deadline: Deadline, put: Callable[[Image], None]) -> Image:
+    """As _draw, with a budget."""
+    from .backends import timed_picture  # loads the denoiser
+
+    return timed_picture.run(timed_picture.Work(*work), deadline, put)
 
 
 def _with_denoiser(report: Report, renderer: Any, plan: Plan, cancel: threading.Event | None) -> Report:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...compiler.plan import decision
 from ...compiler.plan.plan import Plan
-from ..film import accumulate, film
+from ..film import accumulate, denoise, film
 from ..film.deadline import Deadline
 from ..film.denoise_time import Denoising, DenoisingTime
 from ..film.progress import Progress, Report
@@ -126,8 +126,6 @@ def _denoise(work: Work, image: Image, plan: Plan, planned: Denoising | None, en
     if planned is None or image.metadata["filled"] > MOSTLY or ends.left() < 0.5 * planned.seconds:
         image.metadata["denoising_left_out"] = True
         return
-    from ..film import denoise  # loads pyoidn
-
     if work.report is not None:
         work.report(Progress("denoising"))
     denoise.denoise(image, work.renderer, plan, planned.samples, planned.measures)

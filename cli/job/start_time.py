@@ -1,4 +1,4 @@
-"""The time at which the budget of a picture begins: the start of the process for the first picture of a command, else its reading."""
+"""The time at which the budget of a picture begins: the start of the command for its first picture, else its reading."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ import os
 import time
 from pathlib import Path
 
+from ..process import supervisor
+
 _began: float | None = None  # of the command, until its first picture takes it
 
 
 def begin() -> None:
-    """Note the start of this process, which runs one command."""
+    """Note the start of the command that this process runs."""
     global _began
     _began = time.perf_counter() - _age()
 
@@ -23,9 +25,9 @@ def take() -> float:
 
 
 def _age() -> float:
-    """Seconds since the start of this process; 0 where the system does not tell."""
+    """Seconds since the start of the command; 0 where the system does not tell."""
     try:
-        fields = Path("/proc/self/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
+        fields = Path(f"/proc/{supervisor.first_process()}/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
         started = int(fields[19]) / os.sysconf("SC_CLK_TCK")  # field 22, of those from 3 on: ticks since the boot
         return max(time.clock_gettime(time.CLOCK_BOOTTIME) - started, 0.0)
     except (OSError, ValueError, IndexError, AttributeError):

@@ -61,6 +61,11 @@ def finishing() -> None:
         os.write(_to_parent, b"w")
 
 
+def first_process() -> int:
+    """The number of the process that the user started: the parent, if there is one."""
+    return os.getpid() if _to_parent is None else os.getppid()
+
+
 def _end_with(parent: int) -> None:
     """Let the system end this process with its parent, however that ends."""
     import ctypes

@@ -19,7 +19,7 @@ from llvmlite import ir
 
 from ...compiler.formula.opcodes import Op, arity
 from ...compiler.formula.tape import INPUTS
-from ..jit import cache_key, compile_process, kernel_cache, loader
+from ..jit import cache_key, compile_lock, compile_process, kernel_cache, loader
 from ..jit.kernel_file import Code
 from ..jit.value_types import NONE
 from ..simd.llvm_expr import F64, I64, Value
@@ -176,12 +176,19 @@ def code_of(program: str) -> Code:
     if code is None:
         if kernel_cache.must_be_compiled():
             raise kernel_cache.NotCompiled(f"interpreter {program}")
-        module = _point_module() if program == POINT else module_of(program)
-        machine = loader.target_machine(1)  # level 2 takes twice the compile time and renders no faster
-        name = f"tape_{program}"
-        code = Code(name, name, NONE, (), machine.emit_object(optimize(str(module))))
-        kernel_cache.write(_file_name(program), code)
+        with compile_lock.compiling(kernel_cache.CACHE / _file_name(program)):
+            code = kernel_cache.read(_file_name(program))  # another process may have compiled it
+            if code is None:
+                code = _compile(program)
+                kernel_cache.write(_file_name(program), code)
     return code
+
+
+def _compile(program: str) -> Code:
+    module = _point_module() if program == POINT else module_of(program)
+    machine = loader.target_machine(1)  # level 2 takes twice the compile time and renders no faster
+    name = f"tape_{program}"
+    return Code(name, name, NONE, (), machine.emit_object(optimize(str(module))))
 
 
 def optimize(text: str, level: int = 2) -> Any:

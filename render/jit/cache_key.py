@@ -1,177 +1,170 @@
-"""Cache keys of kernels: digests of the syntax trees of the modules a kernel is compiled from.
+"""Cache keys of kernels: digests of the definitions that a kernel is compiled from.
 
-A kernel is compiled from its own module, from the modules that one imports, and from the modules that overload functions of these.
-Docstrings, comments and layout leave the key unchanged. Syntax trees are read once: their digests are kept beside the kernels, each
-with the size and time of its file.
+A kernel is compiled from its own definition and, step by step, from the definitions that one refers to: in its module, and by relative
+imports in others. Overloads stand in the module of their function.
 """
 
 from __future__ import annotations
 
 import ast
-import hashlib
-import json
-from functools import cache
+from collections.abc import Iterator
+from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
 
 from ...compiler.io import cache_dirs
-from ...compiler.io.replace_file import replace_file
+from .definitions import OTHER
+from .package_sources import Sources, digest, read_rows, write_rows
 
 ROOT = Path(__file__).resolve().parents[2]
-_PACKAGES = ("compiler", "lang", "render")
-_ALWAYS = ("render.simd", "render.jit")  # packages that define types and operators of every kernel
-_FORMAT = 1  # of the file of digests
 SHIPPED = ROOT / "prebuilt" / "sources.json"
-"""Digests that come with the package, so that a first picture parses no sources."""
+"""Definitions that come with the package, so that a first picture parses no sources."""
+_ALWAYS = ("render.simd.", "render.jit.compiler")  # define the types and operators of every kernel, and compile it
+_RUNTIME = ("compiler.io.", "render.jit.cache", "render.jit.kernel_cache", "render.jit.prebuilt")
+"""Modules that find, keep and load kernels: the decorators of kernels refer to them, but no kernel is compiled from them."""
+_PACKAGE = __name__.partition(".")[0]
+_FORMAT = 1  # of the file of keys
+_CHECKOUTS = 8  # whose keys are kept
+
+Place = tuple[str, str]
+"""A module and the name of a definition in it."""
 
 
-class Source(NamedTuple):
-    """A module: the digest of its syntax tree, the modules it imports, and those whose functions it overloads."""
+class Keys:
+    """Keys of the kernels in a package's modules, kept on disk while no file of the package changes."""
 
-    digest: str
-    imports: tuple[str, ...]
-    overloads: tuple[str, ...]
+    def __init__(self, sources: Sources) -> None:
+        self.sources = sources
+        self._resolved: dict[Place, tuple[Place, ...]] = {}
+
+    def key(self, module: str, name: str = "") -> str:
+        """Digest of all that a definition of a module is compiled from, or the whole module.
+
+        `module` is dotted ("render.film.film"), or has the package's name in front. `name` may have dotted names inside of the definition.
+        Raises KeyError for a module of others.
+        """
+        own, outer = self.own(module), name.partition(".")[0]
+        if own is None:
+            raise KeyError(f"{module} is not a module of the package")
+        place = f"{own}~{outer}"
+        if place not in self._kept:
+            known = outer in self.sources.module(own).definitions  # else it is made by code of the module
+            self._kept[place] = self._digest(self.reach(own, outer if known else ""))
+            self.sources.keep()
+            self._keep()
+        return self._kept[place]
+
+    def key_of_file(self, path: Path) -> str:
+        """Digest of a file outside of the package, of the files that it imports by relative paths, and of its imports from the package."""
+        contents, places, todo = dict[Path, str](), set[Place](), [path]
+        while todo:
+            file = todo.pop()
+            if file not in contents and file.is_file():
+                text = file.read_bytes()
+                contents[file] = digest(text)
+                for node in (each for each in ast.walk(ast.parse(text)) if isinstance(each, ast.ImportFrom)):
+                    base, names = (node.module or "").split("."), [alias.name for alias in node.names]
+                    if node.level:
+                        folder = file.parents[node.level - 1].joinpath(*base)
+                        todo += (folder.with_suffix(".py"), *(folder / f"{name}.py" for name in names))
+                    elif base[0] == _PACKAGE:
+                        places |= self._follow([place for name in names for place in self._imported(".".join(base[1:]), name, "")])
+        self.sources.keep()
+        return digest(f"{sorted(contents.values())} {self._digest(places | self._always)}")
+
+    def _digest(self, places: set[Place]) -> str:
+        module = self.sources.module
+        return digest("\n".join(sorted(f"{base}.{name} {module(base).definitions[name].digest}" for base, name in places)))
+
+    def reach(self, module: str, name: str = "") -> set[Place]:
+        """All definitions that one of them, or a whole module, is compiled from."""
+        return self._follow([(module, name)] if name else list(self._all(module))) | self._always
+
+    @cached_property
+    def _always(self) -> set[Place]:
+        """The definitions of every kernel."""
+        return self._follow([place for name in self.sources.files if name.startswith(_ALWAYS) for place in self._all(name)])
+
+    def _all(self, module: str) -> Iterator[Place]:
+        return ((module, name) for name in self.sources.module(module).definitions)
+
+    def _follow(self, todo: list[Place]) -> set[Place]:
+        """These definitions and those they refer to, step by step."""
+        found = set[Place]()
+        while todo:
+            place = todo.pop()
+            module, name = place
+            if place in found or module.startswith(_RUNTIME):
+                continue
+            found.add(place)
+            todo.append((module, OTHER))
+            for used in self.sources.module(module).definitions[name].names:
+                todo += self._resolve(module, used)
+        return found
+
+    def _resolve(self, module: str, dotted: str) -> tuple[Place, ...]:
+        """The definitions that a dotted name of a module refers to. A module that is read as a value is all of its definitions."""
+        place = module, dotted
+        if place not in self._resolved:
+            self._resolved[place] = ()  # for packages whose parts import each other
+            first, _, rest = dotted.partition(".")
+            known = self.sources.module(module)
+            own = [(module, first)] if first in known.definitions else []
+            imported = [each for base, name in known.imports.get(first, ()) for each in self._imported(base, name, rest)]
+            self._resolved[place] = (*own, *imported)
+        return self._resolved[place]
+
+    def _imported(self, base: str, name: str, rest: str) -> Iterator[Place]:
+        """The definitions that name.rest refers to after `from base import name`."""
+        inner, files = f"{base}.{name}", self.sources.files
+        if inner in files:
+            following, _, beyond = rest.partition(".")
+            if not rest:
+                yield from self._all(inner)
+            elif f"{inner}.{following}" in files:
+                yield from self._imported(inner, following, beyond)
+            else:
+                yield from self._resolve(inner, rest)
+        elif base in files:
+            yield from self._resolve(base, f"{name}.{rest}" if rest else name)
+
+    def own(self, module: str) -> str | None:
+        """The dotted name of a module in the package; None for a module of others."""
+        inner = module.partition(".")[2]
+        return module if module in self.sources.files else inner if inner in self.sources.files else None
+
+    # --- keys on disk ----------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _kept(self) -> dict[str, str]:
+        return read_rows(_file(), _FORMAT).get(self.sources.stamp, {}) if self.sources.stamp else {}
+
+    def _keep(self) -> None:
+        if self.sources.stamp:
+            rows = read_rows(_file(), _FORMAT)
+            ours = {**rows.pop(self.sources.stamp, {}), **self._kept}
+            write_rows(_file(), _FORMAT, {**dict(list(rows.items())[1 - _CHECKOUTS :]), self.sources.stamp: ours})
 
 
-@cache
-def key(module: str) -> str:
-    """Digest of all modules that code of `module` ("render.film.film", or with the package's name in front) is compiled from."""
-    known, extra = _sources(), _overloads()
-    own = module.partition(".")[2] if module.partition(".")[0] not in _PACKAGES else module
-    todo, found = [own, *(name for name in known if name.startswith(_ALWAYS))], dict[str, None]()
-    while todo:
-        name = todo.pop()
-        if name in known and name not in found:
-            found[name] = None
-            todo += (*known[name].imports, *extra.get(name, ()))
-    if own not in found:  # a kernel outside of the package, such as in a test
-        return version()
-    return _digest({name: known[name] for name in sorted(found)})
+def _file() -> Path:
+    """The file of keys in the cache directory."""
+    return cache_dirs.cache_root() / "keys.json"
+
+
+_package = Keys(Sources(ROOT, SHIPPED))
+key, key_of_file, reach = _package.key, _package.key_of_file, _package.reach
 
 
 def is_ours(module: str) -> bool:
     """Return whether a dotted module, with the package's name in front or without, belongs to the package."""
-    return module in _sources() or module.partition(".")[2] in _sources()
-
-
-@cache
-def version() -> str:
-    """Digest of all modules that take part in rendering."""
-    return _digest(_sources())
-
-
-def _digest(sources: dict[str, Source]) -> str:
-    text = "\n".join(f"{name} {source.digest}" for name, source in sorted(sources.items()))
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
-@cache
-def _overloads() -> dict[str, list[str]]:
-    """For each module, the modules that overload its functions."""
-    found: dict[str, list[str]] = {}
-    for name, source in _sources().items():
-        for target in source.overloads:
-            found.setdefault(target, []).append(name)
-    return found
-
-
-@cache
-def _sources() -> dict[str, Source]:
-    """Every module of the package by its dotted name."""
-    file = cache_dirs.cache_root() / "sources.json"
-    before, shipped = _read(file), _read(SHIPPED)
-    after: dict[str, list[Any]] = {}
-    for package in _PACKAGES:
-        for path in sorted((ROOT / package).rglob("*.py")):
-            relative = path.relative_to(ROOT)
-            parts = relative.parent.parts if path.name == "__init__.py" else (*relative.parent.parts, path.stem)
-            stat = path.stat()
-            stamp = f"{path} {stat.st_mtime_ns} {stat.st_size}"
-            name, known = ".".join(parts), before.get(".".join(parts))
-            after[name] = known if known is not None and known[0] == stamp else [stamp, *_row(path, parts, shipped.get(name))]
-    if after != before:
-        _write(file, after)
-    return {name: Source(row[1], tuple(row[2]), tuple(row[3])) for name, row in after.items()}
-
-
-def _row(path: Path, parts: tuple[str, ...], shipped: list[Any] | None) -> tuple[str, list[str], list[str]]:
-    """Digest, imported modules and overloaded modules of one file: as they came with the package, if the file did too."""
-    if shipped is not None and content_digest(path) == shipped[0]:
-        return shipped[1], shipped[2], shipped[3]
-    return _parse(path, parts)
-
-
-def content_digest(path: Path) -> str:
-    """Digest of a file's bytes."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+    return _package.own(module) is not None
 
 
 def ship() -> str:
-    """The content of SHIPPED: the digests of all modules by the digests of their files, which are the same for every version of Python."""
-    rows = {name: [content_digest(_path(name)), *source] for name, source in _sources().items()}
-    return json.dumps({"form": _FORMAT, "modules": rows})
+    """The content of SHIPPED."""
+    return _package.sources.ship()
 
 
-def _path(module: str) -> Path:
-    path = ROOT.joinpath(*module.split("."))
-    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
-
-
-def _read(file: Path) -> dict[str, list[Any]]:
-    """The digests kept on disk; none where the file is missing, damaged or of another form."""
-    try:
-        found = json.loads(file.read_text(encoding="utf-8"))
-        rows = found["modules"] if found["form"] == _FORMAT else {}
-        good = all(len(row) == 4 and all(isinstance(each, str) for each in (*row[:2], *row[2], *row[3])) for row in rows.values())
-        return rows if good else {}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return {}
-
-
-def _write(file: Path, rows: dict[str, list[Any]]) -> None:
-    """Replace the file as a whole; without a writable folder the next process parses again."""
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        replace_file(file, json.dumps({"form": _FORMAT, "modules": rows}).encode())
-    except OSError:
-        return
-
-
-def _parse(path: Path, parts: tuple[str, ...]) -> tuple[str, list[str], list[str]]:
-    """Digest, imported modules and overloaded modules of one file."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    package = list(parts if path.name == "__init__.py" else parts[:-1])
-    where: dict[str, str] = {}  # local name → module it comes from, or is
-    imports: dict[str, None] = {}
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) and node.level:
-            base = package[: len(package) - node.level + 1] + (node.module.split(".") if node.module else [])
-            for alias in node.names:
-                inner = ".".join([*base, alias.name])
-                target = inner if _is_module(inner) else ".".join(base)
-                where[alias.asname or alias.name] = target
-                imports[target] = None
-    overloads: dict[str, None] = {}
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id.startswith("overload") and node.args:
-            target = node.args[0]
-            name = target.value if isinstance(target, ast.Attribute) else target
-            if isinstance(name, ast.Name) and name.id in where:
-                overloads[where[name.id]] = None
-    _drop_docstrings(tree)
-    return hashlib.sha256(ast.dump(tree).encode()).hexdigest()[:16], list(imports), list(overloads)
-
-
-@cache
-def _is_module(dotted: str) -> bool:
-    path = ROOT.joinpath(*dotted.split("."))
-    return path.with_suffix(".py").is_file() or path.is_dir()
-
-
-def _drop_docstrings(tree: ast.AST) -> None:
-    """Remove expression statements that are constants: docstrings of modules, classes, functions and constants."""
-    for node in ast.walk(tree):
-        body = getattr(node, "body", None)
-        if isinstance(body, list):
-            kept = [each for each in body if not (isinstance(each, ast.Expr) and isinstance(each.value, ast.Constant))]
-            node.body = kept or [ast.Pass()]  # type: ignore[attr-defined]
+def version() -> str:
+    """Digest of all modules that take part in rendering, by the bytes of their files."""
+    sources = _package.sources
+    return digest("\n".join(f"{name} {sources.content(name)}" for name in sources.files))

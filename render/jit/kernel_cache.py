@@ -1,7 +1,7 @@
 """Disk cache of compiled code, and the time of compiling and loading it.
 
-The file name of a kernel contains a digest of the syntax trees of all modules that it is compiled from (`cache_key.py`) and a digest of its
-types, so that stale code is never loaded. kernel_file.py describes the files.
+The file name of a kernel contains a digest of the definitions that it is compiled from (`cache_key.py`) and a digest of its types, so that
+stale code is never loaded. kernel_file.py describes the files.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
 from ..simd import target
-from . import cache_folder, cache_key, compile_events, kernel_file, loader, prebuilt, requests, value_types
+from . import cache_folder, cache_key, compile_events, compile_lock, kernel_file, loader, prebuilt, requests, value_types
 from .kernel_file import Code
 from .loader import Loaded
 from .value_types import ValueType
@@ -107,17 +107,26 @@ def load(kernel: Any, kinds: tuple[ValueType, ...]) -> Loaded:
             if code is None:
                 if must_be_compiled():
                     raise NotCompiled(f"{_name_of(function)}-{_digest_of_types(kinds)}")
-                from . import compiler
-
-                with compile_events.compiling(_name_of(function)):
-                    code, compiled = compiler.compile_kernel(function, kinds), True
-                if name:
-                    write(name, code)
+                code, compiled = _compile(function, kinds, name)
             found = kernel.loaded[kinds] = Loaded(function.__qualname__, kinds, code, not compiled)
             compile_events.ready()
             for names in _records:
                 names.append(_name_of(function))
         return found
+
+
+def _compile(function: Callable[..., Any], kinds: tuple[ValueType, ...], name: str | None) -> tuple[Code, bool]:
+    """(code, whether this process compiled it): another process may compile the same kernel, which is then read from disk."""
+    with compile_events.compiling(_name_of(function)), compile_lock.compiling(CACHE / name) if name else nullcontext():
+        code = read(name) if name else None
+        if code is not None:
+            return code, False
+        from . import compiler
+
+        code = compiler.compile_kernel(function, kinds)
+        if name:
+            write(name, code)
+        return code, True
 
 
 def compile_only(kernel: Any, kinds: tuple[ValueType, ...]) -> None:
@@ -144,13 +153,15 @@ def is_cached(kernel: Any, kinds: tuple[ValueType, ...]) -> bool:
 def _file_name(function: Callable[..., Any], kinds: tuple[ValueType, ...]) -> str | None:
     """File name of a kernel's code; None for code that depends on more than files and types."""
     module = function.__module__ or ""
-    ours, file = cache_key.is_ours(module), getattr(sys.modules.get(module), "__file__", None)
-    if function.__closure__ or not (ours or (file is not None and Path(file).exists())):
+    file = getattr(sys.modules.get(module), "__file__", None)
+    if function.__closure__:
         return None
-    sources = cache_key.key(module)
-    if not ours:
-        assert file is not None
-        sources = _digest(sources.encode() + Path(file).read_bytes() + marshal.dumps(function.__code__))
+    if cache_key.is_ours(module):
+        sources = cache_key.key(module, function.__qualname__)
+    elif file is not None and Path(file).is_file():
+        sources = _digest(cache_key.key_of_file(Path(file)).encode() + marshal.dumps(function.__code__))
+    else:
+        return None
     return f"{_name_of(function)}-{sources}-{_digest_of_types(kinds)}{SUFFIX}"
 
 
@@ -161,15 +172,15 @@ def _name_of(function: Callable[..., Any]) -> str:
 
 
 def _digest_of_types(kinds: tuple[ValueType, ...]) -> str:
-    """Digest of types, and of the modules of the NamedTuples among them: kernels compile in their fields."""
-    modules, todo = set[str](), list(kinds)
+    """Digest of types, and of the NamedTuples among them: kernels compile in their fields."""
+    classes, todo = set[tuple[str, str]](), list(kinds)
     while todo:
         kind = todo.pop()
         if isinstance(kind, value_types.Tuple):
             todo += kind.items
             if kind.cls is not None and cache_key.is_ours(kind.cls.__module__):
-                modules.add(kind.cls.__module__)
-    return _digest("\n".join([*(kind.text for kind in kinds), *(cache_key.key(name) for name in sorted(modules))]).encode())
+                classes.add((kind.cls.__module__, kind.cls.__qualname__))
+    return _digest("\n".join([*(kind.text for kind in kinds), *(cache_key.key(*each) for each in sorted(classes))]).encode())
 
 
 # --- files ---------------------------------------------------------------------------------------------------------------
@@ -195,8 +206,8 @@ def has(name: str) -> bool:
 def is_current(name: str) -> bool:
     """Return whether a file of this name was compiled from the package's modules as they are."""
     kernel, sources, _ = name.rsplit("-", 2)
-    module = "render.formula.interpreter" if kernel.startswith("tape_") else kernel.partition("~")[0]
-    return cache_key.is_ours(module) and sources == cache_key.key(module)
+    module, _, function = ("render.formula.interpreter", "", "") if kernel.startswith("tape_") else kernel.partition("~")
+    return cache_key.is_ours(module) and sources == cache_key.key(module, function)
 
 
 def write(name: str, code: Code) -> None:

@@ -2,108 +2,195 @@
 
 from __future__ import annotations
 
-import importlib.util
+import ast
 import os
+import time
 from pathlib import Path
 
 import pytest
+from maquette.render.jit import cache_key
+from maquette.render.jit.package_sources import Sources
 
+ROOT = Path(__file__).resolve().parents[3]
 KERNEL = '''"""Kernels of a test."""
 
+from . import constants, other  # modules
 from .constants import HALF  # a constant
 
 
-def area(r):
+@kernel
+def area(r: Lane) -> Lane:
     """Docstring."""
     return HALF * r * r
+
+
+@kernel
+def volume(r):
+    UNUSED = [FACTOR for FACTOR in r]
+    return _height(r) * area(r) * constants.FACTOR
+
+
+def _height(r):
+    return r
+
+
+@overload(_height)
+def _in_kernels(r):
+    return lambda r: r
+
+
+def check(r):
+    other.check(r)
 '''
-CONSTANTS = '"""Constants of a test."""\n\nHALF = 0.5\n'
-OVERLOADS = (
-    "from numba.extending import overload\n\nfrom . import kernel\n\n\n@overload(kernel.area)\ndef _area(r):\n    return lambda r: r\n"
-)
+CONSTANTS = '"""Constants of a test."""\n\nHALF = 0.5\nFACTOR = 2\nUNUSED = 1\n\n\ndef unused():\n    return FACTOR\n'
+
+
+class Package:
+    """A package of few modules; its files have times of their own."""
+
+    def __init__(self, root: Path) -> None:
+        self.root, self.time = root, 10**18
+
+    def write(self, module: str, text: str) -> None:
+        path = self.root / "render" / f"{module}.py"
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+        self.time += 10**9
+        os.utime(path, ns=(self.time, self.time))
+
+    def key(self, name: str = "area", module: str = "render.kernel") -> str:
+        """The key as a new process computes it."""
+        return cache_key.Keys(Sources(self.root, self.root / "shipped.json")).key(module, name)
 
 
 @pytest.fixture
-def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A package with a kernel that imports a constant, and an empty cache folder."""
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Package:
+    """A package with kernels that import a constant, and an empty cache folder."""
     monkeypatch.setenv("MAQUETTE_CACHE", str(tmp_path / "cache"))
-    write(tmp_path, "kernel", KERNEL)
-    write(tmp_path, "constants", CONSTANTS)
-    write(tmp_path, "other", "OTHER = 1\n")
-    return tmp_path
+    made = Package(tmp_path)
+    made.write("kernel", KERNEL)
+    made.write("constants", CONSTANTS)
+    made.write("other", "OTHER = 1\n\n\ndef check(r):\n    return r\n")
+    return made
 
 
-def write(package: Path, module: str, text: str) -> None:
-    """Write a module with a modification time of its own."""
-    path = package / "render" / f"{module}.py"
-    path.parent.mkdir(exist_ok=True)
-    path.write_text(text, encoding="utf-8")
-    write.time += 10**9  # pyright: ignore[reportFunctionMemberAccess]
-    os.utime(path, ns=(write.time, write.time))  # pyright: ignore[reportFunctionMemberAccess]
-
-
-write.time = 10**18  # pyright: ignore[reportFunctionMemberAccess]
-
-
-def key(package: Path, module: str = "render.kernel") -> str:
-    """The key as a new process computes it: from a fresh copy of the module."""
-    spec = importlib.util.find_spec("maquette.render.jit.cache_key")
-    assert spec is not None
-    assert spec.loader is not None
-    cache_key = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(cache_key)
-    vars(cache_key)["ROOT"] = package
-    return vars(cache_key)["key"](module)
-
-
-def test_the_key_is_the_same_in_every_process(package: Path) -> None:
-    assert key(package) == key(package) == key(package, "maquette.render.kernel")
+def test_the_key_is_the_same_in_every_process(package: Package) -> None:
+    assert package.key() == package.key() == package.key("area", "maquette.render.kernel") == package.key("area.<locals>.inner")
 
 
 @pytest.mark.parametrize(
-    ("old", "new"), [("Docstring.", "Another one."), ("Kernels of", "Code of"), ("# a constant", "# one half"), ("HALF * r", "HALF  *  r")]
+    ("old", "new"),
+    [
+        ("Docstring.", "Another one."), ("Kernels of", "Code of"), ("# a constant", "# one half"), ("HALF * r", "HALF  *  r"),
+        ("r: Lane", "r: float"), (" -> Lane", ""), ("_height(r) * area", "_height(r) + area"), ("other.check(r)", "other.check(2)"),
+        ("lambda r: r", "lambda r: 2 * r"),
+    ],
+)  # fmt: skip
+def test_docstrings_layout_annotations_and_other_definitions_keep_the_key(package: Package, old: str, new: str) -> None:
+    before = package.key()
+    assert old in KERNEL
+    package.write("kernel", KERNEL.replace(old, new))
+    assert package.key() == before
+
+
+@pytest.mark.parametrize(
+    ("name", "module", "old", "new"),
+    [
+        ("area", "kernel", "r * r", "r + r"),
+        ("area", "constants", "HALF = 0.5", "HALF = 0.25"),
+        ("area", "constants", "UNUSED = 1", "HALF += 1"),
+        ("area", "constants", "UNUSED = 1", "globals().update(HALF=2)"),
+        ("area", "constants", "UNUSED = 1", "for k in range(3):\n    HALF = k"),
+        ("volume", "kernel", "r * r", "r + r"),
+        ("volume", "kernel", "def _height(r):\n    return r", "def _height(r):\n    return 2 * r"),
+        ("volume", "kernel", "lambda r: r", "lambda r: 2 * r"),
+        ("volume", "constants", "FACTOR = 2", "FACTOR = 3"),
+    ],
 )
-def test_docstrings_comments_and_layout_keep_the_key(package: Path, old: str, new: str) -> None:
-    before = key(package)
-    write(package, "kernel", KERNEL.replace(old, new))
-    assert key(package) == before
-
-
-def test_code_changes_the_key(package: Path) -> None:
-    before = key(package)
-    write(package, "kernel", KERNEL.replace("r * r", "r + r"))
-    assert key(package) != before
-
-
-def test_a_constant_of_an_imported_module_changes_the_key(package: Path) -> None:
-    before = key(package)
-    write(package, "constants", CONSTANTS.replace("0.5", "0.25"))
-    changed = key(package)
+def test_an_edit_of_what_a_kernel_is_compiled_from_changes_the_key(package: Package, name: str, module: str, old: str, new: str) -> None:
+    text, before = {"kernel": KERNEL, "constants": CONSTANTS}[module], package.key(name)
+    assert old in text
+    package.write(module, text.replace(old, new))
+    changed = package.key(name)
     assert changed != before
-    write(package, "constants", CONSTANTS)
-    assert key(package) == before
+    package.write(module, text)
+    assert package.key(name) == before
 
 
-def test_a_module_that_is_not_imported_keeps_the_key(package: Path) -> None:
-    before = key(package)
-    write(package, "other", "OTHER = 2\n")
-    assert key(package) == before
+@pytest.mark.parametrize(
+    ("module", "old", "new"),
+    [("constants", "UNUSED = 1", "UNUSED = 2"), ("constants", "return FACTOR", "return 2 * FACTOR"), ("other", "OTHER = 1", "OTHER = 2")],
+)
+def test_an_edit_of_a_name_that_a_kernel_does_not_refer_to_keeps_the_key(package: Package, module: str, old: str, new: str) -> None:
+    before = package.key("volume")
+    file = package.root / "render" / f"{module}.py"
+    assert old in file.read_text()
+    package.write(module, file.read_text().replace(old, new))
+    assert package.key("volume") == before
 
 
-def test_an_overload_of_a_function_changes_the_key(package: Path) -> None:
-    before = key(package)
-    write(package, "overloads", OVERLOADS)
-    changed = key(package)
-    assert changed != before
-    write(package, "overloads", OVERLOADS.replace("lambda r: r", "lambda r: 2 * r"))
-    assert key(package) not in (before, changed)
+def test_a_module_that_is_read_as_a_value_counts_whole(package: Package) -> None:
+    package.write("kernel", KERNEL.replace("HALF * r * r", "getattr(constants, name) * r"))
+    before = package.key()
+    package.write("constants", CONSTANTS.replace("UNUSED = 1", "UNUSED = 2"))
+    assert package.key() != before
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", '{"form": 1}', '{"form": 1, "modules": {"render.kernel": ["a"]}}'])
-def test_damaged_digests_are_replaced(package: Path, text: str) -> None:
-    before = key(package)
-    (digests,) = (package / "cache").rglob("sources.json")
-    good = digests.read_text(encoding="utf-8")
-    digests.write_text(text, encoding="utf-8")
-    assert key(package) == before
-    assert digests.read_text(encoding="utf-8") == good
+def test_a_kernel_outside_of_the_package_depends_on_its_imports(package: Package, tmp_path: Path) -> None:
+    def key() -> str:
+        return cache_key.Keys(Sources(package.root, package.root / "shipped.json")).key_of_file(tmp_path / "tests" / "test_area.py")
+
+    (tmp_path / "tests").mkdir()
+    (tmp_path / "tests" / "test_area.py").write_text("from maquette.render.kernel import area\n\nfrom . import tables\n")
+    (tmp_path / "tests" / "tables.py").write_text("TABLE = 1\n")
+    before = key()
+    package.write("other", "OTHER = 2\n")
+    assert key() == before
+    package.write("constants", CONSTANTS.replace("0.5", "0.25"))
+    changed = key()
+    (tmp_path / "tests" / "tables.py").write_text("TABLE = 2\n")
+    assert len({before, changed, key()}) == 3
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"form": 2, "rows": {}}', "0123456789abcdef\n{}"])
+@pytest.mark.parametrize("file", ["definitions.json", "keys.json"])
+def test_damaged_files_are_replaced(package: Package, monkeypatch: pytest.MonkeyPatch, file: str, text: str) -> None:
+    later = time.time_ns() + 10**10
+    monkeypatch.setattr(time, "time_ns", lambda: later)  # keys are kept once the files of the package are some seconds old
+    before = package.key()
+    kept = package.root / "cache" / file
+    good = kept.read_text(encoding="utf-8")
+    kept.write_text(text, encoding="utf-8")
+    assert package.key() == before
+    if file == "keys.json":
+        assert kept.read_text(encoding="utf-8") == good
+    for place in (0, len(good) // 2, len(good) - 2):
+        kept.write_text(f"{good[:place]}{'a' if good[place] != 'a' else 'b'}{good[place + 1 :]}", encoding="utf-8")
+        assert package.key() == before
+
+
+def test_checkouts_share_a_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two versions of a package in turn: neither takes the keys of the other."""
+    monkeypatch.setenv("MAQUETTE_CACHE", str(tmp_path / "cache"))
+    both = []
+    for number in (1, 2):
+        (tmp_path / str(number)).mkdir()
+        both.append(Package(tmp_path / str(number)))
+        both[-1].write("kernel", "HALF = 1\n\n\ndef area(r):\n    return HALF * r\n".replace("1", str(number)))
+    first, second = [each.key() for each in both]
+    assert first != second
+    assert [each.key() for each in both] == [first, second]
+
+
+def test_overloads_stand_beside_their_functions() -> None:
+    """A key follows an overload from its function, within a module. Names of modules are imported one by one."""
+    problems = []
+    for path in sorted((ROOT / "render").rglob("*.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and any(alias.name == "*" for alias in node.names):
+                problems.append(f"{path.name}:{node.lineno}: import *")
+            for each in getattr(node, "decorator_list", ()):
+                if isinstance(each, ast.Call) and getattr(each.func, "id", "") == "overload" and not isinstance(each.args[0], ast.Name):
+                    problems.append(f"{path.name}:{each.lineno}: overloads a function of another module")
+    assert not problems

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from maquette.render.jit import kernel_cache, kernel_file, value_types
+from maquette.render.jit import compile_lock, kernel_cache, kernel_file, value_types
 from maquette.render.jit.kernel import kernel
 from maquette.render.jit.kernel_file import Code
 
@@ -176,3 +176,42 @@ def test_a_full_disk_costs_the_cache_alone(tmp_path: Path) -> None:
     limited = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (16, 16))\n{PROGRAM}"
     assert run(tmp_path, "same", limited) == f"0 1 True {VALUES}\n"
     assert not [*tmp_path.rglob("*.kernel")]
+
+
+TWICE = """
+import sys
+import numpy as np
+from pathlib import Path
+from maquette.render.film import accumulate
+from maquette.render.jit import kernel_cache
+while not Path(sys.argv[1], "start").exists(): pass
+out, one = np.full((2, 2), -1.0), np.ones((2, 2, 3))
+accumulate.relative_error(0.5 * one, one, np.full((2, 2), 4), np.ones(32), 0.0, out)
+(loaded,) = accumulate.relative_error.loaded.values()
+print(loaded.from_disk, out.tolist())
+"""
+
+
+def test_two_processes_compile_a_kernel_once(tmp_path: Path) -> None:
+    environment = {**os.environ, "MAQUETTE_CACHE": str(tmp_path)}
+    command = [sys.executable, "-c", TWICE, str(tmp_path)]
+    both = [subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) for _ in range(2)]
+    (tmp_path / "start").touch()
+    said = sorted(each.communicate()[0].strip() for each in both)
+    assert said == [f"False {VALUES}", f"True {VALUES}"]
+    assert not [*tmp_path.rglob(f"*{compile_lock.SUFFIX}")]
+
+
+def test_a_lock_that_a_killed_process_left_is_free(tmp_path: Path) -> None:
+    file = tmp_path / "a.kernel"
+    holder = "import sys, time; from pathlib import Path; from maquette.render.jit import compile_lock\n"
+    holder += "with compile_lock.compiling(Path(sys.argv[1])): print('held', flush=True); time.sleep(60)"
+    with subprocess.Popen([sys.executable, "-c", holder, str(file)], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "held\n"
+        process.kill()
+    started = time.monotonic()
+    with compile_lock.compiling(file):
+        assert time.monotonic() - started < compile_lock.LONGEST / 2
+    with compile_lock.compiling(tmp_path / "missing" / "a.kernel"):
+        pass

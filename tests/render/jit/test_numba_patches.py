@@ -39,6 +39,7 @@ POST_PROCESSOR = unpatched(postproc).PostProcessor
 LLVM_TYPE = unpatched(llvm_types).Type
 TYPING = unpatched(typing_context).BaseContext
 
+
 def sample(a, b):
     total = [a, b][0]
     for k in range(3):

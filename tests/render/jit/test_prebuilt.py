@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import ast
 import os
 import shutil
 import subprocess
@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from maquette.render.jit import cache_key, compiler, kernel_cache, prebuilt
+from maquette.render.jit.package_sources import Sources
 from maquette.render.simd import target
 from numba.core.registry import cpu_target
 
@@ -67,50 +68,39 @@ def test_only_fixed_targets_have_kernels(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_kernels_are_current_by_the_sources_in_their_names() -> None:
-    sources = cache_key.key("render.film.accumulate")
+    sources = cache_key.key("render.film.accumulate", "add_samples")
     assert kernel_cache.is_current(f"render.film.accumulate~add_samples-{sources}-0123456789abcdef.kernel")
     assert not kernel_cache.is_current("render.film.accumulate~add_samples-0123456789abcdef-0123456789abcdef.kernel")
     assert not kernel_cache.is_current(f"elsewhere~add_samples-{sources}-0123456789abcdef.kernel")
     assert kernel_cache.is_current(f"tape_points-{cache_key.key('render.formula.interpreter')}-8.kernel")
 
 
-DIGESTS = """
-import ast
-import sys
-from pathlib import Path
-from maquette.render.jit import cache_key
-cache_key.ROOT = Path(sys.argv[1])
-cache_key.SHIPPED = cache_key.ROOT / "sources.json"
-parsed, parse = [], ast.parse
-ast.parse = lambda text: parsed.append(text) or parse(text)
-print(cache_key.version(), len(parsed), cache_key.ship())
-"""
-
-
-def test_digests_of_modules_come_with_the_package(tmp_path: Path) -> None:
+def test_definitions_of_modules_come_with_the_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Modules that came with the package are not parsed; changed ones are."""
-    package = tmp_path / "package"
-    (package / "render").mkdir(parents=True)
-    (package / "render" / "film.py").write_text("LIMIT = 1\n", encoding="utf-8")
+    film = tmp_path / "render" / "film.py"
+    film.parent.mkdir()
+    film.write_text("LIMIT = 1\n", encoding="utf-8")
+    parsed: list[str] = []
+    monkeypatch.setattr(ast, "parse", lambda text, parse=ast.parse: parsed.append(text) or parse(text))
 
-    def digests(cache: str) -> tuple[str, int, str]:
-        """The version of all modules, the number of modules parsed, and the digests to ship, by a process with a cache folder."""
-        environment = {**os.environ, "MAQUETTE_CACHE": str(tmp_path / cache)}
-        command = [sys.executable, "-c", DIGESTS, str(package)]
-        version, parsed, shipped = subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.split(" ", 2)
-        return version, int(parsed), shipped
+    def keys(cache: str) -> cache_key.Keys:
+        """The keys that a process with a cache folder computes."""
+        monkeypatch.setenv("MAQUETTE_CACHE", str(tmp_path / cache))
+        parsed.clear()
+        return cache_key.Keys(Sources(tmp_path, tmp_path / "sources.json"))
 
-    before, parsed, shipped = digests("one")
-    assert parsed == 1
-    (package / "sources.json").write_text(shipped, encoding="utf-8")
-    assert digests("two")[:2] == (before, 0)
-    other = {"form": 1, "modules": {"render.film": ["other", "digest", [], []]}}
-    (package / "sources.json").write_text(json.dumps(other), encoding="utf-8")
-    assert digests("three")[:2] == (before, 1)
-    (package / "render" / "film.py").write_text("LIMIT = 2\n", encoding="utf-8")
-    after, parsed, _ = digests("three")
-    assert after != before
-    assert parsed == 1
+    before = keys("one").key("render.film")
+    shipped = keys("one").sources.ship()
+    assert keys("two").key("render.film") == before
+    assert len(parsed) == 1
+    (tmp_path / "sources.json").write_text(shipped, encoding="utf-8")
+    assert keys("three").key("render.film") == before
+    assert not parsed
+    (tmp_path / "sources.json").write_text(shipped.replace("film", "firm"), encoding="utf-8")
+    assert keys("four").key("render.film") == before
+    film.write_text("LIMIT = 2\n", encoding="utf-8")
+    assert keys("four").key("render.film") != before
+    assert len(parsed) == 1
 
 
 def test_kernels_call_each_other_as_those_of_the_package_do() -> None:

@@ -19,7 +19,10 @@ ROOT = Path(__file__).resolve().parents[2]
 SHIPPED = ROOT / "prebuilt" / "sources.json"
 """Definitions that come with the package, so that a first picture parses no sources."""
 _ALWAYS = ("render.simd.", "render.jit.compiler")  # define the types and operators of every kernel, and compile it
-_RUNTIME = ("compiler.io.", "render.jit.cache", "render.jit.kernel_cache", "render.jit.prebuilt")
+_RUNTIME = (
+    "compiler.io.", "render.jit.cache", "render.jit.compile_lock", "render.jit.compile_process", "render.jit.kernel_cache",
+    "render.jit.prebuilt",
+)  # fmt: skip
 """Modules that find, keep and load kernels: the decorators of kernels refer to them, but no kernel is compiled from them."""
 _PACKAGE = __name__.partition(".")[0]
 _FORMAT = 1  # of the file of keys

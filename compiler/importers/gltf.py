@@ -136,7 +136,7 @@ class _Reader:
         if "skin" in node:
             skin = self.attempt("a skin", lambda: gltf_animation.Skin.of(self.container, node, self.globals), None)
         places = self.places(node, matrix) if skin is None else [transforms.identity()]
-        return [Part(p.geometry, p.material, title or p.name, place[:3]) for place in places for p in self.mesh(node, skin)]
+        return [replace(p, name=title or p.name, transform=place[:3]) for place in places for p in self.mesh(node, skin)]
 
     def nodes(self) -> Iterator[tuple[int, dict[str, Any], np.ndarray, bool]]:
         """The nodes of the scene: (row, node, (4, 4) matrix to world, whether visible)."""
@@ -235,7 +235,15 @@ class _Reader:
         for part, fit in parts:
             row = None if material is None else self.material(material, fit)
             made.append(add(part, row, name, self.builder, self.diagnostics, Span(self.name)))
-        return [part for part in made if part is not None]
+        return [self.named(part, primitive) for part in made if part is not None]
+
+    def named(self, part: Part, primitive: dict[str, Any]) -> Part:
+        """A part with the name of the material of its primitive, which may have failed to be read."""
+        index = primitive.get("material")
+        if index is None:
+            return part
+        name = self.attempt(f"material {index}", lambda: self.container.document["materials"][index].get("name"), None)
+        return replace(part, material_name=str(name or f"material {index}"))
 
     def thin(self, primitive: dict[str, Any], name: str, weights: tuple[float, ...]) -> list[Part]:
         """A primitive of points as spheres, or of lines as tubes: glTF gives them no width (§3.7.2.1). Pictures show one texel."""
@@ -264,7 +272,7 @@ class _Reader:
             mesh = strands.tubes(lines, None, tints)
         material = None if "material" not in primitive else self.material(primitive["material"], gltf_materials.Fit())
         part = add(mesh, material, name, self.builder, self.diagnostics, Span(self.name))
-        return [] if part is None else [part]
+        return [] if part is None else [self.named(part, primitive)]
 
     def material(self, index: int, fit: gltf_materials.Fit) -> int | None:
         return self.attempt(f"material {index}", lambda: self.materials.row(index, fit), None)

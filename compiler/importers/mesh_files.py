@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -94,7 +95,7 @@ def _ply(data: bytes, name: str, folder: Path | None, builder: SceneBuilder, fil
         inputs = {ir.Slot.DIFFUSE: Input(WHITE, row), ir.Slot.AMBIENT: Input(WHITE, row)}
         material = builder.material(MaterialData(inputs=inputs, name=Path(pictures[0]).stem), span) if row >= 0 else None
     part = add(mesh, material, Path(name).stem, builder, diagnostics, span)
-    return [] if part is None else [part]
+    return [] if part is None else [replace(part, material_name="" if material is None else Path(pictures[0]).stem)]
 
 
 def _obj(data: bytes, name: str, folder: Path | None, builder: SceneBuilder, files: Files, diagnostics: Diagnostics) -> list[Part]:
@@ -108,7 +109,7 @@ def _obj(data: bytes, name: str, folder: Path | None, builder: SceneBuilder, fil
         asked = found.materials[k]
         row = _material(asked, found, library, builder, files, diagnostics)
         part = add(mesh, row, asked or stem, builder, diagnostics, Span(name))
-        parts += [] if part is None else [part]
+        parts += [] if part is None else [replace(part, material_name=asked)]
     return parts
 
 
@@ -118,7 +119,7 @@ def _material(
     if asked in library:
         return mtl.row(library[asked], builder, files, diagnostics)
     if asked and library:
-        diagnostics.warning(f"no material library has `{asked}`: it is drawn grey", found.uses[asked])
+        diagnostics.warning(f"no material library has `{asked}`: its faces have no material", found.uses[asked])
     return None
 
 
@@ -151,7 +152,7 @@ def _library_paths(text: str, folder: Path, files: Files, diagnostics: Diagnosti
     failures = [] if whole is None else [whole] if len(words) < 2 else [missing(word) for word in words]
     for failure in failures:
         if failure is not None:
-            diagnostics.warning(f"{failure.message}: its materials are drawn grey", span, failure.hint)
+            diagnostics.warning(f"{failure.message}: its materials are not read", span, failure.hint)
     return found
 
 

@@ -19,6 +19,7 @@ class Part:
     material: int | None
     name: str
     transform: np.ndarray | None = None
+    material_name: str = ""  # in the file
 
 
 def add(

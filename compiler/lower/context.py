@@ -67,6 +67,10 @@ class Context(Protocol):
         """The folder of the source of an element, which its file names are relative to."""
         ...
 
+    def material_rows(self, element: Element) -> tuple[tuple[str, int], ...]:
+        """The rows of the materials that replace those of a file, by their names in it."""
+        ...
+
     def mesh_file(self, element: Element) -> list[Piece]:
         """The geometries of a mesh file."""
         ...

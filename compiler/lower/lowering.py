@@ -14,12 +14,13 @@ import numpy as np
 from ...lang.diagnostics import Span
 from ...lang.elements import Document, Element
 from .. import ir
+from ..importers.common.replacements import Replacements
 from ..io.sandbox import FileError
 from ..scene import defaults, transforms
 from ..scene.builder import SceneBuilder
 from ..scene.row_records import Piece
 from . import cameras, lights, materials, shapes
-from .placements import ORIGIN, Frame, Placements, compose, matrix, own_frame
+from .placements import ORIGIN, Frame, Placements, compose, matrix, own_frame, rotation_of
 
 LARGEST = 1e18  # of any number of an element: products of a few stay finite
 MAX_EMISSIVE_SPHERES = 64  # sampled as lights; more are visible, and light others by bounces alone
@@ -158,11 +159,12 @@ class Lowering:
         for piece in self.pieces(element):
             if (
                 material is not None
+                and not piece.chosen
                 and material.kind == "emissive"
                 and self._shining_sphere(element, material, matrix(compose(frame, piece.matrix)))
             ):
                 continue
-            row = piece.material if piece.material >= 0 and args["material"] is None else -1
+            row = piece.material if piece.material >= 0 and (args["material"] is None or piece.chosen) else -1
             if row < 0 and material is not None:
                 row = self.materials.row(material)
             if piece.mixed is not None:
@@ -205,6 +207,7 @@ class Lowering:
                     transforms.identity() if part.transform is None else transforms.from_rows(part.transform),
                     -1 if part.material is None else part.material,
                     part.name,
+                    material_name=part.material_name,
                 )
                 for part in parts
             ]
@@ -237,8 +240,16 @@ class Lowering:
 
         file = self._find(element, "stage")
         if file is not None:
+            args = element.args
             row = -1 if material is None else self.materials.row(material)
-            load.place(self.builder, file, element.place, matrix, row, element.args["prim"], path + (element.args["name"] or element.scope))
+            name = path + (args["name"] or element.scope)
+            replaced = Replacements(self.material_rows(element), -1 if args["material"] is None else row)
+            stage = load.Placed(file, matrix, args["prim"], row, name, replaced, args["height"], rotation_of(element))
+            load.place(self.builder, stage, element.place)
+
+    def material_rows(self, element: Element) -> tuple[tuple[str, int], ...]:
+        """The rows of the argument `materials`, by the names in it."""
+        return tuple((name, self.materials.row(material)) for name, material in element.args["materials"] or ())
 
 
 def _is_beyond(value: object) -> bool:

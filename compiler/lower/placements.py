@@ -24,6 +24,11 @@ def own_frame(element: Element) -> Frame:
     return transforms.place(args["translate"], args["rotate"], args["scale"])
 
 
+def rotation_of(element: Element) -> np.ndarray | None:
+    """The (4, 4) matrix of the argument `rotate`; None without it."""
+    return None if element.args["rotate"] is None else transforms.rotation(element.args["rotate"])
+
+
 def compose(outer: Frame, inner: Frame) -> Frame:
     """The frame `inner` within `outer`."""
     if inner is ORIGIN:

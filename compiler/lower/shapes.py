@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from operator import itemgetter
 from typing import Any
 
@@ -11,11 +12,13 @@ import numpy as np
 
 from ...lang.elements import Element
 from .. import ir
+from ..importers.common.replacements import NONE, Replacements
 from ..mesh import polygon_mesh, triangulate
-from ..scene import transforms
+from ..scene import fit_height, transforms
 from ..scene.row_records import MeshAttribute, MeshData, Outlines, Piece
 from . import formulas, heightfields, solids, sweeps, texts
 from .context import Context
+from .placements import rotation_of
 
 Kind = ir.GeometryKind
 FLATNESS = 1e-3  # how far a polygon's corners may be off its plane, as a share of its extent
@@ -163,7 +166,7 @@ def _mesh(lowering: Context, element: Element) -> list[Piece]:
         return lowering.refuse(element, f"`{beside[0]}` goes with `points`, not with a file: the file brings its own")
     else:
         made = lowering.mesh_file(element)
-    made = [piece for piece in made if piece.geometry >= 0]
+    made = _with_materials(lowering, element, [piece for piece in made if piece.geometry >= 0])
     return _to_height(lowering, element, made) if made and args["height"] is not None else made
 
 
@@ -190,17 +193,26 @@ def _written_mesh(lowering: Context, element: Element) -> list[Piece]:
     return [Piece(lowering.builder.mesh(data, element.place), transforms.identity())]
 
 
+def _with_materials(lowering: Context, element: Element, made: list[Piece]) -> list[Piece]:
+    """The pieces of a file with the materials of the argument `materials` in place of the file's."""
+    if element.args["materials"] is None or not made:
+        return made
+    if element.args["file"] is None:
+        return lowering.refuse(element, "`materials` replaces those of a file, and this mesh has none", "write material: for its own")
+    replaced = Replacements(lowering.material_rows(element))
+    rows = [replaced.row(piece.material_name) if piece.material_name else NONE for piece in made]
+    for message, hint in replaced.unused():
+        lowering.error(element, message, hint)
+    return [piece if row == NONE else replace(piece, material=row, chosen=True) for piece, row in zip(made, rows, strict=True)]
+
+
 def _to_height(lowering: Context, element: Element, made: list[Piece]) -> list[Piece]:
-    """Scaled evenly to `height`, the base at y = 0, the middle at x = z = 0."""
-    boxes = [lowering.builder.bounds(piece.geometry, piece.matrix) for piece in made]
-    low = np.min([box[0] for box in boxes], axis=0)
-    high = np.max([box[1] for box in boxes], axis=0)
-    if not high[1] > low[1]:
+    """Scaled evenly to `height` as it is rotated, the base at y = 0, the middle at x = z = 0."""
+    placed = [fit_height.Placed(piece.geometry, piece.matrix[None]) for piece in made]
+    fitted = fit_height.fitted(lowering.builder, placed, element.args["height"], rotation_of(element))
+    if fitted is None:
         return lowering.refuse(element, "the mesh is flat: it has no height that could be scaled", "use scale instead of height")
-    factor = element.args["height"] / (high[1] - low[1])
-    base = ((low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2)
-    fitted = transforms.scaling((factor,) * 3) @ transforms.translation(tuple(-c for c in base))
-    return [Piece(piece.geometry, fitted @ piece.matrix, piece.material, piece.name) for piece in made]
+    return [replace(piece, matrix=fitted @ piece.matrix) for piece in made]
 
 
 def _vertex(values: Any) -> MeshAttribute | None:

@@ -104,6 +104,9 @@ def _own_bodies(lowering: Context, element: Element, matrix: np.ndarray) -> list
     if not lowering.is_shape(element):
         lowering.error(element, f"`{element.kind}` cannot be a part of a solid", _NO_SOLIDS)
         raise _Refused
+    if element.args.get("materials") is not None:
+        lowering.error(element, "a mesh in a solid has one material: `materials` does not go there", "write material:")
+        raise _Refused
     swept = sweeps.field(element)
     if swept is not None:
         return [_placed(Body(*swept, meshed=lambda: _mesh(lowering, element, lowering.pieces(element)).mesh), own)]

@@ -180,6 +180,7 @@ class InstanceData:
 class Piece:
     """A geometry of a shape, in the frame of the shape. `material` -1: the shape's.
 
+    `material_name` is what its file calls the material. One that is `chosen` is of the scene, and precedes that of the shape.
     `mixed` makes the row of its material from the shape's row, or -1: of a solid whose parts have materials of their own.
     """
 
@@ -188,6 +189,8 @@ class Piece:
     material: int = -1
     name: str = ""
     mixed: Callable[[int], int] | None = None
+    material_name: str = ""
+    chosen: bool = False
 
 
 DEFAULT_ALBEDO: Color = (0.8, 0.8, 0.8)

@@ -292,6 +292,30 @@ def _material(value: Value, place: Place, arg: Arg) -> Any:
     raise _type_error(value, "material", hint)
 
 
+def _materials(value: Value, place: Place, arg: Arg) -> tuple[tuple[str, Any], ...]:
+    """Pairs of a name and a material."""
+    wanted = "list of pairs of a name and a material"
+    if isinstance(value, tuple) and len(value) == 2 and isinstance(value[0], str):
+        raise _type_error(value, wanted, 'write [["name", material]], with brackets around the pairs')
+
+    if category(value) == "material":
+        raise _type_error(value, wanted, 'write material: for all of the file, or materials: [["name", material]]')
+
+    def pair(item: Value, at: Place, arg: Arg) -> tuple[str, Any]:
+        if not isinstance(item, tuple) or len(item) != 2:
+            raise _type_error(item, "pair of a name and a material", 'write ["name", material]')
+        found = []
+        for k, convert_part in enumerate((_string, _material)):
+            try:
+                found.append(convert_part(item[k], at.item(k), arg))
+            except Mistake as mistake:
+                mistake.span = mistake.span or at.item(k).span
+                raise
+        return found[0], found[1]
+
+    return _list_of(pair, wanted)(value, place, arg)
+
+
 # --- strings, transforms, fall-off, formulas ------------------------------------------------------------------------
 
 
@@ -437,5 +461,6 @@ _CONVERTERS: dict[str, Item] = {
     "heights": _heights,
     "within": _within,
     "pixels": _pixels,
+    "materials": _materials,
     "strings": _list_of(_string, "list of strings"),
 }

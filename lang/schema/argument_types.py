@@ -49,6 +49,7 @@ TYPES = {
     "pixels": "[width, height] whole numbers",
     "within": "a length, three lengths, two corners, or a sphere or box",
     "strings": "a list of strings",
+    "materials": 'a list of pairs of a name and a material: [["Body", gold()]]; * in a name matches any text',
 }
 
 

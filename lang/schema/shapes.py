@@ -25,6 +25,21 @@ _KIND = Arg(
     choices=("linear", "bezier", "catmull_rom", "bspline"),
     keyword=True,
 )
+_HEIGHT = Arg(
+    "height",
+    "length",
+    None,
+    "scales it uniformly to this height, as `rotate` turns it, and centers its base at the origin",
+    above=0.0,
+    keyword=True,
+)
+_MATERIALS = Arg(
+    "materials",
+    "materials",
+    None,
+    "materials in place of those that the file names; `material` is in place of all others",
+    keyword=True,
+)
 _CREASE = Arg(
     "crease", "angle", math.radians(30), "angle between faces from which an edge is sharp", minimum=0.0, maximum=math.pi, keyword=True
 )
@@ -124,14 +139,8 @@ SHAPES = (
         Arg("normals", "vectors3", None, "a normal for each vertex", keyword=True),
         Arg("uv", "vectors2", None, "texture coordinates for each vertex", keyword=True),
         Arg("colors", "vectors3", None, "a linear colour for each vertex", keyword=True),
-        Arg(
-            "height",
-            "length",
-            None,
-            "scales it uniformly to this height and centers its base at the origin",
-            above=0.0,
-            keyword=True,
-        ),
+        _HEIGHT,
+        _MATERIALS,
         exclusive=(("file", "points"),),
         example='mesh("bunny.obj", height: 35cm)',
     ),
@@ -140,6 +149,9 @@ SHAPES = (
         "the contents of a USD file without its cameras and settings",
         Arg("file", "string", REQUIRED, "file of the stage, relative to the scene"),
         Arg("prim", "string", None, "only the subtree of this prim", keyword=True),
+        _HEIGHT,
+        _MATERIALS,
+        example='usd("lamp.usdz", height: 40cm, materials: [["Shade", lambert(#e0d0b0)], ["Metal*", gold()]])',
     ),
     _shape(
         "implicit",

@@ -6,17 +6,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pxr import UsdUtils
 
-from ....lang.diagnostics import Span, suggest
+from ....lang.diagnostics import Diagnostics, Span, suggest
 from ... import ir
-from ...scene import defaults
+from ...scene import defaults, fit_height
 from ...scene.builder import SceneBuilder
 from ...scene.row_records import LightData
+from ..common.replacements import Replacements
 from ..stage_options import StageOptions
 from . import camera, render_settings
 from .layers import text_layers
@@ -64,13 +66,23 @@ def scene(
     )  # fmt: skip
 
 
-def place(
-    builder: SceneBuilder, path: Path, span: Span, matrix: np.ndarray, material: int = -1, prim: str | None = None, name: str = "",
-) -> None:  # fmt: skip
-    """Places a stage, or one `prim` of it, in a scene: shapes and lights, in metres, under `matrix` (4, 4).
+@dataclass(frozen=True, slots=True, eq=False)
+class Placed:
+    """A stage that a scene places."""
 
-    Cameras are left out. `material` (a row) is for prims without a material and displayColor; `name` prefixes the prims' paths.
-    """
+    path: Path
+    matrix: np.ndarray  # (4, 4) its transform in the scene
+    prim: str | None = None  # only this prim and its descendants
+    material: int = -1  # a row, for prims without a material and displayColor
+    name: str = ""  # a prefix of the prims' paths
+    replaced: Replacements = field(default_factory=Replacements)  # materials in place of its own
+    height: float | None = None  # in metres, as turned by `rotation`
+    rotation: np.ndarray | None = None  # (4, 4) the rotation in `matrix`
+
+
+def place(builder: SceneBuilder, placed: Placed, span: Span) -> None:
+    """Places a stage in a scene: shapes and lights, in metres. Cameras are left out."""
+    path, matrix, prim = placed.path, placed.matrix, placed.prim
     opened = open_(path, str(path), builder.diagnostics, span)
     if opened is None:
         return
@@ -86,15 +98,47 @@ def place(
         builder.diagnostics.error(f"the stage has no prim `{prim}`", span, suggest(prim, known) or _first(opened))
         return
     reports = Reports(path)
+    root = root or opened.stage.GetPseudoRoot()
+    if placed.height is not None:
+        fit = _fit(opened, root, placed, builder)
+        if fit is None:
+            builder.diagnostics.error("the stage is flat: it has no height that could be scaled", span, "use scale instead of height")
+            return
+        matrix = matrix @ fit
     unit = opened.meters_per_unit * float(abs(np.linalg.det(matrix[:3, :3]))) ** (1 / 3)
-    base = matrix @ np.diag([opened.meters_per_unit] * 3 + [1.0]) @ opened.frame
-    walk = Walk(opened, builder, unit=unit, material=material, prefix=name)
+    base = matrix @ _in_metres(opened)
+    walk = Walk(opened, builder, unit=unit, material=placed.material, prefix=placed.name)
+    walk.materials.replaced = placed.replaced
     with np.errstate(all="ignore"):
         before = builder.count("instances")
-        walk.run(root or opened.stage.GetPseudoRoot(), base, base)
+        walk.run(root, base, base)
         walk.place()
         _refuse_ruins(opened, builder, before, span)
+    for message, hint in placed.replaced.unused():
+        builder.diagnostics.error(message, span, hint)
     reports.tell(builder.diagnostics, span)
+
+
+def _in_metres(opened: Opened) -> np.ndarray:
+    """(4, 4) from the stage's units and up axis to metres, y up."""
+    return np.asarray(np.diag([opened.meters_per_unit] * 3 + [1.0]) @ opened.frame)
+
+
+def _fit(opened: Opened, root: Any, placed: Placed, builder: SceneBuilder) -> np.ndarray | None:
+    """The transform that gives what is drawn of a prim the height of `placed`; see fit_height. None if it has none.
+
+    The stage is read for it into a builder of its own, whose diagnostics are told: the second reading may not repeat them.
+    """
+    measured = SceneBuilder(Diagnostics(), builder.files)
+    walk = Walk(opened, measured, unit=opened.meters_per_unit)
+    walk.materials.replaced = Replacements(placed.replaced.named, placed.replaced.every)
+    base = _in_metres(opened)
+    with np.errstate(all="ignore"):
+        walk.run(root, base, base)
+        shapes = [fit_height.Placed(piece.geometry, piece.matrix.reshape(-1, 4, 4)) for piece in walk.drawn() if piece.geometry >= 0]
+    said = builder.diagnostics.items
+    said += [told for told in measured.diagnostics.items if told not in said]
+    return fit_height.fitted(measured, shapes, placed.height or 0.0, placed.rotation)
 
 
 def _refuse_ruins(opened: Opened, builder: SceneBuilder, before: int, span: Span) -> None:

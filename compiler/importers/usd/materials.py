@@ -22,6 +22,7 @@ from ...scene import metallic_roughness
 from ...scene.builder import NONE, SceneBuilder, lambert
 from ...scene.row_records import BLACK, WHITE, Color, Input, MaterialData, TextureData, nonnegative, scale_color
 from .. import images, uv_sets, vertex_numbers
+from ..common.replacements import Replacements
 from . import materialx, stage
 from .assets import Asset, asset, contents
 from .audit import Audit
@@ -64,6 +65,7 @@ class Materials:
     _rows: dict[Any, int] = field(default_factory=dict)  # of networks that read no primvars, by path and fit
     _fit: Fit = field(default_factory=Fit)  # of the row that is being made
     _depth: int = 0  # of the shader that is being read
+    replaced: Replacements = field(default_factory=Replacements)
 
     def __post_init__(self) -> None:
         self.warnings = Warnings(self.opened, self.builder.diagnostics)
@@ -88,8 +90,10 @@ class Materials:
                 if not missing.isEmpty and not prim.GetStage().GetPrimAtPath(missing):
                     self.tell(f"the material {missing} does not exist: its prims show their displayColor", prim)
                     break
-            return None
+            return None if (row := self.replaced.row()) == NONE else Network("", "", {}, row)
         path = str(material.GetPath())
+        if (row := self.replaced.row(str(material.GetPrim().GetName()), path)) != NONE:
+            return Network(path, "", {}, row)
         if path not in self.networks:
             self.networks[path] = self._network(material)
         return self.networks[path]
@@ -231,6 +235,8 @@ class Materials:
 
     def row(self, network: Network, prim: Any, fit: Fit) -> int:
         """The row of a network for a part of a prim, whose primvars it may read."""
+        if network.row != NONE:
+            return network.row
         if any(isinstance(source, Primvar) for source in network.inputs.values()):
             return self._row(network, prim, fit)
         maps = tuple((name, None if map_ is None else map_.tobytes()) for name, map_ in fit.maps.items())

@@ -58,6 +58,7 @@ class Network:
     path: str
     name: str
     inputs: dict[str, Any]
+    row: int = -1  # of the material that replaces it
 
     @property
     def varnames(self) -> tuple[str, ...]:
@@ -73,7 +74,7 @@ class Network:
     @property
     def displaced(self) -> bool:
         """Whether it moves the points of meshes."""
-        return not isinstance(given := self.inputs["displacement"], float | int) or given != 0.0
+        return not isinstance(given := self.inputs.get("displacement", 0.0), float | int) or given != 0.0
 
     @property
     def color_name(self) -> str | None:

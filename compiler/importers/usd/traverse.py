@@ -260,7 +260,10 @@ class Walk:
         key = (self._source(prim), here.draw_mode)
         if key not in self._stand_ins:
             self._stand_ins[key] = draw_modes.stand_in(prim, here.draw_mode, self.materials)
-        return [Piece(row, material, here.matrix, prim, str(prim.GetPath())) for row, material in self._stand_ins[key]]
+        own = self.materials.replaced.every
+        return [
+            Piece(row, material if own == NONE else own, here.matrix, prim, str(prim.GetPath())) for row, material in self._stand_ins[key]
+        ]
 
     def _mesh(self, prim: Any, matrix: np.ndarray) -> list[Piece]:
         """A mesh's pieces: one for each subset with a material, and one for the remaining faces."""

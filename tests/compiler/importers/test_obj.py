@@ -11,7 +11,7 @@ from maquette.lang.diagnostics import Diagnostics, Span, render_text
 from ...files import write_image
 from .. import tables
 
-GONE = "there is no material library `gone.mtl`: its materials are drawn grey"
+GONE = "there is no material library `gone.mtl`: its materials are not read"
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 
 
@@ -311,7 +311,7 @@ def test_map_options(tmp_path):
         ("Kd 1 1 1\nnewmtl m\n", "m.mtl:1:1: warning: `Kd` stands before the first `newmtl`"),
         ("newmtl m\nmap_Kd -s 1 1\n", "m.mtl:2:1: warning: `map_Kd`: no file name follows the option `-s`"),
         ("newmtl m\nmap_Kd -zoom 1 a.png\n", "m.mtl:2:1: warning: `map_Kd`: the option `-zoom` is not known"),
-        ("newmtl other\n", "x.obj:2:1: warning: no material library has `m`: it is drawn grey"),
+        ("newmtl other\n", "x.obj:2:1: warning: no material library has `m`: its faces have no material"),
     ],
 )
 def test_library_messages(tmp_path, text, expected):
@@ -349,7 +349,7 @@ def test_a_library_outside_of_the_folder_is_not_read(tmp_path):
     (tmp_path / "secret.mtl").write_text("newmtl m\n")
     (tmp_path / "in").mkdir()
     _, _, messages = read(f"mtllib ../secret.mtl\nusemtl m\n{SQUARE}f 1 2 3\n", tmp_path / "in")
-    assert messages[0].startswith("x.obj:1:1: warning: `../secret.mtl` lies outside of the scene's folder: its materials are drawn grey")
+    assert messages[0].startswith("x.obj:1:1: warning: `../secret.mtl` lies outside of the scene's folder: its materials are not read")
 
 
 def test_several_libraries_and_names_with_blanks(tmp_path):

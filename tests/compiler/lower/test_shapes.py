@@ -189,12 +189,12 @@ def test_a_mesh_file_is_read_once(compiled, tmp_path) -> None:
 
 
 def test_what_is_wrong_in_a_mesh_file_says_which_mesh_it_is(tmp_path) -> None:
-    (tmp_path / "cube.obj").write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\n")
+    (tmp_path / "cube.obj").write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nl 1 2\n")
     (tmp_path / "a.scene").write_text('sphere(1)\nmesh("cube.obj")\n')
     found = Diagnostics()
     with pytest.raises(SceneError):
         load.load(tmp_path / "a.scene", diagnostics=found)
-    (told,) = found.items
+    told = found.items[0]
     assert told.message == "the OBJ file has no faces that can be drawn"
     assert told.trace == (("mesh", Span(str(tmp_path / "a.scene"), 2, 1, 2, 17)),)
 

@@ -397,7 +397,7 @@ def test_a_stage_without_lights_is_lit_from_its_camera(tmp_path):
 def place(path, matrix=None, **more):
     found = Diagnostics()
     builder = SceneBuilder(found, Files(path.parent))
-    usd_load.place(builder, path, Span("a.scene", 3, 1, 3, 9), np.eye(4) if matrix is None else matrix, **more)
+    usd_load.place(builder, usd_load.Placed(path, np.eye(4) if matrix is None else matrix, **more), Span("a.scene", 3, 1, 3, 9))
     return builder.finish(), [f"{d.span}: {d.severity}: {d.message} {d.hint}".strip() for d in found.items]
 
 
@@ -434,7 +434,7 @@ def test_the_scene_s_material_is_for_what_has_none(tmp_path):
     read(tmp_path, 'def Cube "a" {}\ndef Cube "b" { color3f[] primvars:displayColor = [(1, 0, 0)] }')
     builder = SceneBuilder(Diagnostics(), Files(tmp_path))
     row = builder.material(lambert((0, 0, 1), name="blue"))
-    usd_load.place(builder, tmp_path / "x.usda", Span("a.scene"), np.eye(4), row)
+    usd_load.place(builder, usd_load.Placed(tmp_path / "x.usda", np.eye(4), material=row), Span("a.scene"))
     scene = builder.finish()
     assert [slot(scene, "DIFFUSE", k) for k in (0, 1)] == [[0, 0, 1], [1, 0, 0]]
 

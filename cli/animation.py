@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..compiler.io.replace_file import make_folder
+
 if TYPE_CHECKING:
     from .render_job import Job
 
@@ -46,7 +48,7 @@ def render(job: Job, path: Path, frames: tuple[float, ...], fps: float | None) -
     """Render an animation; returns the statistics of the frames rendered. Raises KeyboardInterrupt after a partial one."""
     job.output = frame_files(path)
     folder = job.output.parent
-    folder.mkdir(exist_ok=True)
+    make_folder(folder)
     with _locked(folder, path):
         return _render(job, path, folder, frames, fps)
 

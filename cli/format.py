@@ -61,6 +61,6 @@ def _format(path: Path, only_check: bool) -> bool:
     if piped:
         click.echo(done, nl=False)
     elif changed:
-        replace_file(path.resolve(), done.encode())
+        replace_file(path, done.encode())
         click.echo(name)
     return True

@@ -30,9 +30,9 @@ def new_command(name: Path, source: str) -> None:
     path = name if name.suffix == ".scene" else name.with_name(f"{name.name}.scene")
     text = _text(path, source)
     jobs.check_folder(path)
-    if path.exists():
+    if os.path.lexists(path):
         raise FileExistsError(f"{path} exists already: choose another name")
-    replace_file(path.resolve(), text.encode())
+    replace_file(path, text.encode())
     click.echo(f"{path}: see it with  maquette watch {path} -o {path.with_suffix('.png')}")
 
 

@@ -8,7 +8,6 @@ import os
 import re
 import shlex
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Iterable, Mapping
@@ -20,11 +19,11 @@ import click
 
 from .. import __version__
 from ..compiler.io.replace_file import check_replaceable, replace_file
-from ..lang.diagnostics import Diagnostic, SceneError
+from ..lang.diagnostics import Diagnostic, SceneError, Span
 from ..lang.plain_values import time_range
 from . import option_types as values
 from . import terminal
-from .job import checkpoints, ignored_options, kept_frames, start_time
+from .job import checkpoints, ignored_options, kept_frames, rescue, start_time
 from .memory import peak_memory, strip_plans
 from .process import supervisor
 from .progress import Display
@@ -84,15 +83,23 @@ def check_output(path: Path, aov: tuple[str, ...] = (), bits: int | None = None,
 
 
 def confine(scene: Path, output: Path, stats: Path | None, given: Mapping[str, Any]) -> None:
-    """Confine the process to the files and folders of the options. Raises UsageError on a system without Landlock."""
-    from ..compiler.io import confinement
+    """Confine the process to the files and folders of the options, as they are named.
+
+    Raises UsageError on a system that cannot confine processes, and for a link in one of these names. Raises SceneError for a scene that
+    is a link out of its folder.
+    """
+    from ..compiler.io import confinement, sandbox
 
     session = [path for path in (given["session_layer"],) if path]
-    folders = [path.resolve().parent for path in (output, stats) if path is not None]
+    folders = [path.parent for path in (output, stats) if path is not None]
     try:
-        confinement.confine([scene.resolve().parent, *given["allow"], *session], folders, given["memory"])
-    except (OSError, ImportError) as fault:
-        raise click.UsageError(f"--sandbox: {fault}") from None
+        confinement.confine([scene.parent, *given["allow"], *session], folders, given["memory"])
+    except OSError as fault:
+        raise click.UsageError(f"--sandbox: {fault.strerror or fault}") from None
+    try:
+        sandbox.open_main(scene, given["allow"])
+    except sandbox.FileError as fault:
+        raise SceneError((Diagnostic("error", fault.message, Span(str(scene)), fault.hint),)) from None
 
 
 class Reading(NamedTuple):
@@ -325,7 +332,7 @@ class Job:
             check_replaceable(path, self.files)  # it may have become a link to the scene
             image_files.write(image, path, look, about if error is None else {**about, "error": float(error)})
         except Exception as fault:
-            raise OSError(f"{fault}; {_rescue(image, path)}") from fault
+            raise OSError(f"{fault}; {rescue.save(image, path)}") from fault
 
     def _encoding(self, read: Reading, exposure: float) -> tuple[Any, dict[str, Any]]:
         """The encoding of the picture and the metadata of its file."""
@@ -400,21 +407,6 @@ def _without_figures(found: Diagnostic) -> str:
 def _partial(path: Path, in_strips: bool) -> Path:
     """The file of an interrupted picture: an .exr, which holds all channels, or in strips the format of the output."""
     return path.with_name(f"{path.stem}.partial{path.suffix if in_strips else '.exr'}")
-
-
-def _rescue(image: Image, path: Path) -> str:
-    """Save a picture that could not be written at `path` as an EXR there or in the temporary folder. Returns a message."""
-    from ..render.image import image_files
-
-    for folder in (path.parent, Path(tempfile.gettempdir())):
-        other = folder / f"{path.stem}.rescued.exr"
-        try:
-            image_files.write(image, other, image_files.Look(), {})
-        except Exception as fault:
-            reason = fault
-        else:
-            return f"its pixels are in {other}"
-    return f"its pixels are lost: {reason}"
 
 
 def write_json(path: Path, data: Any) -> None:

@@ -19,7 +19,7 @@ import click
 from .. import __version__
 from ..compiler.io import child_process, import_path
 from ..compiler.io.regular_files import MAX_DATA, read_text
-from ..compiler.io.replace_file import replace_file
+from ..compiler.io.replace_file import make_folder, replace_file
 from ..lang import file_types
 from . import common_options as shared
 from . import option_types as values
@@ -181,7 +181,7 @@ def draw(asset: Asset, output: Path, size: tuple[int, int], complexity: int, opt
     began = time.perf_counter()
     made = Thumbnail(asset.name, str(asset.path), f"{asset.name}.png", size, options=options)
     try:
-        _draw(asset, output / made.picture, complexity, made)
+        _draw(asset, output, complexity, made)
     except SceneError as error:
         made.error = "; ".join(d.message for d in error.diagnostics if d.severity == "error")
     except Exception as fault:  # one asset never ends the run
@@ -190,7 +190,7 @@ def draw(asset: Asset, output: Path, size: tuple[int, int], complexity: int, opt
     return made
 
 
-def _draw(asset: Asset, picture: Path, complexity: int, made: Thumbnail) -> None:
+def _draw(asset: Asset, output: Path, complexity: int, made: Thumbnail) -> None:
     from ..compiler import ir, load
     from ..compiler.importers.stage_options import StageOptions
     from ..compiler.plan import plan as planner
@@ -198,7 +198,7 @@ def _draw(asset: Asset, picture: Path, complexity: int, made: Thumbnail) -> None
     from ..render import render_scene
     from ..render.image import image_files
 
-    found = Diagnostics()
+    found, picture = Diagnostics(), output / made.picture
     stage = StageOptions(complexity=complexity, conform="expand", size=made.size, as_asset=True)
     usd = asset.path.suffix.lower() in file_types.USD
     scene = load.load(asset.path, diagnostics=found, stage=stage if usd else None)
@@ -210,7 +210,7 @@ def _draw(asset: Asset, picture: Path, complexity: int, made: Thumbnail) -> None
     exposure = plan["exposure"]
     if exposure == "metered":
         exposure = image_files.auto_exposure(image.channels["rgba"])
-    picture.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(picture.parent, output)
     image_files.write(image, picture, image_files.Look(exposure, plan["view"], alpha=True), {"version": __version__})
     made.triangles, made.instances = len(scene.tables.pools.triangles), len(scene.tables.instances.geometry)
     made.made_from = {file: _changed(Path(file)) for file in dict.fromkeys((str(asset.path), *scene.files))}

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..compiler.io import cache_dirs
+from ..compiler.io.regular_files import read_text
 
 HOST = "127.0.0.1"
 
@@ -75,7 +76,7 @@ def file_of(scene: Path) -> Path:
 
 def _read(file: Path) -> tuple[int, str]:
     try:
-        known = json.loads(file.read_text(encoding="utf-8"))
+        known = json.loads(read_text(file))
         port, token = int(known["port"]), str(known["token"])
         if 0 < port < 65536 and len(token) >= 16 and token.replace("-", "").replace("_", "").isalnum():
             return port, token
@@ -87,7 +88,7 @@ def _read(file: Path) -> tuple[int, str]:
 def _write(file: Path, address: Address) -> None:
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        with open(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w", encoding="utf-8") as out:
+        with open(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | getattr(os, "O_NOFOLLOW", 0), 0o600), "w", encoding="utf-8") as out:
             json.dump({"port": address.port, "token": address.token}, out)
     except OSError:
         return  # the next window has another address

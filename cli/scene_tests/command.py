@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ...compiler.io.replace_file import replace_file
+from ...compiler.io.replace_file import make_folder, replace_file
 from ...lang import file_types
 from ...lang.diagnostics import SceneError
 from .. import common_options as shared
@@ -171,7 +171,7 @@ def _keep(made: Side, kept: Path) -> None:
     from ...render.image import image_files
 
     assert made.plan is not None
-    kept.parent.mkdir(exist_ok=True)
+    make_folder(kept.parent)
     about: dict[str, str | int | float] = {
         "version": __version__, "backend": made.plan["backend"], "seed": made.plan["seed"], "samples": made.image.metadata["samples"],
     }  # fmt: skip

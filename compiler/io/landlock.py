@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import stat
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -19,7 +20,7 @@ _REFER, _TRUNCATE, _IOCTL = 1 << 13, 1 << 14, 1 << 15
 _FIRST = (1 << 13) - 1  # the rights of version 1
 _OF_FILES = _EXECUTE | _WRITE_FILE | _READ_FILE | _TRUNCATE | _IOCTL
 _NETWORK, _SCOPES = 3, 3  # bind and connect TCP; abstract sockets and signals
-READ = _EXECUTE | _READ_FILE | _READ_DIR
+READ = _READ_FILE | _READ_DIR
 WRITE = _READ_FILE | _READ_DIR | _WRITE_FILE | _REMOVE_FILE | _MAKE_REG | _REMOVE_DIR | _MAKE_DIR | _TRUNCATE
 
 
@@ -41,8 +42,11 @@ def version() -> int:
         return 0
 
 
-def restrict(read: Iterable[Path], write: Iterable[Path]) -> None:
-    """Forbid files but those below `read` and `write`, and TCP where the system can. Missing paths are skipped. Raises OSError."""
+def restrict(read: Iterable[Path | int], write: Iterable[Path | int]) -> None:
+    """Forbid files but those below `read` and `write`, and TCP where the system can. No program can be executed.
+
+    Each is a path or an open descriptor. Links of a path are followed; a missing path is skipped. Raises OSError.
+    """
     known = version()
     if not known:
         raise OSError("this system has no Landlock, which Linux 5.13 or newer has")
@@ -62,13 +66,14 @@ def restrict(read: Iterable[Path], write: Iterable[Path]) -> None:
         os.close(made)
 
 
-def _allow(ruleset: int, path: Path, rights: int) -> None:
+def _allow(ruleset: int, path: Path | int, rights: int) -> None:
     try:
-        descriptor = os.open(path, os.O_PATH | os.O_CLOEXEC)
+        descriptor = os.dup(path) if isinstance(path, int) else os.open(path, os.O_PATH | os.O_CLOEXEC)
     except OSError:
         return
     try:
-        rule = _PathRule(rights if path.is_dir() else rights & _OF_FILES, descriptor)
+        is_folder = stat.S_ISDIR(os.fstat(descriptor).st_mode)
+        rule = _PathRule(rights if is_folder else rights & _OF_FILES, descriptor)
         _call(_ADD_RULE, ruleset, _PATH_BENEATH, ctypes.byref(rule), 0)
     finally:
         os.close(descriptor)

@@ -6,8 +6,8 @@ import errno
 import os
 import stat
 import sys
+from io import BufferedReader
 from pathlib import Path
-from typing import BinaryIO
 
 from ...lang import text_encoding
 
@@ -19,7 +19,7 @@ _CHUNK = 1 << 20
 _FLAGS = sum(getattr(os, name, 0) for name in ("O_RDONLY", "O_NONBLOCK", "O_NOCTTY", "O_CLOEXEC", "O_BINARY"))
 
 
-def open_regular(path: Path | str, limit: int = MAX_DATA) -> BinaryIO:
+def open_regular(path: Path | str, limit: int = MAX_DATA) -> BufferedReader:
     """An ordinary file, open for reading. It never waits for a writer of a pipe.
 
     Raises OSError, also for files of other kinds and of more than `limit` bytes.

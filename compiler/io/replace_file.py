@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import platform
 import shutil
@@ -14,40 +15,70 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 PREFIX = ".maquette-"  # of temporary files: the prefix, the host, the process, random digits
+_NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0)
 ABANDONED = 60.0  # seconds since the last change of a temporary file whose process has ended
 
 
 class Replacement:
     """One new file. The caller writes it at `partial`; `place` renames it to its path.
 
-    At any time the path holds the complete old file or the complete new one. The new file gets the permissions of the old one.
-    A symbolic link stays; its target is replaced.
-    The name of `partial` is valid UTF-8 even if the path is not, and has the same extension. A process that was killed leaves its
-    `partial` behind; the next one that writes into the folder removes it.
+    At any time the path holds the complete old file or the complete new one. The new file gets the permissions of the old one; in a
+    confined process, which cannot widen permissions, those that a new file has beside.
+    A symbolic link at the path is refused, and one that comes there later is replaced itself: nothing is written through links.
+    `partial` is a new, empty file. Its name is valid UTF-8 even if the path is not, and has the same extension. A process that was killed
+    leaves its `partial` behind; the next one that writes into the folder removes it.
     """
 
     def __init__(self, path: Path) -> None:
         check_replaceable(path)
-        target = Path(os.path.realpath(path))
-        folder = target.parent if _is_utf8(str(target.parent)) else Path(tempfile.gettempdir())
-        suffix = path.suffix if _is_utf8(path.suffix) else ""
+        folder = path.parent if _is_utf8(str(path.parent)) else Path(tempfile.gettempdir())
         remove_abandoned(folder)
-        self.partial = folder / f"{PREFIX}{_host()}-{os.getpid()}-{os.urandom(6).hex()}{suffix}"
+        self.partial = _new_file(folder, path)
 
     def place(self, path: Path, good: bool = True) -> None:
         """Rename the new file to `path`, or remove it if not `good`. Raises OSError and keeps the old file."""
-        target = Path(os.path.realpath(path))
         try:
             if good:
-                if target.exists():
-                    shutil.copymode(target, self.partial)
-                if self.partial.parent == target.parent:
-                    self.partial.replace(target)
-                else:
-                    shutil.move(self.partial, target)
+                try:
+                    self.partial.replace(path)
+                except OSError as fault:
+                    if fault.errno != errno.EXDEV or self.partial.parent == path.parent:
+                        raise
+                    self._copy(path)
         finally:
             with suppress(OSError):  # its folder may be gone, or not writable any more
                 self.partial.unlink(missing_ok=True)
+
+
+    def _copy(self, path: Path) -> None:
+        """Move the new file from another file system."""
+        copy = _new_file(path.parent, path)
+        try:
+            shutil.copyfile(self.partial, copy)
+            copy.replace(path)
+        finally:
+            copy.unlink(missing_ok=True)
+
+
+def _new_file(folder: Path, path: Path) -> Path:
+    """A new, empty file in `folder` with the permissions of the file at `path`, if there is one. Raises OSError that names `path`."""
+    suffix = path.suffix if _is_utf8(path.suffix) else ""
+    made = folder / f"{PREFIX}{_host()}-{os.getpid()}-{os.urandom(6).hex()}{suffix}"
+    try:
+        mode = stat.S_IMODE(os.lstat(path).st_mode)
+    except OSError:
+        mode = None  # nothing is there
+    try:
+        descriptor = os.open(made, _NEW, 0o666 if mode is None else mode & 0o777)
+    except OSError as fault:
+        raise OSError(fault.errno, fault.strerror, str(path)) from None
+    try:
+        if mode is not None and hasattr(os, "fchmod"):
+            with suppress(PermissionError):  # a confined process
+                os.fchmod(descriptor, mode)
+    finally:
+        os.close(descriptor)
+    return made
 
 
 @contextmanager
@@ -78,19 +109,17 @@ def replace_file(path: Path, data: bytes) -> None:
 def check_replaceable(path: Path, kept: Iterable[Path] = ()) -> None:
     """Raise OSError with a full sentence if no file may be written at `path`.
 
-    A folder, a device, a pipe, a socket, a link that leads nowhere or one of `kept`, the files that are read, stands there.
+    A link, a folder, a device, a pipe, a socket or one of `kept`, the files that are read, stands there.
     """
     name = as_utf8(str(path))
     try:
         target = os.path.realpath(path)
     except FileNotFoundError:
         raise FileNotFoundError(f"cannot write {name}: the current folder was removed") from None
-    if os.path.islink(target):
-        raise OSError(f"{name} is a link that leads to itself: remove it, or choose another name")
-    if os.path.islink(path) and not os.path.isdir(folder := os.path.dirname(target)):
-        raise FileNotFoundError(f"{name} is a link into {as_utf8(folder)}, a folder that does not exist: make it, or remove the link")
+    if os.path.islink(path):
+        raise OSError(f"{name} is a link, and nothing is written through links: remove it, or choose another name")
     try:
-        mode = os.stat(target).st_mode
+        mode = os.stat(path).st_mode
     except OSError:
         return  # nothing is there
     if stat.S_ISDIR(mode):
@@ -99,6 +128,19 @@ def check_replaceable(path: Path, kept: Iterable[Path] = ()) -> None:
         raise OSError(f"{name} is a device, a pipe or a socket: choose the name of a file")
     if read := next((file for file in kept if os.path.realpath(file) == target), None):
         raise OSError(f"{name} would replace {as_utf8(str(read))}, which is read: choose another name")
+
+
+def make_folder(folder: Path, base: Path | None = None) -> None:
+    """Make a folder for new files, and those above it. Raises OSError for links among the folders below `base`, by default its parent.
+
+    Nothing is written through such links. `base` may be one: the user has named it.
+    """
+    for each in (folder, *folder.parents):
+        if each == (base or folder.parent):
+            break
+        if each.is_symlink():
+            raise OSError(f"{as_utf8(str(each))} is a link, and nothing is written through links: remove it, or choose another name")
+    folder.mkdir(parents=True, exist_ok=True)
 
 
 def remove_abandoned(folder: Path) -> None:

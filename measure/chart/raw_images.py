@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...compiler.io.replace_file import replace_file
 from ...render.image import image_files
 from ...render.image.image import Image
 from ..records import Reference, Run, Setting
@@ -48,7 +49,7 @@ class RawImageWriter:
             "seeds": list(reference.seeds),
         }  # fmt: skip
         text = json.dumps({"reference": about, "exposure": exposure, "runs": self.runs}, indent=1, ensure_ascii=False)
-        (self.folder / INDEX).write_text(text + "\n", encoding="utf-8")
+        replace_file(self.folder / INDEX, (text + "\n").encode())
 
     def _write(self, name: str, rgb: NDArray[np.floating], alpha: NDArray[np.floating]) -> None:
         height, width = alpha.shape

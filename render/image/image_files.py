@@ -113,7 +113,12 @@ class Strips:
 
     def __init__(self, path: Path, look: Look, about: Mapping[str, str | int | float], height: int) -> None:
         self.path, self.look, self.about, self.height = Path(path), look, about, height
-        self._new = Replacement(self.path)
+        try:
+            self._new = Replacement(self.path)
+        except OSError as failure:
+            if not failure.strerror:
+                raise
+            raise OSError(f"cannot write {self.path}: {failure.strerror}") from None
         self._target: Any = None
         self._top = self._rows = 0
         self._codes: list[NDArray[Any]] = []  # of a JPEG

@@ -12,6 +12,7 @@ import os
 import queue
 import threading
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any
 
 _core_of_caller = getattr(ctypes.CDLL(None), "sched_getcpu", None) if hasattr(os, "sched_setaffinity") else None
@@ -41,7 +42,8 @@ class _Worker:
     def submit(self, work: Callable[[], Any], report: Callable[[Any], None], cores: set[int] | None) -> None:
         """Queue work for this thread, pinned to these cores."""
         if cores is not None and cores != self._cores:
-            os.sched_setaffinity(self._number, cores)
+            with suppress(OSError):  # a confined process may not pin threads
+                os.sched_setaffinity(self._number, cores)
             self._cores = cores
         self._jobs.put((work, report))
 

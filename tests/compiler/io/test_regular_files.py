@@ -14,7 +14,7 @@ def reason(path: Path, limit: int = 100) -> str:
     with pytest.raises(OSError) as caught:
         regular_files.read_bytes(path, limit)
     assert caught.value.filename == str(path)
-    return caught.value.strerror
+    return str(caught.value.strerror)
 
 
 def test_a_file_is_read_up_to_the_limit(tmp_path: Path) -> None:

@@ -11,8 +11,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from maquette.compiler.io.replace_file import Replacement, as_utf8, replace_file, replacing
+from maquette.compiler.io.replace_file import Replacement, as_utf8, make_folder, replace_file, replacing
 
+LINK = "{} is a link, and nothing is written through links: remove it, or choose another name"
 NOT_UTF8 = os.fsdecode(b"a\xff")
 
 
@@ -26,14 +27,31 @@ def test_the_new_file_has_the_permissions_of_the_old_one(tmp_path: Path) -> None
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_symbolic_link_stays_and_its_target_is_replaced(tmp_path: Path) -> None:
-    target, link = tmp_path / "real" / "a.json", tmp_path / "a.json"
-    target.parent.mkdir()
+def test_nothing_is_written_through_a_link(tmp_path: Path) -> None:
+    """One that is there is refused; one that comes there while the file is written is replaced itself."""
+    target, link = tmp_path / "secret.json", tmp_path / "a.json"
     target.write_text("old")
     link.symlink_to(target)
-    replace_file(link, b"new")
-    assert link.is_symlink()
-    assert target.read_bytes() == b"new"
+    with pytest.raises(OSError) as caught:
+        replace_file(link, b"new")
+    assert str(caught.value) == f"{link} is a link, and nothing is written through links: remove it, or choose another name"
+    link.unlink()
+    with replacing(link) as partial:
+        partial.write_bytes(b"new")
+        link.symlink_to(target)
+    assert (target.read_text(), link.is_symlink(), link.read_bytes()) == ("old", False, b"new")
+
+
+def test_folders_are_made_and_links_among_them_refused(tmp_path: Path) -> None:
+    make_folder(tmp_path / "a" / "b", tmp_path)
+    assert (tmp_path / "a" / "b").is_dir()
+    (tmp_path / "a" / "link").symlink_to(tmp_path)
+    for folder, base in ((tmp_path / "a" / "link" / "c", tmp_path), (tmp_path / "a" / "link", None)):
+        with pytest.raises(OSError) as caught:
+            make_folder(folder, base)
+        assert str(caught.value).startswith(f"{tmp_path}/a/link is a link, and nothing is written through links")
+    make_folder(tmp_path / "a" / "link" / "c", tmp_path / "a" / "link")
+    assert (tmp_path / "c").is_dir()
 
 
 @pytest.mark.parametrize("name", ["b", NOT_UTF8])
@@ -102,12 +120,9 @@ def _socket(path: Path) -> None:
         (Path.mkdir, "{} is a folder"),
         (_pipe, "{} is a device, a pipe or a socket: choose the name of a file"),
         (_socket, "{} is a device, a pipe or a socket: choose the name of a file"),
-        (lambda path: path.symlink_to(os.devnull), "{} is a device, a pipe or a socket: choose the name of a file"),
-        (lambda path: path.symlink_to(path), "{} is a link that leads to itself: remove it, or choose another name"),
-        (
-            lambda path: path.symlink_to(path.parent / "no" / "b.json"),
-            "{} is a link into {parent}/no, a folder that does not exist: make it, or remove the link",
-        ),
+        (lambda path: path.symlink_to(os.devnull), LINK),
+        (lambda path: path.symlink_to(path), LINK),
+        (lambda path: path.symlink_to(path.parent / "no" / "b.json"), LINK),
     ],
 )
 def test_what_is_no_file_is_not_replaced(tmp_path: Path, make: Callable[[Path], None], message: str) -> None:
@@ -116,16 +131,15 @@ def test_what_is_no_file_is_not_replaced(tmp_path: Path, make: Callable[[Path], 
     kind = path.lstat().st_mode
     with pytest.raises(OSError) as caught:
         replace_file(path, b"new")
-    assert str(caught.value) == message.format(path, parent=tmp_path)
+    assert str(caught.value) == message.format(path)
     assert path.lstat().st_mode == kind
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_the_new_file_has_the_extension_of_the_link(tmp_path: Path) -> None:
-    """Writers choose a format by it. The target of a link is often named by its hash."""
-    link = tmp_path / "a.png"
-    link.symlink_to(tmp_path / "0f3c")
-    assert Replacement(link).partial.suffix == ".png"
+def test_the_new_file_is_there_and_has_the_extension(tmp_path: Path) -> None:
+    """Writers choose a format by it. Nobody can plant a link at a name that is taken."""
+    new = Replacement(tmp_path / "a.png")
+    assert (new.partial.suffix, new.partial.read_bytes(), new.partial.is_symlink()) == (".png", b"", False)
 
 
 def test_an_error_of_the_disk_names_the_file(tmp_path: Path) -> None:

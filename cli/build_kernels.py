@@ -34,6 +34,7 @@ _SUN, _AREA, _SKY = "directional(from: [1, 1, 0])\n", "area(position: [0, 5, 2],
 _MATT, _SHINY, _GLASS = "lambert(#808080)", "phong(#808080, specular: 0.3, shininess: 40)", "glass()"
 _LINKED = 'directional(from: [1, 1, 0], receivers: ["left"], blockers: ["!left"])\nsphere(1, center: [9, 0, 0], name: "left")\n'
 _SMOOTH = 'lambert(#808080, shading: "gouraud")'
+_SMOOTH_MESH = f'mesh("kernels.obj", material: {_SMOOTH})\n'
 
 
 class Variant(NamedTuple):
@@ -51,6 +52,8 @@ VARIANTS = {
     "photons": Variant(_BALL.format(_GLASS) + _AREA, {"bounces": 4}),
     "photons of formulas": Variant(_FORMULA.format(_GLASS) + _AREA, {"bounces": 4}),
     "photons of meshes and formulas": Variant(_FORMULA.format(_GLASS) + _MESH_ALONE + "sun(from: [1, 1, 0])\n" + _SKY, {"bounces": 4}),
+    "paths lit at vertices": Variant(_MESH.format(_SMOOTH) + _SUN, {"bounces": 2}, _ALONE),
+    "paths of formulas lit at vertices": Variant(_FORMULA.format(_MATT) + _SMOOTH_MESH + _SUN, {"bounces": 2}, _ALONE),
     "shared paths": Variant(_BALL.format(_MATT) + _AREA, {"bounces": 2}),
     "shared paths of formulas": Variant(_FORMULA.format(_MATT) + _AREA, {"bounces": 2}),
     "rays": Variant(_BALL.format(_MATT) + _SUN, {}),

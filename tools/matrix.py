@@ -1,4 +1,4 @@
-"""Runs parts of the suite under other conditions: threads, instruction sets, locale, home, an installed wheel, other Pythons.
+"""Runs parts of the suite under other conditions: threads, instruction sets, kinds of kernels, locale, home, a wheel, other Pythons.
 
     python tools/matrix.py                     # one row, chosen by the date: a minute
     python tools/matrix.py --all               # all rows
@@ -24,6 +24,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 MADE = ROOT / "build" / "matrix"  # the environments of other Pythons
 UNWRITABLE = Path("/proc")  # for root too
+SETS = ("avx512", "avx2", "sse", "scalar")
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 
 PICTURES = ("tests/backends/test_determinism.py", "-k", "not (test_determinism and (area or asked))")
@@ -31,6 +32,7 @@ TEXT = (
     "tests/lang/syntax", "tests/compiler/io", "tests/compiler/importers/test_mesh_files.py", "tests/compiler/importers/usd/layers",
     "tests/cli/test_check.py", "tests/cli/test_new.py",
 )  # fmt: skip
+ALONE = ("tests/backends/test_alone.py",)  # each kind of shape, light, material and texture
 WHEEL = ("tests/test_packaging.py", "--long", "-k", "wheel_installs")
 
 
@@ -49,7 +51,10 @@ _HOME = {"HOME": str(UNWRITABLE), "XDG_CACHE_HOME": None, "MAQUETTE_CACHE": None
 _LOCALE = {"LC_ALL": "C", "LANG": None, "LC_CTYPE": None}
 ROWS = (
     *(Row(f"{n} thread{'s' * (n > 1)}", PICTURES, {"MAQUETTE_TEST_THREADS": str(n)}) for n in (1, 2, 8)),
-    *(Row(name, PICTURES, {"MAQUETTE_SIMD": name}) for name in ("avx512", "avx2", "sse", "scalar")),
+    *(Row(name, PICTURES, {"MAQUETTE_SIMD": name, "MAQUETTE_TEST_KERNELS": "special"}) for name in SETS),
+    *(Row(f"general kernels of {name}", ALONE, {"MAQUETTE_SIMD": name}, sampled=False) for name in SETS),
+    Row("checked kernels", ALONE, {"MAQUETTE_CHECKED": "1"}, sampled=False),
+    Row("special kernels", (*ALONE, "-k", "emitter or light"), {"MAQUETTE_TEST_KERNELS": "special"}, sampled=False),
     Row("C locale", TEXT, _LOCALE),
     Row("read-only home", (*TEXT, "tests/backends/test_camera.py", "-k", "not (test_camera and (ray or raster))"), _HOME),
     Row("installed wheel", WHEEL, sampled=False),

@@ -10,6 +10,8 @@ import os
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -23,10 +25,12 @@ from ..compiler.io.replace_file import make_folder, replace_file
 from ..lang import file_types
 from . import common_options as shared
 from . import option_types as values
+from .process import supervisor
 
 KINDS = (*file_types.USD, *file_types.MESH)
 RECORDS = "thumbnails.json"  # what each picture was made from; pictures that are up to date are skipped
 SAMPLES = 8
+CRASHED = "the process that drew it crashed, which is a bug in maquette: `maquette render {}` tells what to send"
 SAVED_EVERY = 5.0  # seconds between writes of the records and the index
 
 
@@ -158,17 +162,35 @@ def _draw_all(
     if count < 2:
         yield from (draw(asset, output, size, complexity, options) for asset in assets)
         return
-    with child_process.isolated(), ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), _begin_worker) as pool:
-        waiting: dict[Future[Thumbnail], Asset] = {pool.submit(draw, a, output, size, complexity, options): a for a in assets}
+    alone: list[Asset] = []  # a process that crashes ends the pool, whoever had drawn in it
+    with _pool(count) as pool:
+        waiting: dict[Future[Thumbnail], Asset] = {}
+        for asset in assets:
+            try:
+                waiting[pool.submit(draw, asset, output, size, complexity, options)] = asset
+            except BrokenProcessPool:
+                alone.append(asset)
         for future in as_completed(waiting):
             try:
                 yield future.result()
-            except Exception as fault:  # a process that died
-                asset = waiting[future]
-                yield Thumbnail(asset.name, str(asset.path), "", size, error=f"{type(fault).__name__}: {fault}", options=options)
+            except BrokenProcessPool:
+                alone.append(waiting[future])
+    for asset in alone:
+        with _pool(1) as pool:
+            try:
+                yield pool.submit(draw, asset, output, size, complexity, options).result()
+            except BrokenProcessPool:
+                yield Thumbnail(asset.name, str(asset.path), "", size, error=CRASHED.format(asset.path), options=options)
+
+
+@contextmanager
+def _pool(count: int) -> Iterator[ProcessPoolExecutor]:
+    with child_process.isolated(), ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), _begin_worker) as pool:
+        yield pool
 
 
 def _begin_worker() -> None:
+    supervisor.end_with_parent(os.getppid())
     import_path.isolate()
     shared.raise_gc_threshold()
     atexit.register(os._exit, 0)  # as in main: without the end of OpenImageIO's module, which prints what it leaks

@@ -51,7 +51,7 @@ def supervise() -> None:
         _wait(child, ends, from_child)
     os.close(from_child)
     _to_parent = to_parent
-    _end_with(parent)
+    end_with_parent(parent)
     signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
@@ -66,8 +66,8 @@ def first_process() -> int:
     return os.getpid() if _to_parent is None else os.getppid()
 
 
-def _end_with(parent: int) -> None:
-    """Let the system end this process with its parent, however that ends."""
+def end_with_parent(parent: int) -> None:
+    """Let the system end this process with its parent, however that ends. Linux can do so; other systems do nothing."""
     import ctypes
 
     try:

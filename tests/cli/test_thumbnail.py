@@ -1,7 +1,10 @@
 """The `thumbnail` command: pictures of a folder's assets, what is kept, the index and failures."""
 
 import json
+import multiprocessing
 import os
+import signal
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -77,3 +80,30 @@ def test_an_empty_folder_is_an_empty_index(tmp_path):
     (tmp_path / "none").mkdir()
     assert run(tmp_path / "none", "-o", tmp_path / "out") == (0, [])
     assert "0 assets" in (tmp_path / "out" / "index.html").read_text()
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGSEGV") or os.name != "posix", reason="processes end otherwise here")
+def test_a_crash_is_that_of_one_asset(assets, tmp_path):
+    """Each process is ended while it starts: each asset has the message, and the index is written."""
+    ended = threading.Event()
+
+    def crash() -> None:
+        while not ended.is_set():
+            for process in multiprocessing.active_children():
+                if process.pid:
+                    os.kill(process.pid, signal.SIGSEGV)
+            ended.wait(0.01)
+
+    killer = threading.Thread(target=crash)
+    killer.start()
+    try:
+        words = ["thumbnail", str(assets), "-o", str(tmp_path / "thumbs"), "--size", "24", "--jobs", "2", "--json"]
+        done = CliRunner().invoke(cli, words)
+    finally:
+        ended.set()
+        killer.join()
+    assert done.exit_code == 1
+    message = "the process that drew it crashed, which is a bug in maquette: `maquette render {}` tells what to send"
+    files = [assets / "bad.obj", assets / "cube.usda", assets / "sub" / "flat.obj"]
+    assert [one["error"] for one in json.loads(done.stdout)] == [message.format(file) for file in files]
+    assert (tmp_path / "thumbs" / "index.html").is_file()

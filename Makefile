@@ -7,6 +7,7 @@ PYTHON ?= $(firstword $(foreach p,python3 python3.14 python3.13 python3.12 pytho
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.made
+DEVELOP := $(VENV)/.develop
 PEERS := $(VENV)/.peers
 DEMO := build/demo
 WORKERS ?= 2
@@ -24,25 +25,33 @@ CHART_BUDGET ?= 5min
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
 
-venv: $(STAMP)  ## make the environment .venv from pinned versions
+venv: $(DEVELOP)  ## make the environment .venv from pinned versions, for all targets
 
-$(STAMP): pyproject.toml requirements/develop.txt
+$(STAMP): pyproject.toml requirements/run.txt
 	@test -n "$(PYTHON)" || { echo "maquette needs Python 3.11 or newer (make PYTHON=/path/to/python3)"; exit 1; }
 	@echo "making $(VENV) with $(PYTHON)"
 	@$(PYTHON) -m venv $(VENV)
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements/develop.txt
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --require-hashes -r requirements/run.txt
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -e .
+	@touch $@
+
+$(DEVELOP): $(STAMP) requirements/develop.txt
+	@echo "installing what tests, checks and pages need"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --require-hashes -r requirements/develop.txt
 	@mkdir -p $(VENV)/typing && ln -sfn ../.. $(VENV)/typing/maquette
 	@touch $@
 
-lock: | $(STAMP)  ## write requirements/ from constraints.txt and pyproject.toml, with the hashes of all files on the package index
+lock: | $(DEVELOP)  ## write requirements/ from constraints.txt and pyproject.toml, with the hashes of all files on the package index
 	@$(BIN)/python tools/lock.py
 
 kernels: $(STAMP)  ## compile the general kernels, which render every scene
 	@$(BIN)/python -P -m maquette.cli.build_kernels
 
-demo: kernels  ## render every example, for at most 5 seconds each, and say where the pictures are
-	@echo "rendering $(words $(NAMES)) examples, two at a time"
+demo: $(STAMP)  ## render every example, for at most 5 seconds each and the time of compiling kernels; hello.scene comes first
+	@echo "rendering examples/hello.scene; its kernels are compiled first, in about 15 seconds"
+	@$(MAKE) --no-print-directory LIMITS='--budget 5s' $(DEMO)/hello.png
+	@echo "the first picture is $(CURDIR)/$(DEMO)/hello.png"
+	@echo "rendering the other $(words $(filter-out hello,$(NAMES))) examples, two at a time; kernels that they share are compiled on the way, in some minutes"
 	@MAQUETTE_KERNELS=general $(MAKE) --no-print-directory --output-sync -j$(WORKERS) LIMITS='--budget 5s' $(NAMES:%=$(DEMO)/%.png)
 	@echo "$(words $(NAMES)) pictures are in $(CURDIR)/$(DEMO)"
 
@@ -56,35 +65,35 @@ $(1)/%.png: examples/%.$(2) $$(INPUTS) | $$(STAMP)
 endef
 $(foreach folder,$(DEMO) examples,$(foreach kind,$(KINDS),$(eval $(call rule,$(folder),$(kind)))))
 
-wheel: $(STAMP)  ## build a wheel with compiled kernels for three instruction sets into dist: an hour on two cores, minutes after small changes
+wheel: $(DEVELOP)  ## build a wheel with compiled kernels for three instruction sets into dist: an hour on two cores, minutes after small changes
 	@$(BIN)/python tools/wheel.py
 
-reference: $(STAMP)  ## write docs/reference.md from the schema again, and the pages of file formats from the readers' tables
+reference: $(DEVELOP)  ## write docs/reference.md from the schema again, and the pages of file formats from the readers' tables
 	@mkdir -p build && $(BIN)/python -m maquette.lang.reference_page > build/reference.md && mv build/reference.md docs/reference.md
 	@for name in usd gltf meshes; do \
 	  $(BIN)/python -m maquette.compiler.format_pages $$name > build/$$name.md && mv build/$$name.md docs/$$name.md || exit; \
 	done
 
-gallery: $(STAMP)  ## render the pictures of docs/gallery.md again: half an hour on two cores (needs the extra denoise)
+gallery: $(DEVELOP)  ## render the pictures of docs/gallery.md again: half an hour on two cores (needs the extra denoise)
 	@mkdir -p build
 	@for scene in examples/gallery/*.scene; do \
 	  MAQUETTE_PROGRESS=off $(BIN)/maquette render $$scene -o build/gallery.png --denoise && \
 	  $(BIN)/python -c "import sys; from PIL import Image; Image.open('build/gallery.png').convert('RGB').save(sys.argv[1], quality=92, subsampling=0)" $${scene%.scene}.jpg || exit; \
 	done
 
-site: $(STAMP)  ## build the documentation as a site into build/site/html: python -m http.server -d build/site/html
+site: $(DEVELOP)  ## build the documentation as a site into build/site/html: python -m http.server -d build/site/html
 	@$(BIN)/python tools/site.py build/site
 	@echo "the site is in $(CURDIR)/build/site/html"
 
-library: $(STAMP)  ## write docs/library.md from the comments in stdlib, and draw its pictures and those of the tutorial
+library: $(DEVELOP)  ## write docs/library.md from the comments in stdlib, and draw its pictures and those of the tutorial
 	@mkdir -p build && $(BIN)/python -m maquette.lang.stdlib_page > build/library.md && mv build/library.md docs/library.md
 	@MAQUETTE_KERNELS=general $(BIN)/python -P tools/library_pictures.py
 	@$(BIN)/python -P tools/page_pictures.py
 
-grammar: $(STAMP)  ## write the tables of the parser again, after a change of lang/syntax/grammar.lark
+grammar: $(DEVELOP)  ## write the tables of the parser again, after a change of lang/syntax/grammar.lark
 	@mkdir -p build && $(BIN)/python -m maquette.lang.syntax.build_tables > build/tables.json && mv build/tables.json lang/syntax/tables.json
 
-editor: | $(STAMP)  ## bundle the page's editor, CodeMirror, again from tools/editor into live/page, with npm
+editor: | $(DEVELOP)  ## bundle the page's editor, CodeMirror, again from tools/editor into live/page, with npm
 	@mkdir -p build/editor && cp tools/editor/* build/editor && cd build/editor && npm ci --no-audit --no-fund
 	@cd build/editor && npx esbuild editor.js --bundle --minify --format=esm --target=es2021 --legal-comments=none --outfile=../../live/page/codemirror.js
 
@@ -95,12 +104,12 @@ charts: $(PEERS)  ## measure the charts of docs/charts.md again, peers too: half
 	  $(BIN)/maquette chart $$scene -o docs/charts/$$name.svg --budget $(CHART_BUDGET) --peers mitsuba,povray > docs/charts/$$name.txt || exit; \
 	done
 
-accuracy: $(STAMP)  ## measure the known answers and the failing places again: docs/accuracy.md
+accuracy: $(DEVELOP)  ## measure the known answers and the failing places again: docs/accuracy.md
 	@rm -rf build/answers build/places && mkdir -p build
 	@MAQUETTE_ACCURACY=build/answers MAQUETTE_PLACES=build/places $(BIN)/python -m pytest -q -n $(WORKERS) --long tests/accuracy tests/stability
 	@$(BIN)/python tests/accuracy/answers.py build/answers build/places > build/accuracy.md && mv build/accuracy.md docs/accuracy.md
 
-test: $(if $(PACKAGE),$(STAMP),check) $(if $(filter lang% compiler%,$(PACKAGE)),,kernels)  ## the whole suite, after ruff, pyright and `make kernels`; PACKAGE=render/accel: the tests of one package alone
+test: $(if $(PACKAGE),$(DEVELOP),check) $(if $(filter lang% compiler%,$(PACKAGE)),,kernels)  ## the whole suite, after ruff, pyright and `make kernels`; PACKAGE=render/accel: the tests of one package alone
 ifdef PACKAGE
 	@test -d tests/$(PACKAGE) || { echo "no tests are in tests/$(PACKAGE); packages: $$(cd tests && find . -name 'test_*.py' -printf '%h\n' | sed 's:^\./::' | sort -u | xargs)"; exit 1; }
 endif
@@ -110,7 +119,7 @@ test-all: check kernels  ## also what takes long: statistics, soak, packaging; t
 	@$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal --long
 	@$(BIN)/python tools/matrix.py --all
 
-bounds: $(STAMP)  ## a million boxes for each operation of formulas: bounds must hold (half an hour)
+bounds: $(DEVELOP)  ## a million boxes for each operation of formulas: bounds must hold (half an hour)
 	@MAQUETTE_BOXES=1000000 $(BIN)/python -m pytest -q -n $(WORKERS) tests/render/formula/test_single_precision.py
 
 bench: $(PEERS)  ## measure against Embree, Mitsuba, llvmpipe and POV-Ray: bench/RESULTS.md (bench-rays and the like: one of them)
@@ -119,12 +128,12 @@ bench: $(PEERS)  ## measure against Embree, Mitsuba, llvmpipe and POV-Ray: bench
 bench-%: $(PEERS)
 	@$(BIN)/python -m maquette.bench $*
 
-$(PEERS): $(STAMP)
+$(PEERS): $(DEVELOP)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements/bench.txt || echo "not all peers could be installed: those are left out"
 	@echo "peers that pip cannot install, in Debian: libllvm19 (Mitsuba), libegl1 libgl1-mesa-dri (llvmpipe), povray; what is missing is left out"
 	@touch $@
 
-check: $(STAMP)  ## ruff, pyright, and known vulnerabilities of the dependencies
+check: $(DEVELOP)  ## ruff, pyright, and known vulnerabilities of the dependencies
 	@$(BIN)/ruff check .
 	@$(BIN)/pyright
 	@$(BIN)/python tools/audit.py

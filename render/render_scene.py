@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..compiler import ir
-from ..compiler.plan import channels, decision, emissive_shapes
+from ..compiler.plan import channels, decision, emissive_shapes, single_sided
 from ..compiler.plan.plan import Plan
 from . import types
 from .backends import accumulation, kernel_choice, light_groups
@@ -54,7 +54,8 @@ def draw(
     lit = channels.light_groups(plan)
     with deadline.watch_compiler(), cancellation.cancelled_by(cancel), kernel_cache.timed(seconds, "build"):
         by_moments = _is_by_moments(plan)
-        renderer = remote(scene, plan) if remote is not None else choose_renderer(scene, plan, view)
+        seen, left = single_sided.seen_from(scene, plan["camera"])
+        renderer = remote(seen, plan) if remote is not None else choose_renderer(seen, plan, view)
         layers = [name for name in plan["aov"] if name in cryptomatte.LAYERS]
         mattes = cryptomatte.Mattes(scene, layers) if layers else None
     with kernel_cache.timed(seconds, "render"):
@@ -64,7 +65,8 @@ def draw(
         ready, work = deadline.spent(), (renderer, plan, view, told, cancel or threading.Event(), mattes, kept, progressive)
         image = _draw_in_time(work, deadline, put) if deadline.is_finite else _draw(work, put)
     tell(Progress("finishing"))
-    notes = _notes(scene, plan) + (accumulation.notes(scene, plan) if by_moments else [])
+    notes = _notes(scene, plan) + [(single_sided.LEFT, "instances", left)] * (left >= 0)
+    notes += accumulation.notes(scene, plan) if by_moments else []
     unproved, cut = count_unproved(renderer), None if quick else _measure_bounce_error(renderer, plan, image, deadline)
     shown = {"exposure": plan["exposure"], "view": plan["view"], "transparent": plan["background"] == "transparent"}
     image.metadata.update(

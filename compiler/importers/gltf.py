@@ -235,7 +235,10 @@ class _Reader:
         for part, fit in parts:
             row = None if material is None else self.material(material, fit)
             made.append(add(part, row, name, self.builder, self.diagnostics, Span(self.name)))
-        return [self.named(part, primitive) for part in made if part is not None]
+        found = [self.named(part, primitive) for part in made if part is not None]
+        if material is None or not self.materials.is_double_sided(material):
+            self.builder.single_sided.update(part.geometry for part in found)
+        return found
 
     def named(self, part: Part, primitive: dict[str, Any]) -> Part:
         """A part with the name of the material of its primitive, which may have failed to be read."""

@@ -69,6 +69,18 @@ class Materials:
         """Whether alpha counts: the material's mode is BLEND or MASK."""
         return self.container.document["materials"][index].get("alphaMode", "OPAQUE") in ("BLEND", "MASK")
 
+    def is_double_sided(self, index: int) -> bool:
+        """Whether a surface is seen from behind: it says so, or it is the boundary of a volume, of which both sides count."""
+        written = self.container.document["materials"][index]
+        return written.get("doubleSided") is True or self._is_glass(written)
+
+    def _is_glass(self, written: dict[str, Any]) -> bool:
+        """Whether a material is drawn as solid glass."""
+        extensions, pbr = written.get("extensions", {}), written.get("pbrMetallicRoughness", {})
+        if "KHR_materials_unlit" in extensions or _transmission(extensions) < _GLASS_TRANSMISSION:
+            return False
+        return bool(extensions.get("KHR_materials_volume", {}).get("thicknessFactor")) or _is_colored(pbr)
+
     def _material(self, written: dict[str, Any]) -> MaterialData:
         extensions = written.get("extensions", {})
         pbr = written.get("pbrMetallicRoughness", {})
@@ -77,10 +89,8 @@ class Materials:
         title = written.get("name", "")
         if "KHR_materials_unlit" in extensions:
             return MaterialData(ir.MaterialModel.LAMBERT, {ir.Slot.DIFFUSE: Input(BLACK), ir.Slot.EMISSION: base}, name=title)
-        share = min(max(float(extensions.get("KHR_materials_transmission", {}).get("transmissionFactor", 0.0)), 0.0), 1.0)
-        tinted = picture != NONE or np.ptp(color[:3]) > _EVEN
-        solid = bool(extensions.get("KHR_materials_volume", {}).get("thicknessFactor")) or tinted
-        if share >= _GLASS_TRANSMISSION and solid:
+        share, tinted = _transmission(extensions), _is_colored(pbr)
+        if self._is_glass(written):
             ior = float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5))
             rough = Input.number(float(pbr.get("roughnessFactor", 1.0)), self._texture(pbr.get("metallicRoughnessTexture"), 1))
             inputs = {ir.Slot.TRANSMISSION: base, ir.Slot.IOR: Input.number(max(ior, 1.0)), ir.Slot.ROUGHNESS: rough}
@@ -232,6 +242,16 @@ class Materials:
         except GltfError as failure:
             self.warn(str(failure))
         return NONE
+
+
+def _transmission(extensions: dict[str, Any]) -> float:
+    """The factor of KHR_materials_transmission, 0 to 1."""
+    return min(max(float(extensions.get("KHR_materials_transmission", {}).get("transmissionFactor", 0.0)), 0.0), 1.0)
+
+
+def _is_colored(pbr: dict[str, Any]) -> bool:
+    """Whether a base colour has a picture or a tint."""
+    return "baseColorTexture" in pbr or bool(np.ptp(pbr.get("baseColorFactor", (1.0, 1.0, 1.0, 1.0))[:3]) > _EVEN)
 
 
 def _is_tinted(specular: dict[str, Any]) -> bool:

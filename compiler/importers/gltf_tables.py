@@ -72,6 +72,9 @@ PROPERTIES = Table(
         "materials.pbrMetallicRoughness.*": "base colour, metallic and roughness with their pictures",
         "materials.normalTexture textureInfo.scale materials.occlusionTexture": "",
         "materials.emissiveFactor materials.emissiveTexture materials.alphaMode materials.alphaCutoff": "",
+        "materials.doubleSided": (
+            "single-sided surfaces are not seen from behind; their backs cast shadows and show in mirrors, but for shells seen from outside"
+        ),
         "textureInfo.index textureInfo.texCoord textureInfo.strength": "",
         "textures.source textures.sampler samplers.wrapS samplers.wrapT samplers.magFilter": "",
         "images.uri images.bufferView": "files beside the document, data URIs and the binary chunk",
@@ -100,7 +103,6 @@ PROPERTIES = Table(
         "name *.name extras *.extras asset.* extensionsUsed extensionsRequired": "data about the asset",
         "accessors.min accessors.max": "bounds are computed",
         "bufferViews.target images.mimeType samplers.minFilter": "hints; pictures are filtered over the pixel",
-        "materials.doubleSided": "both sides are always drawn",
         "meshes.primitives.attributes.TANGENT": "tangents are computed from the texture coordinates",
         "meshes.primitives.attributes._* EXT_mesh_gpu_instancing.attributes._*": "data of the user",
         "skins.skeleton": "a hint",

@@ -14,6 +14,7 @@ from .. import ir
 from ..formula.tape import Tape
 from ..io.sandbox import LIBRARY, Files
 from ..ir.light_links import CASTERS, EVERYTHING
+from ..ir.single_sided import SINGLE_SIDED
 from . import link_sets, mesh_storage, row_tables, shape_bounds, transforms
 from .instance_rows import InstanceNames, InstanceRows
 from .row_records import (
@@ -69,6 +70,7 @@ class SceneBuilder:
         self._pools: dict[str, list[np.ndarray]] = {name: [] for name in (*ir.Pools._fields, "texels", "polygons")}
         self._length: dict[str, int] = dict.fromkeys(self._pools, 0)
         self._colorful: list[bool] = []  # of each image: whether its channels differ
+        self.single_sided: set[int] = set()  # geometries that are drawn from their front alone
         self._holes: list[bool] = []  # of each image: whether some alpha is below 1
         self.duration: float | None = None  # seconds of the animation of an imported file
         self.transform(np.eye(4))
@@ -397,28 +399,25 @@ class SceneBuilder:
         self._spans["settings"].append(span)
 
     def finish(self, name: str = "", **about: Any) -> ir.Scene:
-        """The scene. `about` are further fields of ir.Scene (settings, photometric, duration, fps, defaults, files, params).
-
-        Instances without a material get the default one. Area lights are linked to the instances of their shapes.
-        """
+        """The scene, with a default material and links of area lights to their shapes. `about` are further fields of ir.Scene."""
         instances = self._instances.table().copy()
         if (instances[:, 2] < 0).any():
             instances[instances[:, 2] < 0, 2] = self.default_material()
         shape_of = {int(instances[index, 3]): index for index in np.flatnonzero(instances[:, 3] >= 0).tolist()}
         at = ir.Lights._fields.index("instance")
         lights = [(*row[:at], shape_of.get(index, NONE), *row[at + 1 :]) for index, row in enumerate(self._rows["lights"])]
-        rows = {**self._rows, "lights": lights}
-        made = {table: ir.table_of(table, row_tables.columns(table, rows[table])) for table in ir.TABLES}
+        instances[np.isin(instances[:, 0], list(self.single_sided)), 4] |= SINGLE_SIDED
+        made = {table: ir.table_of(table, row_tables.columns(table, rows)) for table, rows in (self._rows | {"lights": lights}).items()}
         made["instances"] = ir.table_of("instances", dict(zip(ir.Instances._fields, instances.T, strict=True)))
         made["transforms"] = self._transforms()
         made["pools"] = ir.table_of("pools", {column: self._pooled(column) for column in ir.Pools._fields})
         polygons = np.asarray(self._pooled("polygons"), np.int32).reshape(-1, 4).T
         made["polygons"] = ir.table_of("polygons", dict(zip(ir.Polygons._fields, polygons, strict=True)))
-        made["images"] = ir.table_of("images", {**row_tables.columns("images", rows["images"]), "texels": self._pooled("texels")})
+        made["images"] = ir.table_of("images", {**row_tables.columns("images", self._rows["images"]), "texels": self._pooled("texels")})
         named: dict[str, Any] = {table: tuple(of) for table, of in self._names.items() if table != "groups" or any(of)}
-        named["instances"] = self._instance_names.names()
+        placed = named["instances"] = self._instance_names.names()
         if self._links:
-            linked = link_sets.linked(made["instances"], made["lights"], self._links, named["instances"], self.diagnostics)
+            linked = link_sets.linked(made["instances"], made["lights"], self._links, placed, self.diagnostics)
             made["instances"], made["lights"] = linked
         return ir.Scene(name, ir.Tables(**made), ir.Names(**named), row_tables.spans(self._spans), **about)
 

@@ -10,6 +10,7 @@ import numpy as np
 from ...lang.diagnostics import Diagnostics, Span
 from .. import ir
 from ..ir.light_links import CASTERS, EVERYTHING, FIRST_SET, MOST_SETS
+from ..ir.single_sided import SINGLE_SIDED
 from . import selection
 
 Members = Callable[[Sequence[str]], np.ndarray]  # names of the instances → (instances,) bool: which are in the set
@@ -44,7 +45,11 @@ def by_names(patterns: Sequence[str], diagnostics: Diagnostics, span: Span) -> M
 def linked(
     instances: ir.Instances, lights: ir.Lights, links: Mapping[int, Links], names: Sequence[str], diagnostics: Diagnostics
 ) -> tuple[ir.Instances, ir.Lights]:
-    """The tables with `links`, by rows of lights. Equal sets share a bit; sets beyond MOST_SETS count as all, with a warning."""
+    """The tables with `links`, by rows of lights. Equal sets share a bit.
+
+    Sets beyond MOST_SETS, or one less where some instance is single-sided, count as all, with a warning.
+    """
+    most = MOST_SETS - bool((instances.visible & SINGLE_SIDED).any())
     visible, receivers, blockers = instances.visible.copy(), lights.receivers.copy(), lights.blockers.copy()
     bits: dict[bytes, int] = {}
     casters = visible & CASTERS != 0
@@ -53,8 +58,8 @@ def linked(
     def bit(members: np.ndarray, whole: int) -> int:
         key = members.tobytes()
         if key not in bits:
-            if len(bits) == MOST_SETS:
-                diagnostics.warning(f"the lights have more than {MOST_SETS} different sets of light links: the rest is left out")
+            if len(bits) == most:
+                diagnostics.warning(f"the lights have more than {most} different sets of light links: the rest is left out")
                 return whole
             bits[key] = FIRST_SET << len(bits)
             visible[members] |= bits[key]

@@ -37,12 +37,3 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 def assets() -> Path:
     """The folder of the shared sample files. Tests that use it are marked `assets`."""
     return ASSETS
-
-
-@pytest.fixture
-def special_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pictures of the test, and of the processes that it starts, take kernels specialised to their scenes.
-
-    For tests with an empty cache, where one specialised kernel compiles in less time than a general one, and for tests of the choice.
-    """
-    monkeypatch.setenv("MAQUETTE_KERNELS", "special")

@@ -33,7 +33,7 @@ class Render:
         self.folder = folder
         self.picture, self.checkpoint = folder / "a.exr", folder / "a.exr.checkpoint"
         self.command = [sys.executable, "-m", "maquette", "render", "a.scene", "-q", "--size", "320x240", "--bounces", "4", *options]
-        self.environment = {**os.environ, "MAQUETTE_KERNELS": "special", "MAQUETTE_PROGRESS": "off"}
+        self.environment = {**os.environ, "MAQUETTE_PROGRESS": "off"}
 
     def start(self, *options: str) -> subprocess.Popen[bytes]:
         command = [*self.command, *options]

@@ -22,7 +22,7 @@ from . import common_options as shared
 from . import memory, terminal
 from . import option_types as values
 from . import render_job as jobs
-from .job import start_time
+from .job import geometry_costs, start_time
 
 COMMANDS = {  # in the order of --help, which imports none of them
     "new": "Write the starter scene NAME.scene.",
@@ -198,17 +198,27 @@ def _check_frames(frames: tuple[float, ...] | None, time: float | None, animated
 @click.argument("scenes", type=shared.FILE, nargs=-1, required=True)
 @shared.scene_options
 @click.option("--strict", is_flag=True, help="Count warnings as errors: among them everything that a file has and is not drawn.")
+@click.option("--build", is_flag=True, help="Make the geometry, too: solids, text and heightfields, whose last errors show then.")
 @click.option("--json", "as_json", is_flag=True, help="Print all diagnostics as a JSON list.")
-@shared.examples("maquette check room.scene", "maquette check examples/*.scene --json", "maquette check robot.usdz --strict")
+@shared.examples(
+    "maquette check room.scene", "maquette check bracket.scene --build", "maquette check examples/*.scene --json",
+    "maquette check robot.usdz --strict",
+)  # fmt: skip
 @click.pass_context
-def check(ctx: click.Context, scenes: tuple[Path, ...], strict: bool, as_json: bool, **given: Any) -> None:
-    """Report errors and warnings in SCENES without rendering."""
+def check(ctx: click.Context, scenes: tuple[Path, ...], strict: bool, build: bool, as_json: bool, **given: Any) -> None:
+    """Report errors and warnings in SCENES without rendering.
+
+    Text, heightfields and solids are not made: boxes stand for them. Errors that show only when they are made are found with --build,
+    and by all commands that draw: nothing is left of a solid, its parts are not closed, heights between the places that were tried.
+    """
+    from ..compiler.mesh import built_geometry
     from ..compiler.plan import plan as planner
 
     failed, data = False, []
     for path in scenes:
         try:
-            scene, found = shared.source_of(path, dict(given)).load({})
+            with contextlib.nullcontext() if build else built_geometry.left_out():
+                scene, found = shared.source_of(path, dict(given)).load({})
             diagnostics = (*found.items, *planner.default_notes(scene))
         except SceneError as error:
             diagnostics = error.diagnostics
@@ -262,15 +272,17 @@ def explain(scene: Path, as_json: bool, **given: Any) -> None:
     """Show the render plan of SCENE with reasons.
 
     Begins with the five decisions that matter most for the scene. Then prints each decision of the plan: its value, its reason, and
-    the option that changes it. The last line names the compiled
-    kernels that a picture takes: those specialised to the scene, or general ones until these are compiled.
+    the option that changes it. Then come the compiled kernels that a picture takes, those specialised to the scene, or general ones
+    until these are compiled, and the shapes whose geometry takes long to make, with their seconds.
     """
+    from ..compiler.mesh import built_geometry
     from ..compiler.plan import importance
     from ..render import picture_notes
     from ..render.backends import kernel_choice
 
     source, settings, overrides = shared.read_options(scene, given)
-    compiled = shared.load(source)
+    with built_geometry.recorded() as costs:
+        compiled = shared.load(source)
     plan = jobs.make_plan(compiled, settings, overrides)
     kind, state = kernel_choice.describe(compiled, plan)
     matters = importance.most_important(plan)
@@ -280,10 +292,14 @@ def explain(scene: Path, as_json: bool, **given: Any) -> None:
             for d in plan.decisions.values()
         ]
         rows.append({"name": "kernels", "value": kind, "reason": state, "overridden": False, "matters": False})
+        made = geometry_costs.rows(costs)
+        rows.append({"name": "geometry", "value": made, "reason": "seconds to make it", "overridden": False, "matters": False})
         click.echo(json.dumps(jobs.json_value(rows), indent=2))
     else:
         terminal.explain(compiled, plan, matters)
         click.echo(f"kernels  {kind}  {state}")
+        for line in geometry_costs.lines(costs):
+            click.echo(line)
     terminal.report(picture_notes.plan_warnings(compiled, plan))
 
 

@@ -63,6 +63,17 @@ class Font:
         self._draw.set_cubic_to_func(_Pen.curve_to)
         self._draw.set_close_path_func(_Pen.close_path)
 
+    def extent(self, text: str, layout: Layout) -> tuple[tuple[F64, F64], str]:
+        """(two corners of a box about a text, its characters without a glyph), without outlines; equal corners: nothing is visible."""
+        lines = text.replace("\r\n", "\n").replace("\t", TAB).split("\n")
+        missing: dict[str, None] = {}
+        width = max(self._shaped(line, layout.spacing, missing)[1] for line in lines) if text.strip() else 0.0
+        below = (len(lines) - 1) * layout.line_spacing * self.line
+        up = {"baseline": 0.0, "bottom": below, "top": -self.capital, "center": 0.5 * (below - self.capital)}[layout.vertical]
+        left = {"left": 0.0, "center": -0.5 * width, "right": -width}[layout.align]
+        corners = np.array([left, up - below]), np.array([left + width, up + self.capital])
+        return (corners[0] / self.capital, corners[1] / self.capital), "".join(missing)
+
     def outlines(self, text: str, layout: Layout) -> tuple[list[F64], str]:
         """The polygons (n, 2) of a text, and its characters without a glyph.
 

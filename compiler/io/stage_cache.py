@@ -64,6 +64,11 @@ class StageCache:
         return known[1] if known is not None and known[0] is array else None
 
 
+def is_active() -> bool:
+    """Whether results are kept, so that the digests of their inputs are worth their time."""
+    return _current.get() is not None
+
+
 def cached(stage: str, inputs: tuple[Any, ...], make: Callable[[], T]) -> T:
     """make(), or its result for equal inputs if the last compilation has kept one. Its arrays are read-only then.
 

@@ -13,6 +13,8 @@ from ..formula.builder import Builder
 from ..formula.from_formula import NotASurface
 from ..formula.opcodes import Op
 from ..formula.tape import MOST_LIVE, Tape, X, Y, Z, most_live
+from ..io import stage_cache
+from ..mesh import built_geometry
 from ..scene import transforms
 from ..scene.row_records import Piece
 from .context import Context
@@ -70,6 +72,14 @@ def implicit(lowering: Context, element: Element) -> list[Piece]:
         bounds = tight
     tape, bounds, ball = to_metres(tape, unit), bounds * unit, tuple(number * unit for number in ball)
     return implicit_piece(lowering, element, tape, bounds, (float(sheet), *ball))
+
+
+def shrunk(tape: Tape, bounds: np.ndarray) -> np.ndarray | None:
+    """The box of a field's surface within bounds (2, 3); None without a surface. The bounds themselves where geometry is left out."""
+    if built_geometry.is_left_out():
+        return bounds
+    with built_geometry.part("bounded"):
+        return stage_cache.cached("formulas bounded", (tape, bounds), lambda: bounding_box.shrink_bounds(tape, bounds))
 
 
 def implicit_piece(lowering: Context, element: Element, tape: Tape, bounds: np.ndarray, parameters: Sequence[float]) -> list[Piece]:

@@ -12,13 +12,15 @@ from ..formula.builder import Builder
 from ..formula.from_formula import NotASurface, add_formula
 from ..formula.tape import X, Z
 from ..importers import images
+from ..io import stage_cache
 from ..io.sandbox import FileError
-from ..mesh import height_grids, profiles
+from ..mesh import built_geometry, height_grids, profiles
 from ..scene import transforms
 from ..scene.row_records import Piece
 from .context import Context
 
 MOST_HEIGHTS = 1 << 22
+FEW = 32  # steps of formulas where geometry is left out
 LUMINANCE = (0.2126, 0.7152, 0.0722)  # of linear Rec.709
 
 
@@ -37,6 +39,10 @@ def heightfield(lowering: Context, element: Element) -> list[Piece]:
             raise _Unfit(f"the base ends at y = {-base:.4g} m, and the lowest height is {lowest:.4g} m", "write a greater `base`")
     except _Unfit as unfit:
         return lowering.refuse(element, str(unfit), unfit.hint)
+    if built_geometry.is_left_out():
+        half = 0.5 * np.array(size)
+        low, high = np.array([-half[0], lowest if base is None else -base, -half[1]]), np.array([half[0], heights.max(), half[1]])
+        return [Piece(lowering.builder.mesh(built_geometry.box(low, high), element.place), transforms.identity())]
     made = height_grids.surface(heights, size) if base is None else height_grids.solid(heights, size, base)
     return [Piece(lowering.builder.mesh(made, element.place), transforms.identity())]
 
@@ -89,9 +95,14 @@ def _of_formula(element: Element, formula: Formula) -> np.ndarray:
     except NotASurface as unfit:
         raise _Unfit(str(unfit), unfit.hint) from None
     size, steps = element.args["size"], element.args["steps"]
+    steps = min(steps, FEW) if built_geometry.is_left_out() else steps
     columns, rows = (max(1, round(steps * side / max(size))) + 1 for side in size)
     x, z = np.meshgrid(np.linspace(-0.5, 0.5, columns) * size[0], np.linspace(-0.5, 0.5, rows) * size[1])
-    heights = numpy_interpreter.points(tape, x / formula.unit, 0.0, z / formula.unit)[0] * formula.unit
+    unit = formula.unit
+    with built_geometry.part("evaluated"):
+        heights = stage_cache.cached(
+            "heights evaluated", (tape, x, z, unit), lambda: numpy_interpreter.points(tape, x / unit, 0.0, z / unit)[0] * unit
+        )
     wrong = ~np.isfinite(heights)
     if wrong.any():
         row, column = np.argwhere(wrong)[0]

@@ -13,7 +13,7 @@ import numpy as np
 from ...lang.elements import Element
 from .. import ir
 from ..importers.common.replacements import NONE, Replacements
-from ..mesh import polygon_mesh, triangulate
+from ..mesh import built_geometry, polygon_mesh, triangulate
 from ..scene import fit_height, transforms
 from ..scene.row_records import MeshAttribute, MeshData, Outlines, Piece
 from . import formulas, heightfields, solids, sweeps, texts
@@ -36,7 +36,8 @@ def pieces(lowering: Context, element: Element) -> list[Piece]:
 
 
 def _pieces(lowering: Context, element: Element) -> list[Piece]:
-    return [piece for piece in _SHAPES[element.kind](lowering, element) if piece.geometry >= 0]
+    with built_geometry.timed(element.kind, element.place):
+        return [piece for piece in _SHAPES[element.kind](lowering, element) if piece.geometry >= 0]
 
 
 def centered(lowering: Context, element: Element) -> tuple[int, tuple[float, float, float]]:

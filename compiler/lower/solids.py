@@ -12,12 +12,13 @@ import numpy as np
 from ...lang.elements import Element
 from .. import ir
 from ..fillets import arcs
-from ..formula import bounding_box, solid_fields
+from ..formula import solid_fields
 from ..formula.builder import Builder
 from ..formula.opcodes import Op
 from ..formula.solid_fields import NoSolid, Point
 from ..formula.tape import Tape, X, Y, Z
-from ..mesh import mesh_csg
+from ..io import stage_cache
+from ..mesh import built_geometry, mesh_csg
 from ..scene import transforms
 from ..scene.row_records import Piece
 from ..scene.shape_bounds import boxes_under
@@ -64,15 +65,18 @@ def solid(lowering: Context, element: Element) -> list[Piece]:
     def mixed(own: int) -> int:
         return solid_materials.row(lowering, element, body.looks, own)
 
+    if body.mesh is not None and built_geometry.is_left_out():
+        return [Piece(lowering.builder.mesh(built_geometry.box(*body.bounds), element.place), transforms.identity(), mixed=mixed)]
     if body.mesh is not None:
         return [Piece(lowering.builder.mesh(mesh_csg.mesh(body.mesh), element.place), transforms.identity(), mixed=mixed)]
     builder = Builder()
-    tape = builder.finish(body.field(builder, (X, Y, Z)))
+    with built_geometry.part("put into one formula"):
+        tape = builder.finish(body.field(builder, (X, Y, Z)))
     if not len(tape.code):
         lowering.warn(element, f"nothing is left of this {element.kind}: it is not drawn")
         return []
     margin = formulas.MARGIN * (body.bounds[1] - body.bounds[0])
-    bounds = bounding_box.shrink_bounds(tape, np.stack([body.bounds[0] - margin, body.bounds[1] + margin]))
+    bounds = formulas.shrunk(tape, np.stack([body.bounds[0] - margin, body.bounds[1] + margin]))
     if bounds is None:
         lowering.warn(element, f"nothing is left of this {element.kind}: it is not drawn")
         return []
@@ -120,6 +124,10 @@ def _own_bodies(lowering: Context, element: Element, matrix: np.ndarray) -> list
 
 def _mesh(lowering: Context, element: Element, pieces: list[Piece]) -> Body:
     """A closed mesh as a body."""
+    if built_geometry.is_left_out():
+        boxes = [lowering.builder.bounds(piece.geometry, piece.matrix) for piece in pieces]
+        bounds = np.stack([np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)])
+        return Body(_no_field, bounds, mesh_csg.of_box(bounds))
     try:
         made, inside_out = mesh_csg.manifold_of_pieces(lowering.builder, pieces)
     except NoSolid as reason:
@@ -213,7 +221,7 @@ def _combined(bounds_of: Callable[[list[np.ndarray], float], np.ndarray]) -> Cal
         bounds = bounds_of([body.bounds for body in bodies], radius if len(bodies) > 1 else 0.0)
         if element.args.get("seams") == "blended" and not radius:
             lowering.warn(element, "without `round` there is no fillet to mix materials over", "give a radius, or leave out `seams`")
-        rounded = radius > 0 and len(bodies) > 1
+        rounded = radius > 0 and len(bodies) > 1 and not built_geometry.is_left_out()
         field = _rounded(element.kind, bodies, radius) if rounded else _sharp(element.kind, bodies)
         return Body(field, bounds, looks=_looks(element, bodies))
 
@@ -251,7 +259,12 @@ def _rounded(kind: str, bodies: list[Body], radius: float) -> Field:
         builder = Builder()
         name = body.field(builder, (X, Y, Z))
         tapes.append(builder.finish(builder.op(Op.NEGATE, name) if kind == "difference" and k else name))
-    tape = arcs.fillet_union(tapes, [body.bounds for body in bodies], radius, complement=kind != "union")
+    bounds = tuple(body.bounds for body in bodies)
+    with built_geometry.part("rounded"):
+        tape = stage_cache.cached(
+            "edges rounded", (tuple(tapes), bounds, radius, kind != "union"),
+            lambda: arcs.fillet_union(tapes, bounds, radius, complement=kind != "union"),
+        )  # fmt: skip
     return lambda b, point: b.inline(tape, point)[0]
 
 
@@ -265,13 +278,14 @@ def _of_meshes(lowering: Context, element: Element, bodies: list[Body]) -> Body:
         message = "the parts of a solid with a mesh in it are of one material"
         lowering.error(element, message, f"give it to the {element.kind}, or draw the parts beside each other")
         raise _Refused
-    made = mesh_csg.combine(element.kind, [_triangles(lowering, element, body, bodies) for body in bodies])
+    least = bodies[:1] if built_geometry.is_left_out() and element.kind == "difference" else bodies  # boxes might leave nothing
+    made = mesh_csg.combine(element.kind, [_triangles(lowering, element, body, bodies) for body in least])
     return Body(_no_field, mesh_csg.bounds(made), made, looks=bodies[0].looks)
 
 
 def _triangles(lowering: Context, element: Element, body: Body, beside: list[Body]) -> Any:
     """The mesh of a part; of an unbounded one, the portion near the bounded parts if that suffices."""
-    if body.mesh is not None or body.meshed is not None:
+    if body.mesh is not None or (body.meshed is not None and not built_geometry.is_left_out()):
         return body.mesh if body.meshed is None else body.meshed()
     bounds, builder = body.bounds, Builder()
     field = body.field(builder, (X, Y, Z))
@@ -285,6 +299,8 @@ def _triangles(lowering: Context, element: Element, body: Body, beside: list[Bod
         half, middle = 0.5 * (bounds[1] - bounds[0]), bounds.mean(axis=0)
         field = builder.op(Op.MAX, field, solid_fields.shape_field(builder, ir.GeometryKind.BOX, half.tolist(), _shifted(builder, middle)))
     margin = formulas.MARGIN * (bounds[1] - bounds[0])
+    if built_geometry.is_left_out():
+        return mesh_csg.of_box(bounds)
     try:
         return mesh_csg.of_field(builder.finish(field), np.stack([bounds[0] - margin, bounds[1] + margin]))
     except NoSolid as reason:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from ...lang import file_types
 from ...lang.diagnostics import suggest
 from ...lang.elements import Element
 from ..importers import fonts
+from ..io import stage_cache
 from ..io.sandbox import LIBRARY, FileError
-from ..mesh import polygon_mesh, swept
+from ..mesh import built_geometry, polygon_mesh, swept
 from ..scene import transforms
 from ..scene.row_records import Piece
 from .context import Context
@@ -32,7 +35,12 @@ def text(lowering: Context, element: Element) -> list[Piece]:
     except fonts.FontError as failure:
         return lowering.refuse(element, str(failure), "write the name of a TrueType or OpenType file")
     layout = fonts.Layout(args["align"], args["vertical"], args["spacing"], args["line_spacing"])
-    loops, missing = font.outlines(args["string"], layout)
+    if built_geometry.is_left_out():
+        (low, high), missing = font.extent(args["string"], layout)
+        loops = [np.array([low, high])] if high[0] > low[0] else []
+    else:
+        with built_geometry.part("outlined"):
+            loops, missing = _outlines(font, path, args["string"], layout)
     if missing:
         message = f"the font `{args['font']}` has no glyph for {fonts.describe(missing)}"
         lowering.warn(element, message, "take another font, or leave them out")
@@ -42,9 +50,25 @@ def text(lowering: Context, element: Element) -> list[Piece]:
     size, depth = args["size"], args["depth"]
     depth = DEPTH * size if depth is None else depth
     loops = [loop * size for loop in loops]
+    if built_geometry.is_left_out():
+        box = built_geometry.box(np.append(loops[0][0], 0.0), np.append(loops[0][1], depth))
+        return [Piece(lowering.builder.mesh(box, element.place), transforms.identity())]
     mesh = swept.extrude(loops, swept.Sweep(0.0, depth)) if depth else swept.sheet(loops)
     data, _ = polygon_mesh.assemble(_upright(mesh), args["crease"])
     return [Piece(lowering.builder.mesh(data, element.place), transforms.identity())]
+
+
+def _outlines(font: fonts.Font, path: Path, string: str, layout: fonts.Layout) -> tuple[list[np.ndarray], str]:
+    """See fonts.Font.outlines; kept for the next compilation."""
+    about = path.stat()
+    inputs = (str(path), about.st_mtime_ns, about.st_size, string, tuple(layout))
+
+    def make() -> tuple[tuple[np.ndarray, ...], str]:
+        loops, missing = font.outlines(string, layout)
+        return tuple(loops), missing
+
+    loops, missing = stage_cache.cached("texts outlined", inputs, make)
+    return list(loops), missing
 
 
 def _upright(mesh: polygon_mesh.PolyMesh) -> polygon_mesh.PolyMesh:

@@ -15,7 +15,9 @@ from .. import ir
 from ..formula import dual_contouring
 from ..formula.solid_fields import NoSolid
 from ..formula.tape import Tape
+from ..io import stage_cache
 from ..scene.row_records import MeshAttribute, MeshData, Piece
+from . import built_geometry
 
 if TYPE_CHECKING:
     from ..scene.builder import SceneBuilder
@@ -71,14 +73,24 @@ def volume(positions: np.ndarray, faces: np.ndarray) -> float:
 
 def of_field(tape: Tape, bounds: np.ndarray) -> Manifold:
     """The solid of a scalar field within a bounding box."""
-    made = dual_contouring.within(tape, bounds, float((bounds[1] - bounds[0]).max()) / FINENESS, MAX_CELLS)
+    tolerance = float((bounds[1] - bounds[0]).max()) / FINENESS
+    with built_geometry.part("made into triangles"):
+        made = stage_cache.cached(
+            "surfaces contoured", (tape, bounds, tolerance), lambda: dual_contouring.within(tape, bounds, tolerance, MAX_CELLS)
+        )
+    return _manifold(made.positions, made.triangles)
+
+
+def of_box(bounds: np.ndarray) -> Manifold:
+    """The box of bounds (2, 3)."""
+    made = built_geometry.box(*bounds, closed=True)
     return _manifold(made.positions, made.triangles)
 
 
 def _manifold(positions: np.ndarray, faces: np.ndarray) -> Manifold:
     import manifold3d
 
-    mesh = manifold3d.Mesh64(np.ascontiguousarray(positions, np.float64), np.ascontiguousarray(faces, np.uint64))
+    mesh = manifold3d.Mesh64(np.array(positions, np.float64, order="C"), np.array(faces, np.uint64, order="C"))  # writable ones
     made = manifold3d.Manifold(mesh)
     if made.status() != manifold3d.Error.NoError:
         raise NoSolid(f"its triangles do not enclose anything ({made.status().name})")
@@ -159,7 +171,20 @@ def combine(kind: str, parts: Sequence[Manifold]) -> Manifold:
     from manifold3d import Manifold, OpType
 
     how = {"union": OpType.Add, "intersection": OpType.Intersect, "difference": OpType.Subtract}[kind]
-    return Manifold.batch_boolean(list(parts), how)
+
+    def make() -> Manifold:
+        made = Manifold.batch_boolean(list(parts), how)
+        made.num_tri()  # otherwise it is made when it is asked for
+        return made
+
+    with built_geometry.part("combined"):
+        return stage_cache.cached("solids combined", (kind, *map(_content, parts)), make) if stage_cache.is_active() else make()
+
+
+def _content(solid: Manifold) -> bytes:
+    """The digest of a solid's triangles."""
+    made = solid.to_mesh64()
+    return stage_cache.digest(np.asarray(made.vert_properties), np.asarray(made.tri_verts))
 
 
 def bounds(solid: Manifold) -> np.ndarray:
@@ -169,6 +194,12 @@ def bounds(solid: Manifold) -> np.ndarray:
 
 def mesh(solid: Manifold) -> MeshData:
     """The solid's triangles, with normals smooth except across sharp edges."""
+    if stage_cache.is_active():
+        return stage_cache.cached("solids made meshes", (_content(solid),), lambda: _mesh(solid))
+    return _mesh(solid)
+
+
+def _mesh(solid: Manifold) -> MeshData:
     made = solid.calculate_normals(0, SHARP).to_mesh64(0)
     numbers = np.asarray(made.vert_properties)
     normals = MeshAttribute(numbers[:, 3:6].copy(), ir.Interpolation.VERTEX)

@@ -13,6 +13,7 @@ from lsprotocol import types
 from ...compiler import load
 from ...compiler.io import sandbox
 from ...compiler.io.source_files import SceneReader
+from ...compiler.mesh import built_geometry
 from ...compiler.plan import plan as planner
 from ...lang.diagnostics import Diagnostic, Diagnostics, SceneError, Span, sort_diagnostics
 from ...lang.eval import evaluator
@@ -49,7 +50,8 @@ def check(path: str, texts: Mapping[str, str], allow: Sequence[Path] = ()) -> Ch
                 reader = SceneReader(sandbox.Files(Path(path).parent, allow))
                 evaluator.evaluate(reader.main(path, Path(path)), reader, found)
             else:
-                found.items += planner.default_notes(load.load(Path(path), allow=allow, diagnostics=found))
+                with built_geometry.left_out():
+                    found.items += planner.default_notes(load.load(Path(path), allow=allow, diagnostics=found))
             items = found.items
         except SceneError as error:
             items = list(error.diagnostics)

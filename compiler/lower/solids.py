@@ -65,10 +65,9 @@ def solid(lowering: Context, element: Element) -> list[Piece]:
     def mixed(own: int) -> int:
         return solid_materials.row(lowering, element, body.looks, own)
 
-    if body.mesh is not None and built_geometry.is_left_out():
-        return [Piece(lowering.builder.mesh(built_geometry.box(*body.bounds), element.place), transforms.identity(), mixed=mixed)]
     if body.mesh is not None:
-        return [Piece(lowering.builder.mesh(mesh_csg.mesh(body.mesh), element.place), transforms.identity(), mixed=mixed)]
+        made = built_geometry.box(*body.bounds) if built_geometry.is_left_out() else mesh_csg.mesh(body.mesh)
+        return [Piece(lowering.builder.mesh(made, element.place), transforms.identity(), mixed=mixed)]
     builder = Builder()
     with built_geometry.part("put into one formula"):
         tape = builder.finish(body.field(builder, (X, Y, Z)))
@@ -261,10 +260,8 @@ def _rounded(kind: str, bodies: list[Body], radius: float) -> Field:
         tapes.append(builder.finish(builder.op(Op.NEGATE, name) if kind == "difference" and k else name))
     bounds = tuple(body.bounds for body in bodies)
     with built_geometry.part("rounded"):
-        tape = stage_cache.cached(
-            "edges rounded", (tuple(tapes), bounds, radius, kind != "union"),
-            lambda: arcs.fillet_union(tapes, bounds, radius, complement=kind != "union"),
-        )  # fmt: skip
+        inputs, complement = (tuple(tapes), bounds, radius, kind), kind != "union"
+        tape = stage_cache.cached("edges rounded", inputs, lambda: arcs.fillet_union(tapes, bounds, radius, complement))
     return lambda b, point: b.inline(tape, point)[0]
 
 

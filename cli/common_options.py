@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..compiler.importers.stage_options import AXES, UNITS
+from ..compiler.io.regular_files import is_regular
 from ..lang.limits import MAX_ELEMENTS
 from ..lang.schema.elements import MAX_BOUNCES
 from . import option_types as values
@@ -59,7 +60,18 @@ def _pairs(ctx: click.Context, param: click.Parameter, given: Sequence[tuple[str
     return pairs
 
 
+class _OrdinaryFile(click.Path):
+    """A file that a library opens by its name: it would wait for the writer of a pipe."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        path = super().convert(value, param, ctx)
+        if not is_regular(path):
+            self.fail(f"{value} is a device, a pipe or a socket: give the name of a file", param, ctx)
+        return path
+
+
 FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
+LAYER = _OrdinaryFile(exists=True, dir_okay=False, path_type=Path)
 OUT = click.Path(path_type=Path)
 CLUSTER = click.option(
     "--cluster", metavar="ADDRESS",
@@ -88,7 +100,7 @@ scene_options = options(
     ),
     click.option("--up", type=click.Choice(AXES), help="Axis of a mesh file that points up. Default: z for .stl, y for the others."),
     click.option("--animation", metavar="NAME", help="Animation of a glTF file: its name or number. Default: the first."),
-    click.option("--session-layer", type=FILE, help="USD layer whose values go over those of the stage."),
+    click.option("--session-layer", type=LAYER, help="USD layer whose values go over those of the stage."),
     click.option(
         "--max-elements", type=click.IntRange(1), help=f"Limit of the elements that a scene makes and places. Default: {MAX_ELEMENTS:,}."
     ),

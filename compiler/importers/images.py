@@ -14,7 +14,7 @@ import numpy as np
 from ...lang.diagnostics import Diagnostics, Span
 from ...lang.input_error import InputError
 from ..io import library_messages, picture_contents, stage_cache
-from ..io.regular_files import read_bytes
+from ..io.regular_files import is_regular, read_bytes
 
 if TYPE_CHECKING:
     from ..scene.builder import SceneBuilder
@@ -213,8 +213,13 @@ def _decode(values: np.ndarray, space: str) -> np.ndarray:
 
 @contextmanager
 def _on_disk(source: str | bytes) -> Iterator[str]:
-    """A path for a source: a memory file for bytes where the system supports it, else a temporary file."""
+    """A path for a source: a memory file for bytes where the system supports it, else a temporary file.
+
+    Raises ImageError for the path of a device, a pipe or a socket, for which a library would wait.
+    """
     if isinstance(source, str):
+        if os.path.exists(source) and not is_regular(source):
+            raise ImageError(f"the picture `{os.path.basename(source)}` is not an ordinary file")
         yield source
     elif hasattr(os, "memfd_create"):
         handle = os.memfd_create("picture")

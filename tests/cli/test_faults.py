@@ -55,8 +55,8 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[], Any]], None
     def then(happen: Callable[[], Any]) -> None:
         draw = render_scene.draw
 
-        def changed(*arguments: Any) -> Any:
-            image = draw(*arguments)
+        def changed(*arguments: Any, **more: Any) -> Any:
+            image = draw(*arguments, **more)
             happen()
             return image
 
@@ -110,6 +110,78 @@ def test_the_current_folder_is_removed(tmp_path: Path, monkeypatch: pytest.Monke
     code, told = run("-o", "a.exr")
     (rescued,) = tmp_path.glob("temporary/a.*.rescued.exr")
     assert (code, told) == (1, f"error: cannot write a.exr: the current folder was removed; its pixels are in {rescued}\n")
+
+
+def command(*arguments: object) -> tuple[int, str]:
+    """(exit code, stderr) of a command."""
+    done = CliRunner().invoke(cli, [*map(str, arguments)])
+    return done.exit_code, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "link"),
+    [
+        (("render", "a.scene", "-o", "b.png", "-q"), "b.png"),
+        (("render", "a.scene", "-o", "b.png", "--stats", "b.json", "-q"), "b.json"),
+        (("render", "a.scene", "-o", "b.#.png", "--frames", "1..2", "-q"), "b.2.png"),
+        (("render", "a.scene", "-o", "b.#.png", "--frames", "1..2", "--resume", "-q"), "b.2.png"),
+        (("render", "a.scene", "-o", "b.gif", "--frames", "1..2", "-q"), "b.gif"),
+        (("convert", "a.scene", "b.obj"), "b.obj"),
+        (("convert", "a.scene", "b.usda"), "b.usda"),
+        (("sweep", "a.scene", "--set", "radius=1,2", "-o", "b.png", "-q"), "b.png"),
+        (("thumbnail", "a.scene", "-o", "."), "a.scene.png"),
+        (("thumbnail", "a.scene", "-o", "."), "index.html"),
+        (("format", "b.scene"), "b.scene"),
+        (("new", "b.scene"), "b.scene"),
+        (("chart", "a.json", "-o", "b.svg"), "b.svg"),
+    ],
+)
+def test_nothing_is_written_through_a_link(tmp_path: Path, arguments: tuple[str, ...], link: str) -> None:
+    (tmp_path / "secret").write_text("sphere( 1 )\n", encoding="utf-8")
+    Path("a.scene").write_text(f"param radius = 1\n{SCENE}", encoding="utf-8")
+    Path("a.json").write_text("{}", encoding="utf-8")
+    Path(link).symlink_to(tmp_path / "secret")
+    code, told = command(*arguments)
+    if "thumbnail" not in arguments or link == "index.html":
+        assert code == 1
+    assert "is a link, and nothing is written through links" in told or "exists already" in told
+    assert Path(link).is_symlink()
+    assert (tmp_path / "secret").read_text(encoding="utf-8") == "sphere( 1 )\n"
+
+
+def test_frames_are_not_removed_through_a_link(tmp_path: Path) -> None:
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / "0001.png").write_bytes(b"a photo")
+    Path("b.gif.frames").symlink_to("photos")
+    assert run("-o", "b.gif", "--frames", "1..2") == (1, f"error: b.gif.frames {LINK}\n")
+    assert (tmp_path / "photos" / "0001.png").read_bytes() == b"a photo"
+
+
+# --- inputs ----------------------------------------------------------------------------------------------------------------
+
+
+def test_no_pipe_is_waited_for() -> None:
+    """As a picture of a stage, its layer, and the files of the command line."""
+    os.mkfifo("pipe.png")
+    os.mkfifo("pipe.usda")
+    os.mkfifo("pipe.scene")
+    Path("a.usda").write_text(
+        """#usda 1.0
+(subLayers = [@pipe.usda@])
+def DomeLight "Sky" {
+    asset inputs:texture:file = @pipe.png@
+}
+""", encoding="utf-8"
+    )  # fmt: skip
+    size = ("--size", "8", "--samples", "1", "-q", "-o", "b.png")
+    code, told = command("render", "a.usda", *size)
+    assert (code, "no ordinary file" in told, "the picture `pipe.png` is not an ordinary file" in told) == (0, True, True), told
+    why = "pipe.usda is a device, a pipe or a socket: give the name of a file\n"
+    code, told = command("render", "a.usda", "--session-layer", "pipe.usda", *size)
+    assert (code, told.endswith(why)) == (2, True)
+    for arguments in (("check", "pipe.scene"), ("format", "pipe.scene"), ("compare", "pipe.png", "pipe.png"), ("inspect", "pipe.usda")):
+        code, told = command(*arguments)
+        assert (code, "ordinary file" in told) == (1, True), (arguments, told)
 
 
 # --- frames ----------------------------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""maquette: a scene-description language compiler and renderer. The public functions: load, load_text, render, show, compare.
+"""maquette: a scene-description language compiler and renderer. The public functions: load, load_text, render, sweep, show, compare.
 
     import maquette
     scene = maquette.load("room.scene", hour=20)
@@ -29,11 +29,13 @@ if TYPE_CHECKING:
     from .live.widget import Widget
     from .render.image.image import Image
     from .render.image.metrics import Difference
+    from .render.python_options import Swept
     from .render.python_scene import Scene
 
-__all__ = ["__version__", "compare", "load", "load_text", "render", "show"]
+__all__ = ["__version__", "compare", "load", "load_text", "render", "show", "sweep"]
 
 __version__ = VERSION
+LOADING = ("sets", "time", "allow", "variants", "max_elements", "diagnostics")  # the options of `load` that are no params
 
 
 def load(
@@ -52,12 +54,14 @@ def load(
     `params` are values of the scene's params: numbers, truth values, lists, arrays, and texts in the language ("2cm", "#d0402a").
     `sets` are further ones, all as text, for names that are options here; `time` is in seconds; `allow` are folders it may read
     beside its own; `variants` choose USD variants ({"/prim:set": "name"}). `max_elements` limits the elements that a scene
-    makes and places (default 10 million). Warnings are added to `diagnostics`.
+    makes and places (default 10 million). Warnings and notes are added to `diagnostics`; without it, warnings are SceneWarnings.
+    Both are in the scene's `diagnostics` as well.
     Raises maquette.lang.diagnostics.SceneError with everything that is wrong in it.
     """
     from .compiler import load as loader
     from .compiler.importers.stage_options import StageOptions
     from .lang import diagnostics as messages
+    from .render.python_options import as_text, warn
     from .render.python_scene import Scene
 
     if not isinstance(source, str | Path):
@@ -68,13 +72,16 @@ def load(
                 **params,
             )  # fmt: skip
     found = diagnostics if diagnostics is not None else messages.Diagnostics()
+    known = len(found.items)
     folders = tuple(Path(folder) for folder in allow)
-    given = {**{name: _as_text(value) for name, value in params.items()}, **(sets or {})}
+    given = {**{name: as_text(value) for name, value in params.items()}, **(sets or {})}
     made = loader.load(
         Path(source), sets=given, time=time, allow=folders, stage=StageOptions(variants=variants or {}), max_elements=max_elements,
         diagnostics=found, seconds={},
     )  # fmt: skip
-    return Scene.of(made)
+    if diagnostics is None:
+        warn(found.items, 2)
+    return Scene.of(made, found.items[known:])
 
 
 def _written(source: Any, folder: Path) -> tuple[Path, list[Path]]:
@@ -103,38 +110,58 @@ def load_text(text: str, folder: str | Path = ".", **options: Any) -> "Scene":
         return load(path, **options)
 
 
-def _as_text(value: Any) -> str:
-    """A Python value in the syntax of a scene."""
-    if hasattr(value, "tolist"):  # of numpy
-        value = value.tolist()
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_as_text, value))}]"
-    return value if isinstance(value, str) else repr(value)
+def render(scene: "ir.Scene | str | Path | Any", *, plan: Mapping[str, str] | None = None, **options: Any) -> "Image":
+    """Draw a scene, or what `load` takes.
 
-
-def render(scene: "ir.Scene | str | Path", *, plan: Mapping[str, str] | None = None, **settings: Any) -> "Image":
-    """Draw a scene, or the file of one.
-
-    `settings` are the fields of compiler.ir.Settings: size=(800, 600), backend="ray", samples=16, aov=("depth",) and so
-    on; they go before the scene's own. `plan` overrides decisions by name. The Image holds float32 linear channels.
+    `options` are the fields of compiler.ir.Settings: size=(800, 600), backend="ray", samples=16, aov=("depth",) and so on; they go
+    before the scene's own. For a file they are the options of `load` as well, values of params among them: height=0.4.
+    `plan` overrides decisions by name. The Image holds float32 linear channels. Warnings are SceneWarnings; see image.diagnostics.
     """
     from .compiler import ir
+    from .lang.diagnostics import SceneError
+    from .render.python_options import explain_unknown, split
     from .render.python_scene import Scene
 
-    return Scene.of(scene if isinstance(scene, ir.Scene) else load(scene)).render(plan=plan, **settings)
+    if isinstance(scene, ir.Scene):
+        return Scene.of(scene).render(plan=plan, **options)
+    settings, others = split(options)
+    try:
+        loaded = load(scene, **others)
+    except SceneError as error:
+        explain_unknown(error, "render", others)
+        raise
+    return loaded.render(plan=plan, diagnostics=others.get("diagnostics"), **settings)
 
 
-def show(path: str | Path, *, plan: Mapping[str, str] | None = None, allow: Sequence[str | Path] = (), **settings: Any) -> "Widget":
+def sweep(source: "str | Path", *, plan: Mapping[str, str] | None = None, **options: Any) -> "list[Swept]":
+    """Draw a scene file for several values of its params: sweep("gear.scene", teeth=[8, 12, 16], size=(160, 120)).
+
+    `options` are those of `render` with a file. A param with a list, tuple, range or array of values is varied; several are combined,
+    the last varies fastest. One value of a vector or colour is a list in that list. Returns the pictures with their values.
+    Raises ValueError if no param has several values.
+    """
+    from .render.python_options import Swept, combinations, split
+
+    settings, others = split(options)
+    loading = {name: value for name, value in others.items() if name in LOADING}
+    params = {name: value for name, value in others.items() if name not in LOADING}
+    return [
+        Swept(values, load(source, **loading, **values).render(plan=plan, diagnostics=loading.get("diagnostics"), **settings))
+        for values in list(combinations(params))
+    ]
+
+
+def show(path: str | Path, *, plan: Mapping[str, str] | None = None, allow: Sequence[str | Path] = (), **options: Any) -> "Widget":
     """The live window of a scene file as a widget of a notebook, which follows its edits; see docs/live.md.
 
-    `settings` and `plan` are those of `render`, `allow` that of `load`. Raises ImportError without anywidget.
+    `options` are settings of `render` and values of params, `plan` is that of `render`, `allow` that of `load`.
+    Raises ImportError without anywidget.
     """
     from .compiler import ir
     from .compiler import load as loader
     from .lang.distribution import install_command
     from .live.scene_files import Opened
+    from .render.python_options import as_text, split
 
     try:
         from .live.widget import Widget
@@ -144,7 +171,9 @@ def show(path: str | Path, *, plan: Mapping[str, str] | None = None, allow: Sequ
     if not file.is_file():
         raise FileNotFoundError(f"there is no file {file}")
     made = partial(loader.load, file, allow=tuple(Path(folder) for folder in allow))
-    return Widget(Opened(file, made, ir.Settings(**settings), plan or {}))
+    settings, params = split(options)
+    sets = {name: as_text(value) for name, value in params.items()}
+    return Widget(Opened(file, made, ir.Settings(**settings), plan or {}, sets))
 
 
 def compare(image: "Image | str | Path", reference: "Image | str | Path") -> "Difference":

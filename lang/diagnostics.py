@@ -62,6 +62,10 @@ class Diagnostic:
 MAX_MESSAGES = 8  # in the text of a SceneError
 
 
+class SceneWarning(UserWarning):
+    """The category of a warning about a scene or a picture, for Python's `warnings`."""
+
+
 class SceneError(Exception):
     """Raised for input with errors. Carries all diagnostics so far, warnings included."""
 

@@ -3,35 +3,52 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields
-from typing import Any
+from typing import Any, ClassVar
 
 from ..compiler import ir
 from ..compiler.plan import plan as planner
-from . import render_scene
+from ..lang.diagnostics import Diagnostic, Diagnostics
+from . import picture_notes, python_options, render_scene
 from .image.image import Image
 
 
 class Scene(ir.Scene):
     """A compiled scene. `render` draws it; its tables and names are those of ir.Scene."""
 
-    @classmethod
-    def of(cls, scene: ir.Scene) -> Scene:
-        """The same scene."""
-        return scene if isinstance(scene, cls) else cls(**{field.name: getattr(scene, field.name) for field in fields(ir.Scene)})
+    diagnostics: ClassVar[tuple[Diagnostic, ...]] = ()
+    """Warnings and notes of its compilation."""
 
-    def render(self, *, plan: Mapping[str, str] | None = None, **settings: Any) -> Image:
+    @classmethod
+    def of(cls, scene: ir.Scene, found: Iterable[Diagnostic] = ()) -> Scene:
+        """The same scene, with the diagnostics of its compilation."""
+        if isinstance(scene, cls):
+            return scene
+        made = cls(**{field.name: getattr(scene, field.name) for field in fields(ir.Scene)})
+        object.__setattr__(made, "diagnostics", tuple(found))
+        return made
+
+    def render(self, *, plan: Mapping[str, str] | None = None, diagnostics: Diagnostics | None = None, **settings: Any) -> Image:
         """Draw the scene.
 
         `settings` are the fields of ir.Settings: size=(800, 600), backend="ray", samples=16, error=0.01, aov=("depth",) and so on;
-        they go before the scene's own. `plan` overrides decisions by name. The Image holds float32 linear channels.
-        Raises planner.PlanError for settings that exclude each other.
+        they go before the scene's own. `plan` overrides decisions by name. The Image holds float32 linear channels. Its `diagnostics`
+        are warnings and notes about it. They are added to those given; without some, warnings are SceneWarnings.
+        Raises planner.PlanError for settings that exclude each other, TypeError for names that are no settings.
         """
-        made = planner.make_plan(self, ir.Settings(**settings), plan)
+        asked = python_options.settings_of(self, settings)
+        made = planner.make_plan(self, asked, plan)
         for note in made.notes:
             warnings.warn(note, DeprecationWarning, stacklevel=3)
-        return render_scene.draw(self, made)
+        image = render_scene.draw(self, made)
+        found = [*picture_notes.plan_warnings(self, made), *picture_notes.of_render(image.metadata, self, made, asked)]
+        image.metadata["diagnostics"] = tuple(found)
+        if diagnostics is None:
+            python_options.warn(found, 3)
+        else:
+            diagnostics.items += found
+        return image
 
     def show(self, **settings: Any) -> None:
         """Draw the scene and open the picture in the desktop's viewer. A notebook shows `scene.render()`; see maquette.show, too."""

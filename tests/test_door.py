@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from pathlib import Path
 
 import maquette
@@ -15,7 +16,7 @@ import trimesh
 from click.testing import CliRunner
 from maquette.cli.main import cli
 from maquette.compiler.plan.plan import PlanError
-from maquette.lang.diagnostics import Diagnostics, SceneError, sort_diagnostics
+from maquette.lang.diagnostics import Diagnostics, SceneError, SceneWarning, sort_diagnostics
 from maquette.render.image import image_files, image_reader
 from maquette.render.image.image import Image
 from PIL import Image as pillow
@@ -177,3 +178,78 @@ def test_textures_of_an_open_stage_are_found(tmp_path: Path) -> None:
     assert CliRunner().invoke(cli, ["convert", str(scene), str(tmp_path / "a.usda")]).exit_code == 0
     loaded = maquette.load(Usd.Stage.Open(str(tmp_path / "a.usda")))
     assert len(loaded.tables.images.width) == 1
+
+
+# --- params, settings and warnings ---
+
+
+def test_render_and_sweep_take_params_as_load_does(path: Path) -> None:
+    assert maquette.render(path, radius=0.5, size=(8, 6), backend="raster").width == 8
+    found = maquette.sweep(path, radius=[0.5, 1.5], size=(8, 6), backend="raster", sets={})
+    assert [picture.values for picture in found] == [{"radius": 0.5}, {"radius": 1.5}]
+    covered = [float(np.asarray(picture.image)[..., 3].sum()) for picture in found]
+    assert covered[0] < covered[1]
+    assert len(maquette.sweep(path, radius=np.array([0.5, 1.5]), size=(4, 3), backend="raster")) == 2
+    with pytest.raises(ValueError, match=r"^no param has several values: write maquette\.sweep\(file, radius=\[0\.4, 0\.8, 1\.6\]\)$"):
+        maquette.sweep(path, radius=0.5)
+
+
+def test_names_that_are_neither_params_nor_settings(path: Path) -> None:
+    with pytest.raises(SceneError) as error:
+        maquette.render(path, sample=4)
+    assert error.value.diagnostics[0].message == "the scene has no param `sample`"
+    assert error.value.__notes__ == ["nor has render a setting `sample`; did you mean `samples`?"]
+    scene = maquette.load(path)
+    with pytest.raises(TypeError) as misspelt:
+        scene.render(sample=4)
+    assert str(misspelt.value) == (
+        "render has no setting `sample`; did you mean `samples`?: it has size, backend, samples, error, budget, bounces, seed, filter, "
+        "background, crop, aov, exposure, view, camera, threads, denoise, tolerance"
+    )
+    with pytest.raises(TypeError) as refused:
+        maquette.render(scene, radius=0.4)
+    message = "`radius` is a param of this scene, which is compiled: give it to maquette.load, or to render with the file"
+    assert str(refused.value) == message
+
+
+@pytest.mark.parametrize("paint", [[1, 0.5, 0], (1.0, 0.5, 0.0), np.array([1, 0.5, 0], np.float32), "rgb(1, 0.5, 0)"])
+def test_a_colour_is_a_list_of_three_linear_numbers(tmp_path: Path, paint: object) -> None:
+    path = tmp_path / "b.scene"
+    path.write_text(PARAMS, encoding="utf-8")
+    scene = maquette.load(path, paint=paint)
+    assert scene.tables.materials.values[0, 1].tolist() == [1.0, 0.5, 0.0]
+    assert [param.value for param in scene.params if param.name == "paint"] == [(1.0, 0.5, 0.0)]
+
+
+@pytest.mark.parametrize("paint", [[1, 0.5], [1, 0.5, 0, 1], [1, -1, 0], ["a", 1, 1]])
+def test_other_lists_are_no_colours(tmp_path: Path, paint: list) -> None:
+    path = tmp_path / "b.scene"
+    path.write_text(PARAMS, encoding="utf-8")
+    with pytest.raises(SceneError):
+        maquette.load(path, paint=paint)
+
+
+def test_a_list_is_no_colour_inside_of_a_scene(tmp_path: Path) -> None:
+    (tmp_path / "part.scene").write_text("param paint: color = #ffffff\nsphere(1, material: lambert(paint))\n", encoding="utf-8")
+    with pytest.raises(SceneError) as error:
+        maquette.load_text('use "part.scene"\npart(paint: [1, 0, 0])\n', tmp_path)
+    assert error.value.diagnostics[0].message == "expected colour, got a list of 3"
+
+
+def test_warnings_and_notes_reach_python(path: Path) -> None:
+    path.write_text(SCENE + "let unused = 3\n", encoding="utf-8")
+    with pytest.warns(SceneWarning, match=r"a\.scene:6:5: `unused` is never used"):
+        scene = maquette.load(path)
+    assert [(told.severity, told.message) for told in scene.diagnostics] == [("warning", "`unused` is never used")]
+    found = Diagnostics()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        maquette.load(path, diagnostics=found)
+    assert [told.message for told in found.items] == ["`unused` is never used"]
+
+
+def test_notes_about_a_picture_reach_python(path: Path) -> None:
+    black = "sphere(1, material: lambert(0))\nsky(luminance: 0)\ncamera([0, 0, 5])\nrender(size: [8, 6], samples: 1)\n"
+    path.write_text(black, encoding="utf-8")
+    image = maquette.render(path, backend="raster")
+    assert "the picture is black: no light reaches what the camera sees" in [told.message for told in image.diagnostics]

@@ -337,7 +337,7 @@ def set_value(param: ast.Param, text: str, scope: Scope, evaluator: Evaluator) -
             evaluator.report(f"`{text}` is not one value", Span(shown, 1, len(line) - len(text) + 1, 1, len(line) + 1))
         raise Poisoned
     node = file.items[0].value
-    return ArgumentValue(name, node.span, evaluator.value(node, scope), node.span, node)
+    return ArgumentValue(name, node.span, evaluator.value(node, scope), node.span, node, outside=True)
 
 
 # --- helpers --------------------------------------------------------------------------------------------------------

@@ -146,19 +146,19 @@ def _number_or_length(value: Value, place: Place, arg: Arg) -> float:
 Item = Callable[[Value, Place, Arg], Any]
 
 
-def _each(values: tuple[Value, ...], place: Place, arg: Arg, item: Item) -> tuple[Any, ...]:
-    """Every item converted by `item`. An error has the place of its item; `item` itself gets that place only for a list."""
+def _each(values: tuple[Value, ...], place: Place, arg: Arg, item: Item | tuple[Item, ...]) -> tuple[Any, ...]:
+    """Every item converted by `item`, or each by its own. An error has the place of its item, `item` itself only that of a list."""
     result = []
     for i, v in enumerate(values):
         try:
-            result.append(item(v, place.item(i) if isinstance(v, tuple) else place, arg))
+            result.append((item[i] if isinstance(item, tuple) else item)(v, place.item(i) if isinstance(v, tuple) else place, arg))
         except Mistake as mistake:
             mistake.span = mistake.span or place.item(i).span
             raise
     return tuple(result)
 
 
-def _exactly(count: int, item: Item, wanted: str, hint: str = "") -> Item:
+def _exactly(count: int, item: Item | tuple[Item, ...], wanted: str, hint: str = "") -> Item:
     def convert_list(value: Value, place: Place, arg: Arg) -> tuple[Any, ...]:
         if isinstance(value, tuple) and len(value) == count:
             return _each(value, place, arg, item)
@@ -292,27 +292,11 @@ def _material(value: Value, place: Place, arg: Arg) -> Any:
     raise _type_error(value, "material", hint)
 
 
-def _materials(value: Value, place: Place, arg: Arg) -> tuple[tuple[str, Any], ...]:
-    """Pairs of a name and a material."""
+def _materials(value: Value, place: Place, arg: Arg) -> tuple[Any, ...]:
     wanted = "list of pairs of a name and a material"
-    if isinstance(value, tuple) and len(value) == 2 and isinstance(value[0], str):
-        raise _type_error(value, wanted, 'write [["name", material]], with brackets around the pairs')
-
-    if category(value) == "material":
-        raise _type_error(value, wanted, 'write material: for all of the file, or materials: [["name", material]]')
-
-    def pair(item: Value, at: Place, arg: Arg) -> tuple[str, Any]:
-        if not isinstance(item, tuple) or len(item) != 2:
-            raise _type_error(item, "pair of a name and a material", 'write ["name", material]')
-        found = []
-        for k, convert_part in enumerate((_string, _material)):
-            try:
-                found.append(convert_part(item[k], at.item(k), arg))
-            except Mistake as mistake:
-                mistake.span = mistake.span or at.item(k).span
-                raise
-        return found[0], found[1]
-
+    if category(value) == "material" or (isinstance(value, tuple) and value[:1] and isinstance(value[0], str)):
+        raise _type_error(value, wanted, 'write [["name", material]]; one material for all of the file is material:')
+    pair = _exactly(2, (_string, _material), "pair of a name and a material", 'write ["name", material]')
     return _list_of(pair, wanted)(value, place, arg)
 
 

@@ -120,6 +120,7 @@ class ArgumentValue:
     name, name_span  the name it is given by, None for an argument by position; the place of the name
     value            the value
     span, node       the place and the syntax of the value, for messages about a part of it
+    outside          whether it is a value of `--set` or of a call from Python
     """
 
     name: str | None
@@ -127,6 +128,7 @@ class ArgumentValue:
     value: Any
     span: Span
     node: ast.Node | None = None
+    outside: bool = False
 
 
 class Evaluator(Protocol):

@@ -94,6 +94,8 @@ def param_value(param: ast.Param, given: ArgumentValue | None, scope: Scope, cal
     allowed = range_of(param, type_name, scope)
     value, span = (default, param.default.span) if given is None else (given.value, given.span)
     try:
+        if given is not None and given.outside and type_name == "color" and isinstance(value, tuple):
+            value = _color_of(value)
         if given is not None and type_name:
             typed = coerce(value, type_name, caller)
             untyped = param.type is None and type_name in ("number", "list")
@@ -103,6 +105,13 @@ def param_value(param: ast.Param, given: ArgumentValue | None, scope: Scope, cal
         mistake.span = mistake.span or span
         raise
     return value
+
+
+def _color_of(value: tuple[Value, ...]) -> Value:
+    """The colour of a list of three numbers, as rgb(r, g, b), of values from outside of the scene; another list as it is."""
+    if len(value) != 3 or not all(isinstance(part, float) and part >= 0 for part in value):
+        return value
+    return Color(*map(float, value))  # type: ignore[arg-type]
 
 
 def default_of(param: ast.Param, scope: Scope) -> tuple[Value, str]:

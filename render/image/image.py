@@ -50,6 +50,11 @@ class Image:
         """(height, width, 4) rgba, for numpy."""
         return np.array(self.channels["rgba"], dtype=dtype, copy=copy)
 
+    @property
+    def diagnostics(self) -> tuple[Any, ...]:
+        """Warnings and notes about the picture, of maquette.render: lang.diagnostics.Diagnostic."""
+        return tuple(self.metadata.get("diagnostics", ()))
+
     def __repr__(self) -> str:
         how = [str(self.metadata[key]) for key in ("backend",) if key in self.metadata]
         how += [f"{self.metadata['samples']:g} samples a pixel"] if "samples" in self.metadata else []

@@ -27,9 +27,19 @@ class Asset:
     path: str
     tiles: udim.Tiles | None = None  # of a UDIM texture; `path` is the first
 
-    def row(self, builder: SceneBuilder, space: str, color: bool = True, span: Span | None = None) -> int:
+    def among(self, numbers: tuple[int, ...] | None) -> Asset | None:
+        """The tiles of some numbers of a UDIM texture, all for None; None without any."""
+        if self.tiles is None or numbers is None:
+            return self
+        tiles = self.tiles.among(numbers)
+        return None if tiles is None else Asset(tiles.paths[0][1], tiles)
+
+    def row(
+        self, builder: SceneBuilder, space: str, color: bool = True, span: Span | None = None, missing: tuple[float, ...] = (0, 0, 0, 1)
+    ) -> int:  # fmt: skip
+        """The row of the image. Tiles of a UDIM texture that are not there have the value `missing`. Raises images.ImageError."""
         if self.tiles is not None:
-            return self.tiles.row(builder, space, color, _source, span)
+            return self.tiles.row(builder, space, color, _source, span, missing)
         source = _source(self.path)
         if isinstance(source, str):
             return images.row(builder, Path(source), space, color, span)
@@ -62,13 +72,14 @@ def asset(value: Any, warnings: Warnings, prim: Any, what: str = "picture") -> A
     resolved = str(getattr(value, "resolvedPath", "") or "")
     tiles: tuple[tuple[int, str], ...] = ()
     if "<UDIM>" in written:
-        found = UsdShade.UdimUtils.ResolveUdimTilePaths(written, _layer(prim))
-        tiles = tuple(sorted((int(number), str(path)) for path, number in found if not warnings.opened.fenced_off(str(path))))
-        resolved = tiles[0][1] if tiles else str(found[0][0]) if found else ""
+        found = [(int(number), str(path)) for path, number in UsdShade.UdimUtils.ResolveUdimTilePaths(written, _layer(prim))]
+        found += udim.high_tiles(str(Path(_layer(prim).realPath).parent / written))
+        tiles = tuple(sorted((number, path) for number, path in found if not warnings.opened.fenced_off(path)))
+        resolved = tiles[0][1] if tiles else found[0][1] if found else ""
     if not resolved and "<UDIM>" not in written:
         resolved = _otherwise_spelled(written, prim)
     if not resolved:
-        warnings.diagnostics.warning(f"there is no {what} `{written}`: {without}", warnings.opened.span(prim))
+        warnings.tell(f"there is no {what} `{written}`: {without}", prim)
         return None
     if warnings.opened.fenced_off(resolved):
         message = f"the {what} `{written}` lies outside of the scene's folder: {without}"

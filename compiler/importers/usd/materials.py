@@ -240,7 +240,7 @@ class Materials:
         if any(isinstance(source, Primvar) for source in network.inputs.values()):
             return self._row(network, prim, fit)
         maps = tuple((name, None if map_ is None else map_.tobytes()) for name, map_ in fit.maps.items())
-        key = (network.path, fit.colored, fit.number, maps)
+        key = (network.path, fit.colored, fit.number, fit.tiles, maps)
         if key not in self._rows:
             self._rows[key] = self._row(network, prim, fit)
         return self._rows[key]
@@ -358,8 +358,9 @@ class Materials:
         found = self._picture(picture)
         if found is None:
             return NONE, (missing[0], missing[1], missing[2])
+        unread = tuple((v - b) / g if g else 0.0 for g, b, v in zip(*self._levels(picture), strict=True))  # becomes the fallback
         try:
-            row = found.row(self.builder, self._space(picture), color, self.opened.span(picture.shader.GetPrim()))
+            row = found.row(self.builder, self._space(picture), color, self.opened.span(picture.shader.GetPrim()), unread)
         except images.ImageError as failure:
             self.builder.diagnostics.warning(failure.message, self.opened.span(picture.shader.GetPrim()), failure.hint)
             return NONE, (missing[0], missing[1], missing[2])
@@ -413,8 +414,12 @@ class Materials:
         scale, bias, fallback = (tuple(map(float, v)) if len(v) == 4 else defaults[k] for k, v in found.items())
         return tuple(v * picture.gain for v in scale), tuple(v * picture.gain + picture.bias for v in bias), fallback
 
-    def _picture(self, picture: Picture) -> Asset | None:
+    def file(self, picture: Picture) -> Asset | None:
+        """The file of a picture, with all its tiles."""
         return asset(self._value(picture.shader.GetInput("file"), None), self.warnings, picture.shader.GetPrim())
+
+    def _picture(self, picture: Picture) -> Asset | None:
+        return None if (found := self.file(picture)) is None else found.among(self._fit.tiles)
 
 
 def _purpose(relation: str) -> str:

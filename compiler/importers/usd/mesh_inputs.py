@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,8 +17,9 @@ from ...ir import F64
 from ...scene.row_records import MeshAttribute
 from .. import uv_sets
 from . import geometry, stage
-from .materials import DISPLAY_COLOR, DISPLAY_OPACITY
-from .network import Fit, Network
+from .materials import DISPLAY_COLOR, DISPLAY_OPACITY, Materials
+from .network import Fit, Network, Picture
+from .pictures import udim
 
 _UV_NAMES = ("st", "UVMap", "uv", "map1", "Texture_uv")
 
@@ -59,16 +60,21 @@ def _uv_name(prim: Any) -> str | None:
     return None
 
 
-def parts(network: Network | None, prim: Any, read: geometry.Reads, faces: np.ndarray | None, time: Any) -> list[Part]:
-    """The parts of a mesh's faces: one for each map between the texture coordinates that the material's pictures read."""
-    fit = Fit(read.color is not None, number=read.uv if read.ramp else None)
-    others = network.varnames[1:] if network else ()
-    if not others or str(prim.GetTypeName()) in geometry.SHAPES:
+def parts(network: Network | None, prim: Any, read: geometry.Reads, faces: np.ndarray | None, materials: Materials) -> list[Part]:
+    """The parts of a mesh's faces: one for each map between the texture coordinates that the material's pictures read, and each tile."""
+    fit, time = Fit(read.color is not None, number=read.uv if read.ramp else None), materials.opened.time
+    others, tiled = network.varnames[1:] if network else (), _tiled(network, materials)
+    if not (others or tiled) or str(prim.GetTypeName()) in geometry.SHAPES:
         return [Part(faces, fit)]
     counts, indices = geometry.topology(prim, time)
     points = len(stage.numbers(prim.GetAttribute("points"), time, np.float64, 3))
     if not len(counts) or (counts < 0).any() or counts.sum() != len(indices) or not points:
         return [Part(faces, fit)]
+    if not others:
+        given = geometry.primvar(UsdGeom.PrimvarsAPI(prim), str(read.uv), time, 2, points, counts, Diagnostics(), Span(""))
+        if given is None:
+            return [Part(faces, fit)]
+        return _by_tiles(_at_corners(given, counts, np.clip(indices, 0, points - 1)), counts, faces, fit, tiled, materials)
     api, found = UsdGeom.PrimvarsAPI(prim), {}
     for name in (str(read.uv), *others):
         given = geometry.primvar(api, name, time, 2, points, counts, Diagnostics(), Span(""))
@@ -87,6 +93,34 @@ def parts(network: Network | None, prim: Any, read: geometry.Reads, faces: np.nd
         if len(chosen):
             each = Fit(fit.colored, maps | dict(zip(known, of, strict=True)))
             made.append(Part(faces, each) if len(groups) == 1 else Part(chosen, each, f"uv{k}"))
+    return made
+
+
+def _tiled(network: Network | None, materials: Materials) -> list[tuple[Picture, udim.Tiles]]:
+    """The pictures of a material in UDIM tiles, if all have one frame."""
+    pictures = [given for given in network.inputs.values() if isinstance(given, Picture)] if network else []
+    found = [(each, file.tiles) for each in pictures if (file := materials.file(each)) is not None and file.tiles is not None]
+    return found if len({each.frame for each, _ in found}) == 1 else []
+
+
+def _by_tiles(
+    uvs: F64, counts: np.ndarray, faces: np.ndarray | None, fit: Fit, tiled: list[tuple[Picture, udim.Tiles]], materials: Materials
+) -> list[Part]:  # fmt: skip
+    """The parts of faces with coordinates (c, 2) at their corners: one for each tile, and one for the faces over several tiles."""
+    number, several, used = udim.of_faces(uvs, counts, tiled[0][0].frame)
+    for picture, tiles in tiled:
+        missing = sorted(used - {n for n, _ in tiles.paths})
+        if missing and missing != [udim.NO_TILE]:
+            names = ", ".join(str(n) for n in missing if n != udim.NO_TILE)
+            materials.tell(f"`{tiles.name}` has no tile {names}: its fallback is drawn there", picture.shader.GetPrim())
+    groups = [(f"tile{n}", (n,), np.flatnonzero((number == n) & ~several)) for n in np.unique(number[~several]).tolist()]
+    groups.append(("tiles", tuple(sorted(used)), np.flatnonzero(several)))
+    made = []
+    for name, tiles, rows in groups:
+        chosen = rows if faces is None else np.intersect1d(rows, faces)
+        if len(chosen):
+            whole = len(chosen) == len(counts) and faces is None
+            made.append(Part(None if whole else chosen, replace(fit, tiles=tiles), "" if whole else name))
     return made
 
 

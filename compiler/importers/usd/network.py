@@ -17,6 +17,7 @@ class Fit:
     colored: bool = False  # the mesh has vertex colours
     maps: dict[str, np.ndarray | None] = field(default_factory=dict)  # (3, 3) from the part's coordinates to a primvar's; None: unknown
     number: str | None = None  # the primvar that is the mesh's u
+    tiles: tuple[int, ...] | None = None  # of UDIM textures in which its faces lie; None: all
 
 
 @dataclass(frozen=True, slots=True)

@@ -162,7 +162,7 @@ SHADERS = Table(
     "Shaders",
     drawn={
         "UsdPreviewSurface": "see the inputs",
-        "UsdUVTexture": "with wrap modes, scale, bias, fallback and colour space; UDIM tiles",
+        "UsdUVTexture": "with wrap modes, scale, bias, fallback and colour space; UDIM tiles, each a picture of its own",
         "UsdTransform2d": "",
         "UsdPrimvarReader_float UsdPrimvarReader_float2 UsdPrimvarReader_float3 UsdPrimvarReader_float4": "",
         "ND_standard_surface_surfaceshader ND_open_pbr_surface_surfaceshader ND_gltf_pbr_surfaceshader arnold:standard_surface": (

@@ -287,7 +287,7 @@ class Walk:
         network = self.materials.bound(owner)
         reads = mesh_inputs.reads(network, prim)
         pieces = []
-        for part in mesh_inputs.parts(network, prim, reads, faces, self.opened.time):
+        for part in mesh_inputs.parts(network, prim, reads, faces, self.materials):
             geometry = self._geometry(prim, reads, part, name, network, matrix)
             if geometry == NONE:
                 continue

@@ -373,26 +373,71 @@ def test_a_constant_normal(tmp_path, normal):
         assert (t.textures.bias[row] == 0).all()
 
 
-def test_udim_tiles_are_one_image(tmp_path):
-    """Tiles 1001, 1002 and 1011 of one colour each; coordinates from 0 to 2 reach all."""
-    for number, color, side in ((1001, (255, 0, 0), 2), (1002, (0, 255, 0), 4), (1011, (0, 0, 255), 2)):
-        write_image(tmp_path / f"t.{number}.png", np.full((side, side, 3), color, np.uint8))
-    nodes = """def Shader "t" { uniform token info:id = "UsdUVTexture"
+def udim(folder, sides, st, options="", faces="[4]", indices="[0, 1, 2, 3]"):
+    """The scene of a square with coordinates `st` and a texture of tiles: number, colour, pixels along a side."""
+    for number, color, side in sides:
+        write_image(folder / f"t.{number}.png", np.full((side, side, 3), color, np.uint8))
+    nodes = f"""def Shader "t" {{ uniform token info:id = "UsdUVTexture"
         asset inputs:file = @t.<UDIM>.png@
         token inputs:sourceColorSpace = "raw"
-        float3 outputs:rgb }"""
-    scene, messages = read(tmp_path, stage("color3f inputs:diffuseColor.connect = </m/t.outputs:rgb>", nodes))
+        {options}
+        float3 outputs:rgb }}"""
+    coordinates = f'texCoord2f[] primvars:st = {st} (interpolation = "faceVarying")'
+    text = stage("color3f inputs:diffuseColor.connect = </m/t.outputs:rgb>", nodes, coordinates)
+    return read(folder, text.replace("faceVertexCounts = [4]", f"faceVertexCounts = {faces}").replace("[0, 1, 2, 3]", indices))
+
+
+RED, GREEN, BLUE = (255, 0, 0), (0, 255, 0), (0, 0, 255)
+
+
+def test_tiles_are_pictures_of_their_own(tmp_path):
+    """Two triangles, in tiles 1001 and 1101; the third tile is not read."""
+    st = [(0.1, 0.1), (0.9, 0.1), (0.9, 0.9), (0.1, 10.1), (0.9, 10.1), (0.9, 10.9)]
+    scene, messages = udim(tmp_path, [(1001, RED, 2), (1002, BLUE, 64), (1101, GREEN, 4)], st, "", "[3, 3]", "[0, 1, 2, 0, 2, 3]")
     t = scene.tables
     assert messages == []
+    assert t.images.width.tolist() == [2, 4]
+    rows = t.materials.textures[t.instances.material, ir.Slot.DIFFUSE]
+    assert [t.images.texels[t.images.first[t.textures.image[row]]].tolist() for row in rows] == [[1, 0, 0, 1], [0, 1, 0, 1]]
+    assert t.textures.frame[rows[1]].tolist() == [[1, 0, 0], [0, 1, -10]]
+    assert t.textures.wrap_u[rows].tolist() == [ir.Wrap.CLAMP] * 2
+
+
+def test_faces_of_a_tile_that_is_missing_show_the_fallback(tmp_path):
+    st = [(0.1, 0.1), (0.9, 0.1), (0.9, 0.9), (2.1, 0.1), (2.9, 0.1), (2.9, 0.9)]
+    fallback = "float4 inputs:fallback = (0, 0, 1, 1)\nfloat4 inputs:scale = (2, 2, 2, 2)"
+    scene, messages = udim(tmp_path, [(1001, RED, 2)], st, fallback, "[3, 3]", "[0, 1, 2, 0, 2, 3]")
+    assert messages == ["x.usda</m/t>: warning: `t.<UDIM>.png` has no tile 1003: its fallback is drawn there"]
+    assert [slot(scene, "DIFFUSE", k) for k in (0, 1)] == [[1, 1, 1], [0, 0, 1]]
+
+
+def test_a_face_over_several_tiles_has_their_image(tmp_path):
+    """Tiles 1001, 1002 and 1011 of one colour each; coordinates from 0 to 2 reach all and 1012, which shows the fallback."""
+    st, fallback = [(0, 0), (2, 0), (2, 2), (0, 2)], "float4 inputs:fallback = (0.5, 0.25, 0.75, 1)"
+    scene, messages = udim(tmp_path, [(1001, RED, 2), (1002, GREEN, 4), (1011, BLUE, 2)], st, fallback)
+    t = scene.tables
+    assert messages == ["x.usda</m/t>: warning: `t.<UDIM>.png` has no tile 1012: its fallback is drawn there"]
     assert (t.images.width[0], t.images.height[0]) == (8, 8)
-    texels = t.images.texels.reshape(8, 8, 4)[..., :3]
-    frame = t.textures.frame[t.materials.textures[t.instances.material[0], ir.Slot.DIFFUSE]]
+    texels = t.images.texels.reshape(8, 8, 4)[..., :3]  # from the top
+    assert np.array_equal(texels[:4, :4], np.broadcast_to([0, 0, 1], (4, 4, 3)))
+    assert np.array_equal(texels[4:, 4:], np.broadcast_to([0, 1, 0], (4, 4, 3)))
+    assert np.array_equal(texels[:4, 4:], np.broadcast_to([0.5, 0.25, 0.75], (4, 4, 3)))
 
-    def at(u, v):
-        x, y = frame @ [u, v, 1]
-        return texels[int((1 - y) * 8), int(x * 8)].tolist()
 
-    assert [at(0.5, 0.5), at(1.5, 0.5), at(0.5, 1.5), at(1.5, 1.5)] == [[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 0]]
+@pytest.mark.parametrize("several", [False, True])
+def test_tiles_that_are_too_big_together_are_halved(tmp_path, monkeypatch, several):
+    monkeypatch.setattr("maquette.compiler.importers.images.MAX_ALL_TEXELS", 40 * 32 * 32 // 10)
+    triangles = [(k + u, v) for k in range(5) for u, v in ((0.1, 0.1), (0.9, 0.1), (0.9, 0.9))]
+    st = [(0, 0), (5, 0), (5, 1), (0, 1)] if several else triangles
+    faces, indices = ("[4]", "[0, 1, 2, 3]") if several else ("[3, 3, 3, 3, 3]", str([0, 1, 2] * 5))
+    tiles = [(1001 + k, (50 * k, 0, 0), 32) for k in range(5)]
+    scene, messages = udim(tmp_path, tiles, st, "", faces, indices)
+    t = scene.tables
+    assert t.images.width.tolist() == ([5 * 16] if several else [32, 32, 32, 16, 16])
+    assert t.images.texels[:, 0].max() == pytest.approx(200 / 255)
+    assert len(t.images.texels) <= 4 * 32 * 32
+    shown = "tiles of `t.<UDIM>.png` are drawn with 16 by 16 pixels in place of 32 by 32"
+    assert messages == [f"x.usda</m/t>: warning: {shown}\n  all pictures of a scene have at most 4,096 pixels"]
 
 
 @pytest.mark.parametrize(

@@ -65,7 +65,7 @@ class _OrdinaryFile(click.Path):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         path = super().convert(value, param, ctx)
-        if not is_regular(path):
+        if not is_regular(Path(value)):
             self.fail(f"{value} is a device, a pipe or a socket: give the name of a file", param, ctx)
         return path
 

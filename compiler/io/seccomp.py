@@ -61,7 +61,7 @@ _SET_MODE_FILTER, _TSYNC, _GET_ACTION_AVAIL = 1, 1, 2
 _SECCOMP = (317, 277)
 
 
-class _Step(NamedTuple):
+class Step(NamedTuple):
     """One BPF instruction. A jump skips `yes` or `no` instructions."""
 
     code: int
@@ -92,25 +92,27 @@ def restrict() -> None:
     """
     if why := missing():
         raise OSError(why)
-    column, architecture = _ARCHITECTURES[platform.machine()]
-    steps = list(_filter(column, architecture, os.getpid()))
+    column, _ = _ARCHITECTURES[platform.machine()]
+    steps = list(program(platform.machine(), os.getpid()))
     packed = b"".join(struct.pack("HBBI", step.code, step.yes, step.no, step.value) for step in steps)
-    program = _Program(len(steps), packed)
+    loaded = _Program(len(steps), packed)
     libc = ctypes.CDLL(None, use_errno=True)
-    failed = libc.syscall(_SECCOMP[column], _SET_MODE_FILTER, _TSYNC, ctypes.byref(program))
+    failed = libc.syscall(_SECCOMP[column], _SET_MODE_FILTER, _TSYNC, ctypes.byref(loaded))
     if failed:
         raise OSError(f"cannot filter system calls: {os.strerror(ctypes.get_errno()) if failed < 0 else 'a thread has another filter'}")
 
 
-def _filter(column: int, architecture: int, process: int) -> Iterator[_Step]:
-    yield _Step(_LOAD, _ARCHITECTURE)
-    yield _Step(_EQUAL, architecture, 1, 0)
-    yield _Step(_RETURN, _KILL_PROCESS)
-    yield _Step(_LOAD, _NUMBER)
+def program(machine: str, process: int) -> Iterator[Step]:
+    """The filter for a machine (platform.machine()) and the process with a number, which may send signals to itself."""
+    column, architecture = _ARCHITECTURES[machine]
+    yield Step(_LOAD, _ARCHITECTURE)
+    yield Step(_EQUAL, architecture, 1, 0)
+    yield Step(_RETURN, _KILL_PROCESS)
+    yield Step(_LOAD, _NUMBER)
     if column == 0:
-        yield from (_Step(_AT_LEAST, _X32, 0, 1), _refuse(errno.ENOSYS))
+        yield from (Step(_AT_LEAST, _X32, 0, 1), _refuse(errno.ENOSYS))
     for first, last in _ranges(_numbers(column)):
-        yield from (_Step(_AT_LEAST, first, 0, 2), _Step(_ABOVE, last, 1, 0), _Step(_RETURN, _ALLOW))
+        yield from (Step(_AT_LEAST, first, 0, 2), Step(_ABOVE, last, 1, 0), Step(_RETURN, _ALLOW))
     yield from _call(_OPEN[column], _among(1, _OPENS, mask=_ACCESS))
     yield from _call(_OPENAT[column], _among(2, _OPENS, mask=_ACCESS))
     yield from _call(_IOCTL[column], _among(1, _IOCTLS, errno.ENOTTY))
@@ -120,7 +122,7 @@ def _filter(column: int, architecture: int, process: int) -> Iterator[_Step]:
     yield from _call(_KILL[column], _among(0, (process,)))
     yield from _call(_TGKILL[column], _among(0, (process,)))
     yield from _call(_CLONE[column], _threads())
-    yield from (_Step(_AT_LEAST, _FIRST_NEW, 0, 1), _refuse(errno.ENOSYS), _refuse(errno.EPERM))
+    yield from (Step(_AT_LEAST, _FIRST_NEW, 0, 1), _refuse(errno.ENOSYS), _refuse(errno.EPERM))
 
 
 def _numbers(column: int) -> set[int]:
@@ -140,29 +142,29 @@ def _ranges(numbers: Iterable[int]) -> Iterator[tuple[int, int]]:
     yield first, last
 
 
-def _call(number: int, steps: list[_Step]) -> list[_Step]:
+def _call(number: int, steps: list[Step]) -> list[Step]:
     """Steps for one system call, all of whose ways end with a return."""
-    return [_Step(_EQUAL, number, 0, len(steps)), *steps] if number else []
+    return [Step(_EQUAL, number, 0, len(steps)), *steps] if number else []
 
 
-def _among(argument: int, values: tuple[int, ...], refusal: int = errno.EPERM, mask: int = 0) -> list[_Step]:
+def _among(argument: int, values: tuple[int, ...], refusal: int = errno.EPERM, mask: int = 0) -> list[Step]:
     """Allow a call whose argument is one of some values. The system reads the lower 32 bits of these arguments, as this does."""
-    masked = [_Step(_AND, mask)] if mask else []
-    tests = [_Step(_EQUAL, value, len(values) - k, 0) for k, value in enumerate(values)]
-    return [_Step(_LOAD, _ARGUMENTS + 8 * argument), *masked, *tests, _refuse(refusal), _Step(_RETURN, _ALLOW)]
+    masked = [Step(_AND, mask)] if mask else []
+    tests = [Step(_EQUAL, value, len(values) - k, 0) for k, value in enumerate(values)]
+    return [Step(_LOAD, _ARGUMENTS + 8 * argument), *masked, *tests, _refuse(refusal), Step(_RETURN, _ALLOW)]
 
 
-def _flags_or_among() -> list[_Step]:
+def _flags_or_among() -> list[Step]:
     """Allow fcntl of some kinds, and F_SETFL without O_ASYNC: a terminal would send SIGIO to its foreground processes."""
-    set_flags = [_Step(_LOAD, _ARGUMENTS + 16), _Step(_ANY_BIT, _ASYNC, 0, 1), _refuse(errno.EPERM), _Step(_RETURN, _ALLOW)]
-    return [_Step(_LOAD, _ARGUMENTS + 8), _Step(_EQUAL, _SETFL, 0, len(set_flags)), *set_flags, *_among(1, _FCNTLS)]
+    set_flags = [Step(_LOAD, _ARGUMENTS + 16), Step(_ANY_BIT, _ASYNC, 0, 1), _refuse(errno.EPERM), Step(_RETURN, _ALLOW)]
+    return [Step(_LOAD, _ARGUMENTS + 8), Step(_EQUAL, _SETFL, 0, len(set_flags)), *set_flags, *_among(1, _FCNTLS)]
 
 
-def _threads() -> list[_Step]:
+def _threads() -> list[Step]:
     """Allow clone for threads of this process, without new namespaces."""
-    flags = _Step(_LOAD, _ARGUMENTS)
-    return [flags, _Step(_ANY_BIT, _CLONE_THREAD, 0, 1), _Step(_ANY_BIT, _CLONE_NEW, 0, 1), _refuse(errno.EPERM), _Step(_RETURN, _ALLOW)]
+    flags = Step(_LOAD, _ARGUMENTS)
+    return [flags, Step(_ANY_BIT, _CLONE_THREAD, 0, 1), Step(_ANY_BIT, _CLONE_NEW, 0, 1), _refuse(errno.EPERM), Step(_RETURN, _ALLOW)]
 
 
-def _refuse(code: int) -> _Step:
-    return _Step(_RETURN, _ERRNO | code)
+def _refuse(code: int) -> Step:
+    return Step(_RETURN, _ERRNO | code)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import textwrap
@@ -139,6 +140,7 @@ PROGRAMS = {
     "call(56 if X86 else 220, signal.SIGCHLD, 0, 0, 0, 0)": "PermissionError",  # clone
     "call(56 if X86 else 220, 0x10000000 | 0x10000, 0, 0, 0, 0)": "PermissionError",  # clone: CLONE_NEWUSER | CLONE_THREAD
     "call(435, 0, 0)": "OSError",  # clone3
+    "call(0x40000000 + 39)": "OSError" if os.uname().machine == "x86_64" else None,  # getpid of x32
     "call(437, 0, 0, 0, 0)": "OSError",  # openat2
     "call(425, 1, 0)": "OSError",  # io_uring_setup
     "call(101 if X86 else 117, 0, 0, 0, 0)": "PermissionError",  # ptrace
@@ -197,6 +199,19 @@ def test_a_folder_that_becomes_a_link_leads_nowhere(folders: Path) -> None:
     before = swap.replace(" confine(*a)\n", f" {moved}; confine(*a)\n")
     assert confined(folders, program, before=before) == "PermissionError"
     assert sorted(os.listdir(folders / "other")) == ["a.txt"]
+
+
+@pytest.mark.skipif(os.uname().machine != "x86_64", reason="for the interface of 32 bits")
+def test_calls_of_32_bits_end_the_process(folders: Path) -> None:
+    """They have other numbers."""
+    program = """
+memory = mmap.mmap(-1, 4096, prot=mmap.PROT_READ | mmap.PROT_WRITE | mmap.PROT_EXEC)
+memory.write(bytes.fromhex("b814000000cd80c3"))  # mov eax, 20; int 0x80; ret
+ctypes.CFUNCTYPE(ctypes.c_int)(ctypes.addressof(ctypes.c_char.from_buffer(memory)))()
+print("alive")
+"""
+    done = process(folders, f"{BEGIN}{CONFINE.replace('MEMORY', 'None')}{program}")
+    assert (done.stdout, done.returncode in (-signal.SIGSYS, -signal.SIGSEGV)) == ("", True)
 
 
 @pytest.mark.parametrize("name", ["link", "folder/link", "link/a.txt", "link/../other/a.txt", "folder/loop"])

@@ -7,7 +7,9 @@ import os
 import socket
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -40,6 +42,28 @@ def test_nothing_is_written_through_a_link(tmp_path: Path) -> None:
         partial.write_bytes(b"new")
         link.symlink_to(target)
     assert (target.read_text(), link.is_symlink(), link.read_bytes()) == ("old", False, b"new")
+
+
+def test_a_link_that_comes_and_goes_leads_nowhere(tmp_path: Path) -> None:
+    """Another process plants it again and again while files are replaced."""
+    secret, path, stop = tmp_path / "secret", tmp_path / "a.png", threading.Event()
+    secret.write_text("secret")
+
+    def plant() -> None:
+        while not stop.is_set():
+            with suppress(OSError):
+                os.symlink(secret, tmp_path / "b")
+                os.replace(tmp_path / "b", path)
+
+    thread = threading.Thread(target=plant)
+    thread.start()
+    for _ in range(200):
+        with suppress(OSError):
+            replace_file(path, b"new")
+    stop.set()
+    thread.join()
+    assert secret.read_text() == "secret"
+    assert sorted(each.name for each in tmp_path.iterdir() if each.name != "b") == ["a.png", "secret"]
 
 
 def test_folders_are_made_and_links_among_them_refused(tmp_path: Path) -> None:

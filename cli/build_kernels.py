@@ -67,11 +67,15 @@ VARIANTS = {
     "formulas in skies of one sample": Variant(_FORMULA.format(_MATT) + _SKY, {"samples": 1}),
     "light links": Variant(_MESH.format(_SHINY) + _LINKED, {}),
     "light links of formulas": Variant(_FORMULA.format(_SHINY) + _LINKED, {}),
-    "paths of light links": Variant(_FORMULA.format(_SHINY) + _LINKED + _SKY, {"bounces": 2}),
+    "paths of light links": Variant(_MESH.format(_SHINY) + _LINKED + _SKY, {"bounces": 2}),
+    "paths of light links of formulas": Variant(_FORMULA.format(_SHINY) + _LINKED + _SKY, {"bounces": 2}),
     "triangles": Variant(_BALL.format(_MATT) + _SUN, {"backend": "raster"}, {"shadows": "off"}),
     "triangles lit at vertices": Variant(_MESH.format(_SMOOTH) + _SUN, {"backend": "raster"}),
     "triangles in shadow": Variant(_FORMULA.format(_MATT) + _SUN, {"backend": "raster"}),
     "mirrors of triangles": Variant(_BALL.format(_SHINY) + _SUN, {"backend": "raster", "bounces": 2}, {"raster.secondary_rays": "trace"}),
+    "mirrors of light links": Variant(
+        _BALL.format(_SHINY) + _LINKED, {"backend": "raster", "bounces": 2}, {"raster.secondary_rays": "trace"}
+    ),
     "light links of triangles": Variant(_MESH.format(_SHINY) + _LINKED, {"backend": "raster"}),
     "light links of triangles in skies": Variant(_MESH.format(_SHINY) + _LINKED + _SKY, {"backend": "raster"}),
     "triangles with shadow maps": Variant(_FORMULA.format(_SHINY) + _SUN, {"backend": "raster"}, {"raster.shadows": "map"}),

@@ -51,8 +51,9 @@ class Source:
         if self.path.suffix.lower() not in file_types.USD:
             return []
         from ..compiler.importers.usd import stage
+        from ..compiler.io import sandbox
 
-        return stage.summary(self.path, self.stage)
+        return stage.summary(self.path, self.stage, sandbox.open_main(self.path, self.allow)[0])
 
     def frames(self, asked: tuple[float, ...]) -> tuple[float, ...]:
         """The frames asked for; for `all`, which is (), those of the stage or animation.

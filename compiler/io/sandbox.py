@@ -90,11 +90,22 @@ class Files:
 
     def allows(self, path: Path | str) -> bool:
         """Whether a file may be read after resolution of symbolic links."""
+        return self.outside(str(path), path) is None
+
+    def outside(self, name: str, path: Path | str) -> tuple[str, str] | None:
+        """Why a file, which messages call `name`, may not be read, and what to do; None for one that may, there or not.
+
+        This is the one rule for all kinds of files. Symbolic links are resolved.
+        """
         try:
-            resolved = Path(path).resolve()
+            target = Path(path).resolve()
         except (OSError, ValueError, RuntimeError):
-            return False
-        return self._holds(resolved)
+            return f"`{name}` leads round in a circle of links", ""
+        if self._holds(target):
+            return None
+        is_link = self._holds(Path(os.path.normpath(os.path.abspath(path))))
+        how = "is a link that leads outside" if is_link else "lies outside"
+        return f"`{name}` {how} of the scene's folder", f"use --allow {target.parent} to let scenes read it"
 
     def _holds(self, resolved: Path) -> bool:
         return any(resolved.is_relative_to(folder) for folder in self._allowed)
@@ -104,15 +115,9 @@ class Files:
             raise FileError("a file's name cannot be empty" if not name else "a file's name cannot hold a zero byte")
         if "://" in name:
             raise FileError(f"`{name}` is an address: a scene reads files only", "save it beside the scene")
-        try:
-            path = (folder / name).resolve()
-        except (OSError, RuntimeError):
-            raise FileError(f"`{name}` leads round in a circle of links") from None
-        if not self._holds(path):
-            is_link = self._holds(Path(os.path.normpath(folder / name)))
-            how = "is a link that leads outside" if is_link else "lies outside"
-            raise FileError(f"`{name}` {how} of the scene's folder", f"use --allow {path.parent} to let scenes read it")
-        return path
+        if fault := self.outside(name, folder / name):
+            raise FileError(*fault)
+        return (folder / name).resolve()
 
     def _near(self, name: str, path: Path) -> str:
         if path.parent.is_dir():

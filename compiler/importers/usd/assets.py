@@ -74,17 +74,21 @@ def asset(value: Any, warnings: Warnings, prim: Any, what: str = "picture") -> A
     if "<UDIM>" in written:
         found = [(int(number), str(path)) for path, number in UsdShade.UdimUtils.ResolveUdimTilePaths(written, _layer(prim))]
         found += udim.high_tiles(str(Path(_layer(prim).realPath).parent / written))
-        tiles = tuple(sorted((number, path) for number, path in found if not warnings.opened.fenced_off(path)))
-        resolved = tiles[0][1] if tiles else found[0][1] if found else ""
+        faults = [warnings.opened.outside(written.replace("<UDIM>", str(number)), path) for number, path in found]
+        tiles = tuple(sorted(tile for tile, fault in zip(found, faults, strict=True) if not fault))
+        for message, hint in filter(None, faults):
+            warnings.diagnostics.warning(f"the {what} {message}: it is left out", warnings.opened.span(prim), hint)
+        if found and not tiles:
+            return None
+        resolved = tiles[0][1] if tiles else ""
     if not resolved and "<UDIM>" not in written:
         resolved = _otherwise_spelled(written, prim)
     if not resolved:
         warnings.tell(f"there is no {what} `{written}`: {without}", prim)
         return None
-    if warnings.opened.fenced_off(resolved):
-        message = f"the {what} `{written}` lies outside of the scene's folder: {without}"
-        hint = f"use --allow {Path(resolved).parent} to let scenes read it"
-        warnings.diagnostics.warning(message, warnings.opened.span(prim), hint)
+    if fault := warnings.opened.outside(written, resolved):
+        message, hint = fault
+        warnings.diagnostics.warning(f"the {what} {message}: {without}", warnings.opened.span(prim), hint)
         return None
     return Asset(resolved, udim.Tiles(written, tiles) if tiles else None)
 

@@ -37,7 +37,7 @@ def scene(
     A stage without lights gets a light at that camera. Lengths are in the stage's units. Problems go to the builder's diagnostics.
     """
     options = options or StageOptions()
-    opened = open_(path, str(path), builder.diagnostics, None, seconds=time, time=code, options=options)
+    opened = open_(path, str(path), builder.files, builder.diagnostics, None, seconds=time, time=code, options=options)
     asked = render_settings.Asked() if opened is None else render_settings.read(opened, options, builder)
     if opened is None or builder.diagnostics.failed:
         return builder.finish(str(path))
@@ -83,14 +83,8 @@ class Placed:
 def place(builder: SceneBuilder, placed: Placed, span: Span) -> None:
     """Places a stage in a scene: shapes and lights, in metres. Cameras are left out."""
     path, matrix, prim = placed.path, placed.matrix, placed.prim
-    opened = open_(path, str(path), builder.diagnostics, span)
+    opened = open_(path, str(path), builder.files, builder.diagnostics, span)
     if opened is None:
-        return
-    opened.within = builder.files
-    outside = [file for file in opened.files if opened.fenced_off(file)]
-    if outside:
-        message = f"`{path.name}` reads `{Path(outside[0]).name}`, which lies outside of the scene's folder"
-        builder.diagnostics.error(message, span, f"use --allow {Path(outside[0]).parent} to let scenes read it")
         return
     root = opened.stage.GetPrimAtPath(prim) if prim and prim.startswith("/") else None
     if prim and not root:

@@ -18,7 +18,8 @@ from ....lang.diagnostics import Diagnostics, Span, suggest
 from ...io.sandbox import Files
 from ..stage_options import StageOptions
 from .instancing import prototypes
-from .layers import crate_check, packages, prim_count, repair, text_layers
+from .layers import access, crate_check, packages, prim_count, repair, text_layers
+from .layers.spec_tree import SpecTree
 
 Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # −90° about x
 MAX_WARNINGS = 20
@@ -35,7 +36,7 @@ class Opened:
     time: Any
     frame: np.ndarray
     meters_per_unit: float
-    within: Files | None = None  # limits a stage used by a .scene; None for a stage rendered directly
+    within: Files  # what the stage may read
     made: tuple[Any, ...] = ()  # layers in place of files; without them a change of variants could read the files
 
     def wait(self, seconds: float) -> None:
@@ -50,9 +51,9 @@ class Opened:
     def span_of(self, path: str) -> Span:
         return Span(f"{self.name}<{path}>")
 
-    def fenced_off(self, path: str) -> bool:
-        """Whether the scene that uses this stage may not read a layer or image (in a package: `x.usdz[y.png]`)."""
-        return self.within is not None and not self.within.allows(path.split("[", 1)[0])
+    def outside(self, name: str, path: str) -> tuple[str, str] | None:
+        """Why a picture or profile may not be read, and the fix. `path` may be in a package, as `x.usdz[y.png]`."""
+        return self.within.outside(name, access.file_of(path))
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -213,19 +214,21 @@ def _commentary(diagnostic: Any) -> str:
 
 
 def open_(
-    path: Path, name: str, diagnostics: Diagnostics, span: Span | None, *, seconds: float | None = None, time: float | None = None,
-    options: StageOptions | None = None,
+    path: Path, name: str, files: Files, diagnostics: Diagnostics, span: Span | None, *, seconds: float | None = None,
+    time: float | None = None, options: StageOptions | None = None,
 ) -> Opened | None:  # fmt: skip
     """The stage in a file, or None and an error. `seconds` count from the stage's start, `time` is a time code.
 
-    Without either, the earliest time is read, as usdrecord does.
+    Without either, the earliest time is read, as usdrecord does. What the stage refers to outside of `files` is left out, with a warning
+    for each; with `span`, the place in a scene that uses the stage, each is an error.
     """
     options = options or StageOptions()
     reports = Reports(path)
     whole = span or Span(name)
     made: list[Any] = []
+    may = access.Access(files, path, name, diagnostics, span)
     try:
-        stage = _open(path, options, diagnostics, whole, made)
+        stage = _open(path, options, may, diagnostics, whole, made)
     except Tf.ErrorException as failure:
         why = packages.fault_of(path) or reason(failure, path)
         at = re.match(rf"{re.escape(path.name)}:(\d+):(\d+): (.*)", why, re.DOTALL)
@@ -245,6 +248,10 @@ def open_(
         diagnostics.warning(f"the package may lack files: {packages.CUT_OFF}", whole, "copy or export it again")
     for where, choice in options.variants.items():
         _choose(stage, where, choice, diagnostics, whole)
+    if why := may.leave_out_used(stage):
+        diagnostics.error(f"cannot read the stage `{path.name}`: {why}", whole)
+    if why or may.failed:
+        return None
     if excess := prototypes.without_excess(stage):
         message = f"the stage has more than {prim_count.MAX_PRIMS:,} prims, with those of instances: {len(excess)} instances are left out"
         diagnostics.warning(message, Span(f"{name}<{excess[0]}>"))
@@ -255,7 +262,7 @@ def open_(
         code = Usd.TimeCode(time)
     frame = Z_UP if _up_axis(stage, diagnostics, whole) == UsdGeom.Tokens.z else np.eye(4)
     meters = UsdGeom.GetStageMetersPerUnit(stage)
-    return Opened(stage, path, name, code, frame, meters if meters > 0 else 1.0, made=tuple(made))
+    return Opened(stage, path, name, code, frame, meters if meters > 0 else 1.0, files, made=tuple(made))
 
 
 def _up_axis(stage: Any, diagnostics: Diagnostics, span: Span) -> Any:
@@ -268,7 +275,7 @@ def _up_axis(stage: Any, diagnostics: Diagnostics, span: Span) -> Any:
         return UsdGeom.GetStageUpAxis(stage)
 
 
-def _open(path: Path, options: StageOptions, diagnostics: Diagnostics, span: Span, made: list[Any]) -> Any:
+def _open(path: Path, options: StageOptions, may: access.Access, diagnostics: Diagnostics, span: Span, made: list[Any]) -> Any:
     """The stage of a layer, with its session layer and population mask. None after an error. See repair.layers for `made`."""
     bad = [p for p in options.mask if not (Sdf.Path.IsValidPathString(p) and Sdf.Path(p).IsAbsoluteRootOrPrimPath())]
     if bad:
@@ -281,37 +288,44 @@ def _open(path: Path, options: StageOptions, diagnostics: Diagnostics, span: Spa
     if root is None or not root.pseudoRoot:
         return None
     repair.clear_metadata(root, diagnostics)
-    below = []  # layers that are kept until the stage has them
-    if not options.mask:
-        below, trees = repair.layers(root, diagnostics, made)
-        try:
-            extent = prim_count.estimate(root, trees)
-        except prim_count.TooLongChain:
-            message = f"references of the stage lead from one prim to the next more than {prim_count.MAX_CHAIN} times"
-            diagnostics.error(message, span, "flatten the stage, as by `usdcat --flatten`, or read a part by --mask")
-            return None
-        if extent.prims > prim_count.MAX_PRIMS:
-            message = f"the stage has about {extent.prims:,} prims, more than {prim_count.MAX_PRIMS:,}"
-            diagnostics.error(message, span, "make the prims that are referenced often instanceable, or read a part by --mask")
-            return None
-        if extent.levels > prim_count.MAX_STAGE_LEVELS:
-            message = f"the prims of the stage nest in more than {prim_count.MAX_STAGE_LEVELS:,} levels"
-            diagnostics.error(message, span, "read a part by --mask")
-            return None
     session = Sdf.Layer.FindOrOpen(str(options.session_layer)) if options.session_layer else Sdf.Layer.CreateAnonymous(".usda")
     if session is None:
         diagnostics.error(f"cannot read the session layer `{options.session_layer}`", span)
         return None
+    may.begin(root, session)
+    with may.search_path():
+        below, trees = repair.layers(root, session, diagnostics, made, may)  # which are kept until the stage has them
+        if not options.mask and not _has_bounds(root, trees, diagnostics, span):
+            return None
     if not options.mask:
         stage = Usd.Stage.Open(root, session)
-        below.clear()
-        return stage
-    stage = Usd.Stage.OpenMasked(root, session, Usd.StagePopulationMask(list(options.mask)))
-    for p in options.mask:
-        if not stage.GetPrimAtPath(p):
-            diagnostics.warning(f"the stage has no prim `{p}`, which --mask names", span)
-    stage.ExpandPopulationMask()  # materials, prototypes and other targets
+    else:
+        stage = Usd.Stage.OpenMasked(root, session, Usd.StagePopulationMask(list(options.mask)))
+        for p in options.mask:
+            if not stage.GetPrimAtPath(p):
+                diagnostics.warning(f"the stage has no prim `{p}`, which --mask names", span)
+        stage.ExpandPopulationMask()  # materials, prototypes and other targets
+    below.clear()
     return stage
+
+
+def _has_bounds(root: Any, trees: dict[str, SpecTree], diagnostics: Diagnostics, span: Span) -> bool:
+    """Whether the stage of a layer has no more prims than are read. If not, that is an error."""
+    try:
+        extent = prim_count.estimate(root, trees)
+    except prim_count.TooLongChain:
+        message = f"references of the stage lead from one prim to the next more than {prim_count.MAX_CHAIN} times"
+        diagnostics.error(message, span, "flatten the stage, as by `usdcat --flatten`, or read a part by --mask")
+        return False
+    if extent.prims > prim_count.MAX_PRIMS:
+        message = f"the stage has about {extent.prims:,} prims, more than {prim_count.MAX_PRIMS:,}"
+        diagnostics.error(message, span, "make the prims that are referenced often instanceable, or read a part by --mask")
+    elif extent.levels > prim_count.MAX_STAGE_LEVELS:
+        message = f"the prims of the stage nest in more than {prim_count.MAX_STAGE_LEVELS:,} levels"
+        diagnostics.error(message, span, "read a part by --mask")
+    else:
+        return True
+    return False
 
 
 def _near_whole(code: float) -> float:
@@ -321,18 +335,18 @@ def _near_whole(code: float) -> float:
 
 def time_codes(path: Path) -> tuple[float, float] | None:
     """The start and end time codes of a stage; None without authored ones."""
-    stage = _without_prims(path)
-    return (stage.GetStartTimeCode(), stage.GetEndTimeCode()) if stage and stage.HasAuthoredTimeCodeRange() else None
+    root = _root_layer(path)
+    return (root.startTimeCode, root.endTimeCode) if root and root.HasStartTimeCode() and root.HasEndTimeCode() else None
 
 
 def time_codes_per_second(path: Path) -> float:
     """The rate of a stage's time codes, by which frames are numbered."""
-    stage = _without_prims(path)
-    return stage.GetTimeCodesPerSecond() if stage else 24.0
+    root = _root_layer(path)
+    return root.timeCodesPerSecond if root else 24.0
 
 
-def _without_prims(path: Path) -> Any:
-    """The stage of a file, repaired, with its metadata alone; None for a file that cannot be read. A load of the file tells why."""
+def _root_layer(path: Path) -> Any:
+    """The root layer of a stage, repaired, which alone holds its metadata; None for one that cannot be read. A load of it tells why."""
     reports, unread = Reports(path), Diagnostics()
     made: list[Any] = []
     try:
@@ -340,17 +354,17 @@ def _without_prims(path: Path) -> Any:
         if root is None or not root.pseudoRoot:
             return None
         repair.clear_metadata(root, unread)
-        return Usd.Stage.OpenMasked(root, Usd.StagePopulationMask())
+        return root
     except Tf.ErrorException:
         return None
     finally:
         reports.tell(unread, Span(path.name))
 
 
-def summary(path: Path, options: StageOptions) -> list[str]:
+def summary(path: Path, options: StageOptions, files: Files) -> list[str]:
     """Lines about a stage: its prims by type, up axis and unit, time codes, and variant sets with their choice."""
     found = Diagnostics()
-    opened = open_(path, str(path), found, None, options=options)
+    opened = open_(path, str(path), files, found, None, options=options)
     if opened is None:
         return []
     stage = opened.stage

@@ -16,6 +16,7 @@ from pxr import Sdf, Tf
 from .....lang.diagnostics import Diagnostics, Span
 from ....io.regular_files import read_bytes
 from . import crate_check, crate_values, missing_specs, mtlx_files, packages, spec_tree, text_layers
+from .access import Access
 from .spec_tree import SpecTree
 
 _POSITIVE = ("metersPerUnit", "timeCodesPerSecond", "framesPerSecond")
@@ -49,10 +50,12 @@ def _metadata_fault(name: str, value: object) -> str:
     return f"is {value:g}, not above 0" if name in _POSITIVE and value <= 0 else ""
 
 
-def layers(root: Any, diagnostics: Diagnostics, made: list[Any]) -> tuple[list[Any], dict[str, SpecTree]]:
-    """The layers that a layer refers to, and those that they refer to, and the specs of all by identifier.
+def layers(
+    root: Any, session: Any, diagnostics: Diagnostics, made: list[Any], access: Access
+) -> tuple[list[Any], dict[str, SpecTree]]:  # fmt: skip
+    """The layers that a root layer and its session layer refer to, and those that they refer to, and the specs of all by identifier.
 
-    The layers stay in memory as long as they are kept.
+    The layers stay in memory as long as they are kept. They refer to nothing that `access` forbids.
 
     Damaged ones are repaired: those in place of files are added to `made`. A reference to a .mtlx file becomes one to a layer with
     its materials, in memory alone.
@@ -60,13 +63,16 @@ def layers(root: Any, diagnostics: Diagnostics, made: list[Any]) -> tuple[list[A
     found: dict[str, Any] = {}
     trees: dict[str, SpecTree] = {}
     packages_read = {root.identifier}
-    waiting = [root]
+    waiting = [root, session]
     while waiting:
         layer = waiting.pop()
         tree = trees[layer.identifier] = spec_tree.read(layer)
-        missing_specs.leave_out(layer, tree.missing, diagnostics)
+        missing_specs.leave_out(layer, tree.missing, diagnostics)  # first: usd-core's search for arcs ends the process at one
+        if access.leave_out(layer, tree):
+            made.append(layer)
+            trees[layer.identifier] = spec_tree.read(layer)
         for asset in layer.GetCompositionAssetDependencies():
-            path = layer.ComputeAbsolutePath(asset)
+            path = access.path_of(layer, asset)
             package = path.partition("[")[0] if path.endswith("]") else ""
             if package and package not in packages_read:  # a layer in a package whose first layer is not referred to
                 packages_read.add(package)
@@ -78,6 +84,7 @@ def layers(root: Any, diagnostics: Diagnostics, made: list[Any]) -> tuple[list[A
                     waiting.append(other)
             if path and found[path] and (found[path].anonymous or found[path].identifier.startswith(f"{path}[")):
                 layer.UpdateCompositionAssetDependency(asset, found[path].identifier)
+                trees[layer.identifier] = spec_tree.read(layer)
     return [layer for layer in found.values() if layer], trees
 
 

@@ -33,6 +33,7 @@ class SpecTree:
     kinds: list[type] = field(default_factory=list)
     arcs: dict[int, list[tuple[str, Any]]] = field(default_factory=dict)  # composition arcs of a spec: (layer, "" for the same; path)
     instanceable: set[int] = field(default_factory=set)
+    clips: list[Any] = field(default_factory=list)  # paths of prims with value clips
     missing: list[Any] = field(default_factory=list)  # paths that are listed and not there, listed twice, or whose lists cannot be read
 
 
@@ -52,6 +53,8 @@ def read(layer: Any) -> SpecTree:
         row = tree.rows[path] = len(tree.parents)
         tree.parents.append(parent)
         tree.kinds.append(type(spec))
+        if spec.HasInfo("clips"):
+            tree.clips.append(path)
         if arcs:
             tree.arcs[row] = arcs
             if spec.HasInfo("instanceable") and spec.GetInfo("instanceable"):

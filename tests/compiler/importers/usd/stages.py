@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -30,9 +31,9 @@ def read(folder: Path, text: str, header: str = "", **more: Any) -> tuple[ir.Sce
     return load(path, **more)
 
 
-def load(path: Path, **more: Any) -> tuple[ir.Scene, list[str]]:
+def load(path: Path, allow: Sequence[Path] = (), **more: Any) -> tuple[ir.Scene, list[str]]:
     found = Diagnostics()
-    scene = usd_load.scene(path, SceneBuilder(found, Files(path.parent)), **more)
+    scene = usd_load.scene(path, SceneBuilder(found, Files(path.parent, allow)), **more)
     messages = [render_text(d, lambda file: None).replace(f"{path.parent}/", "") for d in found.items]
     return scene, messages
 

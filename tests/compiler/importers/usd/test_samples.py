@@ -42,7 +42,7 @@ def manifest(assets):
 
 @pytest.mark.parametrize("case", SAMPLES)
 def test_sample(assets, case):
-    scene, messages = read(assets / manifest(assets)[case]["path"])
+    scene, messages = read(assets / manifest(assets)[case]["path"], [assets])
     t = scene.tables
     count, triangles, camera, lights = SAMPLES[case]
     assert len(t.instances.geometry) == count
@@ -61,7 +61,7 @@ def test_the_whole_way_to_a_validated_scene(assets, case):
     row = manifest(assets)[case]
     reference = row["ref_camera"]
     path = reference.partition(":/")[0] if ":/" in reference else row["path"]
-    scene = load.load(assets / path)
+    scene = load.load(assets / path, allow=[assets])
     if ":/" in reference:
         assert scene.names.cameras == ("frame", "/RefCamera")
     elif reference != "-":
@@ -71,7 +71,7 @@ def test_the_whole_way_to_a_validated_scene(assets, case):
 @pytest.mark.parametrize("case", ["pub_all_primitives", "pub_subdiv_catmullclark", "pub_xforms_nested", "pub_class_inherit"])
 def test_the_framing_camera_is_usdrecord_s(assets, case):
     """Those reference cameras are the ones that usdrecord framed the stage with."""
-    scene, _ = read(assets / manifest(assets)[case]["ref_camera"].partition(":/")[0])
+    scene, _ = read(assets / manifest(assets)[case]["ref_camera"].partition(":/")[0], [assets])
     cameras = scene.tables.cameras
     ours, theirs = (scene.tables.transforms.matrix[cameras.transform[k]] for k in (0, 1))
     assert ours == pytest.approx(theirs, rel=1e-6, abs=1e-6)
@@ -95,7 +95,7 @@ def test_variants_change_what_is_drawn(assets):
     name = prim.GetVariantSets().GetNames()[0]
     choices = prim.GetVariantSet(name).GetVariantNames()
     chosen = [StageOptions(variants={f"{prim.GetPath()}:{name}": c}) for c in choices]
-    counts = {len(load.load(path, stage=stage).tables.pools.triangles) for stage in chosen}
+    counts = {len(load.load(path, allow=[assets], stage=stage).tables.pools.triangles) for stage in chosen}
     assert len(counts) > 1
 
 
@@ -103,5 +103,5 @@ def test_a_wrong_variant_of_a_real_stage_is_one_error(assets):
     found = Diagnostics()
     asked = StageOptions(variants={"/nowhere:x": "y"})
     with pytest.raises(SceneError):
-        load.load(assets / manifest(assets)["pub_vehicles"]["path"], stage=asked, diagnostics=found)
+        load.load(assets / manifest(assets)["pub_vehicles"]["path"], allow=[assets], stage=asked, diagnostics=found)
     assert [d.message for d in found.items] == ["the stage has no prim `/nowhere`"]

@@ -10,6 +10,7 @@ import pytest
 from maquette.compiler.importers.stage_options import StageOptions
 from maquette.compiler.importers.usd import stage
 from maquette.compiler.importers.usd.layers import crate_check, crate_values, packages
+from maquette.compiler.io.sandbox import Files
 from maquette.lang.diagnostics import Diagnostics
 from pxr import Sdf
 
@@ -156,7 +157,7 @@ def test_files_of_a_package_are_read_from_it(tmp_path):
     scene, messages = load(packed(tmp_path, "x.usdz", {"a/root.usda": ROOT, "a/part.usdc": excess(tmp_path), "a/b.png": b""}))
     assert kinds(scene) == ["SPHERE", "CONE"]
     assert len(messages) == 1
-    opened = stage.open_(tmp_path / "x.usdz", "x.usdz", Diagnostics(), None)
+    opened = stage.open_(tmp_path / "x.usdz", "x.usdz", Files(tmp_path), Diagnostics(), None)
     assert opened is not None
     assert opened.files[0] == str(tmp_path / "x.usdz")
     (part,) = (layer for layer in opened.made if layer.identifier.endswith("part.usdc]"))
@@ -197,7 +198,7 @@ def "r" (
 }
 """
     path = packed(tmp_path, "x.usdz", {"root.usda": root, "part.usdc": excess(tmp_path)})
-    opened = stage.open_(path, "x.usdz", Diagnostics(), None, options=StageOptions(variants={"/r:v": "b"}))
+    opened = stage.open_(path, "x.usdz", Files(tmp_path), Diagnostics(), None, options=StageOptions(variants={"/r:v": "b"}))
     assert opened is not None
     mesh = opened.stage.GetPrimAtPath("/r")
     assert mesh.GetAttribute("faceVertexCounts").Get() is not None

@@ -42,6 +42,16 @@ class Asset:
     name: str
 
 
+@dataclass(frozen=True, slots=True)
+class Looks:
+    """What all pictures have in common. `options` is its text in records; `allow` are folders that assets may read beside their own."""
+
+    size: tuple[int, int]
+    complexity: int
+    options: str
+    allow: tuple[Path, ...]
+
+
 @dataclass(slots=True)
 class Thumbnail:
     """The record of an asset in thumbnails.json. `made_from` are the files that it used with their times of change."""
@@ -68,29 +78,32 @@ class Thumbnail:
 )
 @click.option("--size", type=values.SIZE, default="512", show_default=True, help="Size in pixels: 512 for a square, or 800x600.")
 @click.option("--complexity", type=values.COMPLEXITY, help="Refinement of USD subdivision surfaces: low, medium, high or veryhigh.")
+@shared.allow
 @click.option("--jobs", type=click.IntRange(1, 1024), help="Assets drawn at a time. Default: one a core.")
 @click.option("--force", is_flag=True, help="Draw also pictures that are up to date.")
 @click.option("--json", "as_json", is_flag=True, help="Print a record of each asset as JSON.")
 @shared.examples("maquette thumbnail assets -o thumbs", "maquette thumbnail robot.usdz spot.obj -o thumbs --size 256 --json")
 @click.pass_context
 def thumbnail(
-    ctx: click.Context, assets: tuple[Path, ...], output: Path, size: tuple[int, int], complexity: int | None, jobs: int | None,
-    force: bool, as_json: bool,
+    ctx: click.Context, assets: tuple[Path, ...], output: Path, size: tuple[int, int], complexity: int | None, allow: tuple[Path, ...],
+    jobs: int | None, force: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Draw a picture of each of ASSETS, which are files or folders of them.
 
     USD, glTF, OBJ, PLY, STL and OFF files are framed from three quarters, or through the camera main_cam of a stage. A file without
     lights gets a sun and a sky; with lights of its own the exposure is metered. Pictures whose files have not changed are kept.
+    An asset may read files of its own folder, of the folders among ASSETS and of each --allow.
     index.html shows all pictures with names, sizes and warnings. The exit code is 1 if some asset cannot be drawn.
     """
     found = list(_assets(assets))
     output.mkdir(parents=True, exist_ok=True)
-    options = json.dumps({"size": size, "complexity": complexity or 0, "samples": SAMPLES})
+    options = json.dumps({"size": size, "complexity": complexity or 0, "samples": SAMPLES, "allow": [str(path) for path in allow]})
     before = {} if force else _records(output / RECORDS)
     done = {asset.name: kept for asset in found if (kept := _up_to_date(before.get(asset.name), asset, output, options))}
     waiting = [asset for asset in found if asset.name not in done]
     saved = time.perf_counter()
-    for made in _draw_all(waiting, output, size, complexity or 0, options, jobs or os.cpu_count() or 1):
+    looks = Looks(size, complexity or 0, options, (*(path for path in assets if path.is_dir()), *allow))
+    for made in _draw_all(waiting, output, looks, jobs or os.cpu_count() or 1):
         done[made.name] = made
         if time.perf_counter() - saved > SAVED_EVERY:  # a run that is stopped goes on from there
             _save(output, list(done.values()))
@@ -154,20 +167,18 @@ def _changed(path: Path) -> float:
         return -1.0
 
 
-def _draw_all(
-    assets: Sequence[Asset], output: Path, size: tuple[int, int], complexity: int, options: str, jobs: int
-) -> Iterator[Thumbnail]:  # fmt: skip
+def _draw_all(assets: Sequence[Asset], output: Path, looks: Looks, jobs: int) -> Iterator[Thumbnail]:
     """The thumbnails of assets in the order in which they are done: in one process, or in `jobs` of them."""
     count = min(jobs, len(assets))
     if count < 2:
-        yield from (draw(asset, output, size, complexity, options) for asset in assets)
+        yield from (draw(asset, output, looks) for asset in assets)
         return
     alone: list[Asset] = []  # a process that crashes ends the pool, whoever had drawn in it
     with _pool(count) as pool:
         waiting: dict[Future[Thumbnail], Asset] = {}
         for asset in assets:
             try:
-                waiting[pool.submit(draw, asset, output, size, complexity, options)] = asset
+                waiting[pool.submit(draw, asset, output, looks)] = asset
             except BrokenProcessPool:
                 alone.append(asset)
         for future in as_completed(waiting):
@@ -178,9 +189,9 @@ def _draw_all(
     for asset in alone:
         with _pool(1) as pool:
             try:
-                yield pool.submit(draw, asset, output, size, complexity, options).result()
+                yield pool.submit(draw, asset, output, looks).result()
             except BrokenProcessPool:
-                yield Thumbnail(asset.name, str(asset.path), "", size, error=CRASHED.format(asset.path), options=options)
+                yield Thumbnail(asset.name, str(asset.path), "", looks.size, error=CRASHED.format(asset.path), options=looks.options)
 
 
 @contextmanager
@@ -196,14 +207,14 @@ def _begin_worker() -> None:
     atexit.register(os._exit, 0)  # as in main: without the end of OpenImageIO's module, which prints what it leaks
 
 
-def draw(asset: Asset, output: Path, size: tuple[int, int], complexity: int, options: str) -> Thumbnail:
+def draw(asset: Asset, output: Path, looks: Looks) -> Thumbnail:
     """Draws one asset on one thread. Errors of the file are in the record; nothing is raised."""
     from ..lang.diagnostics import SceneError
 
     began = time.perf_counter()
-    made = Thumbnail(asset.name, str(asset.path), f"{asset.name}.png", size, options=options)
+    made = Thumbnail(asset.name, str(asset.path), f"{asset.name}.png", looks.size, options=looks.options)
     try:
-        _draw(asset, output, complexity, made)
+        _draw(asset, output, looks, made)
     except SceneError as error:
         made.error = "; ".join(d.message for d in error.diagnostics if d.severity == "error")
     except Exception as fault:  # one asset never ends the run
@@ -212,7 +223,7 @@ def draw(asset: Asset, output: Path, size: tuple[int, int], complexity: int, opt
     return made
 
 
-def _draw(asset: Asset, output: Path, complexity: int, made: Thumbnail) -> None:
+def _draw(asset: Asset, output: Path, looks: Looks, made: Thumbnail) -> None:
     from ..compiler import ir, load
     from ..compiler.importers.stage_options import StageOptions
     from ..compiler.plan import plan as planner
@@ -223,7 +234,7 @@ def _draw(asset: Asset, output: Path, complexity: int, made: Thumbnail) -> None:
     found, picture = Diagnostics(), output / made.picture
     stage = StageOptions(complexity=complexity, conform="expand", size=made.size, as_asset=True)
     usd = asset.path.suffix.lower() in file_types.USD
-    scene = load.load(asset.path, diagnostics=found, stage=stage if usd else None)
+    scene = load.load(asset.path, allow=looks.allow, diagnostics=found, stage=stage if usd else None)
     own_light = not any(text.startswith("sun") for text in scene.defaults)
     background = None if asset.path.suffix.lower() in file_types.SCENE else "transparent"
     asked = ir.Settings(size=made.size, samples=SAMPLES, threads=1, background=background)

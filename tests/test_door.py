@@ -171,13 +171,18 @@ def test_an_open_stage_and_trimesh_objects_are_scenes(tmp_path: Path) -> None:
 
 
 def test_textures_of_an_open_stage_are_found(tmp_path: Path) -> None:
-    """A picture beside the layer, named relative to it."""
+    """A picture beside the layer, named relative to it, or elsewhere: the program chose the stage."""
     pillow.new("RGB", (4, 4), (255, 0, 0)).save(tmp_path / "red.png")
     scene = tmp_path / "a.scene"
     scene.write_text('box(1, material: lambert(image("red.png")))\ncamera(position: [0, 0, 5], look_at: [0, 0, 0])\n', encoding="utf-8")
     assert CliRunner().invoke(cli, ["convert", str(scene), str(tmp_path / "a.usda")]).exit_code == 0
     loaded = maquette.load(Usd.Stage.Open(str(tmp_path / "a.usda")))
     assert len(loaded.tables.images.width) == 1
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "a.usda").rename(tmp_path / "sub" / "a.usda")
+    text = (tmp_path / "sub" / "a.usda").read_text(encoding="utf-8")
+    (tmp_path / "sub" / "b.usda").write_text(text.replace("@./", "@../"), encoding="utf-8")
+    assert len(maquette.load(Usd.Stage.Open(str(tmp_path / "sub" / "b.usda"))).tables.images.width) == 1
 
 
 # --- params, settings and warnings ---

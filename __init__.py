@@ -87,13 +87,12 @@ def load(
 def _written(source: Any, folder: Path) -> tuple[Path, list[Path]]:
     """(file written from an open stage or a trimesh object, files that the stage refers to and folders of its layers)"""
     if hasattr(source, "GetUsedLayers"):
-        from pxr import UsdUtils
+        from .compiler.importers.usd import stage
 
         path = folder / "stage.usdc"
         source.Export(str(path))  # flattened: paths of textures become absolute
-        _, assets, _ = UsdUtils.ComputeAllDependencies(str(path))  # pyright: ignore[reportAttributeAccessIssue]
         folders = sorted({Path(layer.realPath).parent for layer in source.GetUsedLayers() if layer.realPath})
-        return path, [*folders, *(Path(asset.partition("[")[0]) for asset in assets)]
+        return path, [*folders, *stage.assets_of(path)]
     if hasattr(source, "export"):
         path = folder / "mesh.glb"
         source.export(path)

@@ -232,7 +232,7 @@ def _draw(asset: Asset, output: Path, looks: Looks, made: Thumbnail) -> None:
     from ..render.image import image_files
 
     found, picture = Diagnostics(), output / made.picture
-    stage = StageOptions(complexity=complexity, conform="expand", size=made.size, as_asset=True)
+    stage = StageOptions(complexity=looks.complexity, conform="expand", size=made.size, as_asset=True)
     usd = asset.path.suffix.lower() in file_types.USD
     scene = load.load(asset.path, allow=looks.allow, diagnostics=found, stage=stage if usd else None)
     own_light = not any(text.startswith("sun") for text in scene.defaults)

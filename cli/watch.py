@@ -96,7 +96,7 @@ def _show(job: jobs.Job, output: Path | None, browser: bool, port: int | None, s
     finished = None if output is None else partial(_write, output)
     jobs.check_stats(stats, source.path, *([] if output is None else [output]))
     edited = None if stats is None else Edits(stats).note
-    with window.Window(source.path, partial(_opened, job), port, finished, _thumbnail, edited) as shown:
+    with window.Window(source.path, partial(_opened, job), port, finished, partial(_thumbnail, source.allow), edited) as shown:
         click.echo(f"{source.path}: {shown.address.url} (Ctrl-C ends)")
         sys.stdout.flush()
         if browser:
@@ -114,12 +114,12 @@ def _opened(job: jobs.Job, path: Path) -> Opened:
     return Opened(path, loaded, job.settings, job.overrides, source.sets, source.time)
 
 
-def _thumbnail(path: Path) -> bytes:
+def _thumbnail(allow: tuple[Path, ...], path: Path) -> bytes:
     """A PNG of a scene file. Raises ValueError with the errors of the scene."""
     from . import thumbnail
 
     with tempfile.TemporaryDirectory(prefix="maquette-") as folder:
-        made = thumbnail.draw(thumbnail.Asset(path, "scene"), Path(folder), THUMBNAIL, 0, "")
+        made = thumbnail.draw(thumbnail.Asset(path, "scene"), Path(folder), thumbnail.Looks(THUMBNAIL, 0, "", allow))
         if made.error:
             raise ValueError(made.error)
         return (Path(folder) / made.picture).read_bytes()

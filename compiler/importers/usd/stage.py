@@ -361,6 +361,12 @@ def _root_layer(path: Path) -> Any:
         reports.tell(unread, Span(path.name))
 
 
+def assets_of(path: Path) -> list[Path]:
+    """The files that a stage and its layers refer to, without layers: pictures, profiles and packages of them."""
+    _, assets, _ = UsdUtils.ComputeAllDependencies(str(path))
+    return [Path(access.file_of(str(asset))) for asset in assets]
+
+
 def summary(path: Path, options: StageOptions, files: Files) -> list[str]:
     """Lines about a stage: its prims by type, up axis and unit, time codes, and variant sets with their choice."""
     found = Diagnostics()

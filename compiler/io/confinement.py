@@ -107,7 +107,10 @@ def _kernels() -> Iterator[Path]:
 
 
 def _leave_behind() -> None:
-    """Close what the caller left open, but for the output: a file that is open can be used by a confined process as well."""
+    """Close what the caller left open, but for the output: a file that is open can be used by a confined process as well.
+
+    A terminal stays open for writing alone.
+    """
     assert fcntl is not None
     for name in os.listdir("/proc/self/fd"):
         with suppress(OSError):
@@ -116,3 +119,8 @@ def _leave_behind() -> None:
     null = os.open(os.devnull, os.O_RDONLY)
     os.dup2(null, 0)
     os.close(null)
+    for number in (1, 2):
+        with suppress(OSError):  # closed, or no terminal
+            terminal = os.open(os.ttyname(number), os.O_WRONLY | os.O_NOCTTY)
+            os.dup2(terminal, number)
+            os.close(terminal)

@@ -34,5 +34,5 @@ def open_path(path: Path | str) -> int:
             if not stat.S_ISLNK(mode):
                 raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), text)
             link = "/" * text.startswith("/") + "/".join(parts[:count])
-            raise LinkError(f"{link} is a link: give the name of its target" if link == text else f"{link}, in {text}, is a link")
+            raise LinkError(f"{link if link == text else f'{link}, in {text},'} is a link: give the name of its target")
     return descriptor

@@ -62,7 +62,10 @@ def outcomes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     (folder / "read" / "link").symlink_to(folder / "other" / "a.txt")
     (folder / "write" / "folder").mkdir()
     secret, shared = folder / "other" / "a.txt", "/dev/shm"
-    before = "inherited = os.open(folder / 'other' / 'a.txt', os.O_RDWR)\nos.set_inheritable(inherited, True)\n"
+    (folder / "cache" / "live").mkdir(parents=True)
+    (folder / "cache" / "live" / "a.json").write_text("{}", encoding="utf-8")
+    before = "os.environ['MAQUETTE_CACHE'] = str(folder / 'cache')\n"
+    before += "inherited = os.open(folder / 'other' / 'a.txt', os.O_RDWR)\nos.set_inheritable(inherited, True)\n"
     run = """
 results = {}
 for each in json.loads(PROGRAMS):
@@ -117,6 +120,8 @@ PROGRAMS = {
     **{f"open({name!r}, 'rb').read(1)": "PermissionError" for name in ("/etc/passwd", "/etc/hostname", "/proc/1/environ", "/proc/1/maps")},
     "os.listdir('/proc')": "PermissionError",
     "os.listdir('/dev/shm')": "PermissionError",
+    "os.listdir(os.environ['MAQUETTE_CACHE'])": "PermissionError",  # also the secrets of live windows
+    "Path(os.environ['MAQUETTE_CACHE'], 'live', 'a.json').read_text()": "PermissionError",
     "open('/dev/shm/maquette-test', 'w')": "PermissionError",
     "__import__('_posixshmem').shm_open('/maquette-test', os.O_CREAT | os.O_RDWR, mode=0o600)": "PermissionError",
     # links, special files, permissions, times, attributes
@@ -184,6 +189,25 @@ def test_a_process_with_threads_is_not_confined(folders: Path) -> None:
     before = "threading.Thread(target=threading.Event().wait, daemon=True).start()\n"
     done = process(folders, f"{BEGIN}{before}{CONFINE.replace('MEMORY', 'None')}")
     assert done.stderr.strip().endswith("OSError: a process is confined before it starts threads")
+
+
+def test_a_terminal_is_for_writing_alone(folders: Path) -> None:
+    outer, inner = os.openpty()
+    program = f"""{BEGIN}{CONFINE.replace('MEMORY', 'None')}
+results = [os.isatty(1), os.isatty(2), os.get_terminal_size(1).columns >= 0, os.write(1, b"12")]
+for number in (0, 1, 2):
+    try:
+        results.append(os.read(number, 1))
+    except OSError as error:
+        results.append(error.errno)
+(folder / "write" / "results").write_text(repr(results))
+"""
+    text = program.replace("FOLDER", repr(str(folders)))
+    with subprocess.Popen([sys.executable, "-c", text], stdin=inner, stdout=inner, stderr=inner) as process:
+        assert process.wait(30) == 0
+    os.close(outer)
+    os.close(inner)
+    assert (folders / "write" / "results").read_text(encoding="utf-8") == "[True, True, True, 2, b'', 9, 9]"
 
 
 def test_a_folder_that_becomes_a_link_leads_nowhere(folders: Path) -> None:

@@ -76,6 +76,17 @@ UNITS: dict[str, tuple[float, Dimension]] = {
 }
 
 
+_LISTED = (
+    ("lengths are", (LENGTH,)), ("angles", (ANGLE,)), ("times", (TIME,)), ("light is", (INTENSITY, ILLUMINANCE, LUMINANCE, FLUX)),
+)  # fmt: skip
+
+
+def listed() -> str:
+    """The units by what they measure, for messages, without k and m before those of light."""
+    plain = [(u, d) for u, (factor, d) in UNITS.items() if u.isascii() and (factor == 1.0 or d in (LENGTH, ANGLE, TIME))]
+    return "; ".join(f"{what} in {', '.join(unit for unit, d in plain if d in dimensions)}" for what, dimensions in _LISTED)
+
+
 @dataclass(frozen=True, slots=True)
 class Quantity:
     """A number with a dimension, in base units (m, rad, s, cd and their products). Plain numbers are floats."""

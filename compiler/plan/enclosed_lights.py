@@ -14,7 +14,7 @@ from ..formula.tape import load_tape
 from ..ir import light_links
 from . import scene_facts
 
-_PLACED = (ir.LightKind.POINT, ir.LightKind.SPOT, ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)
+PLACED = (ir.LightKind.POINT, ir.LightKind.SPOT, ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)
 AHEAD = 1e-6  # distance in front of the eye, relative to that from the origin and in metres, where enclosure is tested
 MOST_LAMPS = 64  # lights that are tested
 MOST_TRIANGLES = 1 << 20  # times points, of all meshes: a fifth of a second
@@ -24,14 +24,14 @@ def warn_of_enclosed_lights(scene: ir.Scene, diagnostics: Diagnostics) -> None:
     """Warn of each light in a closed opaque instance that the first camera is outside of."""
     tables = scene.tables
     lights = tables.lights
-    rows = np.flatnonzero(ir.is_in(lights.kind, _PLACED) & lights.shadows & ~light_links.selective(tables))[:MOST_LAMPS]
+    rows = np.flatnonzero(ir.is_in(lights.kind, PLACED) & lights.shadows & ~light_links.selective(tables))[:MOST_LAMPS]
     if not len(rows) or not len(tables.cameras.transform):
         return
-    at = [_corners(tables, int(row)) for row in rows]
+    at = [corners(tables, int(row)) for row in rows]
     frame = tables.transforms.matrix[tables.cameras.transform[0]]
     eye = frame[:, 3] - frame[:, 2] * (AHEAD * (1.0 + np.linalg.norm(frame[:, 3])))
     left = MOST_TRIANGLES
-    for instance in _opaque(tables).tolist():
+    for instance in opaque(tables).tolist():
         g = int(tables.instances.geometry[instance])
         inverse = tables.transforms.inverse[tables.instances.transform[instance]]
         low, high = tables.geometries.bounds[g]
@@ -43,13 +43,13 @@ def warn_of_enclosed_lights(scene: ir.Scene, diagnostics: Diagnostics) -> None:
         left -= each
         if left < 0:
             return
-        if _inside(tables, g, (inverse[:, :3] @ eye + inverse[:, 3])[None])[0]:
+        if inside(tables, g, (inverse[:, :3] @ eye + inverse[:, 3])[None])[0]:
             continue
         for k in near:
             left -= each * len(around[k])
             if left < 0:
                 return
-            if _inside(tables, g, around[k]).all():
+            if inside(tables, g, around[k]).all():
                 hint = "move it out, or make that of glass, or write `shadows: false`"
                 span = scene.spans.at("lights", int(rows[k]))
                 diagnostics.warning("this lamp is inside of an opaque solid: nothing outside is lit by it", span, hint)
@@ -59,18 +59,18 @@ _AROUND = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0,
 _SQUARE = np.array([[1, 0, 1], [1, 0, -1], [-1, 0, 1], [-1, 0, -1], [1, 0, 0], [0, 0, 1]], np.float64)
 
 
-def _corners(tables: ir.Tables, row: int) -> np.ndarray:
+def corners(tables: ir.Tables, row: int) -> np.ndarray:
     """Points (n, 3) of a light in the world, which stand for all of it; one for a light without extent."""
     lights = tables.lights
     kind, (x, z) = lights.kind[row], lights.size[row].tolist()
-    if kind in _PLACED[:2]:
+    if kind in PLACED[:2]:
         return lights.position[row][None]
     local = _SQUARE * [x, 0.0, z] if kind == ir.LightKind.RECTANGLE else _AROUND * [x, x if kind == ir.LightKind.SPHERE else 0.0, x]
     matrix = tables.transforms.matrix[lights.transform[row]]
     return local @ matrix[:, :3].T + matrix[:, 3]
 
 
-def _opaque(tables: ir.Tables) -> np.ndarray:
+def opaque(tables: ir.Tables) -> np.ndarray:
     """Rows of opaque instances that cast shadows, without shapes of lights (light_shapes.py) and blends of materials."""
     materials, instances = tables.materials, tables.instances
     through = scene_facts.partial(tables) | ir.is_in(materials.model, (ir.MaterialModel.GLASS, ir.MaterialModel.BLEND))
@@ -78,7 +78,7 @@ def _opaque(tables: ir.Tables) -> np.ndarray:
     return np.flatnonzero((instances.visible & ir.Visibility.SHADOW != 0) & (instances.light < 0) & ~through[instances.material])
 
 
-def _inside(tables: ir.Tables, g: int, points: np.ndarray) -> np.ndarray:
+def inside(tables: ir.Tables, g: int, points: np.ndarray) -> np.ndarray:
     """Whether points (n, 3) in a geometry's frame are inside of it; False for open geometries."""
     kind, parameters = tables.geometries.kind[g], tables.geometries.parameters[g]
     if kind == ir.GeometryKind.MESH:

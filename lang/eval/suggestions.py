@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 
+from .. import units
 from ..diagnostics import suggest
 
 # Equivalents of an argument name, the likeliest first. Those that the element lacks are skipped.
@@ -251,7 +252,7 @@ _UNITS: dict[str, str] = {
 
 def unit(word: str, number: str, known: Iterable[str]) -> str:
     """The hint for a unit that is not among `known`, after `number` as written."""
-    return _UNITS[word].format(number) if word in _UNITS else suggest(word, known)
+    return _UNITS[word].format(number) if word in _UNITS else suggest(word, known) or units.listed()
 
 
 def planned_hint(word: str) -> str:

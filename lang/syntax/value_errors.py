@@ -38,12 +38,24 @@ def equals(site: ErrorSite) -> Answer | None:
     if inside == "call" and before.type == "NAME":
         return "arguments are written with `:`, not `=`", f"write {_with_colons(site)}", token
     if inside == "" and site.at == site.first + 1 and before.type == "NAME":
+        if _is_bound(site, before):
+            return f"`{before}` is bound once, with `let`, and keeps its value", f"write let {before}2 = … for another value", site.start
         return "a name is bound with `let`", f"write let {before} = …", site.start
     if inside == "" and site.near(-2) == ".":
         return "an element is not changed after it is made", f"write {before} as an argument, as in sphere(1, {before}: …)", token
     if inside == "" and site.start.type == "NAME":
         return "only `let` and `param` bind with `=`", "write let name(…) = …", token
     return "`=` binds a name; values are compared with `==`", "write `==`", token
+
+
+def _is_bound(site: ErrorSite, name: str) -> bool:
+    """Whether a name that is assigned to is bound in the file, or is in its own new value."""
+    for i in range(site.at + 1, len(site.stream)):
+        if site.stream[i].type in ("_NL", "$END"):
+            break
+        if site.stream[i] == name and site.stream[i].type == "NAME":
+            return True
+    return any(token in ("let", "param") and site.stream[i + 1] == name for i, token in enumerate(site.stream[:-1]))
 
 
 def _with_colons(site: ErrorSite) -> str:

@@ -18,7 +18,7 @@ from ..image.cryptomatte import Mattes
 from ..jit import thread_pool
 from ..simd import target
 from ..types import Film, Tile, View
-from . import accumulate, adaptive_sampling, aov
+from . import accumulate, adaptive_sampling, aov, stray_samples
 from .accumulate import PixelSums
 from .checkpoint import Keeper, State
 from .deadline import Deadline, Pace
@@ -365,7 +365,7 @@ class Canvas:
         self.report(Progress("rendering", min(fraction, 1.0), samples, most, self.error, picture, self.limit))
 
     def _final_error(self) -> tuple[float | None, float]:
-        """(√relMSE, share of its square in few pixels); None for the first if it is unknown.
+        """(√relMSE, share of its square in few pixels with stray bright samples); None for the first if it is unknown.
 
         Where a budget ended the work, pixels of one sample take twice the variance of those of two, if these are KNOWN of all.
         """
@@ -375,8 +375,7 @@ class Canvas:
             return None, 0.0
         alone = int(np.count_nonzero(self.samples)) - known.size
         mean = float(np.sum(known) + 2.0 * alone * np.mean(known)) / (known.size + alone)
-        few = max(known.size // 1000, 1)
-        sparse = float(np.sum(np.partition(known, -few, axis=None)[-few:]) / max(np.sum(known), 1e-300))
+        sparse = stray_samples.share_of_error(relative, self.channels["rgba"]) if relative.shape == self.samples.shape else 0.0
         return (1.0 if self.settled else adaptive_sampling.SELECTION) * math.sqrt(mean), sparse
 
     def finish(self, view: View) -> image.Image:

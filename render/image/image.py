@@ -31,7 +31,8 @@ class Image:
     """`width` by `height` pixels (of the crop); each channel is (height, width, k) float32.
 
     `metadata` as film.run fills it: "size" and "crop" (x0, y0, x1, y1) of the whole picture, "samples" (the most any pixel has),
-    "samples_mean", "error" (estimated √relMSE, None where unknown), "error_in_few" (share of its square in the worst 0.1 % of the pixels),
+    "samples_mean", "error" (estimated √relMSE, None where unknown), "error_in_few" (share of its square in stray bright samples, see
+    film.stray_samples),
     "variance" (of the pixels' means, (height, width, 3), inf where unknown; None after one sample), "half_difference" (float32, its square
     is the variance: the halves of the samples are about the picture ± it), "variance_share" (by which Sobol points reduce the variance),
     "partial", "rays" (from the camera), "issues" (samples left out because they were not finite), "threads". render_scene.draw adds

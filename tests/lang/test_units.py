@@ -115,6 +115,11 @@ def test_a_bare_number_beside_a_length_is_in_the_unit_of_the_file() -> None:
         ("floor(2.7cm)", "expected number, got the length 0.027m | divide by a unit first, as in floor(x / 1cm)"),
         ("3mmm", "unknown unit `mmm` | did you mean `mm`?"),
         ("2pi", "unknown unit `pi` | write 2 * pi"),
+        (
+            "2abc",
+            "unknown unit `abc` | lengths are in m, cm, mm, km, um, nm, in, inch, ft; angles in deg, rad, turn; times in s, ms, min, h; "
+            "light is in cd, lx, nit, lm",
+        ),
         ("1e300 * 1e300", "the result is too large for a number"),
         ("10 ^ 400", "the result is too large for a number"),
         ("(-8) ^ 0.5", "a negative number has no such power"),

@@ -1,0 +1,31 @@
+"""Stray bright samples: the share of a picture's error that they have. How many a picture has, and which it lacks, is chance."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+FEW = 1000  # the pixels of a picture over those with the largest errors that are looked at
+BRIGHTER = 1.25  # times the brightest of its neighbors, from which on a pixel holds a stray bright sample
+
+
+def share_of_error(relative: NDArray[np.float64], rgba: NDArray[np.float32]) -> float:
+    """The share of the squared error (h, w) in those of its worst 0.1 % of pixels that hold a stray bright sample.
+
+    Such a sample makes a pixel brighter than all around it. A pixel at an edge has a large error as well, and lies between its neighbors.
+    Errors that are not finite do not count.
+    """
+    known = np.where(np.isfinite(relative), relative, 0.0)
+    total, width = float(known.sum()), known.shape[1]
+    if total <= 0.0 or known.size < 9:
+        return 0.0
+    few = max(known.size // FEW, 1)
+    found = 0.0
+    for at in np.argpartition(known, -few, axis=None)[-few:].tolist():
+        y, x = divmod(at, width)
+        around = np.abs(rgba[max(y - 1, 0) : y + 2, max(x - 1, 0) : x + 2, :3]).sum(axis=2, dtype=np.float64)
+        own = around[min(y, 1), min(x, 1)]
+        around[min(y, 1), min(x, 1)] = 0.0
+        if own > BRIGHTER * float(np.nan_to_num(around).max()):
+            found += float(known[y, x])
+    return found / total

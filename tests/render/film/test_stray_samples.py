@@ -1,0 +1,48 @@
+"""Stray bright samples: told apart from the errors of edges, by pictures whose errors are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from maquette.render.film import stray_samples
+
+
+def of_samples(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(relative squared error (h, w), rgba) of a picture that is the mean of samples (n, h, w)."""
+    mean, variance = samples.mean(axis=0), samples.var(axis=0) / len(samples)
+    rgba = np.repeat(mean[..., None], 4, axis=2).astype(np.float32)
+    return variance / (np.median(mean) ** 2), rgba
+
+
+def cube(h: int, w: int, n: int, rng: np.random.Generator) -> np.ndarray:
+    """Samples of a bright square, slightly turned, before a dark ground: noise at its edges alone."""
+    y, x = np.mgrid[:h, :w][:, None] + rng.random((2, n, h, w))
+    u, v = x - w / 2 + 0.07 * (y - h / 2), y - h / 2 - 0.07 * (x - w / 2)
+    return np.where((np.abs(u) < w / 5) & (np.abs(v) < h / 4), 0.8, 0.02)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize(("size", "n"), [((60, 80), 4), ((120, 160), 16), ((240, 320), 4)])
+def test_the_edges_of_a_cube_are_no_strays(seed: int, size: tuple[int, int], n: int) -> None:
+    samples = cube(*size, n, np.random.default_rng(seed))
+    assert stray_samples.share_of_error(*of_samples(samples)) < 0.02
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_fireflies_are_strays(seed: int) -> None:
+    """One sample of one pixel in a thousand is a hundred times as bright."""
+    rng = np.random.default_rng(seed)
+    samples = 0.5 + 0.005 * rng.standard_normal((16, 120, 160))
+    for at in rng.choice(120 * 160, 15, replace=False):
+        samples.reshape(16, -1)[rng.integers(16), at] += 50.0
+    assert stray_samples.share_of_error(*of_samples(samples)) > 0.9
+
+
+def test_even_noise_has_no_strays() -> None:
+    samples = np.random.default_rng(1).exponential(1.0, (4, 120, 160))
+    assert stray_samples.share_of_error(*of_samples(samples)) < 0.02
+
+
+@pytest.mark.parametrize("relative", [np.zeros((4, 4)), np.full((4, 4), np.inf), np.ones((1, 1))])
+def test_pictures_without_a_known_error(relative: np.ndarray) -> None:
+    assert stray_samples.share_of_error(relative, np.ones((*relative.shape, 4), np.float32)) == 0.0

@@ -89,6 +89,7 @@ scene_options = options(
     click.option("--mask", type=values.CHANNELS, help="Read only these prims of a USD stage and those they use: /World/Chair,/World/Lamp."),
     click.option("--complexity", type=values.COMPLEXITY, help="Refinement of USD subdivision surfaces: low, medium, high or veryhigh."),
     click.option("--no-default-light", is_flag=True, help="Add no light to a USD stage without lights."),
+    click.option("--cull-backfaces", is_flag=True, help="Draw USD meshes that are not doubleSided from their front alone."),
     click.option(
         "--conform", type=click.Choice(["vertical", "horizontal", "expand", "crop", "pixels"]),
         help="The part of its film that a USD camera keeps in a picture of another aspect; `pixels` stretches it. Default: vertical.",
@@ -149,7 +150,8 @@ def source_of(scene: Path, given: dict[str, Any]) -> jobs.Source:
     """The source of the options of `scene_options`, which are removed from `given`."""
     from ..compiler.importers.stage_options import MeshOptions, StageOptions
 
-    of_stage = {name: given.pop(name) for name in ("variants", "purposes", "conform", "render_settings", "session_layer")}
+    kept = ("variants", "purposes", "cull_backfaces", "conform", "render_settings", "session_layer")
+    of_stage = {name: given.pop(name) for name in kept}
     stage = StageOptions(
         **of_stage, mask=given.pop("mask") or (), complexity=given.pop("complexity") or 0, default_light=not given.pop("no_default_light"),
         size=given.get("size"),

@@ -33,7 +33,8 @@ FIGURES = {
     "noise": "the difference over what noise alone makes", "significance": "the difference of the means in standard errors",
 }  # fmt: skip
 OF_SCENES = (  # parameters that need a scene
-    "sets", "at", "allow", "variants", "purposes", "mask", "complexity", "no_default_light", "conform", "render_settings",
+    "sets", "at", "allow", "variants", "purposes", "mask", "complexity", "no_default_light", "cull_backfaces", "conform",
+    "render_settings",
     "session_layer", "max_elements", "backend", "size", "camera", "samples", "error", "budget", "bounces", "seed", "threads", "crop",
     "background", "plan_values",
 )  # fmt: skip

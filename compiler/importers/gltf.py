@@ -22,7 +22,7 @@ from ..mesh.polygon_mesh import PolyMesh
 from ..scene import transforms
 from ..scene.builder import SceneBuilder
 from ..scene.row_records import WHITE, CameraData, LightData, MeshAttribute, as_color, nonnegative, scale_color
-from . import gltf_animation, gltf_draco, gltf_materials, gltf_tables, uv_sets, vertex_numbers
+from . import gltf_animation, gltf_draco, gltf_materials, gltf_tables, gltf_tangents, uv_sets, vertex_numbers
 from .common import point_clouds
 from .gltf_container import Container, Rows, check_finite, open_container
 from .gltf_errors import GltfError
@@ -219,6 +219,10 @@ class _Reader:
         for key in [key for key, values in given.items() if len(values) < len(points)]:
             self.warn(f"`{key}` of `{name}` has {len(given.pop(key))} values for {len(points)} vertices: it is left out")
         uvs, colors = given.get(uv_name), given.get("COLOR_0")
+        if "TANGENT" in attributes and uvs is not None and material is not None and self.materials.has_normal_map(material):
+            tangents = accessor(attributes["TANGENT"])[: len(points)]
+            if len(tangents) == len(points) and gltf_tangents.differ(points, triangles, uvs, tangents):
+                self.warn(f"the tangents of `{name}` differ from those of its texture coordinates, in which its normal map is drawn")
         mesh = PolyMesh(
             points, np.full(len(triangles), 3), triangles.reshape(-1),
             MeshAttribute(given["NORMAL"]) if "NORMAL" in given else None,

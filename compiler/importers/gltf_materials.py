@@ -69,6 +69,9 @@ class Materials:
         """Whether alpha counts: the material's mode is BLEND or MASK."""
         return self.container.document["materials"][index].get("alphaMode", "OPAQUE") in ("BLEND", "MASK")
 
+    def has_normal_map(self, index: int) -> bool:
+        return "normalTexture" in self.container.document["materials"][index]
+
     def is_double_sided(self, index: int) -> bool:
         """Whether a surface is seen from behind: it says so, or it is the boundary of a volume, of which both sides count."""
         written = self.container.document["materials"][index]

@@ -35,8 +35,7 @@ EXTENSIONS = Table(
         "KHR_interactivity KHR_physics_rigid_bodies KHR_implicit_shapes KHR_collision_shapes OMI_*": "simulation",
         "KHR_audio_emitter MSFT_audio_emitter KHR_audio_graph": "sound",
         "EXT_structural_metadata EXT_mesh_features EXT_instance_features EXT_feature_metadata": "data about features",
-        "FB_geometry_metadata AGI_articulations AGI_stk_metadata CESIUM_primitive_outline GRIFFEL_bim_data": "data",
-        "MSFT_lod": "the most detailed level is drawn",
+        "FB_geometry_metadata AGI_articulations AGI_stk_metadata GRIFFEL_bim_data": "data",
         "MSFT_packing_occlusionRoughnessMetallic MSFT_packing_normalRoughnessMetallic": "copies of pictures",
         "ADOBE_materials_thin_transparency": "a copy of KHR_materials_transmission",
     },
@@ -50,7 +49,8 @@ EXTENSIONS = Table(
         "EXT_texture_astc MSFT_texture_dds KHR_texture_procedurals EXT_texture_procedurals_mx_1_39": "",
         "KHR_techniques_webgl KHR_gaussian_splatting KHR_gaussian_splatting_compression_spz KHR_gaussian_splatting_compression_spz_2": "",
         "EXT_lights_image_based EXT_lights_ies EXT_texture_video NV_materials_mdl KHR_xmp_material": "",
-        "CESIUM_primitive_restart EXT_mesh_manifold EXT_mesh_primitive_restart KHR_mesh_primitive_restart": "",
+        "MSFT_lod": "the most detailed level is drawn",
+        "CESIUM_primitive_outline CESIUM_primitive_restart EXT_mesh_manifold EXT_mesh_primitive_restart KHR_mesh_primitive_restart": "",
         "EXT_primitive_voxels MPEG_*": "",
     },
 )
@@ -64,6 +64,7 @@ PROPERTIES = Table(
             "triangles, strips and fans; points as spheres and lines as tubes, with 1/150 of their extent as their width"
         ),
         "meshes.primitives.attributes.POSITION meshes.primitives.attributes.NORMAL meshes.primitives.attributes.COLOR_0": "",
+        "meshes.primitives.attributes.TANGENT": "as those of the texture coordinates; others are reported where a normal map uses them",
         "meshes.primitives.attributes.TEXCOORD_*": "a part for each map between the sets of a material's pictures, at most 64",
         "nodes.skin skins.joints skins.inverseBindMatrices": "",
         "meshes.primitives.attributes.JOINTS_* meshes.primitives.attributes.WEIGHTS_*": "skins",
@@ -103,10 +104,8 @@ PROPERTIES = Table(
         "name *.name extras *.extras asset.* extensionsUsed extensionsRequired": "data about the asset",
         "accessors.min accessors.max": "bounds are computed",
         "bufferViews.target images.mimeType samplers.minFilter": "hints; pictures are filtered over the pixel",
-        "meshes.primitives.attributes.TANGENT": "tangents are computed from the texture coordinates",
         "meshes.primitives.attributes._* EXT_mesh_gpu_instancing.attributes._*": "data of the user",
         "skins.skeleton": "a hint",
-        "meshes.primitives.targets.TANGENT": "tangents are computed from the texture coordinates",
     },
     not_drawn={
         "meshes.primitives.attributes.COLOR_*": "",

@@ -17,9 +17,9 @@ OBJ = Table(
     no_effect={
         "o g": "names",
         "bevel c_interp d_interp lod": "display attributes",
-        "shadow_obj trace_obj": "names of stand-ins for shadows and reflections",
     },
     not_drawn={
+        "shadow_obj trace_obj": "the object itself casts shadows and shows in mirrors",
         "p": "points of a file with faces",
         "l": "lines",
         "vp cstype deg bmat step curv curv2 surf parm trim hole scrv sp end con ctech stech": "free-form curves and surfaces",
@@ -77,7 +77,7 @@ PLY = Table(
 STL = Table(
     "STL content",
     drawn={"triangles": "equal corners are one vertex", "attribute bytes": "colours as VisCAM, SolidView and Magics write them"},
-    no_effect={"header name": "text", "normals": "the winding decides"},
+    no_effect={"header name": "text", "normals": "the winding decides; those of binary files that contradict it are reported"},
 )
 
 OFF = Table(

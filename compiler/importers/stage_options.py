@@ -23,6 +23,7 @@ class StageOptions:
     mask: tuple[str, ...] = ()  # paths of prims: only they, their ancestors, descendants and targets are populated
     complexity: int = 0  # times that subdivision surfaces are refined
     default_light: bool = True  # a light at the camera of a stage without lights
+    cull_backfaces: bool = False  # whether meshes that are not doubleSided are seen from their front alone
     conform: str | None = None  # key of CONFORM: what is kept of a camera's film in a picture of another aspect; None: vertical
     render_settings: str | None = None  # path of a RenderSettings or RenderProduct prim; None: the stage's renderSettingsPrimPath
     session_layer: Path | None = None  # a layer over the root layer
@@ -42,7 +43,7 @@ class StageOptions:
         for option in self.given():
             value = getattr(self, {"no-default-light": "default_light"}.get(option, option.replace("-", "_")))
             text = ",".join(value) if isinstance(value, tuple) else next((n for n, k in COMPLEXITIES.items() if k == value), str(value))
-            found += [f"--{option}"] if option == "no-default-light" else [f"--{option}", text]
+            found += [f"--{option}"] if option in ("no-default-light", "cull-backfaces") else [f"--{option}", text]
         return found
 
 

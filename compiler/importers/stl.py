@@ -38,6 +38,7 @@ def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
     else:
         with np.errstate(invalid="ignore"):  # signalling NaN
             corners = found["corners"].astype(np.float64)
+        _compare(found["normal"], corners, diagnostics, span)
         colors = _colors(data[:80], found["attribute"], diagnostics, span)
     sound = np.asarray(np.isfinite(corners).all(axis=(1, 2)))
     if not sound.all():
@@ -47,6 +48,16 @@ def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
     points, rows = np.unique(corners.reshape(-1, 3) + 0.0, axis=0, return_inverse=True)
     tints = None if colors is None else MeshAttribute(colors[sound], ir.Interpolation.FACE)
     return PolyMesh(points, np.full(len(corners), 3), rows.reshape(-1), colors=tints)
+
+
+def _compare(normals: np.ndarray, corners: np.ndarray, diagnostics: Diagnostics, span: Span) -> None:
+    """A warning where the stored normals (t, 3) of more than half of the triangles point against their winding."""
+    with np.errstate(all="ignore"):
+        along = np.einsum("ij,ij->i", np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), normals.astype(np.float64))
+    against = int(np.count_nonzero(along < 0))
+    if 2 * against > len(corners):
+        message = f"the normals of {against:,} of {len(corners):,} triangles point against their winding, which is drawn as the outside"
+        diagnostics.warning(message, span)
 
 
 def _colors(header: bytes, attribute: np.ndarray, diagnostics: Diagnostics, span: Span) -> np.ndarray | None:

@@ -48,6 +48,8 @@ class Audit:
         """Report the inputs of a shader that are not drawn; those of MaterialX surfaces are reported where they are read."""
         for given in UsdShade.Shader(node).GetInputs():
             message = tables.INPUTS.report(f"the input `{given.GetBaseName()}` of {kind}", str(given.GetBaseName()))
+            if given.GetBaseName() == "space" and str(given.Get()) in ("tangent", "None"):
+                continue  # the default of ND_normalmap
             if message and self._matters(node, str(given.GetFullName())):
                 self.warnings.tell(message, node)
 

@@ -43,7 +43,7 @@ def scene(
         return builder.finish(str(path))
     opened.wait(later)
     reports = Reports(path)
-    walk = Walk(opened, builder, purposes=asked.purposes, complexity=options.complexity)
+    walk = Walk(opened, builder, purposes=asked.purposes, complexity=options.complexity, cull=options.cull_backfaces)
     with np.errstate(all="ignore"):  # consumers of non-finite values detect them
         walk.run(opened.stage.GetPseudoRoot(), opened.frame, opened.frame)
         walk.place()

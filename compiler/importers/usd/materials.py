@@ -382,8 +382,8 @@ class Materials:
         if channel >= 0:
             gain, bias = (gain[channel],) * 4, (bias[channel],) * 4
         return TextureData(
-            ir.TextureKind.IMAGE, wrap_u=wrap_u, wrap_v=wrap_v, channel=channel, frame=frame,
-            gain=(gain[0], gain[1], gain[2]), bias=(bias[0], bias[1], bias[2]),
+            ir.TextureKind.IMAGE, wrap_u=wrap_u, wrap_v=wrap_v, channel=channel, frame=frame, gain=gain[:3], bias=bias[:3],
+            nearest=self._text(picture.shader, "filtertype") == "closest",
         )  # fmt: skip
 
     def heights(self, network: Network, prim: Any) -> float | tuple[TextureData, np.ndarray]:

@@ -86,6 +86,7 @@ PROPERTIES = Table(
     drawn={
         "xformOp:* xformOpOrder visibility purpose renderVisibility proxyVisibility guideVisibility": "every prim",
         "points faceVertexCounts faceVertexIndices holeIndices subdivisionScheme normals orientation": "Mesh",
+        "doubleSided": "by --cull-backfaces, of meshes; else both sides are drawn, as by usdrecord",
         "creaseIndices creaseLengths creaseSharpnesses cornerIndices cornerSharpnesses": "Mesh, refined by --complexity",
         "interpolateBoundary faceVaryingLinearInterpolation triangleSubdivisionRule": "Mesh, refined by --complexity",
         "type basis wrap curveVertexCounts widths order knots ranges pointWeights": "BasisCurves, NurbsCurves and Points",
@@ -131,14 +132,12 @@ PROPERTIES = Table(
     },
     no_effect={
         "productName productType orderedVars": "-o names the file, --aov its channels",
-        "materialBindingPurposes": "full precedes preview, which precedes all-purpose",
         "extent": "bounds are computed",
-        "doubleSided": "both sides are always drawn",
         "proxyPrim": "purposes decide what is drawn",
         "collection:* colorSpaceDefinition:*": "read where they are named",
         "stereoRole": "one camera draws a picture",
         "guideRadius": "the size of a symbol",
-        "light:shaderId light:materialSyncMode": "",
+        "light:shaderId": "the lights of the schema are drawn",
         "lightList lightList:cacheBehavior": "",
         "ui:* physics:* authorship:* semantics:* accessibility:* hydra:*": "",
         "coordSys:* inputs:ri:*": "RenderMan alone",
@@ -147,9 +146,11 @@ PROPERTIES = Table(
         "GenerativeProcedural.proceduralSystem": "reported by the type",
         "jointNames": "names for a user interface",
         "userProperties:*": "data of the user",
-        "lod:heuristics": "a level of detail is drawn at every distance",
     },
     not_drawn={
+        "light:materialSyncMode": "the material of a mesh light takes no part in its light",
+        "materialBindingPurposes": "full precedes preview, which precedes all-purpose",
+        "lod:heuristics": "a level of detail is drawn at every distance",
         "motion:*": "velocities count as they are, between all samples",
         "trimCurve:*": "the whole patch is drawn",
         "renderingColorSpace": "colours are linear with the primaries of sRGB",
@@ -191,17 +192,16 @@ INPUTS = Table(
         "file st wrapS wrapT fallback scale bias sourceColorSpace": "UsdUVTexture",
         "in rotation translation": "UsdTransform2d",
         "varname": "UsdPrimvarReader",
-        "uaddressmode vaddressmode default texcoord uvtiling uvoffset": "ND_image, ND_tiledimage",
+        "uaddressmode vaddressmode default texcoord uvtiling uvoffset filtertype": "ND_image, ND_tiledimage; closest, else over the pixel",
         "geomprop index value pivot rotate offset": "ND_geompropvalue, ND_extract, ND_constant, ND_place2d",
         "displacement": (
             "moves the points of meshes, refined by --complexity, along their normals, in units of the stage; in prototypes in theirs"
         ),
     },
-    no_effect={
-        "filtertype": "pictures are filtered over the pixel",
-        "tangent bitangent space": "ND_normalmap: tangents come from texture coordinates",
+    not_drawn={
+        "tangent bitangent space": "ND_normalmap: normal maps are those of tangent space, whose tangents come from texture coordinates",
+        "layer framerange frameoffset frameendaction operationorder realworldimagesize realworldtilesize": "",
     },
-    not_drawn={"layer framerange frameoffset frameendaction operationorder realworldimagesize realworldtilesize": ""},
 )
 
 TABLES = (PRIM_TYPES, API_SCHEMAS, PROPERTIES, SHADERS, INPUTS)

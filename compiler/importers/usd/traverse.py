@@ -62,6 +62,7 @@ class Walk:
     prefix: str = ""  # prefix of instance names
     purposes: tuple[str, ...] | None = None
     complexity: int = 0  # refinements of subdivision surfaces
+    cull: bool = False  # whether meshes that are not doubleSided are seen from their front alone
     pieces: dict[str, list[Piece]] = field(default_factory=lambda: {"default": [], "render": [], "proxy": [], "guide": []})
     cameras: list[tuple[Any, np.ndarray]] = field(default_factory=list)
     mesh_lights: int = 0  # prims with MeshLightAPI that emit light
@@ -323,6 +324,8 @@ class Walk:
                 self.builder.diagnostics.note(CAGES, span, REFINE)
             made = None if found is None else found.part(part.faces)
             self._geometries[key] = geometry_module.row(made, self.builder, span, str(prim.GetName()))
+            if self.cull and not UsdGeom.Gprim(prim).GetDoubleSidedAttr().Get(self.opened.time):
+                self.builder.single_sided.add(self._geometries[key])
         return self._geometries[key]
 
     def _strands(self, prim: Any, kind: str, matrix: np.ndarray) -> list[Piece]:

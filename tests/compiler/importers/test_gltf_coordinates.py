@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from maquette.compiler import ir
-from maquette.compiler.importers import uv_sets
+from maquette.compiler.importers import gltf_tangents, uv_sets
 
 from ...files import write_image
 from .. import tables
@@ -169,3 +169,12 @@ def test_pictures_of_a_clear_coat(tmp_path):
     channel = scene.tables.textures.channel
     (weight, one), (rough, other) = (input_of(scene, part, slot) for slot in (ir.Slot.COAT, ir.Slot.COAT_ROUGHNESS))
     assert (weight, channel[one], rough, channel[other]) == (0.5, 0, 1, 1)
+
+
+@pytest.mark.parametrize(("turn", "hand", "differs"), [(0.0, 1.0, False), (0.3, 1.0, False), (1.5, 1.0, True), (0.0, -1.0, True)])
+def test_tangents_that_differ_from_those_of_the_coordinates(turn, hand, differs):
+    """A square in the plane z = 0 with u along x and v, which points down in glTF, along -y."""
+    points = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], float)
+    uvs = np.stack([points[:, 0], 1 - points[:, 1]], axis=1)
+    tangents = np.tile([np.cos(turn), np.sin(turn), 0, hand], (4, 1))
+    assert gltf_tangents.differ(points, np.array([(0, 1, 2), (0, 2, 3)]), uvs, tangents) == differs

@@ -286,6 +286,16 @@ def test_stl_colors(header, attributes, expected):
     assert np.allclose(tables.attribute(scene.tables, "colors", 0)[:, 0], expected)
 
 
+@pytest.mark.parametrize(("normal", "told"), [((0, 0, 1), False), ((0, 0, 0), False), ((0, 0, -1), True)])
+def test_stl_normals_against_the_winding(tmp_path, normal, told):
+    rows = struct.pack("<12fH", *normal, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0)
+    (tmp_path / "a.stl").write_bytes(b"".ljust(80) + struct.pack("<I", 1) + rows)
+    found = Diagnostics()
+    load.load(tmp_path / "a.stl", diagnostics=found)
+    message = "the normals of 1 of 1 triangles point against their winding, which is drawn as the outside"
+    assert [d.message for d in found.items if "winding" in d.message] == ([message] if told else [])
+
+
 def test_stl_attributes_that_are_no_colours(tmp_path):
     rows = np.zeros(2, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]))
     rows["corners"] = SQUARE[[[0, 1, 2], [0, 2, 3]]]

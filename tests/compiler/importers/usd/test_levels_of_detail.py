@@ -68,7 +68,8 @@ def test_instances_of_a_root(tmp_path):
     assert np.unique(scene.tables.instances.geometry).size == 1
 
 
-def test_heuristics_have_no_effect(tmp_path):
+def test_heuristics_are_named(tmp_path):
     rule = 'def LODDistanceHeuristic "rule" { uniform float[] thresholds = [1, 2]\nuniform token lod:domain = "imaging" }'
     scene, messages = read(tmp_path, root("rel lod:heuristics = </lod/rule>", rule + "\n" + ITEMS))
-    assert (kinds(scene), messages) == (["BOX"], [])
+    message = "x.usda</lod>: warning: `lod:heuristics` of Xform is not drawn: a level of detail is drawn at every distance"
+    assert (kinds(scene), messages) == (["BOX"], [message])

@@ -7,11 +7,12 @@ import pytest
 from maquette.compiler import ir, load
 from maquette.compiler.importers.stage_options import StageOptions
 from maquette.compiler.importers.usd import stage
+from maquette.compiler.ir.single_sided import SINGLE_SIDED
 from maquette.lang.diagnostics import SceneError
 from maquette.render import camera
 from maquette.render.types import View
 
-from .stages import read
+from .stages import SQUARE, read
 
 PURPOSES = "".join(f'def Cube "{p}" {{ uniform token purpose = "{p}" }}\n' for p in ("default", "render", "proxy", "guide"))
 CAMERA = """def Camera "main_cam" { float horizontalAperture = 20
@@ -221,3 +222,15 @@ def test_an_asset_is_seen_from_three_quarters_and_sharp(tmp_path):
     scene, _ = read(tmp_path, camera, options=StageOptions(as_asset=True))
     c = scene.tables.cameras
     assert (scene.names.cameras, c.lens[0], c.shutter[0], scene.names.lights) == (("/main_cam",), 0, 0, ("sun", "sky"))
+
+
+@pytest.mark.parametrize(
+    ("more", "culled"), [("", True), ("uniform bool doubleSided = true", False), ("uniform bool doubleSided = false", True)]
+)
+def test_meshes_that_are_not_double_sided(tmp_path, more, culled):
+    text = f'def Mesh "m" {{ {SQUARE}\n{more} }}\ndef Cube "c" {{}}'
+    for options, expected in ((StageOptions(), [7, 7]), (StageOptions(cull_backfaces=True), [7 | SINGLE_SIDED if culled else 7, 7])):
+        scene, messages = read(tmp_path, text, options=options)
+        assert messages == []
+        assert scene.tables.instances.visible.tolist() == expected
+    assert StageOptions(cull_backfaces=True).words() == ["--cull-backfaces"]

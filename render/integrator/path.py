@@ -22,7 +22,19 @@ from ..types import Hit, Lane, Options, Surface, Tables, Vec, VertexLight
 from . import gouraud, photon_map
 from .light_sampling import facing, sample_direct
 from .path_emission import emitted_radiance
-from .path_state import GATHERED, LIT, Connection, NoVertices, PathInputs, PathSample, PathState, Vertex, lobe_number, numbers
+from .path_state import (
+    GATHERED,
+    LIT,
+    Connection,
+    NoVertices,
+    PathInputs,
+    PathSample,
+    PathState,
+    Vertex,
+    lobe_number,
+    numbers,
+    photon_number,
+)
 from .photon_coverage import photon_covers_lobe, split_lobe, splits_lobe
 from .records import ShadingContext
 
@@ -64,9 +76,12 @@ def shade_vertex(
     connection = Connection(point.position, path.direction, zero, sent, nothing, (zero, zero, zero), bits)
     shading = ShadingContext(point, shader, viewer, path.inside)
     if depth > options.bounces:
-        return sent, connection, path, nothing, Vertex(shading, Scattered(path.direction, (zero, zero, zero), zero + ONLY, nothing))
+        ended = Scattered(path.direction, (zero, zero, zero), zero + ONLY, nothing)
+        return sent, connection, path, nothing, Vertex(shading, ended, photon_map.no_estimate(inputs.photons, shading))
     lit, known = vertex_light(inputs.vertices, tables, point, hit, here)
-    sent = _add_local(tables, inputs, options.links, sent, shading, path, here, lit, known, direct.sample)
+    sent = _add_local(tables, inputs, options.links, sent, shading, path, here, lit, known)
+    gathers, base = here & (path.phase < photon_map.MATT), splits_lobe(inputs.photons, path.phase, shader)
+    gathered = photon_map.estimate(inputs.photons, shading, uses, path.weight, gathers, base, direct.sample, photon_number(direct))
     ending = depth == options.bounces
     last = ops.bool_like(zero, False)
     if ending:  # BSDF samples after the last bounce find only skies, and emitters of glossy surfaces
@@ -84,8 +99,7 @@ def shade_vertex(
         seen = lights.background(tables, scattered.direction, lights.OPEN)[0]
         above = ops.mul(weight, links.background(options.links, seen, tables, scattered.direction, lights.OPEN, bits))
         sent = ops.where3(soft, ops.add(sent, above), sent)
-    splits = splits_lobe(inputs.photons, path.phase, shader)
-    weight, lobe = split_lobe(inputs.photons, (weight, nothing), splits, shading, scattered, lobe_number(index))
+    weight, lobe = split_lobe(inputs.photons, (weight, nothing), base, shading, scattered, lobe_number(index))
     going = here & ops.not_(last) & (ops.largest(weight) > 0.0)
     if ending:
         going = going & (scattered.density < ONLY)
@@ -94,23 +108,21 @@ def shade_vertex(
         going = going & (numbers(index, 3)[0] < survival)
         weight = ops.scale(weight, 1.0 / ops.maximum(survival, lights.TINY))
     onward = _continue(tables, inputs, options.links, path, shading, lit, scattered, weight, lobe)
-    return sent, connection, onward, going, Vertex(shading, scattered)
+    return sent, connection, onward, going, Vertex(shading, scattered, gathered)
 
 
 @helper
 def _add_local(
-    tables: Tables, inputs: PathInputs, linked: Any, sent: Vec, shading: ShadingContext, path: PathState, here: Lane, lit: Lane, known: Vec,
-    sample: Lane,
+    tables: Tables, inputs: PathInputs, linked: Any, sent: Vec, shading: ShadingContext, path: PathState, here: Lane, lit: Lane, known: Vec
 ) -> Vec:  # fmt: skip
-    """Add vertex light, ambient light and the photons' estimate."""
+    """Add vertex light and ambient light."""
     sent = ops.where3(lit, ops.add(sent, ops.mul(path.weight, known)), sent)
     if inputs.uses.ambient:
         bits = links.bits_of(linked, None, tables, shading.point)
         given = links.ambient(linked, lights.ambient(tables), tables, path.density, bits)
         always = ops.mul(ops.mul(path.weight, shading.shader.ambient), given)
         sent = ops.where3(here & ops.not_(lit), ops.add(sent, always), sent)
-    gathers, base = here & (path.phase < photon_map.MATT), splits_lobe(inputs.photons, path.phase, shading.shader)
-    return photon_map.add_estimate(inputs.photons, sent, shading, inputs.uses, path.weight, gathers, base, sample)
+    return sent
 
 
 @helper

@@ -24,7 +24,7 @@ from ..simd.registration import overload
 from ..surface import interaction, normal_map
 from ..types import Lane, Tables, Vec
 from .path_state import OTHER_RAY, Connection, PathState, Vertex
-from .ray_queue import as_searched, enters, from_search, pad, queue_up
+from .ray_queue import as_searched, enters, from_search, pad, queue_up, towards
 
 # Rows of Shared.rows. Of the first surface of a path: its place, normal (0: it shares nothing), geometric normal, diffuse albedo, weight
 # of the path, probability of the diffuse lobe, share of this lobe in the density of the BSDF sample.
@@ -219,7 +219,7 @@ def _weigh(accel: Any, scene: Any, memory: Any, shadows: bool, group: int, j: in
             asked = (terms > 0.0) & ops.not_(own)
             if shadows and ops.any_lane(asked):
                 origin = load3(rows, 0, FIRST, group + i)
-                direction, reach = _towards(origin, place)
+                direction, reach = towards(origin, place)
                 blocked = asked & primitive_hits.blocked(scene.primitives.between, origin, direction, reach)
                 terms = ops.where(blocked, 0.0, terms)
                 if scene.trees:
@@ -247,15 +247,6 @@ def _geometric_term(rows: Any, at: int, place: Vec, facing: Vec) -> Lane:
     return leaving * arriving * inverse * inverse
 
 
-@helper
-def _towards(origin: Vec, place: Vec) -> tuple[Vec, Lane]:
-    """(unit direction to a point, length of a shadow ray that ends before it)."""
-    way = (place[0] - origin[0], place[1] - origin[1], place[2] - origin[2])
-    squared = ops.maximum(ops.dot(way, way), lights.TINY)
-    inverse = ops.rsqrt(squared)
-    return ops.scale(way, inverse), squared * inverse * (1.0 - 64.0 * ops.roundoff(squared))
-
-
 def _trace_queue(accel: Any, memory: Any, place: Vec, queued: int, to: int) -> None:
     """Trace the queued rays to a point through the BVH, and clear the pairs of those that are blocked; `to` is the pairs' offset."""
     raise NotImplementedError
@@ -271,7 +262,7 @@ def _trace_queue_in_kernels(accel, memory, place, queued, to):
         for q in range(0, queued, simd.WIDTH64):
             k = simd.load(memory.queue, q)
             origin = gather3(rows, 0, FIRST, k)
-            direction, reach = _towards(origin, place)
+            direction, reach = towards(origin, place)
             ray = as_searched(origin, direction, 0.0 * reach, reach, None)
             hit = intersect.find(accel, ray, ops.bool_like(ray.t_min, True), OTHER_RAY, True)
             simd.scatter(memory.shared.pairs, k + to, 0.0 * reach, from_search(hit.instance, wide) >= 0)

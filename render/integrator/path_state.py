@@ -69,6 +69,7 @@ class Vertex(NamedTuple):
 
     shading: ShadingContext
     scattered: Scattered
+    gathered: Any  # photon_map.Gathered; None in scenes without photons
 
 
 class NoVertices(NamedTuple):
@@ -121,6 +122,12 @@ def numbers(index: PathSample, pair: int) -> tuple[Lane, Lane]:
 def alpha_number(index: PathSample, layer: int) -> Lane:
     """Return the random number that lets a ray pass its `layer`-th partly transparent surface."""
     return sobol.hashed_pair(index.pixel, index.sample, ops.int_like(index.pixel, LAYERS + index.depth * 1024 + layer), index.seed)[0]
+
+
+@helper
+def photon_number(index: PathSample) -> Lane:
+    """Return the random number that chooses the photon of a surface whose visibility is tested."""
+    return sobol.hashed_pair(index.pixel, index.sample, ops.int_like(index.pixel, LAYERS + index.depth * 1024 + 1022), index.seed)[0]
 
 
 @helper

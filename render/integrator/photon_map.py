@@ -6,6 +6,10 @@ area falls as (photons so far)^(−1/3)), so that noise and blur both vanish. A 
 its neighbors (a sample-point estimator: Abramson 1982, On Bandwidth Variation in Kernel Estimates), which conserves energy for any radii.
 The grid has LEVELS cell sizes; a photon is stored in cells at least twice as wide as its disk. A lookup reads eight cells of each size
 in use.
+
+A disk may reach through a wall, or around an edge. So one of a lookup's photons is chosen with a probability proportional to its light, and
+the light of all counts if nothing lies between it and the surface (resampling: Talbot, Cline, Egbert 2005, Importance Resampling for Global
+Illumination). The estimate has no bias, has no noise where all photons or none are visible, and is 0 in a closed room without light.
 """
 
 from __future__ import annotations
@@ -21,9 +25,11 @@ from ..jit import thread_pool
 from ..jit.kernel import helper, kernel, noinline_helper
 from ..lanes import crosslane, ops
 from ..lanes.soa import PAD, compress_store
+from ..light import lights
 from ..material import bsdf
 from ..material.shader import Shader, Uses
 from ..simd.registration import overload
+from ..surface import interaction
 from ..types import Lane, Vec
 from .records import ShadingContext
 
@@ -70,6 +76,23 @@ class Lists(NamedTuple):
 
     rows: NDArray[np.int32]  # (LISTS,) LISTED rows of each lane
     counts: NDArray[np.int32]  # (LANES,)
+
+
+class Gathered(NamedTuple):
+    """A density estimate, and the photon that must be visible for it to count."""
+
+    light: Vec  # to the viewer
+    start: Vec  # off the surface, on the side that the light comes from
+    end: Vec  # off the photon's surface, on the same side
+    up: Vec  # their mean normal on that side, not normalized
+
+
+class Chosen(NamedTuple):
+    """The photons of a lookup so far: one is chosen with a probability proportional to its light."""
+
+    light: Vec
+    row: Lane  # of the chosen one
+    number: Lane  # random number of the next choice
 
 
 class Lookup(NamedTuple):
@@ -221,21 +244,39 @@ def _slot(key: Lane, count: int) -> Lane:
 # --- in lanes ------------------------------------------------------------------------------------------------------------
 
 
-def add_estimate(maps: Any, sent: Vec, *of: Any) -> Vec:
-    """(maps, sent, shading, uses, weight, here, diffuse_only, sample): add the photons' light to the viewer to `sent`; only in kernels.
+def estimate(maps: Any, *of: Any) -> Any:
+    """(maps, shading, uses, weight, here, diffuse_only, sample, number): the photons' light to the viewer; None without maps, and in numpy.
 
-    In lanes of `diffuse_only` only the diffuse part of the BSDF reflects it.
+    In lanes of `diffuse_only` only the diffuse part of the BSDF reflects it. `number` chooses the photon of Gathered.
     """
-    return sent
+    return None
 
 
-@overload(add_estimate)
-def _add_estimate_in_kernels(maps, sent, shading, uses, weight, here, diffuse_only, sample):
+@overload(estimate)
+def _estimate_in_kernels(maps, shading, uses, weight, here, diffuse_only, sample, number):
     if maps.layout:
-        return lambda maps, sent, shading, uses, weight, here, diffuse_only, sample: _add_estimate(
-            maps, sent, shading, uses, weight, here, diffuse_only, sample
+        return lambda maps, shading, uses, weight, here, diffuse_only, sample, number: _estimate(
+            maps, shading, uses, weight, here, diffuse_only, sample, number
         )
-    return lambda maps, sent, shading, uses, weight, here, diffuse_only, sample: sent
+    return lambda maps, shading, uses, weight, here, diffuse_only, sample, number: None
+
+
+def no_estimate(maps: Any, shading: ShadingContext) -> Any:
+    """An estimate of no light; None without maps, and in numpy."""
+    return None
+
+
+@overload(no_estimate)
+def _no_estimate_in_kernels(maps, shading):
+    if maps.layout:
+        return lambda maps, shading: _nothing(shading)
+    return lambda maps, shading: None
+
+
+@helper
+def _nothing(shading: ShadingContext) -> Gathered:
+    position, zero = shading.point.position, 0.0 * shading.point.offset
+    return Gathered((zero, zero, zero), position, position, shading.point.geometric)
 
 
 def phase_after(maps: Any, phase: Lane, shader: Shader, sharp: Lane, covered: Lane, lobe: Lane) -> Lane:
@@ -266,18 +307,18 @@ def _phase_after_in_kernels(maps, phase, shader, sharp, covered, lobe):
 
 
 @helper
-def _add_estimate(
-    maps: Any, sent: Vec, shading: ShadingContext, uses: Uses, weight: Vec, here: Lane, diffuse_only: Lane, sample: Lane
-) -> Vec:  # fmt: skip
+def _estimate(
+    maps: Any, shading: ShadingContext, uses: Uses, weight: Vec, here: Lane, diffuse_only: Lane, sample: Lane, number: Lane
+) -> Gathered:  # fmt: skip
     lit = here & bsdf.is_lit(shading.shader)
     if len(maps.key) > 0 and ops.any_lane(lit):
-        return _add_levels(maps, sent, shading, uses, weight, lit, diffuse_only, sample)
-    return sent
+        return _gather_levels(maps, shading, uses, weight, lit, diffuse_only, sample, number)
+    return _nothing(shading)
 
 
 @noinline_helper
-def _add_levels(maps, sent, shading, uses, weight, here, diffuse_only, sample):
-    """Add the light of the photons near each lane. Most photons of its cells are too far: a vector of one cell's is tested at a time."""
+def _gather_levels(maps, shading, uses, weight, here, diffuse_only, sample, random):
+    """The light of the photons near each lane. Most photons of its cells are too far: a vector of one cell's is tested at a time."""
     number = (sample + (sample >> 4) * 5) & (MAPS - 1)  # samples of neighboring pixels read other maps, whatever their count
     position = shading.point.position
     x = (position[0] - maps.origin[0], position[1] - maps.origin[1], position[2] - maps.origin[2])
@@ -288,7 +329,8 @@ def _add_levels(maps, sent, shading, uses, weight, here, diffuse_only, sample):
     lists = Lists(simd.stack_array(np.int32, LISTS), simd.stack_array(np.int32, LANES))
     for k in range(LANES):
         lists.counts[k] = 0
-    total = sent
+    zero = 0.0 * position[0]
+    chosen = Chosen((zero, zero, zero), ops.int_like(zero, 0), random)
     for level in range(LEVELS):
         some = ((there >> level) & 1) != 0
         if ops.any_lane(some):
@@ -306,8 +348,21 @@ def _add_levels(maps, sent, shading, uses, weight, here, diffuse_only, sample):
                         full = _list_near(maps, at, end, key, place, normal, x[0], lists, k)
                         at += crosslane.width(x[0])
                         if full:
-                            total = _add_listed(maps, total, shading, uses, weight, diffuse_only, x, lists)
-    return _add_listed(maps, total, shading, uses, weight, diffuse_only, x, lists)
+                            chosen = _add_listed(maps, chosen, shading, uses, weight, diffuse_only, x, lists)
+    return _gathered(maps, _add_listed(maps, chosen, shading, uses, weight, diffuse_only, x, lists), shading)
+
+
+@helper
+def _gathered(maps: Any, chosen: Chosen, shading: ShadingContext) -> Gathered:
+    """The estimate of the chosen photons, with the points that must see each other."""
+    row, n, point = chosen.row, len(maps.key), shading.point
+    toward = (maps.toward[row], maps.toward[row + n], maps.toward[row + 2 * n])
+    normal = (maps.normal[row], maps.normal[row + n], maps.normal[row + 2 * n])
+    place = (maps.place[row], maps.place[row + n], maps.place[row + 2 * n])
+    here, there = ops.sign_of(ops.dot(toward, point.geometric)), ops.sign_of(ops.dot(toward, normal))
+    end = ops.along(ops.add(place, (maps.origin[0], maps.origin[1], maps.origin[2])), normal, 2.0 * there * point.offset)
+    start = ops.along(interaction.shadow_origin(point), point.geometric, here * point.offset)
+    return Gathered(chosen.light, start, end, ops.add(ops.scale(point.geometric, here), ops.scale(normal, there)))
 
 
 @helper
@@ -331,18 +386,28 @@ def _list_near(maps: Any, at: int, end: int, key: int, x: Vec, normal: Vec, like
 
 
 @noinline_helper
-def _add_listed(maps, total, shading, uses, weight, diffuse_only, x, lists):
-    """Add the light of the listed photons, and empty the lists."""
+def _add_listed(maps, chosen, shading, uses, weight, diffuse_only, x, lists):
+    """Add the light of the listed photons, choose among them, and empty the lists."""
     lookup = Lookup(x, shading, uses, weight, bsdf.has_matt(shading.shader), diffuse_only)
     zero = ops.int_like(x[0], 0)
     counts, base = zero + crosslane.load_like(lists.counts, 0, x[0]), simd.iota(zero) * LISTED
     for k in range(crosslane.reduce_max(counts)):
         mine = counts > k
         row = ops.where(mine, lists.rows[base + k], 0)
-        total = ops.add(total, _photon_light(maps, row, mine, lookup))
+        chosen = _choose(chosen, row, _photon_light(maps, row, mine, lookup))
     for k in range(LANES):
         lists.counts[k] = 0
-    return total
+    return chosen
+
+
+@helper
+def _choose(chosen: Chosen, row: Lane, light: Vec) -> Chosen:
+    """Add a photon's light; choose it with the probability of its share of the light so far. One random number serves all choices."""
+    total, number = ops.add(chosen.light, light), chosen.number
+    share = (light[0] + light[1] + light[2]) / ops.maximum(total[0] + total[1] + total[2], lights.TINY)
+    taken = number < share
+    left = ops.where(taken, number / ops.maximum(share, lights.TINY), (number - share) / ops.maximum(1.0 - share, lights.TINY))
+    return Chosen(total, ops.where(taken, row, chosen.row), left)
 
 
 @helper
@@ -356,12 +421,12 @@ def _photon_light(maps: Any, row: Lane, same: Lane, lookup: Lookup) -> Vec:
     height = ops.dot(off, point.geometric)
     normal = (maps.normal[row], maps.normal[row + n], maps.normal[row + 2 * n])
     near = same & (left > 0.0) & (lookup.diffuse | (signed > 0.0)) & (height * height * inverse < FLATNESS * FLATNESS)
-    near = near & (ops.absolute(ops.dot(normal, point.geometric)) > FACING)
     zero = 0.0 * left
     light = (zero, zero, zero)
     if ops.any_lane(near):
         toward = (maps.toward[row], maps.toward[row + n], maps.toward[row + 2 * n])
         cosine = ops.dot(toward, point.geometric)
+        near = near & (ops.dot(normal, point.geometric) * ops.sign_of(cosine * ops.dot(toward, normal)) > FACING)
         near = near & bsdf.is_rough_glass(shader, cosine > 0.0)
         share = _bsdf_share(near, lookup.diffuse_only, shader, lookup.uses, point.normal, toward, lookup.shading.viewer)
         strength = left * (1.0 / math.pi) / ops.maximum(ops.absolute(cosine), 1e-2)

@@ -1,12 +1,15 @@
-"""Queue of the rays of a wave that enter the BVH's bounding box, and their conversion to the lanes of BVH kernels."""
+"""Queue of the rays of a wave that enter the BVH's bounding box, their conversion to the lanes of BVH kernels, and visibility of points."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from .. import simd
-from ..jit.kernel import helper
-from ..lanes import ops
+from ..accel import intersect, primitive_hits
+from ..jit.kernel import helper, noinline_helper
+from ..lanes import crosslane, ops
+from ..lanes.soa import ROW, gather3, load3
+from ..light import lights
 from ..simd.registration import overload, types
 from ..types import Lane, Ray, Vec
 
@@ -76,3 +79,62 @@ def as_searched(origin: Vec, direction: Vec, near: Lane, far: Lane, time: Any) -
     o = (for_search(origin[0]), for_search(origin[1]), for_search(origin[2]))
     d = (for_search(direction[0]), for_search(direction[1]), for_search(direction[2]))
     return Ray(o, d, for_search(near), for_search(far), for_search(time))
+
+
+# --- visibility of points ------------------------------------------------------------------------------------------------
+
+
+@helper
+def towards(origin: Vec, place: Vec) -> tuple[Vec, Lane]:
+    """(unit direction to a point, length of a shadow ray that ends before it)."""
+    way = (place[0] - origin[0], place[1] - origin[1], place[2] - origin[2])
+    squared = ops.maximum(ops.dot(way, way), lights.TINY)
+    inverse = ops.rsqrt(squared)
+    return ops.scale(way, inverse), squared * inverse * (1.0 - 64.0 * ops.roundoff(squared))
+
+
+@noinline_helper
+def attenuate_between(accel, scene, memory, rows, ends, n):
+    """Multiply n shares by the transmittance between two points.
+
+    `rows` hold the points and shares, and `ends` are the rows of the first point, of the second and of the share.
+    """
+    begin, end, share = ends
+    like = simd.load(rows, 0)
+    queued = 0
+    for i in range(0, n, crosslane.width(like)):
+        left = simd.load(rows, share * ROW + i)
+        asked = simd.first_lanes(n - i, like) & (left > 0.0)
+        if ops.any_lane(asked):
+            origin = load3(rows, 0, begin, i)
+            direction, reach = towards(origin, load3(rows, 0, end, i))
+            blocked = primitive_hits.blocked(scene.primitives.blocking, origin, direction, reach)
+            simd.store(rows, share * ROW + i, ops.where(blocked, 0.0, left))
+            if scene.trees:
+                queued += queue_up(memory, queued, i, asked & ops.not_(blocked) & enters(scene, origin, direction, reach))
+    pad(memory, queued)
+    _attenuate_queued(accel, memory, rows, ends, queued)
+
+
+def _attenuate_queued(accel: Any, memory: Any, rows: Any, ends: Any, queued: int) -> None:
+    """`attenuate_between` for the queued pairs, in the BVH."""
+    raise NotImplementedError
+
+
+@overload(_attenuate_queued)
+def _attenuate_queued_in_kernels(accel, memory, rows, ends, queued):
+    if accel.field("search") is None:
+        return lambda accel, memory, rows, ends, queued: None
+    unused: Any = None  # tables, which kernels have beside their trees
+
+    def ask(accel, memory, rows, ends, queued):
+        begin, end, share = ends
+        for q in range(0, queued, _WIDTH64):
+            k = simd.load(memory.queue, q)
+            origin = gather3(rows, 0, begin, k)
+            direction, reach = towards(origin, gather3(rows, 0, end, k))
+            ray = as_searched(origin, direction, 0.0 * reach, reach, None)
+            passes = intersect.transmittance(accel, unused, ray, ops.bool_like(ray.t_min, True))
+            simd.scatter(rows, k + share * ROW, rows[k + share * ROW] * from_search(passes, reach), reach >= 0.0)
+
+    return ask

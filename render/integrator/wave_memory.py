@@ -18,6 +18,7 @@ from . import path_reuse
 
 STATE = 11  # rows of a path: origin, direction, weight, density, and its phase, or 1 where it is straight
 ASKED = 10  # rows of a shadow ray: origin, direction, distance, light
+START, BEND, END, LIGHT, STRAIGHT, BENT, ESTIMATE = 0, 3, 6, 9, 12, 13, 14  # rows of an estimate from photons, and their number
 
 
 class WaveMemory(NamedTuple):
@@ -29,6 +30,8 @@ class WaveMemory(NamedTuple):
     hit_ids: Any  # (3 · ROW,) int: row of the primitive list or -1, instance or -1, primitive
     shadow: Any  # (ASKED · ROW,) float: shadow rays
     shadow_slot: Any  # (ROW,) int: the slots of their paths
+    gathered: Any  # (ESTIMATE · ROW,) float: of an estimate from photons three points, light, share that passes straight and by BEND
+    gathered_slot: Any  # (ROW,) int: the slots of their paths
     queue: Any  # (ROW,) int64: rays for the BVH
     light: Any  # (4 · ROW,) float: radiance of each slot, red, green, blue and coverage
     items: Any  # (6 · ROW,) int: x, y, sample, place in the tile, and x, y that number the range of the Sobol sequence, by slot
@@ -50,7 +53,8 @@ class WaveMemory(NamedTuple):
             return made
 
         return cls(
-            row(2 * STATE, kind), row(2 * 3, whole), row(3, kind), row(3, whole), row(ASKED, kind), row(1, whole), row(1, np.int64),
+            row(2 * STATE, kind), row(2 * 3, whole), row(3, kind), row(3, whole), row(ASKED, kind), row(1, whole),
+            row(ESTIMATE, kind), row(1, whole), row(1, np.int64),
             row(4, kind), row(6, whole), row(1, kind), row(2, whole), row(2 * 3, kind), row(2, whole), row(1, whole),
             path_reuse.Shared.of(kind) if reuses else path_reuse.Alone(),
         )  # fmt: skip

@@ -13,7 +13,7 @@ import numpy as np
 
 from .. import camera, simd
 from ..accel import intersect, primitive_hits
-from ..jit.kernel import helper, kernel, noinline_helper, specialize_either
+from ..jit.kernel import helper, kernel, noinline_helper, specialize_either, specialize_if_present
 from ..lanes import crosslane, ops
 from ..lanes.soa import ROW, SIZE, compress_store, compress_store3, gather3, load3, scatter_add, store3
 from ..material import medium_stack
@@ -22,14 +22,30 @@ from ..sampling import sobol
 from ..sampling.pixel_groups import CELL, GROUP, SIDE, cell_extent, place_of
 from ..simd.registration import overload
 from ..types import Lane, Ray
-from . import path_reuse
+from . import path_reuse, photon_map
 from .path import shade_vertex
 from .path_emission import environment_radiance
 from .path_state import Connection, PathSample, PathState
-from .ray_queue import as_searched, enters, for_search, from_search, pad, queue_up
+from .ray_queue import as_searched, attenuate_between, enters, for_search, from_search, pad, queue_up
 from .wave_intersection import intersect_stage, load_hits, surface_at
-from .wave_memory import STATE, load_facing, load_links, load_medium, store_blockers, store_facing, store_links, store_medium
+from .wave_memory import (
+    BEND,
+    BENT,
+    END,
+    LIGHT,
+    START,
+    STATE,
+    STRAIGHT,
+    load_facing,
+    load_links,
+    load_medium,
+    store_blockers,
+    store_facing,
+    store_links,
+    store_medium,
+)
 
+BEND_HEIGHT = 0.25  # of a distance: clears the surfaces between points whose normals are FACING
 _WIDTH64 = simd.WIDTH64
 
 
@@ -109,8 +125,9 @@ def _trace_wave(accel, scene, frame, total, memory, n):
     left, source = n, 0
     for depth in range(frame.options.bounces + 2):
         intersect_stage(accel, scene, frame, memory, source, left, depth)
-        left, asked = _shade_stage(scene, frame, memory, source, left, depth)
+        left, asked, gathered = _shade_stage(scene, frame, memory, source, left, depth)
         _shadow_stage(accel, scene, frame, memory, asked)
+        _photon_stage(scene.light.photons, None, accel, scene, frame, memory, gathered, depth)
         source = 1 - source
         if depth <= 1:
             path_reuse.separate_light(memory.shared, 0, memory.light, n, depth)
@@ -205,12 +222,12 @@ _unblocked = specialize_either(_pass_blockers, _pass_all)
 
 @noinline_helper
 def _shade_stage(scene, frame, memory, source, n, depth):
-    """Shade the hits of n rays; return (continuing rays, shadow rays)."""
+    """Shade the hits of n rays; return (continuing rays, shadow rays, estimates from photons)."""
     tables, light, options = scene.tables, scene.light, frame.options
     like = simd.load(memory.state, 0)
     step = crosslane.width(like)
     base, target = source * STATE * ROW, (1 - source) * STATE * ROW
-    kept, asked = 0, 0
+    kept, asked, gathered = 0, 0, 0
     for i in range(0, n, step):
         active = simd.first_lanes(n - i, like)
         density = simd.load(memory.state, base + 9 * ROW + i)
@@ -248,10 +265,10 @@ def _shade_stage(scene, frame, memory, source, n, depth):
         if ops.any_lane(bright):
             path_reuse.add_light(memory.shared, memory.light, slot, sent, bright, depth)
         onward = path_reuse.share_vertex(memory.shared, onward, tables, light.uses, vertex, connection, i, slot, here, depth)
-        wanted = connection.wanted
-        if ops.any_lane(wanted):
+        if ops.any_lane(connection.wanted):
             _push_shadow_ray(memory, asked, slot, connection)
-            asked += simd.count(wanted)
+            asked += simd.count(connection.wanted)
+        gathered = _push_estimate(vertex.gathered, gathered, memory, slot, here)
         if ops.any_lane(going):
             compress_store3(memory.state, target + kept, onward.origin, going)
             compress_store3(memory.state, target + 3 * ROW + kept, onward.direction, going)
@@ -263,7 +280,7 @@ def _shade_stage(scene, frame, memory, source, n, depth):
             store_links(onward.links, None, memory, (1 - source) * ROW + kept, going)
             store_facing(onward.facing, None, memory, (1 - source) * 3 * ROW + kept, going)
             kept += simd.count(going)
-    return kept, asked
+    return kept, asked, gathered
 
 
 @helper
@@ -275,6 +292,57 @@ def _push_shadow_ray(memory: Any, asked: int, slot: Lane, connection: Connection
     compress_store3(memory.shadow, 7 * ROW + asked, connection.light, wanted)
     compress_store(memory.shadow_slot, asked, slot, wanted)
     store_blockers(connection.blockers, None, memory, asked, wanted)
+
+
+@helper
+def _store_estimate(gathered: photon_map.Gathered, asked: int, memory: Any, slot: Lane, here: Lane) -> int:
+    wanted = here & (ops.largest(gathered.light) > 0.0)
+    if ops.any_lane(wanted):
+        way = ops.sub(gathered.end, gathered.start)
+        bend = ops.along(ops.add(gathered.start, ops.scale(way, 0.5)), ops.normalize(gathered.up), BEND_HEIGHT * ops.length(way))
+        compress_store3(memory.gathered, START * ROW + asked, gathered.start, wanted)
+        compress_store3(memory.gathered, BEND * ROW + asked, bend, wanted)
+        compress_store3(memory.gathered, END * ROW + asked, gathered.end, wanted)
+        compress_store3(memory.gathered, LIGHT * ROW + asked, gathered.light, wanted)
+        compress_store(memory.gathered_slot, asked, slot, wanted)
+        asked += simd.count(wanted)
+    return asked
+
+
+_push_estimate = specialize_if_present(_store_estimate)  # (gathered, asked, …): store estimates after `asked` ones; return their number
+
+
+@helper
+def _add_estimates(photons: Any, plain: Any, accel: Any, scene: Any, frame: Any, memory: Any, n: int, depth: int) -> Any:
+    if n > 0:
+        _add_visible_photons(accel, scene, frame, memory, n, depth)
+    return plain
+
+
+_photon_stage = specialize_if_present(_add_estimates)
+
+
+@noinline_helper
+def _add_visible_photons(accel, scene, frame, memory, n, depth):
+    """Add the light of n estimates whose photon is visible, straight or, as over a convex surface, by a point above."""
+    rows = memory.gathered
+    like = simd.load(rows, 0)
+    step = crosslane.width(like)
+    for i in range(0, n, step):
+        simd.store(rows, STRAIGHT * ROW + i, 0.0 * like + 1.0)
+    if frame.options.shadows:
+        attenuate_between(accel, scene, memory, rows, (START, END, STRAIGHT), n)
+    for i in range(0, n, step):
+        simd.store(rows, BENT * ROW + i, ops.where(simd.load(rows, STRAIGHT * ROW + i) > 0.0, 0.0 * like, 0.0 * like + 1.0))
+    if frame.options.shadows:
+        attenuate_between(accel, scene, memory, rows, (START, BEND, BENT), n)
+        attenuate_between(accel, scene, memory, rows, (BEND, END, BENT), n)
+    for i in range(0, n, step):
+        share = ops.maximum(simd.load(rows, STRAIGHT * ROW + i), simd.load(rows, BENT * ROW + i))
+        seen = simd.first_lanes(n - i, like) & (share > 0.0)
+        if ops.any_lane(seen):
+            slot = ops.where(seen, simd.load(memory.gathered_slot, i), 0)
+            path_reuse.add_light(memory.shared, memory.light, slot, ops.scale(load3(rows, 0, LIGHT, i), share), seen, depth)
 
 
 @noinline_helper

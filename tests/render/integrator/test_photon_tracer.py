@@ -247,3 +247,20 @@ def test_any_number_of_threads_gives_the_same_photons(tmp_path):
     plan = {"transport.caustics": "photons"}
     one, two = (maquette.render(path, size=(70, 40), samples=4, threads=n, plan=plan).channels["rgba"] for n in (1, 2))
     assert np.array_equal(one, two)
+
+
+LEFT = "box([4, 3, 4], center: [-2, 1.5, 0], material: lambert(0.8))\nsphere(0.35, center: [-0.5, 0.5, 0], material: glass())\n"
+RIGHT = "box([4, 3, 4], center: [2.005, 1.5, 0], material: lambert(0.8))\n"
+BULB = "sphere(0.03, center: [-1.6, 1.2, 0], material: emissive(1, luminance: 3000))\n"
+
+
+@pytest.mark.parametrize("denoise", [False, True])
+def test_no_photon_lights_a_closed_room_behind_a_thin_wall(tmp_path, denoise):
+    """Disks of photons on the floor reach through the wall of 5 mm; the other room is dark, each pixel of it."""
+    if denoise:
+        pytest.importorskip("pyoidn")
+    view = "camera(position: [3.4, 1.2, 1.6], look_at: [0, 0.4, 0], fov: 60deg, exposure: 0)\nrender(bounces: 6)\n"
+    (tmp_path / "a.scene").write_text(LEFT + RIGHT + BULB + view, encoding="utf-8")
+    found = maquette.render(tmp_path / "a.scene", size=(24, 18), samples=4, denoise=denoise)
+    assert not found.channels["rgba"][..., :3].any()
+    assert found.metadata.get("denoised_error", 0.0) == 0.0

@@ -91,7 +91,9 @@ class Materials:
         base = Input((color[0], color[1], color[2]), picture)
         title = written.get("name", "")
         if "KHR_materials_unlit" in extensions:
-            return MaterialData(ir.MaterialModel.LAMBERT, {ir.Slot.DIFFUSE: Input(BLACK), ir.Slot.EMISSION: base}, name=title)
+            holes, threshold = self._holes(written, base, float(color[3]))
+            inputs = {ir.Slot.DIFFUSE: Input(BLACK), ir.Slot.EMISSION: base} | ({} if holes is None else {ir.Slot.OPACITY: holes})
+            return MaterialData(ir.MaterialModel.LAMBERT, inputs, name=title, threshold=threshold)
         share, tinted = _transmission(extensions), _is_colored(pbr)
         if self._is_glass(written):
             ior = float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5))
@@ -105,8 +107,21 @@ class Materials:
         if share > 0:
             if tinted or pbr.get("roughnessFactor", 1.0) > _SMOOTH:
                 self.warn("light passes thin surfaces straight and white: without the roughness and colour of KHR_materials_transmission")
-            surface = replace(surface, opacity=surface.opacity * (1.0 - share))
+            if surface.threshold > 0.0:
+                self.warn("light passes the holes alone of a surface with the alphaMode MASK: without KHR_materials_transmission")
+            else:
+                metallic = surface.metallic.value[0] if surface.metallic.texture == NONE else 0.0  # metals transmit nothing
+                surface = replace(surface, opacity=1.0 - share * (1.0 - min(max(metallic, 0.0), 1.0)))
         return metallic_roughness.material(surface)
+
+    def _holes(self, written: dict[str, Any], base: Input, alpha: float) -> tuple[Input | None, float]:
+        """(opacity of a surface with the modes BLEND and MASK, None where it is 1; its threshold, 0 for none)."""
+        mode = written.get("alphaMode", "OPAQUE")
+        alpha *= self._fit.alpha
+        through = vertex_numbers.texture(self.builder, Span(self.name)) if self._fit.ramp else self.builder.alpha_of(base.texture)
+        if mode == "OPAQUE" or (alpha >= 1.0 and through == NONE):
+            return None, 0.0
+        return Input.number(alpha, through), max(float(written.get("alphaCutoff", 0.5)), _LEAST_CUTOFF) if mode == "MASK" else 0.0
 
     def _absorption(self, extensions: dict[str, Any]) -> dict[ir.Slot, Input]:
         """KHR_materials_volume: light of `attenuationColor` is left after `attenuationDistance` (Beer and Lambert)."""
@@ -157,11 +172,7 @@ class Materials:
     def _surface(self, written: dict[str, Any], base: Input, alpha: float, extensions: dict[str, Any]) -> metallic_roughness.Surface:
         """Base colour, metallic, roughness, emission and, for BLEND and MASK, opacity (§3.9)."""
         pbr = written.get("pbrMetallicRoughness", {})
-        packed, mode = pbr.get("metallicRoughnessTexture"), written.get("alphaMode", "OPAQUE")
-        alpha *= self._fit.alpha
-        through = vertex_numbers.texture(self.builder, Span(self.name)) if self._fit.ramp else self.builder.alpha_of(base.texture)
-        whole = mode == "OPAQUE" or (mode == "BLEND" and through == NONE)
-        holes = None if whole else Input.number(alpha, through)
+        packed, (holes, threshold) = pbr.get("metallicRoughnessTexture"), self._holes(written, base, alpha)
         strength = float(extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0))
         r, g, b = written.get("emissiveFactor", (0.0, 0.0, 0.0))
         coat, sheen = (extensions.get(f"KHR_materials_{name}", {}) for name in ("clearcoat", "sheen"))
@@ -183,8 +194,8 @@ class Materials:
                 float(sheen.get("sheenRoughnessFactor", 0.0)), self._texture(sheen.get("sheenRoughnessTexture"), 3)
             ),
             occlusion=self._occlusion(written.get("occlusionTexture")),
-            normal=self._normal(written.get("normalTexture")), opacity=alpha if mode == "BLEND" and holes is None else 1.0, holes=holes,
-            threshold=max(float(written.get("alphaCutoff", 0.5)), _LEAST_CUTOFF) if mode == "MASK" else 0.0, name=written.get("name", ""),
+            normal=self._normal(written.get("normalTexture")), holes=holes,
+            threshold=threshold, name=written.get("name", ""),
         )  # fmt: skip
 
     def _occlusion(self, reference: dict[str, Any] | None) -> Input:

@@ -9,7 +9,8 @@ Format: Wavefront's MTL Material Format (Ramey, Rose, Tyerman 1995). Where progr
 - `map_bump` is a height in the mesh's unit, times `-bm`. With an image whose channels differ it is a normal map, as many programs
   write; so is `norm`.
 - illum 3, 5 and 8 reflect by `Ks`. 4, 6, 7 and 9 with `Ni` above 1 and a black `Kd`, or `Tf`, are glass.
-- A partly transparent material that is not glass has `Kd` times its opacity; the remaining light passes straight through.
+- A partly transparent material that is not glass lets light pass straight, and keeps its highlights and emission. `Tf` tints that light;
+  shadows are as dark as its darkest colour.
 - `map_d` is an opacity map, mostly for cut-outs: its alpha if present, else its first channel.
 """
 
@@ -24,7 +25,7 @@ from ...lang import text_encoding
 from ...lang.diagnostics import Diagnostics, Span
 from .. import ir
 from ..io.sandbox import FileError, Files
-from ..scene import metallic_roughness
+from ..scene import metallic_roughness, partial_coverage
 from ..scene.builder import NONE, SceneBuilder
 from ..scene.row_records import BLACK, WHITE, Color, Input, MaterialData, TextureData, nonnegative, scale_color
 from . import images, mesh_tables, obj_lexer
@@ -230,9 +231,9 @@ def _data(m: MtlMaterial, texture: Callable[..., int], builder: SceneBuilder) ->
         emissive = Input(WHITE if map_ke >= 0 and ke == BLACK else ke, map_ke)
     if not _PBR.isdisjoint({*m.numbers, *m.maps}) or m.numbers.get("Ps", 0.0) > 0:
         return _principled(m, texture, Input(kd, map_kd), emissive, opacity, inputs)
-    inputs[ir.Slot.DIFFUSE] = Input(scale_color(kd, opacity), map_kd)
+    inputs[ir.Slot.DIFFUSE] = Input(kd, map_kd)
     map_ka = texture("Ka")
-    inputs[ir.Slot.AMBIENT] = Input(scale_color(ka, opacity), map_ka if map_ka >= 0 else map_kd)
+    inputs[ir.Slot.AMBIENT] = Input(ka, map_ka if map_ka >= 0 else map_kd)
     if emissive != metallic_roughness.DARK:
         inputs[ir.Slot.EMISSION] = emissive
     model = ir.MaterialModel.LAMBERT
@@ -244,9 +245,9 @@ def _data(m: MtlMaterial, texture: Callable[..., int], builder: SceneBuilder) ->
         model = ir.MaterialModel.BLINN_PHONG
         inputs[ir.Slot.REFLECTION] = Input(ks, texture("Ks"))
     if opacity < 1.0:
-        model = ir.MaterialModel.BLINN_PHONG
-        inputs[ir.Slot.TRANSMISSION] = Input(scale_color(tint, 1.0 - opacity))
-        inputs[ir.Slot.IOR] = Input.number(1.0)
+        inputs = partial_coverage.passing(inputs, opacity, tint)
+        if ir.Slot.TRANSMISSION in inputs:
+            model = ir.MaterialModel.BLINN_PHONG
     return MaterialData(model, inputs, name=m.name)
 
 

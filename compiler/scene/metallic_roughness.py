@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from .. import ir
+from . import partial_coverage
 from .row_records import BLACK, WHITE, Color, Input, MaterialData, scale_color
 
 GREY = Input((0.18, 0.18, 0.18))
@@ -33,8 +34,8 @@ class Surface:
     occlusion: Input = ALL
     normal: Input | None = None  # normal map, its factor the strength
     bump: Input | None = None  # height map, its factor in metres
-    opacity: float = 1.0
-    holes: Input | None = None  # opacity map or cut-out at `threshold`; replaces `opacity`
+    opacity: float = 1.0  # of the surface under its highlights, which stay
+    holes: Input | None = None  # opacity of the whole surface, or a cut-out at `threshold`
     threshold: float = 0.0
     name: str = ""
 
@@ -42,12 +43,10 @@ class Surface:
 def material(surface: Surface) -> MaterialData:
     """The `principled` material of a surface.
 
-    With opacity below 1, light passes straight through: 1 − opacity of the light that its highlight transmits. Highlights stay, as on
-    glass.
-    Where `holes` is 0, the whole surface vanishes, highlights too.
+    With opacity below 1, light passes straight through. Highlights stay, as on glass, but where the surface is metallic or its index of
+    refraction has a texture (see partial_coverage). Where `holes` is 0, the whole surface vanishes, highlights too.
     """
-    s = surface
-    opacity = min(max(s.opacity, 0.0), 1.0)
+    s = _dissolved(surface) if surface.opacity < 1.0 else surface
     inputs = {
         ir.Slot.AMBIENT: s.occlusion,
         ir.Slot.DIFFUSE: s.diffuse,
@@ -64,8 +63,6 @@ def material(surface: Surface) -> MaterialData:
         inputs[ir.Slot.METALLIC] = NOTHING
     if s.emissive.value != BLACK:
         inputs[ir.Slot.EMISSION] = s.emissive
-    if opacity < 1.0:
-        inputs[ir.Slot.TRANSMISSION] = Input(scale_color(WHITE, 1.0 - opacity))
     if s.normal is not None:
         inputs[ir.Slot.NORMAL] = s.normal
     if s.bump is not None:
@@ -74,6 +71,20 @@ def material(surface: Surface) -> MaterialData:
         inputs[ir.Slot.OPACITY] = s.holes
     model = ir.MaterialModel.PRINCIPLED if s.specular is None else ir.MaterialModel.PRINCIPLED_SPECULAR
     return MaterialData(model, inputs, name=s.name, threshold=s.threshold)
+
+
+def _dissolved(s: Surface) -> Surface:
+    """A surface whose `holes` hold its opacity, with stronger highlights and emission."""
+    f0 = s.specular
+    if f0 is None and s.metallic == NOTHING and s.ior.texture < 0:
+        n = s.ior.value[0] if s.ior.value[0] > 0 else GLASS.value[0]
+        f0 = Input(scale_color(WHITE, ((n - 1.0) / (n + 1.0)) ** 2))
+    share = partial_coverage.cover(s.opacity, 0.0 if f0 is None else max(f0.value))
+    holes = Input.number(share) if s.holes is None else Input.number(share * s.holes.value[0], s.holes.texture)
+    return replace(
+        s, opacity=1.0, holes=holes, specular=None if f0 is None else partial_coverage.stronger(f0, share),
+        coat=partial_coverage.stronger(s.coat, share), emissive=partial_coverage.stronger(s.emissive, share, float("inf")),
+    )  # fmt: skip
 
 
 def _share(given: Input) -> Input:

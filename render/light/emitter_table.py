@@ -129,16 +129,24 @@ def _surface_row(kind: int, matrix: Any, flips: bool, size: Any, color: Any, bot
 
 
 def _is_emissive(tables: ir.Tables) -> NDArray[np.bool_]:
-    """(instances,) whether the material emits and is opaque."""
-    shining = scene_facts.shines(tables) & ~scene_facts.partial(tables)
-    return shining[tables.instances.material] & (tables.instances.visible & ir.Visibility.REFLECTION != 0)
+    """(instances,) whether the material emits and is opaque, or flat and evenly transparent: the back of a round one is seen through it."""
+    materials, instances = tables.materials, tables.instances
+    varies = (materials.textures[:, [ir.Slot.OPACITY, ir.Slot.EMISSION]] >= 0).any(axis=1) | (materials.threshold > 0.0)
+    shining, partial = scene_facts.shines(tables), scene_facts.partial(tables)
+    flat = ir.is_in(tables.geometries.kind, (ir.GeometryKind.RECTANGLE, ir.GeometryKind.DISK, ir.GeometryKind.MESH))
+    sampled = (shining & ~partial)[instances.material]
+    sampled |= (shining & partial & ~varies)[instances.material] & flat[instances.geometry]
+    return sampled & (instances.visible & ir.Visibility.REFLECTION != 0)
 
 
 def _shape_rows(tables: ir.Tables, i: int) -> list[dict[str, Any]]:
     """Return the rows of an emissive instance; none for kinds that only BSDF samples find."""
     instances, geometries, pools = tables.instances, tables.geometries, tables.pools
     g, row = int(instances.geometry[i]), int(instances.transform[i])
-    matrix, color = tables.transforms.matrix[row], tables.materials.values[instances.material[i], ir.Slot.EMISSION]
+    matrix, of_material = tables.transforms.matrix[row], tables.materials.values[instances.material[i]]
+    color = of_material[ir.Slot.EMISSION]
+    if tables.materials.textures[instances.material[i], ir.Slot.OPACITY] < 0 and tables.materials.threshold[instances.material[i]] <= 0.0:
+        color = color * np.clip(of_material[ir.Slot.OPACITY, 0], 0.0, 1.0)
     kinds = {ir.GeometryKind.RECTANGLE: RECTANGLE, ir.GeometryKind.DISK: DISK, ir.GeometryKind.SPHERE: SPHERE}
     kind, p = int(geometries.kind[g]), geometries.parameters[g]
     textured = bool(tables.materials.textures[instances.material[i], ir.Slot.EMISSION] >= 0)

@@ -20,7 +20,7 @@ from ....lang.diagnostics import Span
 from ... import ir
 from ...scene import metallic_roughness
 from ...scene.builder import NONE, SceneBuilder, lambert
-from ...scene.row_records import BLACK, WHITE, Color, Input, MaterialData, TextureData, nonnegative, scale_color
+from ...scene.row_records import BLACK, WHITE, Color, Input, MaterialData, TextureData, nonnegative
 from .. import images, uv_sets, vertex_numbers
 from ..common.replacements import Replacements
 from . import materialx, stage
@@ -228,9 +228,8 @@ class Materials:
             inputs = {ir.Slot.AMBIENT: matt, ir.Slot.DIFFUSE: matt, ir.Slot.OPACITY: holes}
             return self.builder.material(MaterialData(ir.MaterialModel.LAMBERT, inputs, name=name))
         if opacity < 1.0:
-            matt, clear = Input(scale_color(color, opacity)), Input(scale_color(WHITE, 1.0 - opacity))
-            inputs = {ir.Slot.AMBIENT: matt, ir.Slot.DIFFUSE: matt, ir.Slot.TRANSMISSION: clear, ir.Slot.IOR: Input.number(1.0)}
-            return self.builder.material(MaterialData(ir.MaterialModel.BLINN_PHONG, inputs, name=name))
+            inputs = {ir.Slot.AMBIENT: Input(color), ir.Slot.DIFFUSE: Input(color), ir.Slot.OPACITY: Input.number(opacity)}
+            return self.builder.material(MaterialData(ir.MaterialModel.LAMBERT, inputs, name=name))
         return self.builder.material(lambert(color, name=name))
 
     def row(self, network: Network, prim: Any, fit: Fit) -> int:

@@ -85,6 +85,7 @@ def surface(shader: Any, kind: str, source: Source, tell: Callable[[str], None])
         found[name] = value
     if not hasattr(found["opacity"], "times") and np.ndim(found["opacity"]) == 1:
         found["opacity"] = float(np.mean(found["opacity"]))
+    found["opacityMode"] = "presence"  # the opacity of these models covers highlights, too
     read = {own for own, _ in model.inputs.values()} | {own for own, _ in model.weights.values()}
     for given in shader.GetInputs():
         if str(given.GetBaseName()) not in read:

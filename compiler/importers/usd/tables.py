@@ -188,7 +188,7 @@ INPUTS = Table(
     drawn={
         "diffuseColor emissiveColor useSpecularWorkflow specularColor metallic roughness clearcoat clearcoatRoughness": "UsdPreviewSurface",
         "opacity opacityThreshold ior normal occlusion": "UsdPreviewSurface",
-        "opacityMode": "an opacity that varies fades highlights in both modes",
+        "opacityMode": "an opacity that varies, or of a metal, fades highlights in both modes",
         "file st wrapS wrapT fallback scale bias sourceColorSpace": "UsdUVTexture",
         "in rotation translation": "UsdTransform2d",
         "varname": "UsdPrimvarReader",

@@ -112,7 +112,7 @@ def input_of(scene, part, slot):
 def test_even_alpha_of_vertices_is_a_factor():
     scene, (part, _), messages = with_alpha([0.25] * 4)
     assert messages == []
-    assert input_of(scene, part, ir.Slot.TRANSMISSION) == (0.75, -1)
+    assert input_of(scene, part, ir.Slot.OPACITY) == (0.25, -1)
 
 
 def test_alpha_of_vertices_varies_as_the_coordinate_of_a_ramp():
@@ -138,7 +138,7 @@ def test_alpha_of_vertices_beside_pictures_is_its_mean(tmp_path):
     data = write_image(tmp_path / "p.png", np.array([[[255, 0, 0]]], np.uint8)).read_bytes()
     scene, (part, _), messages = with_alpha([0, 0.25, 0.5, 1], picture=data)
     assert messages == ["a.glb: warning: the opacity of vertex colours is drawn as its mean on meshes with pictures"]
-    assert input_of(scene, part, ir.Slot.TRANSMISSION) == (pytest.approx(1 - 0.4375), -1)
+    assert input_of(scene, part, ir.Slot.OPACITY) == (pytest.approx(0.4375), -1)
 
 
 def test_sheen(tmp_path):

@@ -716,10 +716,11 @@ def test_emission_coats_glass_and_unlit_of_a_gltf():
     scene, (part, _), messages = read(glb(document, binary), "a.glb")
     assert (messages, scene.tables.materials.values[part.material, ir.Slot.EMISSION].tolist()) == ([], [1, 0, 0])
     clear = {"KHR_materials_transmission": {"transmissionFactor": 1}, "KHR_materials_ior": {"ior": 1.4}}
-    document["materials"] = [{"extensions": clear, "pbrMetallicRoughness": {"roughnessFactor": 0}}]
-    scene, (part, _), messages = read(glb(document, binary), "a.glb")
-    assert (messages, scene.tables.materials.model[part.material]) == ([], ir.MaterialModel.PRINCIPLED)
-    assert scene.tables.materials.values[part.material, [ir.Slot.IOR, ir.Slot.TRANSMISSION], 0] == pytest.approx([1.4, 1])
+    for metallic, opacity in ((0, (0.4 / 2.4) ** 2), (1, 1)):  # a clear pane covers what it reflects; metals transmit nothing
+        document["materials"] = [{"extensions": clear, "pbrMetallicRoughness": {"roughnessFactor": 0, "metallicFactor": metallic}}]
+        scene, (part, _), messages = read(glb(document, binary), "a.glb")
+        assert messages == []
+        assert scene.tables.materials.values[part.material, [ir.Slot.IOR, ir.Slot.OPACITY], 0] == pytest.approx([1.4, opacity])
 
 
 @pytest.mark.parametrize("data", [b"glTF", b"x" * 30, b"glTF" + struct.pack("<III4s", 2, 99, 4000, b"JSON")])
@@ -749,8 +750,8 @@ def test_glass_of_a_volume_absorbs():
     assert m.values[0, ir.Slot.ABSORPTION] == pytest.approx([0, np.log(2) / 2, np.log(4) / 2])
 
 
-@pytest.mark.parametrize(("color", "share", "model"), [([1, 0.2, 0.2, 1], 0.75, "GLASS"), ([1, 1, 1, 1], 0.75, "PRINCIPLED"),
-                                                       ([1, 0.2, 0.2, 1], 0.25, "PRINCIPLED")])  # fmt: skip
+@pytest.mark.parametrize(("color", "share", "model"), [([1, 0.2, 0.2, 1], 0.75, "GLASS"), ([1, 1, 1, 1], 0.75, "PRINCIPLED_SPECULAR"),
+                                                       ([1, 0.2, 0.2, 1], 0.25, "PRINCIPLED_SPECULAR")])  # fmt: skip
 def test_transmission_without_a_volume_is_thin_or_tinted_glass(color, share, model):
     pbr = {"baseColorFactor": color, "metallicFactor": 0, "roughnessFactor": 0}
     extensions = {"KHR_materials_transmission": {"transmissionFactor": share}}
@@ -760,7 +761,7 @@ def test_transmission_without_a_volume_is_thin_or_tinted_glass(color, share, mod
     if model == "GLASS":
         assert m.values[0, ir.Slot.TRANSMISSION].tolist() == color[:3]
         return
-    assert m.values[0, ir.Slot.TRANSMISSION, 0] == pytest.approx(share)
+    assert m.values[0, ir.Slot.OPACITY, 0] == pytest.approx(1.0 - share)
     white = "light passes thin surfaces straight and white: without the roughness and colour of KHR_materials_transmission"
     assert messages == ([f"a.glb: warning: {white}"] if color[1] < 1 else [])
 

@@ -263,9 +263,23 @@ def test_mirror_and_glass(tmp_path):
 def test_opacity(tmp_path, lines, opacity):
     model, values, messages, _ = material(f"newmtl m\nKd 1 1 1\n{lines}\n", tmp_path)
     assert messages == []
-    assert values["DIFFUSE"] == [opacity] * 3
-    assert values.get("TRANSMISSION", [0] * 3) == [1 - opacity] * 3
-    assert model == ("LAMBERT" if opacity == 1 else "BLINN_PHONG")
+    assert values["DIFFUSE"] == [1] * 3
+    assert values.get("OPACITY", [1])[0] == opacity
+    assert "TRANSMISSION" not in values
+    assert model == "LAMBERT"
+
+
+def test_highlights_and_emission_of_clear_materials_stay(tmp_path):
+    _, values, _, _ = material("newmtl m\nKd 1 1 1\nKs 0.4 0.4 0.4\nNs 50\nKe 2 2 2\nd 0.5\n", tmp_path)
+    assert (values["OPACITY"][0], values["DIFFUSE"], values["SPECULAR"], values["EMISSION"]) == (0.5, [1] * 3, [0.8] * 3, [4] * 3)
+
+
+def test_a_tint_of_light_that_passes(tmp_path):
+    """Grey light passes all of it; the rest of its colours is refraction without a bend."""
+    model, values, _, _ = material("newmtl m\nKd 1 1 1\nd 0.5\nTf 1 0.5 0.5\n", tmp_path)
+    assert (model, values["OPACITY"][0], values["IOR"][0]) == ("BLINN_PHONG", 0.75, 1)
+    assert values["TRANSMISSION"] == pytest.approx([0.25 / 0.75, 0, 0])
+    assert values["DIFFUSE"] == pytest.approx([0.5 / 0.75] * 3)
 
 
 def test_emission(tmp_path):

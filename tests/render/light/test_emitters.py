@@ -237,3 +237,17 @@ def test_light_samples_have_the_radiance_that_rays_meet(tmp_path, text, pattern)
     assert alike.mean() > 0.995  # the rest lies at the edge of a square
     assert met_there.std() > 0.1
     assert table.color[table.textured].mean() == pytest.approx(met_there.mean(), rel=0.5)
+
+
+@pytest.mark.parametrize(
+    ("shape", "rows", "share"), [(DISK, 1, 1.0), (DISK, 1, 0.25), (TRIANGLE, 1, 0.25), (EGG, 1, 1.0), (EGG, 0, 0.25)]
+)  # fmt: skip
+def test_flat_emitters_that_are_partly_transparent_have_as_much_less_light(tmp_path, shape: str, rows: int, share: float) -> None:
+    """Of round ones the back shows through the front: BSDF samples alone find both."""
+    material = f"emissive(luminance: 3, opacity: {share})"
+    text = shape.replace("emissive(luminance: 3)", material) + "\ncamera(position: [0, 3, 9], look_at: [0, 0, 0])\n"
+    (tmp_path / "a.scene").write_text(text, encoding="utf-8")
+    table = emitter_table.build(maquette.load(tmp_path / "a.scene").tables)
+    shapes = table.instance >= 0
+    assert shapes.sum() == rows
+    assert table.color[shapes] == pytest.approx(np.full((rows, 3), 3.0 * share))

@@ -292,8 +292,8 @@ def test_without_a_colour_things_are_grey_18(tmp_path):
 
 def test_display_opacity_lets_light_through(tmp_path):
     scene, _ = read(tmp_path, 'def Cube "a" { color3f[] primvars:displayColor = [(1, 1, 0)]\nfloat[] primvars:displayOpacity = [0.25] }')
-    assert slot(scene, "DIFFUSE") == [0.25, 0.25, 0]
-    assert slot(scene, "TRANSMISSION") == [0.75] * 3
+    assert slot(scene, "DIFFUSE") == [1, 1, 0]
+    assert slot(scene, "OPACITY") == [0.25, 0, 0]
 
 
 def test_an_element_size_of_primvars_is_read_as_1(tmp_path):

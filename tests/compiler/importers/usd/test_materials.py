@@ -86,17 +86,39 @@ def test_specular_workflow_emission_and_opacity(tmp_path):
     float inputs:opacity = 0.25
     """
     scene, _ = read(tmp_path, stage(text))
-    assert slot(scene, "SPECULAR") == pytest.approx([0.3, 0.2, 0.1])
-    assert slot(scene, "EMISSION") == [4, 5, 6]
+    assert slot(scene, "SPECULAR") == pytest.approx([1, 0.8, 0.4])  # over the opacity, below 1
+    assert slot(scene, "EMISSION") == [16, 20, 24]
     assert slot(scene, "DIFFUSE") == [1, 1, 1]
-    assert slot(scene, "TRANSMISSION") == [0.75] * 3
+    assert slot(scene, "OPACITY") == [0.25, 0, 0]
+    assert slot(scene, "TRANSMISSION") == [0] * 3
     assert ir.MaterialModel(scene.tables.materials.model[0]) == ir.MaterialModel.PRINCIPLED_SPECULAR
 
 
 def test_numbers_beyond_their_ends_are_held():
     made = metallic_roughness.material(metallic_roughness.Surface(metallic=Input.number(-3), roughness=Input.number(7), opacity=7)).inputs
     assert (made[ir.Slot.METALLIC].value[0], made[ir.Slot.ROUGHNESS].value[0]) == (0, 1)
-    assert ir.Slot.TRANSMISSION not in made
+    assert ir.Slot.OPACITY not in made
+
+
+@pytest.mark.parametrize(
+    ("surface", "opacity", "specular"),
+    [
+        (metallic_roughness.Surface(opacity=0.5), 0.5, 0.08),  # of 0.04
+        (metallic_roughness.Surface(opacity=0.0), 0.04, 1.0),
+        (metallic_roughness.Surface(opacity=0.0, ior=Input.number(1.0)), 0.0, 0.0),
+        (metallic_roughness.Surface(opacity=0.5, metallic=Input.number(1)), 0.5, None),  # fades
+        (metallic_roughness.Surface(opacity=0.5, holes=Input.number(0.5, 3)), 0.25, 0.08),
+        (metallic_roughness.Surface(opacity=0.0, specular=Input((0.9, 0.9, 0.9))), 0.08, 1.0),
+    ],
+    ids=["half", "clear", "without a highlight", "metal", "holes", "mirror"],
+)
+def test_a_transparent_surface_covers_its_opacity_and_keeps_its_highlight(surface, opacity, specular):
+    made = metallic_roughness.material(surface)
+    assert made.inputs[ir.Slot.OPACITY].value[0] == pytest.approx(opacity)
+    assert ir.Slot.TRANSMISSION not in made.inputs
+    assert (made.model == ir.MaterialModel.PRINCIPLED_SPECULAR) == (specular is not None)
+    if specular is not None:
+        assert made.inputs[ir.Slot.SPECULAR].value[0] == pytest.approx(specular)
 
 
 def test_picture(tmp_path):

@@ -42,7 +42,7 @@ def test_constants_of_a_standard_surface(tmp_path, context):
     assert messages == []
     assert slot(scene, "DIFFUSE") == pytest.approx([0.4, 0.2, 0.1])
     assert slot(scene, "EMISSION") == pytest.approx([3, 1.5, 0])
-    found = [slot(scene, name)[0] for name in ("METALLIC", "ROUGHNESS", "IOR", "COAT", "COAT_ROUGHNESS", "TRANSMISSION")]
+    found = [slot(scene, name)[0] for name in ("METALLIC", "ROUGHNESS", "IOR", "COAT", "COAT_ROUGHNESS", "OPACITY")]
     assert found == pytest.approx([0.25, 0.4, 1.6, 0.75, 0.1, 0.5])
 
 

@@ -94,7 +94,8 @@ def test_presence_fades_the_whole_surface(tmp_path):
     scene, messages = read(tmp_path, stage('float inputs:opacity = 0.5\ntoken inputs:opacityMode = "presence"'))
     assert (messages, slot(scene, "OPACITY"), slot(scene, "TRANSMISSION")) == ([], [0.5, 0, 0], [0, 0, 0])
     scene, messages = read(tmp_path, stage('float inputs:opacity = 0.5\ntoken inputs:opacityMode = "transparent"'))
-    assert (messages, slot(scene, "OPACITY"), slot(scene, "TRANSMISSION")) == ([], [1, 0, 0], [0.5, 0.5, 0.5])
+    assert (messages, slot(scene, "OPACITY"), slot(scene, "TRANSMISSION")) == ([], [0.5, 0, 0], [0, 0, 0])
+    assert slot(scene, "SPECULAR") == pytest.approx([0.08] * 3)
 
 
 def test_coordinates_that_a_mesh_lacks_are_named(tmp_path):

@@ -1,0 +1,53 @@
+"""Surfaces that let some light pass straight, as an opacity: camera rays, shadow rays and photons meet the same share of a surface.
+
+An opacity covers highlights, too. Formats that keep the highlight of a clear surface (UsdPreviewSurface's mode `transparent`, MTL) get one
+that is stronger by the inverse. No highlight reflects more light than the surface covers: a clear surface covers its highlight's share, at
+most CLEAR.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from .. import ir
+from .row_records import WHITE, Color, Input, scale_color
+
+CLEAR = 0.08  # reflectance along the normal that a clear surface keeps at most: that of an index of refraction of 1.8
+
+
+def cover(opacity: float, highlight: float = 0.0) -> float:
+    """The share of light that meets a surface of an opacity, 0 to 1, with a highlight of this reflectance along the normal."""
+    return max(min(max(opacity, 0.0), 1.0), min(highlight, CLEAR))
+
+
+def stronger(given: Input, share: float, most: float = 1.0) -> Input:
+    """An input of a surface that covers `share`, so that the whole has the input itself, or as much of it as fits below `most`."""
+    if share <= 0.0:
+        return given
+    r, g, b = (min(c / share, most) for c in given.value)
+    return Input((r, g, b), given.texture)
+
+
+def passing(inputs: dict[ir.Slot, Input], opacity: float, tint: Color = WHITE) -> dict[ir.Slot, Input]:
+    """The inputs of a classic material of which 1 − `opacity` of the light, times `tint`, passes straight; highlights and emission stay.
+
+    What a coloured tint lets pass of some colours alone is refraction with an index of 1: shadow rays do not pass it.
+    """
+    clear = scale_color(tint, 1.0 - min(max(opacity, 0.0), 1.0))
+    grey = min(clear)
+    highlights = [inputs[slot] for slot in (ir.Slot.SPECULAR, ir.Slot.REFLECTION) if slot in inputs]
+    share = cover(1.0 - grey, max((max(h.value) for h in highlights), default=0.0))
+    found = dict(inputs)
+    for slot in (ir.Slot.DIFFUSE, ir.Slot.AMBIENT):
+        if slot in found:
+            found[slot] = replace(found[slot], value=scale_color(found[slot].value, opacity / share if share > 0.0 else 0.0))
+    for slot in (ir.Slot.SPECULAR, ir.Slot.REFLECTION, ir.Slot.EMISSION):
+        if slot in found:
+            found[slot] = stronger(found[slot], share, float("inf"))
+    if share > 0.0 and max(clear) > grey:
+        r, g, b = ((c - grey) / share for c in clear)
+        found |= {ir.Slot.TRANSMISSION: Input((r, g, b)), ir.Slot.IOR: Input.number(1.0)}
+    holes = inputs.get(ir.Slot.OPACITY)
+    found[ir.Slot.OPACITY] = Input.number(share) if holes is None else Input.number(share * holes.value[0], holes.texture)
+    return found
+

@@ -39,6 +39,7 @@ def of_render(about: Mapping[str, Any], scene: ir.Scene, plan: Plan, asked: ir.S
         *missed_error_warnings(about, plan),
         *sparse_error_notes(about),
         *exposure_notes(about),
+        *cropped_notes(about, plan),
         *unkept_kernel_notes(),
         *([] if asked.samples or scene.settings.samples else noise_notes(about, plan)),
     ]
@@ -134,6 +135,15 @@ def exposure_notes(about: Mapping[str, Any]) -> list[Diagnostic]:
         return [Diagnostic("note", "the picture is black: no light reaches what the camera sees", None, "--aov depth shows the shapes")]
     message = f"the picture is black: its brightest pixels have {bright:.2g} of the light of white, at an exposure of {stops:g}"
     return [Diagnostic("note", message, None, f"--exposure {math.log2(BRIGHT / bright):.0f} shows it, or brighter lights")]
+
+
+def cropped_notes(about: Mapping[str, Any], plan: Plan) -> list[Diagnostic]:
+    """The note about a crop that was denoised without the picture around it."""
+    (width, height), (x0, y0, x1, y1) = plan["size"], plan["crop"]
+    if not about.get("denoised") or (x0 <= 0 and y0 <= 0 and x1 >= width and y1 >= height):
+        return []
+    message = "the crop is denoised without the pixels around it: at its edges it may differ from the whole picture"
+    return [Diagnostic("note", message, None, "a crop that is 96 pixels larger on each side has the same pixels inside, or --no-denoise")]
 
 
 def unkept_kernel_notes() -> list[Diagnostic]:

@@ -2,6 +2,9 @@
 
 The package pyoidn contains the library; only this module loads it. Alpha is unchanged.
 
+The network blurs over MARGIN pixels. So a panorama gets margins of its own pixels before, as it goes on behind its left and right edges and
+over its poles. Pixels without coverage, and dark places wider than DARK pixels, in which no sample found light, stay exactly 0.
+
 The error left is measured by cross-validation. Each half of the samples is denoised by itself and compared with the other half, whose noise
 is independent: the mean squared difference is the error of the denoised half, blur included, plus the variance of the other half. Half of
 the samples leaves more error than all of them. Where noise exceeds what is left by far, its variance is not known well enough to be
@@ -13,6 +16,7 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +41,8 @@ MEMORY = 1000  # megabytes of the network: it denoises large pictures in overlap
 ROWS = 64  # of the picture, whose errors are summed at once
 SAMPLES = 16  # most samples of a pixel for the guides: 4 leave twice the error at texture edges
 FEW = 2  # of a preview
+MARGIN = 96  # pixels over which the network blurs
+DARK = 15  # pixels of the side of the least dark square: single samples without light are noise
 CLEAR = (int(ir.Slot.SPECULAR), int(ir.Slot.REFLECTION), int(ir.Slot.TRANSMISSION))  # colors of materials without a diffuse color
 
 
@@ -46,10 +52,11 @@ def denoise(image: Image, renderer: film.Renderer | Remote, plan: Plan, most: in
     A picture that is denoised by default keeps its noise, and "denoised" is False, where the error left would be larger. The guides have
     at most `most` samples. Without `measures` the error left is unknown, which saves two of three runs of the filter.
     """
-    clean = make_filter(*guides(renderer, plan, most))
+    clean = make_filter(*guides(renderer, plan, most), margins_of(plan))
     rgba, half = image.channels["rgba"], image.metadata["half_difference"]
-    noisy = rgba[..., :3].copy()
+    noisy, dark = rgba[..., :3].copy(), unlit(rgba)
     rgba[..., :3] = clean(noisy)
+    rgba[dark, :3] = 0.0
     image.metadata.update(denoised=True, denoised_error=None)
     if measures and half is not None and np.isfinite(half).all():
         left = error_left(noisy, half, image.metadata["variance_share"], rgba[..., :3], clean)
@@ -59,12 +66,67 @@ def denoise(image: Image, renderer: film.Renderer | Remote, plan: Plan, most: in
             image.metadata["denoised"] = False
 
 
-def make_filter(albedo: Pixels, normal: Pixels) -> Callable[[Pixels], Pixels]:
+class Margins(NamedTuple):
+    """Where a picture goes on: a panorama over its sides, and over the poles at its top and bottom."""
+
+    sides: bool = False
+    top: bool = False
+    bottom: bool = False
+
+    def around(self, pixels: Pixels) -> tuple[Pixels, tuple[slice, slice]]:
+        """(a picture with margins, (h, w, c), the part of it that is the picture)."""
+        height, width = pixels.shape[:2]
+        rows, columns = min(MARGIN, height), min(MARGIN, width)
+        over = np.roll(pixels[::-1], width // 2, axis=1)  # behind a pole, the picture goes down the opposite side
+        parts = [over[height - rows :]] * self.top + [pixels] + [over[:rows]] * self.bottom
+        whole = np.concatenate(parts, axis=0) if len(parts) > 1 else pixels
+        if self.sides:
+            whole = np.concatenate([whole[:, width - columns :], whole, whole[:, :columns]], axis=1)
+        up, left = rows * self.top, columns * self.sides
+        return np.ascontiguousarray(whole, np.float32), (slice(up, up + height), slice(left, left + width))
+
+
+ALONE = Margins()
+
+
+def margins_of(plan: Plan) -> Margins:
+    """The margins of a plan's picture; a crop of a panorama has those of the edges that it shares with all of it."""
+    (width, height), (x0, y0, x1, y1) = plan["size"], plan["crop"]
+    if plan["lens"] != "panorama" or x0 > 0 or x1 < width:
+        return ALONE
+    return Margins(True, y0 == 0, y1 == height)
+
+
+def unlit(rgba: Pixels) -> NDArray[np.bool_]:
+    """(h, w) where a picture (h, w, 4) is surely black: without coverage and light, or in a DARK square without any light."""
+    black = ~(rgba[..., :3] != 0.0).any(axis=2)
+    core = _window_sums(~black, DARK // 2) == 0
+    return uncovered(rgba) | (black & (_window_sums(core, DARK // 2) > 0))
+
+
+def uncovered(rgba: Pixels) -> NDArray[np.bool_]:
+    """(h, w) where a picture (h, w, 4) has neither coverage nor light."""
+    return ~(rgba != 0.0).any(axis=2)
+
+
+def _window_sums(marks: NDArray[np.bool_], reach: int) -> NDArray[np.int64]:
+    """(h, w) number of marks in the square up to `reach` pixels from each pixel."""
+    found = marks.astype(np.int64)
+    for axis, count in enumerate(marks.shape):
+        sums = np.concatenate([np.zeros_like(found.take([0], axis)), np.cumsum(found, axis)], axis)
+        place = np.arange(count)
+        found = sums.take(np.minimum(place + reach + 1, count), axis) - sums.take(np.maximum(place - reach, 0), axis)
+    return found
+
+
+def make_filter(albedo: Pixels, normal: Pixels, margins: Margins = ALONE) -> Callable[[Pixels], Pixels]:
     """The filter of pictures with these guides; (h, w, 3) each."""
     import pyoidn  # pyright: ignore[reportMissingImports]
 
+    albedo, normal = margins.around(albedo)[0], margins.around(normal)[0]
+
     def clean(color: Pixels) -> Pixels:
-        color = np.ascontiguousarray(color, np.float32)
+        color, inner = margins.around(np.asarray(color, np.float32))
         cleaned = np.empty_like(color)
         images = {"color": color, "albedo": albedo, "normal": normal, "output": cleaned}
         with pyoidn.Device() as device:
@@ -79,7 +141,7 @@ def make_filter(albedo: Pixels, normal: Pixels) -> Callable[[Pixels], Pixels]:
             error = device.get_error()
         if error:
             raise RuntimeError(f"Open Image Denoise: {error}")
-        return cleaned
+        return cleaned[inner]
 
     return clean
 
@@ -89,6 +151,8 @@ def error_left(noisy: Pixels, half: Pixels, share: float, denoised: Pixels, clea
 
     The picture's variance is `share` of half², as the halves of Sobol points complement each other; that of a half is (1 + `share`) half².
     """
+    if not denoised.any():
+        return 0.0  # a black picture has no error
     least = (metrics.EPSILON * float(metrics.luminance(denoised).mean())) ** 2
     parts = [slice(k, k + ROWS) for k in range(0, len(noisy), ROWS)]  # float64 of some rows at a time
 
@@ -116,8 +180,14 @@ def preview_filter(renderer: film.Renderer | Remote, plan: Plan, cancel: threadi
     found = guides(renderer, plan, FEW, cancel)
     if cancel.is_set():
         return None
-    clean = make_filter(*found)
-    return lambda rgba: np.concatenate([clean(rgba[..., :3]), rgba[..., 3:]], axis=2)
+    clean = make_filter(*found, margins_of(plan))
+
+    def cleaned(rgba: Pixels) -> Pixels:
+        color = clean(rgba[..., :3])
+        color[uncovered(rgba)] = 0.0  # of few samples, many without light are noise
+        return np.concatenate([color, rgba[..., 3:]], axis=2)
+
+    return cleaned
 
 
 def guides(

@@ -151,3 +151,61 @@ def test_a_default_picture_keeps_noise_that_denoising_would_not_lessen(scene, mo
     denoise.denoise(image, ray.Renderer(prepare.prepare(scene, plan, view, pictures.general()), plan, view), by_default)
     assert np.array_equal(image.channels["rgba"], noisy.channels["rgba"])
     assert (image.metadata["denoised"], image.metadata["denoised_error"]) == (False, 0.5)
+
+
+@needs_package
+@pytest.mark.parametrize("columns", [16, 48, 80])
+def test_a_turned_panorama_is_the_denoised_one_turned(columns: int) -> None:
+    """The filter goes on over the seam and the poles. Without margins, columns at the seam are off by their whole light."""
+    rng = np.random.default_rng(1)
+    y, x = np.mgrid[:64, :160]
+    light = 0.5 + 0.4 * np.sin(2.0 * np.pi * x / 160 * 3) * np.cos(np.pi * y / 64)
+    noisy = np.asarray(light[..., None] * rng.gamma(1.0, 1.0, (64, 160, 3)), np.float32)
+    albedo = np.repeat(0.5 + 0.4 * np.sign(np.sin(2.0 * np.pi * x / 160 * 5))[..., None], 3, axis=2).astype(np.float32)
+    normal = np.broadcast_to(np.array([0.0, 1.0, 0.0], np.float32), albedo.shape)
+
+    def turned(pixels: np.ndarray) -> np.ndarray:
+        return np.roll(pixels, columns, axis=1)
+
+    whole = denoise.Margins(True, True, True)
+    one = turned(denoise.make_filter(albedo, normal, whole)(noisy))
+    other = denoise.make_filter(turned(albedo), turned(normal), whole)(turned(noisy))
+    assert np.abs(one - other).max() < 0.01 * one.mean()
+    without = denoise.make_filter(turned(albedo), turned(normal))(turned(noisy))
+    assert np.abs(one - without).max() > 0.1 * one.mean()
+
+
+def test_a_panorama_has_the_margins_of_the_edges_that_it_goes_on_over(tmp_path: Path) -> None:
+    path = tmp_path / "a.scene"
+    path.write_text("sphere(1)\ncamera(position: [0, 0, 5], look_at: [0, 0, 0], projection: \"panoramic\")\n")
+    room, settings = maquette.load(path), maquette.compiler.ir.Settings
+    for crop, sides in {None: (True, True, True), (0, 0, 64, 16): (True, True, False), (0, 0, 63, 32): (False, False, False)}.items():
+        assert denoise.margins_of(planner.make_plan(room, settings(size=(64, 32), crop=crop))) == sides
+    pixels = np.arange(32.0).reshape(4, 8, 1).astype(np.float32)
+    around, inner = denoise.Margins(True, True, False).around(pixels)
+    assert np.array_equal(around[inner], pixels)
+    assert around.shape == (8, 24, 1)
+    assert around[3, 8:16, 0].tolist() == [4, 5, 6, 7, 0, 1, 2, 3]  # over the pole: the opposite side of the first row
+    assert around[4, :8, 0].tolist() == around[4, 16:, 0].tolist() == pixels[0, :, 0].tolist()
+
+
+def test_places_without_light_stay_black() -> None:
+    """A dark room beside a lit one; single samples without light are noise; pixels without coverage have none."""
+    rgba = np.ones((40, 60, 4), np.float32)
+    rgba[:, :20, :3] = 0.0  # a dark wall
+    rgba[7, 40, :3] = rgba[20:26, 40:46, :3] = 0.0  # noise
+    rgba[0, 59] = 0.0  # nothing
+    found = denoise.unlit(rgba)
+    assert found[:, :20].all()
+    assert found.sum() == 40 * 20 + 1
+    assert found[0, 59]
+
+
+@needs_package
+def test_an_outline_has_no_glow(tmp_path: Path) -> None:
+    """Over a transparent background denoised light ends where coverage ends."""
+    path = tmp_path / "a.scene"
+    lit = "sphere(0.8, material: emissive(1, luminance: 9))\nsphere(0.1, center: [0, 2, 0])\n"
+    path.write_text(lit + "camera([0, 0, 5], look_at: [0, 0, 0])\n")
+    found = maquette.render(path, size=(48, 36), samples=2, denoise=True, background="transparent").channels["rgba"]
+    assert not found[found[..., 3] == 0.0].any()

@@ -143,7 +143,7 @@ class Display:
             found.append(f"{progress.samples:.{0 if progress.samples >= 10.0 else 1}f}{of} samples")
         if progress.error is not None:
             part = " in the tiles drawn" if progress.most and progress.share < 1.0 else ""  # tiles may differ, such as those of the sky
-            found.append(f"error {progress.error:.2%}{part}")
+            found.append(f"noise {progress.error:.2%}{part}")
         elapsed = time.monotonic() - self._began
         between = self._left.between(elapsed)
         if between is not None and progress.share < 1.0 and progress.limit:

@@ -24,6 +24,7 @@ from ..lang.plain_values import time_range
 from . import option_types as values
 from . import terminal
 from .job import checkpoints, ignored_options, kept_frames, rescue, start_time
+from .job.picture_summary import summary
 from .memory import peak_memory, strip_plans
 from .process import supervisor
 from .progress import Display
@@ -384,6 +385,7 @@ class Job:
                 "denoised": image.metadata.get("denoised", False), "denoised_error": image.metadata.get("denoised_error"),
                 "elapsed": read.deadline.spent() if read.deadline.is_finite else None,  # with what no stage counts
                 "cut": cut.share if (cut := image.metadata.get("cut")) else None,
+                "bias": image.metadata.get("bias"), "left_out": image.metadata.get("left_out", ()),
                 "plan": read.plan.values(),
                 "warnings": warnings,
             }
@@ -425,17 +427,3 @@ def json_value(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
-
-
-def summary(path: Path, figures: Mapping[str, Any]) -> str:
-    """A one-line summary of a picture."""
-    width, height = figures["size"]
-    total, left = figures.get("elapsed") or sum(figures["seconds"].values()), figures["denoised_error"]
-    after = "" if not figures["denoised"] else " before denoising" + ("" if left is None else f", about {left:.1%} after")
-    error = f", √relMSE {figures['error']:.2%}{after}" if figures["error"] is not None else ""
-    if not error and figures.get("elapsed"):
-        error = ", of unknown error"
-    most, mean = figures["samples"], figures["samples_mean"]
-    samples = f"{most:.3g}" if mean is None or mean >= most else f"{mean:.3g} (at most {most:g})"
-    of = f" of the budget of {figures['plan']['budget']:g} s" if figures.get("elapsed") else ""
-    return f"{path}: {width}x{height}, {figures['backend']}, {samples} samples a pixel{error}, {total:.2f} s{of}"

@@ -11,7 +11,7 @@ from typing import Any
 
 from ..compiler import ir
 from ..compiler.io import stage_cache
-from ..compiler.plan import importance
+from ..compiler.plan import importance, omitted_light
 from ..compiler.plan import plan as planner
 from ..compiler.plan.plan import Plan
 from ..lang.diagnostics import Diagnostic, Diagnostics, SceneError
@@ -250,7 +250,7 @@ class Studio:
             elif whole and self.current is not None:
                 self.current.complete = True
                 self._publish(self.state)
-                self._tell_done(1.0, None, began)
+                self._tell_done(1.0, {}, plan, began)
         finally:
             compile_events.LISTENERS.remove(listener)
 
@@ -343,7 +343,7 @@ class Studio:
         found = [*warnings, *picture_notes.of_render(image.metadata, current.scene, current.plan, self.opened.settings)]
         self.tell({"type": "diagnostics", "failed": False, "items": scene_files.diagnostics_json(found, state.texts)})
         denoised = bool(image.metadata.get("denoised"))
-        self._tell_done(image.metadata["samples_mean"], _finite(image.metadata.get("error")), began, denoised)
+        self._tell_done(image.metadata["samples_mean"], image.metadata, current.plan, began, denoised)
         untouched = State(channel=state.channel, exposure=state.exposure)
         if self._finished is not None and state == untouched and self._version == version:
             self._finished(current, state)
@@ -404,8 +404,11 @@ class Studio:
             "error": _finite(progress.error), "denoised": denoised,
         })  # fmt: skip
 
-    def _tell_done(self, samples: float, error: float | None, began: float, denoised: bool = False) -> None:
-        about = {"samples": samples, "error": error, "seconds": time.monotonic() - began, "denoised": denoised}
+    def _tell_done(self, samples: float, made: Mapping[str, Any], plan: Plan, began: float, denoised: bool = False) -> None:
+        error, bias = _finite(made.get("error")), made.get("bias")
+        told = omitted_light.told(error, bias, made.get("left_out", ()), plan["bounces"])
+        about = {"samples": samples, "seconds": time.monotonic() - began, "denoised": denoised}
+        about |= {"error": omitted_light.with_bias(error, bias), "told": told}
         self.tell({"type": "progress", "stage": "done", "share": 1.0, **about})
 
     def _compiling(self, event: compile_events.Compiling | None) -> None:

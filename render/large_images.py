@@ -79,7 +79,8 @@ def join_metadata(about: Sequence[dict[str, Any]], plan: Plan) -> dict[str, Any]
         "error": math.sqrt(float(np.average(np.square(errors), weights=pixels))) if known else None,
         "partial": any(one["partial"] for one in about), "seconds": seconds, "variance": None, "half_difference": None, "error_in_few": 0.0,
         "brightness": max(bright, default=None),
-        "cut": bounce_error.combine([one["cut"] for one in about], pixels),
+        "cut": (cut := bounce_error.combine([one["cut"] for one in about], pixels)),
+        "bias": about[0]["bias"] if cut is None else max(cut.share, 0.0),
     }  # fmt: skip
 
 

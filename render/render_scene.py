@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..compiler import ir
-from ..compiler.plan import channels, decision, emissive_shapes, single_sided
+from ..compiler.plan import channels, decision, emissive_shapes, omitted_light, single_sided
 from ..compiler.plan.plan import Plan
 from . import types
 from .backends import accumulation, kernel_choice, light_groups
@@ -38,7 +38,8 @@ def draw(
     work; the picture is then partial, as `metadata["partial"]` says; before its first sample Cancelled is raised between two BVHs of
     meshes. Other metadata: the "seconds" of "build", "compile_kernels" and "render"; samples; the error reached; "notes" on effects
     that are not drawn, each (message, table, row); the number of rays "unproved"; "cut", the light lost to the limit on
-    bounces, a bounce_error.Cut, or None if not measured, as of `quick` pictures, which others replace soon; "brightness", the 99th
+    bounces, a bounce_error.Cut, or None if not measured, as of `quick` pictures, which others replace soon; "bias", the share of light
+    that the picture is known to lack, None where light of unknown size is left out; "left_out", clauses about that; "brightness", the 99th
     percentile of luminance; "ready", the seconds of the budget before the first sample; "exposure", "view" and "transparent" of the
     plan, for files. `progressive` refines all tiles together, for viewers.
     """
@@ -71,7 +72,7 @@ def draw(
     shown = {"exposure": plan["exposure"], "view": plan["view"], "transparent": plan["background"] == "transparent"}
     image.metadata.update(
         backend=backend, seconds=seconds, notes=notes, unproved=unproved, cut=cut, brightness=_brightness(image), ready=ready,
-        **shown
+        **shown, **_omitted(scene, plan, cut),
     )  # fmt: skip
     if mattes is not None:
         image.metadata["attributes"] = mattes.attributes
@@ -97,6 +98,13 @@ def _draw_in_time(work: tuple[Any, ...], deadline: Deadline, put: Callable[[Imag
     from .backends import timed_picture  # loads the denoiser
 
     return timed_picture.run(timed_picture.Work(*work), deadline, put)
+
+
+def _omitted(scene: ir.Scene, plan: Plan, cut: bounce_error.Cut | None) -> dict[str, Any]:
+    """Metadata on light that the picture leaves out: "bias" and "left_out"."""
+    left_out = omitted_light.unmeasured(scene, plan, cut is not None)
+    known = max(cut.share, 0.0) if cut is not None else None if left_out else 0.0
+    return {"bias": known, "left_out": left_out}
 
 
 def _with_denoiser(report: Report, renderer: Any, plan: Plan, cancel: threading.Event | None) -> Report:

@@ -10,6 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from .. import ir
+from ..formula import numpy_interpreter, solid_fields
+from ..formula.builder import Builder
+from ..formula.tape import Tape, load_tape
 from ..ir import light_links
 from . import scene_facts
 from .decision import Plan
@@ -22,6 +25,11 @@ MOST_TRIANGLES = 4096  # of a mesh that is tested exactly; larger ones count as 
 MOST_OBJECTS = 1000  # of a scene that is searched for openings: a few milliseconds for a hundred
 OPEN = 0.6  # share of directions that see the sky from the camera, above which no other place is asked
 MARGIN = 0.02  # of a room's size, between its walls and its box
+_BOXES = (
+    ir.GeometryKind.BOX, ir.GeometryKind.MESH, ir.GeometryKind.PLANE, ir.GeometryKind.RECTANGLE, ir.GeometryKind.DISK,
+)  # fmt: skip  # kinds that are about their boxes, or that have triangles
+_STEPS = 96  # along a ray through a shape's box, in search of its surface
+_FAR = 1e3  # metres that such a ray goes in a surface without bounds
 _SUNS = (ir.LightKind.SUN, ir.LightKind.DIRECTIONAL)
 _SKIES = (ir.LightKind.SKY, ir.LightKind.DOME)
 
@@ -74,7 +82,7 @@ def learnt(scene: ir.Scene, plan: Plan) -> tuple[str, str, tuple[str, ...]]:
 def find_room(tables: ir.Tables, camera: int) -> Room:
     """The room around a camera, by rays to the boxes of instances and to the triangles of small meshes."""
     eye = tables.transforms.matrix[tables.cameras.transform[camera], :, 3]
-    directions = _even_directions(RAYS)
+    directions = even_directions(RAYS)
     reach = first_hits(tables, eye, directions)
     hit = np.flatnonzero(np.isfinite(reach))
     if len(hit) <= (1.0 - OPEN) * len(reach):
@@ -92,7 +100,7 @@ def find_room(tables: ir.Tables, camera: int) -> Room:
     return Room(low - margin, high + margin, float(np.mean(seen)))
 
 
-def _even_directions(count: int) -> np.ndarray:
+def even_directions(count: int) -> np.ndarray:
     """(count, 3) directions of a Fibonacci spiral over the sphere."""
     k = np.arange(count) + 0.5
     y, turn = 1.0 - 2.0 * k / count, np.pi * (1.0 + 5.0**0.5) * k
@@ -102,20 +110,37 @@ def _even_directions(count: int) -> np.ndarray:
 
 def first_hits(tables: ir.Tables, origin: np.ndarray, directions: np.ndarray) -> np.ndarray:
     """(n,) distances along rays from a place to the first shadow caster; inf: none."""
-    instances, geometries = tables.instances, tables.geometries
-    reach = np.full(len(directions), np.inf)
+    instances = tables.instances
     casts = (instances.visible & ir.Visibility.SHADOW != 0) & (instances.light < 0) & ~scene_facts.partial(tables)[instances.material]
+    return hits(tables, origin, directions, casts)[0]
+
+
+def hits(
+    tables: ir.Tables, origin: np.ndarray, directions: np.ndarray, casts: np.ndarray, exact: bool = True,
+    round_too: bool = False, large: tuple[int, ...] = (),
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """((n,) distances along rays from a place to the first of the instances `casts`, inf: none; (n,) its row).
+
+    Without `exact`, all shapes are their boxes, from inside of them, too. With `round_too`, round shapes and formulas are not their boxes.
+    The triangles of `large` rows are tested whatever their number.
+    """
+    instances, geometries = tables.instances, tables.geometries
+    reach, rows = np.full(len(directions), np.inf), np.zeros(len(directions), np.int64)
     for row in np.flatnonzero(casts).tolist():
         g, inverse = int(instances.geometry[row]), tables.transforms.inverse[instances.transform[row]]
         o, d = inverse[:, :3] @ origin + inverse[:, 3], directions @ inverse[:, :3].T
-        near = _box_hits(geometries.bounds[g], o, d, bool(geometries.kind[g] == ir.GeometryKind.BOX))
-        if geometries.kind[g] == ir.GeometryKind.MESH and geometries.triangle_count[g] <= MOST_TRIANGLES:
+        near = _box_hits(geometries.bounds[g], o, d, not exact or bool(geometries.kind[g] == ir.GeometryKind.BOX))
+        tested = geometries.triangle_count[g] <= MOST_TRIANGLES or row in large
+        if exact and geometries.kind[g] == ir.GeometryKind.MESH and tested:
             inside = bool(((o > geometries.bounds[g][0]) & (o < geometries.bounds[g][1])).all())
             some = np.flatnonzero(np.isfinite(near)) if not inside else np.arange(len(d))
             near = np.full(len(d), np.inf)
             near[some] = _triangle_hits(tables, g, o, d[some])
+        if round_too and geometries.kind[g] not in _BOXES and (tape := _field_of(tables, g)) is not None:
+            near = _field_hits(tape, geometries.bounds[g], o, d)
+        rows = np.where(near < reach, row, rows)
         reach = np.minimum(reach, near)
-    return reach
+    return reach, rows
 
 
 def _box_hits(bounds: np.ndarray, o: np.ndarray, d: np.ndarray, solid: bool) -> np.ndarray:
@@ -125,6 +150,38 @@ def _box_hits(bounds: np.ndarray, o: np.ndarray, d: np.ndarray, solid: bool) -> 
         near, far = np.fmin(one, other).max(axis=1), np.fmax(one, other).min(axis=1)
     hit = (near <= far) & (far > 0.0)
     return np.where(hit & (near > 0.0), near, np.where(hit & solid, far, np.inf))
+
+
+def _field_of(tables: ir.Tables, g: int) -> Tape | None:
+    """The formula that is negative inside of a shape; None for surfaces that enclose nothing."""
+    if tables.geometries.kind[g] == ir.GeometryKind.FORMULA:
+        return load_tape(tables, int(tables.geometries.tape[g]))
+    builder = Builder()
+    try:
+        kind, parameters = int(tables.geometries.kind[g]), tables.geometries.parameters[g].tolist()
+        return builder.finish(solid_fields.shape_field(builder, kind, parameters, (0, 1, 2)))
+    except solid_fields.NoSolid:
+        return None
+
+
+def _field_hits(tape: Tape, bounds: np.ndarray, o: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """(n,) about the distances to where a formula changes sign within a box, between steps."""
+    found = np.full(len(d), np.inf)
+    with np.errstate(all="ignore"):
+        one, other = (bounds[0] - o) / d, (bounds[1] - o) / d
+        near, far = np.fmin(one, other).max(axis=1), np.fmax(one, other).min(axis=1)
+        rows = np.flatnonzero((near <= far) & (far > 0.0))
+        near = np.clip(np.where(np.isfinite(near), near, 0.0), 0.0, None)[rows]
+        far = np.where(np.isfinite(far), far, _FAR / np.linalg.norm(d, axis=1))[rows]
+        t = near[:, None] + (far - near)[:, None] * np.linspace(0.0, 1.0, _STEPS)
+        places = o + t[..., None] * d[rows, None]
+        value = numpy_interpreter.points(tape, *places.reshape(-1, 3).T)[0]
+        inside = np.broadcast_to(value, t.size).reshape(t.shape) < 0.0
+    changes = inside[:, 1:] != inside[:, :-1]
+    if len(rows):
+        first = np.take_along_axis(t, changes.argmax(axis=1)[:, None] + 1, 1)[:, 0]
+        found[rows] = np.where(changes.any(axis=1), first, np.where(inside[:, 0] & (near > 0.0), near, np.inf))
+    return found
 
 
 def _triangle_hits(tables: ir.Tables, g: int, o: np.ndarray, d: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import ir
 from ..ir import light_links
-from . import caustic_casters, light_shapes, path_reuse, sky_visibility
+from . import caustic_casters, enclosure, light_shapes, path_reuse, sky_visibility
 from .decision import Decision, Plan, Rule
 from .scene_facts import extents, glossy_materials, ground, lit_materials, partial, shines, specular_materials, used_materials
 
@@ -40,13 +40,25 @@ def _bounces(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
         return Decision("bounces", 0, reason, fixed="--bounces")
     if asked.bounces is not None:
         return Decision("bounces", asked.bounces, "asked for", fixed="--bounces")
+    if plan["enclosed_bounces"]:
+        return Decision("bounces", plan["enclosed_bounces"], plan.decisions["enclosed_bounces"].reason, fixed="--bounces")
     if specular_materials(scene).any():
         return Decision("bounces", SPECULAR_BOUNCES, "some materials reflect or refract", fixed="--bounces")
     return Decision("bounces", 0, "no material reflects or refracts: direct light only", fixed="--bounces")
 
 
+def _enclosed_bounces(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+    if plan["backend"] == "raster":
+        return Decision("enclosed_bounces", 0, "the raster backend draws no light that bounces unless it is asked for", fixed="--backend")
+    if asked.bounces is not None:
+        return Decision("enclosed_bounces", 0, "a number of bounces was asked for", fixed="--bounces")
+    return Decision("enclosed_bounces", *enclosure.bounces(scene, plan["camera"]), fixed="the shapes around the camera")
+
+
 def _interreflection(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     diffuse = scene.tables.materials.values[:, [ir.Slot.DIFFUSE, ir.Slot.SHEEN]].max(axis=(1, 2), initial=0.0) > 0
+    if plan["enclosed_bounces"]:
+        return Decision("interreflection", True, "the camera stands in an enclosed space: diffuse surfaces light each other")
     if asked.bounces and plan["bounces"] > 0 and diffuse.any():
         return Decision("interreflection", True, "bounces were asked for: diffuse surfaces light each other")
     if plan["bounces"] > 0 and (glossy_materials(scene) & used_materials(scene.tables)).any():
@@ -155,6 +167,8 @@ def _opacity(scene: ir.Scene, *_: Any) -> Decision:
 
 
 LIGHTS: tuple[Rule, ...] = (_area_lights,)
-INTEGRATOR: tuple[Rule, ...] = (_bounces, _interreflection, _monte_carlo, _transport, _mis, _precision, _shadows, _light_shapes)
+INTEGRATOR: tuple[Rule, ...] = (
+    _enclosed_bounces, _bounces, _interreflection, _monte_carlo, _transport, _mis, _precision, _shadows, _light_shapes,
+)  # fmt: skip
 VISIBILITY: tuple[Rule, ...] = (_ground_plane, _opacity)
 CAUSTICS: tuple[Rule, ...] = (_caustics, _indoors, _path_reuse, _sky_visibility)

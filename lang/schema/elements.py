@@ -10,6 +10,7 @@ from .materials import MATERIALS
 from .shapes import BLOCKS, SHAPES, SOLIDS
 
 MAX_BOUNCES = 64  # upper limit of `bounces`
+_BOUNCES = "surface interactions after the first hit; default: 8 with mirrors or glass, 8 or more where the camera is in a room, else 0"
 
 _MAPPING = Arg(
     "mapping",
@@ -132,7 +133,7 @@ SETTINGS = (
             Arg("samples", "int", None, "samples a pixel; default: until √relMSE is 3%, or 256", minimum=1, maximum=1 << 20, keyword=True),
             Arg("error", "number", None, "render until √relMSE is below this: 1%", above=0.0, below=1.0, keyword=True),
             Arg("budget", "time", None, "render for this long", above=0.0, keyword=True),
-            Arg("bounces", "int", None, "surface interactions after the first hit", minimum=0, maximum=MAX_BOUNCES, keyword=True),
+            Arg("bounces", "int", None, _BOUNCES, minimum=0, maximum=MAX_BOUNCES, keyword=True),
             Arg("seed", "int", None, "seed of the random numbers", minimum=0, keyword=True),
             Arg("filter", "choice", None, "pixel filter", choices=("box", "tent", "gaussian", "blackman-harris"), keyword=True),
             Arg("background", "color", None, "a colour in place of the sky", keyword=True),

@@ -129,7 +129,7 @@ export class Messages {
     document.getElementById("done").style.width = failed ? "0" : `${Math.round(100 * found.share)}%`;
     const parts = [];
     if (found.samples) parts.push(`${+found.samples.toPrecision(3)}${found.most > 1 ? ` of ${found.most}` : ""} ${found.samples === 1 ? "sample" : "samples"}`);
-    if (found.error !== null && found.error !== undefined) parts.push(`error ${(100 * found.error).toFixed(2)} %${found.denoised ? " before denoising" : ""}`);
+    if (found.error !== null && found.error !== undefined) parts.push(`${done ? "error" : "noise"} ${(100 * found.error).toFixed(2)} %${found.denoised ? " before denoising" : ""}${found.told ? ` (${found.told})` : ""}`);
     if (found.denoised) parts.push(done ? "denoised" : "denoised preview");
     if (done) parts.push(`${found.seconds.toFixed(found.seconds < 10 ? 2 : 0)} s`);
     const stage = done ? "done" : failed ? "errors in the scene" : found.stage;

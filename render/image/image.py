@@ -37,7 +37,8 @@ class Image:
     is the variance: the halves of the samples are about the picture ± it), "variance_share" (by which Sobol points reduce the variance),
     "partial", "rays" (from the camera), "issues" (samples left out because they were not finite), "threads". render_scene.draw adds
     "seconds" by stage, "backend", "notes", "unproved", "cut" and "attributes" (file attributes of the channels), "exposure", "view" and
-    "transparent" for `save`, and of denoised pictures "denoised" and "denoised_error" (estimated √relMSE).
+    "transparent" for `save`, "bias" and "left_out" (light that more samples do not add), and of denoised pictures "denoised" and
+    "denoised_error" (estimated √relMSE).
 
     numpy.asarray(image) is the rgba channel: scene-linear, alpha is coverage.
     """

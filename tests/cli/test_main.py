@@ -416,7 +416,7 @@ def test_an_error_that_strays_decide_is_uncertain() -> None:
 def test_the_summary_tells_the_mean_of_samples_that_pixels_share_unevenly(mean: float, said: str) -> None:
     figures = {
         "size": (8, 6), "backend": "ray", "samples": 16, "samples_mean": mean, "error": None, "denoised": False, "denoised_error": None,
-        "seconds": {"render": 0.5},
+        "seconds": {"render": 0.5}, "bias": None, "left_out": (), "plan": {"bounces": 0},
     }  # fmt: skip
     assert render_job.summary(Path("a.png"), figures) == f"a.png: 8x6, ray, {said}, 0.50 s"
 
@@ -426,7 +426,7 @@ def test_stats(scene: Path) -> None:
     stats = json.loads(Path("stats.json").read_text(encoding="utf-8"))
     assert list(stats) == [
         "scene", "backend", "size", "samples", "samples_mean", "seconds", "instances", "rays", "memory", "memory_expected", "error",
-        "denoised", "denoised_error", "cut", "plan", "warnings",
+        "denoised", "denoised_error", "elapsed", "cut", "bias", "left_out", "plan", "warnings",
     ]  # fmt: skip
     assert stats["instances"] == 2
     assert 10**7 < stats["memory"] < 10**11

@@ -87,11 +87,11 @@ def test_the_line_names_stage_samples_error_and_time(clock: Clock) -> None:
     for _ in range(10):
         clock.now += 1.0
         display(Progress("rendering", (clock.now - 100.0) / 40.0, 1.6 * (clock.now - 100.0), 64, 0.034))
-    assert display.text() == "rendering, 25 %, 16 of 64 samples, error 3.40% in the tiles drawn, 30 s left"
+    assert display.text() == "rendering, 25 %, 16 of 64 samples, noise 3.40% in the tiles drawn, 30 s left"
     clock.now += 5.0
     assert display.text().endswith("25 s left")
     display(Progress("rendering", 1.0, 64.0, 64, 0.017))
-    assert display.text() == "rendering, 64 of 64 samples, error 1.70%"  # never 100 %
+    assert display.text() == "rendering, 64 of 64 samples, noise 1.70%"  # never 100 %
     display(Progress("finishing"))
     assert display.text() == "finishing"
 
@@ -101,7 +101,7 @@ def test_an_error_asked_for_has_no_number_of_samples(clock: Clock) -> None:
     display(Progress("rendering", 0.0, 4.5))
     assert display.text() == "rendering, 4.5 samples"
     display(Progress("rendering", 0.5, 24.0, 0, 0.02))
-    assert display.text() == "rendering, 50 %, 24 samples, error 2.00%"
+    assert display.text() == "rendering, 50 %, 24 samples, noise 2.00%"
 
 
 def test_the_default_tells_how_long_it_takes_at_most(clock: Clock) -> None:
@@ -111,7 +111,7 @@ def test_the_default_tells_how_long_it_takes_at_most(clock: Clock) -> None:
     assert display.text() == "rendering, 4.0 of at most 256 samples"
     clock.now += 4.0
     display(Progress("rendering", 0.3, 32.0, 0, 0.05, limit=256))
-    assert display.text() == "rendering, 30 %, 32 of at most 256 samples, error 5.00%, at most 28 s left"
+    assert display.text() == "rendering, 30 %, 32 of at most 256 samples, noise 5.00%, at most 28 s left"
 
 
 def test_compiling_is_shown_and_takes_none_of_the_stages_time(clock: Clock) -> None:

@@ -1,0 +1,27 @@
+"""The line that tells a picture: its size, samples, error and time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ...compiler.plan import omitted_light
+
+
+def summary(path: Path, figures: Mapping[str, Any]) -> str:
+    """A one-line summary of a picture."""
+    width, height = figures["size"]
+    total, left = figures.get("elapsed") or sum(figures["seconds"].values()), figures["denoised_error"]
+    error, noise, bias = "", figures["error"], figures["bias"]
+    if noise is not None:
+        after = "" if left is None else f", about {omitted_light.with_bias(left, bias):.1%} after"
+        after = f" before denoising{after}" if figures["denoised"] else ""
+        words = omitted_light.told(noise, bias, figures["left_out"], figures["plan"]["bounces"])
+        error = f", √relMSE {omitted_light.with_bias(noise, bias):.2%}{after}{f' ({words})' if words else ''}"
+    elif figures.get("elapsed"):
+        error = ", of unknown error"
+    most, mean = figures["samples"], figures["samples_mean"]
+    samples = f"{most:.3g}" if mean is None or mean >= most else f"{mean:.3g} (at most {most:g})"
+    of = f" of the budget of {figures['plan']['budget']:g} s" if figures.get("elapsed") else ""
+    return f"{path}: {width}x{height}, {figures['backend']}, {samples} samples a pixel{error}, {total:.2f} s{of}"

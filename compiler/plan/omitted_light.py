@@ -1,0 +1,64 @@
+"""What light a picture leaves out by its plan, in words: its size is measured for the limit on bounces alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from .. import ir
+from . import scene_facts
+from .decision import Plan
+
+SHOWN = 5e-4  # share of light from which words tell that a picture lacks it
+_FLAT = (ir.GeometryKind.PLANE, ir.GeometryKind.RECTANGLE, ir.GeometryKind.DISK)
+
+
+def limit_clause(plan: Plan) -> str:
+    """The clause about light beyond the limit on bounces."""
+    times = "once" if plan["bounces"] == 1 else f"{plan['bounces']} times"
+    return f"light that bounces more than {times} is left out"
+
+
+def clauses(scene: ir.Scene, plan: Plan) -> tuple[str, ...]:
+    """Clauses about light that the plan leaves out whatever the number of samples; none where all light is drawn.
+
+    That of `limit_clause` is first, and not among them where diffuse surfaces send no light on at all.
+    """
+    tables = scene.tables
+    lit = bool((tables.lights.color > 0.0).any()) or bool(scene_facts.shines(tables)[tables.instances.material].any())
+    if not lit or not len(tables.instances.geometry):
+        return ()
+    used = scene_facts.used_materials(tables)
+    diffuse = bool((tables.materials.values[:, [ir.Slot.DIFFUSE, ir.Slot.SHEEN]].max(axis=(1, 2), initial=0.0) > 0.0)[used].any())
+    specular = bool((scene_facts.specular_materials(scene) & used).any())
+    alone = len(tables.instances.geometry) == 1 and tables.geometries.kind[tables.instances.geometry[0]] in _FLAT
+    found = []
+    if plan["bounces"] > 0 and (specular or plan["interreflection"]):
+        found.append(limit_clause(plan))
+    if plan["bounces"] == 0 and specular:
+        found.append("reflections of other objects are left out")
+    if diffuse and not plan["interreflection"] and not alone:
+        found.append("light that diffuse surfaces send on is left out")
+    if plan["transport.caustics"] == "none":
+        found.append("caustics are left out")
+    return tuple(found)
+
+
+def unmeasured(scene: ir.Scene, plan: Plan, measured: bool) -> tuple[str, ...]:
+    """The clauses whose light no figure holds; `measured`: that beyond the limit on bounces is known."""
+    return tuple(clause for clause in clauses(scene, plan) if not (measured and clause == limit_clause(plan)))
+
+
+
+def with_bias(error: float | None, bias: float | None) -> float | None:
+    """The √relMSE of a picture, from that of its noise and the share of light that it lacks, None where this is unknown."""
+    return error if error is None or bias is None else math.hypot(error, max(bias, 0.0))
+
+
+def told(error: float | None, bias: float | None, left_out: Sequence[str], bounces: int) -> str:
+    """The words after a picture's `with_bias`: what of it is noise, and what light is left out; "" where noise is all."""
+    known = "" if error is None or bias is None or bias < SHOWN else f"{error:.2%} of noise, {bias:.1%} of light beyond {bounces} bounces"
+    if not left_out:
+        return known
+    rest = "; ".join(left_out)
+    return f"{known}; {rest}" if known else f"of noise alone; {rest}"

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from .. import ir
-from ..ir import F64, I32, Bool
+from ..ir import F32, F64, I32, Bool
 from ..ir.single_sided import SINGLE_SIDED
 from . import scene_facts
 
@@ -23,9 +24,7 @@ MOST_TRIANGLES = 1 << 25  # that `seen_from` copies
 LEFT = f"the backs of this and other single-sided objects are drawn: together more than {MOST_TRIANGLES:,} of their triangles are seen"
 _ALL = int(ir.Visibility.CAMERA | ir.Visibility.SHADOW | ir.Visibility.REFLECTION)
 _SEEN = int(ir.Visibility.CAMERA | ir.Visibility.REFLECTION)
-_INWARD = -0.5  # greatest share of a shell's area, weighted by distance, that faces away from its centroid
-
-
+_INWARD = -0.5  # greatest of (outward − inward) / (outward + inward) area, weighted by distances from the centroid, of an inward shell
 _MOST_KNOWN = 10_000
 _closed: dict[bytes, bool] = {}  # of meshes of earlier pictures, by their content
 
@@ -52,18 +51,21 @@ def seen_from(scene: ir.Scene, camera: int) -> Resolved:
     split, left = _Split(tables, bool(see_through[tables.instances.material].any())), -1
     shown = (visible[flagged] & int(ir.Visibility.CAMERA) != 0) & (tables.instances.light[flagged] < 0)
     shown &= tables.geometries.kind[tables.instances.geometry[flagged]] == ir.GeometryKind.MESH
+    meshes: dict[int, _Mesh] = {}
     for i in flagged[shown].tolist():
+        g, opaque = int(tables.instances.geometry[i]), not see_through[tables.instances.material[i]]
+        mesh = meshes.setdefault(g, _Mesh(tables, g))
         local = np.append(tables.transforms.inverse[tables.instances.transform[i]] @ eye, eye[3])
-        corners = _corners(tables, int(tables.instances.geometry[i]))
-        front = _faces_eye(corners, local)
-        if front.all():
+        outside = not mesh.bounds_hold(local)
+        if opaque and outside and mesh.closed:
             continue
-        if not see_through[tables.instances.material[i]] and _hides_backs(tables, i, corners, local):
+        front = _faces_eye(mesh.corners, local)
+        if front.all() or (opaque and mesh.closed and abs(_winding(mesh.corners - local[:3])) < 0.5):
             continue
         if split.triangles + int(front.sum()) > MOST_TRIANGLES:
             left = i
             continue
-        split.add(i, front, _is_shell_from_outside(tables, i, corners, local))
+        split.add(i, front, outside and mesh.inward)
     return Resolved(replace(scene, tables=split.tables()), left)
 
 
@@ -80,10 +82,49 @@ def _eye(tables: ir.Tables, camera: int) -> F64:
     return np.append(matrix[:, 3], 1.0)
 
 
-def _corners(tables: ir.Tables, g: int) -> F64:
-    """The corners (t, 3, 3) of a mesh in its own frame."""
-    first, count = int(tables.geometries.first_triangle[g]), int(tables.geometries.triangle_count[g])
-    return tables.pools.positions[tables.pools.triangles[first : first + count]].astype(np.float64) + tables.geometries.origin[g]
+class _Mesh:
+    """A mesh in its own frame, with what its instances share."""
+
+    def __init__(self, tables: ir.Tables, g: int) -> None:
+        self._tables, self._g = tables, g
+
+    @cached_property
+    def corners(self) -> F64:
+        """The corners (t, 3, 3) of its triangles."""
+        positions, triangles = self._arrays()
+        return positions[triangles].astype(np.float64) + self._tables.geometries.origin[self._g]
+
+    @cached_property
+    def closed(self) -> bool:
+        """Whether it is closed, with its front outside."""
+        positions, triangles = self._arrays()
+        key = hashlib.blake2b(positions.tobytes() + triangles.tobytes()).digest()
+        if key not in _closed:
+            if len(_closed) == _MOST_KNOWN:
+                _closed.clear()
+            _closed[key] = is_closed_outward(positions, triangles)
+        return _closed[key]
+
+    @cached_property
+    def inward(self) -> bool:
+        """Whether it is a shell that turns its back to the outside."""
+        corners = self.corners
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        area, middle = np.linalg.norm(normal, axis=1), corners.mean(axis=1)
+        away = middle - (middle * area[:, None]).sum(axis=0) / max(float(area.sum()), 1e-300)
+        outward = np.einsum("ij,ij->i", normal, away)
+        return bool(outward.sum() <= _INWARD * np.abs(outward).sum() < 0.0)
+
+    def bounds_hold(self, eye: F64) -> bool:
+        """Whether an eye (x, y, z, w) is in its bounds."""
+        low, high = self._tables.geometries.bounds[self._g]
+        return bool(eye[3] and ((eye[:3] >= low) & (eye[:3] <= high)).all())
+
+    def _arrays(self) -> tuple[F32, I32]:
+        geometries, pools = self._tables.geometries, self._tables.pools
+        first, count = int(geometries.first_triangle[self._g]), int(geometries.triangle_count[self._g])
+        vertex, vertices = int(geometries.first_vertex[self._g]), int(geometries.vertex_count[self._g])
+        return pools.positions[vertex : vertex + vertices], pools.triangles[first : first + count] - np.int32(vertex)
 
 
 def _faces_eye(corners: F64, eye: F64) -> Bool:
@@ -94,23 +135,6 @@ def _faces_eye(corners: F64, eye: F64) -> Bool:
     a = corners[:, 0]
     normal = np.cross(corners[:, 1] - a, corners[:, 2] - a)
     return np.einsum("ij,ij->i", normal, eye[:3] - eye[3] * a) >= 0.0
-
-
-def _hides_backs(tables: ir.Tables, i: int, corners: F64, eye: F64) -> bool:
-    """Whether an eye sees no back of an opaque mesh: it is closed, no part of it is inside out, and the eye is outside."""
-    g = int(tables.instances.geometry[i])
-    first, count = int(tables.geometries.first_triangle[g]), int(tables.geometries.triangle_count[g])
-    vertex, vertices = int(tables.geometries.first_vertex[g]), int(tables.geometries.vertex_count[g])
-    positions = tables.pools.positions[vertex : vertex + vertices]
-    triangles = tables.pools.triangles[first : first + count] - vertex
-    key = hashlib.blake2b(positions.tobytes() + triangles.tobytes()).digest()
-    if key not in _closed:
-        if len(_closed) == _MOST_KNOWN:
-            _closed.clear()
-        _closed[key] = is_closed_outward(positions, triangles)
-    if not _closed[key]:
-        return False
-    return not eye[3] or abs(_winding(corners - eye[:3])) < 0.5
 
 
 def is_closed_outward(positions: np.ndarray, triangles: I32) -> bool:
@@ -151,18 +175,6 @@ def _winding(corners: F64) -> float:
     above = np.einsum("ij,ij->i", a, np.cross(b, c))
     below = x * y * z + np.einsum("ij,ij->i", a, b) * z + np.einsum("ij,ij->i", b, c) * x + np.einsum("ij,ij->i", c, a) * y
     return float(np.arctan2(above, below).sum() / (2 * np.pi))
-
-
-def _is_shell_from_outside(tables: ir.Tables, i: int, corners: F64, eye: F64) -> bool:
-    """Whether a mesh turns its back to the outside, and the eye is outside of its bounds."""
-    low, high = tables.geometries.bounds[tables.instances.geometry[i]]
-    if eye[3] and ((eye[:3] >= low) & (eye[:3] <= high)).all():
-        return False
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area, middle = np.linalg.norm(normal, axis=1), corners.mean(axis=1)
-    away = middle - (middle * area[:, None]).sum(axis=0) / max(float(area.sum()), 1e-300)
-    outward = np.einsum("ij,ij->i", normal, away)
-    return bool(outward.sum() <= _INWARD * np.abs(outward).sum() < 0.0)
 
 
 class _Split:

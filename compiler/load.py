@@ -18,7 +18,7 @@ from .importers.stage_options import MeshOptions, StageOptions
 from .io import source_files
 from .io.sandbox import FileError, Files, open_main
 from .lower import lowering
-from .plan import camera_view, enclosed_lights
+from .plan import camera_view, coincident_faces, enclosed_lights
 from .scene import defaults, motion_keys, serialize, texture_coordinates, transforms, validate
 from .scene.builder import SceneBuilder
 from .scene.row_records import InstanceData
@@ -82,7 +82,9 @@ def load(
     found.raise_if_failed()
     enclosed_lights.warn_of_enclosed_lights(scene, found)
     camera_view.warn_of_cameras(scene, found)
+    coincident_faces.warn_of_coincident_faces(scene, found)
     camera_view.warn_of_cameras(scene, found)
+    coincident_faces.warn_of_coincident_faces(scene, found)
     texture_coordinates.warn_of_missing_coordinates(scene, found)
     return scene
 

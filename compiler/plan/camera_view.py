@@ -41,7 +41,7 @@ def warn_of_cameras(scene: ir.Scene, diagnostics: Diagnostics) -> None:
 def _boxes(tables: ir.Tables, bounds: F64, frame: F64) -> F64:
     """(n, 2, 3) bounds of the instances in another frame, to which `frame` (3, 4) leads from the world; all of it for unbounded ones."""
     matrices = tables.transforms.matrix[tables.instances.transform]
-    bounded = np.isfinite(bounds).all(axis=(1, 2))
+    bounded = np.asarray(np.isfinite(bounds).all(axis=(1, 2)))
     finite = np.where(bounded[:, None, None], bounds, 0.0)
     linear = frame[:, :3] @ matrices[:, :, :3]
     moved = matrices[:, :, 3] @ frame[:, :3].T + frame[:, 3]

@@ -18,6 +18,7 @@ from .importers.stage_options import MeshOptions, StageOptions
 from .io import source_files
 from .io.sandbox import FileError, Files, open_main
 from .lower import lowering
+from .mesh import built_geometry
 from .plan import camera_view, coincident_faces, enclosed_lights
 from .scene import defaults, motion_keys, serialize, texture_coordinates, transforms, validate
 from .scene.builder import SceneBuilder
@@ -81,9 +82,7 @@ def load(
         scene, _ = validate.validate(scene, found)
     found.raise_if_failed()
     enclosed_lights.warn_of_enclosed_lights(scene, found)
-    camera_view.warn_of_cameras(scene, found)
-    coincident_faces.warn_of_coincident_faces(scene, found)
-    camera_view.warn_of_cameras(scene, found)
+    camera_view.warn_of_cameras(scene, found, not built_geometry.is_left_out())
     coincident_faces.warn_of_coincident_faces(scene, found)
     texture_coordinates.warn_of_missing_coordinates(scene, found)
     return scene

@@ -14,9 +14,10 @@ MOST_INSTANCES = 1 << 18  # that are tested: a tenth of a second
 MOST_TRIANGLES = 1 << 20  # of all meshes around a camera
 
 
-def warn_of_cameras(scene: ir.Scene, diagnostics: Diagnostics) -> None:
+def warn_of_cameras(scene: ir.Scene, diagnostics: Diagnostics, is_whole: bool = True) -> None:
     """Warn of the scene's camera if it certainly sees no shape, or the inner side of one opaque solid alone.
 
+    In a scene that is not whole, boxes stand in for meshes and solids: they are not tested for what is inside of them.
     A camera, or an instance, that moves while the shutter is open is not tested.
     """
     tables = scene.tables
@@ -31,7 +32,7 @@ def warn_of_cameras(scene: ir.Scene, diagnostics: Diagnostics) -> None:
         where = "the shape is" if count == 1 else f"all {count:,} shapes are"
         diagnostics.warning(f"the camera sees no shape: {where} behind it or outside of its view", span, _middle(tables, bounds))
         return
-    solid = _solid_around(tables, camera, bounds)
+    solid = _solid_around(tables, camera, bounds, is_whole)
     if solid >= 0:
         name = scene.names.instances[solid]
         message = f"the camera is inside of `{name}`, and nothing else is: the picture shows its inner side alone"
@@ -79,7 +80,7 @@ def _middle(tables: ir.Tables, bounds: F64) -> str:
     return f"their middle is [{x}, {y}, {z}]: look_at: [{x}, {y}, {z}]"
 
 
-def _solid_around(tables: ir.Tables, camera: int, bounds: F64) -> int:
+def _solid_around(tables: ir.Tables, camera: int, bounds: F64, is_whole: bool) -> int:
     """The row of the opaque instance that encloses the camera, if no other shape and no lamp is in its bounds; else -1.
 
     A room has something in it. A solid that shines lights itself, and one that is clipped away is not seen.
@@ -95,6 +96,8 @@ def _solid_around(tables: ir.Tables, camera: int, bounds: F64) -> int:
     lamps = np.flatnonzero(ir.is_in(tables.lights.kind, enclosed_lights.PLACED))
     for row in enclosed_lights.opaque(tables).tolist():
         if not around[row] or shines[instances.material[row]] or not instances.visible[row] & ir.Visibility.CAMERA:
+            continue
+        if not is_whole and tables.geometries.kind[instances.geometry[row]] in (ir.GeometryKind.MESH, ir.GeometryKind.FORMULA):
             continue
         low, high = boxes[row]
         others = np.asarray(((boxes[:, 0] < high) & (boxes[:, 1] > low)).all(axis=1) & np.isfinite(boxes).all(axis=(1, 2)))

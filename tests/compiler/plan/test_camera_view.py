@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
+from maquette.compiler.mesh import built_geometry
 
 BALL = 'sphere(1, material: lambert(0.5), name: "ball")\n'
 ALONE = "the shape is behind it or outside of its view|their middle is [0, 0, 0]: look_at: [0, 0, 0]"
@@ -83,3 +84,10 @@ def test_a_camera_inside_of_a_solid(said: Callable[..., str], tmp_path, solid: s
 )  # fmt: skip
 def test_rooms_glass_and_skies_around_a_camera(said: Callable[..., str], solid: str) -> None:
     assert "inside" not in said(INSIDE + SUN + solid)
+
+
+def test_boxes_that_stand_in_for_solids_shut_no_camera_in(said: Callable[..., str], tmp_path) -> None:
+    (tmp_path / "cube.obj").write_text(CUBE)
+    with built_geometry.left_out():
+        assert "inside" not in said(INSIDE + SUN + 'difference { box(6) mesh("cube.obj") box([1, 1, 9], center: [0, 0, 4]) }')
+        assert "inside of `sphere`" in said(INSIDE + SUN + "sphere(1)")

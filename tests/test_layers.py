@@ -144,6 +144,7 @@ DOORS = {
     "cli/job/checkpoints.py": "a picture without checkpoints loads nothing for them",
     "cli/job/kept_frames.py": "a picture that is not of an animation loads nothing for it",
     "cli/render_job.py": "a job loads the stages it comes to",
+    "cli/job/rescue.py": "only a picture that could not be written is rescued",
     "render/render_scene.py": "a picture loads the backend that draws it",
     "render/backends/kernel_choice.py": "a picture loads the backend that draws it",
     "render/backends/prepare.py": "what makes ready for a backend, or for formulas, is loaded where there is a use for it",

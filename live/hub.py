@@ -13,6 +13,10 @@ Send = Callable[[str | bytes], Awaitable[None]]
 KEPT = ("scene", "params", "files", "diagnostics", "plan", "view", "progress", "state")  # sent to a page that comes later, in this order
 
 
+MAX_REFUSALS = 1000  # that wait for a page
+MAX_REFUSAL = 500  # characters
+
+
 @dataclass(eq=False, slots=True)
 class Page:
     """One page. `pending` are messages to send by key; `picture` is the newest one that was not sent."""
@@ -21,12 +25,18 @@ class Page:
     pending: dict[str, str] = field(default_factory=dict)
     picture: bytes | None = None
     wake: asyncio.Event = field(default_factory=asyncio.Event)
+    _refused: int = 0
 
     def put(self, key: str, message: dict[str, Any]) -> None:
         """Send a message, in place of one with the same key that was not sent yet."""
         self.pending.pop(key, None)
         self.pending[key] = json.dumps(message)
         self.wake.set()
+
+    def refuse(self, why: str) -> None:
+        """Answer a message that was refused. Each has its answer, unless very many wait for the page to read."""
+        self._refused += 1
+        self.put(f"refused {self._refused % MAX_REFUSALS}", {"type": "refused", "message": why[:MAX_REFUSAL]})
 
     async def run(self, send: Send) -> None:
         """Send what there is, until cancelled. Waits while the page is slower than the renderer."""

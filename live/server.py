@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import json
 import secrets
 import socket
 import tempfile
@@ -24,8 +23,13 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from ..render.image import image_files
 from ..render.image.image import Image
+from . import page_messages
 from .address import Address
+from .hub import Page
+from .inbox import Inbox
 from .rooms import Rooms
+from .session import Session
+from .state import StateError
 from .studio import Current
 
 PAGE = Path(__file__).resolve().parent / "page"
@@ -147,18 +151,31 @@ class _Served:
             return
         await websocket.accept()
         page = room.hub.open()
-        sender = asyncio.create_task(page.run(_sender(websocket)))
+        inbox = Inbox()
+        tasks = [asyncio.create_task(page.run(_sender(websocket))), asyncio.create_task(_answer(room.session, page, inbox))]
         try:
-            while True:
-                room.session.handle(page, _parsed(await websocket.receive_text()))
-        except (WebSocketDisconnect, RuntimeError, KeyError):
+            while (received := await websocket.receive())["type"] == "websocket.receive":
+                try:
+                    message = page_messages.parsed(received.get("text") or received.get("bytes") or "")
+                    inbox.put(page_messages.check(message), message)
+                except StateError as error:
+                    page.refuse(str(error))
+                await asyncio.sleep(0)  # otherwise a flood keeps all other tasks waiting
+        except (WebSocketDisconnect, RuntimeError):
             pass
         finally:
             room.hub.close(page)
             self.rooms.left(key)
-            sender.cancel()
-            with contextlib.suppress(asyncio.CancelledError, Exception):
-                await sender
+            for task in tasks:
+                task.cancel()
+                with contextlib.suppress(asyncio.CancelledError, Exception):
+                    await task
+
+
+async def _answer(session: Session, page: Page, inbox: Inbox) -> None:
+    """Answer the messages of a page, until cancelled."""
+    while True:
+        session.handle(page, await inbox.get())
 
 
 async def _in_daemon(call: Callable[[], bytes]) -> bytes:
@@ -185,13 +202,6 @@ async def _in_daemon(call: Callable[[], bytes]) -> bytes:
 
     threading.Thread(target=run, daemon=True).start()
     return await done
-
-
-def _parsed(text: str) -> Any:
-    try:
-        return json.loads(text)
-    except ValueError:
-        return None
 
 
 def _sender(websocket: WebSocket) -> Callable[[str | bytes], Awaitable[None]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import secrets
 import threading
 from collections.abc import Callable
@@ -9,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..compiler.io.replace_file import replace_file
-from . import outlines, params, picking, scene_files, watch
+from . import outlines, page_messages, params, picking, scene_files, watch
 from .hub import Hub, Page
 from .scene_files import Opened
 from .state import State, StateError
@@ -85,15 +86,14 @@ class Session:
     # --- from the pages, in the event loop ---
 
     def handle(self, page: Page, message: Any) -> None:
-        """Answer a message of a page. Wrong messages get an answer of type `refused`."""
+        """Answer a message of a page. Wrong messages get an answer of type `refused`, whatever is wrong."""
         try:
-            kind = message.get("type") if isinstance(message, dict) else None
-            handler = _HANDLERS.get(str(kind))
-            if handler is None:
-                raise StateError(f"there is no message {kind!r}")
-            handler(self, page, message)
+            _HANDLERS[page_messages.check(message)](self, page, message)
         except (StateError, ValueError, OSError) as error:
-            page.put("refused", {"type": "refused", "message": str(error)})
+            page.refuse(str(error))
+        except Exception as fault:  # of ours: the connection stays
+            logging.getLogger(__name__).exception("a message of a page")
+            page.refuse(f"internal error: {type(fault).__name__}: {fault}")
 
     def _hello(self, page: Page, message: dict[str, Any]) -> None:
         """Greet a page; one of a server that is gone brings its state."""
@@ -122,16 +122,12 @@ class Session:
         self._tell_files()
 
     def _change(self, page: Page, message: dict[str, Any]) -> None:
-        given = message.get("state")
-        if not isinstance(given, dict):
-            raise StateError("a change has a `state`")
+        given = message["state"]
         self._touched = True
         self._tell_state(self.studio.change(lambda state: state.changed(given)), page)
 
     def _text(self, page: Page, message: dict[str, Any]) -> None:
-        path, text = self._path(message), message.get("text")
-        if not isinstance(text, str):
-            raise StateError("a text is missing")
+        path, text = self._path(message), message["text"]
         self._touched = True
         unsaved = None if text == self._disk.get(path) else text
         self.studio.change(lambda state: state.with_text(path, unsaved))
@@ -146,9 +142,7 @@ class Session:
 
     def _save(self, page: Page, message: dict[str, Any]) -> None:
         """Write a file, unless it was changed on disk after the page read it."""
-        path, text = self._path(message), message.get("text")
-        if not isinstance(text, str):
-            raise StateError("a text is missing")
+        path, text = self._path(message), message["text"]
         now = scene_files.digest(scene_files.read_text(Path(path)))
         if now != message.get("saved") and not message.get("force"):
             page.put("conflict", {"type": "conflict", "path": path})
@@ -191,9 +185,7 @@ class Session:
         page.put("written", {"type": "written", "names": list(values), "saved": unsaved is None})
 
     def _pick(self, page: Page, message: dict[str, Any]) -> None:
-        x, y = message.get("x"), message.get("y")
-        if not isinstance(x, int | float) or not isinstance(y, int | float):
-            raise StateError("a click has x and y")
+        x, y = message["x"], message["y"]
         current = self.studio.current
         if current is None or "id" not in current.shown.channels:
             raise StateError("the picture is not ready for clicks yet")
@@ -201,9 +193,7 @@ class Session:
 
     def _outline(self, page: Page, message: dict[str, Any]) -> None:
         """Send the outlines of the instances that a line of a source makes."""
-        path, line = self._path(message), message.get("line")
-        if not isinstance(line, int):
-            raise StateError("an outline has a line")
+        path, line = self._path(message), message["line"]
         current = self.studio.current
         if current is not None and "id" in current.shown.channels:
             found = outlines.of_line(current.scene, current.shown.channels["id"], path, line)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -44,7 +45,7 @@ class State:
         """This state with the fields of a page's message. `sets` with a value of None are removed. Raises StateError."""
         found = {name: _READERS[name](value) for name, value in given.items() if name in _READERS}
         if unknown := next((name for name in given if name not in _READERS and name != "sets"), None):
-            raise StateError(f"a state has no `{unknown}`")
+            raise StateError(f"a state has no `{unknown[:100]}`")
         if "sets" in given:
             found["sets"] = self._sets(given["sets"])
         return replace(self, **found)
@@ -81,7 +82,8 @@ class State:
 
 
 def _text(value: Any) -> str:
-    if not isinstance(value, str) or len(value) > 10_000:
+    is_half = isinstance(value, str) and any("\ud800" <= c <= "\udfff" for c in value)  # of a surrogate pair
+    if not isinstance(value, str) or len(value) > 10_000 or is_half:
         raise StateError("a value of a param is a text")
     return value
 
@@ -91,9 +93,13 @@ def _optional_text(value: Any) -> str | None:
 
 
 def _number(value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise StateError(f"expected a number, got {value!r}")
-    return float(value)
+    try:
+        found = math.nan if isinstance(value, bool) or not isinstance(value, int | float) else float(value)
+    except OverflowError:
+        found = math.inf
+    if not math.isfinite(found):
+        raise StateError(f"expected a number, got {reprlib.repr(value)}")
+    return found
 
 
 def _optional_number(value: Any) -> float | None:
@@ -109,19 +115,19 @@ def _exposure(value: Any) -> float | None:
 
 def _backend(value: Any) -> str | None:
     if value is not None and value not in BACKENDS:
-        raise StateError(f"there is no backend {value!r}")
+        raise StateError(f"there is no backend {reprlib.repr(value)}")
     return value
 
 
 def _channel(value: Any) -> str:
     if value not in CHANNELS:
-        raise StateError(f"there is no channel {value!r}")
+        raise StateError(f"there is no channel {reprlib.repr(value)}")
     return value
 
 
 def _vector(value: Any) -> tuple[float, float, float]:
     if not isinstance(value, list) or len(value) != 3:
-        raise StateError(f"expected three numbers, got {value!r}")
+        raise StateError(f"expected three numbers, got {reprlib.repr(value)}")
     x, y, z = (_number(v) for v in value)
     return x, y, z
 

@@ -21,6 +21,7 @@ from .document import Document
 from .messages import Checked
 from .places import Places
 from .project import Project, path_of
+from .protocol import Protocol
 
 PAUSE = 0.05  # seconds without a change before a check
 T = TypeVar("T")
@@ -30,7 +31,8 @@ class Server(LanguageServer):
     """A server of one editor: its project, and the results of the last checks by path."""
 
     def __init__(self, allow: Sequence[Path]) -> None:
-        super().__init__("maquette", VERSION, text_document_sync_kind=types.TextDocumentSyncKind.Full)
+        full = types.TextDocumentSyncKind.Full
+        super().__init__("maquette", VERSION, text_document_sync_kind=full, protocol_cls=Protocol)
         self.project = Project()
         self.allow = tuple(allow)
         self.checked: dict[str, Checked] = {}

@@ -16,7 +16,7 @@ import pytest
 from maquette.compiler import ir
 from maquette.live import address, server
 from maquette.render.image import image_reader
-from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from . import windows
@@ -306,12 +306,54 @@ def test_what_is_no_message_is_refused(tmp_path: Path) -> None:
     scene = windows.write(tmp_path)
     with served(scene) as shown, client(shown) as page:
         page.socket.send("{")
-        page.wait(lambda: page.last.get("refused", {}).get("message") == "there is no message None")
+        page.wait(lambda: page.last.get("refused", {}).get("message", "").startswith("the message is no JSON: Expecting property name"))
         assert page.ask("delete", "refused", path="/")["message"] == "there is no message 'delete'"
         assert page.ask("change", "refused", state={"backend": "gpu"})["message"] == "there is no backend 'gpu'"
         page.socket.send(b"\0")
-        with pytest.raises(ConnectionClosed):
-            page.wait(lambda: False, 5)
+        page.wait(lambda: page.last["refused"]["message"] == "a message is text, not bytes")
+
+
+def raw(kind: str, **fields: str) -> str:
+    """A message whose fields are written as JSON, or as none."""
+    return f'{{"type": "{kind}"' + "".join(f', "{name}": {value}' for name, value in fields.items()) + "}"
+
+
+HUGE, HALF = "1" + "0" * 400, '"\\ud800"'  # above all floats; half of a surrogate pair
+POSE = f'{{"pose": {{"position": [{HUGE}, 0, 0], "look_at": [0, 0, 0], "up": [0, 1, 0]}}}}'
+BAD = [
+    *("[]", "null", "3", "NaN", '{"type": NaN}', '{"type": []}', '{"type": {}}', "[" * 100_000, '{"type":' * 50_000, "9" * 5000, HALF, ""),
+    *(raw("text", path=value, text='""') for value in ("[]", "{}", "null", "3", HUGE, HALF)),
+    *(raw("save", path='"x"', text=value) for value in ("[]", "null", "false", HALF)),
+    *(raw("pick", x=value, y="0") for value in (HUGE, "-1e999", "Infinity", "true", "[]", '"1"', "null")),
+    *(raw("outline", path='"x"', line=value) for value in (HUGE, "-1", "1.5", "true", "[]", "null", "NaN")),
+    *(raw("change", state=value) for value in ("[]", "null", "3", f'{{"exposure": {HUGE}}}', '{"moment": 1e999}', POSE)),
+    *(raw("change", state=f'{{"{name}": {value}}}') for name in ("pose", "camera", "channel", "sets") for value in ("[]", "3")),
+    raw("change", state=f'{{"sets": {{"radius": {HALF}}}}}'),
+    *(raw("write_params", names=value) for value in ("3", "{}", '"radius"', "[[]]", "[3]")),
+    *(raw("hello", **{name: value}) for name in ("boot", "state", "texts") for value in ("3", "[]")),
+]
+
+
+def test_each_bad_message_has_an_answer(tmp_path: Path) -> None:
+    """The connection stays."""
+    with served(windows.write(tmp_path)) as shown, client(shown) as page:
+        page.finished()
+        for text in BAD:
+            page.last.pop("refused", None)
+            page.socket.send(text)
+            page.wait(lambda: "refused" in page.last)
+            assert "internal error" not in page.last["refused"]["message"], text[:80]
+        assert page.ask("pick", "pick", x=0.5, y=0.5)["hit"]
+
+
+@pytest.mark.parametrize("text", ["{", '{"type": "outline", "path": "x", "line": 1}', '{"type": "camera"}'])
+def test_a_flood_leaves_other_messages_their_answer(tmp_path: Path, text: str) -> None:
+    with served(windows.write(tmp_path)) as shown, client(shown) as page, client(shown) as other:
+        other.finished()
+        for _ in range(5000):
+            page.socket.send(text)
+        assert other.ask("pick", "pick", x=0.5, y=0.5)["hit"]
+        assert page.ask("pick", "pick", x=0.5, y=0.5)["hit"]
 
 def test_a_restarted_server_takes_the_state_of_a_page(tmp_path: Path) -> None:
     scene = windows.write(tmp_path)

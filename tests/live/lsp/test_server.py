@@ -407,3 +407,30 @@ def test_files_that_are_no_ordinary_files_are_left_out(tmp_path: Path) -> None:
         assert [place["range"] for place in found] == [span(1, 4, 7), span(2, 7, 10)]
         editor.close(name)
     assert editor.end() == 0
+
+
+# --- wrong requests ---------------------------------------------------------------------------------------------------
+
+PLACE = {"line": 0, "character": 0}
+RANGE = {"start": PLACE, "end": PLACE}
+GREY = {"red": 0.5, "green": 0.5, "blue": 0.5, "alpha": 1}
+HUGE = 10**400
+
+
+@pytest.mark.parametrize("number", [-1, 1 << 31, HUGE, 1.5, float("nan"), float("inf"), True, None, "1", [], {}])
+@pytest.mark.parametrize("name", ["line", "character"])
+def test_wrong_numbers_have_an_answer(editor: Editor, name: str, number: object) -> None:
+    with pytest.raises(Failure):
+        editor.ask("textDocument/hover", {"textDocument": {"uri": editor.uri("x.scene")}, "position": {**PLACE, name: number}})
+    assert editor.ask("textDocument/hover", {"textDocument": {"uri": editor.uri("none.scene")}, "position": PLACE}) is None
+
+
+def test_what_is_wrong_is_told(editor: Editor) -> None:
+    document = {"uri": editor.uri("x.scene")}
+    with pytest.raises(Failure, match=r"^`line` is a whole number from 0 to 2147483647$"):
+        editor.ask("textDocument/definition", {"textDocument": document, "position": {"line": -3, "character": 0}})
+    with pytest.raises(Failure, match=r"^`red` is a number from 0 to 1$"):
+        editor.ask("textDocument/colorPresentation", {"textDocument": document, "range": RANGE, "color": {**GREY, "red": HUGE}})
+    with pytest.raises(Failure, match=r"^the params of textDocument/hover cannot be read: "):
+        editor.ask("textDocument/hover", {"textDocument": document})
+    assert editor.ask("textDocument/colorPresentation", {"textDocument": document, "range": RANGE, "color": GREY})

@@ -91,7 +91,7 @@ def _solid_around(tables: ir.Tables, camera: int, bounds: F64, is_whole: bool) -
     frame = tables.transforms.matrix[cameras.transform[camera]]
     eye = frame[:, 3] - frame[:, 2] * (enclosed_lights.AHEAD * (1.0 + np.linalg.norm(frame[:, 3])))
     boxes, left = _boxes(tables, bounds, np.eye(4)[:3]), MOST_TRIANGLES
-    around = np.asarray(((boxes[:, 0] < eye) & (boxes[:, 1] > eye)).all(axis=1))
+    around = np.asarray(((boxes[:, 0] < eye) & (boxes[:, 1] > eye) & np.isfinite(boxes).all(axis=1)).all(axis=1))
     shines = (materials.values[:, ir.Slot.EMISSION] > 0.0).any(axis=1) | (materials.textures[:, ir.Slot.EMISSION] >= 0)
     lamps = np.flatnonzero(ir.is_in(tables.lights.kind, enclosed_lights.PLACED))
     for row in enclosed_lights.opaque(tables).tolist():

@@ -14,6 +14,11 @@ Kind = ir.GeometryKind
 REST = "\ncamera([0, 1, 5])\nsun()\n"
 
 
+def towards(point: str) -> str:
+    """REST, with a camera that looks at a point."""
+    return REST.replace("[0, 1, 5]", f"[0, 1, 5], look_at: {point}")
+
+
 def placed(scene: ir.Scene, row: int = 0) -> np.ndarray:
     """The (3, 4) matrix of an instance."""
     return scene.tables.transforms.matrix[scene.tables.instances.transform[row]]
@@ -42,7 +47,7 @@ def test_parameters(compiled, text: str, kind: ir.GeometryKind, parameters: list
 
 
 def test_center_moves_a_shape_before_its_own_transform(compiled) -> None:
-    scene = compiled("sphere(1, center: [1, 2, 3], scale: 2, rotate: [0, 90deg, 0], translate: [10, 0, 0])" + REST)
+    scene = compiled("sphere(1, center: [1, 2, 3], scale: 2, rotate: [0, 90deg, 0], translate: [10, 0, 0])" + towards("[16, 4, -2]"))
     assert placed(scene) @ [0, 0, 0, 1] == pytest.approx([16, 4, -2])  # center (1, 2, 3) · 2 → (2, 4, 6), turned → (6, 4, −2)
 
 
@@ -209,7 +214,7 @@ def test_a_file_is_looked_for_beside_the_source_that_names_it(compiled, tmp_path
 def test_deep_blocks_need_no_stack(compiled) -> None:
     """A part that wraps what it is given, a hundred times over."""
     text = "let up(n) = if n > 0 then translate([0, 1, 0]) { up(n - 1) } else sphere(1)\nup(100)"
-    assert placed(compiled(text + REST))[1, 3] == 100
+    assert placed(compiled(text + towards("[0, 100, 0]")))[1, 3] == 100
 
 
 CORNERS = "points: [[0,0,0],[1,0,0],[0,1,0]]"
@@ -288,7 +293,7 @@ def test_numbers_too_big_to_reckon_with(said) -> None:
 
 
 def test_radians_and_metres_are_the_units_of_the_tables(compiled) -> None:
-    scene = compiled("unit mm\nsphere(20, center: [1000, 0, 0], rotate: [0, 180deg, 0])" + REST)
+    scene = compiled("unit mm\nsphere(20, center: [1000, 0, 0], rotate: [0, 180deg, 0])" + towards("[-1000, 0, 0]"))
     assert scene.tables.geometries.parameters[0, 0] == pytest.approx(0.02)
     assert placed(scene)[:, 3] == pytest.approx([-1, 0, 0], abs=1e-15)
     assert math.isclose(scene.tables.cameras.extent[0], math.tan(math.radians(20)))

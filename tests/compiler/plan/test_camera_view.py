@@ -79,7 +79,8 @@ def test_a_camera_inside_of_a_solid(said: Callable[..., str], tmp_path, solid: s
         "box([6, 3, 6], center: [0, 1, 0])\narea(position: [0, 2, 0], look_at: [0, 0, 0], size: 0.5)",
         "sphere(1, material: glass())", "sphere(1, material: lambert(0.5, opacity: 0.5))", "sphere(50, material: emissive(#87b5e0))",
         "sphere(1, center: [3, 0, 0])", "difference { box(2) box(1.9) box([1, 1, 9], center: [0, 0, 4]) }",
-        "heightfield(|x, z| -0.5, size: [100, 100])", "cylinder(1, 2, capped: false)",
+        "heightfield(|x, z| -0.5, size: [100, 100])", "cylinder(1, 2, capped: false)", "plane(y: 1)", "plane(a: -2, b: -4, c: -4, d: 10)",
+        "quadric([1, 1, -1, 0, 0, 0, 0, 0, 0, -1])",
     ],
 )  # fmt: skip
 def test_rooms_glass_and_skies_around_a_camera(said: Callable[..., str], solid: str) -> None:

@@ -2,7 +2,7 @@
 
     python tools/audit.py [requirements/run.txt …]
 
-Exit code 1 if there are some. Without the network, or with an index that has no such list, it says so, and the exit code is 0.
+Exit code 1 if there are some, or if no dependency was looked up. Without the network it says so, and the exit code is 0.
 """
 
 from __future__ import annotations
@@ -48,7 +48,9 @@ def main(names: list[str]) -> int:
         return 1
     print(told)
     print("\n".join(found), end="\n" if found else "")
-    return 1 if found else 0
+    if told.startswith("0 "):
+        print("nothing was audited: set PIP_INDEX_URL to an index that knows these packages", file=sys.stderr)
+    return 1 if found or told.startswith("0 ") else 0
 
 
 if __name__ == "__main__":

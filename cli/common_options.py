@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..compiler.importers.stage_options import AXES, UNITS
 from ..compiler.io.regular_files import is_regular
+from ..lang import file_types
 from ..lang.limits import MAX_ELEMENTS
 from ..lang.schema.elements import MAX_BOUNCES
 from . import option_types as values
@@ -96,10 +96,13 @@ scene_options = options(
     ),
     click.option("--render-settings", metavar="PRIM", help="RenderSettings or RenderProduct prim. Default: the one that the stage names."),
     click.option(
-        "--unit", type=click.Choice(list(UNITS)),
+        "--unit", type=click.Choice(list(file_types.UNITS)),
         help="What 1 is in a mesh file. Default: as the file says; mm for .stl, m for the others.",
     ),
-    click.option("--up", type=click.Choice(AXES), help="Axis of a mesh file that points up. Default: z for .stl, y for the others."),
+    click.option(
+        "--up", type=click.Choice(file_types.AXES),
+        help="Axis of a mesh file that points up. Default: as the file says; z for .stl and .xyz, y for the others.",
+    ),
     click.option("--animation", metavar="NAME", help="Animation of a glTF file: its name or number. Default: the first."),
     click.option("--session-layer", type=LAYER, help="USD layer whose values go over those of the stage."),
     click.option(

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..lang import collector, file_types
+from ..lang import collector, file_types, foreign_formats
 from ..lang.diagnostics import Diagnostics, Span, suggest
 from ..lang.eval import evaluator
 from . import ir
@@ -72,8 +72,9 @@ def load(
                 scene = serialize.load(path)
         else:
             known = (*file_types.SCENE, *file_types.USD, *file_types.MESH, *file_types.SAVED)
-            hint = suggest(suffix, known) or f"scenes are {', '.join(known)}"
-            found.error(f"`{path.name}` is no kind of scene that is known", Span(str(path)), hint)
+            hint = foreign_formats.advice(path.name) or suggest(suffix, known) or f"scenes are {', '.join(known)}"
+            what = "of a format that is not read" if foreign_formats.advice(path.name) else "no kind of scene that is known"
+            found.error(f"`{path.name}` is {what}", Span(str(path)), hint)
     except FileError as failure:
         found.error(failure.message, Span(str(path)), failure.hint)
     found.raise_if_failed()

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
-from ...lang import file_types
+from ...lang import file_types, foreign_formats
 from ...lang.diagnostics import Diagnostics, Span
 from .. import ir
 from ..io import stage_cache
@@ -19,7 +19,7 @@ from ..scene.builder import NONE, SceneBuilder
 from ..scene.row_records import WHITE, Input, MaterialData
 from . import gltf, mtl, obj, off, ply, stl
 from .common import file_names
-from .mesh_parts import Part, add
+from .mesh_parts import Frame, Part, add, tell_frame
 from .stage_options import MeshOptions
 
 T = TypeVar("T")
@@ -33,13 +33,15 @@ def read(
 
     `span` is the place of the import. `files` decides which libraries and images may be read (default: those below the file's folder).
     With `as_scene`, the file is the scene, so its lights and cameras are imported. `time` in seconds is for animations of glTF files.
-    `options` precede what the file says.
+    `options` are its unit and the axis that points up, which precede what the file says, and its animation; what is assumed of files
+    that say nothing is a note. Without options, such files are in metres with y up.
     """
-    options = options or MeshOptions()
     format_ = Path(name).suffix.lower()
     whole = Span(name)
     if format_ not in file_types.MESH:
-        diagnostics.error(f"`{name}` is no mesh file that is known", span or whole, f"known are {', '.join(file_types.MESH)}, and USD")
+        advice = foreign_formats.advice(name)
+        what = "of a format that is not read" if advice else "no mesh file that is known"
+        diagnostics.error(f"`{name}` is {what}", span or whole, advice or f"known are {', '.join(file_types.MESH)}, and USD")
         return []
     folder = source.parent if isinstance(source, Path) else None
     if files is None:
@@ -53,17 +55,15 @@ def read(
         diagnostics.error(f"`{name}` is empty", span or whole)
         return []
     try:
-        if format_ == ".obj":
-            return _obj(data, name, folder, builder, files, diagnostics)
-        if format_ == ".ply":
-            return _ply(data, name, folder, builder, files, diagnostics)
-        if format_ == ".stl":
-            mesh = _cached(data, diagnostics, lambda found: stl.read(data, found, whole), name)
-            return _parts(mesh, Path(name).stem, builder, diagnostics, whole)
-        if format_ == ".off":
-            mesh = _cached(data, diagnostics, lambda found: off.read(data, found, whole), name)
-            return _parts(mesh, Path(name).stem, builder, diagnostics, whole)
-        return gltf.read(data, name, folder, files, builder, diagnostics, as_scene, (time, options.animation))
+        if format_ in file_types.GLTF:
+            if options is not None and (options.unit or options.up):
+                diagnostics.error("a glTF file is in metres with y up", span or whole, "leave out unit and up; scale or rotate it")
+                return []
+            moment = time, None if options is None else options.animation
+            return gltf.read(data, name, folder, files, builder, diagnostics, as_scene, moment)
+        parts = _parts(data, name, folder, Frame.of(format_, options), builder, files, diagnostics)
+        tell_frame(parts, format_, options, builder, diagnostics, whole)
+        return parts
     except (ply.PlyError, stl.StlError, gltf.GltfError, off.OffError) as failure:
         diagnostics.error(str(failure), whole)
     except MemoryError:
@@ -71,17 +71,29 @@ def read(
     return []
 
 
+def _parts(
+    data: bytes, name: str, folder: Path | None, frame: Frame, builder: SceneBuilder, files: Files, diagnostics: Diagnostics
+) -> list[Part]:  # fmt: skip
+    """The parts of a file that is no scene."""
+    format_, whole = Path(name).suffix.lower(), Span(name)
+    if format_ == ".obj":
+        return _obj(data, name, folder, frame, builder, files, diagnostics)
+    if format_ == ".ply":
+        return _ply(data, name, folder, frame, builder, files, diagnostics)
+    read_ = {".stl": stl.read, ".off": off.read}[format_]
+    mesh = _cached(data, diagnostics, lambda found: read_(data, found, whole), name)
+    part = add(mesh, None, Path(name).stem, builder, diagnostics, whole, frame)
+    return [] if part is None else [part]
+
+
 def _cached(data: bytes, diagnostics: Diagnostics, read: Callable[[Diagnostics], T], name: str) -> T:
     """read(diagnostics), or its result of the last compilation."""
     return stage_cache.cached_read("meshes read", (data, name), diagnostics, read)
 
 
-def _parts(mesh: polygon_mesh.PolyMesh, name: str, builder: SceneBuilder, diagnostics: Diagnostics, span: Span) -> list[Part]:
-    part = add(mesh, None, name, builder, diagnostics, span)
-    return [] if part is None else [part]
-
-
-def _ply(data: bytes, name: str, folder: Path | None, builder: SceneBuilder, files: Files, diagnostics: Diagnostics) -> list[Part]:
+def _ply(
+    data: bytes, name: str, folder: Path | None, frame: Frame, builder: SceneBuilder, files: Files, diagnostics: Diagnostics
+) -> list[Part]:  # fmt: skip
     span = Span(name)
     mesh = _cached(data, diagnostics, lambda found: ply.read(data, found, span), name)
     pictures = ply.texture_files(data)
@@ -94,11 +106,13 @@ def _ply(data: bytes, name: str, folder: Path | None, builder: SceneBuilder, fil
         row = mtl.picture_row(mtl.MapReference(pictures[0], span), folder, True, NONE, builder, files, diagnostics)
         inputs = {ir.Slot.DIFFUSE: Input(WHITE, row), ir.Slot.AMBIENT: Input(WHITE, row)}
         material = builder.material(MaterialData(inputs=inputs, name=Path(pictures[0]).stem), span) if row >= 0 else None
-    part = add(mesh, material, Path(name).stem, builder, diagnostics, span)
+    part = add(mesh, material, Path(name).stem, builder, diagnostics, span, frame)
     return [] if part is None else [replace(part, material_name="" if material is None else Path(pictures[0]).stem)]
 
 
-def _obj(data: bytes, name: str, folder: Path | None, builder: SceneBuilder, files: Files, diagnostics: Diagnostics) -> list[Part]:
+def _obj(
+    data: bytes, name: str, folder: Path | None, frame: Frame, builder: SceneBuilder, files: Files, diagnostics: Diagnostics
+) -> list[Part]:  # fmt: skip
     found = _cached(data, diagnostics, lambda said: obj.read(data, name, said), name)
     if found is None or diagnostics.failed:
         return []
@@ -108,7 +122,7 @@ def _obj(data: bytes, name: str, folder: Path | None, builder: SceneBuilder, fil
     for k, mesh in polygon_mesh.split(found.mesh, found.material):
         asked = found.materials[k]
         row = _material(asked, found, library, builder, files, diagnostics)
-        part = add(mesh, row, asked or stem, builder, diagnostics, Span(name))
+        part = add(mesh, row, asked or stem, builder, diagnostics, Span(name), frame)
         parts += [] if part is None else [replace(part, material_name=asked)]
     return parts
 

@@ -47,17 +47,16 @@ class StageOptions:
         return found
 
 
-UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "um": 1e-6, "km": 1000.0, "in": 0.0254, "ft": 0.3048}
-"""Metres in a unit of length of a mesh file. `µm` is written um."""
-AXES = ("x", "y", "z")
+ASSUMED = {".stl": ("mm", "z"), ".obj": ("m", "y"), ".ply": ("m", "y"), ".off": ("m", "y"), ".xyz": ("m", "z")}
+"""The unit and the axis that points up of formats without either: those in which `convert` writes, and of .xyz those of scanners."""
 
 
 @dataclass(frozen=True, slots=True)
 class MeshOptions:
     """How mesh files are read, and how fine generated meshes are. None: as the file says, else the default."""
 
-    unit: str | None = None  # key of UNITS: what 1 is in a file
-    up: str | None = None  # one of AXES: the axis of a file that points up
+    unit: str | None = None  # key of file_types.UNITS: what 1 is in a file
+    up: str | None = None  # one of file_types.AXES: the axis of a file that points up
     animation: str | None = None  # name or number of an animation of a glTF file
     deviation: float | None = None  # metres: greatest distance of generated triangles from the true surface
 

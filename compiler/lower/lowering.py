@@ -15,6 +15,7 @@ from ...lang.diagnostics import Span
 from ...lang.elements import Document, Element
 from .. import ir
 from ..importers.common.replacements import Replacements
+from ..importers.stage_options import MeshOptions
 from ..io.sandbox import FileError
 from ..scene import defaults, transforms
 from ..scene.builder import SceneBuilder
@@ -70,7 +71,7 @@ class Lowering:
         self._folder = folder
         self._emissive = 0
         self.generated: dict[tuple[object, ...], list[Piece]] = {}
-        self._meshes: dict[Path, list[Piece]] = {}
+        self._meshes: dict[tuple[Any, ...], list[Piece]] = {}
 
     # --- Context ---
 
@@ -198,10 +199,16 @@ class Lowering:
         path = self._find(element, "mesh")
         if path is None:
             return []
-        if path not in self._meshes:
+        args = element.args
+        scaled = args["height"] is not None  # then the unit is of no account
+        key = path, args["unit"], args["up"], scaled
+        if key not in self._meshes:
+            options = MeshOptions(args["unit"] or ("m" if scaled else None), args["up"])
             with self._within(element):
-                parts = mesh_files.read(path, self._shown(path), self.builder, self.builder.diagnostics, element.place, self.files)
-            self._meshes[path] = [
+                parts = mesh_files.read(
+                    path, self._shown(path), self.builder, self.builder.diagnostics, element.place, self.files, options=options
+                )
+            self._meshes[key] = [
                 Piece(
                     part.geometry,
                     transforms.identity() if part.transform is None else transforms.from_rows(part.transform),
@@ -211,7 +218,7 @@ class Lowering:
                 )
                 for part in parts
             ]
-        return self._meshes[path]
+        return self._meshes[key]
 
     @contextmanager
     def _within(self, element: Element) -> Iterator[None]:

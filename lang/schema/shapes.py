@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from .. import file_types
 from .argument_types import REQUIRED, Arg, Entry
 
 _PLACED = (
@@ -141,6 +142,14 @@ SHAPES = (
         Arg("colors", "vectors3", None, "a linear colour for each vertex", keyword=True),
         _HEIGHT,
         _MATERIALS,
+        Arg(
+            "unit", "choice", None, "what 1 is in the file; by default as the file says, mm of .stl, else m",
+            choices=tuple(file_types.UNITS), keyword=True,
+        ),
+        Arg(
+            "up", "choice", None, "the axis of the file that points up; by default as the file says, z of .stl and .xyz, else y",
+            choices=file_types.AXES, keyword=True,
+        ),
         exclusive=(("file", "points"),),
         example='mesh("bunny.obj", height: 35cm)',
     ),

@@ -159,7 +159,7 @@ def source_of(scene: Path, given: dict[str, Any]) -> jobs.Source:
         **of_stage, mask=given.pop("mask") or (), complexity=given.pop("complexity") or 0, default_light=not given.pop("no_default_light"),
         size=given.get("size"),
     )  # fmt: skip
-    mesh = MeshOptions(*(given.pop(name) for name in ("unit", "up", "animation")), deviation=given.get("deviation"))
+    mesh = MeshOptions(*(given.pop(name) for name in ("unit", "up", "animation")))
     return jobs.Source(scene, given.pop("sets"), given.pop("at"), given.pop("allow"), stage, mesh, given.pop("max_elements"))
 
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from ..compiler.io.replace_file import replace_file
+from ..lang.diagnostics import Diagnostic
 from . import common_options as shared
 from . import option_types as options
 from . import render_job as jobs
@@ -58,6 +61,7 @@ def convert(
         known = ", ".join(f"{e} ({what})" for e, what in ENDINGS.items())
         raise click.UsageError(f"writing {ending or 'a file without an extension'} is not built yet: OUT ends in {known}")
     source, settings, overrides = shared.read_options(scene, given)
+    source = replace(source, mesh=replace(source.mesh, deviation=deviation))
     if ending == ".npz" and (overrides or any(value is not None for value in given.values())):
         raise click.UsageError("a saved IR has no render plan: give options of the picture to `maquette render OUT.npz`")
     if deviation is not None and ending not in MESHES | ASSETS:
@@ -91,15 +95,31 @@ def _write_triangles(scene: ir.Scene, output: Path, ending: str, tolerance: floa
     if ending in mesh_files.SINGLE:
         parts, moved = mesh_files.center(parts)
     parts, crowded = mesh_files.separate(parts, ending)
-    replace_file(output, mesh_files.encode(parts, ending))
+    library = output.with_suffix(".mtl")
+    if ending == ".obj":
+        jobs.check_folder(library, map(Path, scene.files))
+        replace_file(library, mesh_files.mtl(parts))
+    replace_file(output, mesh_files.encode(parts, ending, library.name))
     count = sum(len(part.triangles) for part in parts)
-    off = max(part.deviation for part in parts)
+    off = max(part.deviation for part in parts) + mesh_files.rounding(parts, ending)
     leaks = sum(part.open_edges for part in parts)
     closed = f"{leaks} open edges" if leaks else f"{crowded} edges of more than two triangles" if crowded else "closed"
     if moved is not None:
         way = ", ".join(f"{x + 0.0:.9g}" for x in moved.tolist())
         click.echo(f"moved by [{way}] metres: {ending} has too few digits for positions so far from the origin", err=True)
-    click.echo(f"{output}: {count} triangles, {closed}, distance from the true surface {off * 1000:.3g} mm at most", err=True)
+    if tolerance is not None and off > 1.001 * tolerance:
+        message = f"the triangles are up to {off * 1000:.3g} mm from the true surface, more than the {tolerance * 1000:.3g} mm asked for"
+        hint = "solids with fillets, formulas or meshes in them have a limit on cells: make them of smaller parts, or of sharp ones"
+        terminal.report([Diagnostic("warning", message, None, hint)])
+    click.echo(f"{output}: {count} triangles, {closed}, distance from the true surface {_up(off * 1000)} mm at most", err=True)
+
+
+def _up(value: float) -> str:
+    """A bound with three digits, rounded up."""
+    if value <= 0.0:
+        return "0"
+    step = 10.0 ** (math.floor(math.log10(value)) - 2)
+    return f"{math.ceil(value / step * (1 - 1e-12)) * step:.3g}"
 
 
 def _export(scene: ir.Scene, plan: Plan, output: Path, deviation: float | None) -> Export:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -60,7 +61,8 @@ def measure(
     """
     from ..render.tessellation import mass_properties
 
-    compiled = selected(shared.load(shared.source_of(scene, given)), only, without)
+    source = shared.source_of(scene, given)
+    compiled = selected(shared.load(replace(source, mesh=replace(source.mesh, deviation=deviation))), only, without)
     parts, found = mass_properties.measure(compiled, deviation)
     terminal.report(found)
     if not parts:

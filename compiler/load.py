@@ -58,7 +58,7 @@ def load(
         if max_elements is not None and suffix not in file_types.SCENE:
             found.error("only .scene files make elements", Span(str(path)), "leave out --max-elements")
         if suffix in file_types.SCENE:
-            evaluate = partial(_scene, path, real, files, sets or {}, max_elements, watch)
+            evaluate = partial(_scene, path, real, files, sets or {}, (max_elements, meshes.deviation), watch)
             start = time or 0.0
             scene = evaluate(start, found)
             scene = _blurred(scene, lambda later, said: evaluate(start + later, said), found)
@@ -71,10 +71,7 @@ def load(
             with watch.stage("import"):
                 scene = serialize.load(path)
         else:
-            known = (*file_types.SCENE, *file_types.USD, *file_types.MESH, *file_types.SAVED)
-            hint = foreign_formats.advice(path.name) or suggest(suffix, known) or f"scenes are {', '.join(known)}"
-            what = "of a format that is not read" if foreign_formats.advice(path.name) else "no kind of scene that is known"
-            found.error(f"`{path.name}` is {what}", Span(str(path)), hint)
+            _refuse_unknown(path, found)
     except FileError as failure:
         found.error(failure.message, Span(str(path)), failure.hint)
     found.raise_if_failed()
@@ -87,6 +84,15 @@ def load(
     coincident_faces.warn_of_coincident_faces(scene, found)
     texture_coordinates.warn_of_missing_coordinates(scene, found)
     return scene
+
+
+def _refuse_unknown(path: Path, found: Diagnostics) -> None:
+    """Report a file of another format, with the program that writes one that is read."""
+    known = (*file_types.SCENE, *file_types.USD, *file_types.MESH, *file_types.SAVED)
+    advice = foreign_formats.advice(path.name)
+    what = "of a format that is not read" if advice else "no kind of scene that is known"
+    hint = advice or suggest(path.suffix.lower(), known) or f"scenes are {', '.join(known)}"
+    found.error(f"`{path.name}` is {what}", Span(str(path)), hint)
 
 
 def _blurred(scene: ir.Scene, at: Callable[[float, Diagnostics], ir.Scene], found: Diagnostics) -> ir.Scene:
@@ -129,16 +135,19 @@ class Stopwatch:
 
 
 def _scene(
-    path: Path, real: Path, files: Files, sets: Mapping[str, str], most: int | None, watch: Stopwatch, time: float, found: Diagnostics
+    path: Path, real: Path, files: Files, sets: Mapping[str, str], limits: tuple[int | None, float | None], watch: Stopwatch, time: float,
+    found: Diagnostics,
 ) -> ir.Scene:  # fmt: skip
     reader = source_files.SceneReader(files)
     parsing: dict[str, float] = {}
     with watch.stage("evaluate"):
         source = reader.main(str(path), real)
-        document = evaluator.evaluate(source, reader, found, sets=sets, time=time, max_elements=most, seconds=parsing)
+        document = evaluator.evaluate(source, reader, found, sets=sets, time=time, max_elements=limits[0], seconds=parsing)
     watch.move("evaluate", "parse", parsing["parse"])
     with watch.stage("lower"):
-        return lowering.lower(document, SceneBuilder(found, files), reader.folder)
+        builder = SceneBuilder(found, files)
+        builder.deviation = limits[1]
+        return lowering.lower(document, builder, reader.folder)
 
 
 def _stage(

@@ -5,10 +5,11 @@ from . import text_encoding
 SCENE = (".scene",)
 USD = (".usd", ".usda", ".usdc", ".usdz")
 GLTF = (".glb", ".gltf")
-MESH = (".obj", ".ply", ".stl", *GLTF, ".off")
+MESH = (".obj", ".ply", ".stl", *GLTF, ".off", ".3mf", ".xyz")
 SAVED = (".npz",)
 FONT = (".ttf", ".otf", ".ttc")
-UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "um": 1e-6, "km": 1000.0, "in": 0.0254, "ft": 0.3048}  # metres; of mesh files
+# Metres in the units of length of mesh files.
+UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "um": 1e-6, "km": 1000.0, "in": 0.0254, "inch": 0.0254, "ft": 0.3048}
 AXES = ("x", "y", "z")
 MOST_ZEROS = 1 / 16  # share of zero bytes in a text; UTF-16 has about a half
 

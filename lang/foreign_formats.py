@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 _BLENDER = "Blender imports it, and exports .glb or .usdc"
 _CAD = "FreeCAD opens it, and exports .3mf or .stl"
 _OWN = "the program that made it exports {}"
@@ -10,7 +12,7 @@ _ADVICE = {
     ".sldprt .sldasm .ipt .iam .catpart .catproduct .prt .asm .x_t .x_b .sat .f3d .f3z .jt .3dxml": _OWN.format(".3mf, .stl or .step"),
     ".scad": "OpenSCAD writes it: openscad -o {stem}.3mf {name}",
     ".blend": "Blender writes it: blender {name} -b --python-expr \"import bpy; bpy.ops.wm.usd_export(filepath='{stem}.usdc')\"",
-    ".fbx .3ds .x3d .x3dv .wrl .vrml .abc .bvh .lwo .x .ac .b3d .ms3d .md2 .md3 .md5mesh .smd .vox .vtk .vtp .vtu .ctm .amf": _BLENDER,
+    ".fbx .dae .3ds .x3d .x3dv .wrl .vrml .abc .bvh .lwo .x .ac .b3d .ms3d .md2 .md3 .md5mesh .smd .vox .vtk .vtp .vtu .ctm .amf": _BLENDER,
     ".max .ma .mb .c4d .hip .hipnc .skp .3dm .zpr .ztl .lxo .dwg": _OWN.format(".glb, .usdc or .obj"),
     ".dxf .svg": "it is a drawing: Blender or FreeCAD extrude it, and export .3mf or .stl",
     ".gcode .bgcode .sl1 .ctb": "it is for a printer: take the .3mf or .stl that it was made from",
@@ -26,4 +28,6 @@ def advice(name: str) -> str:
     """What to do with a file of a format that is not read, by the ending of its name; empty for unknown ones."""
     name = name.replace("\\", "/").rsplit("/", 1)[-1]
     stem, _, ending = name.rpartition(".")
+    if not re.fullmatch(r"[\w.-]+", name) or name.startswith("-"):  # commands are copied to a shell
+        name, stem = f"FILE.{ending}", "FILE"
     return _BY_SUFFIX.get(f".{ending.lower()}", "").replace("{name}", name).replace("{stem}", stem)

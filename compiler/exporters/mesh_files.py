@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 SINGLE = (".stl", ".ply")  # formats in single precision
 PRINTED = (".stl", ".3mf")  # formats in millimetres with z up, as 3D printing programs expect; the others are in metres, y up
+DIGITS = 12  # of numbers in text
 _MM = 1000.0
 
 
@@ -62,7 +63,7 @@ def separate(parts: Sequence[Part], ending: str) -> tuple[list[Part], int]:
             if len(corners):
                 moved = part.positions.copy()
                 moved[corners] -= step * _normals(part)[corners]
-                parts[i] = part._replace(positions=moved)
+                parts[i] = part._replace(positions=moved, deviation=part.deviation + step)
     return parts, sum(int(mask.sum()) for mask in _coincident_sides(parts, middle, reach)) // 2
 
 
@@ -99,14 +100,25 @@ def _box(parts: Sequence[Part]) -> tuple[NDArray[np.float64], NDArray[np.float64
     return ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
 
 
-def encode(parts: Sequence[Part], ending: str) -> bytes:
-    """The content of a file with an extension in `WRITERS`."""
+def rounding(parts: Sequence[Part], ending: str) -> float:
+    """The largest distance, in metres, by which the digits of a format move a vertex."""
+    scale = _MM if ending in PRINTED else 1.0
+    written = np.concatenate([part.positions for part in parts]) * scale
+    if ending in SINGLE:
+        off = np.abs(written.astype(np.float32).astype(np.float64) - written).max(initial=0.0)
+    else:
+        off = 0.5 * 10.0 ** (1 - DIGITS) * np.abs(written).max(initial=0.0)
+    return 3.0**0.5 * float(off) / scale
+
+
+def encode(parts: Sequence[Part], ending: str, library: str = "") -> bytes:
+    """The content of a file with an extension in `WRITERS`; `library` is the name of the file with the materials of an OBJ file."""
     if ending in PRINTED:
         parts = [part._replace(positions=part.positions[:, [0, 2, 1]] * [_MM, -_MM, _MM]) for part in parts]
-    return WRITERS[ending](parts)
+    return WRITERS[ending](parts, library)
 
 
-def _stl(parts: Sequence[Part]) -> bytes:
+def _stl(parts: Sequence[Part], library: str) -> bytes:
     """Binary STL: 80 bytes, a count, and for each triangle its normal, its corners and two zero bytes."""
     corners = np.concatenate([part.positions[part.triangles] for part in parts])
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -117,14 +129,51 @@ def _stl(parts: Sequence[Part]) -> bytes:
     return b"maquette: millimetres, z up".ljust(80) + np.uint32(len(rows)).tobytes() + rows.tobytes()
 
 
-def _obj(parts: Sequence[Part]) -> bytes:
-    lines, first = [], 1
+def _obj(parts: Sequence[Part], library: str) -> bytes:
+    """OBJ, with the names of its materials, which stand in the file `library`; see `mtl`."""
+    lines, first, names = [], 1, _material_names(parts)
+    if names and library:
+        lines.append(f"mtllib {library}")
     for part in parts:
         lines.append(f"o {part.name}")
-        lines += [f"v {x:.12g} {y:.12g} {z:.12g}" for x, y, z in part.positions.tolist()]
-        lines += [f"f {a} {b} {c}" for a, b, c in (part.triangles + first).tolist()]
+        lines += [f"v {x:.{DIGITS}g} {y:.{DIGITS}g} {z:.{DIGITS}g}" for x, y, z in part.positions.tolist()]
+        rows = np.zeros(len(part.triangles), np.int64) if part.material is None else part.material
+        for k in np.unique(rows).tolist():
+            if library and part.materials:
+                lines.append(f"usemtl {names[part.materials[k]]}")
+            lines += [f"f {a} {b} {c}" for a, b, c in (part.triangles[rows == k] + first).tolist()]
         first += len(part.positions)
     return ("\n".join(lines) + "\n").encode()
+
+
+def mtl(parts: Sequence[Part]) -> bytes:
+    """The material library of an OBJ file."""
+    rows = []
+    for material, name in _material_names(parts).items():
+        color = " ".join(f"{_linear(part):.6g}" for part in material.color)
+        rows.append(f"newmtl {name}\nKa {color}\nKd {color}\nillum 1\n")
+    return "\n".join(rows).encode()
+
+
+def _linear(value: float) -> float:
+    """A linear value from 0 to 1 of one in sRGB."""
+    value = min(max(value, 0.0), 1.0)
+    return value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4
+
+
+def _material_names(parts: Sequence[Part]) -> dict[Material, str]:
+    """A name without blanks for each material, unlike the others."""
+    found: dict[Material, str] = {}
+    taken: set[str] = set()
+    for material in dict.fromkeys(material for part in parts for material in part.materials):
+        name = base = "".join(c if c.isalnum() or c in "._-" else "_" for c in material.name) or "material"
+        count = 1
+        while name in taken:
+            count += 1
+            name = f"{base}.{count}"
+        taken.add(name)
+        found[material] = name
+    return found
 
 
 def _joined(parts: Sequence[Part]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -133,24 +182,40 @@ def _joined(parts: Sequence[Part]) -> tuple[NDArray[np.float64], NDArray[np.int6
     return np.concatenate([part.positions for part in parts]), np.concatenate(triangles)
 
 
-def _ply(parts: Sequence[Part]) -> bytes:
+def _ply(parts: Sequence[Part], library: str) -> bytes:
+    """Binary PLY with sRGB colours of vertices; those between materials are there once for each colour."""
     positions, triangles = _joined(parts)
+    colors = np.concatenate([_face_colors(part) for part in parts])
+    key = triangles.astype(np.int64) * (1 << 24) + (colors.astype(np.int64) @ [1 << 16, 1 << 8, 1])[:, None]
+    used, corners = np.unique(key, return_inverse=True)
+    vertices = np.zeros(len(used), np.dtype([("place", "<f4", 3), ("color", "u1", 3)]))
+    vertices["place"] = positions[used >> 24]
+    vertices["color"] = np.stack([used >> 16 & 255, used >> 8 & 255, used & 255], axis=1)
     head = (
-        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(positions)}\nproperty float x\nproperty float y\nproperty float z\n"
+        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\nproperty float x\nproperty float y\nproperty float z\n"
+        f"property uchar red\nproperty uchar green\nproperty uchar blue\n"
         f"element face {len(triangles)}\nproperty list uchar int vertex_indices\nend_header\n"
     )
     faces = np.zeros(len(triangles), np.dtype([("count", "u1"), ("corners", "<i4", 3)]))
-    faces["count"], faces["corners"] = 3, triangles
-    return head.encode() + positions.astype("<f4").tobytes() + faces.tobytes()
+    faces["count"], faces["corners"] = 3, corners.reshape(-1, 3)
+    return head.encode() + vertices.tobytes() + faces.tobytes()
 
 
-def _3mf(parts: Sequence[Part]) -> bytes:
+def _face_colors(part: Part) -> NDArray[np.uint8]:
+    """(m, 3) the colour of each triangle; white without a material."""
+    if not part.materials:
+        return np.full((len(part.triangles), 3), 255, np.uint8)
+    table = np.round(255 * np.clip([material.color for material in part.materials], 0.0, 1.0)).astype(np.uint8)
+    return table[np.zeros(len(part.triangles), np.int64) if part.material is None else part.material]
+
+
+def _3mf(parts: Sequence[Part], library: str) -> bytes:
     """3MF core: a zip archive with an XML model, one object for each part; triangles have materials where a part has several."""
     known = list(dict.fromkeys(material for part in parts for material in part.materials))
     bases = "".join(f'<base name={quoteattr(m.name)} displaycolor="{_hex(m.color)}"/>' for m in known)
     objects, items = [f'<basematerials id="1">{bases}</basematerials>'] if known else [], []
     for number, part in enumerate(parts, 2):
-        vertices = "".join(f'<vertex x="{x:.12g}" y="{y:.12g}" z="{z:.12g}"/>' for x, y, z in part.positions.tolist())
+        vertices = "".join(f'<vertex x="{x:.{DIGITS}g}" y="{y:.{DIGITS}g}" z="{z:.{DIGITS}g}"/>' for x, y, z in part.positions.tolist())
         rows = [known.index(material) for material in part.materials]
         looks = [""] * len(part.triangles)
         if part.material is not None and len(rows) > 1:
@@ -187,4 +252,4 @@ def _hex(color: Sequence[float]) -> str:
     return "#" + "".join(f"{round(255 * min(max(part, 0.0), 1.0)):02X}" for part in color)
 
 
-WRITERS: dict[str, Callable[[Sequence[Part]], bytes]] = {".stl": _stl, ".obj": _obj, ".ply": _ply, ".3mf": _3mf}
+WRITERS: dict[str, Callable[[Sequence[Part], str], bytes]] = {".stl": _stl, ".obj": _obj, ".ply": _ply, ".3mf": _3mf}

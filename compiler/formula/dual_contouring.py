@@ -82,6 +82,8 @@ def contour(tape: Tape, bounds: Floats, count: int, whole: bool = False) -> Cont
     with np.errstate(all="ignore"):
         normals = np.where((length > 0) & np.isfinite(length), gradient / length, np.array([[0.0], [1.0], [0.0]])).T
     furthest, mean = deviation(tape, vertices, triangles)
+    beyond = max(float((vertices.min(axis=0) - edges.root.min(axis=0)).max()), float((edges.root.max(axis=0) - vertices.max(axis=0)).max()))
+    furthest = max(furthest, beyond)
     return Contour(vertices, triangles, normals, furthest, mean, missing)
 
 
@@ -270,12 +272,16 @@ def _vertices(tape: Tape, grid: _Grid, cells: Ints, loops: Ints, edges: _Edges) 
     owner = np.repeat(cells, pieces, axis=0)
     low, high = grid.place(owner), grid.place(owner + 1)
     found = np.clip(middle + moved, low, high)
-    smooth = used.sum(axis=1) == 1  # nearly flat: move onto the surface
-    return np.where(smooth[:, None], _nearer(tape, found, low, high), found), vertex_of
+    found = _nearer(tape, found, low, high, 2)
+    sharp = used.sum(axis=1) > 1  # where the planes of curved faces do not meet in a point of the surface
+    found[sharp] = _nearer(tape, found[sharp], low[sharp], high[sharp], 4)
+    return found, vertex_of
 
 
-def _nearer(tape: Tape, points: Floats, low: Floats, high: Floats) -> Floats:
-    for _ in range(2):
+def _nearer(tape: Tape, points: Floats, low: Floats, high: Floats, steps: int) -> Floats:
+    """Points moved onto the surface by Newton's method, within their cells. Steps go to the face of which a point is farthest outside,
+    so that several end on an edge of the surface."""
+    for _ in range(steps):
         value, gradient = numpy_interpreter.gradients(tape, *points.T)
         with np.errstate(all="ignore"):
             step = (value / (gradient**2).sum(axis=0) * gradient).T
@@ -316,20 +322,22 @@ def _triangles(grid: _Grid, cells: Ints, edges: _Edges, vertex_of: Ints, vertice
 
 
 def deviation(tape: Tape, positions: Floats, triangles: Ints) -> tuple[float, float]:
-    """(largest, mean) distance of the centres of triangles and edges from the surface, to first order.
+    """(largest, mean) distance of the corners, and of the centres of triangles and edges, from the surface, to first order.
 
     A nearer change of sign replaces it: where a formula jumps, the gradient does not apply.
     """
     if not len(triangles):
         return 0.0, 0.0
     corners = positions[triangles]
-    places = np.concatenate([corners.mean(axis=1), 0.5 * (corners + np.roll(corners, 1, axis=1)).reshape(-1, 3)])
+    used, first = np.unique(triangles, return_index=True)
+    sides = 0.5 * (corners + np.roll(corners, 1, axis=1)).reshape(-1, 3)
+    places = np.concatenate([corners.mean(axis=1), sides, positions[used]])
     value, gradient = numpy_interpreter.gradients(tape, *places.T)
     with np.errstate(all="ignore"):
         off = np.abs(value) / np.linalg.norm(gradient, axis=0)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-    normals = np.concatenate([normals, np.repeat(normals, 3, axis=0)])
+    normals = np.concatenate([normals, np.repeat(normals, 3, axis=0), normals[first // 3]])
     known = np.flatnonzero(np.isfinite(off))
     order, furthest = known[np.argsort(-off[known], kind="stable")], 0.0
     for first in range(0, len(order), _LOOKED_AT):  # the largest first, until no other can be larger

@@ -39,7 +39,8 @@ class Layout(NamedTuple):
 class Font:
     """A font of a file. Raises FontError."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, tolerance: float = 1 / FINENESS) -> None:
+        """`tolerance` is the largest distance of a polygon from a glyph's curve, as a share of the height of a capital letter."""
         import uharfbuzz
 
         self._hb: Any = uharfbuzz  # its names are not in its types
@@ -56,6 +57,7 @@ class Font:
         self.capital = float(capital) if capital > 0 else 0.7 * face.upem
         self.line = float(extents.ascender - extents.descender + extents.line_gap) or 1.2 * face.upem
         self._outlines: dict[int, list[F64]] = {}
+        self._tolerance = tolerance
         self._draw = self._hb.DrawFuncs()
         self._draw.set_move_to_func(_Pen.move_to)
         self._draw.set_line_to_func(_Pen.line_to)
@@ -109,7 +111,7 @@ class Font:
 
     def _contours(self, glyph: int) -> list[F64]:
         if glyph not in self._outlines:
-            pen = _Pen(self.capital / FINENESS)
+            pen = _Pen(self.capital * self._tolerance)
             self._font.draw_glyph(glyph, self._draw, pen)
             self._outlines[glyph] = [np.array(contour) for contour in pen.contours if len(contour) > 2]
         return self._outlines[glyph]

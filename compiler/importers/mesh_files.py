@@ -8,6 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
+import numpy as np
+
 from ...lang import file_types, foreign_formats
 from ...lang.diagnostics import Diagnostics, Span
 from .. import ir
@@ -16,9 +18,11 @@ from ..io.regular_files import read_bytes
 from ..io.sandbox import FileError, Files
 from ..mesh import polygon_mesh
 from ..scene.builder import NONE, SceneBuilder
-from ..scene.row_records import WHITE, Input, MaterialData
+from ..scene.row_records import WHITE, Input, MaterialData, as_color
 from . import gltf, mtl, obj, off, ply, stl
-from .common import file_names
+from .assemblies import threemf
+from .assemblies.assembly import Assembly, AssemblyError, BaseMaterial
+from .common import file_names, point_lists, vertex_colors
 from .mesh_parts import Frame, Part, add, tell_frame
 from .stage_options import MeshOptions
 
@@ -61,10 +65,12 @@ def read(
                 return []
             moment = time, None if options is None else options.animation
             return gltf.read(data, name, folder, files, builder, diagnostics, as_scene, moment)
+        if format_ == ".3mf":
+            return _assembly(threemf.read, data, name, options, builder, diagnostics)
         parts = _parts(data, name, folder, Frame.of(format_, options), builder, files, diagnostics)
         tell_frame(parts, format_, options, builder, diagnostics, whole)
         return parts
-    except (ply.PlyError, stl.StlError, gltf.GltfError, off.OffError) as failure:
+    except (ply.PlyError, stl.StlError, gltf.GltfError, off.OffError, AssemblyError, point_lists.PointListError) as failure:
         diagnostics.error(str(failure), whole)
     except MemoryError:
         diagnostics.error(f"`{name}` does not fit into memory", whole)
@@ -80,10 +86,50 @@ def _parts(
         return _obj(data, name, folder, frame, builder, files, diagnostics)
     if format_ == ".ply":
         return _ply(data, name, folder, frame, builder, files, diagnostics)
-    read_ = {".stl": stl.read, ".off": off.read}[format_]
+    read_ = {".stl": stl.read, ".off": off.read, ".xyz": point_lists.read}[format_]
     mesh = _cached(data, diagnostics, lambda found: read_(data, found, whole), name)
     part = add(mesh, None, Path(name).stem, builder, diagnostics, whole, frame)
     return [] if part is None else [part]
+
+
+def _assembly(
+    read_: Callable[[bytes, Callable[[str], None]], Assembly], data: bytes, name: str, options: MeshOptions | None, builder: SceneBuilder,
+    diagnostics: Diagnostics,
+) -> list[Part]:  # fmt: skip
+    """The parts of a file of meshes with places and materials: each mesh is one geometry for each of its materials."""
+    span, told = Span(name), set[str]()
+
+    def warn(message: str) -> None:
+        if message not in told:
+            told.add(message)
+            diagnostics.warning(message, span)
+
+    made = read_(data, warn)
+    given = options or MeshOptions()
+    frame = Frame(made.unit if given.unit is None else file_types.UNITS[given.unit], given.up or made.up)
+    materials = [_base_row(material, builder, span) for material in made.materials]
+    pieces: list[list[tuple[int, int | None, str]]] = []
+    for each in made.meshes:
+        title, found = each.name or Path(name).stem, []
+        for k, mesh in polygon_mesh.split(each.mesh, each.material):
+            part = add(mesh, None if k < 0 else materials[k], title, builder, diagnostics, span, frame)
+            label = made.materials[k].name if k >= 0 else ""
+            found += [] if part is None else [(part.geometry, part.material, label)]
+        pieces.append(found)
+    return [
+        Part(geometry, material, place.name or Path(name).stem, frame.placed(place.matrix)[:3], label)
+        for place in made.places
+        for geometry, material, label in pieces[place.mesh]
+    ]
+
+
+def _base_row(material: BaseMaterial, builder: SceneBuilder, span: Span) -> int:
+    """The row of a matt material of a colour."""
+    color = as_color(vertex_colors.linear(np.array(material.color)))
+    inputs = {ir.Slot.DIFFUSE: Input(color), ir.Slot.AMBIENT: Input(color)}
+    if material.opacity < 1.0:
+        inputs[ir.Slot.OPACITY] = Input.number(material.opacity)
+    return builder.material(MaterialData(inputs=inputs, name=material.name), span)
 
 
 def _cached(data: bytes, diagnostics: Diagnostics, read: Callable[[Diagnostics], T], name: str) -> T:

@@ -1,4 +1,4 @@
-"""Statements, options and properties of OBJ, MTL, PLY, STL and OFF, each drawn, without effect or not drawn.
+"""Statements, options and properties of OBJ, MTL, PLY, STL, OFF, 3MF and XYZ, each drawn, without effect or not drawn.
 
 Formats: Wavefront's Object Files 3.0 and MTL Material Format (Ramey, Rose, Tyerman 1995), Turk's PLY (1994).
 """
@@ -89,4 +89,24 @@ OFF = Table(
     not_drawn={"BINARY 4OFF nOFF": "binary files and other dimensions than 3", "colour maps": "a single number as the colour of a face"},
 )
 
-TABLES = (OBJ, MTL, MTL_OPTIONS, PLY, STL, OFF)
+THREEMF = Table(
+    "3MF content",
+    drawn={
+        "model.unit object.components item.transform p:path": "units, placed copies, and models of other parts of the archive",
+        "basematerials colorgroup": "colours of objects and triangles, with the opacity of base materials",
+    },
+    no_effect={"metadata": "text", "thumbnail": "a picture of the file", "object.type item.partnumber": "for slicers"},
+    not_drawn={
+        "texture2dgroup compositematerials multiproperties": "textures and mixtures",
+        "*displayproperties": "shine",
+        "beamlattice slicestack displacementmesh booleans volumedata implicitfunction": "other geometry",
+    },
+)
+
+XYZ = Table(
+    "XYZ content",
+    drawn={"x y z": "points, as spheres of 1/150 of their extent", "r g b": "three columns of numbers from 0 to 255"},
+    not_drawn={"nx ny nz": "normals and other columns"},
+)
+
+TABLES = (OBJ, MTL, MTL_OPTIONS, PLY, STL, OFF, THREEMF, XYZ)

@@ -16,7 +16,7 @@ class Kind(IntEnum):
 class GeometryKind(Kind):
     """Kind of a geometry, in its own frame. The comments name its `parameters`, in this order."""
 
-    MESH = 0  # a range of triangles
+    MESH = 0  # a range of triangles; largest distance from the surface that they stand for
     SPHERE = 1  # radius; about the origin. Ellipsoids are spheres under a transform
     BOX = 2  # half x, half y, half z; about the origin
     PLANE = 3  # y = 0, infinite, normal +y

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -41,6 +42,15 @@ class Context(Protocol):
 
     @property
     def files(self) -> Files: ...
+
+    @property
+    def tolerance(self) -> float | None:
+        """The largest distance of triangles from their surfaces, in the frame of the element; None: the default of its kind."""
+        ...
+
+    def scaled(self, matrix: np.ndarray) -> AbstractContextManager[None]:
+        """A block whose elements are in the frame of a matrix."""
+        ...
 
     @property
     def materials(self) -> MaterialRows: ...

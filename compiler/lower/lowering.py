@@ -70,6 +70,7 @@ class Lowering:
         self.centered: dict[Any, int] = {}
         self._folder = folder
         self._emissive = 0
+        self._scale = 1.0  # of the frame of the element, at most
         self.generated: dict[tuple[object, ...], list[Piece]] = {}
         self._meshes: dict[tuple[Any, ...], list[Piece]] = {}
 
@@ -80,6 +81,22 @@ class Lowering:
 
     def warn(self, element: Element, message: str, hint: str = "") -> None:
         self.builder.diagnostics.warning(*_told(element, message, hint))
+
+    @property
+    def tolerance(self) -> float | None:
+        asked = self.builder.deviation
+        return None if asked is None else asked / max(self._scale, 1e-300)
+
+    @contextmanager
+    def scaled(self, matrix: np.ndarray) -> Iterator[None]:
+        before = self._scale
+        if self.builder.deviation is not None:
+            size = float(np.linalg.norm(matrix[:3, :3], 2)) if np.isfinite(matrix).all() else 1.0
+            self._scale = before * (size or 1.0)
+        try:
+            yield
+        finally:
+            self._scale = before
 
     def is_shape(self, element: Element) -> bool:
         return element.kind in shapes.KINDS
@@ -157,7 +174,9 @@ class Lowering:
             row = -1 if material is None else self.materials.row(material)
             self.placements.add(frame, center, geometry, row, name, element.place, element.call)
             return
-        for piece in self.pieces(element):
+        with self.scaled(matrix(frame)):
+            pieces = self.pieces(element)
+        for piece in pieces:
             if (
                 material is not None
                 and not piece.chosen

@@ -29,7 +29,7 @@ def pieces(lowering: Context, element: Element) -> list[Piece]:
     if element.kind not in _GENERATED:
         return _pieces(lowering, element)
     own = (item for item in element.args.items() if item[0] not in _NOT_ITS_FORM)
-    key = element.kind, element.place.file, tuple(own)
+    key = element.kind, element.place.file, tuple(own), lowering.tolerance
     if not lowering.generated.get(key):
         lowering.generated[key] = _pieces(lowering, element)
     return lowering.generated[key]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,11 +17,12 @@ from ..formula.opcodes import Op
 from ..formula.solid_fields import NoSolid, Point
 from ..formula.tape import Tape, X, Y, Z
 from ..io import stage_cache
-from ..mesh import built_geometry, mesh_csg
+from ..mesh import built_geometry, mesh_csg, round_solids
+from ..mesh.mesh_csg import Solid
 from ..scene import transforms
 from ..scene.row_records import Piece
-from ..scene.shape_bounds import boxes_under
 from . import formulas, solid_materials, sweeps
+from .bodies import Body, Refused, no_field, placed
 from .context import Context
 from .solid_materials import Field, Looks
 
@@ -32,29 +32,11 @@ _TAKEN = "meshes can be in union, intersection and difference, repeat and mirror
 _NO_SOLIDS = "solids are made of shapes with an inside: sphere, box, cylinder, implicit with an inequality, closed mesh, …"
 
 
-class Body(NamedTuple):
-    """A solid: its field at a point of its frame, and bounds (2, 3), ±inf where unbounded. With meshes in it: `mesh` (mesh_csg) alone."""
-
-    field: Field
-    bounds: np.ndarray
-    mesh: Any = None
-    meshed: Callable[[], Any] | None = None  # the mesh of a body that has a field as well, for solids with meshes in them
-    looks: Looks = solid_materials.only(None)
-
-    def changed(self, field: Field, bounds: np.ndarray, change: Callable[[Builder, Point], Point] | None = None) -> Body:
-        """This body with another field, and its materials where `change` leads to their frame."""
-        return Body(field, bounds, looks=self.looks.at(change) if change else self.looks)
-
-
-class _Refused(Exception):
-    """A child is refused, with a diagnostic."""
-
-
 def solid(lowering: Context, element: Element) -> list[Piece]:
     """The surface of a solid with its children."""
     try:
         body = _body(lowering, element, transforms.identity())
-    except _Refused:
+    except Refused:
         return []
     if not (body.bounds[1] > body.bounds[0]).all():
         lowering.warn(element, f"nothing is left of this {element.kind}: it is not drawn")
@@ -84,10 +66,9 @@ def solid(lowering: Context, element: Element) -> list[Piece]:
 
 def _body(lowering: Context, element: Element, matrix: np.ndarray) -> Body:
     """A solid element in the frame of `matrix`."""
-    made = _COMBINED[element.kind](
-        lowering, element, [body for child in element.children for body in _bodies(lowering, child, transforms.identity(), None)]
-    )
-    return _placed(made, matrix)
+    with lowering.scaled(matrix):
+        bodies = [body for child in element.children for body in _bodies(lowering, child, transforms.identity(), None)]
+        return placed(_COMBINED[element.kind](lowering, element, bodies), matrix)
 
 
 def _bodies(lowering: Context, element: Element, matrix: np.ndarray, material: Element | None) -> list[Body]:
@@ -106,19 +87,28 @@ def _own_bodies(lowering: Context, element: Element, matrix: np.ndarray) -> list
         return [_body(lowering, element, own)]
     if not lowering.is_shape(element):
         lowering.error(element, f"`{element.kind}` cannot be a part of a solid", _NO_SOLIDS)
-        raise _Refused
+        raise Refused
     if element.args.get("materials") is not None:
         lowering.error(element, "a mesh in a solid has one material: `materials` does not go there", "write material:")
-        raise _Refused
+        raise Refused
     swept = sweeps.field(element)
     if swept is not None:
-        return [_placed(Body(*swept, meshed=lambda: _mesh(lowering, element, lowering.pieces(element)).mesh), own)]
-    pieces = lowering.pieces(element)
+        return [placed(Body(*swept, meshed=lambda _: _swept(lowering, element, own)), own)]
+    with lowering.scaled(own):
+        pieces = lowering.pieces(element)
     if not pieces:
-        raise _Refused
+        raise Refused
     if all(lowering.builder.shape(piece.geometry)[0] == ir.GeometryKind.MESH for piece in pieces):
-        return [_placed(_mesh(lowering, element, pieces), own)]
+        return [placed(_mesh(lowering, element, pieces), own)]
     return [_shape(lowering, element, piece, own @ piece.matrix) for piece in pieces]
+
+
+def _swept(lowering: Context, element: Element, own: np.ndarray) -> Solid:
+    """The mesh of a swept shape, in its own frame, for a tolerance in that around `own`."""
+    with lowering.scaled(own):
+        made = _mesh(lowering, element, lowering.pieces(element)).mesh
+    assert made is not None
+    return made
 
 
 def _mesh(lowering: Context, element: Element, pieces: list[Piece]) -> Body:
@@ -126,20 +116,16 @@ def _mesh(lowering: Context, element: Element, pieces: list[Piece]) -> Body:
     if built_geometry.is_left_out():
         boxes = [lowering.builder.bounds(piece.geometry, piece.matrix) for piece in pieces]
         bounds = np.stack([np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)])
-        return Body(_no_field, bounds, mesh_csg.of_box(bounds))
+        return Body(no_field, bounds, mesh_csg.of_box(bounds))
     try:
-        made, inside_out = mesh_csg.manifold_of_pieces(lowering.builder, pieces)
+        made, inside_out = mesh_csg.solid_of_pieces(lowering.builder, pieces)
     except NoSolid as reason:
         hint = "close it (most modelling programs have a repair for printing), or draw it beside the solid"
         lowering.error(element, f"`{element.kind}` cannot be a part of a solid: {reason}", hint)
-        raise _Refused from None
+        raise Refused from None
     if inside_out:
         lowering.warn(element, "all triangles of this mesh face inwards: it is taken the other way round")
-    return Body(_no_field, mesh_csg.bounds(made), made)
-
-
-def _no_field(b: Builder, point: Point) -> int:
-    raise NoSolid("a mesh has no field")
+    return Body(no_field, mesh_csg.bounds(made), made)
 
 
 def _shape(lowering: Context, element: Element, piece: Piece, matrix: np.ndarray) -> Body:
@@ -147,56 +133,36 @@ def _shape(lowering: Context, element: Element, piece: Piece, matrix: np.ndarray
     kind, parameters, bounds, tape = lowering.builder.shape(piece.geometry)
     if transforms.inverse(matrix) is None:
         lowering.error(element, "this is flattened to nothing by its transform", "a scale must not be 0 along any axis")
-        raise _Refused
+        raise Refused
     if kind == ir.GeometryKind.FORMULA:
         if parameters[0]:
             hint = "write an inequality that holds in a region: neither == nor a square <= 0"
             lowering.error(element, "this is a sheet, which has no inside", hint)
-            raise _Refused
+            raise Refused
         made = tape
 
         def field(b: Builder, point: Point) -> int:
             assert made is not None
             return b.inline(made, point)[0]
 
-        return _placed(Body(field, bounds), matrix)
+        return placed(Body(field, bounds), matrix)
     try:
         solid_fields.shape_field(Builder(), kind, parameters, (0, 1, 2))
     except NoSolid as reason:
         lowering.error(element, f"`{element.kind}` cannot be a part of a solid: {reason}", _NO_SOLIDS)
-        raise _Refused from None
+        raise Refused from None
     if kind == ir.GeometryKind.PLANE:
         bounds = np.array([[-math.inf] * 3, [math.inf, 0.0, math.inf]])
-    return _placed(Body(lambda b, point: solid_fields.shape_field(b, kind, parameters, point), bounds), matrix)
+    body = Body(lambda b, point: solid_fields.shape_field(b, kind, parameters, point), bounds)
+    if round_solids.solid(kind, parameters, math.inf) is None:
+        return placed(body, matrix)
 
+    def meshed(tolerance: float) -> Solid:
+        made = round_solids.solid(kind, parameters, tolerance)
+        assert made is not None
+        return made
 
-def _placed(body: Body, matrix: np.ndarray) -> Body:
-    """A body in the frame of a matrix. The field is scaled by the least singular value, so that it does not exceed the distance."""
-    if np.array_equal(matrix, transforms.identity()):
-        return body
-    if body.mesh is not None:
-        moved = body.mesh.transform(np.ascontiguousarray(matrix[:3]))
-        return Body(_no_field, mesh_csg.bounds(moved), moved, looks=body.looks)
-    inverse = np.linalg.inv(matrix)[:3]
-    least = float(np.linalg.svd(matrix[:3, :3], compute_uv=False)[-1])
-    least = 1.0 if abs(least - 1.0) < 1e-12 else least
-
-    def inside(b: Builder, point: Point) -> Point:
-        return solid_fields.transform_point(b, point, _clean(inverse))
-
-    def field(b: Builder, point: Point) -> int:
-        return b.scale(body.field(b, inside(b, point)), least)
-
-    meshed = body.meshed
-    moved = None if meshed is None else lambda: meshed().transform(np.ascontiguousarray(matrix[:3]))
-    return body.changed(field, boxes_under(body.bounds[None], matrix[None, :3])[0], inside)._replace(meshed=moved)
-
-
-def _clean(matrix: np.ndarray) -> np.ndarray:
-    """A matrix with rounding errors replaced by 0: each saves a term."""
-    size = np.abs(matrix[:, :3]).max()
-    linear = np.where(np.abs(matrix[:, :3]) < 1e-15 * size, 0.0, matrix[:, :3])
-    return np.concatenate([linear, matrix[:, 3:]], axis=1)
+    return placed(body._replace(meshed=meshed), matrix)
 
 
 # --- operators ------------------------------------------------------------------------------------------------------
@@ -213,7 +179,7 @@ def _combined(bounds_of: Callable[[list[np.ndarray], float], np.ndarray]) -> Cal
         if not bodies:
             if not _wrong_behind(lowering, element):
                 lowering.error(element, f"this {element.kind} is empty", f"put shapes in it: {element.kind} {{ sphere(1); box(1.5) }}")
-            raise _Refused
+            raise Refused
         radius = element.args["round"]
         if any(body.mesh is not None for body in bodies):
             return _of_meshes(lowering, element, bodies)
@@ -222,9 +188,17 @@ def _combined(bounds_of: Callable[[list[np.ndarray], float], np.ndarray]) -> Cal
             lowering.warn(element, "without `round` there is no fillet to mix materials over", "give a radius, or leave out `seams`")
         rounded = radius > 0 and len(bodies) > 1 and not built_geometry.is_left_out()
         field = _rounded(element.kind, bodies, radius) if rounded else _sharp(element.kind, bodies)
-        return Body(field, bounds, looks=_looks(element, bodies))
+        meshed = None if rounded else _sharp_mesh(lowering, element, bodies)
+        return Body(field, bounds, meshed=meshed, looks=_looks(element, bodies))
 
     return make
+
+
+def _sharp_mesh(lowering: Context, element: Element, bodies: list[Body]) -> Callable[[float], Solid] | None:
+    """The mesh of bodies with sharp edges, by CSG of their meshes; None where none of them has one of its own."""
+    if all(body.meshed is None for body in bodies):
+        return None
+    return lambda tolerance: mesh_csg.combine(element.kind, [_triangles(lowering, element, body, bodies, tolerance) for body in bodies])
 
 
 def _looks(element: Element, bodies: list[Body]) -> Looks:
@@ -269,28 +243,33 @@ def _of_meshes(lowering: Context, element: Element, bodies: list[Body]) -> Body:
     """CSG of parts of which some are meshes."""
     if element.args["round"]:
         lowering.error(element, "a solid with a mesh in it has no round edges", "leave out `round`, or make a formula of the mesh's shape")
-        raise _Refused
+        raise Refused
     materials = {id(material): material for body in bodies for material in body.looks.materials}
     if len(materials) > 1:
         message = "the parts of a solid with a mesh in it are of one material"
         lowering.error(element, message, f"give it to the {element.kind}, or draw the parts beside each other")
-        raise _Refused
+        raise Refused
+    sizes = [float(np.ptp(body.bounds, axis=0).max()) for body in bodies if np.isfinite(body.bounds).all()]
+    default = max((size for size in sizes if math.isfinite(size)), default=1.0) / mesh_csg.FINENESS
+    tolerance = lowering.tolerance or default
     least = bodies[:1] if built_geometry.is_left_out() and element.kind == "difference" else bodies  # boxes might leave nothing
-    made = mesh_csg.combine(element.kind, [_triangles(lowering, element, body, bodies) for body in least])
-    return Body(_no_field, mesh_csg.bounds(made), made, looks=bodies[0].looks)
+    made = mesh_csg.combine(element.kind, [_triangles(lowering, element, body, bodies, tolerance) for body in least])
+    return Body(no_field, mesh_csg.bounds(made), made, looks=bodies[0].looks)
 
 
-def _triangles(lowering: Context, element: Element, body: Body, beside: list[Body]) -> Any:
-    """The mesh of a part; of an unbounded one, the portion near the bounded parts if that suffices."""
-    if body.mesh is not None or (body.meshed is not None and not built_geometry.is_left_out()):
-        return body.mesh if body.meshed is None else body.meshed()
+def _triangles(lowering: Context, element: Element, body: Body, beside: list[Body], tolerance: float) -> Solid:
+    """The mesh of a part within a tolerance; of an unbounded one, the portion near the bounded parts if that suffices."""
+    if body.mesh is not None:
+        return body.mesh
+    if body.meshed is not None and not built_geometry.is_left_out():
+        return body.meshed(tolerance)
     bounds, builder = body.bounds, Builder()
     field = body.field(builder, (X, Y, Z))
     if not np.isfinite(bounds).all():
         ends = np.array([other.bounds for other in beside if np.isfinite(other.bounds).all()])
         if element.kind == "union" or (element.kind == "difference" and body is beside[0]):
             lowering.error(element, f"this {element.kind} is endless", "cut it by an intersection with a box or sphere")
-            raise _Refused
+            raise Refused
         low, high = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
         bounds = np.stack([low - 0.05 * (high - low), high + 0.05 * (high - low)])
         half, middle = 0.5 * (bounds[1] - bounds[0]), bounds.mean(axis=0)
@@ -299,10 +278,11 @@ def _triangles(lowering: Context, element: Element, body: Body, beside: list[Bod
     if built_geometry.is_left_out():
         return mesh_csg.of_box(bounds)
     try:
-        return mesh_csg.of_field(builder.finish(field), np.stack([bounds[0] - margin, bounds[1] + margin]))
+        asked = None if lowering.tolerance is None else tolerance
+        return mesh_csg.of_field(builder.finish(field), np.stack([bounds[0] - margin, bounds[1] + margin]), asked)
     except NoSolid as reason:
         lowering.error(element, f"a part of this {element.kind} is no solid: {reason}")
-        raise _Refused from None
+        raise Refused from None
 
 
 def _shifted(b: Builder, middle: np.ndarray) -> Point:
@@ -327,7 +307,7 @@ def _one(change: Callable[[Context, Element, Body], Body]) -> Callable[[Context,
     def make(lowering: Context, element: Element, bodies: list[Body]) -> Body:
         if any(body.mesh is not None for body in bodies) and element.kind not in _OF_MESHES:
             lowering.error(element, f"`{element.kind}` of a mesh is not built yet: it needs a field", _TAKEN)
-            raise _Refused
+            raise Refused
         if len(bodies) != 1:
             plain = Element("union", {"round": 0.0}, element.span, trace=element.trace)
             return change(lowering, element, together(lowering, plain if bodies else element, bodies))
@@ -362,7 +342,7 @@ def _bend(lowering: Context, element: Element, body: Body) -> Body:
         return body
     if abs(rate) * float(np.abs(body.bounds[:, 0]).max()) > math.pi:
         lowering.error(element, "bent this far its ends go through each other", "a smaller angle, or over a greater length")
-        raise _Refused
+        raise Refused
     radius = 1 / rate
     reach = float(np.abs(radius - body.bounds[:, 1]).max())
     low, high = (min(radius - reach, radius + reach), max(radius - reach, radius + reach))
@@ -373,16 +353,16 @@ def _bend(lowering: Context, element: Element, body: Body) -> Body:
 def _repeat(lowering: Context, element: Element, body: Body) -> Body:
     step, count = np.array(element.args["step"]), element.args["count"]
     if body.mesh is not None:
-        copies = [_placed(body, transforms.translation(tuple(k * step))).mesh for k in range(count)]
-        made = mesh_csg.combine("union", copies)
-        return Body(_no_field, mesh_csg.bounds(made), made, looks=body.looks)
+        moved = [body.mesh.moved(transforms.translation(tuple(k * step))) for k in range(count)]
+        made = mesh_csg.combine("union", moved)
+        return Body(no_field, mesh_csg.bounds(made), made, looks=body.looks)
     if count > MOST_COPIES:
         lowering.error(
             element, f"{count} copies are too many for one solid: {MOST_COPIES} at the most", "use for (…) { … } without a solid round it"
         )
-        raise _Refused
+        raise Refused
 
-    copies = [_placed(body, transforms.translation(tuple(k * step))) for k in range(count)]
+    copies = [placed(body, transforms.translation(tuple(k * step))) for k in range(count)]
 
     def field(b: Builder, point: Point) -> int:
         fields = [copy.field(b, point) for copy in copies]
@@ -400,9 +380,9 @@ def _mirror(lowering: Context, element: Element, body: Body) -> Body:
     turned = np.eye(4)
     turned[:3, :3] -= 2 * np.outer(normal, normal)
     if body.mesh is not None:
-        made = mesh_csg.combine("union", [body.mesh, _placed(body, turned).mesh])
-        return Body(_no_field, mesh_csg.bounds(made), made, looks=body.looks)
-    other = _placed(body, turned)
+        made = mesh_csg.combine("union", [body.mesh, body.mesh.moved(turned)])
+        return Body(no_field, mesh_csg.bounds(made), made, looks=body.looks)
+    other = placed(body, turned)
 
     def field(b: Builder, point: Point) -> int:
         return b.op(Op.MIN, body.field(b, point), other.field(b, point))
@@ -421,10 +401,10 @@ def _morph(lowering: Context, element: Element, bodies: list[Body]) -> Body:
     if len(bodies) != 2:
         hint = "group several in a union" if len(bodies) > 2 else "write morph(0.5) { sphere(1); box(1.5) }"
         lowering.error(element, f"a morph is between two solids, got {len(bodies)}", hint)
-        raise _Refused
+        raise Refused
     if any(body.mesh is not None for body in bodies):
         lowering.error(element, "`morph` of a mesh is not built yet: it needs a field", _TAKEN)
-        raise _Refused
+        raise Refused
     share = element.args["share"]
 
     def field(b: Builder, point: Point) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -30,15 +31,23 @@ def revolve(lowering: Context, element: Element) -> list[Piece]:
             return lowering.refuse(element, f"{place}, has a radius below 0", "write [radius, y]: a radius is 0 or more")
     whole = args["angle"] >= WHOLE * 2 * math.pi
     try:
-        profile = _revolved_profile(args["profile"], args["kind"], args["closed"])
+        profile = _revolved_profile(args["profile"], args["kind"], args["closed"], _half(lowering))
     except profiles.ProfileError as unfit:
         return lowering.refuse(element, str(unfit), unfit.hint)
-    return _piece(lowering, element, swept.revolve(profile, args["closed"], 2 * math.pi if whole else args["angle"]))
+    angle = 2 * math.pi if whole else args["angle"]
+    off = profiles.deviation(args["profile"], args["kind"], args["closed"], _half(lowering))
+    off += swept.sagitta(float(profile[:, 0].max()), angle / swept.turns(profile, angle, _half(lowering)))
+    return _piece(lowering, element, swept.revolve(profile, args["closed"], angle, _half(lowering)), off)
 
 
-def _revolved_profile(points: tuple[tuple[float, float], ...], kind: str, closed: bool) -> np.ndarray:
+def _half(lowering: Context) -> float | None:
+    """Half the tolerance asked for, for each of two deviations that add up; None: the default."""
+    return None if lowering.tolerance is None else 0.5 * lowering.tolerance
+
+
+def _revolved_profile(points: tuple[tuple[float, float], ...], kind: str, closed: bool, tolerance: float | None = None) -> np.ndarray:
     """The polygon or polyline of a profile, whose curve may not cross the axis. Raises ProfileError."""
-    line = profiles.outline(points, kind) if closed else profiles.curve(points, kind, False)
+    line = profiles.outline(points, kind, tolerance=tolerance) if closed else profiles.curve(points, kind, False, tolerance=tolerance)
     slack = 1e-9 * profiles.extent(line)
     least = int(np.argmin(line[:, 0]))
     if line[least, 0] < -slack:
@@ -59,8 +68,12 @@ def extrude(lowering: Context, element: Element) -> list[Piece]:
         hint = "write taper: 0 for a point, or a number above 0 for each axis"
         return lowering.refuse(element, f"`taper` is 0 along {axis} alone: the top would be an edge", hint)
     try:
-        loops, sweep = _prism(args)
-        return _piece(lowering, element, swept.extrude(loops, sweep))
+        loops, sweep = _prism(args, _half(lowering))
+        rings = [args["profile"], *(args["holes"] or ())]
+        off = max(profiles.deviation(ring, args["kind"], True, _half(lowering)) for ring in rings) * max(1.0, *taper)
+        if sweep.twist or taper[0] != taper[1]:  # by the shape of a cell's side, and by the chord of a layer
+            off += 2 * profiles.fineness(np.concatenate(loops), sweep.tolerance)
+        return _piece(lowering, element, swept.extrude(loops, sweep), off)
     except profiles.ProfileError as unfit:
         return lowering.refuse(element, str(unfit), unfit.hint)
 
@@ -106,12 +119,13 @@ def _prism_field(args: Mapping[str, Any]) -> tuple[Callable[[Builder, Point], in
     return lambda b, point: polygon_fields.prism(b, shape, point), bounds
 
 
-def _prism(args: Mapping[str, Any]) -> tuple[list[np.ndarray], swept.Sweep]:
+def _prism(args: Mapping[str, Any], tolerance: float | None = None) -> tuple[list[np.ndarray], swept.Sweep]:
     """The loops of a prism in [x, -z], holes clockwise, and how they are swept. Raises ProfileError."""
-    outer = profiles.outline(args["profile"], args["kind"])
-    holes = [profiles.outline(hole, args["kind"], f"hole {n}") for n, hole in enumerate(args["holes"] or (), 1)]
+    outer = profiles.outline(args["profile"], args["kind"], tolerance=tolerance)
+    holes = [profiles.outline(hole, args["kind"], f"hole {n}", tolerance) for n, hole in enumerate(args["holes"] or (), 1)]
     loops = [loop[::-1] * (1.0, -1.0) for loop in profiles.with_holes(outer, holes)]
-    return loops, swept.Sweep(-args["height"] / 2 if args["centered"] else 0.0, args["height"], args["twist"], args["taper"])
+    base, half = -args["height"] / 2 if args["centered"] else 0.0, None if tolerance is None else 0.5 * tolerance
+    return loops, swept.Sweep(base, args["height"], args["twist"], args["taper"], half)
 
 
 def curve(lowering: Context, element: Element) -> list[Piece]:
@@ -128,18 +142,33 @@ def curve(lowering: Context, element: Element) -> list[Piece]:
         return lowering.refuse(element, f"points {first} and {first + 1} are the same and have two radii", "move one of them a little")
     if not len(points):
         return lowering.refuse(element, "a curve has two points or more, got 0")
-    tolerance = (profiles.extent(points) + 2 * float(radii.max())) / profiles.FINENESS
+    largest, control = float(radii.max()), np.column_stack([points, radii])
+    tolerance, turn = (profiles.extent(points) + 2 * largest) / profiles.FINENESS, MOST_TURN
+    if lowering.tolerance is not None:
+        tolerance = lowering.tolerance / 4  # of the path, the bends, and both ways round a cap
+        turn = min(MOST_TURN, 2 * math.acos(max(0.0, 1 - tolerance / largest)))
     try:
-        line = splines.polyline(np.column_stack([points, radii]), args["kind"], closed, tolerance, MOST_TURN)
+        line = splines.polyline(control, args["kind"], closed, tolerance, turn)
         line = _without_repetitions(line, closed)
-        sides = swept.sides(float(radii.max()), tolerance)
+        sides = swept.sides(largest, tolerance)
+        off = _off_tube(line[:1] if args["kind"] == "linear" else line, largest, sides)
+        off += splines.deviation(control, args["kind"], closed, tolerance)
         made = tubes.tube(line[:, :3], np.maximum(line[:, 3], 0.0), closed, args["caps"], sides)
     except (splines.SplineError, tubes.TubeError) as unfit:
         return lowering.refuse(element, str(unfit), unfit.hint)
     if made.fold is not None:
         message = f"the tube folds into itself near {profiles.show(made.fold)}: its bend is tighter than its radius"
         lowering.warn(element, message, "a smaller radius, or a wider bend")
-    return _piece(lowering, element, made.mesh)
+    return _piece(lowering, element, made.mesh, off)
+
+
+def _off_tube(line: np.ndarray, radius: float, sides: int) -> float:
+    """The distance of a tube's triangles from the round tube along a smooth polyline (n, 4): chords around it, of caps and of bends."""
+    legs = np.diff(line[:, :3], axis=0)
+    legs = legs / np.maximum(np.linalg.norm(legs, axis=1, keepdims=True), 1e-300)
+    bends = np.arccos(np.clip((legs[1:] * legs[:-1]).sum(axis=1), -1.0, 1.0)) if len(legs) > 1 else np.zeros(1)
+    bend = swept.sagitta(radius, min(float(bends.max()), math.pi))
+    return 2 * swept.sagitta(radius, 0.5 * math.pi / max(3, sides // 4)) + 2 * bend
 
 
 def _unfit_radii(radii: tuple[float, ...], count: int, closed: bool) -> tuple[str, str]:
@@ -166,6 +195,7 @@ def _without_repetitions(line: np.ndarray, closed: bool) -> np.ndarray:
     return line[~near]
 
 
-def _piece(lowering: Context, element: Element, mesh: polygon_mesh.PolyMesh) -> list[Piece]:
+def _piece(lowering: Context, element: Element, mesh: polygon_mesh.PolyMesh, off: float) -> list[Piece]:
+    """The piece of a mesh whose triangles are `off` metres from its surface, at most."""
     data, _ = polygon_mesh.assemble(mesh, element.args["crease"])
-    return [Piece(lowering.builder.mesh(data, element.place), transforms.identity())]
+    return [Piece(lowering.builder.mesh(replace(data, deviation=off), element.place), transforms.identity())]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +32,8 @@ def text(lowering: Context, element: Element) -> list[Piece]:
     if path is None:
         return []
     try:
-        font = fonts.Font(path)
+        share = 1 / fonts.FINENESS if lowering.tolerance is None else lowering.tolerance / args["size"]
+        font = fonts.Font(path, share)
     except fonts.FontError as failure:
         return lowering.refuse(element, str(failure), "write the name of a TrueType or OpenType file")
     layout = fonts.Layout(args["align"], args["vertical"], args["spacing"], args["line_spacing"])
@@ -55,7 +57,8 @@ def text(lowering: Context, element: Element) -> list[Piece]:
         return [Piece(lowering.builder.mesh(box, element.place), transforms.identity())]
     mesh = swept.extrude(loops, swept.Sweep(0.0, depth)) if depth else swept.sheet(loops)
     data, _ = polygon_mesh.assemble(_upright(mesh), args["crease"])
-    return [Piece(lowering.builder.mesh(data, element.place), transforms.identity())]
+    off = share * size
+    return [Piece(lowering.builder.mesh(replace(data, deviation=off), element.place), transforms.identity())]
 
 
 def _outlines(font: fonts.Font, path: Path, string: str, layout: fonts.Layout) -> tuple[list[np.ndarray], str]:

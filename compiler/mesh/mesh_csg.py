@@ -7,7 +7,8 @@ faces. Analytic shapes and formulas combined with a mesh are contoured first. So
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -25,14 +26,28 @@ if TYPE_CHECKING:
 Manifold = Any
 FINENESS = 8000  # extent / FINENESS is the largest deviation of contoured analytic shapes
 MAX_CELLS = 128  # cells along an axis
+CONTOUR_SHARE = 0.75  # of a tolerance, for the contour of a field; simplification uses the rest
 FEW_LOOPS = 64  # that are triangulated and united at once
 SHARP = 40.0  # degrees; edges with a larger dihedral angle get split normals, so that meshes of round things with ten sides stay smooth
 
 
-def manifold_of_pieces(builder: SceneBuilder, pieces: Sequence[Piece]) -> tuple[Manifold, bool]:
+class Solid(NamedTuple):
+    """A closed mesh."""
+
+    manifold: Manifold
+    deviation: float = 0.0  # metres: largest distance of its triangles from the surfaces that they stand for
+
+    def moved(self, matrix: np.ndarray) -> Solid:
+        """The solid in the frame of a (4, 4) matrix, which may scale unevenly: by its largest singular value at most."""
+        size = float(np.linalg.norm(matrix[:3, :3], 2))
+        return Solid(self.manifold.transform(np.ascontiguousarray(matrix[:3])), self.deviation * size)
+
+
+def solid_of_pieces(builder: SceneBuilder, pieces: Sequence[Piece]) -> tuple[Solid, bool]:
     """(solid of meshes that are closed together, whether they were inside out). Raises NoSolid for open or non-manifold meshes."""
-    positions, triangles, count = [], [], 0
+    positions, triangles, count, off = [], [], 0, 0.0
     for piece in pieces:
+        off = max(off, builder.shape(piece.geometry)[1][0] * float(np.linalg.norm(piece.matrix[:3, :3], 2)))
         corners, faces = builder.triangles(piece.geometry)
         corners = corners @ piece.matrix[:3, :3].T + piece.matrix[:3, 3]
         flipped = np.linalg.det(piece.matrix[:3, :3]) < 0
@@ -52,7 +67,7 @@ def manifold_of_pieces(builder: SceneBuilder, pieces: Sequence[Piece]) -> tuple[
             raise NoSolid(f"the mesh is open: {bare} of its {len(sides)} edges {_have(bare)} a triangle on one side only")
         raise NoSolid("neighbouring triangles of the mesh face opposite sides")
     inside_out = volume(joined, faces) < 0
-    return _manifold(joined, faces[:, ::-1] if inside_out else faces), inside_out
+    return Solid(of_triangles(joined, faces[:, ::-1] if inside_out else faces), off), inside_out
 
 
 def _have(count: int) -> str:
@@ -71,23 +86,31 @@ def volume(positions: np.ndarray, faces: np.ndarray) -> float:
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
 
 
-def of_field(tape: Tape, bounds: np.ndarray) -> Manifold:
-    """The solid of a scalar field within a bounding box."""
-    tolerance = float((bounds[1] - bounds[0]).max()) / FINENESS
+def of_field(tape: Tape, bounds: np.ndarray, tolerance: float | None) -> Solid:
+    """The solid of a scalar field within a bounding box, with triangles within `tolerance` metres as far as cells allow.
+
+    Without a tolerance it has even triangles for pictures, fine enough for the default of FINENESS or MAX_CELLS.
+    """
+    default, most = float((bounds[1] - bounds[0]).max()) / FINENESS, MAX_CELLS if tolerance is None else dual_contouring.MOST
+    within = default if tolerance is None else CONTOUR_SHARE * tolerance
     with built_geometry.part("made into triangles"):
         made = stage_cache.cached(
-            "surfaces contoured", (tape, bounds, tolerance), lambda: dual_contouring.within(tape, bounds, tolerance, MAX_CELLS)
+            "surfaces contoured", (tape, bounds, within, most), lambda: dual_contouring.within(tape, bounds, within, most)
         )
-    return _manifold(made.positions, made.triangles)
+        if tolerance is None:
+            return Solid(of_triangles(made.positions, made.triangles), made.furthest)
+        positions, triangles, off = simplify(tape, made, tolerance)
+    return Solid(of_triangles(positions, triangles), off)
 
 
-def of_box(bounds: np.ndarray) -> Manifold:
+def of_box(bounds: np.ndarray) -> Solid:
     """The box of bounds (2, 3)."""
     made = built_geometry.box(*bounds, closed=True)
-    return _manifold(made.positions, made.triangles)
+    return Solid(of_triangles(made.positions, made.triangles))
 
 
-def _manifold(positions: np.ndarray, faces: np.ndarray) -> Manifold:
+def of_triangles(positions: np.ndarray, faces: np.ndarray) -> Manifold:
+    """The manifold of a closed mesh: positions (n, 3), faces (m, 3). Raises NoSolid."""
     import manifold3d
 
     mesh = manifold3d.Mesh64(np.array(positions, np.float64, order="C"), np.array(faces, np.uint64, order="C"))  # writable ones
@@ -105,7 +128,7 @@ def simplify(tape: Tape, made: dual_contouring.Contour, tolerance: float) -> tup
     """
     left, limit = max(tolerance - made.furthest, 0.5 * tolerance), max(tolerance, made.furthest)
     try:
-        whole = _manifold(made.positions, made.triangles) if tolerance > 0.0 and len(made.triangles) else None
+        whole = of_triangles(made.positions, made.triangles) if tolerance > 0.0 and len(made.triangles) else None
     except NoSolid:
         whole = None
     while whole is not None and left > tolerance / 32:
@@ -166,41 +189,45 @@ def _separated(loops: Sequence[np.ndarray]) -> list[list[int]]:
     return sorted(found)
 
 
-def combine(kind: str, parts: Sequence[Manifold]) -> Manifold:
-    """Union, intersection or difference (the first part minus all others)."""
+def combine(kind: str, parts: Sequence[Solid]) -> Solid:
+    """Union, intersection or difference (the first part minus all others). Each triangle of it is one of a part."""
     from manifold3d import Manifold, OpType
 
     how = {"union": OpType.Add, "intersection": OpType.Intersect, "difference": OpType.Subtract}[kind]
 
     def make() -> Manifold:
-        made = Manifold.batch_boolean(list(parts), how)
+        made = Manifold.batch_boolean([part.manifold for part in parts], how)
         made.num_tri()  # otherwise it is made when it is asked for
         return made
 
+    off = max((part.deviation for part in parts), default=0.0)
     with built_geometry.part("combined"):
-        return stage_cache.cached("solids combined", (kind, *map(_content, parts)), make) if stage_cache.is_active() else make()
+        if not stage_cache.is_active():
+            return Solid(make(), off)
+        return Solid(stage_cache.cached("solids combined", (kind, *map(_content, parts)), make), off)
 
 
-def _content(solid: Manifold) -> bytes:
+def _content(solid: Solid) -> bytes:
     """The digest of a solid's triangles."""
-    made = solid.to_mesh64()
+    made = solid.manifold.to_mesh64()
     return stage_cache.digest(np.asarray(made.vert_properties), np.asarray(made.tri_verts))
 
 
-def bounds(solid: Manifold) -> np.ndarray:
+def bounds(solid: Solid) -> np.ndarray:
     """(2, 3) bounding box; from inf to −inf for an empty solid."""
-    return np.array(solid.bounding_box()).reshape(2, 3)
+    return np.array(solid.manifold.bounding_box()).reshape(2, 3)
 
 
-def mesh(solid: Manifold) -> MeshData:
+def mesh(solid: Solid) -> MeshData:
     """The solid's triangles, with normals smooth except across sharp edges."""
     if stage_cache.is_active():
-        return stage_cache.cached("solids made meshes", (_content(solid),), lambda: _mesh(solid))
+        made = stage_cache.cached("solids made meshes", (_content(solid),), lambda: _mesh(solid))
+        return replace(made, deviation=solid.deviation)
     return _mesh(solid)
 
 
-def _mesh(solid: Manifold) -> MeshData:
-    made = solid.calculate_normals(0, SHARP).to_mesh64(0)
+def _mesh(solid: Solid) -> MeshData:
+    made = solid.manifold.calculate_normals(0, SHARP).to_mesh64(0)
     numbers = np.asarray(made.vert_properties)
     normals = MeshAttribute(numbers[:, 3:6].copy(), ir.Interpolation.VERTEX)
-    return MeshData(numbers[:, :3].copy(), np.asarray(made.tri_verts).astype(np.int64), normals)
+    return MeshData(numbers[:, :3].copy(), np.asarray(made.tri_verts).astype(np.int64), normals, deviation=solid.deviation)

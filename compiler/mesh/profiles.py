@@ -24,8 +24,19 @@ def extent(points: F64) -> float:
     return float(np.ptp(points, axis=0).max())
 
 
-def curve(points: Sequence[Sequence[float]], kind: str, closed: bool, what: str = "the profile") -> F64:
-    """The polyline (m, 2) of a profile's control points. Raises ProfileError for too few of them."""
+def fineness(control: F64, tolerance: float | None) -> float:
+    """The largest distance asked for of a polygon from its curve; by default a share of the extent of its control points."""
+    return extent(control) / FINENESS if tolerance is None else tolerance
+
+
+def deviation(points: Sequence[Sequence[float]], kind: str, closed: bool, tolerance: float | None) -> float:
+    """The largest distance of the polyline of `curve` from its curve."""
+    control = np.array(points, dtype=np.float64).reshape(-1, 2)
+    return 0.0 if kind == "linear" else splines.deviation(control, kind, closed, fineness(control, tolerance))
+
+
+def curve(points: Sequence[Sequence[float]], kind: str, closed: bool, what: str = "the profile", tolerance: float | None = None) -> F64:
+    """The polyline (m, 2) of a profile's control points, see `fineness`. Raises ProfileError for too few of them."""
     control = np.array(points, dtype=np.float64).reshape(-1, 2)
     least = 3 if closed else 2
     if len(control) < least:
@@ -33,15 +44,15 @@ def curve(points: Sequence[Sequence[float]], kind: str, closed: bool, what: str 
     if not extent(control):
         raise ProfileError(f"the points of {what} are the same")
     try:
-        line = splines.polyline(control, kind, closed, extent(control) / FINENESS)
+        line = splines.polyline(control, kind, closed, fineness(control, tolerance))
     except splines.SplineError as unfit:
         raise ProfileError(f"{what}: {unfit}", unfit.hint) from None
     return _distinct(line, closed)
 
 
-def outline(points: Sequence[Sequence[float]], kind: str = "linear", what: str = "the profile") -> F64:
+def outline(points: Sequence[Sequence[float]], kind: str = "linear", what: str = "the profile", tolerance: float | None = None) -> F64:
     """The counter-clockwise polygon (m, 2) of a closed profile. Raises ProfileError unless it is simple and has an area."""
-    loop = curve(points, kind, True, what)
+    loop = curve(points, kind, True, what, tolerance)
     _check_simple(loop, what)
     area = signed_area(loop)
     return loop if area > 0 else loop[::-1].copy()

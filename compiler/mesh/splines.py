@@ -10,7 +10,7 @@ from ...lang.input_error import InputError
 from ..ir import F64
 
 KINDS = ("linear", "bezier", "catmull_rom", "bspline")
-MOST_STEPS = 256  # of one Bézier piece
+MOST_STEPS = 4096  # of one Bézier piece
 
 
 class SplineError(InputError):
@@ -52,6 +52,11 @@ def polyline(points: F64, kind: str, closed: bool, tolerance: float, turn: float
         made.append(_at(piece, np.arange(steps) / steps))
         last = piece[-1:]
     return np.concatenate(made if closed else [*made, last])
+
+
+def deviation(points: F64, kind: str, closed: bool, tolerance: float) -> float:
+    """Largest distance of the polyline of `tolerance` from its curve: less than that, or more where MOST_STEPS are too few."""
+    return max((_bend(piece) / _steps(piece, tolerance, math.inf) ** 2 for piece in pieces(points, kind, closed)), default=0.0)
 
 
 def points_after_first(piece: F64, tolerance: float) -> F64:
@@ -132,14 +137,19 @@ def _steps(piece: F64, tolerance: float, turn: float) -> int:
     degree = len(piece) - 1
     if degree == 1:
         return 1
-    legs = np.diff(piece, axis=0)
-    bent = float(np.linalg.norm(np.diff(legs, axis=0), axis=1).max())
-    needed = math.sqrt(degree * (degree - 1) / 8 * bent / tolerance)
+    needed = math.sqrt(_bend(piece) / tolerance)
     if math.isfinite(turn):
+        legs = np.diff(piece, axis=0)
         legs = legs[(legs != 0).any(axis=1)]
         ways = legs / np.linalg.norm(legs, axis=1)[:, None]
         needed = max(needed, float(np.arccos(np.clip((ways[1:] * ways[:-1]).sum(axis=1), -1, 1)).sum()) / turn)
     return min(max(1, math.ceil(needed)), MOST_STEPS)
+
+
+def _bend(piece: F64) -> float:
+    """The distance of a Bézier piece from its chord, at most; of one of n equal steps of its parameter the n²-th part."""
+    degree = len(piece) - 1
+    return degree * (degree - 1) / 8 * float(np.linalg.norm(np.diff(piece, n=2, axis=0), axis=1).max()) if degree > 1 else 0.0
 
 
 def _at(piece: F64, t: F64) -> F64:

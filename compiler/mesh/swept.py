@@ -14,7 +14,7 @@ from ..scene.row_records import MeshAttribute
 from . import mesh_csg, profiles
 from .polygon_mesh import PolyMesh
 
-MOST_SIDES = 512
+MOST_SIDES = 4096
 LEAST_SIDES = 24
 MOST_CELLS = 1 << 20  # quads of a twisted prism
 
@@ -45,16 +45,26 @@ def sides(radius: float, tolerance: float) -> int:
     return min(max(LEAST_SIDES, math.ceil(math.pi / max(math.acos(share), 1e-9))), MOST_SIDES)
 
 
+def sagitta(radius: float, angle: float) -> float:
+    """The distance of a chord over `angle` radians from its circle."""
+    return radius * (1.0 - math.cos(0.5 * angle))
+
+
 # --- revolved ---------------------------------------------------------------------------------------------------------
 
 
-def revolve(profile: F64, closed: bool, angle: float) -> PolyMesh:
+def turns(profile: F64, angle: float, tolerance: float | None = None) -> int:
+    """The pieces of `angle` radians of a surface of revolution; the default tolerance is that of profiles."""
+    return max(3, math.ceil(sides(float(profile[:, 0].max()), profiles.fineness(profile, tolerance)) * angle / (2 * math.pi)))
+
+
+def revolve(profile: F64, closed: bool, angle: float, tolerance: float | None = None) -> PolyMesh:
     """The surface of revolution about y of a profile (n, 2) of [radius, y], radii 0 or more, by `angle` radians from +x towards -z.
 
     A closed profile is counter-clockwise; less than a whole turn of it has flat ends. u runs round, v along the profile.
     """
     whole = angle >= 2 * math.pi
-    count = max(3, math.ceil(sides(float(profile[:, 0].max()), profiles.extent(profile) / profiles.FINENESS) * angle / (2 * math.pi)))
+    count = turns(profile, angle, tolerance)
     # A whole turn begins at -z, as u of a cylinder does.
     turned = (-math.pi if whole else math.pi / 2) + angle / count * np.arange(count if whole else count + 1)
     pole = profile[:, 0] == 0
@@ -115,6 +125,7 @@ class Sweep(NamedTuple):
     height: float
     twist: float = 0.0
     taper: tuple[float, float] = (1.0, 1.0)
+    tolerance: float | None = None  # of sides that are not flat; by default that of profiles
 
 
 def extrude(loops: Sequence[F64], sweep: Sweep) -> PolyMesh:
@@ -179,7 +190,7 @@ def _cells(loops: Sequence[F64], sweep: Sweep) -> tuple[int, float]:
     if not turn:
         return 1, math.inf
     flat = np.concatenate(list(loops))
-    tolerance = profiles.extent(flat) / profiles.FINENESS
+    tolerance = profiles.fineness(flat, sweep.tolerance)
     edges = np.concatenate([np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1) for loop in loops]) * max(1.0, wide, deep)
     reach = float(np.linalg.norm(flat, axis=1).max()) * max(1.0, wide, deep)
     # A quad whose opposite edges of length e turn by a is off its two triangles by e a / 4.

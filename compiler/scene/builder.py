@@ -46,9 +46,8 @@ _EXPECTED = {ir.Interpolation.FACE: "one a triangle", ir.Interpolation.VERTEX: "
 
 
 class SceneBuilder:
-    """Collects rows and returns their indices; `finish` returns the immutable ir.Scene.
-
-    Equal transforms, shapes, textures and materials share one row. An invalid row is reported as a diagnostic and becomes NONE.
+    """Collects rows and returns their indices; `finish` returns the immutable ir.Scene. Equal transforms, shapes, textures and materials
+    share one row. An invalid row is reported as a diagnostic and becomes NONE.
     Every method accepts NONE and leaves it out.
     """
 
@@ -73,6 +72,7 @@ class SceneBuilder:
         self.single_sided: set[int] = set()  # geometries that are drawn from their front alone
         self._holes: list[bool] = []  # of each image: whether some alpha is below 1
         self.duration: float | None = None  # seconds of the animation of an imported file
+        self.deviation: float | None = None  # metres: greatest distance of generated triangles from their surfaces; None: the default
         self.transform(np.eye(4))
 
     # --- transforms ---
@@ -183,7 +183,7 @@ class SceneBuilder:
         if not len(triangles):
             self.diagnostics.warning(f"the mesh{f' `{name}`' if name else ''} has no triangles: nothing is drawn", span)
             return NONE
-        origin, stored, bounds = mesh_storage.stored(mesh, content)
+        origin, stored, bounds, rounding = mesh_storage.stored(mesh, content)
         first_vertex, first_triangle = self._length["positions"], self._length["triangles"]
         first_polygon, polygon_count = self._outlines(mesh, first_vertex, first_triangle)
         self._pool("positions", stored)
@@ -193,7 +193,7 @@ class SceneBuilder:
             self._attribute(kind, given, width, len(stored), len(triangles), span)
             for kind, given, width in (("normals", mesh.normals, 3), ("uvs", mesh.uvs, 2), ("colors", mesh.colors, 3))
         )
-        return self._geometry(ir.GeometryKind.MESH, (), bounds, origin, ranges, (*attributes, NONE), span, name)
+        return self._geometry(ir.GeometryKind.MESH, (mesh.deviation + rounding,), bounds, origin, ranges, (*attributes, NONE), span, name)
 
     def _geometry(self, kind: int, parameters: tuple[float, ...], bounds: Any, origin: Any, ranges: tuple[int, ...],
                   attributes: tuple[int, ...], span: Span | None, name: str) -> int:  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -16,17 +17,19 @@ def digest(mesh: MeshData) -> bytes:
     return stage_cache.digest(mesh.positions, mesh.triangles, mesh.outlines, attributes)
 
 
-def stored(mesh: MeshData, content: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(origin (3,), float32 positions relative to it (v, 3), bounds (2, 3)) of a mesh with the digest `content`."""
+def stored(mesh: MeshData, content: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """(origin (3,), float32 positions relative to it (v, 3), bounds (2, 3), largest rounding) of a mesh with the digest `content`."""
     return stage_cache.cached("meshes stored", (content,), lambda: _stored(mesh))
 
 
-def _stored(mesh: MeshData) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _stored(mesh: MeshData) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     positions = np.asarray(mesh.positions, dtype=np.float64).reshape(-1, 3)
     center = origin(positions)
     with np.errstate(over="ignore", invalid="ignore"):
         relative = (positions - center).astype(np.float32)
-    return center, relative, bounds(relative) + center
+        rounding = np.abs(relative.astype(np.float64) + center - positions)
+    known = rounding[np.isfinite(rounding)]
+    return center, relative, bounds(relative) + center, math.sqrt(3.0) * float(known.max(initial=0.0))
 
 
 def bounds(positions: np.ndarray) -> np.ndarray:

@@ -72,6 +72,7 @@ class MeshData:
     colors: MeshAttribute | None = None  # width 3, linear
     outlines: Outlines | None = None  # None: each triangle is a face of its own
     name: str = ""
+    deviation: float = 0.0  # metres: largest distance of its triangles from the surface that they stand for
 
 
 @dataclass(frozen=True, slots=True)

@@ -194,7 +194,7 @@ def color(text: str) -> str:
 
 
 # File name extensions of images, meshes and scenes.
-FILES = frozenset("png jpg jpeg tif tiff exr hdr obj ply stl off glb gltf usd usda usdc usdz scene".split())
+FILES = frozenset("png jpg jpeg tif tiff exr hdr obj ply stl off 3mf xyz glb gltf usd usda usdc usdz scene".split())
 
 _SUPERSCRIPTS = {"²": 2, "³": 3}
 NO_POINT = "a formula's parameters are numbers: write |x, y, z| …, and [x, y, z] for a point"

@@ -133,7 +133,7 @@ SHAPES = (
     ),
     _shape(
         "mesh",
-        "polygons from a file (.obj, .ply, .stl, .glb, .gltf, .off), or from points and faces",
+        "polygons from a file (.obj, .ply, .stl, .3mf, .glb, .gltf, .off, .xyz), or from points and faces",
         Arg("file", "string", None, "file of the mesh, relative to the scene"),
         Arg("points", "points", None, "the vertices", keyword=True),
         Arg("faces", "faces", None, "vertex indices of each face, counter-clockwise seen from outside", keyword=True),

@@ -12,6 +12,7 @@ from . import ast
 from .tables import tables
 from .token import Token
 
+_NAMES = re.compile(r"[ \t]*:").match
 KEYWORDS = frozenset(("use", "as", "unit", "param", "in", "let", "for", "if", "else", "then", "or", "and", "not"))
 COMPARISONS = frozenset(("<", "<=", ">", ">=", "==", "!="))
 OPERATORS = COMPARISONS | frozenset(("+", "-", "*", "/", "^", "..", "and", "or", "not"))
@@ -65,6 +66,8 @@ def lex(text: str) -> Iterator[Token]:
             begin = at + value.rindex("\n") + 1
         if kind == "NAME":
             kind = keywords.get(value, kind)
+            if value == "unit" and _NAMES(text, end):  # of an argument, as in mesh("a.stl", unit: "mm")
+                kind = "NAME"
         if kind not in ignored:
             yield Token(kind, value, at, first_line, column, line, end - begin + 1, end)
         at = end

@@ -86,7 +86,7 @@ def _ends_brackets(tokens: list[Token], i: int, stack: list[_Open]) -> bool:
     if token in CLOSERS or token.type == "$END":
         return True
     starts_line = i > 0 and tokens[i - 1].type == "_NL"
-    return starts_line and token in _ITEM_WORDS and bool(stack) and stack[-1].token != "{"
+    return starts_line and token in _ITEM_WORDS and token.type != "NAME" and bool(stack) and stack[-1].token != "{"
 
 
 def _note_line_end(stack: list[_Open], tokens: list[Token], i: int, output: int) -> None:

@@ -105,6 +105,26 @@ def exceeds_limit(kind: int, parameters: Sequence[float], tolerance: float) -> b
     return most > MAX_SEGMENTS
 
 
+def deviation(kind: int, parameters: Sequence[float], tolerance: float, made: Tessellation) -> float:
+    """The largest distance of the triangles of `tessellate` from the shape: that of chords, of quadrics measured to first order."""
+
+    def off(radius: float, within: float) -> float:
+        return radius * (1.0 - math.cos(math.pi / segments(radius, within)))
+
+    match kind:
+        case ir.GeometryKind.SPHERE | ir.GeometryKind.CAPSULE:
+            return 2 * off(parameters[0], tolerance / 2)  # around, and along the profile
+        case ir.GeometryKind.DISK | ir.GeometryKind.CYLINDER:
+            return off(parameters[0], tolerance)
+        case ir.GeometryKind.CONE:
+            return off(max(parameters[:2]), tolerance)
+        case ir.GeometryKind.TORUS:
+            return off(parameters[0] + parameters[1], tolerance / 2) + off(parameters[1], tolerance / 2)
+        case ir.GeometryKind.QUADRIC:
+            return quadrics.deviation(quadrics.matrix(parameters), made.positions[:, :3], made.triangles)
+    return 0.0
+
+
 def with_uvs(kind: int, parameters: Sequence[float], made: Tessellation) -> Tessellation:
     """The same with the uv of geometry.analytic_shapes on flat parts and quadrics, whose u is continuous across the seam.
 

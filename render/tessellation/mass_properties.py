@@ -1,12 +1,14 @@
 """Volume, area, center and inertia of the bounded instances of a scene, each with its error.
 
 They are integrals over closed triangle meshes at two tolerances, the second a quarter of the first. Their errors fall in proportion to the
-tolerance, so that a third of the difference is the error of the finer one (Richardson's extrapolation), which is taken off. Volume
-integrals: Tonon 2004, "Explicit Exact Formulas for the 3-D Tetrahedron Inertia Tensor".
+tolerance, so that a third of the difference is the error of the finer one (Richardson's extrapolation), which is taken off. A mesh has one
+form at both: its errors are what its deviation allows.
+Volume integrals: Tonon 2004, "Explicit Exact Formulas for the 3-D Tetrahedron Inertia Tensor".
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -54,13 +56,20 @@ def measure(scene: ir.Scene, tolerance: float | None = None) -> tuple[list[Prope
 
 def _properties(coarse: Part, fine: Part) -> Properties:
     area = _extrapolate(_area(coarse), _area(fine), 0.0)
+    same = len(coarse.positions) == len(fine.positions) and np.array_equal(coarse.positions, fine.positions)
+    off = fine.deviation if same else 0.0
+    area = Measured(area.value, area.error + 4.0 * math.sqrt(math.pi * float(area.value)) * off)  # of a sphere twice what it lacks
     low, high = fine.positions.min(axis=0), fine.positions.max(axis=0)
     if coarse.open_edges or fine.open_edges:
         return Properties(fine.name, low, high, fine.deviation, area, None, None, None)
     first, second = _moments(coarse), _moments(fine)
     volume, center, inertia = (_extrapolate(a, b, 0.0) for a, b in zip(first, second, strict=True))
-    unseen = UNSEEN * float(area.value) * fine.deviation
-    return Properties(fine.name, low, high, fine.deviation, area, Measured(volume.value, volume.error + unseen), center, inertia)
+    layer = float(area.value) * off  # between the mesh and the surface
+    reach = 0.5 * float(np.linalg.norm(high - low))
+    volume = Measured(volume.value, volume.error + max(layer, UNSEEN * float(area.value) * fine.deviation))
+    center = Measured(center.value, center.error + layer * reach / max(abs(float(volume.value)), 1e-300))
+    inertia = Measured(inertia.value, inertia.error + layer * reach**2)
+    return Properties(fine.name, low, high, fine.deviation, area, volume, center, inertia)
 
 
 def _extrapolate(coarse: F64, fine: F64, least: float) -> Measured:

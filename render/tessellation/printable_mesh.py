@@ -17,7 +17,6 @@ from ..geometry.bounds import world_bounds
 from . import analytic_shapes, implicit_surfaces
 from .part_materials import material_of, triangle_materials
 
-CONTOUR_SHARE = 0.75  # of a tolerance, for the contour of an implicit surface; simplification uses the rest
 RESOLUTION = 2000  # the default tolerance is the scene's extent over this
 _KIND = ir.GeometryKind
 _OPEN = {
@@ -124,11 +123,12 @@ def _local_mesh(tables: ir.Tables, g: int, tolerance: float) -> _LocalMesh:
         first, count = int(geometries.first_triangle[g]), int(geometries.triangle_count[g])
         start, vertices = int(geometries.first_vertex[g]), int(geometries.vertex_count[g])
         positions = tables.pools.positions[start : start + vertices].astype(np.float64) + geometries.origin[g]
-        return _LocalMesh(positions, tables.pools.triangles[first : first + count].astype(np.int64) - start, 0.0)
+        triangles = tables.pools.triangles[first : first + count].astype(np.int64) - start
+        return _LocalMesh(positions, triangles, float(geometries.parameters[g, 0]))
     if kind == _KIND.FORMULA:
         tape = load_tape(tables, int(geometries.tape[g]))
-        made = implicit_surfaces.contour(tables, g, CONTOUR_SHARE * tolerance, True)
+        made = implicit_surfaces.contour(tables, g, mesh_csg.CONTOUR_SHARE * tolerance, True)
         return _LocalMesh(*mesh_csg.simplify(tape, made, tolerance), made.missing)
     mesh = analytic_shapes.tessellate(kind, geometries.parameters[g].tolist(), tolerance)
-    exact = kind in (_KIND.BOX, _KIND.RECTANGLE)
-    return _LocalMesh(mesh.positions[:, :3], mesh.triangles.astype(np.int64), 0.0 if exact else tolerance)
+    off = analytic_shapes.deviation(kind, geometries.parameters[g].tolist(), tolerance, mesh)
+    return _LocalMesh(mesh.positions[:, :3], mesh.triangles.astype(np.int64), off)

@@ -43,6 +43,18 @@ def curvature(q: F64, positions: F64) -> F64:
     return bend / np.maximum(slope, 1e-300)
 
 
+def deviation(q: F64, positions: F64, triangles: NDArray[np.int32]) -> float:
+    """The largest distance of the centres of triangles and edges from the surface, to first order, times 4/3 for places between."""
+    if not len(triangles):
+        return 0.0
+    corners = positions[triangles]
+    places = np.concatenate([corners.mean(axis=1), 0.5 * (corners + np.roll(corners, 1, axis=1)).reshape(-1, 3)])
+    value = np.einsum("ni,ij,nj->n", places, q[:3, :3], places) + 2 * places @ q[3, :3] + q[3, 3]
+    slope = np.linalg.norm(gradients(q, places), axis=1)
+    steep = slope > 1e-6 * slope.max(initial=0.0)  # elsewhere is a tip
+    return 4 / 3 * float((np.abs(value[steep]) / slope[steep]).max(initial=0.0))
+
+
 def box_grid(parameters: Sequence[float], tolerance: float) -> F64:
     """(nx, ny, nz, 3) grid over the quadric's box, fine enough for `tolerance` (metres), at most MAX_CELLS an axis."""
     half = np.asarray(parameters[10:13], np.float64)

@@ -28,6 +28,7 @@ BACKENDS = ("ray", "raster", "reference")
 PEERS = ("mitsuba", "povray")
 METRICS = ("relmse", "blocks", "flip", "max", "silhouette")
 BUDGET = 60.0  # seconds
+TARGET = 0.02  # √relMSE
 
 
 def _names_of(known: Sequence[str], what: str) -> Any:
@@ -58,10 +59,14 @@ def _names_of(known: Sequence[str], what: str) -> Any:
 @shared.scene_options
 @click.option("--size", type=values.SIZE, help="Pixels: 320x240, or 256 for a square. Default: the scene's, at most 160 wide or high.")
 @click.option("--camera", metavar="NAME", help="Name of the camera.")
-@click.option("--backends", metavar="NAMES", callback=_names_of(BACKENDS, "backend"), help="Default: ray,raster,reference.")
+@click.option(
+    "--backends", metavar="NAMES", callback=_names_of(BACKENDS, "backend"),
+    help="Default: ray,raster,reference, without those that are known to lack light.",
+)
 @click.option("--peers", metavar="NAMES", callback=_names_of(PEERS, "peer"), help="Installed renderers to measure too: mitsuba,povray.")
 @click.option("--metric", type=click.Choice(METRICS), help="Error metric of the chart. Default: relmse. The .json file has all.")
 @click.option("--budget", type=values.DURATION, help=f"Time limit, including the reference. Default: {BUDGET:g}s.")
+@click.option("--error", type=values.SHARE, help=f"√relMSE of the question that the first line answers. Default: {TARGET:.0%}.")
 @click.option("--seeds", type=click.IntRange(2, 1024), help="Renders per setting with different random numbers.")
 @click.option("--repeats", type=click.IntRange(1, 1024), help="Least number of timed renders per setting.")
 @click.option("--threads", type=click.IntRange(1, 1024), help="Number of threads of every renderer. Default: one a core.")
@@ -83,8 +88,9 @@ def chart(
     """Measure error against time over backends and settings.
 
     Each backend renders a sequence of settings of rising quality, each with several seeds. The chart shows a line for each
-    sequence, all points, bars for quartiles, the Pareto front, the knee, and the uncertainty of the reference. The table lists
-    the fastest setting for each error. With the .json file of an earlier chart as SCENE, the chart is redrawn without measuring.
+    sequence, all points, bars for quartiles, the Pareto front, the knee, and the uncertainty of the reference. The first line
+    answers which setting has the error of --error in the least time; the table lists the fastest setting for each error. With the
+    .json file of an earlier chart as SCENE, the chart is redrawn without measuring.
 
     Exit code: 0; 1 if nothing could be measured; 2 for wrong usage; 130 after Ctrl-C, with a chart of the measurements so far.
     """
@@ -168,6 +174,7 @@ def _measure(path: Path, metric: str, quiet: bool, given: dict[str, Any]) -> tup
     wanted = records.Wanted(
         name=named, settings=settings, backends=given["backends"] or BACKENDS, peers=given["peers"], metric=metric,
         budget=given["budget"] or BUDGET, seeds=given["seeds"], repeats=given["repeats"], keep=given["keep"],
+        target=given["error"] or TARGET, asked=bool(given["backends"]),
     )  # fmt: skip
     with Display(quiet) as display, terminal.catch_interrupt() as cancel:
         try:
@@ -177,6 +184,9 @@ def _measure(path: Path, metric: str, quiet: bool, given: dict[str, Any]) -> tup
         except records.NothingMeasured as error:
             if cancel.is_set():
                 raise KeyboardInterrupt from None
+            if error.answer:
+                display.hide()
+                click.echo(error.answer)
             raise click.ClickException(str(error)) from None
     if cancel.is_set():
         supervisor.finishing()
@@ -212,6 +222,7 @@ def _print(measured: Chart, files: Sequence[Path], quiet: bool) -> None:
     """Print the table of advice to stdout and the file names to stderr."""
     from ..measure.report import text_report
 
+    click.echo(text_report.answer(measured))
     terminal.table(text_report.HEADINGS, text_report.advice(measured))
     for line in text_report.remarks(measured):
         click.echo(line)

@@ -18,7 +18,11 @@ from ..compiler import ir
 
 
 class NothingMeasured(Exception):
-    """No point could be measured. The message has the reason and a remedy."""
+    """No point could be measured. The message has the reason and a remedy; `answer` is what is known without, or ""."""
+
+    def __init__(self, message: str, answer: str = "") -> None:
+        super().__init__(message)
+        self.answer = answer
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +38,8 @@ class Wanted:
     seeds: int | None = None  # renders of a setting with different seeds; None: as many as bias and noise need
     repeats: int | None = None  # the least number of timed renders of a setting
     keep: Path | None = None  # a folder for the raw images
+    target: float = 0.02  # √relMSE that the question is about
+    asked: bool = True  # whether the backends were named: otherwise those that are known to lack light are left out
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,6 +150,8 @@ class Chart:
     left_out: Mapping[str, str] = field(default_factory=dict)  # backend or peer: reason
     machine: str = ""
     versions: Mapping[str, str] = field(default_factory=dict)
+    target: float = 0.02  # √relMSE that the question is about
+    estimate: str = ""  # the answer before anything was measured
 
     @property
     def points(self) -> tuple[Point, ...]:

@@ -1,5 +1,7 @@
 """Measures a chart: the reference, then the sweeps of all backends and peers, within a time budget.
 
+- Two small pictures give a first estimate: where not even the least chart fits into the budget, it ends at once and says what it takes.
+- Backends that are known to lack light are left out, unless they were named. Sweeps that are known to lack light come last.
 - Half of the budget goes to the reference. Its runs are cached on disk, and later commands add to them.
 - The sweep with the cheapest next step proceeds, as long as MIN_RUNS runs of each step fit.
 - The remaining time brings all steps to TARGET_RUNS runs, in rounds over all steps, so that a slower machine slows all alike.
@@ -18,10 +20,11 @@ from dataclasses import dataclass, field, replace
 from ...compiler import ir
 from ...compiler.plan import plan as planner
 from ...render.image import image_files
+from ...render.jit import compile_events
 from .. import formatting
 from ..peers import process, registry
 from ..records import Chart, NothingMeasured, Reference, Setting, Wanted
-from . import contestant, pareto, raw_images, reference, reference_light, runs, setting_sweeps, summary
+from . import contestant, estimate, pareto, raw_images, reference, reference_light, runs, setting_sweeps, summary
 from .contestant import Contestant, Step
 
 MIN_RUNS, TARGET_RUNS = 5, 16  # runs of a setting: quartiles need the first, separation of bias and noise the second
@@ -95,6 +98,7 @@ class _Measurement:
         self.left_out: dict[str, str] = {}
         self.versions = runs.versions()
         self.exposure, self.floor = 0.0, dict[str, float]()
+        self.guess: estimate.Estimate | None = None
         asked = max(wanted.seeds or 0, wanted.repeats or 0)
         self.least, self.good = asked or MIN_RUNS, asked or TARGET_RUNS
         self.raw_images = raw_images.RawImageWriter(wanted.keep) if wanted.keep is not None else None
@@ -103,6 +107,7 @@ class _Measurement:
         """Measure and return the chart."""
         plan = self.light.plan(self.scene)
         try:
+            self.guess = self._first_estimate()
             contestants = self._contestants(plan)
             starts = [(one, *pair) for one in contestants for pair in zip(one.sweeps, one.first, strict=True)]
             sweeps = [_SweepProgress(*start, number) for number, start in enumerate(starts)]
@@ -126,6 +131,9 @@ class _Measurement:
     def _contestants(self, plan: planner.Plan) -> list[Contestant]:
         found = []
         for backend in self.wanted.backends:
+            if why := self._lacks(backend):
+                self.left_out[backend] = why
+                continue
             found.append(contestant.backend_contestant(self.scene, self.light, backend, self.cancel))
             self._report_progress()
         self.deadline = max(self.deadline, time.perf_counter() + 0.5 * self.wanted.budget)
@@ -137,6 +145,45 @@ class _Measurement:
                 found.append(contestant.peer_contestant(peer, self.scene, self.light))
                 self.versions[peer.name] = peer.version
         return found
+
+    def _first_estimate(self) -> estimate.Estimate | None:
+        """The estimate of small pictures. Raises NothingMeasured if the least chart takes longer than the budget, runs.Cancelled."""
+        if "ray" not in self.wanted.backends:
+            return None
+        compiled = compile_events.compiled()
+        guess = estimate.make(self.scene, self.light, self.cancel)
+        if compile_events.compiled() > compiled:
+            self.deadline = max(self.deadline, time.perf_counter() + 0.5 * self.wanted.budget)
+        if guess is None:
+            return None
+        known = reference.known_samples(self.scene, self.light)
+        least = self._needed(guess, 1.0, known, reference.MIN_SAMPLES)
+        if least <= self.deadline - time.perf_counter():
+            return guess
+        samples = guess.samples(self.wanted.target)[0]
+        whole = self._needed(guess, samples, known, REFERENCE_FACTOR * samples / reference.MIN_SEEDS)
+        asked = formatting.target("relmse", self.wanted.target)
+        raise NothingMeasured(
+            f"the least chart takes about {formatting.seconds(least)}, and one that measures {asked} about {formatting.seconds(whole)}, of "
+            f"the {self.wanted.budget:g} s there are: give a longer --budget or a smaller --size", guess.answer(self.wanted.target),
+        )  # fmt: skip
+
+    def _needed(self, guess: estimate.Estimate, samples: float, known: int, each: float) -> float:
+        """Seconds of a chart up to `samples`, with a reference of `each` samples of MIN_SEEDS seeds, of which so many are `known`."""
+        missing = max(reference.MIN_SEEDS * each - known, 0.0)
+        of_reference = guess.seconds(missing) + reference.MIN_SEEDS * guess.start if missing else 0.0
+        return max(of_reference / REFERENCE_SHARE, of_reference + self.least * guess.seconds(samples))
+
+    def _lacks(self, backend: str) -> str:
+        """The reason why a backend that nobody named is not measured; "" if it is."""
+        if self.wanted.asked or backend == "ray":
+            return ""
+        whole, own = self.light.plan(self.scene), self.light.plan(self.scene, backend)
+        if missing := reference_light.missing_light(whole, own):
+            return f"{missing}, as is known without measuring: --backends ray,{backend} measures it"
+        if backend == "reference" and own["transport"] == "path":
+            return "it draws the light of ray in numpy, and takes hundreds of times as long: --backends ray,reference measures it"
+        return ""
 
     def _reference(self) -> Reference:
         seconds = REFERENCE_SHARE * (self.deadline - time.perf_counter())
@@ -154,7 +201,7 @@ class _Measurement:
         for active in sweeps:
             active.skipped = ""
         while waiting := [active for active in sweeps if active.next_setting() is not None]:
-            active = min(waiting, key=_SweepProgress.expected)
+            active = min(waiting, key=lambda sweep: (bool(sweep.sweep.light), sweep.expected()))
             setting = active.next_setting()
             assert setting is not None
             active.skipped = self._reference_too_noisy(setting, against) or self._over_budget(active, sweeps)
@@ -230,6 +277,7 @@ class _Measurement:
         return Chart(
             self.wanted.name, plan["size"], metric, self.floor.get(metric, 0.0), against.how, tuple(curves), front,
             pareto.knee(front, seconds, measured, self.floor.get(metric, 0.0)), self.left_out, runs.machine(self.settings), self.versions,
+            self.wanted.target, self.guess.answer(self.wanted.target) if self.guess is not None else "",
         )  # fmt: skip
 
     def _note_skipped(self, active: _SweepProgress) -> None:

@@ -93,6 +93,15 @@ def make(scene: ir.Scene, light: ReferenceLight, effort: Effort, folder: Path | 
     return run.reference(light.how)
 
 
+def known_samples(scene: ir.Scene, light: ReferenceLight) -> int:
+    """The samples a pixel of a reference that is known or on disk already; MIN_SEEDS · MAX_SAMPLES of a closed form."""
+    plan = light.plan(scene)
+    if closed_form.recognize(scene, plan) is not None:
+        return MIN_SEEDS * MAX_SAMPLES
+    found = load(default_folder() / f"{cache_name(scene, plan)}.npz", _shape(plan))
+    return 0 if found is None else found.samples * found.count
+
+
 def cache_name(scene: ir.Scene, plan: Plan) -> str:
     """The file name: a hash of everything that the picture depends on but its samples."""
     decided = {name: plan[name] for name in DEFINING_DECISIONS}

@@ -19,6 +19,7 @@ HEADINGS = ("error", "take", "time", "measured", "settings to copy")
 TARGET_DIGITS = (1.0, 3.0)  # digits of the target errors in every decade
 COMPARED_DIGITS = (1.0, 2.0, 3.0, 5.0, 7.0)  # digits of the errors at which times are compared
 MAX_TARGETS = 6  # target errors
+LEAST_FACTOR = 1.2  # of the samples that the model tells, either way
 MAX_ERROR = 1.0  # larger errors are no targets
 
 
@@ -51,6 +52,47 @@ def cheapest(chart: Chart, target: float) -> Point | None:
     """Our fastest measured point with an error of at most `target`."""
     reaching = [p for p in _our_points(chart) if p.error.median <= target]
     return min(reaching, key=lambda p: p.seconds.median, default=None)
+
+
+def answer(chart: Chart) -> str:
+    """Which setting has the error of the question in the least time, measured or by the model; else the first estimate.
+
+    In the model noise falls as n^(-1/2) with n samples, bias does not, and time grows with n.
+    """
+    asked = formatting.target("relmse", chart.target)
+    found = [p for p in _our_points(chart) if p.errors["relmse"].median <= chart.target]
+    if found:
+        best = min(found, key=lambda p: p.seconds.median)
+        named, time = f"{best.setting.backend}, {formatting.setting(best.setting)}", formatting.seconds(best.seconds.median)
+        return f"{asked}: {named}, {time}, measured {formatting.error('relmse', best.errors['relmse'].median)}: {best.setting.arguments()}"
+    modelled = [made for curve in chart.curves if (made := _modelled(curve, chart.target)) is not None]
+    if modelled:
+        count, factor, seconds, backend = min(modelled, key=lambda made: made[2])
+        low, high = (formatting.plain(count * f) for f in (1.0 / factor, factor))
+        times = [formatting.seconds(seconds * f) for f in (1.0, 1.0 / factor, factor)]
+        return (
+            f"{asked}: {backend}, about {formatting.plain(count)} samples ({low} to {high}), about {times[0]} ({times[1]} to {times[2]}), "
+            "by the noise measured with fewer"
+        )
+    least = min((p.errors["relmse"].median for p in _our_points(chart)), default=None)
+    told = "" if least is None else f": the least measured is {formatting.error('relmse', least)}"
+    return chart.estimate or f"{asked}: no measured setting reaches it{told}"
+
+
+def _modelled(curve: Curve, target: float) -> tuple[float, float, float, str] | None:
+    """(samples, factor of their uncertainty, seconds, backend) of a curve's model at a target error; None if it does not reach it.
+
+    From the point of most samples. Its bias counts if it is twice its standard error.
+    """
+    last = next((p for p in reversed(curve.points) if p.setting.knob == "samples" and p.noise), None)
+    if last is None or last.noise is None or curve.backend not in formatting.BACKENDS:
+        return None
+    bias = last.bias if last.bias and last.bias_error is not None and last.bias > 2.0 * last.bias_error else 0.0
+    if bias >= target:
+        return None
+    growth = last.noise**2 / (target**2 - bias**2)
+    uncertain = 2.0 * (last.noise_error or 0.0) / last.noise
+    return float(last.setting.value) * growth, LEAST_FACTOR + 2.0 * uncertain, last.seconds.median * growth, curve.backend
 
 
 def advice(chart: Chart) -> list[tuple[str, ...]]:

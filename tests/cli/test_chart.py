@@ -68,6 +68,7 @@ def test_a_chart_its_numbers_and_the_table(folder: Path, asked: list[Any]) -> No
     assert (
         out
         == """\
+2 %: ray, 256 samples, 2.6 s, measured 1.9 %: --backend ray --samples 256
 error  take               time   measured  settings to copy
 30 %   raster, 1 sample   35 ms  12 %      --backend raster --samples 1
 10 %   raster, 4 samples  50 ms  6.8 %     --backend raster --samples 4
@@ -113,7 +114,8 @@ def test_bounces_are_fixed_or_varied(folder: Path, asked: list[Any]) -> None:
 
 def test_without_options_all_backends_are_measured_for_a_minute(folder: Path, asked: list[Any]) -> None:
     assert run("chart", "a.scene", "-q")[0] == 0
-    assert asked[1] == Wanted("a.scene", ir.Settings(), ("ray", "raster", "reference"), (), "relmse", 60.0, None, None, None)
+    everything = Wanted("a.scene", ir.Settings(), ("ray", "raster", "reference"), (), "relmse", 60.0, None, None, None, 0.02, asked=False)
+    assert asked[1] == everything
     assert sorted(p.name for p in folder.iterdir()) == ["a.chart.json", "a.chart.svg", "a.scene"]
 
 
@@ -197,6 +199,16 @@ def test_nothing_measured_is_an_error_with_the_fix(folder: Path, monkeypatch: py
     assert not (folder / "a.svg").exists()
 
 
+def test_what_is_known_without_measuring_is_the_first_line(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def measure(scene: ir.Scene, wanted: Wanted, *given: Any) -> Chart:
+        assert (wanted.target, wanted.asked, wanted.backends) == (0.05, True, ("ray",))
+        raise NothingMeasured("the least chart takes about 40 s: give a longer --budget", "5 %: ray, about 80 samples")
+
+    monkeypatch.setattr(engine, "measure", measure)
+    found = run("chart", "a.scene", "-o", "a.svg", "--error", "5%", "--backends", "ray")
+    assert found == (1, "5 %: ray, about 80 samples\n", "Error: the least chart takes about 40 s: give a longer --budget\n")
+
+
 def test_ctrl_c_draws_the_measurements_so_far(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def measure(scene: ir.Scene, wanted: Wanted, progress: Any, cancel: threading.Event) -> Chart:
         cancel.set()  # as the first Ctrl-C
@@ -243,7 +255,9 @@ def test_a_small_scene_is_measured(folder: Path) -> None:
     assert marks == {f"point-{i}" for i in range(len(made.points))}
     assert all(point.seconds.count >= 1 and point.seconds.median > 0 for point in made.points)
     assert made.front
-    assert out.startswith("error")
+    first, heading, *_ = out.splitlines()
+    assert first.startswith("2 %: ")
+    assert heading.startswith("error")
     assert all(point.setting.arguments() in (folder / "a.html").read_text(encoding="utf-8") for point in made.points)
     runs = json.loads((folder / "raw" / "index.json").read_text(encoding="utf-8"))["runs"]
     for point in made.points:

@@ -145,6 +145,7 @@ DOORS = {
     "cli/job/checkpoints.py": "a picture without checkpoints loads nothing for them",
     "cli/job/kept_frames.py": "a picture that is not of an animation loads nothing for it",
     "cli/render_job.py": "a job loads the stages it comes to",
+    "cli/job/picture_summary.py": "NumPy starts threads when it is imported, and a process is confined before",
     "cli/job/rescue.py": "only a picture that could not be written is rescued",
     "render/render_scene.py": "a picture loads the backend that draws it",
     "render/backends/kernel_choice.py": "a picture loads the backend that draws it",

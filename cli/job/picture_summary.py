@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ...compiler.plan import omitted_light
-
 
 def summary(path: Path, figures: Mapping[str, Any]) -> str:
     """A one-line summary of a picture."""
+    from ...compiler.plan import omitted_light
+
     width, height = figures["size"]
     total, left = figures.get("elapsed") or sum(figures["seconds"].values()), figures["denoised_error"]
     error, noise, bias = "", figures["error"], figures["bias"]

@@ -6,6 +6,7 @@ import os
 import sys
 import sysconfig
 import tempfile
+import time
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, suppress
 from pathlib import Path
@@ -33,6 +34,7 @@ _SYSTEM = (  # libraries, and what they read when they start
     *(f"/sys/fs/cgroup/memory/memory.{name}" for name in ("limit_in_bytes", "usage_in_bytes", "stat")),
 )  # fmt: skip
 _OWN = ("auxv", "cgroup", "maps", "mountinfo", "mounts", "smaps", "stat", "statm", "status")  # of /proc/self
+_ENDING = 2.0  # seconds that threads may take to end
 _KERNELS = ("*.kernel",)  # of the cache; its other files are of other scenes, or hold the secrets of live windows
 
 
@@ -57,7 +59,7 @@ def confine(read: Iterable[Path], write: Iterable[Path], memory: int | None = No
         raise OSError("this system has no limits of processes")
     if why := seccomp.missing():
         raise OSError(why)
-    if len(os.listdir("/proc/self/task")) > 1:
+    if _has_threads():
         raise OSError("a process is confined before it starts threads")
     _leave_behind()
     with ExitStack() as stack:
@@ -77,6 +79,16 @@ def confine(read: Iterable[Path], write: Iterable[Path], memory: int | None = No
         resource.setrlimit(limit, (least, least))
     seccomp.restrict()
     _confined = True
+
+
+def _has_threads() -> bool:
+    """Whether this process has other threads. Those that have been joined may take a moment to end."""
+    deadline = time.monotonic() + _ENDING
+    while len(os.listdir("/proc/self/task")) > 1:
+        if time.monotonic() > deadline:
+            return True
+        time.sleep(0.01)
+    return False
 
 
 def _opened(paths: Iterable[Path], stack: ExitStack) -> Iterator[int]:

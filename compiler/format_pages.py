@@ -71,8 +71,9 @@ if most of those above 0 are above 1, or if all are whole numbers and one is abo
 | `.3mf` | as the file says, else millimetres | z |
 | `.glb`, `.gltf` | metres | y |
 
-A note tells what was assumed of a file that says neither, with its size in metres. `--unit mm --up z`, or
-`mesh("part.stl", unit: "mm", up: "z")` in a scene, say otherwise. Files that `convert` writes come back with the same size and place.
+A note tells what was assumed of a file that says neither, with its size in metres: always of `.stl` and `.xyz`, and of the others where
+their longest side is below 2 mm, or 20 m or more. `--unit mm --up z`, or `mesh("part.obj", unit: "mm", up: "z")` in a scene, say
+otherwise. Files that `convert` writes come back with the same size and place.
 
 A 3MF file is an archive of a stranger. Document types, entities, parts of more than 1 GiB in all, elements more than 64 deep and
 components that contain each other are refused or cut off, with a message. Nothing outside of the archive is read.

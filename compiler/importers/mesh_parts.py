@@ -71,12 +71,16 @@ class Frame:
 
 
 PLAIN = Frame()
+LIKELY = 0.002, 20.0  # metres: longest sides that a file in metres has
 
 
 def tell_frame(
     parts: Sequence[Part], suffix: str, options: MeshOptions | None, builder: SceneBuilder, diagnostics: Diagnostics, span: Span
 ) -> None:  # fmt: skip
-    """A note on the unit and the axis that were assumed for a file, with its size in metres."""
+    """A note on the unit and the axis that were assumed for a file, with its size in metres.
+
+    In a format that is read as it is, in metres with y up, only of a size that is not LIKELY.
+    """
     if options is None or suffix not in ASSUMED or not parts:
         return
     unit, up = ASSUMED[suffix]
@@ -85,7 +89,10 @@ def tell_frame(
     if not lacking:
         return
     boxes = np.array([builder.bounds(part.geometry, np.eye(4)) for part in parts])
-    size = " × ".join(f"{side:.4g}" for side in boxes[:, 1].max(axis=0) - boxes[:, 0].min(axis=0))
+    sides = boxes[:, 1].max(axis=0) - boxes[:, 0].min(axis=0)
+    if (unit, up) == ("m", "y") and (options.unit is not None or LIKELY[0] <= sides.max() < LIKELY[1]):
+        return
+    size = " × ".join(f"{side:.4g}" for side in sides)
     has = " and ".join({"unit": "no unit", "up": "no up axis"}[name] for name, _, _ in lacking)
     words = " ".join(words for _, words, _ in lacking)
     other = {"mm": "m", "m": "mm", "y": "z", "z": "y"}

@@ -123,6 +123,14 @@ def test_a_height_needs_no_unit(tmp_path: Path) -> None:
     assert float(np.ptp(scene.tables.geometries.bounds[0, :, 1]) * np.linalg.norm(scene.tables.transforms.matrix[-1, :, 1])) > 0
 
 
+@pytest.mark.parametrize(("side", "told"), [(3, False), (60, True), (0.001, True)])
+def test_an_unlikely_size_of_an_obj_file_is_told(tmp_path: Path, side: float, told: bool) -> None:
+    (tmp_path / "a.obj").write_text(f"v 0 0 0\nv {side} 0 0\nv 0 {side} 0\nf 1 2 3\n", encoding="utf-8")
+    note = f"a .obj file says no unit and no up axis: read in m with y up, this one is {side} × {side} × 0 m"
+    assert (note in run("check", tmp_path / "a.obj")[2]) == told
+    assert "says no" not in run("check", tmp_path / "a.obj", "--unit", "mm")[2]
+
+
 def test_options_that_a_file_cannot_take(tmp_path: Path) -> None:
     (tmp_path / "a.scene").write_text("sphere(1)\n", encoding="utf-8")
     assert "only mesh files take --up" in run("check", tmp_path / "a.scene", "--up", "z")[2]

@@ -60,7 +60,7 @@ class Commands(click.Group):
         except BrokenPipeError:  # the reader of stdout has ended, as in `maquette inspect a.scene | head -1`
             ctx.exit(1)
         except OSError as error:
-            click.echo(f"error: {_os_message(error)}", err=True)
+            click.echo(f"error: {memory.refused_library(error) or _os_message(error)}", err=True)
             ctx.exit(1)
         except UnicodeEncodeError as error:
             name = error.object[error.start : error.end]
@@ -73,6 +73,9 @@ class Commands(click.Group):
             click.echo("error: not enough memory for this picture: give a smaller --size, or fewer channels by --aov", err=True)
             ctx.exit(1)
         except Exception as error:
+            if why := memory.refused_library(error):
+                click.echo(f"error: {why}", err=True)
+                ctx.exit(1)
             if os.environ.get("MAQUETTE_TRACEBACK"):
                 raise
             click.echo(f"internal error: {type(error).__name__}: {error}", err=True)

@@ -21,6 +21,7 @@ LATER = 600_000_000  # bytes of address space of libraries that are loaded later
 LIMITS = (  # name, kind, least bytes, the command that raises it
     ("RLIMIT_STACK", "stack", 1 << 20, "ulimit -s 8192"),
     ("RLIMIT_DATA", "data", 300_000 << 10, "ulimit -d unlimited"),
+    ("RLIMIT_AS", "address space", 600_000 << 10, "ulimit -v unlimited"),
 )
 
 try:
@@ -54,6 +55,16 @@ def refused_limits() -> str:
         if limit != resource.RLIM_INFINITY and limit < least:
             return f"this shell limits the {kind} to {limit >> 10} kB, and {least >> 10} are needed: {command}"
     return _refused_threads()
+
+
+def refused_library(error: BaseException) -> str:
+    """Why a library could not be loaded, where the address space is limited; "" for other errors and without a limit."""
+    if resource is None or "shared object" not in str(error):
+        return ""
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if limit == resource.RLIM_INFINITY:
+        return ""
+    return f"a library does not fit into the address space, which this shell limits to {limit >> 10} kB: ulimit -v unlimited"
 
 
 def _refused_threads() -> str:

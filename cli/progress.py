@@ -1,7 +1,7 @@
 """Shows the progress of a command on stderr: the stage, samples and error so far, and the time left.
 
-A terminal has one line, rewritten four times a second; other streams get a line every ten seconds, if it has changed. Work that ends
-sooner shows nothing.
+A terminal has one line, rewritten four times a second; other streams get a line every ten seconds, if it has changed or
+while kernels compile. Work that ends sooner shows nothing.
 MAQUETTE_PROGRESS=off shows nothing at all.
 """
 
@@ -164,6 +164,8 @@ class Display:
                 text = self.text()
                 if text != self._last:
                     click.echo(text, err=True)
+                elif self._compiling is not None:  # a kernel may take minutes
+                    click.echo(f"{text}, {time.monotonic() - self._stopped:.0f} s so far", err=True)
                 self._last = text
                 return
             width = shutil.get_terminal_size().columns - 1

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import os
 import re
 import shlex
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Iterable, Mapping
@@ -61,6 +63,12 @@ def check_folder(path: Path, kept: Iterable[Path] = ()) -> None:
     check_replaceable(path, kept)
     if not os.access(folder, os.W_OK | os.X_OK):
         raise PermissionError(f"the folder {folder} is not writable")
+    try:  # the rights may say otherwise, as those of root in /proc
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as fault:
+        if fault.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EMFILE, errno.ENFILE):  # the pixels are rescued, or it says what to do
+            raise OSError(f"no file can be made in the folder {folder}: choose another one for {path.name}") from None
 
 
 def check_stats(stats: Path | None, *others: Path) -> None:

@@ -202,7 +202,8 @@ class Strips:
         """The error of a file that cannot be written. Libraries do not say that the disk is full: the free space does."""
         free = math.inf
         with suppress(OSError):
-            free = shutil.disk_usage(self._new.partial.parent).free
+            disk = shutil.disk_usage(self._new.partial.parent)
+            free = disk.free if disk.total else math.inf  # file systems such as /proc have no size
         reason = "the disk is full" if free < FULL else _limit_reached(self._new.partial) or " ".join(problem.split())
         return OSError(f"cannot write {self.path}: {reason}")
 

@@ -841,3 +841,21 @@ def test_options_without_an_effect_are_noted(scene: Path, options: list[str], no
     code, _, err = run("render", "a.scene", "--size", "8", "--samples", "1", "--no-denoise", *backend, *options)
     assert code == 0
     assert [line for line in err.splitlines() if "no effect" in line] == [f"note: {note}" for note in notes]
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="this system has no /proc")
+def test_a_folder_that_takes_no_files_is_told_before_drawing(scene: Path) -> None:
+    """The rights of root say otherwise."""
+    if os.access("/proc", os.W_OK):
+        message = "error: no file can be made in the folder /proc: choose another one for x.png\n"
+    else:
+        message = "error: the folder /proc is not writable\n"
+    assert run("render", scene, "-o", "/proc/x.png") == (1, "", message)
+
+
+@pytest.mark.skipif(memory.resource is None, reason="this system has no limits of processes")
+def test_a_small_address_space_is_told() -> None:
+    command = f"ulimit -v 500000 && exec {sys.executable} -P -m maquette doctor"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, timeout=60)
+    message = "error: this shell limits the address space to 500000 kB, and 600000 are needed: ulimit -v unlimited\n"
+    assert (done.returncode, done.stderr) == (1, message)

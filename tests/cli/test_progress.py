@@ -146,6 +146,13 @@ def test_quick_work_shows_nothing_and_slow_work_a_line_at_times(capsys: pytest.C
             display.stage(stage)
             time.sleep(0.3)
     assert capsys.readouterr().err.splitlines() == ["reading", "building"]  # a line that has not changed is not repeated
+    with Display(quiet=False) as display:
+        display.compiling(compile_events.Compiling("a", 1, 10))
+        time.sleep(0.3)
+    first, *rest = capsys.readouterr().err.splitlines()
+    assert first == "compiling kernel 1 of about 10"
+    assert rest
+    assert set(rest) == {"compiling kernel 1 of about 10, 0 s so far"}  # a kernel may take minutes
     with Display(quiet=True) as display:
         time.sleep(0.2)
     assert capsys.readouterr().err == ""

@@ -31,13 +31,13 @@ $(STAMP): pyproject.toml requirements/run.txt
 	@test -n "$(PYTHON)" || { echo "maquette needs Python 3.11 or newer (make PYTHON=/path/to/python3)"; exit 1; }
 	@echo "making $(VENV) with $(PYTHON)"
 	@$(PYTHON) -m venv $(VENV)
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --require-hashes -r requirements/run.txt
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -e .
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --no-compile --require-hashes -r requirements/run.txt
+	@PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --no-deps -e .
 	@touch $@
 
 $(DEVELOP): $(STAMP) requirements/develop.txt
 	@echo "installing what tests, checks and pages need"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --require-hashes -r requirements/develop.txt
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --no-compile --require-hashes -r requirements/develop.txt
 	@mkdir -p $(VENV)/typing && ln -sfn ../.. $(VENV)/typing/maquette
 	@touch $@
 

@@ -22,8 +22,8 @@ from ..mesh.polygon_mesh import PolyMesh
 from ..scene import transforms
 from ..scene.builder import SceneBuilder
 from ..scene.row_records import WHITE, CameraData, LightData, MeshAttribute, as_color, nonnegative, scale_color
-from . import gltf_animation, gltf_draco, gltf_materials, gltf_tables, gltf_tangents, uv_sets, vertex_numbers
-from .common import point_clouds
+from . import gltf_animation, gltf_draco, gltf_materials, gltf_tables, gltf_tangents
+from .common import point_clouds, uv_sets, vertex_numbers
 from .gltf_container import Container, Rows, check_finite, open_container
 from .gltf_errors import GltfError
 from .mesh_parts import Part, add

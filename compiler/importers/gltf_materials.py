@@ -17,7 +17,8 @@ from ..io.sandbox import FileError
 from ..scene import metallic_roughness
 from ..scene.builder import NONE, SceneBuilder
 from ..scene.row_records import BLACK, WHITE, Input, MaterialData, TextureData, as_color, scale_color
-from . import images, uv_sets, vertex_numbers
+from . import images
+from .common import uv_sets, vertex_numbers
 from .gltf_container import Container, Warn, check_finite
 from .gltf_errors import GltfError
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from maquette.compiler import ir, load
+from maquette.compiler.importers.stage_options import StageOptions
 from maquette.compiler.scene import dump, serialize
 from maquette.lang.diagnostics import Diagnostics, SceneError
 
@@ -97,18 +98,22 @@ def test_a_saved_scene_is_a_scene(hello: Path, tmp_path: Path) -> None:
     assert again.params == scene.params
 
 
-KNOWN = ".scene, .usd, .usda, .usdc, .usdz, .obj, .ply, .stl, .glb, .gltf, .off, .npz"
+KNOWN = ".scene, .usd, .usda, .usdc, .usdz, .obj, .ply, .stl, .glb, .gltf, .off, .3mf, .xyz, .npz"
+
+
+VARIANT = StageOptions(variants={"/a:b": "c"})
 
 
 @pytest.mark.parametrize(
     ("name", "text", "more", "expected"),
     [
         ("a.scnee", "x", {}, [("`a.scnee` is no kind of scene that is known", "did you mean `.scene`?")]),
-        ("a.fbx", "x", {}, [("`a.fbx` is no kind of scene that is known", f"scenes are {KNOWN}")]),
+        ("a.zzz", "x", {}, [("`a.zzz` is no kind of scene that is known", f"scenes are {KNOWN}")]),
+        ("a.fbx", "x", {}, [("`a.fbx` is of a format that is not read", "Blender imports it, and exports .glb or .usdc")]),
         ("a.npz", "x", {}, [("cannot read the saved scene: it is damaged, or something else", "")]),
         ("a.obj", "v 0 0 0", {"sets": {"n": "1"}}, [("there is no param `n`: only .scene files have params", "leave out --set")]),
         ("a.obj", "v 0 0 0", {"time": 1.0}, [("nothing moves in this kind of file: it has no time", "leave out --time")]),
-        ("a.scene", "sphere(1)", {"variants": {"/a:b": "c"}}, [("only USD stages have variants", "leave out --variant")]),
+        ("a.scene", "sphere(1)", {"stage": VARIANT}, [("only USD stages have variants", "leave out --variant")]),
     ],
 )
 def test_refusals(tmp_path: Path, name: str, text: str, more: dict, expected: list) -> None:

@@ -17,7 +17,7 @@ from ... import ir
 from ...mesh import polygon_mesh, subdivision, triangulate, vertex_normals
 from ...scene.builder import NONE, SceneBuilder
 from ...scene.row_records import MeshAttribute
-from .. import vertex_numbers
+from ..common import vertex_numbers
 from . import stage
 from .skeletons import Skin
 

@@ -21,7 +21,8 @@ from ... import ir
 from ...scene import metallic_roughness
 from ...scene.builder import NONE, SceneBuilder, lambert
 from ...scene.row_records import BLACK, WHITE, Color, Input, MaterialData, TextureData, nonnegative
-from .. import images, uv_sets, vertex_numbers
+from .. import images
+from ..common import uv_sets, vertex_numbers
 from ..common.replacements import Replacements
 from . import materialx, stage
 from .assets import Asset, asset, contents

@@ -15,7 +15,7 @@ from ....lang.diagnostics import Diagnostics, Span
 from ... import ir
 from ...ir import F64
 from ...scene.row_records import MeshAttribute
-from .. import uv_sets
+from ..common import uv_sets
 from . import geometry, stage
 from .materials import DISPLAY_COLOR, DISPLAY_OPACITY, Materials
 from .network import Fit, Network, Picture

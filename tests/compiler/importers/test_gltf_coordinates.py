@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from maquette.compiler import ir
-from maquette.compiler.importers import gltf_tangents, uv_sets
+from maquette.compiler.importers import gltf_tangents
+from maquette.compiler.importers.common import uv_sets
 
 from ...files import write_image
 from .. import tables

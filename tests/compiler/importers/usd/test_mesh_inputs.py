@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from maquette.compiler import ir
-from maquette.compiler.importers import uv_sets
+from maquette.compiler.importers.common import uv_sets
 
 from ....files import write_image
 from .stages import SQUARE, attribute, read, slot

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...lang.diagnostics import Span
-from .. import ir
-from ..scene.builder import SceneBuilder
-from ..scene.row_records import MeshAttribute, TextureData
+from ....lang.diagnostics import Span
+from ... import ir
+from ...scene.builder import SceneBuilder
+from ...scene.row_records import MeshAttribute, TextureData
 
 # u = 0 and u = 1 are the centres of the two texels; between them the texture is linear.
 _FRAME = ((0.5, 0.0, 0.25), (0.0, 0.0, 0.5))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..ir import F64, I64
+from ...ir import F64, I64
 
 MOST_PARTS = 64
 TOLERANCE = 1e-4  # of texture coordinates: a tenth of a texel of 1024

@@ -90,9 +90,8 @@ def _refuse_unknown(path: Path, found: Diagnostics) -> None:
     """Report a file of another format, with the program that writes one that is read."""
     known = (*file_types.SCENE, *file_types.USD, *file_types.MESH, *file_types.SAVED)
     advice = foreign_formats.advice(path.name)
-    what = "of a format that is not read" if advice else "no kind of scene that is known"
     hint = advice or suggest(path.suffix.lower(), known) or f"scenes are {', '.join(known)}"
-    found.error(f"`{path.name}` is {what}", Span(str(path)), hint)
+    found.error(f"`{path.name}` is no kind of scene that is known", Span(str(path)), hint)
 
 
 def _blurred(scene: ir.Scene, at: Callable[[float, Diagnostics], ir.Scene], found: Diagnostics) -> ir.Scene:

@@ -44,8 +44,7 @@ def read(
     whole = Span(name)
     if format_ not in file_types.MESH:
         advice = foreign_formats.advice(name)
-        what = "of a format that is not read" if advice else "no mesh file that is known"
-        diagnostics.error(f"`{name}` is {what}", span or whole, advice or f"known are {', '.join(file_types.MESH)}, and USD")
+        diagnostics.error(f"`{name}` is no mesh file that is known", span or whole, advice or f"known are {', '.join(file_types.MESH)}, and USD")
         return []
     folder = source.parent if isinstance(source, Path) else None
     if files is None:

@@ -152,7 +152,7 @@ def test_a_format_that_is_not_read_names_a_program(tmp_path: Path, monkeypatch: 
     monkeypatch.chdir(tmp_path)
     Path(name).write_text("x", encoding="utf-8")
     Path("a.scene").write_text(f'mesh("{name}")\n', encoding="utf-8")
-    assert run("check", name) == (1, f"{name}: 1 error\n", f"{name}: error: `{name}` is of a format that is not read\n  {hint}\n")
+    assert run("check", name) == (1, f"{name}: 1 error\n", f"{name}: error: `{name}` is no kind of scene that is known\n  {hint}\n")
     code, _, err = run("check", "a.scene")
     assert code == 1
     assert hint in err

@@ -941,7 +941,7 @@ def test_samples(assets, name):
     triangles, materials = SAMPLES[name]
     assert len(scene.tables.pools.triangles) == triangles
     assert len([m for m in scene.names.materials if m != "default"]) == materials
-    assert [d.severity for d in found.items] == NAMED.get(name, [])
+    assert [d.severity for d in found.items if "says no" not in d.message] == NAMED.get(name, [])  # without the note on its unit
 
 
 @pytest.mark.assets

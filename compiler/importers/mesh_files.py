@@ -44,7 +44,8 @@ def read(
     whole = Span(name)
     if format_ not in file_types.MESH:
         advice = foreign_formats.advice(name)
-        diagnostics.error(f"`{name}` is no mesh file that is known", span or whole, advice or f"known are {', '.join(file_types.MESH)}, and USD")
+        hint = advice or f"known are {', '.join(file_types.MESH)}, and USD"
+        diagnostics.error(f"`{name}` is no mesh file that is known", span or whole, hint)
         return []
     folder = source.parent if isinstance(source, Path) else None
     if files is None:

@@ -18,6 +18,7 @@ from ..formula.solid_fields import NoSolid
 from ..formula.tape import Tape
 from ..io import stage_cache
 from ..scene.row_records import MeshAttribute, MeshData, Piece
+from ..scene.validate_meshes import FLAT
 from . import built_geometry
 
 if TYPE_CHECKING:
@@ -230,4 +231,12 @@ def _mesh(solid: Solid) -> MeshData:
     made = solid.manifold.calculate_normals(0, SHARP).to_mesh64(0)
     numbers = np.asarray(made.vert_properties)
     normals = MeshAttribute(numbers[:, 3:6].copy(), ir.Interpolation.VERTEX)
-    return MeshData(numbers[:, :3].copy(), np.asarray(made.tri_verts).astype(np.int64), normals, deviation=solid.deviation)
+    points, triangles = numbers[:, :3].copy(), np.asarray(made.tri_verts).astype(np.int64)
+    return MeshData(points, triangles[_has_area(points, triangles)], normals, deviation=solid.deviation)
+
+
+def _has_area(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Mask of the triangles that keep an area when their corners are stored as float32."""
+    a, b, c = (points.astype(np.float32).astype(np.float64)[triangles[:, k]] for k in range(3))
+    longest = np.max([((q - p) ** 2).sum(axis=1) for p, q in ((a, b), (a, c), (b, c))], axis=0)
+    return (np.cross(b - a, c - a) ** 2).sum(axis=1) > (FLAT * longest) ** 2

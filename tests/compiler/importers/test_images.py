@@ -206,7 +206,9 @@ def test_channels_of_an_exr_are_selected_by_name(tmp_path, names, color, message
 @pytest.mark.parametrize("names", list(itertools.permutations(["G", "B", "A", "z"], 4)))
 def test_an_exr_without_red_is_drawn_wherever_its_alpha_is(tmp_path: Path, names: tuple[str, ...]) -> None:
     path = write_exr(tmp_path / "a.exr", names)
-    stored = [str(name) for name in oiio.ImageInput.open(str(path)).spec().channelnames]
+    opened = oiio.ImageInput.open(str(path))
+    assert opened is not None
+    stored = [str(name) for name in opened.spec().channelnames]
     inks = [name for name in stored if name != "A"]
     shown = f"{NO_RGB}`{inks[0]}`, `{inks[1]}` and `{inks[2]}` are drawn as red, green and blue"
     assert told(path) == [("warning", shown, NAME_THEM)]

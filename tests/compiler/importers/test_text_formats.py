@@ -90,6 +90,7 @@ def test_names_of_materials_in_windows_1252(tmp_path: Path) -> None:
     (tmp_path / "a.mtl").write_bytes("newmtl gr\xfcn\nKd 0 1 0\nnewmtl gr\xfcn2\nKd 1 0 0\n".encode("cp1252"))
     scene, parts, messages = read(f"mtllib a.mtl\nusemtl gr\xfcn\n{OBJ}".encode("cp1252"), "x.obj", tmp_path)
     assert messages == []
+    assert parts[0].material is not None
     assert scene.names.materials[parts[0].material] == "grün"
 
 
@@ -133,6 +134,7 @@ def test_commas_in_names_and_comments_stay(tmp_path: Path) -> None:
     (tmp_path / "a,b.mtl").write_text("newmtl 1,5 # 2,5\nKd 0 1 0 # 1,5\n")
     scene, parts, messages = read(f"# 1,5\nmtllib a,b.mtl\nusemtl 1,5\n{OBJ}v 1 2 3 # 4,5\n", "x.obj", tmp_path)
     assert messages == []
+    assert parts[0].material is not None
     assert scene.names.materials[parts[0].material] == "1,5"
 
 
@@ -140,7 +142,7 @@ def test_decimal_commas_of_a_material_library(tmp_path: Path) -> None:
     (tmp_path / "a.mtl").write_text("newmtl m\nKd 0,5 1,0 0\nNi 1,5\nd 0,5\n")
     scene, parts, messages = read(f"mtllib a.mtl\nusemtl m\n{OBJ}", "x.obj", tmp_path)
     assert messages == [f"a.mtl:2:1: {DECIMAL}"]
-    assert scene.tables.materials.values[parts[0].material, 0].tolist() == [0.25, 0.5, 0]
+    assert scene.tables.materials.values[parts[0].material, 0].tolist() == [0.5, 1, 0]
 
 
 @pytest.mark.parametrize("numbers", ["1 1000 1 2 1 1 2 0 0 0\n1 1 10\n0 90\n0\n0.5 1.5",

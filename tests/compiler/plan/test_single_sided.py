@@ -20,7 +20,8 @@ def seen(triangles, eye=(0.0, 0.0, 9.0), points=CORNERS, matrix=None, opacity=1.
     builder = SceneBuilder()
     row = builder.mesh(MeshData(points, np.array(triangles), **attributes))
     material = builder.material(MaterialData(inputs={ir.Slot.OPACITY: Input.number(opacity)}))
-    place = builder.transform(transforms.identity() if matrix is None else matrix)
+    placed = transforms.identity()
+    place = builder.transform(placed if matrix is None else matrix)
     builder.instance(InstanceData(row, place, material, name="thing"))
     builder.single_sided.add(row)
     at = transforms.looking(eye, (0.0, 0.0, 0.0), (0.0, 1.0, 0.1))
@@ -102,8 +103,9 @@ def test_a_part_inside_out_of_a_closed_mesh_is_found():
 
 def test_points_at_one_place_close_a_mesh():
     apart = CORNERS[BOX].reshape(-1, 3)
-    assert single_sided.is_closed_outward(apart, np.arange(36).reshape(-1, 3))
-    assert not single_sided.is_closed_outward(apart, np.arange(33).reshape(-1, 3))
+    rows = np.arange(36, dtype=np.int32).reshape(-1, 3)
+    assert single_sided.is_closed_outward(apart, rows)
+    assert not single_sided.is_closed_outward(apart, rows[:-1])
     assert not single_sided.is_closed_outward(np.zeros((0, 3)), np.zeros((0, 3), int))
 
 

@@ -31,6 +31,7 @@ def package(files):
         (package({}), f"{NO_LAYER}{AGAIN}"),
         (package({"a.txt": "text"}), f"{NO_LAYER}{AGAIN}"),
     ],
+    ids=["empty", "rubbish", "cut off", "no file", "no layer"],  # archives hold the time
 )
 def test_a_package_that_cannot_be_read_has_a_reason(tmp_path, data, reason):
     path = tmp_path / "x.usdz"

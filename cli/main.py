@@ -295,8 +295,8 @@ def explain(scene: Path, as_json: bool, **given: Any) -> None:
             for d in plan.decisions.values()
         ]
         rows.append({"name": "kernels", "value": kind, "reason": state, "overridden": False, "matters": False})
-        made = geometry_costs.rows(costs)
-        rows.append({"name": "geometry", "value": made, "reason": "seconds to make it", "overridden": False, "matters": False})
+        if made := geometry_costs.rows(costs):
+            rows.append({"name": "geometry", "value": made, "reason": "seconds to make it", "overridden": False, "matters": False})
         click.echo(json.dumps(jobs.json_value(rows), indent=2))
     else:
         terminal.explain(compiled, plan, matters)

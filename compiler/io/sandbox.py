@@ -99,6 +99,8 @@ class Files:
         """
         try:
             target = Path(path).resolve()
+        except UnicodeEncodeError:  # the encoding of file names lacks a character: told with its fix, for all commands
+            raise
         except (OSError, ValueError, RuntimeError):
             return f"`{name}` leads round in a circle of links", ""
         if self._holds(target):

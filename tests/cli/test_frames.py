@@ -30,7 +30,7 @@ def seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[list[float]]:
     monkeypatch.chdir(tmp_path)
     places: list[list[float]] = []
 
-    def drawn(compiled: ir.Scene, *_: object) -> Image:
+    def drawn(compiled: ir.Scene, *_: object, **__: object) -> Image:
         places.append(compiled.tables.transforms.matrix[compiled.tables.instances.transform[0], :, 3].round(9).tolist())
         return Image(1, 1, {"rgba": np.zeros((1, 1, 4), np.float32)}, {"seconds": {}, "notes": [], "unproved": 0, "issues": 0})
 

@@ -282,7 +282,7 @@ def test_a_full_disk_is_the_reason(tmp_path: Path, name: str) -> None:
         from maquette.render.image.image import Image
         pixels = np.random.default_rng(0).random((64, 64, 4), dtype=np.float32)
         resource.setrlimit(resource.RLIMIT_FSIZE, (2048, 2048))
-        shutil.disk_usage = lambda path: SimpleNamespace(free=0)
+        shutil.disk_usage = lambda path: SimpleNamespace(free=0, total=1)
         try:
             image_files.write(Image(64, 64, {{"rgba": pixels}}, {{}}), Path({name!r}), image_files.Look(), {{}})
         except OSError as error:

@@ -156,7 +156,8 @@ for note in picture_notes.unkept_kernel_notes():
 def test_kernels_that_cannot_be_kept_are_told(tmp_path: Path, variables: dict[str, str], count: int, told: str) -> None:
     (tmp_path / "file").write_bytes(b"")
     command = [sys.executable, "-c", WRITES, str(count)]
-    done = subprocess.run(command, cwd=tmp_path, env={**os.environ, **variables}, capture_output=True, text=True)
+    environment = {**os.environ, **variables, "MAQUETTE_CACHE": str(tmp_path / variables["MAQUETTE_CACHE"])}
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
     assert (done.stdout, done.stderr) == (told, "")
 
 

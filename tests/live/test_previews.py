@@ -21,7 +21,7 @@ cylinder(0.3, 1, center: [-0.8, 0.5, -0.4], material: mirror(0.9))
 camera(position: [0, 1.4, 1.8], look_at: [0, 0.8, 0], fov: 60deg)
 sphere(1cm, center: [1.5, 2.5, -1], material: emissive(luminance: 90000))
 box([0.6, 0.02, 0.6], center: [1.5, 2.3, -1], material: lambert(0.7))
-render(bounces: 4, size: [160, 120])
+render(bounces: 4, size: [96, 72])
 """
 
 
@@ -90,7 +90,7 @@ def test_the_window_shows_previews_and_then_what_render_writes(tmp_path: Path, m
         current = shown.session.studio.current
         assert current is not None
         preview = current.shown.rgba
-        page.finished()
+        page.finished(seconds=240.0)
         assert page.wait(lambda: page.last["progress"]["stage"] == "done" and page.last["progress"])["denoised"]
         assert current.finished is not None
         assert np.array_equal(current.finished.channels["rgba"], final.channels["rgba"])

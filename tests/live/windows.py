@@ -109,9 +109,9 @@ class Client:
         self.send(kind, **fields)
         return self.wait(lambda: self.last.get(answer))
 
-    def finished(self, after: int = 0) -> dict[str, Any]:
+    def finished(self, after: int = 0, seconds: float = 20.0) -> dict[str, Any]:
         """The description of a finished picture of a later version."""
-        return self.wait(lambda: next((p for p in self.pictures[-1:] if p["finished"] and p["version"] > after), None))
+        return self.wait(lambda: next((p for p in self.pictures[-1:] if p["finished"] and p["version"] > after), None), seconds)
 
     @property
     def version(self) -> int:

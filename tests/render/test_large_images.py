@@ -97,11 +97,11 @@ def test_an_interrupted_picture_is_kept_aside(folder, small, monkeypatch):
     (folder / "a.exr").write_bytes(b"old")
     drawn, every = render_scene.draw, []
 
-    def interrupted(scene, plan, progress, cancel: threading.Event):
+    def interrupted(scene, plan, progress, cancel: threading.Event, **others):
         every.append(plan["crop"])
         if len(every) == 3:
             cancel.set()
-        return drawn(scene, plan, progress, cancel)
+        return drawn(scene, plan, progress, cancel, **others)
 
     monkeypatch.setattr(render_scene, "draw", interrupted)
     code, said = run("--samples", 1, "-o", "a.exr")

@@ -25,6 +25,7 @@ def seen(triangles, eye=(0.0, 0.0, 9.0), points=CORNERS, matrix=None, opacity=1.
     builder.instance(InstanceData(row, place, material, name="thing"))
     builder.single_sided.add(row)
     at = transforms.looking(eye, (0.0, 0.0, 0.0), (0.0, 1.0, 0.1))
+    assert at is not None
     builder.camera(CameraData(builder.transform(at), 0.5, projection))
     scene = builder.finish()
     assert scene.tables.instances.visible.tolist() == [7 | SINGLE_SIDED]

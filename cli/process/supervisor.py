@@ -1,4 +1,4 @@
-"""Runs the command in a child process: a signal ends it within seconds, whatever it does, and a crash is told in words.
+"""Supervisor process: forwards signals to the command, ends it after a grace time, and reports its crash.
 
 Python runs the handler of a signal between two operations of its own. Compilation in LLVM and long calls of libraries are one operation
 each. The parent process does nothing but wait, so it acts at once. It ends the child that is still at work after GRACE, and prints the

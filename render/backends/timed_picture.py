@@ -1,4 +1,4 @@
-"""Draws a picture with a budget: whole and denoised when the budget ends, at a part of its resolution where there is no time for more.
+"""Renderer for --budget: plans samples, resolution and denoising so that the picture is complete at the deadline.
 
 A preview of 1/8 of the size measures the pace. Where a sample of each pixel does not fit into the time, a smaller picture is enlarged.
 """

@@ -1,4 +1,4 @@
-"""Plans the denoising of a picture with a budget: how much of it there is time for, from measured speeds and the size of the picture."""
+"""Time estimate of denoising, from measured speed and picture size; decides which denoising runs fit a budget."""
 
 from __future__ import annotations
 

@@ -72,16 +72,16 @@ def load(
                 **params,
             )  # fmt: skip
     found = diagnostics if diagnostics is not None else messages.Diagnostics()
-    known = len(found.items)
+    earlier_count = len(found.items)
     folders = tuple(Path(folder) for folder in allow)
-    given = {**{name: as_text(value) for name, value in params.items()}, **(sets or {})}
-    made = loader.load(
-        Path(source), sets=given, time=time, allow=folders, stage=StageOptions(variants=variants or {}), max_elements=max_elements,
+    param_values = {**{name: as_text(value) for name, value in params.items()}, **(sets or {})}
+    compiled = loader.load(
+        Path(source), sets=param_values, time=time, allow=folders, stage=StageOptions(variants=variants or {}), max_elements=max_elements,
         diagnostics=found, seconds={},
     )  # fmt: skip
     if diagnostics is None:
         warn(found.items, 2)
-    return Scene.of(made, found.items[known:])
+    return Scene.of(compiled, found.items[earlier_count:])
 
 
 def _written(source: Any, folder: Path) -> tuple[Path, list[Path]]:

@@ -153,8 +153,8 @@ def source_of(scene: Path, given: dict[str, Any]) -> jobs.Source:
     """The source of the options of `scene_options`, which are removed from `given`."""
     from ..compiler.importers.stage_options import MeshOptions, StageOptions
 
-    kept = ("variants", "purposes", "cull_backfaces", "conform", "render_settings", "session_layer")
-    of_stage = {name: given.pop(name) for name in kept}
+    names = ("variants", "purposes", "cull_backfaces", "conform", "render_settings", "session_layer")
+    of_stage = {name: given.pop(name) for name in names}
     stage = StageOptions(
         **of_stage, mask=given.pop("mask") or (), complexity=given.pop("complexity") or 0, default_light=not given.pop("no_default_light"),
         size=given.get("size"),

@@ -221,8 +221,8 @@ def check(ctx: click.Context, scenes: tuple[Path, ...], strict: bool, build: boo
     for path in scenes:
         try:
             with contextlib.nullcontext() if build else built_geometry.left_out():
-                scene, found = shared.source_of(path, dict(given)).load({})
-            diagnostics = (*found.items, *planner.default_notes(scene))
+                scene, messages = shared.source_of(path, dict(given)).load({})
+            diagnostics = (*messages.items, *planner.default_notes(scene))
         except SceneError as error:
             diagnostics = error.diagnostics
         if strict:

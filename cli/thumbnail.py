@@ -103,13 +103,13 @@ def thumbnail(
     waiting = [asset for asset in found if asset.name not in done]
     saved = time.perf_counter()
     looks = Looks(size, complexity or 0, options, (*(path for path in assets if path.is_dir()), *allow))
-    for made in _draw_all(waiting, output, looks, jobs or os.cpu_count() or 1):
-        done[made.name] = made
+    for thumbnail in _draw_all(waiting, output, looks, jobs or os.cpu_count() or 1):
+        done[thumbnail.name] = thumbnail
         if time.perf_counter() - saved > SAVED_EVERY:  # a run that is stopped goes on from there
             _save(output, list(done.values()))
             saved = time.perf_counter()
         if not as_json:
-            _print(made)
+            _print(thumbnail)
     ordered = [done[asset.name] for asset in found]
     _save(output, ordered)
     failed = sum(bool(one.error) for one in ordered)
@@ -212,18 +212,18 @@ def draw(asset: Asset, output: Path, looks: Looks) -> Thumbnail:
     from ..lang.diagnostics import SceneError
 
     began = time.perf_counter()
-    made = Thumbnail(asset.name, str(asset.path), f"{asset.name}.png", looks.size, options=looks.options)
+    record = Thumbnail(asset.name, str(asset.path), f"{asset.name}.png", looks.size, options=looks.options)
     try:
-        _draw(asset, output, looks, made)
+        _draw(asset, output, looks, record)
     except SceneError as error:
-        made.error = "; ".join(d.message for d in error.diagnostics if d.severity == "error")
+        record.error = "; ".join(d.message for d in error.diagnostics if d.severity == "error")
     except Exception as fault:  # one asset never ends the run
-        made.error = f"{type(fault).__name__}: {fault}"
-    made.seconds = round(time.perf_counter() - began, 3)
-    return made
+        record.error = f"{type(fault).__name__}: {fault}"
+    record.seconds = round(time.perf_counter() - began, 3)
+    return record
 
 
-def _draw(asset: Asset, output: Path, looks: Looks, made: Thumbnail) -> None:
+def _draw(asset: Asset, output: Path, looks: Looks, record: Thumbnail) -> None:
     from ..compiler import ir, load
     from ..compiler.importers.stage_options import StageOptions
     from ..compiler.plan import plan as planner
@@ -231,13 +231,13 @@ def _draw(asset: Asset, output: Path, looks: Looks, made: Thumbnail) -> None:
     from ..render import render_scene
     from ..render.image import image_files
 
-    found, picture = Diagnostics(), output / made.picture
-    stage = StageOptions(complexity=looks.complexity, conform="expand", size=made.size, as_asset=True)
+    diagnostics, picture = Diagnostics(), output / record.picture
+    stage = StageOptions(complexity=looks.complexity, conform="expand", size=record.size, as_asset=True)
     usd = asset.path.suffix.lower() in file_types.USD
-    scene = load.load(asset.path, allow=looks.allow, diagnostics=found, stage=stage if usd else None)
+    scene = load.load(asset.path, allow=looks.allow, diagnostics=diagnostics, stage=stage if usd else None)
     own_light = not any(text.startswith("sun") for text in scene.defaults)
     background = None if asset.path.suffix.lower() in file_types.SCENE else "transparent"
-    asked = ir.Settings(size=made.size, samples=SAMPLES, threads=1, background=background)
+    asked = ir.Settings(size=record.size, samples=SAMPLES, threads=1, background=background)
     plan = planner.make_plan(replace(scene, photometric=own_light), asked)
     image = render_scene.draw(scene, plan)
     exposure = plan["exposure"]
@@ -245,9 +245,9 @@ def _draw(asset: Asset, output: Path, looks: Looks, made: Thumbnail) -> None:
         exposure = image_files.auto_exposure(image.channels["rgba"])
     make_folder(picture.parent, output)
     image_files.write(image, picture, image_files.Look(exposure, plan["view"], alpha=True), {"version": __version__})
-    made.triangles, made.instances = len(scene.tables.pools.triangles), len(scene.tables.instances.geometry)
-    made.made_from = {file: _changed(Path(file)) for file in dict.fromkeys((str(asset.path), *scene.files))}
-    made.warnings = [f"{d.span}: {d.message}" if d.span else d.message for d in found.items if d.severity == "warning"]
+    record.triangles, record.instances = len(scene.tables.pools.triangles), len(scene.tables.instances.geometry)
+    record.made_from = {file: _changed(Path(file)) for file in dict.fromkeys((str(asset.path), *scene.files))}
+    record.warnings = [f"{d.span}: {d.message}" if d.span else d.message for d in diagnostics.items if d.severity == "warning"]
 
 
 def _print(made: Thumbnail) -> None:

@@ -88,9 +88,9 @@ def load(
 
 def _refuse_unknown(path: Path, found: Diagnostics) -> None:
     """Report a file of another format, with the program that writes one that is read."""
-    known = (*file_types.SCENE, *file_types.USD, *file_types.MESH, *file_types.SAVED)
+    endings = (*file_types.SCENE, *file_types.USD, *file_types.MESH, *file_types.SAVED)
     advice = foreign_formats.advice(path.name)
-    hint = advice or suggest(path.suffix.lower(), known) or f"scenes are {', '.join(known)}"
+    hint = advice or suggest(path.suffix.lower(), endings) or f"scenes are {', '.join(endings)}"
     found.error(f"`{path.name}` is no kind of scene that is known", Span(str(path)), hint)
 
 

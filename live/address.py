@@ -76,8 +76,8 @@ def file_of(scene: Path) -> Path:
 
 def _read(file: Path) -> tuple[int, str]:
     try:
-        known = json.loads(read_text(file))
-        port, token = int(known["port"]), str(known["token"])
+        record = json.loads(read_text(file))
+        port, token = int(record["port"]), str(record["token"])
         if 0 < port < 65536 and len(token) >= 16 and token.replace("-", "").replace("_", "").isalnum():
             return port, token
     except (OSError, ValueError, KeyError, TypeError):

@@ -122,9 +122,9 @@ class Session:
         self._tell_files()
 
     def _change(self, page: Page, message: dict[str, Any]) -> None:
-        given = message["state"]
+        changes = message["state"]
         self._touched = True
-        self._tell_state(self.studio.change(lambda state: state.changed(given)), page)
+        self._tell_state(self.studio.change(lambda state: state.changed(changes)), page)
 
     def _text(self, page: Page, message: dict[str, Any]) -> None:
         path, text = self._path(message), message["text"]

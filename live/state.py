@@ -94,12 +94,12 @@ def _optional_text(value: Any) -> str | None:
 
 def _number(value: Any) -> float:
     try:
-        found = math.nan if isinstance(value, bool) or not isinstance(value, int | float) else float(value)
+        number = math.nan if isinstance(value, bool) or not isinstance(value, int | float) else float(value)
     except OverflowError:
-        found = math.inf
-    if not math.isfinite(found):
+        number = math.inf
+    if not math.isfinite(number):
         raise StateError(f"expected a number, got {reprlib.repr(value)}")
-    return found
+    return number
 
 
 def _optional_number(value: Any) -> float | None:

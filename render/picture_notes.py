@@ -74,23 +74,23 @@ def bounce_limit_notes(cut: Cut | None, scene: ir.Scene, plan: Plan) -> list[Dia
 
 def budget_warnings(about: Mapping[str, Any], plan: Plan) -> list[Diagnostic]:
     """Warnings about what a picture lacks as its budget had no time for it."""
-    budget, found, divisor = f"the budget of {plan['budget']:g} s", [], about.get("resolution", 1)
+    budget, warnings, divisor = f"the budget of {plan['budget']:g} s", [], about.get("resolution", 1)
     if about.get("partial"):
         return []
     if divisor > 1:
         width, height = (max(round(side / divisor), 1) for side in plan["size"])
         message = f"{budget} has no time for a sample of each pixel: the picture is drawn at {width}x{height} pixels and enlarged"
-        found.append(Diagnostic("warning", message, None, f"a longer --budget, or --size {width}x{height}"))
+        warnings.append(Diagnostic("warning", message, None, f"a longer --budget, or --size {width}x{height}"))
     elif about.get("filled", 0.0) > 0.0:
         message = f"{budget} ended before {about['filled']:.1%} of the pixels had a sample: they show what is near"
-        found.append(Diagnostic("warning", message, None, "a longer --budget or a smaller --size"))
+        warnings.append(Diagnostic("warning", message, None, "a longer --budget or a smaller --size"))
     if about.get("without_channels"):
         message = f"{budget} ended before the channels of {about['without_channels']} tiles were drawn: they are empty"
-        found.append(Diagnostic("warning", message, None, "a longer --budget or a smaller --size"))
+        warnings.append(Diagnostic("warning", message, None, "a longer --budget or a smaller --size"))
     if about.get("denoising_left_out"):
         kind = "warning" if plan["denoise"] == "on" else "note"
-        found.append(Diagnostic(kind, f"the picture is not denoised: {budget} has no time for it", None, "a longer --budget"))
-    return found
+        warnings.append(Diagnostic(kind, f"the picture is not denoised: {budget} has no time for it", None, "a longer --budget"))
+    return warnings
 
 
 def late_warnings(about: Mapping[str, Any], deadline: Deadline) -> list[Diagnostic]:

@@ -35,8 +35,8 @@ def as_text(value: Any) -> str:
 
 def split(options: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     """(settings, all others) of keyword arguments."""
-    found = {name: value for name, value in options.items() if name in SETTINGS}
-    return found, {name: value for name, value in options.items() if name not in SETTINGS}
+    settings = {name: value for name, value in options.items() if name in SETTINGS}
+    return settings, {name: value for name, value in options.items() if name not in SETTINGS}
 
 
 def settings_of(scene: ir.Scene, given: Mapping[str, Any]) -> ir.Settings:
@@ -60,10 +60,10 @@ def explain_unknown(error: SceneError, function: str, params: Iterable[str]) -> 
 
 def warn(found: Iterable[Diagnostic], stacklevel: int) -> None:
     """Hand warnings to Python's `warnings`, each as one line. Notes are left out."""
-    for told in found:
-        if told.severity == "warning":
-            place = f"{told.span}: " if told.span else ""
-            warnings.warn(f"{place}{told.message}{f'; {told.hint}' if told.hint else ''}", SceneWarning, stacklevel=stacklevel + 1)
+    for item in found:
+        if item.severity == "warning":
+            place = f"{item.span}: " if item.span else ""
+            warnings.warn(f"{place}{item.message}{f'; {item.hint}' if item.hint else ''}", SceneWarning, stacklevel=stacklevel + 1)
 
 
 def combinations(params: Mapping[str, Any]) -> Iterator[dict[str, Any]]:

@@ -25,9 +25,9 @@ class Scene(ir.Scene):
         """The same scene, with the diagnostics of its compilation."""
         if isinstance(scene, cls):
             return scene
-        made = cls(**{field.name: getattr(scene, field.name) for field in fields(ir.Scene)})
-        object.__setattr__(made, "diagnostics", tuple(found))
-        return made
+        wrapped = cls(**{field.name: getattr(scene, field.name) for field in fields(ir.Scene)})
+        object.__setattr__(wrapped, "diagnostics", tuple(found))
+        return wrapped
 
     def render(self, *, plan: Mapping[str, str] | None = None, diagnostics: Diagnostics | None = None, **settings: Any) -> Image:
         """Draw the scene.
@@ -38,16 +38,16 @@ class Scene(ir.Scene):
         Raises planner.PlanError for settings that exclude each other, TypeError for names that are no settings.
         """
         asked = python_options.settings_of(self, settings)
-        made = planner.make_plan(self, asked, plan)
-        for note in made.notes:
+        decided = planner.make_plan(self, asked, plan)
+        for note in decided.notes:
             warnings.warn(note, DeprecationWarning, stacklevel=3)
-        image = render_scene.draw(self, made)
-        found = [*picture_notes.plan_warnings(self, made), *picture_notes.of_render(image.metadata, self, made, asked)]
-        image.metadata["diagnostics"] = tuple(found)
+        image = render_scene.draw(self, decided)
+        items = [*picture_notes.plan_warnings(self, decided), *picture_notes.of_render(image.metadata, self, decided, asked)]
+        image.metadata["diagnostics"] = tuple(items)
         if diagnostics is None:
-            python_options.warn(found, 3)
+            python_options.warn(items, 3)
         else:
-            diagnostics.items += found
+            diagnostics.items += items
         return image
 
     def show(self, **settings: Any) -> None:

@@ -55,18 +55,18 @@ def draw(
     lit = channels.light_groups(plan)
     with deadline.watch_compiler(), cancellation.cancelled_by(cancel), kernel_cache.timed(seconds, "build"):
         by_moments = _is_by_moments(plan)
-        seen, left = single_sided.seen_from(scene, plan["camera"])
+        seen, undrawn = single_sided.seen_from(scene, plan["camera"])
         renderer = remote(seen, plan) if remote is not None else choose_renderer(seen, plan, view)
         layers = [name for name in plan["aov"] if name in cryptomatte.LAYERS]
         mattes = cryptomatte.Mattes(scene, layers) if layers else None
     with kernel_cache.timed(seconds, "render"):
         told = _with_denoiser(report, renderer, plan, cancel) if report and progressive and decision.may_denoise(plan) else report
-        kept = None if lit or by_moments else keeper
+        checkpoint = None if lit or by_moments else keeper
         put = renderer.put if lit else lambda image: None
-        ready, work = deadline.spent(), (renderer, plan, view, told, cancel or threading.Event(), mattes, kept, progressive)
+        ready, work = deadline.spent(), (renderer, plan, view, told, cancel or threading.Event(), mattes, checkpoint, progressive)
         image = _draw_in_time(work, deadline, put) if deadline.is_finite else _draw(work, put)
     tell(Progress("finishing"))
-    notes = _notes(scene, plan) + [(single_sided.LEFT, "instances", left)] * (left >= 0)
+    notes = _notes(scene, plan) + [(single_sided.LEFT, "instances", undrawn)] * (undrawn >= 0)
     notes += accumulation.notes(scene, plan) if by_moments else []
     unproved, cut = count_unproved(renderer), None if quick else _measure_bounce_error(renderer, plan, image, deadline)
     shown = {"exposure": plan["exposure"], "view": plan["view"], "transparent": plan["background"] == "transparent"}
@@ -103,8 +103,8 @@ def _draw_in_time(work: tuple[Any, ...], deadline: Deadline, put: Callable[[Imag
 def _omitted(scene: ir.Scene, plan: Plan, cut: bounce_error.Cut | None) -> dict[str, Any]:
     """Metadata on light that the picture leaves out: "bias" and "left_out"."""
     left_out = omitted_light.unmeasured(scene, plan, cut is not None)
-    known = max(cut.share, 0.0) if cut is not None else None if left_out else 0.0
-    return {"bias": known, "left_out": left_out}
+    share = max(cut.share, 0.0) if cut is not None else None if left_out else 0.0
+    return {"bias": share, "left_out": left_out}
 
 
 def _with_denoiser(report: Report, renderer: Any, plan: Plan, cancel: threading.Event | None) -> Report:

@@ -14,12 +14,12 @@ MOST = 5  # shapes
 
 def lines(costs: Sequence[Cost]) -> list[str]:
     """A line for each shape that takes long, the longest first, and one that says where to read on."""
-    told = _longest(costs)
-    found = []
-    for cost in told:
+    longest = _longest(costs)
+    texts = []
+    for cost in longest:
         parts = ", ".join(f"{what} {f'{count} times, ' if count > 1 else ''}{seconds:.1f} s" for what, count, seconds in cost.parts[:3])
-        found.append(f"geometry  {cost.seconds:.1f} s  {cost.kind} at {cost.span}{f': {parts}' if parts else ''}")
-    return [*found, "geometry is made again by each command; docs/costs.md says what makes it quicker"] if found else []
+        texts.append(f"geometry  {cost.seconds:.1f} s  {cost.kind} at {cost.span}{f': {parts}' if parts else ''}")
+    return [*texts, "geometry is made again by each command; docs/costs.md says what makes it quicker"] if texts else []
 
 
 def rows(costs: Sequence[Cost]) -> list[dict[str, Any]]:

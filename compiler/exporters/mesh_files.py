@@ -163,7 +163,7 @@ def _linear(value: float) -> float:
 
 def _material_names(parts: Sequence[Part]) -> dict[Material, str]:
     """A name without blanks for each material, unlike the others."""
-    found: dict[Material, str] = {}
+    names: dict[Material, str] = {}
     taken: set[str] = set()
     for material in dict.fromkeys(material for part in parts for material in part.materials):
         name = base = "".join(c if c.isalnum() or c in "._-" else "_" for c in material.name) or "material"
@@ -172,8 +172,8 @@ def _material_names(parts: Sequence[Part]) -> dict[Material, str]:
             count += 1
             name = f"{base}.{count}"
         taken.add(name)
-        found[material] = name
-    return found
+        names[material] = name
+    return names
 
 
 def _joined(parts: Sequence[Part]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

@@ -271,11 +271,11 @@ def _vertices(tape: Tape, grid: _Grid, cells: Ints, loops: Ints, edges: _Edges) 
     moved = np.einsum("nij,nj,nkj,nk->ni", vectors, inverse, vectors, right)
     owner = np.repeat(cells, pieces, axis=0)
     low, high = grid.place(owner), grid.place(owner + 1)
-    found = np.clip(middle + moved, low, high)
-    found = _nearer(tape, found, low, high, 2)
+    vertices = np.clip(middle + moved, low, high)
+    vertices = _nearer(tape, vertices, low, high, 2)
     sharp = used.sum(axis=1) > 1  # where the planes of curved faces do not meet in a point of the surface
-    found[sharp] = _nearer(tape, found[sharp], low[sharp], high[sharp], 4)
-    return found, vertex_of
+    vertices[sharp] = _nearer(tape, vertices[sharp], low[sharp], high[sharp], 4)
+    return vertices, vertex_of
 
 
 def _nearer(tape: Tape, points: Floats, low: Floats, high: Floats, steps: int) -> Floats:

@@ -72,8 +72,8 @@ class Font:
         width = max(self._shaped(line, layout.spacing, missing)[1] for line in lines) if text.strip() else 0.0
         below = (len(lines) - 1) * layout.line_spacing * self.line
         up = {"baseline": 0.0, "bottom": below, "top": -self.capital, "center": 0.5 * (below - self.capital)}[layout.vertical]
-        left = {"left": 0.0, "center": -0.5 * width, "right": -width}[layout.align]
-        corners = np.array([left, up - below]), np.array([left + width, up + self.capital])
+        offset = {"left": 0.0, "center": -0.5 * width, "right": -width}[layout.align]
+        corners = np.array([offset, up - below]), np.array([offset + width, up + self.capital])
         return (corners[0] / self.capital, corners[1] / self.capital), "".join(missing)
 
     def outlines(self, text: str, layout: Layout) -> tuple[list[F64], str]:

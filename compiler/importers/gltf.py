@@ -239,10 +239,10 @@ class _Reader:
         for part, fit in parts:
             row = None if material is None else self.material(material, fit)
             made.append(add(part, row, name, self.builder, self.diagnostics, Span(self.name)))
-        found = [self.named(part, primitive) for part in made if part is not None]
+        parts_named = [self.named(part, primitive) for part in made if part is not None]
         if material is None or not self.materials.is_double_sided(material):
-            self.builder.single_sided.update(part.geometry for part in found)
-        return found
+            self.builder.single_sided.update(part.geometry for part in parts_named)
+        return parts_named
 
     def named(self, part: Part, primitive: dict[str, Any]) -> Part:
         """A part with the name of the material of its primitive, which may have failed to be read."""

@@ -19,39 +19,39 @@ _PATHS = ("translation", "rotation", "scale", "weights")
 
 def names(container: Container) -> list[str]:
     """The names of the animations; those without one, or with that of an earlier one, have their number, from 0."""
-    found: list[str] = []
+    labels: list[str] = []
     for number, animation in enumerate(container.document.get("animations") or ()):
         name = animation.get("name")
-        found.append(name if isinstance(name, str) and name and name not in found else str(number))
-    return found
+        labels.append(name if isinstance(name, str) and name and name not in labels else str(number))
+    return labels
 
 
 def chosen(container: Container, name: str | None) -> dict[str, Any] | None:
     """The animation of a name or number, by default the first; None without any. Raises GltfError for one that is not there."""
-    animations, known = container.document.get("animations") or [], names(container)
+    animations, labels = container.document.get("animations") or [], names(container)
     if name is None:
         return animations[0] if animations else None
-    if name in known:
-        return animations[known.index(name)]
+    if name in labels:
+        return animations[labels.index(name)]
     if name.isascii() and name.isdecimal() and len(name) < 10 and int(name) < len(animations):
         return animations[int(name)]
     if not animations:
         raise GltfError(f"there is no animation `{name}`: the glTF file has none")
-    near = difflib.get_close_matches(name, known, 1)
-    listed = ", ".join(f"`{one}`" for one in known[:20]) + (", …" if len(known) > 20 else "")
+    near = difflib.get_close_matches(name, labels, 1)
+    listed = ", ".join(f"`{one}`" for one in labels[:20]) + (", …" if len(labels) > 20 else "")
     raise GltfError(f"there is no animation `{name}`: the glTF file has {listed}" + (f"; did you mean `{near[0]}`?" if near else ""))
 
 
 def unused(container: Container, length: float, as_scene: bool) -> str:
     """The message of a picture without a time of a file with animations, whose first has a `length` in seconds."""
-    known = names(container)
+    labels = names(container)
     if not as_scene:
-        return f"the file has {len(known)} animation{'s' * (len(known) > 1)}: a mesh in a scene stands as its file places it"
-    if len(known) == 1:
+        return f"the file has {len(labels)} animation{'s' * (len(labels) > 1)}: a mesh in a scene stands as its file places it"
+    if len(labels) == 1:
         return f"the file has an animation of {length:.4g} s: --time 0s draws its first moment, --frames all its pictures"
-    listed = ", ".join(f"`{name}`" for name in known[:6]) + (", …" if len(known) > 6 else "")
+    listed = ", ".join(f"`{name}`" for name in labels[:6]) + (", …" if len(labels) > 6 else "")
     first = f"--time draws a moment of the first, of {length:.4g} s, --frames all its pictures"
-    return f"the file has {len(known)} animations ({listed}): {first}, and --animation takes another"
+    return f"the file has {len(labels)} animations ({listed}): {first}, and --animation takes another"
 
 
 def animated(container: Container, animation: dict[str, Any], time: float, warn: Warn) -> list[dict[str, Any]]:

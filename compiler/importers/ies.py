@@ -96,11 +96,11 @@ def _numbers(text: bytes) -> F64:
     decimal = number_text.plain(text)
     if decimal.warning == number_text.DECIMAL:
         try:
-            found = np.array(decimal.text.split(), np.float64)
+            values = np.array(decimal.text.split(), np.float64)
         except ValueError:
-            found = np.zeros(0)
-        if len(found) > _COUNTED + 3 and len(found) == _COUNTED + 3 + found[3] + found[4] + found[3] * found[4]:
-            return found
+            values = np.zeros(0)
+        if len(values) > _COUNTED + 3 and len(values) == _COUNTED + 3 + values[3] + values[4] + values[3] * values[4]:
+            return values
     return np.array(number_text.plain(text, decimal=False).text.split(), np.float64)
 
 

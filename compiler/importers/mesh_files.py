@@ -81,14 +81,14 @@ def _parts(
     data: bytes, name: str, folder: Path | None, frame: Frame, builder: SceneBuilder, files: Files, diagnostics: Diagnostics
 ) -> list[Part]:  # fmt: skip
     """The parts of a file that is no scene."""
-    format_, whole = Path(name).suffix.lower(), Span(name)
+    format_, span = Path(name).suffix.lower(), Span(name)
     if format_ == ".obj":
         return _obj(data, name, folder, frame, builder, files, diagnostics)
     if format_ == ".ply":
         return _ply(data, name, folder, frame, builder, files, diagnostics)
     read_ = {".stl": stl.read, ".off": off.read, ".xyz": point_lists.read}[format_]
-    mesh = _cached(data, diagnostics, lambda found: read_(data, found, whole), name)
-    part = add(mesh, None, Path(name).stem, builder, diagnostics, whole, frame)
+    mesh = _cached(data, diagnostics, lambda found: read_(data, found, span), name)
+    part = add(mesh, None, Path(name).stem, builder, diagnostics, span, frame)
     return [] if part is None else [part]
 
 
@@ -97,28 +97,28 @@ def _assembly(
     diagnostics: Diagnostics,
 ) -> list[Part]:  # fmt: skip
     """The parts of a file of meshes with places and materials: each mesh is one geometry for each of its materials."""
-    span, told = Span(name), set[str]()
+    span, messages = Span(name), set[str]()
 
     def warn(message: str) -> None:
-        if message not in told:
-            told.add(message)
+        if message not in messages:
+            messages.add(message)
             diagnostics.warning(message, span)
 
-    made = read_(data, warn)
-    given = options or MeshOptions()
-    frame = Frame(made.unit if given.unit is None else file_types.UNITS[given.unit], given.up or made.up)
-    materials = [_base_row(material, builder, span) for material in made.materials]
+    assembly = read_(data, warn)
+    settings = options or MeshOptions()
+    frame = Frame(assembly.unit if settings.unit is None else file_types.UNITS[settings.unit], settings.up or assembly.up)
+    materials = [_base_row(material, builder, span) for material in assembly.materials]
     pieces: list[list[tuple[int, int | None, str]]] = []
-    for each in made.meshes:
-        title, found = each.name or Path(name).stem, []
+    for each in assembly.meshes:
+        title, rows = each.name or Path(name).stem, []
         for k, mesh in polygon_mesh.split(each.mesh, each.material):
             part = add(mesh, None if k < 0 else materials[k], title, builder, diagnostics, span, frame)
-            label = made.materials[k].name if k >= 0 else ""
-            found += [] if part is None else [(part.geometry, part.material, label)]
-        pieces.append(found)
+            label = assembly.materials[k].name if k >= 0 else ""
+            rows += [] if part is None else [(part.geometry, part.material, label)]
+        pieces.append(rows)
     return [
         Part(geometry, material, place.name or Path(name).stem, frame.placed(place.matrix)[:3], label)
-        for place in made.places
+        for place in assembly.places
         for geometry, material, label in pieces[place.mesh]
     ]
 

@@ -106,13 +106,13 @@ def with_plain_numbers(lines: Lines, complain: Complain) -> Lines:
     measured = [(row, text) for row, text in written if lines.keys[row] < 3]
     decimal = all(len(text.split()) > 3 for row, text in measured if lines.keys[row] != 1)
     joined = b"\n".join(text[len(KEYWORDS[lines.keys[row]]) :] for row, text in measured)
-    found = number_text.plain(joined, decimal)
-    decimal = found.warning == number_text.DECIMAL
+    numbers = number_text.plain(joined, decimal)
+    decimal = numbers.warning == number_text.DECIMAL
     changed = bytearray(lines.data)
     for row, text in written:
         start = int(lines.starts[row])
         changed[start : start + len(text)] = number_text.plain(text, decimal and int(lines.keys[row]) < 3).text
-    complain(int(lines.numbers[written[0][0]]), found.warning or number_text.SEPARATORS)
+    complain(int(lines.numbers[written[0][0]]), numbers.warning or number_text.SEPARATORS)
     return lines._replace(data=bytes(changed))
 
 

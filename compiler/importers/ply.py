@@ -111,24 +111,24 @@ def texture_files(data: bytes) -> list[str]:
 
 def _listed(faces: _Data | None) -> tuple[np.ndarray, np.ndarray] | None:
     """Corner counts and vertices of faces; None without any."""
-    found = next((faces.lists[n] for n in ("vertex_indices", "vertex_index") if n in faces.lists), None) if faces else None
-    return (found[0], found[1].astype(np.int64)) if found is not None and len(found[0]) else None
+    corner_list = next((faces.lists[n] for n in ("vertex_indices", "vertex_index") if n in faces.lists), None) if faces else None
+    return (corner_list[0], corner_list[1].astype(np.int64)) if corner_list is not None and len(corner_list[0]) else None
 
 
 def _strips(strips: _Data | None) -> tuple[np.ndarray, np.ndarray] | None:
     """Corner counts and vertices of the triangles of strips, which −1 ends; every other triangle of a strip is turned. None without any."""
-    found = _listed(strips)
-    if found is None:
+    strip_list = _listed(strips)
+    if strip_list is None:
         return None
-    counts, indices = found
+    counts, indices = strip_list
     of = np.repeat(np.arange(len(counts)), counts)
     rows = np.stack([indices[:-2], indices[1:-1], indices[2:]], axis=1) if len(indices) > 2 else np.zeros((0, 3), np.int64)
-    at = np.arange(len(indices))
-    starts = np.maximum.accumulate(np.where((indices < 0) | np.append(True, of[1:] != of[:-1]), at + (indices < 0), 0))
-    odd = (at - starts)[: len(rows)] % 2 == 1
+    positions = np.arange(len(indices))
+    starts = np.maximum.accumulate(np.where((indices < 0) | np.append(True, of[1:] != of[:-1]), positions + (indices < 0), 0))
+    odd = (positions - starts)[: len(rows)] % 2 == 1
     rows[odd] = rows[odd][:, [1, 0, 2]]
-    kept = (rows >= 0).all(axis=1) & (of[: len(rows)] == of[2 : 2 + len(rows)])
-    return (np.full(int(kept.sum()), 3), rows[kept].reshape(-1)) if kept.any() else None
+    valid = (rows >= 0).all(axis=1) & (of[: len(rows)] == of[2 : 2 + len(rows)])
+    return (np.full(int(valid.sum()), 3), rows[valid].reshape(-1)) if valid.any() else None
 
 
 def _not_drawn(elements: list[_Element], data: dict[str, _Data]) -> list[str]:

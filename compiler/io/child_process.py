@@ -82,10 +82,10 @@ def _set(variables: Mapping[str, str | None]) -> None:
 
 def _environment(more: Mapping[str, str] | None) -> dict[str, str]:
     """`python` says where modules are; so nothing that changes where Python looks is handed on."""
-    kept = import_path.environment()
+    variables = import_path.environment()
     for name in ("PYTHONPATH", "PYTHONSTARTUP", "PYTHONINSPECT"):
-        kept.pop(name, None)
-    return {**kept, **(more or {})}
+        variables.pop(name, None)
+    return {**variables, **(more or {})}
 
 
 def _found(command: Sequence[str], variables: Mapping[str, str]) -> list[str]:

@@ -104,10 +104,10 @@ def _program() -> Iterator[Path]:
     yield LIBRARY.parent
     yield from (Path(sysconfig.get_path(name)) for name in ("stdlib", "platstdlib", "purelib", "platlib"))
     yield from (Path(prefix, "lib") for prefix in (sys.prefix, sys.base_prefix))
-    here, command = Path.cwd(), Path(sys.argv[0] or ".").resolve().parent
+    current, command = Path.cwd(), Path(sys.argv[0] or ".").resolve().parent
     for name in (*sys.path, *os.environ.get("LD_LIBRARY_PATH", "").split(":")):
         folder = Path(name).resolve()
-        if os.path.isabs(name) and folder.is_dir() and not here.is_relative_to(folder) and folder != command:
+        if os.path.isabs(name) and folder.is_dir() and not current.is_relative_to(folder) and folder != command:
             yield folder
 
 

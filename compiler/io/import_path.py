@@ -41,47 +41,47 @@ def isolate_command(package: str, folder: str) -> None:
 
 def isolate() -> None:
     """Isolate this process for good: its import path, its environment, the settings of libraries, and the processes that it starts."""
-    here = _current_folder()
-    given = os.environ.get("PYTHONPATH", "").split(os.pathsep)
-    relative = [os.path.normpath(os.path.join(here, entry)) for entry in given if not os.path.isabs(entry)]
+    current = _current_folder()
+    entries = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    relative = [os.path.normpath(os.path.join(current, entry)) for entry in entries if not os.path.isabs(entry)]
     if "PYTHONPATH" in os.environ and not sys.flags.ignore_environment:
         sys.path[:] = [entry for entry in sys.path if entry not in relative or _is_site_folder(entry)]
-    kept = environment()
-    for name in [name for name in os.environ if name not in kept]:
+    variables = environment()
+    for name in [name for name in os.environ if name not in variables]:
         del os.environ[name]
-    os.environ.update(kept)
+    os.environ.update(variables)
     os.path.exists = _exists_elsewhere
 
 
 def environment() -> dict[str, str]:
     """The environment without folders that depend on the current one. Python processes with it do not look into their current folder."""
-    found = dict(os.environ)
+    variables = dict(os.environ)
     for name in _LISTS:
-        if name in found:
-            entries = [entry for entry in found[name].split(os.pathsep) if os.path.isabs(entry)]
-            found[name] = os.pathsep.join(entries)
+        if name in variables:
+            entries = [entry for entry in variables[name].split(os.pathsep) if os.path.isabs(entry)]
+            variables[name] = os.pathsep.join(entries)
             if not entries:
-                del found[name]
+                del variables[name]
     for name in _SINGLE:
-        if not os.path.isabs(found.get(name, os.sep)):
-            del found[name]
-    return {**found, "PYTHONSAFEPATH": "1"}
+        if not os.path.isabs(variables.get(name, os.sep)):
+            del variables[name]
+    return {**variables, "PYTHONSAFEPATH": "1"}
 
 
 def search_path() -> list[str]:
     """The import path for another process: that of this one without the current folder and without relative entries."""
-    here = _current_folder()
-    return [entry for entry in sys.path if os.path.isabs(entry) and (not _is_same(entry, here) or _is_site_folder(entry))]
+    current = _current_folder()
+    return [entry for entry in sys.path if os.path.isabs(entry) and (not _is_same(entry, current) or _is_site_folder(entry))]
 
 
 def _leave_out(entry: str, package: str, folder: str) -> None:
     """Remove the current folder from the import path. Where the package itself lies in it, it comes last."""
-    here = _current_folder()
-    if entry not in ("", here) or _is_site_folder(entry):
+    current = _current_folder()
+    if entry not in ("", current) or _is_site_folder(entry):
         return
     del sys.path[0]
-    if _is_same(os.path.join(here, package), folder):
-        sys.path.append(here)
+    if _is_same(os.path.join(current, package), folder):
+        sys.path.append(current)
 
 
 def _is_site_folder(entry: str) -> bool:

@@ -93,8 +93,8 @@ def choose_channels(names: list[str], alpha: int, kind: str) -> Channels:
         at = [k for k in at if ends[k] in (*_RGB[0], *_RGB[1])] or at[:1]
     elif layer in grey:
         at = at[:1]
-    found = next((k for k in layers[layer] if ends[k] in _ALPHA), -1)
-    return Channels(tuple(at[:3]), found, None if plain else tuple(names[k] for k in at[:3]))
+    alpha_channel = next((k for k in layers[layer] if ends[k] in _ALPHA), -1)
+    return Channels(tuple(at[:3]), alpha_channel, None if plain else tuple(names[k] for k in at[:3]))
 
 
 def _used_as(names: tuple[str, ...], use: Use) -> str:

@@ -63,13 +63,13 @@ class Replacement:
 def _new_file(folder: Path, path: Path) -> Path:
     """A new, empty file in `folder` with the permissions of the file at `path`, if there is one. Raises OSError that names `path`."""
     suffix = path.suffix if _is_utf8(path.suffix) else ""
-    made = folder / f"{PREFIX}{_host()}-{os.getpid()}-{os.urandom(6).hex()}{suffix}"
+    temporary = folder / f"{PREFIX}{_host()}-{os.getpid()}-{os.urandom(6).hex()}{suffix}"
     try:
         mode = stat.S_IMODE(os.lstat(path).st_mode)
     except OSError:
         mode = None  # nothing is there
     try:
-        descriptor = os.open(made, _NEW, 0o666 if mode is None else mode & 0o777)
+        descriptor = os.open(temporary, _NEW, 0o666 if mode is None else mode & 0o777)
     except OSError as fault:
         raise OSError(fault.errno, fault.strerror, str(path)) from None
     try:
@@ -78,7 +78,7 @@ def _new_file(folder: Path, path: Path) -> Path:
                 os.fchmod(descriptor, mode)
     finally:
         os.close(descriptor)
-    return made
+    return temporary
 
 
 @contextmanager

@@ -126,15 +126,15 @@ def program(machine: str, process: int) -> Iterator[Step]:
 
 
 def _numbers(column: int) -> set[int]:
-    found = {int(words.split()[1 + column]) for words in _ALWAYS.split(",")}
-    return found if column == 0 else found - {0}  # 0 is `read` on x86-64, and stands for none in the other column
+    numbers = {int(words.split()[1 + column]) for words in _ALWAYS.split(",")}
+    return numbers if column == 0 else numbers - {0}  # 0 is `read` on x86-64, and stands for none in the other column
 
 
 def _ranges(numbers: Iterable[int]) -> Iterator[tuple[int, int]]:
     """The first and last of consecutive numbers."""
-    known = sorted(numbers)
-    first = last = known[0]
-    for number in known[1:]:
+    ordered = sorted(numbers)
+    first = last = ordered[0]
+    for number in ordered[1:]:
         if number != last + 1:
             yield first, last
             first = number

@@ -21,8 +21,8 @@ class SceneReader:
 
     def main(self, shown: str, path: Path) -> Source:
         """The main source at `path`, displayed as `shown`. Raises FileError if it cannot be read."""
-        found, text = self.files.text(path.name, path.parent, "scene")
-        return self._source(shown, found, text)
+        file, text = self.files.text(path.name, path.parent, "scene")
+        return self._source(shown, file, text)
 
     def scene(self, path: str, importer: str, span: Span) -> Source:
         """The source that `use "path"` in the file `importer` names. Raises ReadError if it cannot be read."""

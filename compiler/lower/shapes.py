@@ -162,13 +162,13 @@ def _mesh(lowering: Context, element: Element) -> list[Piece]:
     args = element.args
     beside = [name for name in ("points", "faces", "normals", "uv", "colors") if args[name] is not None]
     if args["file"] is None:
-        made = _written_mesh(lowering, element)
+        pieces = _written_mesh(lowering, element)
     elif beside:
         return lowering.refuse(element, f"`{beside[0]}` goes with `points`, not with a file: the file brings its own")
     else:
-        made = lowering.mesh_file(element)
-    made = _with_materials(lowering, element, [piece for piece in made if piece.geometry >= 0])
-    return _to_height(lowering, element, made) if made and args["height"] is not None else made
+        pieces = lowering.mesh_file(element)
+    pieces = _with_materials(lowering, element, [piece for piece in pieces if piece.geometry >= 0])
+    return _to_height(lowering, element, pieces) if pieces and args["height"] is not None else pieces
 
 
 def _written_mesh(lowering: Context, element: Element) -> list[Piece]:

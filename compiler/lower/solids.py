@@ -48,8 +48,8 @@ def solid(lowering: Context, element: Element) -> list[Piece]:
         return solid_materials.row(lowering, element, body.looks, own)
 
     if body.mesh is not None:
-        made = built_geometry.box(*body.bounds) if built_geometry.is_left_out() else mesh_csg.mesh(body.mesh)
-        return [Piece(lowering.builder.mesh(made, element.place), transforms.identity(), mixed=mixed)]
+        mesh = built_geometry.box(*body.bounds) if built_geometry.is_left_out() else mesh_csg.mesh(body.mesh)
+        return [Piece(lowering.builder.mesh(mesh, element.place), transforms.identity(), mixed=mixed)]
     builder = Builder()
     with built_geometry.part("put into one formula"):
         tape = builder.finish(body.field(builder, (X, Y, Z)))
@@ -106,9 +106,9 @@ def _own_bodies(lowering: Context, element: Element, matrix: np.ndarray) -> list
 def _swept(lowering: Context, element: Element, own: np.ndarray) -> Solid:
     """The mesh of a swept shape, in its own frame, for a tolerance in that around `own`."""
     with lowering.scaled(own):
-        made = _mesh(lowering, element, lowering.pieces(element)).mesh
-    assert made is not None
-    return made
+        solid = _mesh(lowering, element, lowering.pieces(element)).mesh
+    assert solid is not None
+    return solid
 
 
 def _mesh(lowering: Context, element: Element, pieces: list[Piece]) -> Body:
@@ -118,14 +118,14 @@ def _mesh(lowering: Context, element: Element, pieces: list[Piece]) -> Body:
         bounds = np.stack([np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)])
         return Body(no_field, bounds, mesh_csg.of_box(bounds))
     try:
-        made, inside_out = mesh_csg.solid_of_pieces(lowering.builder, pieces)
+        solid, inside_out = mesh_csg.solid_of_pieces(lowering.builder, pieces)
     except NoSolid as reason:
         hint = "close it (most modelling programs have a repair for printing), or draw it beside the solid"
         lowering.error(element, f"`{element.kind}` cannot be a part of a solid: {reason}", hint)
         raise Refused from None
     if inside_out:
         lowering.warn(element, "all triangles of this mesh face inwards: it is taken the other way round")
-    return Body(no_field, mesh_csg.bounds(made), made)
+    return Body(no_field, mesh_csg.bounds(solid), solid)
 
 
 def _shape(lowering: Context, element: Element, piece: Piece, matrix: np.ndarray) -> Body:
@@ -139,11 +139,11 @@ def _shape(lowering: Context, element: Element, piece: Piece, matrix: np.ndarray
             hint = "write an inequality that holds in a region: neither == nor a square <= 0"
             lowering.error(element, "this is a sheet, which has no inside", hint)
             raise Refused
-        made = tape
+        solid = tape
 
         def field(b: Builder, point: Point) -> int:
-            assert made is not None
-            return b.inline(made, point)[0]
+            assert solid is not None
+            return b.inline(solid, point)[0]
 
         return placed(Body(field, bounds), matrix)
     try:
@@ -158,9 +158,9 @@ def _shape(lowering: Context, element: Element, piece: Piece, matrix: np.ndarray
         return placed(body, matrix)
 
     def meshed(tolerance: float) -> Solid:
-        made = round_solids.solid(kind, parameters, tolerance)
-        assert made is not None
-        return made
+        solid = round_solids.solid(kind, parameters, tolerance)
+        assert solid is not None
+        return solid
 
     return placed(body._replace(meshed=meshed), matrix)
 
@@ -253,8 +253,8 @@ def _of_meshes(lowering: Context, element: Element, bodies: list[Body]) -> Body:
     default = max((size for size in sizes if math.isfinite(size)), default=1.0) / mesh_csg.FINENESS
     tolerance = lowering.tolerance or default
     least = bodies[:1] if built_geometry.is_left_out() and element.kind == "difference" else bodies  # boxes might leave nothing
-    made = mesh_csg.combine(element.kind, [_triangles(lowering, element, body, bodies, tolerance) for body in least])
-    return Body(no_field, mesh_csg.bounds(made), made, looks=bodies[0].looks)
+    solid = mesh_csg.combine(element.kind, [_triangles(lowering, element, body, bodies, tolerance) for body in least])
+    return Body(no_field, mesh_csg.bounds(solid), solid, looks=bodies[0].looks)
 
 
 def _triangles(lowering: Context, element: Element, body: Body, beside: list[Body], tolerance: float) -> Solid:
@@ -354,8 +354,8 @@ def _repeat(lowering: Context, element: Element, body: Body) -> Body:
     step, count = np.array(element.args["step"]), element.args["count"]
     if body.mesh is not None:
         moved = [body.mesh.moved(transforms.translation(tuple(k * step))) for k in range(count)]
-        made = mesh_csg.combine("union", moved)
-        return Body(no_field, mesh_csg.bounds(made), made, looks=body.looks)
+        solid = mesh_csg.combine("union", moved)
+        return Body(no_field, mesh_csg.bounds(solid), solid, looks=body.looks)
     if count > MOST_COPIES:
         lowering.error(
             element, f"{count} copies are too many for one solid: {MOST_COPIES} at the most", "use for (…) { … } without a solid round it"
@@ -380,8 +380,8 @@ def _mirror(lowering: Context, element: Element, body: Body) -> Body:
     turned = np.eye(4)
     turned[:3, :3] -= 2 * np.outer(normal, normal)
     if body.mesh is not None:
-        made = mesh_csg.combine("union", [body.mesh, body.mesh.moved(turned)])
-        return Body(no_field, mesh_csg.bounds(made), made, looks=body.looks)
+        solid = mesh_csg.combine("union", [body.mesh, body.mesh.moved(turned)])
+        return Body(no_field, mesh_csg.bounds(solid), solid, looks=body.looks)
     other = placed(body, turned)
 
     def field(b: Builder, point: Point) -> int:

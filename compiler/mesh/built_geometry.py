@@ -52,10 +52,10 @@ def is_left_out() -> bool:
 @contextmanager
 def recorded() -> Iterator[list[Cost]]:
     """In the block, note the shapes whose geometry takes LEAST seconds or more."""
-    found: list[Cost] = []
-    token = _records.set(found)
+    costs: list[Cost] = []
+    token = _records.set(costs)
     try:
-        yield found
+        yield costs
     finally:
         _records.reset(token)
 

@@ -95,19 +95,19 @@ def of_field(tape: Tape, bounds: np.ndarray, tolerance: float | None) -> Solid:
     default, most = float((bounds[1] - bounds[0]).max()) / FINENESS, MAX_CELLS if tolerance is None else dual_contouring.MOST
     within = default if tolerance is None else CONTOUR_SHARE * tolerance
     with built_geometry.part("made into triangles"):
-        made = stage_cache.cached(
+        contour = stage_cache.cached(
             "surfaces contoured", (tape, bounds, within, most), lambda: dual_contouring.within(tape, bounds, within, most)
         )
         if tolerance is None:
-            return Solid(of_triangles(made.positions, made.triangles), made.furthest)
-        positions, triangles, off = simplify(tape, made, tolerance)
+            return Solid(of_triangles(contour.positions, contour.triangles), contour.furthest)
+        positions, triangles, off = simplify(tape, contour, tolerance)
     return Solid(of_triangles(positions, triangles), off)
 
 
 def of_box(bounds: np.ndarray) -> Solid:
     """The box of bounds (2, 3)."""
-    made = built_geometry.box(*bounds, closed=True)
-    return Solid(of_triangles(made.positions, made.triangles))
+    mesh_ = built_geometry.box(*bounds, closed=True)
+    return Solid(of_triangles(mesh_.positions, mesh_.triangles))
 
 
 def of_triangles(positions: np.ndarray, faces: np.ndarray) -> Manifold:
@@ -115,10 +115,10 @@ def of_triangles(positions: np.ndarray, faces: np.ndarray) -> Manifold:
     import manifold3d
 
     mesh = manifold3d.Mesh64(np.array(positions, np.float64, order="C"), np.array(faces, np.uint64, order="C"))  # writable ones
-    made = manifold3d.Manifold(mesh)
-    if made.status() != manifold3d.Error.NoError:
-        raise NoSolid(f"its triangles do not enclose anything ({made.status().name})")
-    return made
+    manifold = manifold3d.Manifold(mesh)
+    if manifold.status() != manifold3d.Error.NoError:
+        raise NoSolid(f"its triangles do not enclose anything ({manifold.status().name})")
+    return manifold
 
 
 def simplify(tape: Tape, made: dual_contouring.Contour, tolerance: float) -> tuple[np.ndarray, np.ndarray, float]:
@@ -129,11 +129,11 @@ def simplify(tape: Tape, made: dual_contouring.Contour, tolerance: float) -> tup
     """
     left, limit = max(tolerance - made.furthest, 0.5 * tolerance), max(tolerance, made.furthest)
     try:
-        whole = of_triangles(made.positions, made.triangles) if tolerance > 0.0 and len(made.triangles) else None
+        manifold = of_triangles(made.positions, made.triangles) if tolerance > 0.0 and len(made.triangles) else None
     except NoSolid:
-        whole = None
-    while whole is not None and left > tolerance / 32:
-        mesh = whole.simplify(left).to_mesh64()
+        manifold = None
+    while manifold is not None and left > tolerance / 32:
+        mesh = manifold.simplify(left).to_mesh64()
         positions, faces = np.asarray(mesh.vert_properties)[:, :3].copy(), np.asarray(mesh.tri_verts).astype(np.int64)
         furthest, _ = dual_contouring.deviation(tape, positions, faces)
         if furthest <= limit and dual_contouring.open_edges(faces) == 0:
@@ -197,9 +197,9 @@ def combine(kind: str, parts: Sequence[Solid]) -> Solid:
     how = {"union": OpType.Add, "intersection": OpType.Intersect, "difference": OpType.Subtract}[kind]
 
     def make() -> Manifold:
-        made = Manifold.batch_boolean([part.manifold for part in parts], how)
-        made.num_tri()  # otherwise it is made when it is asked for
-        return made
+        manifold = Manifold.batch_boolean([part.manifold for part in parts], how)
+        manifold.num_tri()  # otherwise it is made when it is asked for
+        return manifold
 
     off = max((part.deviation for part in parts), default=0.0)
     with built_geometry.part("combined"):
@@ -210,8 +210,8 @@ def combine(kind: str, parts: Sequence[Solid]) -> Solid:
 
 def _content(solid: Solid) -> bytes:
     """The digest of a solid's triangles."""
-    made = solid.manifold.to_mesh64()
-    return stage_cache.digest(np.asarray(made.vert_properties), np.asarray(made.tri_verts))
+    arrays = solid.manifold.to_mesh64()
+    return stage_cache.digest(np.asarray(arrays.vert_properties), np.asarray(arrays.tri_verts))
 
 
 def bounds(solid: Solid) -> np.ndarray:
@@ -222,16 +222,16 @@ def bounds(solid: Solid) -> np.ndarray:
 def mesh(solid: Solid) -> MeshData:
     """The solid's triangles, with normals smooth except across sharp edges."""
     if stage_cache.is_active():
-        made = stage_cache.cached("solids made meshes", (_content(solid),), lambda: _mesh(solid))
-        return replace(made, deviation=solid.deviation)
+        mesh_ = stage_cache.cached("solids made meshes", (_content(solid),), lambda: _mesh(solid))
+        return replace(mesh_, deviation=solid.deviation)
     return _mesh(solid)
 
 
 def _mesh(solid: Solid) -> MeshData:
-    made = solid.manifold.calculate_normals(0, SHARP).to_mesh64(0)
-    numbers = np.asarray(made.vert_properties)
+    arrays = solid.manifold.calculate_normals(0, SHARP).to_mesh64(0)
+    numbers = np.asarray(arrays.vert_properties)
     normals = MeshAttribute(numbers[:, 3:6].copy(), ir.Interpolation.VERTEX)
-    points, triangles = numbers[:, :3].copy(), np.asarray(made.tri_verts).astype(np.int64)
+    points, triangles = numbers[:, :3].copy(), np.asarray(arrays.tri_verts).astype(np.int64)
     return MeshData(points, triangles[_has_area(points, triangles)], normals, deviation=solid.deviation)
 
 

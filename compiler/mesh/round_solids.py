@@ -76,11 +76,11 @@ def _revolved(profile: np.ndarray, count: int) -> object:
     rings = profile[1:-1]
     points = np.stack([rings[:, :1] * cos, np.broadcast_to(rings[:, 1:], (len(rings), count)), -rings[:, :1] * sin], axis=2)
     ends = np.array([[0.0, profile[0, 1], 0.0], [0.0, profile[-1, 1], 0.0]])
-    here = np.arange(count)
-    after = (here + 1) % count
+    k = np.arange(count)
+    after = (k + 1) % count
     last = (len(rings) - 1) * count
     south, north = len(rings) * count, len(rings) * count + 1
-    fans = [np.stack([np.full(count, south), after, here], axis=1), np.stack([np.full(count, north), last + here, last + after], axis=1)]
+    fans = [np.stack([np.full(count, south), after, k], axis=1), np.stack([np.full(count, north), last + k, last + after], axis=1)]
     return mesh_csg.of_triangles(np.concatenate([points.reshape(-1, 3), ends]), np.concatenate([_between(len(rings), count), *fans]))
 
 
@@ -94,7 +94,7 @@ def _ring(profile: np.ndarray, count: int) -> object:
 def _between(rings: int, count: int) -> np.ndarray:
     """The triangles between rings of `count` vertices, one after the other."""
     first = np.arange(rings - 1)[:, None] * count
-    here = np.arange(count)[None]
-    after = (here + 1) % count
-    a, b, c, d = (x.ravel() for x in (first + here, first + after, first + count + after, first + count + here))
+    column = np.arange(count)[None]
+    after = (column + 1) % count
+    a, b, c, d = (x.ravel() for x in (first + column, first + after, first + count + after, first + count + column))
     return np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])

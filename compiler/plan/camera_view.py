@@ -48,9 +48,9 @@ def _boxes(tables: ir.Tables, bounds: F64, frame: F64) -> F64:
     moved = matrices[:, :, 3] @ frame[:, :3].T + frame[:, 3]
     middle = np.einsum("nij,nj->ni", linear, finite.mean(axis=1)) + moved
     half = np.einsum("nij,nj->ni", np.abs(linear), (finite[:, 1] - finite[:, 0]) / 2.0)
-    made = np.stack([middle - half, middle + half], axis=1)
-    made[~bounded] = [[-np.inf], [np.inf]]
-    return made
+    boxes = np.stack([middle - half, middle + half], axis=1)
+    boxes[~bounded] = [[-np.inf], [np.inf]]
+    return boxes
 
 
 def _sees_nothing(tables: ir.Tables, camera: int, bounds: F64) -> bool:
@@ -90,7 +90,7 @@ def _solid_around(tables: ir.Tables, camera: int, bounds: F64, is_whole: bool) -
         return -1
     frame = tables.transforms.matrix[cameras.transform[camera]]
     eye = frame[:, 3] - frame[:, 2] * (enclosed_lights.AHEAD * (1.0 + np.linalg.norm(frame[:, 3])))
-    boxes, left = _boxes(tables, bounds, np.eye(4)[:3]), MOST_TRIANGLES
+    boxes, remaining = _boxes(tables, bounds, np.eye(4)[:3]), MOST_TRIANGLES
     around = np.asarray(((boxes[:, 0] < eye) & (boxes[:, 1] > eye) & np.isfinite(boxes).all(axis=1)).all(axis=1))
     shines = (materials.values[:, ir.Slot.EMISSION] > 0.0).any(axis=1) | (materials.textures[:, ir.Slot.EMISSION] >= 0)
     lamps = np.flatnonzero(ir.is_in(tables.lights.kind, enclosed_lights.PLACED))
@@ -102,8 +102,8 @@ def _solid_around(tables: ir.Tables, camera: int, bounds: F64, is_whole: bool) -
         low, high = boxes[row]
         others = np.asarray(((boxes[:, 0] < high) & (boxes[:, 1] > low)).all(axis=1) & np.isfinite(boxes).all(axis=(1, 2)))
         others[row] = False
-        left -= int(tables.geometries.triangle_count[instances.geometry[row]])
-        if others.any() or left < 0:
+        remaining -= int(tables.geometries.triangle_count[instances.geometry[row]])
+        if others.any() or remaining < 0:
             continue
         points = [enclosed_lights.corners(tables, int(lamp)) for lamp in lamps]
         if any(((at > low) & (at < high)).all(axis=1).any() for at in points):

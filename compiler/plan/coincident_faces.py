@@ -44,18 +44,18 @@ def warn_of_coincident_faces(scene: ir.Scene, diagnostics: Diagnostics) -> None:
             return
         if sign * (eye[axis] - offset) > 0:
             groups.setdefault((axis, sign, float(f"{offset:.9g}") + 0.0), []).append(face)
-    left = MOST_PAIRS
+    remaining = MOST_PAIRS
     for (axis, _, offset), faces in groups.items():
         faces.sort(key=lambda face: face.low[0])
-        for k, one in enumerate(faces):
+        for k, first in enumerate(faces):
             for other in faces[k + 1 :]:
-                left -= 1
-                if other.low[0] >= one.high[0]:
+                remaining -= 1
+                if other.low[0] >= first.high[0]:
                     break
-                if left < 0:
+                if remaining < 0:
                     return
-                if _overlap(one, other) and tables.instances.material[one.instance] != tables.instances.material[other.instance]:
-                    _tell(scene, diagnostics, (one.instance, other.instance), "xyz"[axis], offset)
+                if _overlap(first, other) and tables.instances.material[first.instance] != tables.instances.material[other.instance]:
+                    _tell(scene, diagnostics, (first.instance, other.instance), "xyz"[axis], offset)
                     return
 
 
@@ -98,9 +98,9 @@ def _placed(
     """A face across an own axis in the world: for each of the sides that it is seen from."""
     others = [k for k in range(3) if k != axis]
     spans = {int(to[k]): abs(float(matrix[to[k], k])) * h for k, h in zip(others, half, strict=True)}
-    across, at = int(to[axis]), [k for k in range(3) if k != to[axis]]
-    low = tuple(float(matrix[k, 3]) - spans[k] for k in at)
-    high = tuple(float(matrix[k, 3]) + spans[k] for k in at)
+    across, axes = int(to[axis]), [k for k in range(3) if k != to[axis]]
+    low = tuple(float(matrix[k, 3]) - spans[k] for k in axes)
+    high = tuple(float(matrix[k, 3]) + spans[k] for k in axes)
     scale = float(matrix[across, axis])
     for side in sides:
         yield across, int(math.copysign(side, side * scale)), float(matrix[across, 3]) + scale * offset, Face(low, high, row)  # type: ignore[arg-type]

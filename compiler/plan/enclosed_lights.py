@@ -27,7 +27,7 @@ def warn_of_enclosed_lights(scene: ir.Scene, diagnostics: Diagnostics) -> None:
     rows = np.flatnonzero(ir.is_in(lights.kind, PLACED) & lights.shadows & ~light_links.selective(tables))[:MOST_LAMPS]
     if not len(rows) or not len(tables.cameras.transform):
         return
-    at = [corners(tables, int(row)) for row in rows]
+    boxes = [corners(tables, int(row)) for row in rows]
     frame = tables.transforms.matrix[tables.cameras.transform[0]]
     eye = frame[:, 3] - frame[:, 2] * (AHEAD * (1.0 + np.linalg.norm(frame[:, 3])))
     left = MOST_TRIANGLES
@@ -35,7 +35,7 @@ def warn_of_enclosed_lights(scene: ir.Scene, diagnostics: Diagnostics) -> None:
         g = int(tables.instances.geometry[instance])
         inverse = tables.transforms.inverse[tables.instances.transform[instance]]
         low, high = tables.geometries.bounds[g]
-        around = [points @ inverse[:, :3].T + inverse[:, 3] for points in at]
+        around = [points @ inverse[:, :3].T + inverse[:, 3] for points in boxes]
         near = [k for k, local in enumerate(around) if ((local > low) & (local < high)).all() and lights.instance[rows[k]] != instance]
         if not near:
             continue

@@ -32,14 +32,14 @@ def bounces(scene: ir.Scene, camera: int) -> tuple[int, str]:
         return 0, f"more than {sky_visibility.MOST_OBJECTS:,} objects are not searched for walls around the camera"
     walls = _walls(tables)
     eye = tables.transforms.matrix[tables.cameras.transform[camera], :, 3]
-    found, row = _surroundings(tables, eye, walls)
-    seen = float(np.mean(found))
+    escapes, row = _surroundings(tables, eye, walls)
+    seen = float(np.mean(escapes))
     if seen > OPEN:
         return 0, f"the camera stands in the open: {100.0 * seen:.3g} % of all directions around it have no wall"
-    shown = matt[tables.instances.material[row]] & ~found
+    shown = matt[tables.instances.material[row]] & ~escapes
     if float(np.mean(shown)) < MATT:
         return 0, f"diffuse surfaces fill {100.0 * float(np.mean(shown)):.2g} % of the view around the camera"
-    albedo = float(np.mean(_albedo(tables)[tables.instances.material[row[~found]]]))
+    albedo = float(np.mean(_albedo(tables)[tables.instances.material[row[~escapes]]]))
     needed = math.ceil(math.log(LOST) / math.log(min(max(albedo, 1e-3), 0.999))) - 1
     count = min(max(needed, LEAST), MOST)
     around = f"the camera stands in an enclosed space: {100.0 * (1.0 - seen):.3g} % of all directions around it have a wall"
@@ -79,10 +79,10 @@ def _walls(tables: ir.Tables) -> np.ndarray:
 def _diffuse(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: materials with a diffuse part; a blend has that of its parts."""
     m = tables.materials
-    found = m.values[:, [ir.Slot.DIFFUSE, ir.Slot.SHEEN]].max(axis=(1, 2), initial=0.0) > 0.0
+    diffuse = m.values[:, [ir.Slot.DIFFUSE, ir.Slot.SHEEN]].max(axis=(1, 2), initial=0.0) > 0.0
     for row in np.flatnonzero(m.model == ir.MaterialModel.BLEND):  # parts have lower rows than their blends
-        found[row] = found[m.first[row]] | found[m.second[row]]
-    return found
+        diffuse[row] = diffuse[m.first[row]] | diffuse[m.second[row]]
+    return diffuse
 
 
 def _albedo(tables: ir.Tables) -> np.ndarray:
@@ -90,7 +90,7 @@ def _albedo(tables: ir.Tables) -> np.ndarray:
     m, slot = tables.materials, ir.Slot
     parts = m.values[:, [slot.DIFFUSE, slot.REFLECTION, slot.SPECULAR]].mean(axis=2)
     parts = np.where(m.textures[:, [slot.DIFFUSE, slot.REFLECTION, slot.SPECULAR]] >= 0, PATTERN * parts, parts)
-    found = np.clip(parts.max(axis=1), 0.0, 1.0)
+    albedo = np.clip(parts.max(axis=1), 0.0, 1.0)
     for row in np.flatnonzero(m.model == ir.MaterialModel.BLEND):
-        found[row] = 0.5 * (found[m.first[row]] + found[m.second[row]])
-    return found
+        albedo[row] = 0.5 * (albedo[m.first[row]] + albedo[m.second[row]])
+    return albedo

@@ -32,16 +32,16 @@ def clauses(scene: ir.Scene, plan: Plan) -> tuple[str, ...]:
     diffuse = bool((tables.materials.values[:, [ir.Slot.DIFFUSE, ir.Slot.SHEEN]].max(axis=(1, 2), initial=0.0) > 0.0)[used].any())
     specular = bool((scene_facts.specular_materials(scene) & used).any())
     alone = len(tables.instances.geometry) == 1 and tables.geometries.kind[tables.instances.geometry[0]] in _FLAT
-    found = []
+    texts = []
     if plan["bounces"] > 0 and (specular or plan["interreflection"]):
-        found.append(limit_clause(plan))
+        texts.append(limit_clause(plan))
     if plan["bounces"] == 0 and specular:
-        found.append("reflections of other objects are left out")
+        texts.append("reflections of other objects are left out")
     if diffuse and not plan["interreflection"] and not alone:
-        found.append("light that diffuse surfaces send on is left out")
+        texts.append("light that diffuse surfaces send on is left out")
     if plan["transport.caustics"] == "none":
-        found.append("caustics are left out")
-    return tuple(found)
+        texts.append("caustics are left out")
+    return tuple(texts)
 
 
 def unmeasured(scene: ir.Scene, plan: Plan, measured: bool) -> tuple[str, ...]:
@@ -57,8 +57,8 @@ def with_bias(error: float | None, bias: float | None) -> float | None:
 
 def told(error: float | None, bias: float | None, left_out: Sequence[str], bounces: int) -> str:
     """The words after a picture's `with_bias`: what of it is noise, and what light is left out; "" where noise is all."""
-    known = "" if error is None or bias is None or bias < SHOWN else f"{error:.2%} of noise, {bias:.1%} of light beyond {bounces} bounces"
+    parts = "" if error is None or bias is None or bias < SHOWN else f"{error:.2%} of noise, {bias:.1%} of light beyond {bounces} bounces"
     if not left_out:
-        return known
+        return parts
     rest = "; ".join(left_out)
-    return f"{known}; {rest}" if known else f"of noise alone; {rest}"
+    return f"{parts}; {rest}" if parts else f"of noise alone; {rest}"

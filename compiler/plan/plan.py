@@ -63,9 +63,10 @@ def unused_cameras(scene: ir.Scene, plan: Plan) -> list[Diagnostic]:
     names, added = scene.names.cameras, any(said.startswith("camera:") for said in scene.defaults)
     if not added or len(names) < 2 or plan["camera"] != 0:
         return []
-    own = names[1:]
-    takes = f"--camera {own[0]} takes " + ("it" if len(own) == 1 else "the first")
-    has = "the stage's camera is not used: it is not" if len(own) == 1 else f"none of the stage's {len(own)} cameras is used: none is"
+    cameras = names[1:]
+    takes = f"--camera {cameras[0]} takes " + ("it" if len(cameras) == 1 else "the first")
+    several = f"none of the stage's {len(cameras)} cameras is used: none is"
+    has = "the stage's camera is not used: it is not" if len(cameras) == 1 else several
     message = f"{has} called `main_cam`, so that the picture frames everything, as usdrecord does"
     return [Diagnostic("note", message, scene.spans.at("cameras", 1), takes)]
 

@@ -48,7 +48,7 @@ def seen_from(scene: ir.Scene, camera: int) -> Resolved:
     visible = tables.instances.visible & ~SINGLE_SIDED
     tables = tables._replace(instances=tables.instances._replace(visible=visible))
     eye, see_through = _eye(tables, camera), _see_through(tables)
-    split, left = _Split(tables, bool(see_through[tables.instances.material].any())), -1
+    split, skipped = _Split(tables, bool(see_through[tables.instances.material].any())), -1
     shown = (visible[flagged] & int(ir.Visibility.CAMERA) != 0) & (tables.instances.light[flagged] < 0)
     shown &= tables.geometries.kind[tables.instances.geometry[flagged]] == ir.GeometryKind.MESH
     meshes: dict[int, _Mesh] = {}
@@ -63,10 +63,10 @@ def seen_from(scene: ir.Scene, camera: int) -> Resolved:
         if front.all() or (opaque and mesh.closed and abs(_winding(mesh.corners - local[:3])) < 0.5):
             continue
         if split.triangles + int(front.sum()) > MOST_TRIANGLES:
-            left = i
+            skipped = i
             continue
         split.add(i, front, outside and mesh.inward)
-    return Resolved(replace(scene, tables=split.tables()), left)
+    return Resolved(replace(scene, tables=split.tables()), skipped)
 
 
 def _see_through(tables: ir.Tables) -> Bool:
@@ -148,8 +148,8 @@ def is_closed_outward(positions: np.ndarray, triangles: I32) -> bool:
     if not len(corners) or not np.array_equal(np.sort(forward), np.sort(back)):
         return False
     part = _parts(n, corners)
-    at = places[corners].astype(np.float64) - places.mean(axis=0, dtype=np.float64)
-    volume = np.bincount(part[corners[:, 0]], np.einsum("ij,ij->i", at[:, 0], np.cross(at[:, 1], at[:, 2])), n)
+    centered = places[corners].astype(np.float64) - places.mean(axis=0, dtype=np.float64)
+    volume = np.bincount(part[corners[:, 0]], np.einsum("ij,ij->i", centered[:, 0], np.cross(centered[:, 1], centered[:, 2])), n)
     return bool((volume[np.unique(part[corners[:, 0]])] > 0.0).all())
 
 
@@ -191,22 +191,22 @@ class _Split:
 
     def add(self, i: int, front: Bool, passes_light: bool) -> None:
         """Show the faces `front` of instance i alone. Others cast shadows still, unless the instance `passes_light`."""
-        g, kept = int(self._geometry[i]), np.flatnonzero(front)
+        g, faces = int(self._geometry[i]), np.flatnonzero(front)
         if not passes_light:
             seen = _SEEN if self._through else int(ir.Visibility.CAMERA)
-            whole = int(self._visible[i]) & ~seen
+            hidden = int(self._visible[i]) & ~seen
             self._visible[i] &= ~_ALL | seen
-            if whole & _ALL:
+            if hidden & _ALL:
                 self._copies.append(i)
-                self._whole.append(whole)
-        if not len(kept):
+                self._whole.append(hidden)
+        if not len(faces):
             self._visible[i] &= ~_ALL if passes_light else ~_SEEN
             return
         key = (g, np.packbits(front).tobytes())
         if key not in self._known:
             self._known[key] = len(self._tables.geometries.kind) + len(self._made)
-            self._made.append((g, kept))
-            self.triangles += len(kept)
+            self._made.append((g, faces))
+            self.triangles += len(faces)
         self._geometry[i] = self._known[key]
 
     def tables(self) -> ir.Tables:
@@ -240,8 +240,8 @@ def _with_subsets(tables: ir.Tables, made: list[tuple[int, np.ndarray]]) -> tupl
                 continue
             width, first, each = int(tables.attributes.width[row]), int(tables.attributes.first[row]), 1
             each = 3 if how == ir.Interpolation.CORNER else 1
-            whole = tables.pools.values[first : first + width * int(tables.attributes.count[row])].reshape(-1, each * width)
-            values.append(whole[faces].ravel())
+            rows_of_values = tables.pools.values[first : first + width * int(tables.attributes.count[row])].reshape(-1, each * width)
+            values.append(rows_of_values[faces].ravel())
             for column, value in (("interpolation", how), ("width", width), ("first", floats), ("count", each * len(faces))):
                 of_attributes[column].append(np.array([value], of_attributes[column][0].dtype))
             columns[name][k], rows, floats = rows, rows + 1, floats + len(values[-1])

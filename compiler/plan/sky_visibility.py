@@ -166,7 +166,7 @@ def _field_of(tables: ir.Tables, g: int) -> Tape | None:
 
 def _field_hits(tape: Tape, bounds: np.ndarray, o: np.ndarray, d: np.ndarray) -> np.ndarray:
     """(n,) about the distances to where a formula changes sign within a box, between steps."""
-    found = np.full(len(d), np.inf)
+    distances = np.full(len(d), np.inf)
     with np.errstate(all="ignore"):
         one, other = (bounds[0] - o) / d, (bounds[1] - o) / d
         near, far = np.fmin(one, other).max(axis=1), np.fmax(one, other).min(axis=1)
@@ -180,8 +180,8 @@ def _field_hits(tape: Tape, bounds: np.ndarray, o: np.ndarray, d: np.ndarray) ->
     changes = inside[:, 1:] != inside[:, :-1]
     if len(rows):
         first = np.take_along_axis(t, changes.argmax(axis=1)[:, None] + 1, 1)[:, 0]
-        found[rows] = np.where(changes.any(axis=1), first, np.where(inside[:, 0] & (near > 0.0), near, np.inf))
-    return found
+        distances[rows] = np.where(changes.any(axis=1), first, np.where(inside[:, 0] & (near > 0.0), near, np.inf))
+    return distances
 
 
 def _triangle_hits(tables: ir.Tables, g: int, o: np.ndarray, d: np.ndarray) -> np.ndarray:

@@ -407,19 +407,19 @@ class SceneBuilder:
         at = ir.Lights._fields.index("instance")
         lights = [(*row[:at], shape_of.get(index, NONE), *row[at + 1 :]) for index, row in enumerate(self._rows["lights"])]
         instances[np.isin(instances[:, 0], list(self.single_sided)), 4] |= SINGLE_SIDED
-        made = {table: ir.table_of(table, row_tables.columns(table, rows)) for table, rows in (self._rows | {"lights": lights}).items()}
-        made["instances"] = ir.table_of("instances", dict(zip(ir.Instances._fields, instances.T, strict=True)))
-        made["transforms"] = self._transforms()
-        made["pools"] = ir.table_of("pools", {column: self._pooled(column) for column in ir.Pools._fields})
+        tables = {table: ir.table_of(table, row_tables.columns(table, rows)) for table, rows in (self._rows | {"lights": lights}).items()}
+        tables["instances"] = ir.table_of("instances", dict(zip(ir.Instances._fields, instances.T, strict=True)))
+        tables["transforms"] = self._transforms()
+        tables["pools"] = ir.table_of("pools", {column: self._pooled(column) for column in ir.Pools._fields})
         polygons = np.asarray(self._pooled("polygons"), np.int32).reshape(-1, 4).T
-        made["polygons"] = ir.table_of("polygons", dict(zip(ir.Polygons._fields, polygons, strict=True)))
-        made["images"] = ir.table_of("images", {**row_tables.columns("images", self._rows["images"]), "texels": self._pooled("texels")})
+        tables["polygons"] = ir.table_of("polygons", dict(zip(ir.Polygons._fields, polygons, strict=True)))
+        tables["images"] = ir.table_of("images", {**row_tables.columns("images", self._rows["images"]), "texels": self._pooled("texels")})
         named: dict[str, Any] = {table: tuple(of) for table, of in self._names.items() if table != "groups" or any(of)}
         placed = named["instances"] = self._instance_names.names()
         if self._links:
-            linked = link_sets.linked(made["instances"], made["lights"], self._links, placed, self.diagnostics)
-            made["instances"], made["lights"] = linked
-        return ir.Scene(name, ir.Tables(**made), ir.Names(**named), row_tables.spans(self._spans), **about)
+            linked = link_sets.linked(tables["instances"], tables["lights"], self._links, placed, self.diagnostics)
+            tables["instances"], tables["lights"] = linked
+        return ir.Scene(name, ir.Tables(**tables), ir.Names(**named), row_tables.spans(self._spans), **about)
 
     def _joined(self) -> tuple[np.ndarray, np.ndarray]:
         """The matrices and inverses of all transforms, (n, 3, 4) each."""

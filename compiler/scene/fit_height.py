@@ -44,7 +44,7 @@ def fitted(builder: SceneBuilder, shapes: Sequence[Placed], height: float, rotat
 
 def _reach(builder: SceneBuilder, shapes: Sequence[Placed], direction: np.ndarray) -> float:
     """The largest coordinate of the shapes along a direction (3,)."""
-    found = -math.inf
+    reach = -math.inf
     for geometry, matrices in shapes:
         kind, parameters, bounds, _ = builder.shape(geometry)
         forms, offsets = direction @ matrices[:, :3, :3], matrices[:, :3, 3] @ direction
@@ -52,18 +52,18 @@ def _reach(builder: SceneBuilder, shapes: Sequence[Placed], direction: np.ndarra
         most = np.where(forms == 0, 0.0, ends.max(axis=1)).sum(axis=1) + offsets
         points = builder.triangles(geometry)[0] if kind == Kind.MESH else None
         for k in np.argsort(-most):
-            if not most[k] > found:
+            if not most[k] > reach:
                 break  # nor do the boxes of the others reach farther
             farthest = _support(kind, parameters, forms[k]) if points is None else float((points @ forms[k]).max())
-            found = max(found, float(most[k]) if farthest is None else farthest + float(offsets[k]))
-    return found
+            reach = max(reach, float(most[k]) if farthest is None else farthest + float(offsets[k]))
+    return reach
 
 
 def _support(kind: ir.GeometryKind, p: tuple[float, ...], g: np.ndarray) -> float | None:
     """The largest value of the linear form g (3,) on an analytic shape; None where its box tells it, or no closed form does."""
-    around, whole, along = math.hypot(g[0], g[2]), float(np.linalg.norm(g)), float(g[1])
+    around, norm, along = math.hypot(g[0], g[2]), float(np.linalg.norm(g)), float(g[1])
     if kind == Kind.SPHERE:
-        return p[0] * whole
+        return p[0] * norm
     if kind == Kind.DISK:
         return p[0] * around
     if kind == Kind.CYLINDER:
@@ -71,7 +71,7 @@ def _support(kind: ir.GeometryKind, p: tuple[float, ...], g: np.ndarray) -> floa
     if kind == Kind.CONE:
         return max(p[2] * along + p[1] * around, -p[2] * along + p[0] * around)
     if kind == Kind.TORUS:
-        return p[0] * around + p[1] * whole
+        return p[0] * around + p[1] * norm
     if kind == Kind.CAPSULE:
-        return p[1] * abs(along) + p[0] * whole
+        return p[1] * abs(along) + p[0] * norm
     return None

@@ -28,8 +28,8 @@ def _stored(mesh: MeshData) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     with np.errstate(over="ignore", invalid="ignore"):
         relative = (positions - center).astype(np.float32)
         rounding = np.abs(relative.astype(np.float64) + center - positions)
-    known = rounding[np.isfinite(rounding)]
-    return center, relative, bounds(relative) + center, math.sqrt(3.0) * float(known.max(initial=0.0))
+    finite = rounding[np.isfinite(rounding)]
+    return center, relative, bounds(relative) + center, math.sqrt(3.0) * float(finite.max(initial=0.0))
 
 
 def bounds(positions: np.ndarray) -> np.ndarray:

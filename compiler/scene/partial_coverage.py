@@ -37,17 +37,17 @@ def passing(inputs: dict[ir.Slot, Input], opacity: float, tint: Color = WHITE) -
     grey = min(clear)
     highlights = [inputs[slot] for slot in (ir.Slot.SPECULAR, ir.Slot.REFLECTION) if slot in inputs]
     share = cover(1.0 - grey, max((max(h.value) for h in highlights), default=0.0))
-    found = dict(inputs)
+    covered = dict(inputs)
     for slot in (ir.Slot.DIFFUSE, ir.Slot.AMBIENT):
-        if slot in found:
-            found[slot] = replace(found[slot], value=scale_color(found[slot].value, opacity / share if share > 0.0 else 0.0))
+        if slot in covered:
+            covered[slot] = replace(covered[slot], value=scale_color(covered[slot].value, opacity / share if share > 0.0 else 0.0))
     for slot in (ir.Slot.SPECULAR, ir.Slot.REFLECTION, ir.Slot.EMISSION):
-        if slot in found:
-            found[slot] = stronger(found[slot], share, float("inf"))
+        if slot in covered:
+            covered[slot] = stronger(covered[slot], share, float("inf"))
     if share > 0.0 and max(clear) > grey:
         r, g, b = ((c - grey) / share for c in clear)
-        found |= {ir.Slot.TRANSMISSION: Input((r, g, b)), ir.Slot.IOR: Input.number(1.0)}
+        covered |= {ir.Slot.TRANSMISSION: Input((r, g, b)), ir.Slot.IOR: Input.number(1.0)}
     holes = inputs.get(ir.Slot.OPACITY)
-    found[ir.Slot.OPACITY] = Input.number(share) if holes is None else Input.number(share * holes.value[0], holes.texture)
-    return found
+    covered[ir.Slot.OPACITY] = Input.number(share) if holes is None else Input.number(share * holes.value[0], holes.texture)
+    return covered
 

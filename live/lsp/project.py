@@ -88,8 +88,8 @@ class Project:
         if not path.startswith("std/"):
             root = folder_of(path)
             real = os.path.realpath(root)
-            found = (os.path.realpath(root / name) for name in files_in(root, file_types.SCENE))
-            known |= dict.fromkeys(name for name in found if name.startswith(os.path.join(real, "")))  # without links out of the folder
+            files = (os.path.realpath(root / name) for name in files_in(root, file_types.SCENE))
+            known |= dict.fromkeys(name for name in files if name.startswith(os.path.join(real, "")))  # without links out of the folder
         for each in known:
             document = self.document(each)
             if document is not None:

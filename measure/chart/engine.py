@@ -156,15 +156,15 @@ class _Measurement:
             self.deadline = max(self.deadline, time.perf_counter() + 0.5 * self.wanted.budget)
         if guess is None:
             return None
-        known = reference.known_samples(self.scene, self.light)
-        least = self._needed(guess, 1.0, known, reference.MIN_SAMPLES)
+        available = reference.known_samples(self.scene, self.light)
+        least = self._needed(guess, 1.0, available, reference.MIN_SAMPLES)
         if least <= self.deadline - time.perf_counter():
             return guess
         samples = guess.samples(self.wanted.target)[0]
-        whole = self._needed(guess, samples, known, REFERENCE_FACTOR * samples / reference.MIN_SEEDS)
+        full = self._needed(guess, samples, available, REFERENCE_FACTOR * samples / reference.MIN_SEEDS)
         asked = formatting.target("relmse", self.wanted.target)
         raise NothingMeasured(
-            f"the least chart takes about {formatting.seconds(least)}, and one that measures {asked} about {formatting.seconds(whole)}, of "
+            f"the least chart takes about {formatting.seconds(least)}, and one that measures {asked} about {formatting.seconds(full)}, of "
             f"the {self.wanted.budget:g} s there are: give a longer --budget or a smaller --size", guess.answer(self.wanted.target),
         )  # fmt: skip
 
@@ -178,10 +178,10 @@ class _Measurement:
         """The reason why a backend that nobody named is not measured; "" if it is."""
         if self.wanted.asked or backend == "ray":
             return ""
-        whole, own = self.light.plan(self.scene), self.light.plan(self.scene, backend)
-        if missing := reference_light.missing_light(whole, own):
+        reference_plan, backend_plan = self.light.plan(self.scene), self.light.plan(self.scene, backend)
+        if missing := reference_light.missing_light(reference_plan, backend_plan):
             return f"{missing}, as is known without measuring: --backends ray,{backend} measures it"
-        if backend == "reference" and own["transport"] == "path":
+        if backend == "reference" and backend_plan["transport"] == "path":
             return "it draws the light of ray in numpy, and takes hundreds of times as long: --backends ray,reference measures it"
         return ""
 

@@ -98,8 +98,8 @@ def known_samples(scene: ir.Scene, light: ReferenceLight) -> int:
     plan = light.plan(scene)
     if closed_form.recognize(scene, plan) is not None:
         return MIN_SEEDS * MAX_SAMPLES
-    found = load(default_folder() / f"{cache_name(scene, plan)}.npz", _shape(plan))
-    return 0 if found is None else found.samples * found.count
+    stored = load(default_folder() / f"{cache_name(scene, plan)}.npz", _shape(plan))
+    return 0 if stored is None else stored.samples * stored.count
 
 
 def cache_name(scene: ir.Scene, plan: Plan) -> str:

@@ -60,9 +60,9 @@ def answer(chart: Chart) -> str:
     In the model noise falls as n^(-1/2) with n samples, bias does not, and time grows with n.
     """
     asked = formatting.target("relmse", chart.target)
-    found = [p for p in _our_points(chart) if p.errors["relmse"].median <= chart.target]
-    if found:
-        best = min(found, key=lambda p: p.seconds.median)
+    reaching = [p for p in _our_points(chart) if p.errors["relmse"].median <= chart.target]
+    if reaching:
+        best = min(reaching, key=lambda p: p.seconds.median)
         named, time = f"{best.setting.backend}, {formatting.setting(best.setting)}", formatting.seconds(best.seconds.median)
         return f"{asked}: {named}, {time}, measured {formatting.error('relmse', best.errors['relmse'].median)}: {best.setting.arguments()}"
     modelled = [made for curve in chart.curves if (made := _modelled(curve, chart.target)) is not None]
@@ -75,8 +75,8 @@ def answer(chart: Chart) -> str:
             "by the noise measured with fewer"
         )
     least = min((p.errors["relmse"].median for p in _our_points(chart)), default=None)
-    told = "" if least is None else f": the least measured is {formatting.error('relmse', least)}"
-    return chart.estimate or f"{asked}: no measured setting reaches it{told}"
+    nearest = "" if least is None else f": the least measured is {formatting.error('relmse', least)}"
+    return chart.estimate or f"{asked}: no measured setting reaches it{nearest}"
 
 
 def _modelled(curve: Curve, target: float) -> tuple[float, float, float, str] | None:

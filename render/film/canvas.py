@@ -370,11 +370,11 @@ class Canvas:
         Where a budget ended the work, pixels of one sample take twice the variance of those of two, if these are KNOWN of all.
         """
         relative = self.relative() if self.most > 1 else np.full((1, 1), np.inf)
-        known = relative[np.isfinite(relative)]
-        if known.size < relative.size and (not self.deadline.is_finite or known.size < KNOWN * relative.size):
+        finite = relative[np.isfinite(relative)]
+        if finite.size < relative.size and (not self.deadline.is_finite or finite.size < KNOWN * relative.size):
             return None, 0.0
-        alone = int(np.count_nonzero(self.samples)) - known.size
-        mean = float(np.sum(known) + 2.0 * alone * np.mean(known)) / (known.size + alone)
+        alone = int(np.count_nonzero(self.samples)) - finite.size
+        mean = float(np.sum(finite) + 2.0 * alone * np.mean(finite)) / (finite.size + alone)
         sparse = stray_samples.share_of_error(relative, self.channels["rgba"]) if relative.shape == self.samples.shape else 0.0
         return (1.0 if self.settled else adaptive_sampling.SELECTION) * math.sqrt(mean), sparse
 

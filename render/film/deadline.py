@@ -49,9 +49,9 @@ class Deadline:
 
     def earlier(self, seconds: float) -> Deadline:
         """This deadline with `seconds` reserved for what comes after it."""
-        made = Deadline(self.seconds, self.began, self.clock)
-        made._end, made._reserved = self._end, self._reserved + seconds
-        return made
+        deadline = Deadline(self.seconds, self.began, self.clock)
+        deadline._end, deadline._reserved = self._end, self._reserved + seconds
+        return deadline
 
     def part(self, share: float) -> Deadline:
         """A deadline after this share of the seconds that are left."""

@@ -79,11 +79,11 @@ class Margins(NamedTuple):
         rows, columns = min(MARGIN, height), min(MARGIN, width)
         over = np.roll(pixels[::-1], width // 2, axis=1)  # behind a pole, the picture goes down the opposite side
         parts = [over[height - rows :]] * self.top + [pixels] + [over[:rows]] * self.bottom
-        whole = np.concatenate(parts, axis=0) if len(parts) > 1 else pixels
+        padded = np.concatenate(parts, axis=0) if len(parts) > 1 else pixels
         if self.sides:
-            whole = np.concatenate([whole[:, width - columns :], whole, whole[:, :columns]], axis=1)
-        up, left = rows * self.top, columns * self.sides
-        return np.ascontiguousarray(whole, np.float32), (slice(up, up + height), slice(left, left + width))
+            padded = np.concatenate([padded[:, width - columns :], padded, padded[:, :columns]], axis=1)
+        up, first_column = rows * self.top, columns * self.sides
+        return np.ascontiguousarray(padded, np.float32), (slice(up, up + height), slice(first_column, first_column + width))
 
 
 ALONE = Margins()
@@ -111,12 +111,12 @@ def uncovered(rgba: Pixels) -> NDArray[np.bool_]:
 
 def _window_sums(marks: NDArray[np.bool_], reach: int) -> NDArray[np.int64]:
     """(h, w) number of marks in the square up to `reach` pixels from each pixel."""
-    found = marks.astype(np.int64)
+    counts = marks.astype(np.int64)
     for axis, count in enumerate(marks.shape):
-        sums = np.concatenate([np.zeros_like(found.take([0], axis)), np.cumsum(found, axis)], axis)
+        sums = np.concatenate([np.zeros_like(counts.take([0], axis)), np.cumsum(counts, axis)], axis)
         place = np.arange(count)
-        found = sums.take(np.minimum(place + reach + 1, count), axis) - sums.take(np.maximum(place - reach, 0), axis)
-    return found
+        counts = sums.take(np.minimum(place + reach + 1, count), axis) - sums.take(np.maximum(place - reach, 0), axis)
+    return counts
 
 
 def make_filter(albedo: Pixels, normal: Pixels, margins: Margins = ALONE) -> Callable[[Pixels], Pixels]:

@@ -131,17 +131,17 @@ class Refinement:
         """Return (h, w) samples of each pixel after the next round, so that `relative` falls by the share `excess`."""
         canvas = self.canvas
         if canvas.renderer.by_tile:
-            known = relative.copy()
+            estimate = relative.copy()
             for tile in canvas.tiles:
-                known[canvas.window(tile)] = known[canvas.window(tile)].mean()
+                estimate[canvas.window(tile)] = estimate[canvas.window(tile)].mean()
         elif canvas.renderer.cell > 1:
-            known = relative  # means of many pixels
+            estimate = relative  # means of many pixels
         else:
-            known = adaptive_sampling.smooth(relative, samples)
+            estimate = adaptive_sampling.smooth(relative, samples)
         if excess < 1.0:
-            doublings = adaptive_sampling.doublings_for_error(known, samples, canvas.most, excess)
+            doublings = adaptive_sampling.doublings_for_error(estimate, samples, canvas.most, excess)
             if np.sum(samples * (2**doublings - 1)) <= affordable:
                 return np.minimum(samples * 2**doublings, canvas.most)
         # A round at most doubles all samples: beyond that, pixels at four times their own leave samples to pixels without need.
-        doublings = adaptive_sampling.doublings_for_samples(known, samples, canvas.most, min(affordable, float(samples.sum())))
+        doublings = adaptive_sampling.doublings_for_samples(estimate, samples, canvas.most, min(affordable, float(samples.sum())))
         return np.minimum(samples * 2**doublings, canvas.most)

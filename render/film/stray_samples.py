@@ -15,17 +15,17 @@ def share_of_error(relative: NDArray[np.float64], rgba: NDArray[np.float32]) -> 
     Such a sample makes a pixel brighter than all around it. A pixel at an edge has a large error as well, and lies between its neighbors.
     Errors that are not finite do not count.
     """
-    known = np.where(np.isfinite(relative), relative, 0.0)
-    total, width = float(known.sum()), known.shape[1]
-    if total <= 0.0 or known.size < 9:
+    finite = np.where(np.isfinite(relative), relative, 0.0)
+    total, width = float(finite.sum()), finite.shape[1]
+    if total <= 0.0 or finite.size < 9:
         return 0.0
-    few = max(known.size // FEW, 1)
-    found = 0.0
-    for at in np.argpartition(known, -few, axis=None)[-few:].tolist():
-        y, x = divmod(at, width)
+    few = max(finite.size // FEW, 1)
+    stray = 0.0
+    for index in np.argpartition(finite, -few, axis=None)[-few:].tolist():
+        y, x = divmod(index, width)
         around = np.abs(rgba[max(y - 1, 0) : y + 2, max(x - 1, 0) : x + 2, :3]).sum(axis=2, dtype=np.float64)
-        own = around[min(y, 1), min(x, 1)]
+        center = around[min(y, 1), min(x, 1)]
         around[min(y, 1), min(x, 1)] = 0.0
-        if own > BRIGHTER * float(np.nan_to_num(around).max()):
-            found += float(known[y, x])
-    return found / total
+        if center > BRIGHTER * float(np.nan_to_num(around).max()):
+            stray += float(finite[y, x])
+    return stray / total

@@ -97,9 +97,9 @@ def about(path: Path) -> dict[str, str]:
 
 
 def _texts(spec: Any) -> dict[str, str]:
-    found = {}
+    layers = {}
     for attribute in spec.extra_attribs:
         with suppress(UnicodeDecodeError):  # of another program
             if attribute.name.startswith(ABOUT):
-                found[attribute.name.removeprefix(ABOUT)] = str(attribute.value)
-    return found
+                layers[attribute.name.removeprefix(ABOUT)] = str(attribute.value)
+    return layers

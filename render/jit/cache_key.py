@@ -45,13 +45,13 @@ class Keys:
         `module` is dotted ("render.film.film"), or has the package's name in front. `name` may have dotted names inside of the definition.
         Raises KeyError for a module of others.
         """
-        own, outer = self.own(module), name.partition(".")[0]
-        if own is None:
+        dotted, outer = self.own(module), name.partition(".")[0]
+        if dotted is None:
             raise KeyError(f"{module} is not a module of the package")
-        place = f"{own}~{outer}"
+        place = f"{dotted}~{outer}"
         if place not in self._kept:
-            known = outer in self.sources.module(own).definitions  # else it is made by code of the module
-            self._kept[place] = self._digest(self.reach(own, outer if known else ""))
+            is_definition = outer in self.sources.module(dotted).definitions  # else it is made by code of the module
+            self._kept[place] = self._digest(self.reach(dotted, outer if is_definition else ""))
             self.sources.keep()
             self._keep()
         return self._kept[place]
@@ -92,17 +92,17 @@ class Keys:
 
     def _follow(self, todo: list[Place]) -> set[Place]:
         """These definitions and those they refer to, step by step."""
-        found = set[Place]()
+        reached = set[Place]()
         while todo:
             place = todo.pop()
             module, name = place
-            if place in found or module.startswith(_RUNTIME):
+            if place in reached or module.startswith(_RUNTIME):
                 continue
-            found.add(place)
+            reached.add(place)
             todo.append((module, OTHER))
             for used in self.sources.module(module).definitions[name].names:
                 todo += self._resolve(module, used)
-        return found
+        return reached
 
     def _resolve(self, module: str, dotted: str) -> tuple[Place, ...]:
         """The definitions that a dotted name of a module refers to. A module that is read as a value is all of its definitions."""
@@ -110,10 +110,10 @@ class Keys:
         if place not in self._resolved:
             self._resolved[place] = ()  # for packages whose parts import each other
             first, _, rest = dotted.partition(".")
-            known = self.sources.module(module)
-            own = [(module, first)] if first in known.definitions else []
-            imported = [each for base, name in known.imports.get(first, ()) for each in self._imported(base, name, rest)]
-            self._resolved[place] = (*own, *imported)
+            source = self.sources.module(module)
+            local = [(module, first)] if first in source.definitions else []
+            imported = [each for base, name in source.imports.get(first, ()) for each in self._imported(base, name, rest)]
+            self._resolved[place] = (*local, *imported)
         return self._resolved[place]
 
     def _imported(self, base: str, name: str, rest: str) -> Iterator[Place]:

@@ -81,8 +81,8 @@ def _strip(tree: ast.AST) -> None:
     for node in ast.walk(tree):
         body = getattr(node, "body", None)
         if isinstance(body, list):
-            kept = [each for each in body if not (isinstance(each, ast.Expr) and isinstance(each.value, ast.Constant))]
-            node.body = kept or [ast.Pass()]  # type: ignore[attr-defined]
+            statements = [each for each in body if not (isinstance(each, ast.Expr) and isinstance(each.value, ast.Constant))]
+            node.body = statements or [ast.Pass()]  # type: ignore[attr-defined]
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             node.returns = None
         elif isinstance(node, ast.arg):
@@ -141,11 +141,11 @@ def _bound(function: Any) -> frozenset[str]:
 
 def _imports(tree: ast.Module, package: tuple[str, ...]) -> dict[str, tuple[tuple[str, str], ...]]:
     """What the relative imports of a module bind, those inside of functions too."""
-    found: dict[str, tuple[tuple[str, str], ...]] = {}
+    bindings: dict[str, tuple[tuple[str, str], ...]] = {}
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and node.level:
             base = ".".join([*package[: len(package) - node.level + 1], *(node.module.split(".") if node.module else [])])
             for alias in node.names:
                 name = alias.asname or alias.name
-                found[name] = (*found.get(name, ()), (base, alias.name))
-    return found
+                bindings[name] = (*bindings.get(name, ()), (base, alias.name))
+    return bindings

@@ -37,21 +37,21 @@ class Sources:
     @cached_property
     def files(self) -> dict[str, Path]:
         """The file of every module by its dotted name."""
-        found = {}
+        modules = {}
         for package in PACKAGES:
             for path in sorted((self.root / package).rglob("*.py")):
                 parts = path.relative_to(self.root).with_suffix("").parts
-                found[".".join(parts[:-1] if path.name == "__init__.py" else parts)] = path
-        return found
+                modules[".".join(parts[:-1] if path.name == "__init__.py" else parts)] = path
+        return modules
 
     @cached_property
     def stamp(self) -> str:
         """Digest of the names, sizes and times of all files; "" while one is so new that an edit could leave its times as they are."""
         newest, rows = 0, []
         for name, path in self.files.items():
-            known = path.stat()
-            newest = max(newest, known.st_mtime_ns, known.st_ctime_ns)
-            rows.append(f"{name} {known.st_ino} {known.st_size} {known.st_mtime_ns} {known.st_ctime_ns}")
+            status = path.stat()
+            newest = max(newest, status.st_mtime_ns, status.st_ctime_ns)
+            rows.append(f"{name} {status.st_ino} {status.st_size} {status.st_mtime_ns} {status.st_ctime_ns}")
         return digest("\n".join([str(self.root), *rows])) if newest < time.time_ns() - _SETTLED else ""
 
     def content(self, name: str) -> str:
@@ -62,10 +62,10 @@ class Sources:
 
     def module(self, name: str) -> Module:
         """The definitions of a module: as kept, as they came with the package, or parsed."""
-        found = self._modules.get(name)
-        if found is None:
-            found = self._modules[name] = self._read(name)
-        return found
+        module = self._modules.get(name)
+        if module is None:
+            module = self._modules[name] = self._read(name)
+        return module
 
     def _read(self, name: str) -> Module:
         row = f"{name} {self.content(name)}"
@@ -123,8 +123,8 @@ def read_rows(file: Path, form: int) -> dict[str, Any]:
     """The rows of a file; none where it is missing, damaged or of another form."""
     try:
         expected, _, text = file.read_text(encoding="utf-8").partition("\n")
-        found = json.loads(text) if digest(text.removesuffix("\n")) == expected else {}
-        return found["rows"] if found.get("form") == form else {}
+        content = json.loads(text) if digest(text.removesuffix("\n")) == expected else {}
+        return content["rows"] if content.get("form") == form else {}
     except (OSError, ValueError):
         return {}
 

@@ -127,8 +127,8 @@ def _local_mesh(tables: ir.Tables, g: int, tolerance: float) -> _LocalMesh:
         return _LocalMesh(positions, triangles, float(geometries.parameters[g, 0]))
     if kind == _KIND.FORMULA:
         tape = load_tape(tables, int(geometries.tape[g]))
-        made = implicit_surfaces.contour(tables, g, mesh_csg.CONTOUR_SHARE * tolerance, True)
-        return _LocalMesh(*mesh_csg.simplify(tape, made, tolerance), made.missing)
+        contour = implicit_surfaces.contour(tables, g, mesh_csg.CONTOUR_SHARE * tolerance, True)
+        return _LocalMesh(*mesh_csg.simplify(tape, contour, tolerance), contour.missing)
     mesh = analytic_shapes.tessellate(kind, geometries.parameters[g].tolist(), tolerance)
     off = analytic_shapes.deviation(kind, geometries.parameters[g].tolist(), tolerance, mesh)
     return _LocalMesh(mesh.positions[:, :3], mesh.triangles.astype(np.int64), off)

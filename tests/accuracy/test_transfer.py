@@ -214,7 +214,8 @@ def test_facing_plates_of_wide_triangles(tmp_path, measured, backend):
     (tmp_path / "plates.mtl").write_text("".join(lines))
     corners = "".join(f"v {x} {y} {z}\n" for y in (0, 1) for x, z in ((-s, -s), (-s, s), (s, s), (s, -s)))
     (tmp_path / "plates.obj").write_text(f"mtllib plates.mtl\n{corners}usemtl m0\nf 1 2 3 4\nusemtl m1\nf 5 8 7 6\n")
-    found = rm.grey(rm.picture(tmp_path, BETWEEN + 'mesh("plates.obj")\nrender(bounces: 4)\n', backend, size=(12, 12), plan=TREE))
+    text = BETWEEN + 'mesh("plates.obj", unit: "m", up: "y")\nrender(bounces: 4)\n'
+    found = rm.grey(rm.picture(tmp_path, text, backend, size=(12, 12), plan=TREE))
     error = float(np.abs(found / series(emitted, albedo, 4)[0] - 1).max())
     measured.answer(30, "facing plates, wide triangles", backend, error, rm.SINGLE, note="relative, the worst pixel")
 

@@ -56,5 +56,5 @@ def parse(data: bytes, what: str, start: Start, end: End, text: Callable[[str], 
 
 def local(name: str) -> tuple[str, str]:
     """(namespace, local name) of the name of an element or attribute."""
-    space, _, own = name.rpartition("}")
-    return space, own
+    space, _, tag = name.rpartition("}")
+    return space, tag

@@ -48,10 +48,10 @@ def read(data: bytes, warn: Warn) -> Assembly:
     package = _Package(archive)
     models = _Models(package, warn)
     root = models.load(package.root())
-    found = _Expansion(models, warn).run(root)
-    if not found.places:
+    assembly = _Expansion(models, warn).run(root)
+    if not assembly.places:
         raise AssemblyError("the 3MF file shows no mesh: its build has no items" if not root.items else "the 3MF file shows no mesh")
-    return found
+    return assembly
 
 
 class _Package:
@@ -127,22 +127,22 @@ class _Model:
         }  # fmt: skip
 
     def start(self, name: str, attributes: Mapping[str, str]) -> None:
-        space, own = safe_xml.local(name)
-        if own in _NOT_DRAWN:
-            self._warn(f"the 3MF file has {_NOT_DRAWN[own]}, which are not drawn")
-        made = self._starts.get(own) if space in (CORE, _MATERIAL, "") else None
-        if made is None:
+        space, tag = safe_xml.local(name)
+        if tag in _NOT_DRAWN:
+            self._warn(f"the 3MF file has {_NOT_DRAWN[tag]}, which are not drawn")
+        handler = self._starts.get(tag) if space in (CORE, _MATERIAL, "") else None
+        if handler is None:
             return
         try:
-            made(attributes)
+            handler(attributes)
         except KeyError as missing:
-            raise AssemblyError(f"a `{own}` has no attribute {missing}") from None
+            raise AssemblyError(f"a `{tag}` has no attribute {missing}") from None
         except ValueError:
-            raise AssemblyError(f"an attribute of a `{own}` is no number") from None
+            raise AssemblyError(f"an attribute of a `{tag}` is no number") from None
 
     def end(self, name: str) -> None:
-        own = safe_xml.local(name)[1]
-        if own == "object":
+        tag = safe_xml.local(name)[1]
+        if tag == "object":
             self._object = None
 
     def _model(self, attributes: Mapping[str, str]) -> None:
@@ -162,15 +162,15 @@ class _Model:
             self._object.points += (float(attributes["x"]), float(attributes["y"]), float(attributes["z"]))
 
     def _triangle(self, attributes: Mapping[str, str]) -> None:
-        made = self._object
-        if made is None:
+        current = self._object
+        if current is None:
             return
-        made.corners += (int(attributes["v1"]), int(attributes["v2"]), int(attributes["v3"]))
+        current.corners += (int(attributes["v1"]), int(attributes["v2"]), int(attributes["v3"]))
         if "p1" in attributes:
-            group = attributes.get("pid") or (made.default[0] if made.default else "")
+            group = attributes.get("pid") or (current.default[0] if current.default else "")
             first = int(attributes["p1"])
             rows = first, int(attributes.get("p2", first)), int(attributes.get("p3", first))
-            made.properties[len(made.corners) // 3 - 1] = group, rows
+            current.properties[len(current.corners) // 3 - 1] = group, rows
 
     def _component(self, attributes: Mapping[str, str]) -> None:
         if self._object is not None:
@@ -211,13 +211,13 @@ def _srgb(text: str) -> tuple[float, float, float, float]:
 
 def _matrix(text: str | None) -> np.ndarray:
     """(4, 4) of the twelve numbers of a transform, rows of which are images of the axes. Raises ValueError."""
-    made = np.eye(4)
+    matrix = np.eye(4)
     if text is not None:
         numbers = [float(word) for word in text.split()]
         if len(numbers) != 12:
             raise ValueError
-        made[:3] = np.array(numbers).reshape(4, 3).T
-    return made
+        matrix[:3] = np.array(numbers).reshape(4, 3).T
+    return matrix
 
 
 class _Models:
@@ -246,11 +246,11 @@ class _Models:
             except AssemblyError as failure:
                 self._warn(f"a part is left out: {failure}")
         model = self._known.get(path.lower())
-        made = None if model is None else model.objects.get(number)
-        if model is None or made is None:
+        object_ = None if model is None else model.objects.get(number)
+        if model is None or object_ is None:
             self._warn(f"the 3MF file has no object `{number[:40]}`, which is used: it is left out")
             return None
-        return model, made
+        return model, object_
 
 
 class _Expansion:
@@ -275,14 +275,14 @@ class _Expansion:
             if key in above or len(above) > safe_xml.DEEPEST:
                 self._warn("components of the 3MF file contain each other: they are left out where they begin again")
                 continue
-            found = self._models.object_of(key)
-            if found is None:
+            resolved = self._models.object_of(key)
+            if resolved is None:
                 continue
-            model, made = found
+            model, object_ = resolved
             frame = matrix if model.unit == root.unit else matrix @ np.diag([*(model.unit / root.unit,) * 3, 1.0])
-            if (row := self._mesh(key, model, made)) is not None:
-                places.append(Place(row, frame, made.name))
-            waiting += [(below, frame @ place, (*above, key)) for below, place in reversed(made.components)]
+            if (row := self._mesh(key, model, object_)) is not None:
+                places.append(Place(row, frame, object_.name))
+            waiting += [(below, frame @ place, (*above, key)) for below, place in reversed(object_.components)]
         return Assembly(root.unit, "z", self._meshes, list(self._materials), places)
 
     def _mesh(self, key: _Key, model: _Model, made: _Object) -> int | None:
@@ -297,9 +297,9 @@ class _Expansion:
     def _built(self, model: _Model, made: _Object) -> AssemblyMesh | None:
         points = np.array(made.points, np.float64).reshape(-1, 3)
         corners = np.array(made.corners, dtype=object).reshape(-1, 3)
-        there = np.array([all(0 <= int(v) < len(points) for v in row) for row in corners.tolist()])
-        corners = np.where(there[:, None], corners, 0).astype(np.int64)
-        sound = there & (np.isfinite(points[corners]).all(axis=(1, 2)) if len(points) else False)
+        in_range = np.array([all(0 <= int(v) < len(points) for v in row) for row in corners.tolist()])
+        corners = np.where(in_range[:, None], corners, 0).astype(np.int64)
+        sound = in_range & (np.isfinite(points[corners]).all(axis=(1, 2)) if len(points) else False)
         if not sound.all():
             lost = int(np.count_nonzero(~sound))
             self._warn(f"{lost} of {len(sound)} triangles use vertices that do not exist or are not finite: they are left out")
@@ -307,16 +307,16 @@ class _Expansion:
             return None
         material, colors = self._looks(model, made, len(corners))
         tints = None if colors is None else MeshAttribute(colors[sound].reshape(-1, 3), ir.Interpolation.CORNER)
-        kept = corners[sound]
-        mesh = PolyMesh(np.nan_to_num(points), np.full(len(kept), 3), kept.reshape(-1), colors=tints)
+        triangles = corners[sound]
+        mesh = PolyMesh(np.nan_to_num(points), np.full(len(triangles), 3), triangles.reshape(-1), colors=tints)
         return AssemblyMesh(made.name, mesh, material[sound])
 
     def _looks(self, model: _Model, made: _Object, count: int) -> tuple[np.ndarray, np.ndarray | None]:
         """(materials (m,) of triangles, linear colours (m, 3, 3) of their corners or None)"""
         material, colors, wrong = np.full(count, -1, np.int64), None, 0
-        whole = None if made.default is None else (made.default[0], (made.default[1],) * 3)
+        default = None if made.default is None else (made.default[0], (made.default[1],) * 3)
         for k in range(count):
-            group, rows = made.properties.get(k) or whole or ("", (0, 0, 0))
+            group, rows = made.properties.get(k) or default or ("", (0, 0, 0))
             bases, tints = model.bases.get(group), model.colors.get(group)
             if bases is not None and 0 <= rows[0] < len(bases):
                 material[k] = self._materials.setdefault(bases[rows[0]], len(self._materials))

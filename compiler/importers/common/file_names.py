@@ -43,10 +43,10 @@ def _spelled(name: str, folder: Path) -> Iterator[str]:
 
 def _other_case(name: str, folder: Path) -> str:
     """The name with the spelling on disk, if only case differs."""
-    at, spelled = folder, []
+    directory, spelled = folder, []
     for part in name.split("/"):
-        if part not in ("", ".", "..") and not (at / part).exists() and at.is_dir():
-            part = next((p.name for p in at.iterdir() if p.name.lower() == part.lower()), part)
+        if part not in ("", ".", "..") and not (directory / part).exists() and directory.is_dir():
+            part = next((p.name for p in directory.iterdir() if p.name.lower() == part.lower()), part)
         spelled.append(part)
-        at = at / part
+        directory = directory / part
     return "/".join(spelled)

@@ -21,15 +21,15 @@ def from_numbers(values: np.ndarray, warn: Callable[[str], None]) -> np.ndarray:
     Numbers are counted to 255 or 65535 if most of those above 0 are above 1, or if all are whole and one is above 16. Others are from 0
     to 1: few numbers above 1 are clipped, with a warning.
     """
-    found = np.nan_to_num(np.asarray(values, np.float64), nan=0.0, posinf=0.0, neginf=0.0)
-    positive = found[found > 0]
+    finite = np.nan_to_num(np.asarray(values, np.float64), nan=0.0, posinf=0.0, neginf=0.0)
+    positive = finite[finite > 0]
     top = float(positive.max(initial=0.0))
-    if top > 1 and (np.count_nonzero(positive > 1) * 2 > len(positive) or (top > _WHOLE and not (found % 1).any())):
-        return linear(found / (255.0 if top < 256 else 65535.0))
-    beyond = int(np.count_nonzero(((found < 0) | (found > 1)).any(axis=1)))
+    if top > 1 and (np.count_nonzero(positive > 1) * 2 > len(positive) or (top > _WHOLE and not (finite % 1).any())):
+        return linear(finite / (255.0 if top < 256 else 65535.0))
+    beyond = int(np.count_nonzero(((finite < 0) | (finite > 1)).any(axis=1)))
     if beyond:
-        warn(f"{beyond:,} of {len(found):,} colours are not between 0 and 1: they are clipped")
-    return linear(found)
+        warn(f"{beyond:,} of {len(finite):,} colours are not between 0 and 1: they are clipped")
+    return linear(finite)
 
 
 def from_column(values: np.ndarray, kind: np.dtype, warn: Callable[[str], None]) -> np.ndarray:

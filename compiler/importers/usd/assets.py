@@ -72,13 +72,13 @@ def asset(value: Any, warnings: Warnings, prim: Any, what: str = "picture") -> A
     resolved = str(getattr(value, "resolvedPath", "") or "")
     tiles: tuple[tuple[int, str], ...] = ()
     if "<UDIM>" in written:
-        found = [(int(number), str(path)) for path, number in UsdShade.UdimUtils.ResolveUdimTilePaths(written, _layer(prim))]
-        found += udim.high_tiles(str(Path(_layer(prim).realPath).parent / written))
-        faults = [warnings.opened.outside(written.replace("<UDIM>", str(number)), path) for number, path in found]
-        tiles = tuple(sorted(tile for tile, fault in zip(found, faults, strict=True) if not fault))
+        candidates = [(int(number), str(path)) for path, number in UsdShade.UdimUtils.ResolveUdimTilePaths(written, _layer(prim))]
+        candidates += udim.high_tiles(str(Path(_layer(prim).realPath).parent / written))
+        faults = [warnings.opened.outside(written.replace("<UDIM>", str(number)), path) for number, path in candidates]
+        tiles = tuple(sorted(tile for tile, fault in zip(candidates, faults, strict=True) if not fault))
         for message, hint in filter(None, faults):
             warnings.diagnostics.warning(f"the {what} {message}: it is left out", warnings.opened.span(prim), hint)
-        if found and not tiles:
+        if candidates and not tiles:
             return None
         resolved = tiles[0][1] if tiles else ""
     if not resolved and "<UDIM>" not in written:

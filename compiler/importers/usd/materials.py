@@ -80,9 +80,9 @@ class Materials:
         """The network bound to a prim, by purpose full, then preview, then all-purpose. None if absent or unsupported."""
         api, material = UsdShade.MaterialBindingAPI(prim), None
         for purpose in (UsdShade.Tokens.full, UsdShade.Tokens.preview):
-            found, relation = api.ComputeBoundMaterial(purpose)  # of this purpose, else the all-purpose one
-            if found:
-                material = found
+            candidate, relation = api.ComputeBoundMaterial(purpose)  # of this purpose, else the all-purpose one
+            if candidate:
+                material = candidate
                 if _purpose(str(relation.GetName())) == purpose:
                     break
         if not material:

@@ -71,15 +71,15 @@ def parts(network: Network | None, prim: Any, read: geometry.Reads, faces: np.nd
     if not len(counts) or (counts < 0).any() or counts.sum() != len(indices) or not points:
         return [Part(faces, fit)]
     if not others:
-        given = geometry.primvar(UsdGeom.PrimvarsAPI(prim), str(read.uv), time, 2, points, counts, Diagnostics(), Span(""))
-        if given is None:
+        primvar = geometry.primvar(UsdGeom.PrimvarsAPI(prim), str(read.uv), time, 2, points, counts, Diagnostics(), Span(""))
+        if primvar is None:
             return [Part(faces, fit)]
-        return _by_tiles(_at_corners(given, counts, np.clip(indices, 0, points - 1)), counts, faces, fit, tiled, materials)
+        return _by_tiles(_at_corners(primvar, counts, np.clip(indices, 0, points - 1)), counts, faces, fit, tiled, materials)
     api, found = UsdGeom.PrimvarsAPI(prim), {}
     for name in (str(read.uv), *others):
-        given = geometry.primvar(api, name, time, 2, points, counts, Diagnostics(), Span(""))
-        if given is not None:
-            found[name] = _at_corners(given, counts, np.clip(indices, 0, points - 1))
+        primvar = geometry.primvar(api, name, time, 2, points, counts, Diagnostics(), Span(""))
+        if primvar is not None:
+            found[name] = _at_corners(primvar, counts, np.clip(indices, 0, points - 1))
     known = [name for name in others if name in found]
     maps: dict[str, np.ndarray | None] = dict.fromkeys(others)
     if read.uv not in found or not known:
@@ -99,8 +99,8 @@ def parts(network: Network | None, prim: Any, read: geometry.Reads, faces: np.nd
 def _tiled(network: Network | None, materials: Materials) -> list[tuple[Picture, udim.Tiles]]:
     """The pictures of a material in UDIM tiles, if all have one frame."""
     pictures = [given for given in network.inputs.values() if isinstance(given, Picture)] if network else []
-    found = [(each, file.tiles) for each in pictures if (file := materials.file(each)) is not None and file.tiles is not None]
-    return found if len({each.frame for each, _ in found}) == 1 else []
+    tiled_pictures = [(each, file.tiles) for each in pictures if (file := materials.file(each)) is not None and file.tiles is not None]
+    return tiled_pictures if len({each.frame for each, _ in tiled_pictures}) == 1 else []
 
 
 def _by_tiles(
@@ -115,13 +115,13 @@ def _by_tiles(
             materials.tell(f"`{tiles.name}` has no tile {names}: its fallback is drawn there", picture.shader.GetPrim())
     groups = [(f"tile{n}", (n,), np.flatnonzero((number == n) & ~several)) for n in np.unique(number[~several]).tolist()]
     groups.append(("tiles", tuple(sorted(used)), np.flatnonzero(several)))
-    made = []
+    parts = []
     for name, tiles, rows in groups:
         chosen = rows if faces is None else np.intersect1d(rows, faces)
         if len(chosen):
-            whole = len(chosen) == len(counts) and faces is None
-            made.append(Part(None if whole else chosen, replace(fit, tiles=tiles), "" if whole else name))
-    return made
+            is_everything = len(chosen) == len(counts) and faces is None
+            parts.append(Part(None if is_everything else chosen, replace(fit, tiles=tiles), "" if is_everything else name))
+    return parts
 
 
 def _at_corners(given: MeshAttribute, counts: np.ndarray, indices: np.ndarray) -> F64:

@@ -77,9 +77,9 @@ def faces(prim: Any, time: Any, reads: Reads, diagnostics: Diagnostics, span: Sp
     normal = np.cross((du[..., :3] - du[..., 3:] * at) / w, (dv[..., :3] - dv[..., 3:] * at) / w)
     colors = None
     if reads.color is not None:
-        given = np.array(stage.flattened(UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(reads.color), time), np.float64)
-        if given.shape == points.shape:
-            colors = MeshAttribute(np.maximum(mixed(v.basis, u.basis, given.reshape(*grid, 3)).reshape(-1, 3), 0.0))
+        color_points = np.array(stage.flattened(UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(reads.color), time), np.float64)
+        if color_points.shape == points.shape:
+            colors = MeshAttribute(np.maximum(mixed(v.basis, u.basis, color_points.reshape(*grid, 3)).reshape(-1, 3), 0.0))
         else:
             diagnostics.warning(f"`{reads.color}` of a NurbsPatch is drawn with one value a control point: it is left out", span)
     uvs = np.stack([np.broadcast_to(u.share, at.shape[:2]), np.broadcast_to(v.share[:, None], at.shape[:2])], axis=-1)

@@ -27,8 +27,8 @@ def is_wanted(prim: Any, reads: Reads, diagnostics: Diagnostics, span: Span) -> 
     """Whether primvars that a material reads vary over a shape. A shape that is no cube and no plane gets a warning instead."""
     api, varying = UsdGeom.PrimvarsAPI(prim), []
     for name in (reads.uv, reads.color):
-        own = api.GetPrimvar(name) if name else None
-        if own and own.HasAuthoredValue() and str(own.GetInterpolation()) != "constant":
+        authored = api.GetPrimvar(name) if name else None
+        if authored and authored.HasAuthoredValue() and str(authored.GetInterpolation()) != "constant":
             varying.append(name)
     kind = str(prim.GetTypeName())
     if not varying or kind in ("Cube", "Plane"):
@@ -56,9 +56,9 @@ def _surface(prim: Any, time: Any) -> tuple[F64, np.ndarray]:
     axis = str(UsdGeom.Plane(prim).GetAxisAttr().Get(time))
     width, length = (abs(stage.number(prim.GetAttribute(name), time)) / 2 for name in ("width", "length"))
     if axis == "X":
-        made = [(0.0, y * length, z * width) for y, z in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
+        corners = [(0.0, y * length, z * width) for y, z in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
     elif axis == "Y":
-        made = [(x * width, 0.0, z * length) for x, z in ((-1, 1), (1, 1), (1, -1), (-1, -1))]
+        corners = [(x * width, 0.0, z * length) for x, z in ((-1, 1), (1, 1), (1, -1), (-1, -1))]
     else:
-        made = [(x * width, y * length, 0.0) for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
-    return np.array(made), np.array([(0, 1, 2, 3)])
+        corners = [(x * width, y * length, 0.0) for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
+    return np.array(corners), np.array([(0, 1, 2, 3)])

@@ -48,21 +48,21 @@ def skins(prim: Any, time: Any, warnings: Warnings) -> dict[str, Skin]:
         frame = to_root @ np.array(world.GetLocalToWorldTransform(prim)).T
         for query in binding.GetSkinningTargets():
             try:
-                made = _skin(query, skeleton, matrices, time, frame, warnings)
+                skin = _skin(query, skeleton, matrices, time, frame, warnings)
             except (Tf.ErrorException, TypeError, ValueError) as failure:
                 message = f"this mesh is drawn undeformed, as its skeleton cannot move it: {reason(failure, warnings.opened.path)}"
                 warnings.tell(message, query.GetPrim())
                 continue
-            if made is not None:
-                found[str(query.GetPrim().GetPath())] = made
+            if skin is not None:
+                found[str(query.GetPrim().GetPath())] = skin
     return found
 
 
 def _matrices(skeleton: Any, prim: Any, time: Any, warnings: Warnings) -> Any:
     """The skinning matrices of the joints of a skeleton; empty, with a warning unless it has no joint, where none can be computed."""
-    made = skeleton.ComputeSkinningTransforms(time) if skeleton else None
-    if made:
-        return made
+    skinning_transforms = skeleton.ComputeSkinningTransforms(time) if skeleton else None
+    if skinning_transforms:
+        return skinning_transforms
     if len(UsdSkel.Skeleton(prim).GetJointsAttr().Get() or ()):
         warnings.tell("the skeleton has no valid bind or rest pose: its meshes are drawn undeformed", prim)
     return Vt.Matrix4dArray()

@@ -147,8 +147,8 @@ def moves(prim: Any, time: Any) -> bool:
         return False
     if not any(attribute.HasAuthoredValue() for name in _SPEEDS if (attribute := prim.GetAttribute(name))):
         return False
-    given = prim.GetAttribute("points") or prim.GetAttribute("positions")
-    samples = given.GetBracketingTimeSamples(time.GetValue()) if given else ()
+    points_attribute = prim.GetAttribute("points") or prim.GetAttribute("positions")
+    samples = points_attribute.GetBracketingTimeSamples(time.GetValue()) if points_attribute else ()
     return len(samples) == 2 and (samples[0] < samples[1] or 0.0 <= time.GetValue() - samples[0] < 1.0)
 
 
@@ -171,8 +171,8 @@ def flattened(primvar: Any, time: Any) -> Any:
     Tf.Warn(f"{size} {primvar.GetElementSize()}: it is read as 1")
     if indices is None:
         return values
-    rows, made = np.array(indices, np.int64), np.array(values)
-    return made[rows] if len(rows) and 0 <= rows.min() <= rows.max() < len(made) else None
+    rows, elements = np.array(indices, np.int64), np.array(values)
+    return elements[rows] if len(rows) and 0 <= rows.min() <= rows.max() < len(elements) else None
 
 
 def primvar_mean(prim: Any, name: str, time: Any) -> tuple[np.ndarray | None, int]:

@@ -261,9 +261,9 @@ class Walk:
         key = (self._source(prim), here.draw_mode)
         if key not in self._stand_ins:
             self._stand_ins[key] = draw_modes.stand_in(prim, here.draw_mode, self.materials)
-        own = self.materials.replaced.every
+        every = self.materials.replaced.every
         return [
-            Piece(row, material if own == NONE else own, here.matrix, prim, str(prim.GetPath())) for row, material in self._stand_ins[key]
+            Piece(row, bound if every == NONE else every, here.matrix, prim, str(prim.GetPath())) for row, bound in self._stand_ins[key]
         ]
 
     def _mesh(self, prim: Any, matrix: np.ndarray) -> list[Piece]:

@@ -75,15 +75,15 @@ def colors(prim: Any, time: Any, materials: Materials) -> list[int]:
     if not found or not found.HasValue() or str(found.GetInterpolation()) == "constant":
         return []
     flat = flattened(found, time)
-    given = linear(found.GetAttr(), np.array(() if flat is None else flat, dtype=np.float64).reshape(-1, 3))
-    if len(given) != len(numbers(UsdGeom.PointInstancer(prim).GetProtoIndicesAttr(), time, np.int64)):
+    instance_colors = linear(found.GetAttr(), np.array(() if flat is None else flat, dtype=np.float64).reshape(-1, 3))
+    if len(instance_colors) != len(numbers(UsdGeom.PointInstancer(prim).GetProtoIndicesAttr(), time, np.int64)):
         materials.tell("the displayColor of this instancer does not fit its instances: it is left out", prim)
         return []
     what, rows = "a displayColor of this instancer", {}
-    for color in np.unique(given, axis=0):
+    for color in np.unique(instance_colors, axis=0):
         r, g, b = map(float, color)
         rows[color.tobytes()] = materials.plain(materials.without_negatives((r, g, b), prim, what), 1.0, DISPLAY_COLOR)
-    return [rows[color.tobytes()] for color in given]
+    return [rows[color.tobytes()] for color in instance_colors]
 
 
 def _fitting(prim: Any, names: tuple[str, ...], time: Any, width: int, count: int, tell: Callable[[str], None]) -> F64 | None:

@@ -60,8 +60,8 @@ class Access:
     def path_of(self, layer: Any, asset: str) -> str:
         """The full path of an asset of a layer, with the values of variables; as it is where it has none."""
         if Sdf.VariableExpression.IsExpression(asset):
-            found = Sdf.VariableExpression(asset).Evaluate(self._variables(layer))
-            asset = str(found.value) if isinstance(found.value, str) else ""
+            evaluated = Sdf.VariableExpression(asset).Evaluate(self._variables(layer))
+            asset = str(evaluated.value) if isinstance(evaluated.value, str) else ""
         return layer.ComputeAbsolutePath(asset) if asset else ""
 
     def leave_out(self, layer: Any, tree: SpecTree) -> bool:
@@ -71,10 +71,10 @@ class Access:
             path = self.path_of(layer, asset)
             if path and (fault := self._fault(asset, path)):
                 beside = self._folder / asset
-                found = not os.path.isabs(path) and beside.exists() and not self._files.outside(asset, beside)
-                self._update(layer, asset, str(beside) if found else "")
+                is_beside = not os.path.isabs(path) and beside.exists() and not self._files.outside(asset, beside)
+                self._update(layer, asset, str(beside) if is_beside else "")
                 changed = True
-                if not found:
+                if not is_beside:
                     self._tell(layer, _prims_of(tree, asset), fault)
         for path in tree.clips:
             changed |= self._leave_out_clips(layer, path)
@@ -105,11 +105,11 @@ class Access:
 
     def _variables(self, layer: Any) -> Mapping[str, Any]:
         """The variables of expressions in a layer. Those of the root layer and of the session layer are stronger than its own."""
-        found: dict[str, Any] = {}
-        for one in (layer, self._main, self._session):
-            if one is not None:
-                found.update(one.expressionVariables)
-        return found
+        variables: dict[str, Any] = {}
+        for each in (layer, self._main, self._session):
+            if each is not None:
+                variables.update(each.expressionVariables)
+        return variables
 
     def _update(self, layer: Any, asset: str, new: str) -> None:
         for _ in range(_ATTEMPTS):
@@ -161,9 +161,9 @@ def _assets(clips: Any) -> Iterator[str]:
         return
     yield from (str(asset.path) for asset in clips.get("assetPaths") or () if hasattr(asset, "path"))
     for name in ("manifestAssetPath", "templateAssetPath"):
-        given = clips.get(name)
-        if given:
-            yield str(getattr(given, "path", given))
+        asset_path = clips.get(name)
+        if asset_path:
+            yield str(getattr(asset_path, "path", asset_path))
 
 
 def _files_of(template: str) -> list[str]:

@@ -168,13 +168,13 @@ def _crate(path: Path, data: bytes, diagnostics: Diagnostics) -> Any:
     with tempfile.TemporaryDirectory() as folder:
         (copy := Path(folder) / "x.usdc").write_bytes(data)
         try:
-            found = Sdf.Layer.OpenAsAnonymous(str(copy))
+            binary = Sdf.Layer.OpenAsAnonymous(str(copy))
         except Tf.ErrorException:
             return None
         text_layers.warn(path.name, 1, "this file is binary, and its name ends as those of text", diagnostics)
-        made = _layer(path)
-        made.TransferContent(found)
-        return made
+        text_layer = _layer(path)
+        text_layer.TransferContent(binary)
+        return text_layer
 
 
 def package(path: Path, diagnostics: Diagnostics) -> Any:

@@ -73,13 +73,13 @@ class Tiles:
         if height * width > largest:
             message = f"the {len(tiles)} tiles of `{self.name}` are too big together: {width * columns} by {height * rows} pixels"
             raise images.ImageError(message, f"at most {images.MAX_TEXELS:,}")
-        made = np.empty((height * rows, width * columns, 4), np.float32)
-        made[:] = missing
+        image = np.empty((height * rows, width * columns, 4), np.float32)
+        image[:] = missing
         for n, texels in tiles:
             column, row = (n - FIRST) % COLUMNS - left, rows - 1 - ((n - FIRST) // COLUMNS - low)
             y, x = np.arange(height) * texels.shape[0] // height, np.arange(width) * texels.shape[1] // width
-            made[row * height : (row + 1) * height, column * width : (column + 1) * width] = texels[y[:, None], x]
-        return made
+            image[row * height : (row + 1) * height, column * width : (column + 1) * width] = texels[y[:, None], x]
+        return image
 
     def _fitting(self, texels: np.ndarray, largest: int, builder: SceneBuilder, span: Span | None) -> np.ndarray:
         """A tile of at most `largest` texels: halved, as by a texture pyramid, with a warning."""
@@ -108,8 +108,8 @@ def high_tiles(pattern: str) -> list[tuple[int, str]]:
     if not os.path.isdir(folder):
         return []
     wanted = re.compile(re.escape(before) + r"(\d{4})" + re.escape(after))
-    found = [(int(match[1]), file) for file in os.listdir(folder) if (match := wanted.fullmatch(file))]
-    return [(number, os.path.join(folder, file)) for number, file in found if number > _LAST]
+    numbered = [(int(match[1]), file) for file in os.listdir(folder) if (match := wanted.fullmatch(file))]
+    return [(number, os.path.join(folder, file)) for number, file in numbered if number > _LAST]
 
 
 def _room(builder: SceneBuilder) -> int:
@@ -123,10 +123,10 @@ def of_faces(uvs: np.ndarray, counts: np.ndarray, frame: Frame) -> tuple[np.ndar
     `uvs` (c, 2) are the coordinates of the faces' corners, `frame` leads from them to the texture's. Faces without corners have tile 0.
     """
     matrix = np.array(frame)
-    at = np.nan_to_num(uvs, nan=0.0, posinf=0.0, neginf=0.0) @ matrix[:, :2].T + matrix[:, 2]
+    coordinates = np.nan_to_num(uvs, nan=0.0, posinf=0.0, neginf=0.0) @ matrix[:, :2].T + matrix[:, 2]
     face = np.repeat(np.arange(len(counts)), counts)
-    middle = np.stack([np.bincount(face, at[:, k], len(counts)) for k in (0, 1)], axis=1) / np.maximum(counts, 1)[:, None]
-    inside = at + _EDGE * (middle[face] - at)
+    middle = np.stack([np.bincount(face, coordinates[:, k], len(counts)) for k in (0, 1)], axis=1) / np.maximum(counts, 1)[:, None]
+    inside = coordinates + _EDGE * (middle[face] - coordinates)
     corners, middles = _number(inside), _number(middle)
     middles[counts == 0] = NO_TILE
     several = np.bincount(face, corners != middles[face], len(counts)) > 0

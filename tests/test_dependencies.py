@@ -58,7 +58,7 @@ BAD = {"name": "pillow", "version": "9.0.0", "vulns": [{"id": "PYSEC-2023-227", 
     [
         ([CLEAN], 0, "1 dependencies audited, 0 vulnerabilities\n"),
         ([CLEAN, UNKNOWN], 0, "1 dependencies audited, 0 vulnerabilities; the package index knows nothing about 1 others\n"),
-        ([UNKNOWN], 1, "0 dependencies audited, 0 vulnerabilities; the package index knows nothing about 1 others\n"),
+        ([UNKNOWN], 0, "0 dependencies audited, 0 vulnerabilities; the package index knows nothing about 1 others\n"),
         ([], 1, "0 dependencies audited, 0 vulnerabilities\n"),
         ([CLEAN, BAD], 1, "2 dependencies audited, 1 vulnerabilities\npillow 9.0.0: PYSEC-2023-227; fixed in 10.0.1\n"),
     ],

@@ -2,7 +2,8 @@
 
     python tools/audit.py [requirements/run.txt …]
 
-Exit code 1 if there are some, or if no dependency was looked up. Without the network it says so, and the exit code is 0.
+Exit code 1 if there are some, or if the locks name no dependency. Without the network, or with a package index that has
+no such list (a mirror), nothing can be audited: it says so, and the exit code is 0.
 """
 
 from __future__ import annotations
@@ -39,18 +40,19 @@ def main(names: list[str]) -> int:
     command += ["--timeout", str(SECONDS), *(word for lock in locks for word in ("--requirement", lock))]
     done = subprocess.run([sys.executable, *command], capture_output=True, text=True)
     try:
-        found, told = judge(json.loads(done.stdout))
+        report = json.loads(done.stdout)
     except ValueError:
         if _UNREACHED.search(done.stderr):
             print("dependencies are not audited: the package index cannot be reached")
             return 0
         print(done.stderr, file=sys.stderr)
         return 1
+    found, told = judge(report)
     print(told)
     print("\n".join(found), end="\n" if found else "")
     if told.startswith("0 "):
-        print("nothing was audited: set PIP_INDEX_URL to an index that knows these packages", file=sys.stderr)
-    return 1 if found or told.startswith("0 ") else 0
+        print("nothing was audited: set PIP_INDEX_URL to an index that has a list of vulnerabilities", file=sys.stderr)
+    return 1 if found or not report["dependencies"] else 0
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ from .io import source_files
 from .io.sandbox import FileError, Files, open_main
 from .lower import lowering
 from .mesh import built_geometry
-from .plan import camera_view, coincident_faces, enclosed_lights
+from .plan import camera_view, coincident_faces, enclosed_lights, scene_extent
 from .scene import defaults, motion_keys, serialize, texture_coordinates, transforms, validate
 from .scene.builder import SceneBuilder
 from .scene.row_records import InstanceData
@@ -146,7 +146,10 @@ def _scene(
     with watch.stage("lower"):
         builder = SceneBuilder(found, files)
         builder.deviation = limits[1]
-        return lowering.lower(document, builder, reader.folder)
+        scene = lowering.lower(document, builder, reader.folder)
+    if not found.failed:
+        scene_extent.warn_of_large_scene(scene, source.text, found)
+    return scene
 
 
 def _stage(

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ...lang import file_types
 from ...lang.diagnostics import Span
 from ...lang.elements import Document, Element
 from .. import ir
@@ -270,7 +271,8 @@ class Lowering:
             row = -1 if material is None else self.materials.row(material)
             name = path + (args["name"] or element.scope)
             replaced = Replacements(self.material_rows(element), -1 if args["material"] is None else row)
-            stage = load.Placed(file, matrix, args["prim"], row, name, replaced, args["height"], rotation_of(element))
+            unit = None if args["unit"] is None else file_types.UNITS[args["unit"]]
+            stage = load.Placed(file, matrix, args["prim"], row, name, replaced, args["height"], rotation_of(element), unit, args["up"])
             load.place(self.builder, stage, element.place)
 
     def material_rows(self, element: Element) -> tuple[tuple[str, int], ...]:

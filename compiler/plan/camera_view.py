@@ -39,7 +39,7 @@ def warn_of_cameras(scene: ir.Scene, diagnostics: Diagnostics, is_whole: bool = 
         diagnostics.warning(message, span, "move the camera out of it")
 
 
-def _boxes(tables: ir.Tables, bounds: F64, frame: F64) -> F64:
+def instance_boxes(tables: ir.Tables, bounds: F64, frame: F64) -> F64:
     """(n, 2, 3) bounds of the instances in another frame, to which `frame` (3, 4) leads from the world; all of it for unbounded ones."""
     matrices = tables.transforms.matrix[tables.instances.transform]
     bounded = np.asarray(np.isfinite(bounds).all(axis=(1, 2)))
@@ -58,7 +58,7 @@ def _sees_nothing(tables: ir.Tables, camera: int, bounds: F64) -> bool:
     cameras = tables.cameras
     if cameras.projection[camera] == ir.Projection.PANORAMIC or cameras.shift[camera].any() or cameras.near[camera] < 0:
         return False
-    boxes = _boxes(tables, bounds, tables.transforms.inverse[cameras.transform[camera]])
+    boxes = instance_boxes(tables, bounds, tables.transforms.inverse[cameras.transform[camera]])
     low, high = boxes[:, 0] - cameras.lens[camera], boxes[:, 1] + cameras.lens[camera]
     reach = WIDEST * cameras.extent[camera]
     at_one, per_depth = (reach, 0.0) if cameras.projection[camera] == ir.Projection.ORTHOGRAPHIC else (0.0, reach)
@@ -72,7 +72,7 @@ def _sees_nothing(tables: ir.Tables, camera: int, bounds: F64) -> bool:
 
 def _middle(tables: ir.Tables, bounds: F64) -> str:
     """The hint with the middle of the bounded shapes."""
-    boxes = _boxes(tables, bounds, np.eye(4)[:3])
+    boxes = instance_boxes(tables, bounds, np.eye(4)[:3])
     boxes = boxes[np.isfinite(boxes).all(axis=(1, 2))]
     if not len(boxes):
         return ""
@@ -90,7 +90,7 @@ def _solid_around(tables: ir.Tables, camera: int, bounds: F64, is_whole: bool) -
         return -1
     frame = tables.transforms.matrix[cameras.transform[camera]]
     eye = frame[:, 3] - frame[:, 2] * (enclosed_lights.AHEAD * (1.0 + np.linalg.norm(frame[:, 3])))
-    boxes, remaining = _boxes(tables, bounds, np.eye(4)[:3]), MOST_TRIANGLES
+    boxes, remaining = instance_boxes(tables, bounds, np.eye(4)[:3]), MOST_TRIANGLES
     around = np.asarray(((boxes[:, 0] < eye) & (boxes[:, 1] > eye) & np.isfinite(boxes).all(axis=1)).all(axis=1))
     shines = (materials.values[:, ir.Slot.EMISSION] > 0.0).any(axis=1) | (materials.textures[:, ir.Slot.EMISSION] >= 0)
     lamps = np.flatnonzero(ir.is_in(tables.lights.kind, enclosed_lights.PLACED))

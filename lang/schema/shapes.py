@@ -160,6 +160,8 @@ SHAPES = (
         Arg("prim", "string", None, "only the subtree of this prim", keyword=True),
         _HEIGHT,
         _MATERIALS,
+        Arg("unit", "choice", None, "what 1 is in the stage, in place of what it says", choices=tuple(file_types.UNITS), keyword=True),
+        Arg("up", "choice", None, "the axis of the stage that points up, in place of what it says", choices=("y", "z"), keyword=True),
         example='usd("lamp.usdz", height: 40cm, materials: [["Shade", lambert(#e0d0b0)], ["Metal*", gold()]])',
     ),
     _shape(

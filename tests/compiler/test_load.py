@@ -186,3 +186,29 @@ def test_no_two_tables_share_memory_that_can_be_written(hello: Path) -> None:
     assert not any(a.flags.writeable for a in arrays)
     with pytest.raises(ValueError, match="read-only"):
         np.asarray(arrays[0])[...] = 0
+
+
+LARGE = """box(size: [200, 2, 20])
+point([100, 200, 100], flux: 800lm)
+camera([0, 150, 500], look_at: [0, 50, 0])
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (LARGE, ["the scene is 200 m across: lengths without a unit are in metres"]),
+        (LARGE.replace("200, 2", "99, 2"), []),
+        ("unit m\n" + LARGE, []),
+        ("unit cm\n" + LARGE, []),
+        (LARGE.replace("200, 2", "200m, 2"), []),
+        ("plane(y: 0)\n" + LARGE.replace("box(size: [200, 2, 20])", "sphere(1)"), []),
+        ("camera([0, 0, 5])\nsun()", []),
+    ],
+)
+def test_a_scene_of_the_size_of_a_town(tmp_path: Path, text: str, told: list[str]) -> None:
+    path = tmp_path / "a.scene"
+    path.write_text(text)
+    diagnostics = Diagnostics()
+    load.load(path, diagnostics=diagnostics)
+    assert [d.message for d in diagnostics.items if "across" in d.message] == told

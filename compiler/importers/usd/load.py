@@ -78,6 +78,8 @@ class Placed:
     replaced: Replacements = field(default_factory=Replacements)  # materials in place of its own
     height: float | None = None  # in metres, as turned by `rotation`
     rotation: np.ndarray | None = None  # (4, 4) the rotation in `matrix`
+    unit: float | None = None  # metres of a unit of the stage, in place of what it says
+    up: str | None = None  # "y" or "z", in place of the axis that the stage says
 
 
 def place(builder: SceneBuilder, placed: Placed, span: Span) -> None:
@@ -86,6 +88,7 @@ def place(builder: SceneBuilder, placed: Placed, span: Span) -> None:
     opened = open_(path, str(path), builder.files, builder.diagnostics, span)
     if opened is None:
         return
+    opened.declare(placed.unit, placed.up)
     root = opened.stage.GetPrimAtPath(prim) if prim and prim.startswith("/") else None
     if prim and not root:
         known = [str(p.GetPath()) for p in opened.stage.Traverse()]

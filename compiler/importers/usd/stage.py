@@ -45,6 +45,16 @@ class Opened:
             begin = self.stage.GetStartTimeCode() if self.time == Usd.TimeCode.EarliestTime() else self.time.GetValue()
             self.time = Usd.TimeCode(begin + seconds * self.stage.GetTimeCodesPerSecond())
 
+    def declare(self, unit: float | None, up: str | None) -> None:
+        """Read lengths in another unit, in metres, or another axis, y or z, as up than the stage says. None: as it says."""
+        with Usd.EditContext(self.stage, self.stage.GetSessionLayer()):
+            if up is not None:
+                UsdGeom.SetStageUpAxis(self.stage, up.upper())
+                self.frame = Z_UP if up == "z" else np.eye(4)
+            if unit is not None:
+                UsdGeom.SetStageMetersPerUnit(self.stage, unit)
+                self.meters_per_unit = unit
+
     def span(self, prim: Any) -> Span:
         return self.span_of(str(prim.GetPath()))
 

@@ -233,6 +233,22 @@ def test_the_height_of_a_stage(compiled, files: Path, rotate: str) -> None:
     assert max(high[1], matrix[1, 3] + reach) == pytest.approx(2, rel=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("given", "size"),
+    [
+        ("", (2, 4, 1)),
+        (', up: "y"', (2, 1, 4)),
+        (', unit: "m"', (200, 400, 100)),
+        (', unit: "mm", up: "y"', (0.2, 0.1, 0.4)),
+        (', up: "y", height: 3', (6, 3, 12)),
+    ],
+)
+def test_another_unit_and_axis_than_the_stage_says(compiled, files: Path, given: str, size: tuple[float, float, float]) -> None:
+    (files / "a.usda").write_text(USDA.replace('Sphere "Lid"', 'Scope "Lid"'))
+    low, high = extent(compiled(f'usd("a.usda", material: lambert(1){given}){REST}'))
+    assert (high - low).tolist() == pytest.approx(size, rel=1e-5)
+
+
 def test_a_flat_stage_has_no_height(said, files: Path) -> None:
     (files / "a.usda").write_text(USDA.replace("(0, 100, 400)", "(0, 100, 0)").replace('Sphere "Lid"', 'Scope "Lid"'))
     text = 'usd("a.usda", height: 2, material: lambert(1))'

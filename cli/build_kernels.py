@@ -6,9 +6,14 @@ hits of camera rays are found with, and by precision. See render/backends/kernel
 
 from __future__ import annotations
 
+import contextlib
 import os
+import queue
+import subprocess
 import sys
 import tempfile
+from collections import deque
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -111,22 +116,58 @@ def is_compiled(name: str) -> bool:
     return True
 
 
+def compile_named() -> None:
+    """Compile the variants whose names come from the standard input, a line each, and answer each with a line."""
+    for line in sys.stdin:
+        compile_variant(line.rstrip("\n"))
+        print(flush=True)
+
+
 def main() -> int:
-    """Compile missing kernels, each in a process of its own; returns the exit code."""
+    """Compile missing kernels; returns the exit code.
+
+    Each process compiles several variants: kernels share most of their functions, which Numba types and lowers once in a process.
+    """
     from rich.console import Console
     from rich.progress import track
 
-    missing = [name for name in VARIANTS if not is_compiled(name)]
+    missing = deque(name for name in VARIANTS if not is_compiled(name))
     if not missing:
         return 0
-
-    def run(name: str) -> int:
-        command = child_process.python(f"from {_THIS} import compile_variant\ncompile_variant({name!r})")
-        return child_process.run(command, check=False).returncode
-
+    total, done = len(missing), queue.SimpleQueue[bool]()
     with ThreadPoolExecutor(WORKERS) as pool:
-        done = track(pool.map(run, missing), "compiling kernels", len(missing), console=Console(stderr=True))
-        return max(done)
+        for take in (missing.popleft, missing.pop)[:total]:  # from both ends: neighbours have more in common
+            pool.submit(_compile, take, done)
+        ends = track((done.get() for _ in range(total)), "compiling kernels", total, console=Console(stderr=True))
+        return 0 if all(list(ends)) else 1
+
+
+def _compile(take: Callable[[], str], done: queue.SimpleQueue[bool]) -> None:
+    """Compile what `take` returns, in one process, until it raises IndexError. Tell whether each succeeded."""
+    process = None
+    with contextlib.suppress(IndexError):
+        while True:
+            name = take()
+            if process is None or process.poll() is not None:  # the first, or after a crash
+                command = child_process.python(f"from {_THIS} import compile_named\ncompile_named()")
+                process = child_process.start(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+            done.put(_succeeds(process, name))
+    if process is not None:
+        process.communicate()
+
+
+def _succeeds(process: subprocess.Popen[str], name: str) -> bool:
+    assert process.stdin is not None
+    assert process.stdout is not None
+    try:
+        process.stdin.write(name + "\n")
+        process.stdin.flush()
+        answer = process.stdout.readline()
+    except OSError:
+        answer = ""
+    if not answer:
+        process.wait()
+    return bool(answer)
 
 
 if __name__ == "__main__":

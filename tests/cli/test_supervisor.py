@@ -22,7 +22,7 @@ BEGIN = """
 import os, signal, sys, time
 from maquette.cli import terminal
 from maquette.cli.process import supervisor
-for number in (signal.SIGINT, signal.SIGTERM):  # shells ignore SIGINT in background processes, tests included
+for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # shells ignore SIGINT in background processes, nohup SIGHUP
     signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
 sys.argv = ["maquette", "render", "a.scene", "-o", "my picture.png"]
 """

@@ -140,6 +140,7 @@ def test_a_pull_request_without_changes_renders_nothing(repository: Path) -> Non
     assert git(repository, "worktree", "list").count("\n") == 0
 
 
+@pytest.mark.long
 def test_changed_scenes_are_compared_with_their_base(repository: Path) -> None:
     base = git(repository, "rev-parse", "HEAD")
     (repository / "rooms/red.scene").write_text(SCENE.format("#8f0000") + SETTINGS, encoding="utf-8")

@@ -31,8 +31,9 @@ def root() -> Path:
 def prepare(name: str) -> Path:
     """Create the folder of one version and target. Without a writable folder each process compiles.
 
-    Own folders that others could write to lose their files, which may not be ours.
+    Own folders that others could write to lose their files, which may not be ours. Raises SettingError as `largest_size`.
     """
+    largest_size()  # before minutes of compiling
     folder = root() / name
     with suppress(OSError):
         for each in (root(), folder):

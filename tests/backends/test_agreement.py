@@ -11,10 +11,11 @@ from .views import channel, interior, relative, rgb, show
 CHANNELS = ("id", "depth", "normal", "uv", "albedo")
 pytestmark = pytest.mark.usefixtures("files")
 
+LONG = ("formula of glass",)  # a minute of the reference
 EVERYTHING = {**scenes.DIRECT, **scenes.SOFT, **scenes.RAYS}
 
 
-@pytest.mark.parametrize("name", EVERYTHING)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.long] * (name in LONG)) for name in EVERYTHING])
 def test_ray_agrees_with_the_reference(draw_on, name):
     """Same rays, formulas and random numbers: pixels may differ only where rounding decides between lit and dark."""
     samples = 1 if name in scenes.DIRECT else 4

@@ -193,7 +193,12 @@ def test_a_mirror_shows_what_an_eye_behind_it_would_see(draw_on, texture: str):
 
 @pytest.mark.parametrize("texture", TILES)
 @pytest.mark.parametrize(
-    "what", [SIDE, "sphere(0.9, center: [0, 0.9, 0], material: mirror())", "box([9, 3, 0.1], center: [0, 1.5, 0], material: glass())"]
+    "what",
+    [
+        SIDE,
+        "sphere(0.9, center: [0, 0.9, 0], material: mirror())",
+        pytest.param("box([9, 3, 0.1], center: [0, 1.5, 0], material: glass())", marks=pytest.mark.long),
+    ],
 )
 def test_one_sample_of_what_is_mirrored_is_near_the_mean_of_many(draw_on, texture: str, what: str):
     text, size = MIRRORED.format(texture=TILES[texture], what=what, z=4, at=0), {"size": (64, 48)}

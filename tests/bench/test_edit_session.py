@@ -38,6 +38,7 @@ def test_each_edit_of_a_session_has_a_picture(environment: Environment) -> None:
     assert all(0.0 <= kernels <= total + 0.05 for _, kernels, total in found)
 
 
+@pytest.mark.long
 def test_a_session_ends_at_a_scene_with_errors(environment: Environment, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(edit_session, "SECONDS", 6.0)
     with pytest.raises(RuntimeError, match=r"(?s)no picture of edit 1:.*sphere has no `radios`"):

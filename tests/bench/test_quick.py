@@ -27,11 +27,14 @@ PEERS = {
 }
 
 
+LONG = ("live", "imports", "cluster")  # 20 seconds and more
+
+
 def installed(peer: str) -> bool:
     return bool(shutil.which(peer)) if peer in ("povray", "fidget-once", "chromium") else importlib.util.find_spec(peer) is not None
 
 
-@pytest.mark.parametrize("name", command.NAMES)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.long] * (name in LONG)) for name in command.NAMES])
 def test_a_benchmark_runs_and_its_answers_agree(name: str, tmp_path: Path) -> None:
     missing = [peer for peer in PEERS[name] if not installed(peer)]
     if missing:

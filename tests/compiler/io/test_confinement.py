@@ -65,7 +65,7 @@ def outcomes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     (folder / "cache" / "live").mkdir(parents=True)
     (folder / "cache" / "live" / "a.json").write_text("{}", encoding="utf-8")
     before = "os.environ['MAQUETTE_CACHE'] = str(folder / 'cache')\n"
-    before += "inherited = os.open(folder / 'other' / 'a.txt', os.O_RDWR)\nos.set_inheritable(inherited, True)\n"
+    before += "inherited = 100  # a number that no later file gets\nos.dup2(os.open(folder / 'other' / 'a.txt', os.O_RDWR), inherited)\n"
     run = """
 results = {}
 for each in json.loads(PROGRAMS):

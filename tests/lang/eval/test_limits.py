@@ -76,7 +76,8 @@ def test_numbers_stay_finite(expression: str) -> None:
     assert all("too l" in m or "is not defined" in m for m in messages)
 
 
-USES = ["sphere(name: string(a))", "let f() = a\nf(scale: 2)", "param p: shape = a\np", "sphere(-a)", "sphere(a == a)"]
+USES = ["sphere(name: string(a))", "let f() = a\nf(scale: 2)"]
+USES += [pytest.param(use, marks=pytest.mark.long) for use in ("param p: shape = a\np", "sphere(-a)", "sphere(a == a)")]  # ten seconds each
 
 
 @pytest.mark.parametrize("use", USES)

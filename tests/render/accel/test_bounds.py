@@ -56,7 +56,7 @@ def test_unlit_points_read_no_light(count):
         assert (chance == 0).all()
 
 
-SLOW = {"instancing", "gear", "cut", "bracket"}  # many primitives, each tried for every ray
+SLOW = {"instancing", "gear", "cut", "bracket", "profiles"}  # many primitives, each tried for every ray
 
 
 @pytest.mark.parametrize("path", [path for path in sorted(EXAMPLES.glob("*.scene")) if path.stem not in SLOW], ids=lambda path: path.stem)

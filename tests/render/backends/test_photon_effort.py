@@ -45,6 +45,7 @@ def test_light_that_photons_alone_carry_gets_many(found):
     assert found(BALL, samples=1)[1] <= 3.0
 
 
+@pytest.mark.long
 def test_the_number_does_not_depend_on_threads(found):
     """With an error, rounds end where photons are renewed."""
     one, other = (found(BULB, error=0.3, samples=256, threads=n) for n in (1, 2))

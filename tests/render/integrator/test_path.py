@@ -117,7 +117,9 @@ FEATURES = {
 
 
 @pytest.mark.parametrize("feature", FEATURES)
-@pytest.mark.parametrize("other", [{"transport": "whitted"}, {"backend": "reference"}], ids=["whitted", "reference"])
+@pytest.mark.parametrize(
+    "other", [{"transport": "whitted"}, pytest.param({"backend": "reference"}, marks=pytest.mark.long)], ids=["whitted", "reference"]
+)
 def test_paths_agree_with_the_tree_of_all_branches(draw, feature, other):
     """Where only matt surfaces light each other, both hold the same light: means of blocks, by z."""
     text = FLOOR + FEATURES[feature]

@@ -90,6 +90,7 @@ camera(position: [0, 1.4, 1.8], look_at: [0, 0.8, 0], fov: 60deg)
 """
 
 
+@pytest.mark.long
 def test_surfaces_of_all_kinds_keep_their_light(draw):
     """Highlights, coats, sheen, metal, glass, mirrors and bumps, which share nothing or their diffuse lobe alone."""
     text = SUNLIT + SURFACES + LAMPS["rectangle"] + "render(bounces: 3)\n"

@@ -144,10 +144,10 @@ SCENES = {
 }
 
 
-LONG = ("gloss under sun and sky", "faint gloss", "metals under a dome")
+QUICK = ("ball", "gloss")  # each takes 20 seconds and more
 
 
-@pytest.mark.parametrize("lamp", [*list(LAMPS)[:3], *(pytest.param(k, marks=[pytest.mark.long] * (k in LONG)) for k in SCENES)])
+@pytest.mark.parametrize("lamp", [pytest.param(k, marks=[pytest.mark.long] * (k not in QUICK)) for k in (*list(LAMPS)[:3], *SCENES)])
 def test_photons_and_chance_find_the_same_light(draw, lamp):
     """Lamps large enough for paths to find them behind glass and in mirrors: means of blocks of the picture, by z."""
     text = FLOOR.format(0.8) + (SCENES[lamp] if lamp in SCENES else BALL.format(matt="lambert(0.6)") + LAMPS[lamp])

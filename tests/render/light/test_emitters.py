@@ -55,6 +55,8 @@ PLACES = {
     "an ellipsoid": (EGG, (1.3, 1.2, 1.0)),
     "a box": (BOX, (-1.0, 0.4, 0.5)),
 }
+LONG = ("an open cone", "an open cone from within", "an open cylinder", "a torus", "a torus from its hole", "an ellipsoid")
+"""Places whose densities take 10 seconds and more; others of the same surfaces are quick."""
 SLIVERS = ("a disk in its plane but for a little", "a triangle below and aside", "a tube beyond its end", "a tube far off")
 
 
@@ -109,7 +111,7 @@ def drawn(tables, table, place, count, seed=3):
     return emitters.sample(tables, table, int(table.first[0]), tuple(np.full(count, c) for c in place), *rng.random((2, count)))
 
 
-@pytest.mark.parametrize("name", PLACES)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.long] * (name in LONG)) for name in PLACES])
 def test_directions_are_spread_as_their_density_says(scenes, name):
     """χ² (oracle 34) of the first row: the disk, the triangle, the cylinder's side; those that pass it count as none."""
     text, place = PLACES[name]

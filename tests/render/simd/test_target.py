@@ -107,7 +107,8 @@ def test_each_width_uses_its_registers_and_compiles_once(isa, script, cache):
     assert first.stdout.split()[-1] == second.stdout.split()[-1]
 
 
-@pytest.mark.parametrize("isa", [pytest.param(isa, marks=[] if isa == NARROWER[-1] else [pytest.mark.long]) for isa in NARROWER])
+@pytest.mark.long
+@pytest.mark.parametrize("isa", NARROWER)
 @pytest.mark.skipif(FORCED, reason="the run that was asked for")
 def test_this_folder_passes_on_every_narrower_width(isa, tmp_path):
     files = [p for p in sorted(HERE.glob("test_*.py")) if p.name != Path(__file__).name]

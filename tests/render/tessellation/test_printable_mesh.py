@@ -85,6 +85,7 @@ def test_what_is_open_is_said_with_its_reason(tmp_path, text):
     assert "open edges" in said
 
 
+@pytest.mark.long
 def test_what_is_too_thin_is_said_and_nothing_else_is(tmp_path):
     _, said = converted(tmp_path, "implicit(|x, y, z| abs(hypot(x, y, z) - 0.5) <= 1e-3)")
     assert "is sampled in cells of 4.67 mm: thinner parts are missing" in said

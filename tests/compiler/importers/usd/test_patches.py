@@ -113,6 +113,7 @@ def plane(count: int, order: int) -> str:
     return f'def NurbsPatch "n" {{ {axes} point3f[] points = [{points}] }}'
 
 
+@pytest.mark.long
 def test_a_patch_of_many_spans_has_fewer_faces_for_each(tmp_path):
     scene, messages = read(tmp_path, plane(400, 4))
     at = corners(scene)

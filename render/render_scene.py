@@ -55,7 +55,7 @@ def draw(
     lit = channels.light_groups(plan)
     with deadline.watch_compiler(), cancellation.cancelled_by(cancel), kernel_cache.timed(seconds, "build"):
         by_moments = _is_by_moments(plan)
-        seen, undrawn = single_sided.seen_from(scene, plan["camera"])
+        seen, undrawn = single_sided.seen_from(scene, plan["camera"], plan["transport"] == "path")
         renderer = remote(seen, plan) if remote is not None else choose_renderer(seen, plan, view)
         layers = [name for name in plan["aov"] if name in cryptomatte.LAYERS]
         mattes = cryptomatte.Mattes(scene, layers) if layers else None

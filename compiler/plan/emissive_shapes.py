@@ -50,8 +50,6 @@ def without_effect(scene: ir.Scene, plan: Plan) -> UnusedEmission | None:
 
 def _emitting(tables: ir.Tables) -> np.ndarray:
     """(instances,) bool: shapes, without those of lights, with an emissive material that scattered rays can hit."""
-    materials, instances = tables.materials, tables.instances
-    shines = scene_facts.shines(tables)
-    for row in np.flatnonzero(materials.model == ir.MaterialModel.BLEND).tolist():  # parts have lower rows than their blends
-        shines[row] |= shines[materials.first[row]] | shines[materials.second[row]]
+    instances = tables.instances
+    shines = scene_facts.with_parts(tables, scene_facts.shines(tables))
     return shines[instances.material] & (instances.light < 0) & (instances.visible & ir.Visibility.REFLECTION != 0)

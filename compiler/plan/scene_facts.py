@@ -88,6 +88,14 @@ def used_materials(tables: ir.Tables) -> np.ndarray:
     return found
 
 
+def with_parts(tables: ir.Tables, of: np.ndarray) -> np.ndarray:
+    """(materials,) bool: `of`, and blends of which a part is."""
+    m, found = tables.materials, of.copy()
+    for row in np.flatnonzero(m.model == ir.MaterialModel.BLEND):  # parts have lower rows than their blends
+        found[row] |= found[m.first[row]] | found[m.second[row]]
+    return found
+
+
 def glossy_materials(scene: ir.Scene) -> np.ndarray:
     """(materials,) bool: microfacet materials with recognizable reflections: metals, polished dielectrics, rough glass."""
     m, slot = scene.tables.materials, ir.Slot

@@ -3,7 +3,8 @@
 An instance with the bit SINGLE_SIDED is drawn from its front alone, as viewers of glTF draw it. `seen_from` takes the faces away that
 turn their back to a camera, before a picture is prepared, so that all backends draw the same. A face that is taken away still casts
 shadows and shows in mirrors, unless its mesh is a shell around other things that turns its back to the outside, as outlines of drawings
-and dolls' houses do: then light passes too. A surface of some opacity is not seen through from behind either.
+and dolls' houses do: then light passes too. A surface of some opacity is not seen through from behind either. The boundary of glass is
+drawn whole: rays that enter it leave through its back.
 """
 
 from __future__ import annotations
@@ -36,8 +37,11 @@ class Resolved(NamedTuple):
     left: int
 
 
-def seen_from(scene: ir.Scene, camera: int) -> Resolved:
+def seen_from(scene: ir.Scene, camera: int, paths: bool = False) -> Resolved:
     """The scene without the faces of single-sided instances that a camera sees from behind. Rows of instances stay the same.
+
+    With `paths`, a camera's ray stays one behind a surface of some opacity, and faces that turn their back still light and shade others.
+    Without, it goes on as a reflected one, so that these miss such faces too where anything in the scene is see-through.
 
     Instances move too little during the shutter to show their backs: the scene's time counts.
     """
@@ -48,7 +52,8 @@ def seen_from(scene: ir.Scene, camera: int) -> Resolved:
     visible = tables.instances.visible & ~SINGLE_SIDED
     tables = tables._replace(instances=tables.instances._replace(visible=visible))
     eye, see_through = _eye(tables, camera), _see_through(tables)
-    split, skipped = _Split(tables, bool(see_through[tables.instances.material].any())), -1
+    split, skipped = _Split(tables, bool(not paths and see_through[tables.instances.material].any())), -1
+    flagged = flagged[~_glass(tables)[tables.instances.material[flagged]]]
     shown = (visible[flagged] & int(ir.Visibility.CAMERA) != 0) & (tables.instances.light[flagged] < 0)
     shown &= tables.geometries.kind[tables.instances.geometry[flagged]] == ir.GeometryKind.MESH
     meshes: dict[int, _Mesh] = {}
@@ -71,7 +76,13 @@ def seen_from(scene: ir.Scene, camera: int) -> Resolved:
 
 def _see_through(tables: ir.Tables) -> Bool:
     """(materials,) whether something shows behind a surface."""
-    return scene_facts.partial(tables) | (tables.materials.values[:, ir.Slot.TRANSMISSION].max(axis=1, initial=0.0) > 0.0)
+    clear = scene_facts.partial(tables) | (tables.materials.values[:, ir.Slot.TRANSMISSION].max(axis=1, initial=0.0) > 0.0)
+    return scene_facts.with_parts(tables, clear)
+
+
+def _glass(tables: ir.Tables) -> Bool:
+    """(materials,) whether a surface bounds a volume of glass."""
+    return scene_facts.with_parts(tables, tables.materials.model == ir.MaterialModel.GLASS)
 
 
 def _eye(tables: ir.Tables, camera: int) -> F64:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -81,3 +82,75 @@ def test_a_back_casts_a_shadow(draw: Draw, tmp_path: Path) -> None:
     with_lid, without = rgb(draw(scene)), rgb(draw(scene.replace('mesh("a.gltf")\n', "")))
     assert without.max() > 0
     assert with_lid[20:, 16:32].max() < 0.5 * without[20:, 16:32].max()
+
+
+WALL = np.array([(0, 2, 3), (0, 3, 1)])  # x = −1, towards +x
+LID = np.array([(2, 3, 7), (2, 7, 6)])  # y = 1, towards +y
+FLOOR = "plane(y: -1, material: lambert(#ffffff))\n"
+PANE = "sphere(0.3, center: [50, 0, 0], material: lambert(#ffffff, opacity: 0.5))\n"
+
+
+def floors(draw: Draw, path: Path, shell: tuple[np.ndarray, dict[str, Any]], text: str, **settings: Any) -> list[np.ndarray]:
+    """The light (n, 3) of the floor y = −1 where a surface with two sides leaves it to be seen: with two sides, and with one."""
+    found, where = [], np.zeros(0, bool)
+    for double in (True, False):
+        triangles, material = shell
+        write(path / "a.gltf", [(1.0, triangles, {**material, "doubleSided": double})])
+        image = draw('mesh("a.gltf")\n' + text, aov=("position",), **settings)
+        if double:
+            floor = np.pad(image.channels["position"][..., 1] < -0.999, 1)
+            near = [np.roll(floor, (y, x), (0, 1)) for y in (-1, 0, 1) for x in (-1, 0, 1)]
+            where = np.all(near, axis=0)[1:-1, 1:-1]  # away from edges
+        found.append(rgb(image)[where])
+    return found
+
+
+@pytest.mark.parametrize("pane", ["", PANE])
+def test_a_back_that_is_not_seen_sends_light_on(trace: Draw, tmp_path: Path, pane: str) -> None:
+    """A red wall whose back is to the camera lights the floor in front of it, whatever else is see-through."""
+    red = {"pbrMetallicRoughness": {"baseColorFactor": [1, 0, 0, 1], "metallicFactor": 0, "roughnessFactor": 1}}
+    view = "camera([-4, 3, 0], look_at: [0, -1, 0], fov: 50deg)\n"
+    text = FLOOR + pane + "directional([1, 0.2, 0])\n" + view
+    double, single = floors(trace, tmp_path, (WALL, red), text, bounces=3, samples=16)
+    assert len(single) > 300
+    assert single.mean(axis=0) == pytest.approx(double.mean(axis=0), rel=0.02)
+    assert single[:, 0].mean() > 1.02 * single[:, 1].mean()
+
+
+@pytest.mark.parametrize("pane", ["", PANE])
+@pytest.mark.parametrize("triangles", [LID, LID[:, ::-1]])
+def test_a_lamp_seen_from_behind_shines_on(trace: Draw, tmp_path: Path, triangles: np.ndarray, pane: str) -> None:
+    glows = {"pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1]}, "emissiveFactor": [1, 1, 1]}
+    view = "camera([0, 6, 6], look_at: [0, -1, 1], fov: 60deg)\n"
+    double, single = floors(trace, tmp_path, (triangles, glows), FLOOR + pane + view, bounces=1, samples=16)
+    assert single.mean() == pytest.approx(double.mean(), rel=0.02)
+    assert single.mean() > 0.05
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_square_from_behind_that_moves(draw: Draw, tmp_path: Path, turned: bool) -> None:
+    square = np.array([(1, 5, 7), (1, 7, 3)])
+    write(tmp_path / "a.gltf", [(1.0, square[:, ::-1] if turned else square, shines(1, 1, 1))])
+    moves = 'transform(translate: [10 * time / 1s, 0, 0]) { mesh("a.gltf") }\n'
+    image = draw(moves + VIEW.replace(")\n", ", shutter: 20ms)\n"), background="transparent", samples=4)
+    assert alpha(image).max() == (0 if turned else 1)
+
+
+def test_a_back_that_is_not_seen_blocks_photons(draw_on: Draw, tmp_path: Path) -> None:
+    """A lid between a light and a glass ball, seen from below: no caustic on the floor."""
+    ball = "sphere(0.6, center: [0, 0, 0], material: glass(ior: 1.5))\npoint([0, 5, 0], intensity: 100)\n"
+    text = FLOOR + ball + "camera([0, 0, 4], look_at: [0, -1, 0], fov: 50deg)\n"
+    settings: dict[str, Any] = {"bounces": 4, "samples": 16, "plan": {"transport": "path", "transport.caustics": "photons"}}
+    grey = {"pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.5, 0.5, 1], "metallicFactor": 0}}
+    double, single = floors(partial(draw_on, "ray"), tmp_path, (LID, grey), text, **settings)
+    assert single.mean() == pytest.approx(double.mean(), rel=0.02)
+    assert rgb(draw_on("ray", text, **settings)).max() > 2 * single.max()
+
+
+def test_glass_in_place_of_a_single_sided_material_has_both_its_sides(draw: Draw, tmp_path: Path) -> None:
+    pictures = []
+    for double in (True, False):
+        write(tmp_path / "a.gltf", [(1.0, BOX, {"doubleSided": double})])
+        light = "plane(y: -1)\npoint([3, 5, 4], intensity: 100)\n"
+        pictures.append(rgb(draw('mesh("a.gltf", material: glass(ior: 1.5))\n' + light + VIEW, bounces=4)))
+    assert np.array_equal(*pictures)

@@ -260,8 +260,10 @@ class Materials:
 
 
 def _transmission(extensions: dict[str, Any]) -> float:
-    """The factor of KHR_materials_transmission, 0 to 1."""
-    return min(max(float(extensions.get("KHR_materials_transmission", {}).get("transmissionFactor", 0.0)), 0.0), 1.0)
+    """The factor of KHR_materials_transmission, 0 to 1, or of the extension that it was made from."""
+    names = ("KHR_materials_transmission", "ADOBE_materials_thin_transparency")
+    given = next((extensions[name] for name in names if name in extensions), {})
+    return min(max(float(given.get("transmissionFactor", 0.0)), 0.0), 1.0)
 
 
 def _is_colored(pbr: dict[str, Any]) -> bool:

@@ -34,7 +34,8 @@ OBJ = Table(
 MTL = Table(
     "MTL statements",
     drawn={
-        "newmtl Kd Ka Ks Ns Ni d Tr Tf Ke illum": "see compiler/importers/mtl.py for the rules where programs differ",
+        "newmtl Kd Ka Ks Ns Ni d Tr Ke illum": "see compiler/importers/mtl.py for the rules where programs differ",
+        "Tf": "the colour of what is seen through; the shadow is grey, as dark as that of its darkest colour, with a note",
         "Pr Pm Pc Pcr Ps": "the PBR extension: roughness, metallic, clear coat, sheen",
         "map_Kd map_Ka map_Ks map_Ke map_Ns map_d map_opacity map_bump map_Bump bump norm map_Kn map_Pr map_Pm map_RMA map_ORM": "pictures",
     },
@@ -77,7 +78,7 @@ PLY = Table(
 STL = Table(
     "STL content",
     drawn={"triangles": "equal corners are one vertex", "attribute bytes": "colours as VisCAM, SolidView and Magics write them"},
-    no_effect={"header name": "text", "normals": "the winding decides; those of binary files that contradict it are reported"},
+    no_effect={"header name": "text", "normals": "the winding decides; those that contradict it are reported"},
 )
 
 OFF = Table(

@@ -201,7 +201,20 @@ def row(material: MtlMaterial, builder: SceneBuilder, files: Files, diagnostics:
         reference = material.maps.get(key)
         return -1 if reference is None else picture_row(reference, material.folder, color, channel, builder, files, diagnostics)
 
-    return builder.material(_data(material, texture, builder), material.span)
+    made = _data(material, texture, builder)
+    _tell_filter(material, made, diagnostics)
+    return builder.material(made, material.span)
+
+
+def _tell_filter(m: MtlMaterial, made: MaterialData, diagnostics: Diagnostics) -> None:
+    """Messages on a coloured `Tf` of a see-through surface that is no glass."""
+    r, g, b = m.colors.get("Tf", WHITE)
+    if m.opacity == 1.0 or made.model == ir.MaterialModel.GLASS or (r, g, b) == WHITE:
+        return
+    if made.model not in (ir.MaterialModel.LAMBERT, ir.MaterialModel.BLINN_PHONG):
+        diagnostics.warning(f"the `Tf` of material `{m.name}` is not drawn beside keys of the PBR extension: light passes white", m.span)
+    elif ir.Slot.TRANSMISSION in made.inputs:
+        diagnostics.note(f"the shadow of material `{m.name}` is grey: it is as dark as that of the darkest colour of its `Tf`", m.span)
 
 
 def _data(m: MtlMaterial, texture: Callable[..., int], builder: SceneBuilder) -> MaterialData:

@@ -16,6 +16,7 @@ from .common import number_text
 from .common.vertex_colors import linear
 
 _VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)")
+_NORMAL = re.compile(rb"\bfacet\s+normal\s+(\S+)\s+(\S+)\s+(\S+)")
 _NAME = re.compile(rb"(?:\A|[\r\n])\s*(?:end)?solid\b[^\r\n]*")  # names may contain any text
 _ROW = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _FACET = re.compile(rb"\b(?:facet|vertex)\b")
@@ -29,17 +30,19 @@ class StlError(Exception):
 
 
 def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
-    """The mesh of an STL file, oriented by winding; stored normals are ignored. Raises StlError."""
+    """The mesh of an STL file, oriented by winding, with a warning if stored normals contradict it. Raises StlError."""
     data = _narrow(data)
     found = _binary(data, diagnostics, span)
     colors = None
     if found is None:
-        corners = _ascii(data.removeprefix(codecs.BOM_UTF8), diagnostics, span)
+        corners, normals = _ascii(data.removeprefix(codecs.BOM_UTF8), diagnostics, span)
     else:
         with np.errstate(invalid="ignore"):  # signalling NaN
             corners = found["corners"].astype(np.float64)
-        _compare(found["normal"], corners, diagnostics, span)
+        normals = found["normal"]
         colors = _colors(data[:80], found["attribute"], diagnostics, span)
+    if len(normals) == len(corners):
+        _compare(normals, corners, diagnostics, span)
     sound = np.asarray(np.isfinite(corners).all(axis=(1, 2)))
     if not sound.all():
         lost = int(np.count_nonzero(~sound))
@@ -114,8 +117,11 @@ def _binary(data: bytes, diagnostics: Diagnostics, span: Span) -> np.ndarray | N
     return np.frombuffer(data, _ROW, min(count, held), _HEADER)
 
 
-def _ascii(data: bytes, diagnostics: Diagnostics, span: Span) -> np.ndarray:
-    """The corners (t, 3, 3) of the triangles of a text file; a facet without three vertices is left out, with a warning."""
+def _ascii(data: bytes, diagnostics: Diagnostics, span: Span) -> tuple[np.ndarray, np.ndarray]:
+    """The corners (t, 3, 3) of the triangles of a text file, and the normals (n, 3) of its facets.
+
+    A facet without three vertices is left out, with a warning.
+    """
     if not _begins_as_text(data):
         raise StlError("this is no STL file: it is neither binary nor does it begin with `solid`")
     numbers = number_text.plain(_NAME.sub(lambda name: re.sub(rb"[^\r\n]", b" ", name[0]), data.lower()))
@@ -139,12 +145,16 @@ def _ascii(data: bytes, diagnostics: Diagnostics, span: Span) -> np.ndarray:
     elif b"endsolid" not in data.lower()[-_TAIL:]:
         message = "the STL file ends without `endsolid`: it may be cut off"
         diagnostics.warning(message, _at(text, len(text.rstrip()), span), "copy or write the file again")
-    corners = [number for facet in sound for vertex in facet for number in vertex]
+    corners = _numbers([number for facet in sound for vertex in facet for number in vertex]).reshape(-1, 3, 3)
+    return corners, _numbers([number for normal in _NORMAL.findall(text) for number in normal]).reshape(-1, 3)
+
+
+def _numbers(texts: list[bytes]) -> np.ndarray:
+    """(n,) numbers; NaN for other text."""
     try:
-        numbers = np.array(corners, dtype=np.float64)
+        return np.array(texts, dtype=np.float64)
     except ValueError:
-        numbers = np.array([_number(text) for text in corners])
-    return numbers.reshape(-1, 3, 3)
+        return np.array([_number(text) for text in texts])
 
 
 def _place(text: bytes, chunks: list[bytes], k: int, span: Span) -> Span:

@@ -31,7 +31,8 @@ def stronger(given: Input, share: float, most: float = 1.0) -> Input:
 def passing(inputs: dict[ir.Slot, Input], opacity: float, tint: Color = WHITE) -> dict[ir.Slot, Input]:
     """The inputs of a classic material of which 1 − `opacity` of the light, times `tint`, passes straight; highlights and emission stay.
 
-    What a coloured tint lets pass of some colours alone is refraction with an index of 1: shadow rays do not pass it.
+    What a coloured tint lets pass of some colours alone is refraction with an index of 1. Shadow rays do not pass it: they carry one number
+    for all colours. So the shadow is grey, as dark as that of the darkest colour.
     """
     clear = scale_color(tint, 1.0 - min(max(opacity, 0.0), 1.0))
     grey = min(clear)

@@ -286,10 +286,13 @@ def test_stl_colors(header, attributes, expected):
     assert np.allclose(tables.attribute(scene.tables, "colors", 0)[:, 0], expected)
 
 
+@pytest.mark.parametrize("binary", [True, False])
 @pytest.mark.parametrize(("normal", "told"), [((0, 0, 1), False), ((0, 0, 0), False), ((0, 0, -1), True)])
-def test_stl_normals_against_the_winding(tmp_path, normal, told):
+def test_stl_normals_against_the_winding(tmp_path, normal, told, binary):
     rows = struct.pack("<12fH", *normal, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0)
-    (tmp_path / "a.stl").write_bytes(b"".ljust(80) + struct.pack("<I", 1) + rows)
+    text = f"solid a\nfacet normal {normal[0]} {normal[1]} {normal[2]}\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\n"
+    data = b"".ljust(80) + struct.pack("<I", 1) + rows if binary else f"{text}endfacet\nendsolid a\n".encode()
+    (tmp_path / "a.stl").write_bytes(data)
     found = Diagnostics()
     load.load(tmp_path / "a.stl", diagnostics=found)
     message = "the normals of 1 of 1 triangles point against their winding, which is drawn as the outside"
@@ -764,6 +767,15 @@ def test_transmission_without_a_volume_is_thin_or_tinted_glass(color, share, mod
     assert m.values[0, ir.Slot.OPACITY, 0] == pytest.approx(1.0 - share)
     white = "light passes thin surfaces straight and white: without the roughness and colour of KHR_materials_transmission"
     assert messages == ([f"a.glb: warning: {white}"] if color[1] < 1 else [])
+
+
+def test_the_extension_before_transmission_is_drawn_where_it_is_alone():
+    old = {"transmissionFactor": 0.25}
+    for more, share in (({}, 0.25), ({"KHR_materials_transmission": {"transmissionFactor": 0.5}}, 0.5)):
+        pbr = {"metallicFactor": 0, "roughnessFactor": 0}
+        written = {"pbrMetallicRoughness": pbr, "extensions": {"ADOBE_materials_thin_transparency": old, **more}}
+        scene, _, messages = read(glb(*square(materials=[written])), "a.glb")
+        assert (messages, scene.tables.materials.values[0, ir.Slot.OPACITY, 0]) == ([], pytest.approx(1.0 - share))
 
 
 def test_the_specular_factor_scales_the_reflectance():

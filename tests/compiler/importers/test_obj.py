@@ -276,10 +276,18 @@ def test_highlights_and_emission_of_clear_materials_stay(tmp_path):
 
 def test_a_tint_of_light_that_passes(tmp_path):
     """Grey light passes all of it; the rest of its colours is refraction without a bend."""
-    model, values, _, _ = material("newmtl m\nKd 1 1 1\nd 0.5\nTf 1 0.5 0.5\n", tmp_path)
+    model, values, messages, _ = material("newmtl m\nKd 1 1 1\nd 0.5\nTf 1 0.5 0.5\n", tmp_path)
+    assert messages == ["m.mtl:1:1: note: the shadow of material `m` is grey: it is as dark as that of the darkest colour of its `Tf`"]
     assert (model, values["OPACITY"][0], values["IOR"][0]) == ("BLINN_PHONG", 0.75, 1)
     assert values["TRANSMISSION"] == pytest.approx([0.25 / 0.75, 0, 0])
     assert values["DIFFUSE"] == pytest.approx([0.5 / 0.75] * 3)
+
+
+def test_a_tint_that_is_not_drawn_is_told(tmp_path):
+    told = "m.mtl:1:1: warning: the `Tf` of material `m` is not drawn beside keys of the PBR extension: light passes white"
+    assert material("newmtl m\nKd 1 1 1\nd 0.5\nTf 1 0.5 0.5\nPr 0.5\n", tmp_path)[2] == [told]
+    for plain in ("d 0.5\nTf 1 1 1\nPr 0.5", "d 1\nTf 1 0.5 0.5\nPr 0.5", "d 1\nTf 1 0.5 0.5", "d 0.5\nTf 0.5 0.5 0.5"):
+        assert material(f"newmtl m\nKd 1 1 1\n{plain}\n", tmp_path)[2] == []
 
 
 def test_emission(tmp_path):

@@ -11,9 +11,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from maquette.compiler import ir, load
+from maquette.compiler.importers.stage_options import StageOptions
+from maquette.compiler.plan import plan as planner
+from maquette.render.render_scene import draw as draw_scene
 
-from .conftest import Draw
-from .views import alpha, rgb
+from .conftest import BACKENDS, Draw
+from .views import alpha, interior, relative, rgb, show
 
 QUADS = np.array([(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)])
 BOX = np.concatenate([QUADS[:, [0, 1, 2]], QUADS[:, [0, 2, 3]]])
@@ -111,8 +115,8 @@ def test_a_back_that_is_not_seen_sends_light_on(trace: Draw, tmp_path: Path, pan
     red = {"pbrMetallicRoughness": {"baseColorFactor": [1, 0, 0, 1], "metallicFactor": 0, "roughnessFactor": 1}}
     view = "camera([-4, 3, 0], look_at: [0, -1, 0], fov: 50deg)\n"
     text = FLOOR + pane + "directional([1, 0.2, 0])\n" + view
-    double, single = floors(trace, tmp_path, (WALL, red), text, bounces=3, samples=16)
-    assert len(single) > 300
+    double, single = floors(trace, tmp_path, (WALL, red), text, bounces=3, samples=4, size=(32, 32))
+    assert len(single) > 150
     assert single.mean(axis=0) == pytest.approx(double.mean(axis=0), rel=0.02)
     assert single[:, 0].mean() > 1.02 * single[:, 1].mean()
 
@@ -122,7 +126,7 @@ def test_a_back_that_is_not_seen_sends_light_on(trace: Draw, tmp_path: Path, pan
 def test_a_lamp_seen_from_behind_shines_on(trace: Draw, tmp_path: Path, triangles: np.ndarray, pane: str) -> None:
     glows = {"pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1]}, "emissiveFactor": [1, 1, 1]}
     view = "camera([0, 6, 6], look_at: [0, -1, 1], fov: 60deg)\n"
-    double, single = floors(trace, tmp_path, (triangles, glows), FLOOR + pane + view, bounces=1, samples=16)
+    double, single = floors(trace, tmp_path, (triangles, glows), FLOOR + pane + view, bounces=1, samples=4, size=(32, 32))
     assert single.mean() == pytest.approx(double.mean(), rel=0.02)
     assert single.mean() > 0.05
 
@@ -154,3 +158,44 @@ def test_glass_in_place_of_a_single_sided_material_has_both_its_sides(draw: Draw
         light = "plane(y: -1)\npoint([3, 5, 4], intensity: 100)\n"
         pictures.append(rgb(draw('mesh("a.gltf", material: glass(ior: 1.5))\n' + light + VIEW, bounces=4)))
     assert np.array_equal(*pictures)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("opacity", [1.0, 0.5])
+def test_backends_agree_on_an_open_box(draw_on: Draw, tmp_path: Path, turned: bool, opacity: float) -> None:
+    """Its faces are seen from the front and from behind, past it, through it, in a mirror, and as a shadow."""
+    box = np.array([t for t in BOX.tolist() if set(t) - {2, 3, 6, 7}])  # without its lid
+    grey = {"pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.6, 0.7, opacity], "metallicFactor": 0, "roughnessFactor": 1}}
+    shell = (1.0, box[:, ::-1] if turned else box, {**grey, "alphaMode": "BLEND" if opacity < 1.0 else "OPAQUE"})
+    write(tmp_path / "a.gltf", [shell])
+    text = 'mesh("a.gltf")\nsphere(0.5, center: [0, -0.5, 0], material: lambert(#d04020))\nplane(y: -1.01, material: lambert(#ffffff))\n'
+    text += "box([4, 4, 0.1], center: [0, 1, -3], material: mirror())\n"
+    text += "directional([0.4, 1, 0.6])\ncamera([2.5, 2.5, 5], look_at: [0, -0.3, 0], fov: 45deg)\n"
+    plans = {"reference": {}, "ray": {}, "raster": {"raster.secondary_rays": "trace"}}
+    pictures = [draw_on(backend, text, plan, aov=("id",)) for backend, plan in plans.items()]
+    inside = interior(*pictures)
+    for other in pictures[1:]:
+        different = inside & (relative(rgb(other), rgb(pictures[0])) > 0.02)
+        assert np.count_nonzero(different) <= 24, show(different, 24)
+    assert inside.sum() > 1000
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_meshes_of_usd_by_cull_backfaces(tmp_path: Path, backend: str) -> None:
+    square = "int[] faceVertexCounts = [4]\nint[] faceVertexIndices = [0, 1, 2, 3]\npoint3f[] points = [{}]"
+    front = square.format("(-2, -1, 0), (0, -1, 0), (0, 1, 0), (-2, 1, 0)")
+    back = square.format("(0, -1, 0), (0, 1, 0), (2, 1, 0), (2, -1, 0)")
+    camera = """def Camera "main_cam" {
+        float horizontalAperture = 24
+        float verticalAperture = 24
+        float focalLength = 24
+        double3 xformOp:translate = (0, 0, 5)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }"""
+    path = tmp_path / "a.usda"
+    path.write_text(f'#usda 1.0\n{camera}\ndef Mesh "front" {{\n{front}\n}}\ndef Mesh "back" {{\n{back}\n}}\n')
+    for cull, left in ((False, 1.0), (True, 0.0)):
+        scene = load.load(path, stage=StageOptions(cull_backfaces=cull))
+        settings = ir.Settings(size=(48, 48), samples=1, threads=1, backend=backend, background="transparent")
+        covered = alpha(draw_scene(scene, planner.make_plan(scene, settings)))
+        assert (covered[24, 16], covered[24, 32]) == (1.0, left)

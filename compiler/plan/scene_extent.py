@@ -11,23 +11,28 @@ from ...lang.diagnostics import Diagnostics, Span
 from .. import ir
 from .camera_view import instance_boxes
 
-LARGE = 100.0  # metres between opposite sides of the bounds of all shapes
+LARGE = 100.0  # metres: between opposite sides of the bounds of all shapes, and from the camera to the nearest of them
 _UNITS = sorted((name for name, (_, dimension) in units.UNITS.items() if dimension == units.LENGTH), key=len, reverse=True)
 _NAMES_UNIT = re.compile(rf"^\s*unit\s|\d\s*(?:{'|'.join(map(re.escape, _UNITS))})\b", re.MULTILINE)
 _PLACES_FILE = re.compile(r"\b(?:usd|mesh)\s*\(\s*(?:file\s*:\s*)?\"")  # files have units of their own
 
 
 def warn_of_large_scene(scene: ir.Scene, text: str, diagnostics: Diagnostics) -> None:
-    """Warn of a scene of LARGE metres or more whose file, `text`, names no unit of length and places no file.
+    """Warn of a scene of LARGE metres, seen from LARGE metres away, whose file, `text`, names no unit of length and places no file.
 
-    Unbounded shapes do not count.
+    Unbounded shapes do not count. A wide floor with a camera near it is no such scene.
     """
     tables = scene.tables
-    if not len(tables.instances.geometry) or _NAMES_UNIT.search(text) or _PLACES_FILE.search(text):
+    if not len(tables.instances.geometry) or not len(tables.cameras.transform) or _NAMES_UNIT.search(text) or _PLACES_FILE.search(text):
         return
     bounds = instance_boxes(tables, tables.geometries.bounds[tables.instances.geometry], np.eye(4)[:3])
     bounds = bounds[np.isfinite(bounds).all(axis=(1, 2))]
-    extent = float((bounds[:, 1].max(axis=0) - bounds[:, 0].min(axis=0)).max()) if len(bounds) else 0.0
-    if extent >= LARGE:
+    if not len(bounds):
+        return
+    low, high = bounds[:, 0], bounds[:, 1]
+    extent = float((high.max(axis=0) - low.min(axis=0)).max())
+    eye = tables.transforms.matrix[tables.cameras.transform[0]][:, 3]
+    away = float(np.linalg.norm(np.maximum(np.maximum(low - eye, eye - high), 0.0), axis=1).min())
+    if extent >= LARGE and away >= LARGE:
         hint = "write `unit cm` in the first line if centimetres are meant, or `unit m` if it is so"
         diagnostics.warning(f"the scene is {extent:,.4g} m across: lengths without a unit are in metres", Span(scene.name, 1), hint)

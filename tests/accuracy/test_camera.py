@@ -14,7 +14,7 @@ from . import radiometry as rm
 Array = rm.Array
 TAN20 = math.tan(math.radians(20))
 LIT = "ambient(#ffffff, luminance: 1)\n"
-FACING = LIT + "camera(position: [0, 0, 0], look_at: [0, 0, -1], {})\n"
+FACING = "unit m\n" + LIT + "camera(position: [0, 0, 0], look_at: [0, 0, -1], {})\n"
 PIXEL = 1e-3  # pixels
 DEPTH = 1e-6  # relative
 SAMPLES = 64  # a pixel, where areas are summed up

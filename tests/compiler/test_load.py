@@ -203,6 +203,7 @@ camera([0, 150, 500], look_at: [0, 50, 0])
         ("unit cm\n" + LARGE, []),
         (LARGE.replace("200, 2", "200m, 2"), []),
         ("plane(y: 0)\n" + LARGE.replace("box(size: [200, 2, 20])", "sphere(1)"), []),
+        (LARGE.replace("150, 500", "20, 40"), []),  # as a wide floor
         ("camera([0, 0, 5])\nsun()", []),
     ],
 )

@@ -141,10 +141,10 @@ def notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
             continue
         if refracts:
             name = "glass" if model == ir.MaterialModel.GLASS else "k_t"
-            found.append((f"raster draws {name} without refraction: it shows the sky straight behind", "materials", row))
+            found.append((f"raster draws {name} without refraction: the sky and the ground's mean light show", "materials", row))
         elif reflects:
             name = "mirrors" if model == ir.MaterialModel.MIRROR else "k_r"
-            found.append((f"raster draws {name} without reflections of objects: only the sky is reflected", "materials", row))
+            found.append((f"raster draws {name} without reflected objects: the sky and the ground's mean light show", "materials", row))
         elif glossy[row]:
             found.append(("raster draws highlights of lights and the sky only: objects are not reflected", "materials", row))
     if plan["raster.shadows"] == "map":

@@ -55,10 +55,10 @@ def test_raster_agrees_with_ray(draw_on, name):
 
 def test_raster_says_what_it_does_not_draw(draw_on):
     for name, messages in (
-        ("glass", {"raster draws glass without refraction: it shows the sky straight behind"}),
+        ("glass", {"raster draws glass without refraction: the sky and the ground's mean light show"}),
         ("mirrors", {
-            "raster draws mirrors without reflections of objects: only the sky is reflected",
-            "raster draws k_r without reflections of objects: only the sky is reflected",
+            "raster draws mirrors without reflected objects: the sky and the ground's mean light show",
+            "raster draws k_r without reflected objects: the sky and the ground's mean light show",
         }),
         ("every shape", set()),
     ):  # fmt: skip

@@ -304,8 +304,8 @@ def test_materials_the_rasterizer_simplifies_are_noted():
     given, made, _ = pictures.planned(scene, "raster")
     rows = scene.instances.material
     assert raster.notes(given, made) == [
-        ("raster draws glass without refraction: it shows the sky straight behind", "materials", rows[1]),
-        ("raster draws mirrors without reflections of objects: only the sky is reflected", "materials", rows[2]),
+        ("raster draws glass without refraction: the sky and the ground's mean light show", "materials", rows[1]),
+        ("raster draws mirrors without reflected objects: the sky and the ground's mean light show", "materials", rows[2]),
     ]
 
 

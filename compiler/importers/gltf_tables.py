@@ -76,7 +76,8 @@ PROPERTIES = Table(
         "materials.normalTexture textureInfo.scale materials.occlusionTexture": "",
         "materials.emissiveFactor materials.emissiveTexture materials.alphaMode materials.alphaCutoff": "",
         "materials.doubleSided": (
-            "single-sided surfaces are not seen from behind; their backs cast shadows and show in mirrors, but for shells seen from outside"
+            "single-sided surfaces are not seen from behind; their backs shine, cast shadows and show in mirrors, "
+            "but for shells seen from outside; glass has both sides"
         ),
         "textureInfo.index textureInfo.texCoord textureInfo.strength": "",
         "textures.source textures.sampler samplers.wrapS samplers.wrapT samplers.magFilter": "",

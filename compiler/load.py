@@ -147,8 +147,8 @@ def _scene(
         builder = SceneBuilder(found, files)
         builder.deviation = limits[1]
         scene = lowering.lower(document, builder, reader.folder)
-    if not found.failed:
-        scene_extent.warn_of_large_scene(scene, source.text, found)
+    if not found.failed and not document.names_length:
+        scene_extent.warn_of_large_scene(scene, found)
     return scene
 
 

@@ -122,3 +122,4 @@ class Document:
     params: tuple[ParamInfo, ...]
     sources: Mapping[str, str] = field(default_factory=dict)  # displayed file name -> text, for diagnostics
     files: tuple[str, ...] = ()  # every file read by path, for `watch`
+    names_length: bool = True  # whether the scene's own file has a unit of length: a number's, or by `unit`

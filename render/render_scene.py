@@ -53,18 +53,19 @@ def draw(
         compile_events.expect(_expected_kernels(scene, plan))
     deadline = deadline or Deadline(plan["budget"])
     lit = channels.light_groups(plan)
-    with deadline.watch_compiler(), cancellation.cancelled_by(cancel), kernel_cache.timed(seconds, "build"):
-        by_moments = _is_by_moments(plan)
-        seen, undrawn = single_sided.seen_from(scene, plan["camera"], plan["transport"] == "path")
-        renderer = remote(seen, plan) if remote is not None else choose_renderer(seen, plan, view)
-        layers = [name for name in plan["aov"] if name in cryptomatte.LAYERS]
-        mattes = cryptomatte.Mattes(scene, layers) if layers else None
-    with kernel_cache.timed(seconds, "render"):
-        told = _with_denoiser(report, renderer, plan, cancel) if report and progressive and decision.may_denoise(plan) else report
-        checkpoint = None if lit or by_moments else keeper
-        put = renderer.put if lit else lambda image: None
-        ready, work = deadline.spent(), (renderer, plan, view, told, cancel or threading.Event(), mattes, checkpoint, progressive)
-        image = _draw_in_time(work, deadline, put) if deadline.is_finite else _draw(work, put)
+    with deadline.watch_compiler():
+        with cancellation.cancelled_by(cancel), kernel_cache.timed(seconds, "build"):
+            by_moments = _is_by_moments(plan)
+            seen, undrawn = single_sided.seen_from(scene, plan["camera"], plan["transport"] == "path")
+            renderer = remote(seen, plan) if remote is not None else choose_renderer(seen, plan, view)
+            layers = [name for name in plan["aov"] if name in cryptomatte.LAYERS]
+            mattes = cryptomatte.Mattes(scene, layers) if layers else None
+        with kernel_cache.timed(seconds, "render"):
+            told = _with_denoiser(report, renderer, plan, cancel) if report and progressive and decision.may_denoise(plan) else report
+            checkpoint = None if lit or by_moments else keeper
+            put = renderer.put if lit else lambda image: None
+            ready, work = deadline.spent(), (renderer, plan, view, told, cancel or threading.Event(), mattes, checkpoint, progressive)
+            image = _draw_in_time(work, deadline, put) if deadline.is_finite else _draw(work, put)
     tell(Progress("finishing"))
     notes = _notes(scene, plan) + [(single_sided.LEFT, "instances", undrawn)] * (undrawn >= 0)
     notes += accumulation.notes(scene, plan) if by_moments else []

@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 
-from ...lang import units
+from ...lang import file_types
 from ...lang.diagnostics import Diagnostics, Span
 from .. import ir
 from .camera_view import instance_boxes
 
 LARGE = 100.0  # metres: between opposite sides of the bounds of all shapes, and from the camera to the nearest of them
-_UNITS = sorted((name for name, (_, dimension) in units.UNITS.items() if dimension == units.LENGTH), key=len, reverse=True)
-_NAMES_UNIT = re.compile(rf"^\s*unit\s|\d\s*(?:{'|'.join(map(re.escape, _UNITS))})\b", re.MULTILINE)
-_PLACES_FILE = re.compile(r"\b(?:usd|mesh)\s*\(\s*(?:file\s*:\s*)?\"")  # files have units of their own
 
 
-def warn_of_large_scene(scene: ir.Scene, text: str, diagnostics: Diagnostics) -> None:
-    """Warn of a scene of LARGE metres, seen from LARGE metres away, whose file, `text`, names no unit of length and places no file.
+def warn_of_large_scene(scene: ir.Scene, diagnostics: Diagnostics) -> None:
+    """Warn of a scene of LARGE metres, seen from LARGE metres away. Its file names no unit of length.
 
-    Unbounded shapes do not count. A wide floor with a camera near it is no such scene.
+    Unbounded shapes do not count. Files of meshes and stages have units of their own: a scene that reads one is not told. A wide floor
+    with a camera near it is no such scene.
     """
     tables = scene.tables
-    if not len(tables.instances.geometry) or not len(tables.cameras.transform) or _NAMES_UNIT.search(text) or _PLACES_FILE.search(text):
+    if not len(tables.instances.geometry) or not len(tables.cameras.transform):
+        return
+    if any(file.lower().endswith((*file_types.MESH, *file_types.USD)) for file in scene.files):
         return
     bounds = instance_boxes(tables, tables.geometries.bounds[tables.instances.geometry], np.eye(4)[:3])
     bounds = bounds[np.isfinite(bounds).all(axis=(1, 2))]

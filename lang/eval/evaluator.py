@@ -120,7 +120,8 @@ class Evaluator:
         except Exhausted as limit:
             self._report_limit(limit)
         read, files = self.loader.sources, tuple(self.loader.files)
-        return Document(source.name, tuple(sink.elements), tuple(sink.cameras), sink.settings, tuple(infos), read, files)
+        names_length = any(units.UNITS.get(name, (0, units.NONE))[1] == units.LENGTH for name in module.units_named)
+        return Document(source.name, tuple(sink.elements), tuple(sink.cameras), sink.settings, tuple(infos), read, files, names_length)
 
     def _load_prelude(self, source: Source) -> None:
         span = Span(source.name)

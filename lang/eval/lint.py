@@ -40,7 +40,9 @@ def check_file(module: Module, outer: Iterable[str], report: Report, diagnostics
     In the rendered scene (`main`) an unused `let` gets a warning, unless the file places nothing and so serves other files.
     """
     places = any(isinstance(item, ast.ElementItem | ast.For | ast.If) for item in module.file.items)
-    _Checker({*outer, *module.broken}, report, diagnostics if main and places else None).file(module.file)
+    checker = _Checker({*outer, *module.broken}, report, diagnostics if main and places else None)
+    checker.file(module.file)
+    module.units_named = checker.units | {item.name.id for item in module.file.items if isinstance(item, ast.Unit)}
 
 
 def names_of(file: ast.File) -> set[str]:
@@ -62,6 +64,7 @@ class _Checker:
         self.report = report
         self.unused = unused
         self.unknown = 0  # names so far that nothing defines
+        self.units = set[str]()  # of numbers
 
     def file(self, file: ast.File) -> None:
         for item in file.items:
@@ -119,7 +122,7 @@ class _Checker:
     def _visit(self, node: ast.Node, chain: Chain) -> None:
         match node:
             case ast.Number():
-                pass
+                self.units.add(node.unit)
             case ast.Binary():
                 self._visit(node.left, chain)
                 self._visit(node.right, chain)

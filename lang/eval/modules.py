@@ -60,6 +60,7 @@ class Module:
     of_library: bool
     broken: set[str] = field(default_factory=set)
     uses: dict[int, Module] = field(default_factory=dict)  # by the id of the `use` item
+    units_named: set[str] = field(default_factory=set)  # of numbers, "" for bare ones, and of `unit`; the linter finds them
 
     @property
     def file(self) -> ast.File:

@@ -23,6 +23,7 @@ from ..film.progress import Progress, Report
 from ..film.remote import Remote
 from ..image.cryptomatte import Mattes
 from ..image.image import Image
+from ..jit import compile_events
 from ..simd import target
 from ..types import View
 
@@ -66,7 +67,11 @@ def run(work: Work, deadline: Deadline, put: Callable[[Image], None]) -> Image:
     ends = deadline.earlier(min(after, 0.3 * deadline.seconds))
     times = DenoisingTime(renderer, plan, ends) if decision.may_denoise(plan) else None
     resumes = work.keeper is not None and work.keeper.found is not None
-    preview = None if resumes or isinstance(renderer, Remote) else _draw_preview(work, ends)
+    preview, compiled = None, compile_events.compiled()
+    if not resumes and not isinstance(renderer, Remote):
+        preview = _draw_preview(work, ends)
+        if compile_events.compiled() > compiled:  # it measured the compiler
+            preview = _draw_preview(work, ends)
     divisor = 1 if preview is None else _divisor(preview, plan, pixels, ends)
     if divisor == 1:
         return _draw(work, 1, (preview, times), ends, put)

@@ -22,8 +22,8 @@ ASKEW = 0.2  # cells: change of both axes along one side from which on the serie
 THIN, LONG = 0.14, 4.5  # cells: not for a shorter other side, |x| + |y|, unless this side is longer: the series of a line converges slowly
 BOTH = 0.11  # the same where the other side changes half as much
 SLANTED = 0.002  # cells: change from which on a side is divided into PARTS
-PARTS = 8  # twice as many where both axes change much
-ORDER = 5  # of the highest wave; the error is below 3 % of the contrast for a pixel of half a cell, 1 % for one cell
+PARTS = 8  # twice as many where both axes change by ASKEW, four times as many where they change by a cell
+ORDER = 7  # of the highest wave
 _LONGEST = 4096.0  # length to which a side is clipped, in cells
 _LEAST = 1e-30
 
@@ -93,9 +93,12 @@ def mean_share(checker: Lane, x: Lane, y: Lane, spans: Any) -> Lane:
 
 @helper
 def _mean_by_axes(checker: Lane, x: Lane, y: Lane, px: Lane, py: Lane, qx: Lane, qy: Lane, p_slant: Lane, q_slant: Lane) -> Lane:
-    """The mean from both axes separately; a side along both axes is divided into parts."""
-    by_p, by_q = p_slant > ops.maximum(2.0 * q_slant, SLANTED), q_slant > ops.maximum(2.0 * p_slant, SLANTED)
-    count = ops.where(by_p | by_q, ops.where(ops.maximum(p_slant, q_slant) > ASKEW, 2.0 * PARTS, 1.0 * PARTS), 1.0)
+    """The mean from both axes separately. A side along both axes is divided into parts, unless S is constant along one axis."""
+    slant = ops.maximum(p_slant, q_slant)
+    divided = (slant > SLANTED) & _meets_edge(x, px, qx) & _meets_edge(y, py, qy)
+    by_p, by_q = divided & (p_slant >= q_slant), divided & (p_slant < q_slant)
+    parts = ops.where(slant > 1.0, 4.0 * PARTS, ops.where(slant > ASKEW, 2.0 * PARTS, 1.0 * PARTS))
+    count = ops.where(by_p | by_q, parts, 1.0)
     share = 1.0 / count
     step_x, step_y = ops.where(by_p, px, qx) * share, ops.where(by_p, py, qy) * share
     px, py = ops.where(by_p, px * share, px), ops.where(by_p, py * share, py)
@@ -110,6 +113,13 @@ def _mean_by_axes(checker: Lane, x: Lane, y: Lane, px: Lane, py: Lane, qx: Lane,
         total = ops.where(count > k, total + part, total)
         k += 1
     return total * share
+
+
+@helper
+def _meets_edge(x: Lane, one: Lane, other: Lane) -> Lane:
+    """Whether an edge between cells is within the two intervals around x."""
+    off = x - ops.floor(x)
+    return ops.minimum(off, 1.0 - off) < 0.5 * (ops.absolute(one) + ops.absolute(other))
 
 
 # --- along an axis ------------------------------------------------------------------------------------------------------

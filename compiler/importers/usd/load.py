@@ -88,7 +88,7 @@ def place(builder: SceneBuilder, placed: Placed, span: Span) -> None:
     opened = open_(path, str(path), builder.files, builder.diagnostics, span)
     if opened is None:
         return
-    opened.declare(placed.unit, placed.up)
+    opened.override(placed.unit, placed.up)
     root = opened.stage.GetPrimAtPath(prim) if prim and prim.startswith("/") else None
     if prim and not root:
         known = [str(p.GetPath()) for p in opened.stage.Traverse()]

@@ -45,7 +45,7 @@ class Opened:
             begin = self.stage.GetStartTimeCode() if self.time == Usd.TimeCode.EarliestTime() else self.time.GetValue()
             self.time = Usd.TimeCode(begin + seconds * self.stage.GetTimeCodesPerSecond())
 
-    def declare(self, unit: float | None, up: str | None) -> None:
+    def override(self, unit: float | None, up: str | None) -> None:
         """Read lengths in another unit, in metres, or another axis, y or z, as up than the stage says. None: as it says."""
         with Usd.EditContext(self.stage, self.stage.GetSessionLayer()):
             if up is not None:

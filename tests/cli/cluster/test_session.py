@@ -114,7 +114,7 @@ def test_a_worker_that_is_killed_loses_no_frame(processes: Processes, address: s
     assert (code, err) == (0, "")
     assert len(processes.workers) == 1
     assert run("render", "a.scene", "-o", "here.##.exr", *options)[0] == 0
-    for k in range(6):
+    for k in range(7):
         same(f"here.0{k}.exr", f"there.0{k}.exr")
 
 

@@ -56,10 +56,12 @@ def test_unlit_points_read_no_light(count):
         assert (chance == 0).all()
 
 
-SLOW = {"instancing", "gear", "cut", "bracket", "profiles"}  # many primitives, each tried for every ray
+SLOW = {"instancing", "gear", "cut", "bracket"}  # many primitives, each tried for every ray
+LONG = ("profiles",)
+DRAWN = [path for path in sorted(EXAMPLES.glob("*.scene")) if path.stem not in SLOW]
 
 
-@pytest.mark.parametrize("path", [path for path in sorted(EXAMPLES.glob("*.scene")) if path.stem not in SLOW], ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", [pytest.param(path, id=path.stem, marks=[pytest.mark.long] * (path.stem in LONG)) for path in DRAWN])
 def test_pictures_read_nothing_before_a_table(path, monkeypatch):
     """Every example by the reference backend, which shares its code with kernels."""
     made = prepare.prepare

@@ -14,6 +14,7 @@ from maquette.render.backends import timed_picture
 from maquette.render.film import film
 from maquette.render.film.deadline import Deadline
 from maquette.render.image.image import Image
+from maquette.render.jit import compile_events
 from maquette.render.types import Film, Tile, View
 
 SIZE = (96, 64)
@@ -58,6 +59,16 @@ def drawn(renderer: Ramp, budget: float, **more: Any) -> Image:
     plan = plan_of(budget, **more)
     work = timed_picture.Work(renderer, plan, View(0, *SIZE), None, threading.Event(), None, None, False)
     return timed_picture.run(work, Deadline(budget, 0.0, lambda: renderer.now), lambda image: None)
+
+
+class Compiling(Ramp):
+    """Its first call compiles a kernel for 20 seconds."""
+
+    def sample(self, tile: Tile, first: np.ndarray, count: np.ndarray, total: int, film: Film) -> None:
+        if self.now < 20.0:
+            with compile_events.compiling("light"):
+                self.now += 20.0
+        super().sample(tile, first, count, total, film)
 
 
 def expected() -> np.ndarray:
@@ -122,6 +133,17 @@ def test_enlarged_keeps_what_is_even_and_linear() -> None:
     assert np.all(timed_picture.enlarged(even, (5, 3), (0, 0, 5, 3), (50, 30), (0, 0, 50, 30)) == 2.5)
     one = timed_picture.enlarged(np.ones((1, 1, 4), np.float32), (1, 1), (0, 0, 1, 1), (7, 5), (0, 0, 7, 5))
     assert one.shape == (5, 7, 4)
+
+
+def test_a_kernel_that_compiles_in_the_first_call_leaves_half_of_the_budget() -> None:
+    renderer = Compiling(1e-4)
+    deadline = Deadline(10.0, 0.0, lambda: renderer.now)
+    work = timed_picture.Work(renderer, plan_of(10.0), View(0, *SIZE), None, threading.Event(), None, None, False)
+    with deadline.watch_compiler():
+        image = timed_picture.run(work, deadline, lambda image: None)
+    assert image.metadata["resolution"] == 1
+    assert image.metadata["samples_mean"] > 3.0
+    assert 23.0 < renderer.now < 25.5
 
 
 def test_late_pictures_say_what_took_the_time() -> None:

@@ -47,7 +47,8 @@ def test_axis_aligned_means_are_exact(wide: float, high: float, seed: int, check
 @settings(max_examples=60, deadline=None)
 @example(0.01, 0.421697, 29.0, 71, np.float32)
 @example(0.01, 0.421697, 29.0, 35, np.float32)
-@example(10.326622, 0.017864, 108.36335289212074, 41, np.float64)  # the worst of 1,500: 0.048
+@example(10.326622, 0.017864, 108.36335289212074, 41, np.float64)  # thin and slanted: parts of a cell each
+@example(0.023824, 12.975045, 18.312149238358593, 0, np.float64)
 def test_oblique_means_are_close(long: float, short: float, angle: float, seed: int, kind: type):
     """Within a tenth of the contrast, mostly far less, in single and double precision."""
     c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
@@ -55,7 +56,7 @@ def test_oblique_means_are_close(long: float, short: float, angle: float, seed: 
     p, q = (c * long, s * long), (-s * short, c * short)
     off = np.abs(mean(True, x, y, p, q) - summed(True, x.astype(float), y.astype(float), p, q))
     assert off.max() < 0.12
-    assert np.sqrt(np.mean(off**2)) < 0.05
+    assert np.sqrt(np.mean(off**2)) < 0.04
 
 
 def test_oblique_stripes_are_exact():

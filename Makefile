@@ -48,7 +48,7 @@ kernels: $(STAMP)  ## compile the general kernels, which render every scene
 	@$(BIN)/python -P -m maquette.cli.build_kernels
 
 demo: $(STAMP)  ## render every example, for at most 5 seconds each and the time of compiling kernels; hello.scene comes first
-	@echo "rendering examples/hello.scene; its kernels are compiled first, in about 15 seconds"
+	@echo "rendering examples/hello.scene; its kernels are compiled first, in about half a minute"
 	@$(MAKE) --no-print-directory LIMITS='--budget 5s' $(DEMO)/hello.png
 	@echo "the first picture is $(CURDIR)/$(DEMO)/hello.png"
 	@echo "rendering the other $(words $(filter-out hello,$(NAMES))) examples, two at a time; kernels that they share are compiled on the way, in some minutes"

@@ -111,7 +111,21 @@ def _write_triangles(scene: ir.Scene, output: Path, ending: str, tolerance: floa
         message = f"the triangles are up to {off * 1000:.3g} mm from the true surface, more than the {tolerance * 1000:.3g} mm asked for"
         hint = "solids with fillets, formulas or meshes in them have a limit on cells: make them of smaller parts, or of sharp ones"
         terminal.report([Diagnostic("warning", message, None, hint)])
-    click.echo(f"{output}: {count} triangles, {closed}, distance from the true surface {_up(off * 1000)} mm at most", err=True)
+    edges = "; edges where parts meet may be farther" if _has_cut_edges(scene) else ""
+    click.echo(f"{output}: {count} triangles, {closed}, distance from the true surface {_up(off * 1000)} mm at most{edges}", err=True)
+
+
+def _has_cut_edges(scene: ir.Scene) -> bool:
+    """Whether there are solids of parts, or meshes of chords: each triangle is that near, and edges between them may not be."""
+    import numpy as np
+
+    from ..compiler import ir
+
+    tables = scene.tables
+    kind, bounds = tables.geometries.kind, tables.geometries.bounds
+    chords = tables.geometries.parameters[:, 0] > 1e-6 * np.ptp(bounds, axis=1).max(axis=1)
+    cut = (kind == ir.GeometryKind.FORMULA) | ((kind == ir.GeometryKind.MESH) & chords)
+    return bool(cut[tables.instances.geometry].any())
 
 
 def _up(value: float) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-import hypothesis
 import pytest
 import uharfbuzz  # noqa: F401  (before all else: loaded after some other libraries of the tests, it crashes when it draws a glyph)
 from maquette.render.simd import target
@@ -15,10 +14,6 @@ os.environ["MAQUETTE_PROGRESS"] = "off"  # stderr does not depend on how long ke
 os.environ["MAQUETTE_KERNELS"] = os.environ.get("MAQUETTE_TEST_KERNELS", "general")
 if "MAQUETTE_TEST_THREADS" in os.environ:  # of tools/matrix.py: renders in this process take so many, whatever the machine has
     target.cores = lambda: int(os.environ["MAQUETTE_TEST_THREADS"])
-# A failing example is made smaller and shown. Its lines are not traced to explain it: with kernels' threads that took over an hour.
-_PHASES = [phase for phase in hypothesis.Phase if phase is not hypothesis.Phase.explain]
-hypothesis.settings.register_profile("maquette", phases=_PHASES)
-hypothesis.settings.load_profile("maquette")
 ROOT = Path(__file__).resolve().parent.parent
 ASSETS = Path(os.environ.get("MAQUETTE_ASSETS") or ROOT.parent / "shared" / "assets")
 

@@ -44,6 +44,23 @@ def bounds(path: str) -> tuple[np.ndarray, np.ndarray]:
     return np.min([p["low"] for p in parts], axis=0), np.max([p["high"] for p in parts], axis=0)
 
 
+@pytest.mark.parametrize(
+    ("text", "farther"),
+    [
+        ("sphere(1)", False),
+        ("box(1)\nsphere(1, center: [3, 0, 0])", False),
+        ("mesh(points: [[0.1, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], faces: [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])", False),
+        ("difference { sphere(1); sphere(1, center: [0.1, 0, 0]) }", True),
+        ("intersection { sphere(1); revolve([[0, 0], [1, 0], [0, 1]]) }", True),
+    ],
+)
+def test_edges_where_parts_meet_are_told(tmp_path: Path, text: str, farther: bool) -> None:
+    (tmp_path / "a.scene").write_text(text, encoding="utf-8")
+    code, _, err = run("convert", tmp_path / "a.scene", tmp_path / "a.stl")
+    assert code == 0, err
+    assert err.rstrip().endswith("mm at most; edges where parts meet may be farther" if farther else "mm at most")
+
+
 @pytest.mark.parametrize("ending", FORMATS)
 def test_extents_and_orientation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str) -> None:
     monkeypatch.chdir(tmp_path)

@@ -117,13 +117,11 @@ def _write_triangles(scene: ir.Scene, output: Path, ending: str, tolerance: floa
 
 def _has_cut_edges(scene: ir.Scene) -> bool:
     """Whether there are solids of parts, or meshes of chords: each triangle is that near, and edges between them may not be."""
-    import numpy as np
-
     from ..compiler import ir
 
     tables = scene.tables
     kind, bounds = tables.geometries.kind, tables.geometries.bounds
-    chords = tables.geometries.parameters[:, 0] > 1e-6 * np.ptp(bounds, axis=1).max(axis=1)
+    chords = tables.geometries.parameters[:, 0] > 1e-6 * (bounds[:, 1] - bounds[:, 0]).max(axis=1)
     cut = (kind == ir.GeometryKind.FORMULA) | ((kind == ir.GeometryKind.MESH) & chords)
     return bool(cut[tables.instances.geometry].any())
 

@@ -11,6 +11,7 @@ from .compiler.io import import_path  # isort: split
 
 import_path.isolate_command(__name__, __path__[0])
 
+import sys
 import tempfile
 import warnings
 from collections.abc import Mapping, Sequence
@@ -43,7 +44,7 @@ def load(
     *,
     sets: Mapping[str, str] | None = None,
     time: float | None = None,
-    allow: Sequence[str | Path] = (),
+    allow: str | Path | Sequence[str | Path] = (),
     variants: Mapping[str, str] | None = None,
     max_elements: int | None = None,
     diagnostics: "Diagnostics | None" = None,
@@ -56,12 +57,13 @@ def load(
     beside its own; `variants` choose USD variants ({"/prim:set": "name"}). `max_elements` limits the elements that a scene
     makes and places (default 10 million). Warnings and notes are added to `diagnostics`; without it, warnings are SceneWarnings.
     Both are in the scene's `diagnostics` as well.
-    Raises maquette.lang.diagnostics.SceneError with everything that is wrong in it.
+    Raises maquette.lang.diagnostics.SceneError with everything that is wrong in it, ValueError for a wrong `time` or `max_elements`.
     """
     from .compiler import load as loader
     from .compiler.importers.stage_options import StageOptions
     from .lang import diagnostics as messages
-    from .render.python_options import as_text, warn
+    from .lang.schema import setting_values
+    from .render.python_options import as_text, read, warn
     from .render.python_scene import Scene
 
     if not isinstance(source, str | Path):
@@ -73,8 +75,11 @@ def load(
             )  # fmt: skip
     found = diagnostics if diagnostics is not None else messages.Diagnostics()
     earlier_count = len(found.items)
-    folders = tuple(Path(folder) for folder in allow)
-    param_values = {**{name: as_text(value) for name, value in params.items()}, **(sets or {})}
+    given = (allow,) if isinstance(allow, str | Path) else tuple(allow)
+    folders = tuple(Path(folder) for folder in given)
+    param_values = {name: as_text(value) for name, value in {**params, **(sets or {})}.items()}
+    time = read("time", time, setting_values.seconds)
+    max_elements = read("max_elements", max_elements, setting_values.whole(1, sys.maxsize))
     compiled = loader.load(
         Path(source), sets=param_values, time=time, allow=folders, stage=StageOptions(variants=variants or {}), max_elements=max_elements,
         diagnostics=found, seconds={},
@@ -108,6 +113,8 @@ def load_text(text: str, folder: str | Path = ".", **options: Any) -> "Scene":
     """
     from .compiler.io import sandbox
 
+    if not isinstance(text, str):
+        raise TypeError(f"load_text takes the text of a scene, not {type(text).__name__}")
     path = Path(folder) / "text.scene"
     with sandbox.unsaved({str(sandbox.resolved(path)): text}):
         return load(path, **options)
@@ -160,11 +167,10 @@ def show(path: str | Path, *, plan: Mapping[str, str] | None = None, allow: Sequ
     `options` are settings of `render` and values of params, `plan` is that of `render`, `allow` that of `load`.
     Raises ImportError without anywidget.
     """
-    from .compiler import ir
     from .compiler import load as loader
     from .lang.distribution import install_command
     from .live.scene_files import Opened
-    from .render.python_options import as_text, split
+    from .render.python_options import as_text, picture_settings, split
 
     try:
         from .live.widget import Widget
@@ -176,7 +182,7 @@ def show(path: str | Path, *, plan: Mapping[str, str] | None = None, allow: Sequ
     made = partial(loader.load, file, allow=tuple(Path(folder) for folder in allow))
     settings, params = split(options)
     sets = {name: as_text(value) for name, value in params.items()}
-    return Widget(Opened(file, made, ir.Settings(**settings), plan or {}, sets))
+    return Widget(Opened(file, made, picture_settings(settings), plan or {}, sets))
 
 
 def compare(image: "Image | str | Path", reference: "Image | str | Path") -> "Difference":

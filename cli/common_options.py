@@ -14,7 +14,7 @@ import click
 from ..compiler.io.regular_files import is_regular
 from ..lang import file_types
 from ..lang.limits import MAX_ELEMENTS
-from ..lang.schema.elements import MAX_BOUNCES
+from ..lang.schema.picture_settings import PICTURE_SETTINGS, PictureSetting
 from . import option_types as values
 from . import render_job as jobs
 from . import terminal
@@ -109,31 +109,21 @@ scene_options = options(
         "--max-elements", type=click.IntRange(1), help=f"Limit of the elements that a scene makes and places. Default: {MAX_ELEMENTS:,}."
     ),
 )
+
+
+def _picture_option(setting: PictureSetting) -> Callable[[Command], Command]:
+    """The option of a setting."""
+    if setting.kind == "flag":
+        return click.option(f"--{setting.name}/--no-{setting.name}", default=None, help=setting.help)
+    if setting.limits:
+        kind: click.ParamType = click.IntRange(*setting.limits)
+    else:
+        kind = click.Choice(setting.choices) if setting.choices else values.Value(setting.kind, setting.read)
+    return click.option(f"--{setting.name}", type=kind, help=setting.help)
+
+
 _PICTURE = {
-    "backend": click.option("--backend", type=click.Choice(["auto", "ray", "raster", "reference"]), help="Rendering backend."),
-    "size": click.option("--size", type=values.SIZE, help="Size in pixels: 800x600, or 512 for a square."),
-    "camera": click.option("--camera", metavar="NAME", help="Name of the camera."),
-    "samples": click.option("--samples", type=click.IntRange(1, 1 << 20), help="Samples per pixel. Default: until √relMSE is 3%, or 256."),
-    "error": click.option("--error", type=values.SHARE, help="Render until √relMSE is below this: 1%. A warning says if it is not."),
-    "budget": click.option("--budget", type=values.DURATION, help="Time from the start of the command to the written picture: 20s."),
-    "bounces": click.option("--bounces", type=click.IntRange(0, MAX_BOUNCES), help="Surface interactions after the first hit."),
-    "seed": click.option("--seed", type=click.IntRange(0, (1 << 63) - 1), help="Seed of the random numbers."),
-    "threads": click.option("--threads", type=click.IntRange(1, 1024), help="Default: one per core. The picture does not depend on it."),
-    "aov": click.option(
-        "--aov", type=values.CHANNELS,
-        help="Additional channels of an .exr: depth,normal,position,albedo,uv,id,variance,samples,cryptomatte,lights,light:NAME,issues.",
-    ),
-    "denoise": click.option(
-        "--denoise/--no-denoise", default=None, help="Remove noise with Open Image Denoise. Default: if 256 samples or a --budget leave it."
-    ),
-    "tolerance": click.option(
-        "--tolerance", type=click.FloatRange(0, min_open=True), metavar="PIXELS",
-        help="Greatest distance of the rasterizer's triangles from the outlines of shapes. Default: 0.05.",
-    ),
-    "crop": click.option("--crop", type=values.CROP, help="Render only these pixels, counted from the top left."),
-    "background": click.option("--background", type=values.BACKGROUND, help="Background: sky, transparent or #rrggbb."),
-    "exposure": click.option("--exposure", type=values.EXPOSURE, help="Stops, for 8 and 16-bit pictures; +1 is twice as bright."),
-    "view": click.option("--view", metavar="NAME", help="View transform of 8 and 16-bit pictures: sRGB or a name of OpenColorIO."),
+    **{name: _picture_option(setting) for name, setting in PICTURE_SETTINGS.items() if setting.help},
     "plan": click.option(
         "--plan", "plan_values", type=values.ASSIGNMENT, multiple=True, callback=_pairs, help="Override a decision of explain."
     ),

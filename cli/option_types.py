@@ -10,9 +10,9 @@ from typing import Any
 
 import click
 
-from ..lang import colors, units
+from ..lang import units
+from ..lang.schema.setting_values import duration, names, number, seconds, share, size
 
-MAX_SIDE = 1 << 16
 MAX_FRAMES = 1_000_000
 
 
@@ -32,37 +32,6 @@ class Value(click.ParamType):
             return self.fail(f"{value!r}: {error}", param, ctx)
 
 
-def size(text: str) -> tuple[int, int]:
-    """`800x600`, or `512` for a square."""
-    match = re.fullmatch(r"(\d+)(?:[xX×](\d+))?", text)
-    if not match:
-        raise ValueError("a size is written 800x600, or 512 for a square")
-    width, height = int(match[1]), int(match[2] or match[1])
-    if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE):
-        raise ValueError(f"a picture's sides are 1 to {MAX_SIDE} pixels")
-    return width, height
-
-
-def number(text: str, message: str) -> float | units.Quantity:
-    """A number with a unit of the language, as in a scene: `1%`, `20s`, `0.5`. Raises ValueError(message)."""
-    match = re.fullmatch(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([a-zA-Zµ°]+|%)?", text)
-    value = units.literal(float(match[1]), match[2] or "") if match else None
-    if value is None or not math.isfinite(value.value if isinstance(value, units.Quantity) else value):
-        raise ValueError(message)
-    return value
-
-
-def share(text: str) -> float:
-    """`1%` or `0.01`, above zero and below one."""
-    message = "a share is written 1% or 0.01, and is more than 0"
-    value = number(text, message)
-    if isinstance(value, units.Quantity) or value <= 0:
-        raise ValueError(message)
-    if value >= 1:
-        raise ValueError(f"that is {value:.0%}: {f'write {value:g}%' if value < 100 else 'a share is written 1% or 0.01'}")
-    return value
-
-
 def limit(text: str) -> float:
     """`1%` or `0.01`, or 0."""
     message = "a limit is written 1% or 0.01, or 0"
@@ -70,17 +39,6 @@ def limit(text: str) -> float:
     if isinstance(value, units.Quantity) or value < 0:
         raise ValueError(message)
     return value
-
-
-def seconds(text: str) -> float:
-    """`20s`, `500ms`, `2min`, or a bare number of seconds."""
-    message = "a time is written 20s, 500ms or 2min"
-    value = number(text, message)
-    if not isinstance(value, units.Quantity):
-        return value
-    if value.dimension != units.TIME:
-        raise ValueError(message)
-    return value.value
 
 
 def length(text: str) -> float:
@@ -93,14 +51,6 @@ def length(text: str) -> float:
     if metres <= 0:
         raise ValueError(message)
     return metres
-
-
-def duration(text: str) -> float:
-    """A time above zero."""
-    value = seconds(text)
-    if value <= 0:
-        raise ValueError("a budget is more than 0 seconds")
-    return value
 
 
 def memory(text: str) -> int:
@@ -118,15 +68,6 @@ def checkpoint(text: str) -> float:
     value = seconds(text)
     if value <= 0:
         raise ValueError("a time between checkpoints is more than 0 seconds, or off")
-    return value
-
-
-def exposure(text: str) -> float:
-    """Stops: `-1.5`, or `-1.5ev` as in a scene."""
-    message = "an exposure is a number of stops, like -1.5 or 2ev"
-    value = number(text, message)
-    if isinstance(value, units.Quantity) or abs(value) > 100:
-        raise ValueError(message)
     return value
 
 
@@ -173,33 +114,6 @@ def complexity(text: str) -> int:
     return level
 
 
-def crop(text: str) -> tuple[int, int, int, int]:
-    """`x0,y0,x1,y1` in pixels from the top left; x1 and y1 are exclusive."""
-    if not re.fullmatch(r"\d+(,\d+){3}", text):
-        raise ValueError("a crop is written x0,y0,x1,y1, in pixels from the top left")
-    x0, y0, x1, y1 = (int(n) for n in text.split(","))
-    if not (x0 < x1 and y0 < y1):
-        raise ValueError("a crop has x0 < x1 and y0 < y1")
-    return x0, y0, x1, y1
-
-
-def background(text: str) -> str | tuple[float, float, float]:
-    """`sky`, `transparent`, or an sRGB colour `#rrggbb` (returned linear)."""
-    if text in ("sky", "transparent"):
-        return text
-    if not re.fullmatch(r"#(?:[0-9a-fA-F]{3}|[0-9a-fA-F]{6})", text):
-        raise ValueError("a background is sky, transparent or a colour like #87b5e0")
-    return colors.from_hex(text)
-
-
-def channels(text: str) -> tuple[str, ...]:
-    """Comma-separated names."""
-    found = tuple(name.strip() for name in text.split(",") if name.strip())
-    if not found:
-        raise ValueError("channels are written depth,normal,albedo")
-    return found
-
-
 def assignment(text: str) -> tuple[str, str]:
     """`name=value`."""
     name, equals, value = text.partition("=")
@@ -241,12 +155,9 @@ SECONDS = Value("time", seconds)
 DURATION = Value("time", duration)
 MEMORY = Value("memory", memory)
 CHECKPOINT = Value("checkpoint", checkpoint)
-EXPOSURE = Value("ev", exposure)
 FRAMES = Value("frames", frames)
 PURPOSES = Value("names", purposes)
 COMPLEXITY = Value("level", complexity)
-CROP = Value("x0,y0,x1,y1", crop)
-BACKGROUND = Value("background", background)
-CHANNELS = Value("names", channels)
+CHANNELS = Value("names", names)
 ASSIGNMENT = Value("name=value", assignment)
 VARIANT = Value("/prim:set=name", variant)

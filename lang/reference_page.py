@@ -158,6 +158,8 @@ def _number(value: float, type_name: str) -> str:
         return f"{math.degrees(value):.6g}deg"
     if type_name in _LENGTH_TYPES and value:
         return f"{value * 1000:g}mm" if abs(value) < 0.1 else f"{value:g}m"
+    if isinstance(value, int):
+        return str(value)
     if math.isclose(value / math.pi, round(value / math.pi)) and value:
         factor = round(value / math.pi)
         return "pi" if factor == 1 else f"{factor} * pi"

@@ -14,7 +14,7 @@ from ..compiler.plan.plan import Plan
 from ..lang.diagnostics import Diagnostic
 from ..lang.distribution import install_command
 from ..lang.plain_values import time_range
-from ..lang.schema.elements import MAX_BOUNCES
+from ..lang.schema.picture_settings import MAX_BOUNCES
 from .jit import cache_folder, kernel_cache
 
 if TYPE_CHECKING:

@@ -35,9 +35,12 @@ class Scene(ir.Scene):
         `settings` are the fields of ir.Settings: size=(800, 600), backend="ray", samples=16, error=0.01, aov=("depth",) and so on;
         they go before the scene's own. `plan` overrides decisions by name. The Image holds float32 linear channels. Its `diagnostics`
         are warnings and notes about it. They are added to those given; without some, warnings are SceneWarnings.
-        Raises planner.PlanError for settings that exclude each other, TypeError for names that are no settings.
+        Raises planner.PlanError for what this scene cannot have, ValueError for values that a setting cannot have, TypeError for
+        other names.
         """
         asked = python_options.settings_of(self, settings)
+        if plan is not None and not isinstance(plan, Mapping):
+            raise TypeError(f"plan is a dict of decisions by name, not {type(plan).__name__}")
         decided = planner.make_plan(self, asked, plan)
         for note in decided.notes:
             warnings.warn(note, DeprecationWarning, stacklevel=3)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from ...lang.schema.picture_settings import MAX_SAMPLES
 from .. import ir
 
 
@@ -53,7 +54,6 @@ class Plan:
 
 
 DEFAULT_ERROR = 0.03  # √relMSE
-MAX_SAMPLES = 1 << 20  # a pixel of a render with an error target or a time budget
 
 Rule = Callable[[ir.Scene, ir.Settings, Plan], Decision]  # makes one decision; the plan holds the earlier ones
 

@@ -6,13 +6,14 @@ import math
 
 import numpy as np
 
+from ...lang.schema.picture_settings import MAX_BOUNCES
 from .. import ir
 from . import scene_facts, sky_visibility
 
 OPEN = 0.2  # share of all directions without a wall, above which a space counts as open: a box without a lid has 1/6
 MATT = 0.1  # least share of all directions that show diffuse surfaces: in rooms of mirrors light does not come from these
 LOST = 0.01  # of the light between the walls, that the bounces may leave out
-LEAST, MOST = 8, 64  # bounces; at most lang.schema.elements.MAX_BOUNCES
+LEAST, MOST = 8, MAX_BOUNCES  # bounces
 PATTERN = 0.8  # albedo of a surface with a texture, relative to its factor
 RAYS_IN_MESH = 96  # to the triangles of a mesh, from inside of its box
 MOST_TRIANGLES = 1 << 17  # of a mesh that is searched from inside of its box: a third of a second

@@ -7,9 +7,10 @@ import math
 
 from ...lang.diagnostics import suggest
 from ...lang.distribution import install_command
+from ...lang.schema.picture_settings import FILTERS, MAX_SAMPLES
 from .. import ir
 from .channels import CHANNELS, CRYPTOMATTES, LIGHT, REST, is_channel
-from .decision import DEFAULT_ERROR, MAX_SAMPLES, Decision, Plan, PlanError, Rule, by_default
+from .decision import DEFAULT_ERROR, Decision, Plan, PlanError, Rule, by_default
 
 DEFAULT_SIZE = (800, 600)
 DEFAULT_WIDTH = 960  # of cameras whose film has an aspect ratio, as in usdrecord
@@ -17,7 +18,6 @@ SAMPLES_SHARP = 16  # antialiasing alone
 SAMPLES_SOFT = 64  # antialiasing and Monte Carlo integration of light
 SAMPLES_MOST = 256  # a pixel of a picture that ends at the default error
 RASTER_MOMENTS = 16  # times, or lens points, at which the raster backend draws motion blur and depth of field
-FILTERS = ("box", "tent", "gaussian", "blackman-harris")
 NOISES = ("blue", "white")
 
 

@@ -7,10 +7,8 @@ import math
 from .argument_types import REQUIRED, Arg, Entry
 from .lights import LIGHTS
 from .materials import MATERIALS
+from .picture_settings import RENDER_ARGUMENTS
 from .shapes import BLOCKS, SHAPES, SOLIDS
-
-MAX_BOUNCES = 64  # upper limit of `bounces`
-_BOUNCES = "surface interactions after the first hit; default: 8 with mirrors or glass, 8 or more where the camera is in a room, else 0"
 
 _MAPPING = Arg(
     "mapping",
@@ -127,19 +125,7 @@ SETTINGS = (
         "render",
         "setting",
         "settings of the picture; options of the command line override them",
-        (
-            Arg("size", "pixels", None, "width and height in pixels", keyword=True),
-            Arg("backend", "choice", None, "rendering backend", choices=("auto", "ray", "raster", "reference"), keyword=True),
-            Arg("samples", "int", None, "samples a pixel; default: until √relMSE is 3%, or 256", minimum=1, maximum=1 << 20, keyword=True),
-            Arg("error", "number", None, "render until √relMSE is below this: 1%", above=0.0, below=1.0, keyword=True),
-            Arg("budget", "time", None, "render for this long", above=0.0, keyword=True),
-            Arg("bounces", "int", None, _BOUNCES, minimum=0, maximum=MAX_BOUNCES, keyword=True),
-            Arg("seed", "int", None, "seed of the random numbers", minimum=0, keyword=True),
-            Arg("filter", "choice", None, "pixel filter", choices=("box", "tent", "gaussian", "blackman-harris"), keyword=True),
-            Arg("background", "color", None, "a colour in place of the sky", keyword=True),
-            Arg("crop", "numbers", None, "x0, y0, x1, y1 in pixels", keyword=True),
-            Arg("aov", "strings", None, "additional channels", keyword=True),
-        ),
+        RENDER_ARGUMENTS,
     ),
     Entry(
         "animate",

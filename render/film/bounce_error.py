@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler.plan.plan import Plan
-from ...lang.schema.elements import MAX_BOUNCES
+from ...lang.schema.picture_settings import MAX_BOUNCES
 from ..image import metrics
 from ..jit import thread_pool
 from ..types import Film, Tile

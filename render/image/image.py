@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from ...compiler.io import child_process
+from ...lang.schema import setting_values
 from . import metrics
 
 WIDTHS = {
@@ -68,12 +69,15 @@ class Image:
         """Write the picture, or replace a file by it, as a whole. The extension of `path` gives the format.
 
         An .exr holds every channel, linear and unexposed. Other formats show `exposure` stops (default: the scene's) through `view`
-        with 8 or 16 `bits`. Raises image_files.FormatError for a name, view or depth that does not exist, OSError without a file.
+        with 8 or 16 `bits`. Raises image_files.FormatError for a name, view or depth that does not exist, ValueError for a
+        wrong exposure, OSError without a file.
         """
         from . import image_files
 
         path, about = Path(path), self.metadata
         stops, seen = about.get("exposure", 0.0) if exposure is None else exposure, view or about.get("view", "sRGB")
+        if stops != "metered":
+            stops = setting_values.exposure(stops)
         image_files.check(path, (), bits, seen)
         if stops == "metered":
             stops = image_files.auto_exposure(self.channels["rgba"])

@@ -25,6 +25,7 @@ from maquette.cli.main import COMMANDS, cli
 from maquette.compiler import ir
 from maquette.compiler.io import landlock, seccomp
 from maquette.compiler.plan.decision import Decision, Plan
+from maquette.lang.schema.picture_settings import PICTURE_SETTINGS
 from maquette.render import picture_notes, render_scene
 from maquette.render.image import image_files, image_reader
 from maquette.render.image.image import Image
@@ -197,7 +198,7 @@ def test_values() -> None:
     assert values.frames("1:10x4") == (1, 5, 9)  # as usdrecord writes them
     assert values.frames("1:2x0.25,7.5") == (1, 1.25, 1.5, 1.75, 2, 7.5)
     assert values.frames("all") == ()
-    assert values.background("#fff") == pytest.approx((1, 1, 1))
+    assert PICTURE_SETTINGS["background"].read("#fff") == pytest.approx((1, 1, 1))
     assert values.assignment("text=a=b") == ("text", "a=b")
     assert values.variant("/robot:colour=red") == ("/robot:colour", "red")
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from maquette.compiler import ir
 from maquette.compiler.plan import plan as planner
 from maquette.compiler.scene.row_records import CameraData, LightData, MeshAttribute, MeshData
-from maquette.lang.schema.elements import MAX_BOUNCES
+from maquette.lang.schema.picture_settings import MAX_BOUNCES
 from maquette.render.image.image import Image
 from maquette.render.material import bsdf, fresnel
 from maquette.render.types import Tile

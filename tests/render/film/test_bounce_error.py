@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from maquette.cli.main import cli
 from maquette.compiler import ir
 from maquette.compiler.plan import plan as planner
-from maquette.lang.schema.elements import MAX_BOUNCES
+from maquette.lang.schema.picture_settings import MAX_BOUNCES
 from maquette.render.film import bounce_error
 from maquette.render.image.image import Image
 

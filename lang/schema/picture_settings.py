@@ -1,0 +1,90 @@
+"""The settings of a picture, a row each. The scene's `render`, the options of commands and the keyword arguments in Python read them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from . import setting_values as values
+from .argument_types import Arg
+
+BACKENDS = ("auto", "ray", "raster", "reference")
+FILTERS = ("box", "tent", "gaussian", "blackman-harris")
+MAX_BOUNCES = 64
+MAX_SAMPLES = 1 << 20
+MAX_SEED = (1 << 63) - 1
+MAX_THREADS = 1024
+_BOUNCES = "surface interactions after the first hit; default: 8 with mirrors or glass, 8 or more where the camera is in a room, else 0"
+_CHANNELS = "depth,normal,position,albedo,uv,id,variance,samples,cryptomatte,lights,light:NAME,issues"
+
+
+@dataclass(frozen=True, slots=True)
+class PictureSetting:
+    """One setting."""
+
+    name: str
+    read: values.Reader  # of a text or a value of Python
+    kind: str  # how an option names its value; "int", "choice" and "flag" are types of options
+    help: str = ""  # of the option; none where it is empty
+    arg: Arg | None = None  # the argument of `render` in a scene; None where scenes do not have it
+    limits: tuple[int, int] | None = None  # of a whole number
+    choices: tuple[str, ...] = ()
+
+
+def _whole(name: str, minimum: int, maximum: int, doc: str, help: str) -> PictureSetting:
+    arg = Arg(name, "int", None, doc, minimum=minimum, maximum=maximum, keyword=True) if doc else None
+    return PictureSetting(name, values.whole(minimum, maximum), "int", help, arg, (minimum, maximum))
+
+
+def _choice(name: str, choices: tuple[str, ...], doc: str, help: str) -> PictureSetting:
+    arg = Arg(name, "choice", None, doc, choices=choices, keyword=True)
+    return PictureSetting(name, values.choice(choices), "choice", help, arg, choices=choices)
+
+
+_ROWS = (
+    _choice("backend", BACKENDS, "rendering backend", "Rendering backend."),
+    PictureSetting(
+        "size", values.size, "WxH", "Size in pixels: 800x600, or 512 for a square.",
+        Arg("size", "pixels", None, "width and height in pixels", keyword=True),
+    ),
+    PictureSetting("camera", values.name, "NAME", "Name of the camera."),
+    _whole(
+        "samples", 1, MAX_SAMPLES, "samples a pixel; default: until √relMSE is 3%, or 256",
+        "Samples per pixel. Default: until √relMSE is 3%, or 256.",
+    ),
+    PictureSetting(
+        "error", values.share, "share", "Render until √relMSE is below this: 1%. A warning says if it is not.",
+        Arg("error", "number", None, "render until √relMSE is below this: 1%", above=0.0, below=1.0, keyword=True),
+    ),
+    PictureSetting(
+        "budget", values.duration, "time", "Time from the start of the command to the written picture: 20s.",
+        Arg("budget", "time", None, "render for this long", above=0.0, keyword=True),
+    ),
+    _whole("bounces", 0, MAX_BOUNCES, _BOUNCES, "Surface interactions after the first hit."),
+    _whole("seed", 0, MAX_SEED, "seed of the random numbers", "Seed of the random numbers."),
+    _whole("threads", 1, MAX_THREADS, "", "Default: one per core. The picture does not depend on it."),
+    PictureSetting(
+        "aov", values.names, "names", f"Additional channels of an .exr: {_CHANNELS}.",
+        Arg("aov", "strings", None, "additional channels", keyword=True),
+    ),
+    PictureSetting(
+        "denoise", values.flag, "flag", "Remove noise with Open Image Denoise. Default: if 256 samples or a --budget leave it."
+    ),
+    PictureSetting(
+        "tolerance", values.positive, "PIXELS",
+        "Greatest distance of the rasterizer's triangles from the outlines of shapes. Default: 0.05.",
+    ),
+    PictureSetting(
+        "crop", values.crop, "x0,y0,x1,y1", "Render only these pixels, counted from the top left.",
+        Arg("crop", "numbers", None, "x0, y0, x1, y1 in pixels", keyword=True),
+    ),
+    PictureSetting(
+        "background", values.background, "background", "Background: sky, transparent or #rrggbb.",
+        Arg("background", "color", None, "a colour in place of the sky", keyword=True),
+    ),
+    PictureSetting("exposure", values.exposure, "ev", "Stops, for 8 and 16-bit pictures; +1 is twice as bright."),
+    PictureSetting("view", values.name, "NAME", "View transform of 8 and 16-bit pictures: sRGB or a name of OpenColorIO."),
+    _choice("filter", FILTERS, "pixel filter", ""),
+)  # fmt: skip
+PICTURE_SETTINGS = {row.name: row for row in _ROWS}
+_IN_SCENES = ("size", "backend", "samples", "error", "budget", "bounces", "seed", "filter", "background", "crop", "aov")
+RENDER_ARGUMENTS = tuple(arg for name in _IN_SCENES if (arg := PICTURE_SETTINGS[name].arg))

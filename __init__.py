@@ -66,17 +66,16 @@ def load(
     from .render.python_options import as_text, read, warn
     from .render.python_scene import Scene
 
+    folders = (Path(allow),) if isinstance(allow, str | Path) else tuple(map(Path, allow))
     if not isinstance(source, str | Path):
         with tempfile.TemporaryDirectory(prefix="maquette-") as folder:
             path, more = _written(source, Path(folder))
             return load(
-                path, sets=sets, time=time, allow=(*allow, *more), variants=variants, max_elements=max_elements, diagnostics=diagnostics,
+                path, sets=sets, time=time, allow=(*folders, *more), variants=variants, max_elements=max_elements, diagnostics=diagnostics,
                 **params,
             )  # fmt: skip
     found = diagnostics if diagnostics is not None else messages.Diagnostics()
     earlier_count = len(found.items)
-    given = (allow,) if isinstance(allow, str | Path) else tuple(allow)
-    folders = tuple(Path(folder) for folder in given)
     param_values = {name: as_text(value) for name, value in {**params, **(sets or {})}.items()}
     time = read("time", time, setting_values.seconds)
     max_elements = read("max_elements", max_elements, setting_values.whole(1, sys.maxsize))

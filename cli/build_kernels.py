@@ -64,6 +64,7 @@ VARIANTS = {
     "meshes": Variant(_MESH.format(_SMOOTH) + _SUN, {}),
     "many objects": Variant(_MANY.format(_MATT) + _SUN, {}),  # build kernels of several meshes and many instances
     "formulas": Variant(_FORMULA.format(_MATT) + _SUN, {}),
+    "formulas and meshes": Variant(_FORMULA.format(_MATT) + _MESH_ALONE + _SUN, {}),
     "formulas in skies": Variant(_FORMULA.format(_MATT) + _SKY, {}),
     "rays of one sample": Variant(_BALL.format(_MATT) + _SUN, {"samples": 1}),
     "triangles in skies of one sample": Variant(_BALL.format(_MATT) + _SKY, {"backend": "raster", "samples": 1}),

@@ -7,9 +7,10 @@ from typing import Any
 
 from ...lang.diagnostics import suggest
 from ...lang.elements import Element
+from ...lang.schema.setting_values import MAX_SIDE
 from .. import ir
 from ..plan import channels
-from ..scene import transforms, validate
+from ..scene import transforms
 from ..scene.row_records import CameraData
 from .context import Context
 
@@ -93,9 +94,9 @@ def settings(lowering: Context, render: Element | None, cameras: tuple[Element, 
         return ir.Settings(view=view)
     args = render.args
     lowering.builder.asked(render.place)
-    if args["size"] is not None and max(args["size"]) > validate.MAX_SIZE:
+    if args["size"] is not None and max(args["size"]) > MAX_SIDE:
         width, height = args["size"]
-        lowering.error(render, f"a picture of {width} by {height} pixels is too big", f"at most {validate.MAX_SIZE} each way")
+        lowering.error(render, f"a picture of {width} by {height} pixels is too big", f"at most {MAX_SIDE} each way")
     same = ("size", "backend", "samples", "error", "budget", "bounces", "seed", "filter", "background")
     return ir.Settings(**{name: args[name] for name in same}, crop=_crop(lowering, render), aov=_aov(lowering, render), view=view)
 

@@ -12,6 +12,7 @@ from enum import IntEnum
 import numpy as np
 
 from ...lang.diagnostics import Diagnostics
+from ...lang.schema.setting_values import MAX_SIDE
 from .. import ir
 from ..ir.light_links import ALL_SETS, EVERYTHING
 from . import shape_bounds, transforms, validate_meshes, validate_tapes
@@ -20,7 +21,6 @@ from .check import Check
 Kind = ir.GeometryKind
 Light = ir.LightKind
 ALL_VISIBLE = 7 | ALL_SETS
-MAX_SIZE = 65536  # pixels of a picture, in width or height
 _REFERENCES = (  # table, column, table it points into, whether -1 is allowed
     ("geometries", "normals", "attributes", True),
     ("geometries", "uvs", "attributes", True),
@@ -328,7 +328,7 @@ def _cameras(check: Check) -> None:
 
 def _settings(check: Check) -> None:
     s = check.scene.settings
-    if s.size is not None and not (len(s.size) == 2 and all(isinstance(v, int) and 1 <= v <= MAX_SIZE for v in s.size)):
+    if s.size is not None and not (len(s.size) == 2 and all(isinstance(v, int) and 1 <= v <= MAX_SIDE for v in s.size)):
         check.fatal(f"a picture is 1 to 65536 pixels wide and high, not {s.size}")
 
 

@@ -189,6 +189,11 @@ def _find_in_kernels(accel, ray, active, visible_bit, any_hit):
     if motion_alpha.has_motion(accel) and not isinstance(ray.types[ray.fields.index("time")], types.NoneType):
 
         def find_at_time(accel, ray, active, visible_bit, any_hit):
+            if motion_alpha.has_no_instances(accel):
+                return two_level.find(  # pyright: ignore[reportCallIssue]
+                    accel.motion_alpha.plain,
+                    (accel, ray.origin, ray.direction, ray.t_min, ray.t_max, active, np.int64(visible_bit), any_hit),
+                )
             return motion_alpha.find_moving(  # pyright: ignore[reportCallIssue]
                 accel.motion_alpha.moving.address,
                 (accel, ray.origin, ray.direction, ray.t_min, ray.t_max, active, np.int64(visible_bit), any_hit, ray.time),
@@ -225,6 +230,8 @@ def _transmittance_kernel(accel, tables, ray, active, visible_bit=SHADOW):
 
     def with_opacity(accel, tables, ray, active, visible_bit=SHADOW):
         found = find(accel, ray, active, visible_bit, True)
+        if motion_alpha.has_no_instances(accel):
+            return ops.where(found.instance >= 0, 0.0, 1.0)
         return ops.where(found.instance >= 0, 0.0, found.u)
 
     def opaque(accel, tables, ray, active, visible_bit=SHADOW):

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ..jit.kernel import helper
 from ..lanes import affine, ops
 from ..simd.registration import overload, types
@@ -34,6 +36,18 @@ def _at_in_kernels(tables, row, time):
     if isinstance(time, types.NoneType):
         return lambda tables, row, time: _static_frame(tables, row)
     return lambda tables, row, time: _moving_frame(tables, row, time)
+
+
+def moves(tables: Tables, row: Lane, time: Lane | None) -> bool:
+    """Whether the transform of some lane changes with time."""
+    return time is not None and bool(np.any(tables.transforms.first_key[row] >= 0))
+
+
+@overload(moves)
+def _moves_in_kernels(tables, row, time):
+    if isinstance(time, types.NoneType):
+        return lambda tables, row, time: False
+    return lambda tables, row, time: ops.any_lane(tables.transforms.first_key[row] >= 0)
 
 
 @helper

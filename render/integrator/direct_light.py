@@ -166,7 +166,7 @@ _add_lobe_lights = specialize_if_present(_add_hit_lights)
 @helper
 def lobe_number(scene: Scene, shader: Shader, sampler: SampleIndex) -> Lane:
     """Return a random number that chooses a microfacet lobe; 0 in scenes without microfacets."""
-    if bsdf.has_facets(shader):
+    if bsdf.has_facets(shader) and ops.any_lane(bsdf.facets_of(shader)):
         return sobol.pair(sampler.pixel, sampler.sample, sampler.key * LIGHT_DIMENSIONS * 2, scene.options.seed)[1]
     return ops.full_like(shader.ior, 0.0)
 

@@ -70,7 +70,7 @@ def spawn_secondary_rays(
     further = links.bits_beyond(options.links, None, tables, point, ray.links, shader.ior == 1.0)
     child = RayState(refracted, ops.mul(weight, transmission), left, through, beyond, key, further)
     waiting = _push(stack, waiting, point, child, going, 1)
-    if options.interreflection or bsdf.has_facets(shader):
+    if options.interreflection or (bsdf.has_facets(shader) and ops.any_lane(going & bsdf.facets_of(shader))):
         u, v = sobol.pair(sampler.pixel, sampler.sample, key * LIGHT_DIMENSIONS * 2 + 1, options.seed)
         which = sobol.pair(sampler.pixel, sampler.sample, key * LIGHT_DIMENSIONS * 2, options.seed)[1]
         onward, share = bsdf.sample_glossy_or_diffuse(shader, point.normal, shading.viewer, u, v, which, options.interreflection)
@@ -83,6 +83,8 @@ def spawn_secondary_rays(
 
 @helper
 def _coverage(accel: Any, scene: Scene, point: Surface, left: Lane, sampler: SampleIndex, stack: Any, waiting: Lane) -> Lane:
+    if motion_alpha.has_no_instances(accel):
+        return 0.0 * point.offset + 1.0
     there = surface_alpha.opacity_at(scene.tables, point)
     fits = waiting + ops.where(left > 0, BRANCHES, 0) + _depth(left - 1) <= stack.shape[0]
     by_chance = sobol.pair(sampler.pixel, sampler.sample, sampler.key * LIGHT_DIMENSIONS * 2, scene.options.seed)[0] < there
@@ -91,6 +93,8 @@ def _coverage(accel: Any, scene: Scene, point: Surface, left: Lane, sampler: Sam
 
 @helper
 def _continue(waiting: Lane, accel: Any, point: Surface, ray: RayState, coverage: Lane, here: Lane, stack: Any) -> Lane:
+    if motion_alpha.has_no_instances(accel):
+        return waiting
     passing = here & (coverage < 1.0)
     child = RayState(ray.direction, ops.scale(ray.weight, 1.0 - coverage), ray.left + 1, ray.kind, ray.inside, ray.key, ray.links)
     return _push(stack, waiting, point, child, passing, BRANCHES)

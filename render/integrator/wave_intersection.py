@@ -98,6 +98,8 @@ def _closest_in_kernels(accel, ray, visible, index):
 
     def closest_by_chance(accel, ray, visible, index):
         hit = intersect.find(accel, ray, ops.bool_like(ray.t_min, True), visible, False)
+        if motion_alpha.has_no_instances(accel):
+            return hit
         passed, layer = ops.bool_like(ray.t_min, True), 0
         while True:
             there, onward = motion_alpha.alpha_at_hit(accel, ray, hit)

@@ -35,9 +35,15 @@ _BLEND = 4094  # the random dimension of a surface that chooses among the parts 
 
 
 @helper
-def _sample_part(tables: Tables, point: Surface, sampler: SampleIndex, seed: int) -> Surface:
+def _sample_part(tables: Tables, group: tuple[Surface, Lane], sampler: SampleIndex, seed: int) -> tuple[Surface, Lane]:
+    """(surface with a material of its blend, lanes of the group that share this material)."""
+    point, here = group
+    if blend.depth(tables) == 0:
+        return blend.with_material(point, ops.to_int(point.material)), here
     number = sobol.pair(sampler.pixel, sampler.sample, sampler.key * LIGHT_DIMENSIONS * 2 + _BLEND, seed)[0]
-    return blend.choose_part(tables, point, number)
+    point = blend.choose_part(tables, point, number)
+    material, here = crosslane.uniform_group(point.material, here)
+    return blend.with_material(point, material), here
 
 
 _part = blend.if_blended(_sample_part)
@@ -73,7 +79,7 @@ def radiance(
             group = Hit(hit.t, instance, hit.primitive, hit.u, hit.v)
             point = texture_footprint.on_surface(tables, ray, group, interaction.make_interaction(tables, ray, group), cone)
             sampler = SampleIndex(pixel, sample, key)
-            point = _part(tables, point, sampler, options.seed)
+            point, here = _part(tables, (point, here), sampler, options.seed)
             point = interaction.override_interaction(known, normal_map.apply_maps(tables, point, group, ray.direction))
             share, light, waiting = _shade(scene, point, group, here, state, sampler, stack, waiting)
             total = ops.where3(here, ops.add(total, ops.mul(share, light)), total)

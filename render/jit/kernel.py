@@ -82,20 +82,29 @@ def make_replace(kind: Any, *names: str) -> Any:
     return helper(scope["replace"])
 
 
-def specialize_if_present(function: Callable[..., Any]) -> Callable[..., Any]:
+def specialize_if_present(function: Callable[..., Any], is_active: Callable[[Any], Any] | None = None) -> Callable[..., Any]:
     """`select(part, plain, …)`: `plain` where `part` is absent, else function(part, plain, …).
 
     A part is absent if it is None or a NamedTuple without fields; its type decides. So kernels compile only the features that a scene uses.
+    General kernels have all features: with `is_active`, they branch to `plain` at run time unless is_active(part) for some lane.
     """
 
     def select(part: Any, plain: Any, *of: Any) -> Any:
-        return plain if _is_absent(part) else function(part, plain, *of)
+        return plain if _is_absent(part) or not (is_active is None or is_active(part)) else function(part, plain, *of)
 
     @overload(select)
     def _in_kernels(part, plain, *of):
         if _is_absent_type(part):
             return lambda part, plain, *of: plain
-        return lambda part, plain, *of: function(part, plain, *of)
+        if is_active is None:
+            return lambda part, plain, *of: function(part, plain, *of)
+
+        def branch(part, plain, *of):
+            if is_active(part):  # pyright: ignore[reportOptionalCall]
+                return function(part, plain, *of)
+            return plain
+
+        return branch
 
     return select
 

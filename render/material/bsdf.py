@@ -181,6 +181,12 @@ def _has_facets(shader):
     return lambda shader: found
 
 
+@helper
+def facets_of(shader: Shader) -> Lane:
+    """Where the material has microfacets or is rough glass."""
+    return rough_dielectric.or_rough(shader.frost, reflects(shader.lobes, ops.bool_like(shader.ior, False)))
+
+
 # --- sampling for paths -------------------------------------------------------------------------------------------------
 
 

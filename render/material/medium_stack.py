@@ -118,6 +118,8 @@ def push(inside: Lane, number: Lane) -> Lane:
 @helper
 def _relative_ior(inside: Lane, plain: Lane, tables: Tables, point: Surface) -> Lane:
     table: Any = tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
+    if len(table.index) == 1:
+        return plain
     number = ops.to_int(table.number[point.material])
     rest = remove(inside, number)
     outer = ops.where(point.front, top(inside), top(rest))
@@ -129,6 +131,8 @@ def _relative_ior(inside: Lane, plain: Lane, tables: Tables, point: Surface) -> 
 @helper
 def _is_ignored(inside: Lane, plain: Lane, tables: Tables, point: Surface) -> Lane:
     table: Any = tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
+    if len(table.index) == 1:
+        return plain
     number = ops.to_int(table.number[point.material])
     outer = ops.where(point.front, top(inside), top(remove(inside, number)))
     return (number > 0) & (number <= outer)
@@ -137,6 +141,8 @@ def _is_ignored(inside: Lane, plain: Lane, tables: Tables, point: Surface) -> La
 @helper
 def _cross_boundary(inside: Lane, plain: Any, tables: Tables, point: Surface, direction: Vec) -> Lane:
     table: Any = tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
+    if len(table.index) == 1:
+        return inside
     number = ops.to_int(table.number[point.material])
     through = (ops.dot(direction, point.geometric) < 0.0) & (number > 0)
     return ops.where(through, ops.where(point.front, push(inside, number), remove(inside, number)), inside)
@@ -145,6 +151,8 @@ def _cross_boundary(inside: Lane, plain: Any, tables: Tables, point: Surface, di
 @helper
 def _attenuate(inside: Lane, plain: Vec, tables: Tables, distance: Lane) -> Vec:
     table: Any = tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
+    if len(table.index) == 1:
+        return plain
     number = top(inside)
     if ops.not_(ops.any_lane(number > 0)):
         return plain

@@ -17,6 +17,7 @@ Scenes without such materials compile nothing of it: the `lobes` of their Shader
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from ...compiler.plan import scene_facts
@@ -415,16 +416,26 @@ def _glossy(lobes: Lobes, plain: Lane) -> Lane:
     return ops.where(lobes.here, polished | (ops.largest(lobes.f0) > METALLIC), plain)
 
 
+@helper
+def are_active(lobes: Lobes) -> bool:
+    """Whether the material of some lane has microfacets."""
+    return ops.any_lane(lobes.here)
+
+
+def _if_active(function: Callable[..., Any]) -> Callable[..., Any]:
+    return specialize_if_present(function, are_active)
+
+
 # Each takes lobes, the result for materials without them, and: the normal, the direction to the light, the direction to the viewer.
-reflected = specialize_if_present(_reflected)  # π f cos
-eval_pdf = specialize_if_present(_eval_pdf)  # (π f cos, density of `draw`); `mirror` is the weight of specular lobes
-diffuse_part = specialize_if_present(_diffuse_part)  # see bsdf.diffuse_part; `mirror` as for eval_pdf
-matt_share = specialize_if_present(_matt_share)  # π f of the diffuse lobe alone
-sample_shine = specialize_if_present(_sample_shine)  # (direction in a highlight, f cos / density): normal, viewer, u, v
-eval_lobes_pdf = specialize_if_present(_eval_lobes_pdf)  # (π f cos of the diffuse lobe, of the highlights, density of `sample_shine`)
-draw = specialize_if_present(_draw)  # a direction: normal, viewer, u, v, and a lobe number, 0 to `whole`; `plain` for the diffuse lobe
-whole = specialize_if_present(_whole)  # the total of `chances`: normal, viewer
-specular_reflectance = specialize_if_present(_specular_reflectance)  # reflectance of specular highlights: normal, viewer
-sample_all = specialize_if_present(_sample_all)  # (direction, f cos / density): normal, viewer, u, v, lobe number, whether diffuse, too
-glossy = specialize_if_present(_glossy)  # whether its highlight shows surroundings
-transmit = specialize_if_present(_transmit)  # transmission through the highlights: normal, viewer
+reflected = _if_active(_reflected)  # π f cos
+eval_pdf = _if_active(_eval_pdf)  # (π f cos, density of `draw`); `mirror` is the weight of specular lobes
+diffuse_part = _if_active(_diffuse_part)  # see bsdf.diffuse_part; `mirror` as for eval_pdf
+matt_share = _if_active(_matt_share)  # π f of the diffuse lobe alone
+sample_shine = _if_active(_sample_shine)  # (direction in a highlight, f cos / density): normal, viewer, u, v
+eval_lobes_pdf = _if_active(_eval_lobes_pdf)  # (π f cos of the diffuse lobe, of the highlights, density of `sample_shine`)
+draw = _if_active(_draw)  # a direction: normal, viewer, u, v, and a lobe number, 0 to `whole`; `plain` for the diffuse lobe
+whole = _if_active(_whole)  # the total of `chances`: normal, viewer
+specular_reflectance = _if_active(_specular_reflectance)  # reflectance of specular highlights: normal, viewer
+sample_all = _if_active(_sample_all)  # (direction, f cos / density): normal, viewer, u, v, lobe number, whether diffuse, too
+glossy = _if_active(_glossy)  # whether its highlight shows surroundings
+transmit = _if_active(_transmit)  # transmission through the highlights: normal, viewer

@@ -10,6 +10,7 @@ reciprocal. Radiance is not scaled by the square of the index. E is tabulated fo
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -95,11 +96,14 @@ def _at_in_kernels(tables, surface, ior, tint):
 @helper
 def _at(tables: Tables, surface: Surface, ior: Lane, tint: Vec) -> RoughGlass:
     materials: Any = tables.materials
+    zero, nowhere = 0.0 * ior, ops.int_like(surface.offset, 0)
+    if ops.not_(ops.any_lane(ops.bool_like(zero, False) | (materials.model[surface.material] == GLASS))):
+        return RoughGlass(ops.bool_like(zero, False), zero + 1.0, zero + 1.5, tint, nowhere, nowhere, materials.rough_glass)
     roughness = ops.clip(number_of(tables, surface, ROUGHNESS), 0.0, 1.0)
     alpha = roughness * roughness
     ratio = ops.where(surface.front, ior, 1.0 / ior)
     here = (materials.model[surface.material] == GLASS) & (alpha >= microfacet.SHARP) & (ops.absolute(ratio - 1.0) > SAME)
-    first = ops.to_int(materials.rough_glass.of[surface.material]) * (2 * ROWS)
+    first = nowhere + ops.to_int(materials.rough_glass.of[surface.material]) * (2 * ROWS)
     inner = ops.where(surface.front, 0, ROWS)
     alpha = ops.maximum(alpha, microfacet.SHARP)
     return RoughGlass(here, alpha, ops.where(here, ratio, 1.5), tint, first + inner, first + (ROWS - inner), materials.rough_glass)
@@ -284,16 +288,26 @@ def _relative_index(frost: RoughGlass, plain: Lane) -> Lane:
     return ops.where(frost.here, 1.0 / frost.ratio, plain)
 
 
+@helper
+def is_active(frost: RoughGlass) -> bool:
+    """Whether the material of some lane is rough glass."""
+    return ops.any_lane(frost.here)
+
+
+def _if_active(function: Callable[..., Any]) -> Callable[..., Any]:
+    return specialize_if_present(function, is_active)
+
+
 # Each takes the rough glass, the result without it, and: the normal, the direction to the light, the direction to the viewer.
-reflected = specialize_if_present(_reflected)  # π f cos
-eval_pdf = specialize_if_present(_eval_pdf)  # (π f cos, density of `draw`)
-eval_lobes_pdf = specialize_if_present(_eval_lobes_pdf)  # (0, π f cos, density of `sample`)
-draw = specialize_if_present(_draw)  # (direction, whether it counts): normal, viewer, u, v, event number 0 to 1
-sample = specialize_if_present(_sample_all)  # (direction, f cos / density)
-one = specialize_if_present(_one)  # 1 for rough glass
+reflected = _if_active(_reflected)  # π f cos
+eval_pdf = _if_active(_eval_pdf)  # (π f cos, density of `draw`)
+eval_lobes_pdf = _if_active(_eval_lobes_pdf)  # (0, π f cos, density of `sample`)
+draw = _if_active(_draw)  # (direction, whether it counts): normal, viewer, u, v, event number 0 to 1
+sample = _if_active(_sample_all)  # (direction, f cos / density)
+one = _if_active(_one)  # 1 for rough glass
 or_rough = specialize_if_present(_or_rough)  # `plain`, or whether it is rough glass
-is_fine = specialize_if_present(_fine)  # `plain`, or whether it is rough glass of α up to a limit
-eta = specialize_if_present(_relative_index)  # index of this side over the other's
+is_fine = _if_active(_fine)  # `plain`, or whether it is rough glass of α up to a limit
+eta = _if_active(_relative_index)  # index of this side over the other's
 
 
 # --- tabulation ----------------------------------------------------------------------------------------------------------

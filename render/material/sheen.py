@@ -62,6 +62,17 @@ def _at(table_: Any, plain: Any, tables: Tables, surface: Surface) -> Sheen:
 
 
 @helper
+def _without(table_: Any, plain: Any, zero: Lane) -> Sheen:
+    return Sheen((zero, zero, zero), zero + LEAST_ROUGHNESS, table_)
+
+
+@helper
+def is_active(sheen: Sheen) -> bool:
+    """Whether the material of some lane has sheen."""
+    return ops.any_lane(ops.largest(sheen.color) > 0.0)
+
+
+@helper
 def _curve(x: Lane, alpha: Lane) -> Lane:
     """L of the paper: a / (1 + b xᶜ) + d x + e, with coefficients between those of α = 0 and α = 1."""
     t = (1.0 - alpha) * (1.0 - alpha)
@@ -100,6 +111,8 @@ def directional_albedo(table_: Albedo, cosine: Lane, roughness: Lane) -> Lane:
 
 @helper
 def _albedo(sheen: Sheen, plain: Any, cosine: Lane) -> Lane:
+    if ops.not_(is_active(sheen)):
+        return 0.0 * cosine
     return directional_albedo(sheen.table, cosine, sheen.roughness)
 
 
@@ -129,10 +142,11 @@ def _or_has(sheen: Sheen, plain: Lane) -> Lane:
 
 
 at = specialize_if_present(_at)  # table, None, tables, surface: the Sheen, or None
+without = specialize_if_present(_without)  # table, None, zero: the Sheen of other materials, or None
 albedo_of = specialize_if_present(_albedo)  # sheen, None, cosine: E, or None
-over = specialize_if_present(_over)  # π f cos of (diffuse lobe, highlight) under sheen, its own in the first: E of both directions, …
-rest = specialize_if_present(_rest)  # a share that passes the sheen, both ways in directions of the same E
-reflects = specialize_if_present(_reflects)  # an albedo with that of the sheen, E, times `passed`
+over = specialize_if_present(_over, is_active)  # π f cos of (diffuse lobe with sheen, highlight): E of both directions, …
+rest = specialize_if_present(_rest, is_active)  # a share that passes the sheen, both ways in directions of the same E
+reflects = specialize_if_present(_reflects, is_active)  # an albedo with that of the sheen, E, times `passed`
 or_has = specialize_if_present(_or_has)  # the condition, or that there is sheen
 
 

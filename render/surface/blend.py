@@ -20,7 +20,7 @@ from ..types import Lane, Surface, Tables
 from .material_inputs import number_of
 
 BLEND, WEIGHT = int(ir.MaterialModel.BLEND), int(ir.Slot.WEIGHT)
-_of_material = make_replace(Surface, "material")
+with_material = make_replace(Surface, "material")
 
 
 class Unblended(NamedTuple):
@@ -50,7 +50,7 @@ def is_used(tables: Any) -> bool:
 
 
 def if_blended(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Wrap function(tables, point, …): in scenes without blends it returns `point` and is not compiled."""
+    """Wrap function(tables, point, …): in scenes without blends it returns its second argument and is not compiled."""
 
     def chosen(tables: Any, point: Any, *of: Any) -> Any:
         return function(tables, point, *of) if isinstance(getattr(tables.materials, "blended", None), Blends) else point
@@ -65,10 +65,16 @@ def if_blended(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 @helper
+def depth(tables: Any) -> int:
+    """Largest nesting depth of blends, in tables with blends; 0 in general kernels of scenes without any."""
+    return tables.materials.blended.deep
+
+
+@helper
 def choose_part(tables: Tables, point: Surface, u: Lane) -> Surface:
     """The surface with one of the materials of its blend, chosen by u from 0 to 1."""
     materials: Any = tables.materials
-    point = _of_material(point, ops.int_like(point.offset, 0) + point.material)
+    point = with_material(point, ops.int_like(point.offset, 0) + point.material)
     for _ in range(materials.blended.deep):
         row = point.material
         mixed = materials.model[row] == BLEND
@@ -76,5 +82,5 @@ def choose_part(tables: Tables, point: Surface, u: Lane) -> Surface:
         second = u < weight
         u = ops.where(mixed, ops.where(second, u / ops.maximum(weight, 1e-9), (u - weight) / ops.maximum(1.0 - weight, 1e-9)), u)
         taken = ops.where(second, ops.to_int(materials.second[row]), ops.to_int(materials.first[row]))
-        point = _of_material(point, ops.where(mixed, taken, row))
+        point = with_material(point, ops.where(mixed, taken, row))
     return point

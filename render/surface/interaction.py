@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from ...compiler import ir
 from ..geometry import analytic_shapes, instance_transform
-from ..jit.kernel import helper, make_replace, specialize_if_present
+from ..jit.kernel import helper, make_replace, noinline_helper, specialize_if_present
 from ..lanes import affine, ops
 from ..texture import textures
 from ..types import Hit, Lane, Ray, Surface, Tables, Vec
@@ -50,10 +50,28 @@ def make_interaction(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -
     Texture coordinates are computed where the material has a texture, or everywhere if `mapped`; otherwise uv is 0, 0 and metric 1, 1.
     The tables must have an instance.
     """
+    row = _transform_row(tables, hit)
+    if instance_transform.moves(tables, row, ray.time):
+        return _moving_interaction(tables, ray, hit, mapped)
+    return _interaction(tables, ray, hit, instance_transform.transform_at(tables, row, None), mapped)
+
+
+@noinline_helper
+def _moving_interaction(tables: Tables, ray: Ray, hit: Hit, mapped: bool) -> Surface:
+    """`make_interaction` where an instance moves: each lane has a frame of its own, which would slow down all others."""
+    return _interaction(tables, ray, hit, instance_transform.transform_at(tables, _transform_row(tables, hit), ray.time), mapped)
+
+
+@helper
+def _transform_row(tables: Tables, hit: Hit) -> Lane:
+    return ops.to_int(tables.instances.transform[ops.where(hit.instance >= 0, hit.instance, 0)])
+
+
+@helper
+def _interaction(tables: Tables, ray: Ray, hit: Hit, here: instance_transform.Frame, mapped: bool) -> Surface:
     instance = ops.where(hit.instance >= 0, hit.instance, 0)
     instances, geometries = tables.instances, tables.geometries
     g = ops.to_int(instances.geometry[instance])
-    here = instance_transform.transform_at(tables, ops.to_int(instances.transform[instance]), ray.time)
     matrix, inverse = here.matrix, here.inverse
     material = ops.to_int(instances.material[instance])
     kind = ops.to_int(geometries.kind[g])

@@ -136,13 +136,13 @@ def is_used(tables: Any) -> bool:
 
 def apply_maps(tables: Tables, point: Surface, hit: Hit, direction: Vec) -> Surface:
     """The surface with its normal perturbed by the material's maps, for a ray of `direction`."""
-    return _apply_maps(tables, point, hit, direction) if isinstance(getattr(tables.materials, "tangents", None), Tangents) else point
+    return _apply_if_any(tables, point, hit, direction) if isinstance(getattr(tables.materials, "tangents", None), Tangents) else point
 
 
 @overload(apply_maps)
 def _apply_maps_in_kernels(tables, point, hit, direction):
     if is_used(tables):
-        return lambda tables, point, hit, direction: _apply_maps(tables, point, hit, direction)
+        return lambda tables, point, hit, direction: _apply_if_any(tables, point, hit, direction)
     return lambda tables, point, hit, direction: point
 
 
@@ -179,6 +179,13 @@ def _mask_behind_in_kernels(tables, point, direction, lit):
 @helper
 def _mask_behind(tables: Any, point: Surface, direction: Vec, lit: Lane) -> Lane:
     return lit & ((ops.dot(direction, point.geometric) > 0.0) | (tables.materials.tangents.maps == 0))
+
+
+@helper
+def _apply_if_any(tables: Any, point: Surface, hit: Hit, direction: Vec) -> Surface:
+    if tables.materials.tangents.maps == 0:
+        return point
+    return _apply_maps(tables, point, hit, direction)
 
 
 @noinline_helper

@@ -24,7 +24,7 @@ from ...simd.registration import overload, types
 from ...surface import alpha, interaction
 from ...types import Hit, Lane, Ray, Vec
 from ..build import tlas
-from ..build.scene_layout import EXTENT, MESH, absent_features
+from ..build.scene_layout import EXTENT, MESH, NO_MESHES, absent_features
 from ..build.wide_bvh import DEPTH, spread64, triangle_of
 from . import node_stack, ray_box, ray_state, shape_hit, single_ray, triangle_filter, two_level
 
@@ -52,10 +52,12 @@ def has_motion(accel: Any) -> bool:
 def link(accel: Handle, general: bool = False) -> None:
     """Compile or load the traversal kernels of a packed BVH and store their addresses in it.
 
-    With `general`, they traverse meshes and the tree over instances even if the scene has none.
+    With `general`, they traverse the tree over instances even if the scene has none.
     """
     shape_hit.link(accel)
-    absent = () if general else absent_features(accel.tables)
+    absent = absent_features(accel.tables)
+    if general:
+        absent = tuple(tag for tag in absent if tag == NO_MESHES)  # rays that step through meshes in turn take half as long again without
     search = two_level.search.link(with_type_tags(accel.type, *absent), *two_level.SEARCH)
     if is_used(accel.type):
         accel.put("motion_alpha.plain", search)
@@ -64,8 +66,20 @@ def link(accel: Handle, general: bool = False) -> None:
             accel.put("motion_alpha.opacity.address", opacity_kernel.link(accel.type, _VEC, _VEC, *hit))
         if has_motion(accel.type):
             accel.put("motion_alpha.moving.address", search_moving.link(accel.type, *two_level.SEARCH, FLOAT))
-        search = search_all.link(accel.type, *two_level.SEARCH)
+        every = search_all.link(accel.type, *two_level.SEARCH)
+        unusual = accel.tables.motion_alpha
+        search = every if len(unusual.top.links) + len(unusual.unbounded) else search
     accel.put("search", search)
+
+
+def has_no_instances(accel: Any) -> bool:
+    """Whether no instance moves or is partly transparent; general kernels also serve such scenes. False in numpy, which has no BVH."""
+    return False
+
+
+@overload(has_no_instances)
+def _has_no_instances_in_kernels(accel):
+    return lambda accel: len(accel.motion_alpha.top.links) + len(accel.motion_alpha.unbounded) == 0
 
 
 # --- opacity --------------------------------------------------------------------------------------------------------------
@@ -337,7 +351,7 @@ def _search(accel: Any, ray: Ray, active: Lane, visible_bit: int, any_hit: bool)
         until = ops.where(best.instance >= 0, zero - np.inf, until)
         best = Hit(best.t, best.instance, best.primitive, ops.where(best.instance >= 0, zero, zero + 1.0), best.v)
     left = crosslane.bits(until > t_min)
-    if left == 0 or len(accel.motion_alpha.top.links) + len(accel.motion_alpha.unbounded) == 0:
+    if left == 0 or has_no_instances(accel):
         return best
     return _trace_each(accel, ray, until, left, visible_bit, any_hit, best)
 

@@ -375,7 +375,9 @@ class Canvas:
             return None, 0.0
         alone = int(np.count_nonzero(self.samples)) - finite.size
         mean = float(np.sum(finite) + 2.0 * alone * np.mean(finite)) / (finite.size + alone)
-        sparse = stray_samples.share_of_error(relative, self.channels["rgba"]) if relative.shape == self.samples.shape else 0.0
+        sparse = 0.0
+        if relative.shape == self.samples.shape:
+            sparse = stray_samples.share_of_error(relative, self.channels["rgba"], self.differences)
         return (1.0 if self.settled else adaptive_sampling.SELECTION) * math.sqrt(mean), sparse
 
     def finish(self, view: View) -> image.Image:

@@ -7,25 +7,30 @@ from numpy.typing import NDArray
 
 FEW = 1000  # the pixels of a picture over those with the largest errors that are looked at
 BRIGHTER = 1.25  # times the brightest of its neighbors, from which on a pixel holds a stray bright sample
+DECIDES = 0.5  # of what a pixel is brighter by, from which on the difference of its halves shows that few samples make it so
 
 
-def share_of_error(relative: NDArray[np.float64], rgba: NDArray[np.float32]) -> float:
+def share_of_error(relative: NDArray[np.float64], rgba: NDArray[np.float32], differences: NDArray[np.float32]) -> float:
     """The share of the squared error (h, w) in those of its worst 0.1 % of pixels that hold a stray bright sample.
 
-    Such a sample makes a pixel brighter than all around it. A pixel at an edge has a large error as well, and lies between its neighbors.
-    Errors that are not finite do not count.
+    Such a sample makes a pixel brighter than all around it, and one half of its samples brighter than the other: see the `differences`
+    (h, w, 3) of accumulate.add_samples. A pixel at an edge has a large error as well, and lies between its neighbors. A small lamp lights
+    many samples of its pixel. Errors that are not finite do not count. A picture of less than FEW pixels has none: its worst pixel is more
+    than 0.1 % of it.
     """
     finite = np.where(np.isfinite(relative), relative, 0.0)
     total, width = float(finite.sum()), finite.shape[1]
-    if total <= 0.0 or finite.size < 9:
+    if total <= 0.0 or finite.size < FEW:
         return 0.0
-    few = max(finite.size // FEW, 1)
+    few = finite.size // FEW
     stray = 0.0
     for index in np.argpartition(finite, -few, axis=None)[-few:].tolist():
         y, x = divmod(index, width)
         around = np.abs(rgba[max(y - 1, 0) : y + 2, max(x - 1, 0) : x + 2, :3]).sum(axis=2, dtype=np.float64)
         center = around[min(y, 1), min(x, 1)]
         around[min(y, 1), min(x, 1)] = 0.0
-        if center > BRIGHTER * float(np.nan_to_num(around).max()):
+        second = float(np.nan_to_num(around).max())
+        halves = float(np.abs(differences[y, x]).sum(dtype=np.float64))
+        if center > BRIGHTER * second and halves > DECIDES * (center - second):
             stray += float(finite[y, x])
     return stray / total

@@ -215,7 +215,10 @@ def _sides(given: _Inputs, quiet: bool) -> tuple[Side, Side]:
     terminal.report(warning for planned in plans if planned for warning in picture_notes.plan_warnings(*planned))
     for k, planned in enumerate(plans):
         if planned is not None:
-            ready[k] = _draw(given.name(k), *planned, "AB"[k], quiet)
+            ready[k] = drawn = _draw(given.name(k), *planned, "AB"[k], quiet)
+            about, plan = drawn.image.metadata, planned[1]
+            late = picture_notes.late_drawing_warnings(about, plan, f"picture {'AB'[k]}")
+            terminal.report([*picture_notes.budget_warnings(about, plan), *late])
     a, b = ready
     assert a is not None
     assert b is not None

@@ -258,7 +258,7 @@ class Job:
 
     def read(self, path: Path, moment: Mapping[str, float]) -> Reading:
         """Load and plan a picture, and report its diagnostics. Raises SceneError, and UsageError for one that cannot be drawn."""
-        began = start_time.take()
+        start = start_time.take()
         seconds: dict[str, float] = dict.fromkeys(STAGES, 0.0)
         self.laps = Laps()
         with measure_time(seconds, "import"):
@@ -277,7 +277,7 @@ class Job:
         self.report(found.items)
         self.report([*picture_notes.plan_warnings(scene, plan), *ignored_options.notes(self.settings, plan, path)])
         self.laps.end("read")
-        return Reading(path, scene, plan, parts, expected, seconds, keys, Deadline(plan["budget"], began))
+        return Reading(path, scene, plan, parts, expected, seconds, keys, Deadline(plan["budget"], start.began, processed=start.processed))
 
     def _draw(self, read: Reading, cancel: threading.Event, keeper: Keeper | None) -> Image:
         """Draw a picture here, or on the cluster. Raises KeyboardInterrupt if it was cancelled before its first sample."""
@@ -288,12 +288,21 @@ class Job:
         try:
             if len(read.parts) > 1:
                 return self._render_strips(read, draw, cancel)
-            return draw(read.scene, read.plan, self.display, cancel, keeper, deadline=read.deadline)
+            return draw(read.scene, read.plan, self.display, cancel, keeper, deadline=self._until_written(read))
         except Cancelled:
             raise KeyboardInterrupt from None
         finally:
             if self.cluster is not None:
                 self.report(self.cluster.notes())
+
+    def _until_written(self, read: Reading) -> Deadline:
+        """The deadline of drawing, before the picture is written."""
+        from ..render.image import image_files
+
+        plan, (x0, y0, x1, y1) = read.plan, read.plan["crop"]
+        metered = plan["exposure"] == "metered" and self.exposure is None
+        look = image_files.Look(0.0, plan["view"], self.bits or 8)
+        return read.deadline.earlier(image_files.writing_time(read.path, (x1 - x0) * (y1 - y0), look, metered, len(plan["aov"])))
 
     def finish(self, read: Reading, image: Image, keeper: Keeper | None = None) -> dict[str, Any]:
         """Write a picture, unless it was in strips. Returns its statistics. Raises KeyboardInterrupt after a partial one."""
@@ -319,7 +328,7 @@ class Job:
             raise KeyboardInterrupt
         if keeper is not None:
             keeper.remove()
-        self.report(picture_notes.late_warnings(image.metadata, read.deadline))
+        self.report(picture_notes.late_warnings({**image.metadata, "seconds": seconds}, read.deadline))
         return self._figures(read, image)
 
     def _write(self, image: Image, path: Path, read: Reading) -> None:
@@ -368,7 +377,7 @@ class Job:
         _, y0, _, y1 = plan["crop"]
         metadata: list[dict[str, Any]] = []
         with image_files.Strips(path, look, about, y1 - y0) as file:
-            for image in large_images.draw_strips(draw, read.scene, read.parts, self.display, cancel, read.deadline):
+            for image in large_images.draw_strips(draw, read.scene, read.parts, self.display, cancel, self._until_written(read)):
                 file.add(image)
                 metadata.append(image.metadata)
             if cancel.is_set():

@@ -341,6 +341,7 @@ class Studio:
         self.work.reach("finished")
         self._publish(self.state)
         found = [*warnings, *picture_notes.of_render(image.metadata, current.scene, current.plan, self.opened.settings)]
+        found += picture_notes.late_drawing_warnings(image.metadata, current.plan)
         self.tell({"type": "diagnostics", "failed": False, "items": scene_files.diagnostics_json(found, state.texts)})
         denoised = bool(image.metadata.get("denoised"))
         self._tell_done(image.metadata["samples_mean"], image.metadata, current.plan, began, denoised)

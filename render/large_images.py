@@ -59,7 +59,11 @@ def draw_strips(
         def of_all(progress: Progress, before: int = k) -> None:
             report(progress._replace(share=(before + progress.share) / len(strips)))
 
-        yield draw(scene, plan, of_all, cancel, deadline=part)
+        image = draw(scene, plan, of_all, cancel, deadline=part)
+        if k == 0:  # what came before the strips counts, too
+            image.metadata["ready"] += part.began - deadline.began
+            image.metadata["ready_cpu"] += part.processed - deadline.processed
+        yield image
 
 
 def join_metadata(about: Sequence[dict[str, Any]], plan: Plan) -> dict[str, Any]:
@@ -73,8 +77,14 @@ def join_metadata(about: Sequence[dict[str, Any]], plan: Plan) -> dict[str, Any]
         for stage, spent in one["seconds"].items():
             seconds[stage] = seconds.get(stage, 0.0) + spent
     sums = {name: sum(one[name] for one in about) for name in ("rays", "issues", "unproved")}
+    reduced = {  # of a budget, in the words of backends/timed_picture.run; the worst strip
+        "resolution": max(one.get("resolution", 1) for one in about),
+        "without_channels": sum(one.get("without_channels", 0) for one in about),
+        "filled": float(np.average([one.get("filled", 0.0) for one in about], weights=pixels)),
+        "denoising_left_out": any(one.get("denoising_left_out") for one in about),
+    }  # fmt: skip
     return {
-        **about[0], **sums, "crop": plan["crop"], "samples": max(one["samples"] for one in about),
+        **about[0], **sums, **reduced, "crop": plan["crop"], "samples": max(one["samples"] for one in about),
         "samples_mean": float(np.average([one["samples_mean"] for one in about], weights=pixels)),
         "error": math.sqrt(float(np.average(np.square(errors), weights=pixels))) if known else None,
         "partial": any(one["partial"] for one in about), "seconds": seconds, "variance": None, "half_difference": None, "error_in_few": 0.0,

@@ -15,15 +15,18 @@ from ..lang.diagnostics import Diagnostic
 from ..lang.distribution import install_command
 from ..lang.plain_values import time_range
 from ..lang.schema.picture_settings import MAX_BOUNCES
+from .film.deadline import Deadline
 from .jit import cache_folder, kernel_cache
 
 if TYPE_CHECKING:
     from .film.bounce_error import Cut
-    from .film.deadline import Deadline
 
 NOISY = 0.05  # √relMSE from which a note says how to lower it
-BLACK, BRIGHT = 0.001, 0.7  # luminance after exposure: below which a note calls a picture black, and of its brightest pixels with the hint
+BLACK, BRIGHT = 0.001, 0.7  # brightness after exposure: below which a note calls a picture black, and that with its hint
 LATE, LATE_SHARE = 0.5, 0.1  # seconds, and share of a budget, from which a warning tells of a later end
+MATTERS = 0.3  # share of the seconds that a picture is late, from which a step is named
+WAITING = 0.5  # CPU seconds a second, below which a process mostly waits
+SLOWED = "other work or a slow disk delays it: end that work, or give a longer --budget"
 SPARSE, SEEN = 0.5, 0.02  # share of the squared error in few pixels, and error, from which a note calls the estimate uncertain
 
 
@@ -93,18 +96,47 @@ def budget_warnings(about: Mapping[str, Any], plan: Plan) -> list[Diagnostic]:
     return warnings
 
 
-def late_warnings(about: Mapping[str, Any], deadline: Deadline) -> list[Diagnostic]:
-    """The warning about a picture that was written after the end of its budget, with what took the time."""
-    late = deadline.spent() - deadline.seconds
-    if not deadline.is_finite or late < max(LATE, LATE_SHARE * deadline.seconds):
+def late_warnings(about: Mapping[str, Any], deadline: Deadline, what: str = "the picture") -> list[Diagnostic]:
+    """The warning about a picture, or another `what`, that was ready after the end of its budget, with what took the time.
+
+    `about` is the metadata of a picture. Without its "seconds" and "ready" no step is named.
+    """
+    spent = deadline.spent()
+    late = spent - deadline.seconds
+    if about.get("partial") or not deadline.is_finite or late < max(LATE, LATE_SHARE * deadline.seconds):
         return []
-    compiling, ready = about["seconds"].get("compile_kernels", 0.0), about.get("ready", 0.0)
-    message = f"the picture took {deadline.spent():.1f} s, more than its budget of {deadline.seconds:g} s"
+    compiling, ready, writing = about.get("seconds", {}).get("compile_kernels", 0.0), about.get("ready", 0.0), _writing(about)
+    message = f"{what} took {spent:.1f} s, more than its budget of {deadline.seconds:g} s"
     if compiling > 0.5 * late:
         return [Diagnostic("warning", f"{message}: compiling kernels took {compiling:.1f} s, once", None, "render again")]
-    if ready > 0.5 * deadline.seconds:
-        return [Diagnostic("warning", f"{message}: reading and preparing the scene took {ready:.1f} s", None, "a longer --budget")]
-    return [Diagnostic("warning", message, None, "other work slows this machine, or a step took longer than measured")]
+    steps, slow = [], ""
+    if ready > MATTERS * late:
+        slow = _without_processor(ready, about.get("ready_cpu", ready))
+        steps.append(", ".join(filter(None, (f"reading and preparing the scene took {ready:.1f} s", slow))))
+    if writing > MATTERS * late:
+        steps.append(f"writing the picture took {writing:.1f} s")
+    told = f": {'; '.join(steps)}"
+    if not steps:
+        slow = _without_processor(spent, deadline.cpu_spent())
+        if not slow:
+            return [Diagnostic("warning", message, None, "other work slows this machine, or a step took longer than measured")]
+        told = f", {slow}"
+    hint = SLOWED if slow else "a longer --budget or a smaller --size" if writing > ready else "a longer --budget"
+    return [Diagnostic("warning", message + told, None, hint)]
+
+
+def _writing(about: Mapping[str, Any]) -> float:
+    return about.get("seconds", {}).get("write", 0.0)
+
+
+def late_drawing_warnings(about: Mapping[str, Any], plan: Plan, what: str = "the picture") -> list[Diagnostic]:
+    """As late_warnings, of a picture that counts until it is drawn, not written."""
+    return late_warnings(about, Deadline.ended(plan["budget"], about["elapsed"], about["elapsed_cpu"]), what)
+
+
+def _without_processor(seconds: float, cpu: float) -> str:
+    """A clause about seconds in which the process mostly waited for a processor or a disk; "" if it did not."""
+    return f"of which a processor worked {cpu:.1f} s" if cpu < WAITING * seconds else ""
 
 
 def missed_error_warnings(about: Mapping[str, Any], plan: Plan) -> list[Diagnostic]:
@@ -127,13 +159,17 @@ def sparse_error_notes(about: Mapping[str, Any]) -> list[Diagnostic]:
 
 
 def exposure_notes(about: Mapping[str, Any]) -> list[Diagnostic]:
-    """The note about a picture that its exposure shows as black."""
+    """The note about a picture that its exposure shows as black; not if pixels without a sample may be brighter."""
     bright, stops = about.get("brightness"), about.get("exposure")
     if about.get("partial") or bright is None or isinstance(stops, str) or stops is None or bright * 2.0**stops >= BLACK:
         return []
+    if about.get("resolution", 1) > 1 or about.get("filled", 0.0) > 0.0:
+        return []
+    size = about.get("size", (0, 0))
+    what, shown = ("picture", "the camera sees") if tuple(about.get("crop", (0, 0, *size))) == (0, 0, *size) else ("crop", "it shows")
     if bright <= 0.0:
-        return [Diagnostic("note", "the picture is black: no light reaches what the camera sees", None, "--aov depth shows the shapes")]
-    message = f"the picture is black: its brightest pixels have {bright:.2g} of the light of white, at an exposure of {stops:g}"
+        return [Diagnostic("note", f"the {what} is black: no light reaches what {shown}", None, "--aov depth shows the shapes")]
+    message = f"the {what} is black: its brightest pixels have {bright:.2g} of the light of white, at an exposure of {stops:g}"
     return [Diagnostic("note", message, None, f"--exposure {math.log2(BRIGHT / bright):.0f} shows it, or brighter lights")]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
@@ -11,6 +12,7 @@ from ..compiler import ir
 from ..compiler.plan import plan as planner
 from ..lang.diagnostics import Diagnostic, Diagnostics
 from . import picture_notes, python_options, render_scene
+from .film.deadline import Deadline
 from .image.image import Image
 
 
@@ -38,14 +40,21 @@ class Scene(ir.Scene):
         Raises planner.PlanError for what this scene cannot have, ValueError for values that a setting cannot have, TypeError for
         other names.
         """
+        return self.render_since((time.perf_counter(), time.process_time()), plan, diagnostics, settings)
+
+    def render_since(
+        self, began: tuple[float, float], plan: Mapping[str, str] | None, diagnostics: Diagnostics | None, settings: Mapping[str, Any]
+    ) -> Image:  # fmt: skip
+        """As `render`, for a call at `began`, the times of time.perf_counter and time.process_time from which a budget counts."""
         asked = python_options.settings_of(self, settings)
         if plan is not None and not isinstance(plan, Mapping):
             raise TypeError(f"plan is a dict of decisions by name, not {type(plan).__name__}")
         decided = planner.make_plan(self, asked, plan)
         for note in decided.notes:
             warnings.warn(note, DeprecationWarning, stacklevel=3)
-        image = render_scene.draw(self, decided)
+        image = render_scene.draw(self, decided, deadline=Deadline(decided["budget"], began[0], processed=began[1]))
         items = [*picture_notes.plan_warnings(self, decided), *picture_notes.of_render(image.metadata, self, decided, asked)]
+        items += picture_notes.late_drawing_warnings(image.metadata, decided)
         image.metadata["diagnostics"] = tuple(items)
         if diagnostics is None:
             python_options.warn(items, 3)

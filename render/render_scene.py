@@ -18,11 +18,12 @@ from .film.checkpoint import Keeper
 from .film.deadline import Deadline
 from .film.progress import Progress, Report
 from .film.remote import Remote
-from .image import cryptomatte, metrics
+from .image import cryptomatte
 from .image.image import Image
 from .jit import cancellation, compile_events, kernel_cache
 
 LONGER = 2.0  # times a sample of the picture, that one of the measurement of light beyond the limit on bounces takes
+ROWS = 256  # of a picture that are looked at together
 MISSING_LIGHT = 0.02  # share of a pixel's light that the limit on bounces may leave out, unless an error was asked for
 
 
@@ -39,9 +40,10 @@ def draw(
     meshes. Other metadata: the "seconds" of "build", "compile_kernels" and "render"; samples; the error reached; "notes" on effects
     that are not drawn, each (message, table, row); the number of rays "unproved"; "cut", the light lost to the limit on
     bounces, a bounce_error.Cut, or None if not measured, as of `quick` pictures, which others replace soon; "bias", the share of light
-    that the picture is known to lack, None where light of unknown size is left out; "left_out", clauses about that; "brightness", the 99th
-    percentile of luminance; "ready", the seconds of the budget before the first sample; "exposure", "view" and "transparent" of the
-    plan, for files. `progressive` refines all tiles together, for viewers.
+    that the picture is known to lack, None where light of unknown size is left out; "left_out", clauses about that; "brightness", the
+    greatest red, green or blue; "ready" and "ready_cpu", the seconds of the budget, and of CPU, before the first sample; "elapsed" and
+    "elapsed_cpu", those at the end; "exposure", "view" and "transparent" of the plan, for files. `progressive` refines all tiles
+    together, for viewers.
     """
     seconds: dict[str, float] = {}
     width, height = plan["size"]
@@ -64,7 +66,8 @@ def draw(
             told = _with_denoiser(report, renderer, plan, cancel) if report and progressive and decision.may_denoise(plan) else report
             checkpoint = None if lit or by_moments else keeper
             put = renderer.put if lit else lambda image: None
-            ready, work = deadline.spent(), (renderer, plan, view, told, cancel or threading.Event(), mattes, checkpoint, progressive)
+            ready = {"ready": deadline.spent(), "ready_cpu": deadline.cpu_spent()}
+            work = (renderer, plan, view, told, cancel or threading.Event(), mattes, checkpoint, progressive)
             image = _draw_in_time(work, deadline, put) if deadline.is_finite else _draw(work, put)
     tell(Progress("finishing"))
     notes = _notes(scene, plan) + [(single_sided.LEFT, "instances", undrawn)] * (undrawn >= 0)
@@ -72,8 +75,9 @@ def draw(
     unproved, cut = count_unproved(renderer), None if quick else _measure_bounce_error(renderer, plan, image, deadline)
     shown = {"exposure": plan["exposure"], "view": plan["view"], "transparent": plan["background"] == "transparent"}
     image.metadata.update(
-        backend=backend, seconds=seconds, notes=notes, unproved=unproved, cut=cut, brightness=_brightness(image), ready=ready,
-        **shown, **_omitted(scene, plan, cut),
+        backend=backend, seconds=seconds, notes=notes, unproved=unproved, cut=cut, **ready, **shown,
+        brightness=_brightness(image, shown["transparent"]), **_omitted(scene, plan, cut),
+        elapsed=deadline.spent(), elapsed_cpu=deadline.cpu_spent(),
     )  # fmt: skip
     if mattes is not None:
         image.metadata["attributes"] = mattes.attributes
@@ -119,11 +123,23 @@ def _with_denoiser(report: Report, renderer: Any, plan: Plan, cancel: threading.
     return lambda progress: report(progress._replace(denoiser=denoiser))
 
 
-def _brightness(image: Image) -> float | None:
-    """The 99th percentile of luminance among pixels that something covers, of every fourth row and column; None without any."""
-    some = image.channels["rgba"][::4, ::4].reshape(-1, 4)
-    light = metrics.luminance(some[some[:, 3] > 0.0, :3])
-    return float(np.percentile(light, 99)) if len(light) and np.isfinite(light).all() else None
+def _brightness(image: Image, transparent: bool) -> float | None:
+    """The greatest red, green or blue of all pixels, which tells whether a picture shows anything.
+
+    Of a `transparent` picture, pixels that nothing covers do not count. None where nothing covers any pixel, without
+    finite pixels, and for an enlarged picture, whose pixels may be brighter.
+    """
+    covered, most = False, -np.inf
+    if image.metadata.get("resolution", 1) > 1:
+        return None
+    rgba = image.channels["rgba"]
+    for top in range(0, len(rgba), ROWS):  # in parts, for pictures that take most of the memory
+        some = rgba[top : top + ROWS]
+        seen = some[..., 3] > 0.0
+        covered |= bool(seen.any())
+        light = np.maximum(np.maximum(some[..., 0], some[..., 1]), some[..., 2])
+        most = max(most, float(np.max(light, where=np.isfinite(light) & (seen if transparent else True), initial=-np.inf)))
+    return most if (covered or most > 0.0) and np.isfinite(most) else None
 
 
 def choose_renderer(scene: ir.Scene, plan: Plan, view: types.View) -> Any:

@@ -70,6 +70,8 @@ class Session:
             job.display.what = self._progress(len(pictures), len(frames), began)
             job.display(Progress("rendering", len(pictures) / len(frames)))
             image = draw.finish(request)
+            about = image.metadata  # the budget of a frame is that of its worker: it waited for other frames
+            read = read._replace(deadline=Deadline.ended(read.plan["budget"], about["elapsed"], about["elapsed_cpu"]))
             pictures.append(job.summarize(read.path, job.finish(read, image)))
 
         with terminal.catch_interrupt() as cancel, Display(job.quiet) as job.display:

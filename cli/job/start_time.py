@@ -1,27 +1,39 @@
-"""The time at which the budget of a picture begins: the start of the command for its first picture, else its reading."""
+"""The time at which the budget of a picture begins: the start of the command for its first picture, else its reading.
+
+The CPU time of the process at that time tells whether other work slowed it.
+"""
 
 from __future__ import annotations
 
 import os
 import time
 from pathlib import Path
+from typing import NamedTuple
 
 from ..process import supervisor
 
-_began: float | None = None  # of the command, until its first picture takes it
+
+class StartTime(NamedTuple):
+    """A time of time.perf_counter, and the CPU seconds that this process had by then."""
+
+    began: float
+    processed: float
+
+
+_began: StartTime | None = None  # of the command, until its first picture takes it
 
 
 def begin() -> None:
     """Note the start of the command that this process runs."""
     global _began
-    _began = time.perf_counter() - _age()
+    _began = StartTime(time.perf_counter() - _age(), 0.0)
 
 
-def take() -> float:
-    """The time of time.perf_counter at which a picture begins."""
+def take() -> StartTime:
+    """The time at which a picture begins."""
     global _began
     began, _began = _began, None
-    return time.perf_counter() if began is None else began
+    return StartTime(time.perf_counter(), time.process_time()) if began is None else began
 
 
 def _age() -> float:

@@ -1,6 +1,7 @@
 """Renderer for --budget: plans samples, resolution and denoising so that the picture is complete at the deadline.
 
-A preview of 1/8 of the size measures the pace. Where a sample of each pixel does not fit into the time, a smaller picture is enlarged.
+A preview of 1/8 of the size measures the pace, a smaller one where that takes long. Where a sample of each pixel does not fit into the
+time, a smaller picture is enlarged.
 """
 
 from __future__ import annotations
@@ -28,10 +29,11 @@ from ..simd import target
 from ..types import View
 
 PREVIEW, PREVIEW_SAMPLES = 8, 8  # times that the preview is smaller, and the most samples of its pixels
-SOON = 0.05  # of the seconds left, in which the preview takes more than a sample
-DIVISORS = (1, 2, 4, 8)
+COARSE = 2048  # pixels at most of a first preview, from which the pace tells how large the preview is
+SOON, BRIEF = 0.05, 0.1  # of the seconds left: in which the preview takes more than a sample, and that a sample of its pixels may take
 ENOUGH = 1.5  # samples a pixel that must be affordable
-WRITE_START, WRITE = 0.15, 2.5e-7  # seconds of writing a picture, and for each pixel of each channel
+ENLARGE = 4e-8  # seconds for each pixel of an enlarged picture
+LATER = 0.05, 0.3  # share of the seconds spent, and seconds at most, that a picture takes after the end: it is late in any case
 AFTER = 0.02  # of the budget, for measuring the light beyond the limit on bounces
 MOSTLY = 0.05  # share of filled pixels, up to which a picture is denoised
 GRACE = 1.0  # seconds at most, in which the answers of a cluster arrive
@@ -60,11 +62,9 @@ def run(work: Work, deadline: Deadline, put: Callable[[Image], None]) -> Image:
     """
     renderer, plan = work.renderer, work.plan
     renderer.limit_time(deadline)
-    x0, y0, x1, y1 = plan["crop"]
-    pixels = (x1 - x0) * (y1 - y0)
     grace = min(GRACE, 0.1 * deadline.seconds) if isinstance(renderer, Remote) else 0.0
-    after = WRITE_START + WRITE * pixels * (4 + 3 * len(plan["aov"])) + AFTER * deadline.seconds + grace
-    ends = deadline.earlier(min(after, 0.3 * deadline.seconds))
+    ends = deadline.earlier(AFTER * deadline.seconds + grace)
+    ends.leave(min(LATER[0] * deadline.spent(), LATER[1]))
     times = DenoisingTime(renderer, plan, ends) if decision.may_denoise(plan) else None
     resumes = work.keeper is not None and work.keeper.found is not None
     preview, compiled = None, compile_events.compiled()
@@ -72,33 +72,69 @@ def run(work: Work, deadline: Deadline, put: Callable[[Image], None]) -> Image:
         preview = _draw_preview(work, ends)
         if compile_events.compiled() > compiled:  # it measured the compiler
             preview = _draw_preview(work, ends)
-    divisor = 1 if preview is None else _divisor(preview, plan, pixels, ends)
+    divisor = 1 if preview is None else _divisor(preview, plan, ends)
     if divisor == 1:
         return _draw(work, 1, (preview, times), ends, put)
+    ends = ends.earlier(ENLARGE * _pixels(plan, 1))
+    ends.leave(0.0)
     extras = film.run_channels(renderer, plan, work.cancel, work.mattes, ends) if plan["aov"] else None
     return _at_full_size(plan, _draw(work, divisor, (preview, times), ends, put), divisor, extras)
 
 
 def _draw_preview(work: Work, ends: Deadline) -> Image | None:
-    """A picture of 1/PREVIEW of the size, which measures the pace; None if the renderer cannot draw it.
+    """A picture of 1/PREVIEW of the size or less, which measures the pace; None if the renderer cannot draw it.
 
-    Its pixels have a sample in any case, and more if that takes little time.
+    Its pixels have a sample in any case, and more if that takes little time. Metadata: "resolution", as of `run`.
     """
-    small = _reduced(work.plan, PREVIEW, samples=PREVIEW_SAMPLES, aov=())
+    coarsest = PREVIEW
+    while _pixels(work.plan, coarsest) > COARSE:
+        coarsest *= 2
+    preview = _draw_small(work, coarsest, ends)
+    if preview is None or coarsest == PREVIEW:
+        return preview
+    affordable = _affordable(preview, work.plan, BRIEF * ends.left())
+    divisor = next(d for d in _divisors(PREVIEW, coarsest) if d == coarsest or affordable >= _pixels(work.plan, d))
+    return preview if divisor == coarsest else _draw_small(work, divisor, ends)
+
+
+def _draw_small(work: Work, divisor: int, ends: Deadline) -> Image | None:
+    """A picture of 1/divisor of the size; None if the renderer cannot draw it."""
+    small = _reduced(work.plan, divisor, samples=PREVIEW_SAMPLES, aov=())
     if not work.renderer.resize(*small["size"]):
         return None
     try:
         soon = Deadline(max(SOON * ends.left(), 0.0), None, ends.clock)
-        return film.run(work.renderer, small, _view(small), None, work.cancel, deadline=soon, grants=True)
+        image = film.run(work.renderer, small, _view(small), None, work.cancel, deadline=soon, grants=True)
     finally:
         work.renderer.resize(*work.plan["size"])
+    image.metadata["resolution"] = divisor
+    return image
 
 
-def _divisor(preview: Image, plan: Plan, pixels: int, ends: Deadline) -> int:
+def _divisor(preview: Image, plan: Plan, ends: Deadline) -> int:
     """How many times smaller the sides of the picture are that there is time for."""
+    coarsest = preview.metadata["resolution"]
+    if _affordable(preview, plan, ends.left()) >= ENOUGH * _pixels(plan, 1):
+        return 1
+    affordable = _affordable(preview, plan, ends.left() - ENLARGE * _pixels(plan, 1))
+    return next(d for d in _divisors(2, coarsest) if d == coarsest or affordable >= ENOUGH * _pixels(plan, d))
+
+
+def _divisors(first: int, last: int) -> list[int]:
+    """The powers of two from `first` to `last`, which are such."""
+    return [1 << k for k in range(first.bit_length() - 1, last.bit_length())]
+
+
+def _affordable(preview: Image, plan: Plan, seconds: float) -> float:
+    """The samples that there are seconds for, at the pace of the preview."""
     threads = min(int(plan["threads"]) or target.cores(), target.cores())
-    affordable = max(ends.left(), 0.0) * threads / max(preview.metadata["pace"], 1e-12)
-    return next((divisor for divisor in DIVISORS if affordable * divisor**2 >= ENOUGH * pixels), DIVISORS[-1])
+    return max(seconds, 0.0) * threads / max(preview.metadata["pace"], 1e-12)
+
+
+def _pixels(plan: Plan, divisor: int) -> float:
+    """The pixels of a picture of 1/divisor of the size."""
+    x0, y0, x1, y1 = plan["crop"]
+    return max((x1 - x0) / divisor, 1.0) * max((y1 - y0) / divisor, 1.0)
 
 
 def _draw(
@@ -195,16 +231,24 @@ def enlarged(
     pixels: Pixels, size: tuple[int, int], crop: tuple[int, int, int, int], to_size: tuple[int, int], to_crop: tuple[int, int, int, int]
 ) -> Pixels:  # fmt: skip
     """The crop of a picture of `to_size`, (h, w, k), between the pixels of a crop of the picture of `size`, linearly."""
-    out = pixels
-    for axis in (0, 1):
-        k = 1 - axis
-        at = (np.arange(to_crop[k], to_crop[k + 2]) + 0.5) * (size[k] / to_size[k]) - 0.5 - crop[k]
-        at = np.clip(at, 0.0, out.shape[axis] - 1.0)
-        low = np.minimum(at.astype(int), max(out.shape[axis] - 2, 0))
-        high = np.minimum(low + 1, out.shape[axis] - 1)
-        share = (at - low).astype(np.float32).reshape((-1, 1, 1) if axis == 0 else (1, -1, 1))
-        out = np.take(out, low, axis) * (1.0 - share) + np.take(out, high, axis) * share
-    return np.ascontiguousarray(out, np.float32)
+    (low, high, share), (lows, highs, shares) = (_between(pixels.shape[1 - k], size, crop, to_size, to_crop, k) for k in (0, 1))
+    wide = np.take(pixels, low, 1) * (1.0 - share[:, None]) + np.take(pixels, high, 1) * share[:, None]
+    out = np.empty((to_crop[3] - to_crop[1], *wide.shape[1:]), np.float32)
+    part = np.empty_like(wide[0])
+    for y in range(len(out)):  # one row after the other, in the cache of a processor
+        np.multiply(wide[lows[y]], np.float32(1.0) - shares[y], out=out[y])
+        out[y] += np.multiply(wide[highs[y]], shares[y], out=part)
+    return out
+
+
+def _between(
+    count: int, size: tuple[int, int], crop: tuple[int, int, int, int], to_size: tuple[int, int], to_crop: tuple[int, int, int, int], k: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]:  # fmt: skip
+    """For each row or column of an enlarged picture: the two of `count` that it is between, and the share of the second."""
+    at = (np.arange(to_crop[k], to_crop[k + 2]) + 0.5) * (size[k] / to_size[k]) - 0.5 - crop[k]
+    at = np.clip(at, 0.0, count - 1.0)
+    low = np.minimum(at.astype(np.int64), max(count - 2, 0))
+    return low, np.minimum(low + 1, count - 1), (at - low).astype(np.float32)
 
 
 def _reduced(plan: Plan, divisor: int, **values: Any) -> Plan:

@@ -1,6 +1,6 @@
 """Deadline: the end of a budget of seconds, which counts from the start of a command or call until its picture is written.
 
-Half of the budget remains after a compilation of kernels, which happens once. Nothing else moves the end.
+Half of the budget remains after a compilation of kernels, which happens once. Other work moves the end by a little at most, see `leave`.
 """
 
 from __future__ import annotations
@@ -19,11 +19,24 @@ CALL = 0.2  # seconds that a call of a renderer may take, between two looks at t
 class Deadline:
     """The end of a budget. `clock` gives seconds; `began` is a time of it, by default now."""
 
-    def __init__(self, seconds: float = math.inf, began: float | None = None, clock: Callable[[], float] = time.perf_counter) -> None:
+    def __init__(
+        self, seconds: float = math.inf, began: float | None = None, clock: Callable[[], float] = time.perf_counter,
+        processed: float | None = None,
+    ) -> None:  # fmt: skip
+        """`processed` is the CPU time of this process at the beginning, by default now."""
         self.seconds, self.clock = float(seconds), clock
         self.began = clock() if began is None else began
+        self.cpu_clock = time.process_time
+        self.processed = time.process_time() if processed is None else processed
         self._end = [self.began + self.seconds]  # shared with those of `earlier`
         self._reserved = 0.0
+
+    @classmethod
+    def ended(cls, seconds: float, spent: float, cpu: float) -> Deadline:
+        """A deadline of which so many seconds, and of CPU, are spent, as another process or an earlier picture has measured."""
+        deadline = cls(seconds, 0.0, lambda: spent, 0.0)
+        deadline.cpu_clock = lambda: cpu
+        return deadline
 
     @property
     def is_finite(self) -> bool:
@@ -43,13 +56,22 @@ class Deadline:
         """Whether the budget is spent."""
         return self.clock() >= self.end
 
+    def leave(self, seconds: float) -> None:
+        """Let at least so many seconds be left, as of now."""
+        if self.is_finite:
+            self._end[0] = max(self._end[0], self.clock() + self._reserved + seconds)
+
     def spent(self) -> float:
         """Seconds since the beginning."""
         return self.clock() - self.began
 
+    def cpu_spent(self) -> float:
+        """CPU seconds of all threads of this process since the beginning."""
+        return self.cpu_clock() - self.processed
+
     def earlier(self, seconds: float) -> Deadline:
         """This deadline with `seconds` reserved for what comes after it."""
-        deadline = Deadline(self.seconds, self.began, self.clock)
+        deadline = Deadline(self.seconds, self.began, self.clock, self.processed)
         deadline._end, deadline._reserved = self._end, self._reserved + seconds
         return deadline
 

@@ -32,6 +32,8 @@ EXIF_DESCRIPTION, EXIF_SOFTWARE = 0x10E, 0x131
 WITH_ALPHA = (".png", ".tif", ".tiff")
 PNG_SUB = 16  # libpng's Sub filter: with zlib level 4 a quarter of the default time, for about the same size
 MIDDLE_GREY = 0.18
+# CPU seconds of writing a noisy picture: of any size, a pixel of 8 bits, of 16 bits or another view, of metering, and of 32 bits a channel
+STARTING, WRITING_8, WRITING_16, METERING, WRITING_32 = 0.15, 1.8e-7, 6e-7, 5e-8, 1e-7
 FULL = 1 << 16  # free bytes below which a disk is full
 ABOUT = "maquette:"  # prefix of attribute names
 WORKING_SPACE = "lin_rec709_scene"  # OpenColorIO's name for scene-linear Rec.709
@@ -103,6 +105,14 @@ def write(picture: Picture, path: Path, look: Look, about: Mapping[str, str | in
     """
     with Strips(path, look, about, picture.height) as file:
         file.add(picture)
+
+
+def writing_time(path: Path, pixels: int, look: Look, metered: bool = False, aovs: int = 0) -> float:
+    """Seconds that a noisy picture of so many pixels takes to write to `path`, as estimated; `metered` before, and with so many AOVs."""
+    if path.suffix.lower() in LINEAR:
+        return STARTING + WRITING_32 * pixels * (4 + 3 * aovs)
+    each = WRITING_16 if look.bits == 16 or look.view != "sRGB" else WRITING_8
+    return STARTING + (each + METERING * metered) * pixels
 
 
 class Strips:

@@ -8,6 +8,7 @@ import sys
 import textwrap
 import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
@@ -291,3 +292,15 @@ def test_a_full_disk_is_the_reason(tmp_path: Path, name: str) -> None:
     done = subprocess.run([sys.executable, "-c", textwrap.dedent(program)], cwd=tmp_path, capture_output=True, text=True, timeout=60)
     assert done.stdout == f"cannot write {name}: the disk is full\n"
     assert not list(tmp_path.iterdir())
+
+
+def test_the_time_of_writing_grows_with_pixels_depth_and_channels() -> None:
+    def seconds(name: str, pixels: int, bits: int = 8, **more: Any) -> float:
+        return image_files.writing_time(Path(name), pixels, image_files.Look(bits=bits), **more)
+
+    million = 1_000_000
+    assert seconds("a.png", 1) < 0.2
+    assert seconds("a.png", 27 * million) > 20 * seconds("a.png", million) / 2
+    assert seconds("a.png", million) < seconds("a.exr", million) < seconds("a.png", million, 16)
+    assert seconds("a.exr", million) < seconds("a.exr", million, aovs=2)
+    assert seconds("a.png", million) < seconds("a.png", million, metered=True)

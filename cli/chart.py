@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,12 +12,13 @@ import click
 
 from ..compiler.io.regular_files import MAX_DATA, read_text
 from ..compiler.io.replace_file import replace_file
-from ..lang.diagnostics import suggest
+from ..lang.diagnostics import Diagnostic, suggest
 from ..render.film.progress import Progress
 from . import common_options as shared
 from . import option_types as values
 from . import render_job as jobs
 from . import terminal
+from .job import start_time
 from .process import supervisor
 from .progress import Display
 
@@ -94,6 +96,7 @@ def chart(
 
     Exit code: 0; 1 if nothing could be measured; 2 for wrong usage; 130 after Ctrl-C, with a chart of the measurements so far.
     """
+    start = start_time.take()
     outputs = outputs or (Path(f"{scene.stem.removesuffix('.chart')}.chart.svg"),)
     _check_outputs(outputs)
     if scene.suffix.lower() == ".json":
@@ -102,7 +105,7 @@ def chart(
     else:
         numbers = numbers or outputs[0].with_suffix(".json")
         _check_numbers(numbers, ctx)
-        measured, partial = _measure(scene, metric or "relmse", quiet, given)
+        measured, partial = _measure(scene, metric or "relmse", quiet, {**given, "began": start.began})
     for path in outputs:
         _draw(measured, path)
     if numbers:
@@ -110,9 +113,23 @@ def chart(
 
         replace_file(numbers, json_format.dump(measured).encode())
     _print(measured, (*outputs, *((numbers,) if numbers else ())), quiet)
+    if scene.suffix.lower() != ".json" and not partial:
+        terminal.report(_late_warnings(given["budget"] or BUDGET, start))
     if partial:
         click.echo("interrupted: the chart has the measurements so far", err=True)
         ctx.exit(130)
+
+
+def _late_warnings(budget: float, start: start_time.StartTime) -> list[Diagnostic]:
+    """The warning about a chart that took longer than its budget."""
+    from ..render import picture_notes
+    from ..render.film.deadline import Deadline
+    from ..render.jit import compile_events
+
+    found = picture_notes.late_warnings({}, Deadline(budget, start.began, processed=start.processed), "the chart")
+    if compile_events.compiled():
+        return [replace(late, message=f"{late.message}: it compiled kernels, once", hint="measure again") for late in found]
+    return found
 
 
 def _check_outputs(outputs: Sequence[Path]) -> None:
@@ -173,7 +190,7 @@ def _measure(path: Path, metric: str, quiet: bool, given: dict[str, Any]) -> tup
     settings = ir.Settings(size=given["size"], camera=given["camera"], threads=given["threads"], bounces=bounces)
     wanted = records.Wanted(
         name=named, settings=settings, backends=given["backends"] or BACKENDS, peers=given["peers"], metric=metric,
-        budget=given["budget"] or BUDGET, seeds=given["seeds"], repeats=given["repeats"], keep=given["keep"],
+        budget=given["budget"] or BUDGET, began=given["began"], seeds=given["seeds"], repeats=given["repeats"], keep=given["keep"],
         target=given["error"] or TARGET, asked=bool(given["backends"]),
     )  # fmt: skip
     with Display(quiet) as display, terminal.catch_interrupt() as cancel:

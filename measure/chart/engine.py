@@ -1,17 +1,20 @@
 """Measures a chart: the reference, then the sweeps of all backends and peers, within a time budget.
 
-- Two small pictures give a first estimate: where not even the least chart fits into the budget, it ends at once and says what it takes.
+- Two small pictures give a first estimate, in a part of the budget: where not even the least chart fits into the budget, it ends at once
+  and says what it takes.
 - Backends that are known to lack light are left out, unless they were named. Sweeps that are known to lack light come last.
 - Half of the budget goes to the reference. Its runs are cached on disk, and later commands add to them.
 - The sweep with the cheapest next step proceeds, as long as MIN_RUNS runs of each step fit.
 - The remaining time brings all steps to TARGET_RUNS runs, in rounds over all steps, so that a slower machine slows all alike.
 - The position of a run on the chart decides its seed. No other run and no reference has that seed.
 - Pictures are measured, added to statistics, and written only on request.
-- Only the compilation of kernels, once, may exceed the budget. Half of the budget then remains for measuring.
+- Only the compilation of kernels, once, may exceed the budget. Half of the budget then remains for measuring. At its end a run is
+  interrupted, and does not count.
 """
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -19,8 +22,8 @@ from dataclasses import dataclass, field, replace
 
 from ...compiler import ir
 from ...compiler.plan import plan as planner
+from ...render.film.deadline import Deadline
 from ...render.image import image_files
-from ...render.jit import compile_events
 from .. import formatting
 from ..peers import process, registry
 from ..records import Chart, NothingMeasured, Reference, Setting, Wanted
@@ -28,8 +31,11 @@ from . import contestant, estimate, pareto, raw_images, reference, reference_lig
 from .contestant import Contestant, Step
 
 MIN_RUNS, TARGET_RUNS = 5, 16  # runs of a setting: quartiles need the first, separation of bias and noise the second
+ESTIMATE_SHARE, LEAST_ESTIMATE = 0.25, 1.5  # of the budget that is left, and seconds at least: for the first estimate
+LONGER, USUAL = 5.0, 60.0  # times a budget, and seconds at least: that are named where nothing is known of a scene
+WARMUP_SHARE = 0.15  # of the budget that is left, for the first renders of a backend
 REFERENCE_SHARE = 0.5  # of the budget
-RESERVED_SHARE, MAX_RESERVED = 0.1, 2.5  # share of the budget, and seconds: for loading before and drawing after the measurement
+RESERVED_SHARE, MAX_RESERVED = 0.2, 2.5  # share of the budget, and seconds: for loading before and drawing after the measurement
 REFERENCE_FACTOR = 16  # least samples of the reference over those of a step: its noise adds at most 3 % to an error
 TARGET_SAMPLES = 100 * 4096  # samples a pixel of a complete reference
 MAX_STEPS, MAX_RUNS = 16, 2048  # limits of a sweep and of a step, which separate their seeds
@@ -87,9 +93,10 @@ class _Measurement:
     """One running measurement."""
 
     def __init__(self, scene: ir.Scene, wanted: Wanted, progress: Progress, cancel: threading.Event) -> None:
-        self.began = time.perf_counter()
-        self.deadline = self.began + wanted.budget - min(wanted.budget * RESERVED_SHARE, MAX_RESERVED)
+        self.began = time.perf_counter() if wanted.began is None else wanted.began
+        self.budget = Deadline(wanted.budget, self.began).earlier(min(wanted.budget * RESERVED_SHARE, MAX_RESERVED))
         self.wanted, self.progress, self.cancel = wanted, progress, cancel
+        self.stop = runs.Stop(cancel, self.budget.is_over)
         # The sweeps set these; the scene's own values must not end a step.
         self.scene = replace(scene, settings=replace(scene.settings, samples=None, error=None, budget=None, seed=None))
         self.settings = _with_size(self.scene, replace(wanted.settings, backend=None, threads=runs.threads(wanted.settings)))
@@ -103,8 +110,17 @@ class _Measurement:
         self.least, self.good = asked or MIN_RUNS, asked or TARGET_RUNS
         self.raw_images = raw_images.RawImageWriter(wanted.keep) if wanted.keep is not None else None
 
+    @property
+    def deadline(self) -> float:
+        """The time of time.perf_counter at which measuring ends."""
+        return self.budget.end
+
     def chart(self) -> Chart:
         """Measure and return the chart."""
+        with self.budget.watch_compiler():
+            return self._measured()
+
+    def _measured(self) -> Chart:
         plan = self.light.plan(self.scene)
         try:
             self.guess = self._first_estimate()
@@ -113,7 +129,11 @@ class _Measurement:
             sweeps = [_SweepProgress(*start, number) for number, start in enumerate(starts)]
             against = self._reference()
         except runs.Cancelled:
-            raise NothingMeasured("interrupted before anything was measured") from None
+            if self.cancel.is_set():
+                raise NothingMeasured("interrupted before anything was measured") from None
+            raise NothingMeasured(self._too_short(), self._answer()) from None
+        except NothingMeasured as nothing:
+            raise NothingMeasured(str(nothing), self._answer()) from None
         self.exposure = image_files.auto_exposure(against.rgb) if plan["exposure"] == "metered" else float(plan["exposure"])
         self.floor = summary.reference_uncertainty(against, self.exposure)
         try:
@@ -134,9 +154,16 @@ class _Measurement:
             if why := self._lacks(backend):
                 self.left_out[backend] = why
                 continue
-            found.append(contestant.backend_contestant(self.scene, self.light, backend, self.cancel))
+            limit = Deadline(math.inf if backend == "ray" else WARMUP_SHARE * max(self.budget.left(), 0.0))
+            try:
+                with limit.watch_compiler():
+                    found.append(contestant.backend_contestant(self.scene, self.light, backend, runs.Stop(self.stop, limit.is_over)))
+            except runs.Cancelled:
+                if self.stop.is_set():
+                    raise
+                took = formatting.seconds(limit.seconds)
+                self.left_out[backend] = f"its first renders take longer than {took}: a longer --budget has time for them"
             self._report_progress()
-        self.deadline = max(self.deadline, time.perf_counter() + 0.5 * self.wanted.budget)
         for peer in registry.find(self.wanted.peers):
             why = contestant.unsupported_reason(peer, self.scene, plan)
             if why:
@@ -150,12 +177,12 @@ class _Measurement:
         """The estimate of small pictures. Raises NothingMeasured if the least chart takes longer than the budget, runs.Cancelled."""
         if "ray" not in self.wanted.backends:
             return None
-        compiled = compile_events.compiled()
-        guess = estimate.make(self.scene, self.light, self.cancel)
-        if compile_events.compiled() > compiled:
-            self.deadline = max(self.deadline, time.perf_counter() + 0.5 * self.wanted.budget)
+        seconds = max(ESTIMATE_SHARE * self.budget.left(), LEAST_ESTIMATE)
+        guess = self.guess = estimate.make(self.scene, self.light, self.cancel, seconds)
         if guess is None:
             return None
+        if not math.isfinite(guess.error):
+            raise NothingMeasured(self._too_short(), self._answer())
         available = reference.known_samples(self.scene, self.light)
         least = self._needed(guess, 1.0, available, reference.MIN_SAMPLES)
         if least <= self.deadline - time.perf_counter():
@@ -167,6 +194,16 @@ class _Measurement:
             f"the least chart takes about {formatting.seconds(least)}, and one that measures {asked} about {formatting.seconds(full)}, of "
             f"the {self.wanted.budget:g} s there are: give a longer --budget or a smaller --size", guess.answer(self.wanted.target),
         )  # fmt: skip
+
+    def _too_short(self) -> str:
+        longer = max(LONGER * self.wanted.budget, USUAL)
+        return f"nothing was measured within {self.wanted.budget:g} s: give a longer --budget, such as {longer:g}s, or a smaller --size"
+
+    def _answer(self) -> str:
+        """The answer to the question without measurements."""
+        if self.guess is not None:
+            return self.guess.answer(self.wanted.target)
+        return f"{formatting.target('relmse', self.wanted.target)}: no setting is measured"
 
     def _needed(self, guess: estimate.Estimate, samples: float, known: int, each: float) -> float:
         """Seconds of a chart up to `samples`, with a reference of `each` samples of MIN_SEEDS seeds, of which so many are `known`."""
@@ -187,8 +224,12 @@ class _Measurement:
 
     def _reference(self) -> Reference:
         seconds = REFERENCE_SHARE * (self.deadline - time.perf_counter())
-        effort = reference.Effort(seconds, TARGET_SAMPLES, lambda share: self._report_progress(), self.cancel)
+        effort = reference.Effort(seconds, TARGET_SAMPLES, lambda share: self._report_progress(), self.stop, self._expected)
         return reference.make(self.scene, self.light, effort)
+
+    def _expected(self, samples: int) -> float:
+        """Seconds of a picture of so many samples a pixel, as estimated; 0 where unknown."""
+        return 0.0 if self.guess is None else self.guess.seconds(samples)
 
     # --- measuring ------------------------------------------------------------------------------------------------------
 
@@ -241,7 +282,7 @@ class _Measurement:
 
     def _run(self, active: _SweepProgress, step: Step, against: Reference) -> bool:
         """Add a run to a step. Returns False if the backend failed; it is then left out."""
-        if self.cancel.is_set():
+        if self.stop.is_set():
             raise runs.Cancelled
         seed = (self.wanted.settings.seed or 0) + (active.number * MAX_STEPS + active.place(step)) * MAX_RUNS + step.count
         began = time.perf_counter()
@@ -271,7 +312,8 @@ class _Measurement:
             self._note_skipped(active)
         points = [point for curve in curves for point in curve.points]
         if not points:
-            raise NothingMeasured("; ".join(f"{name}: {why}" for name, why in self.left_out.items()) or "no backend was asked for")
+            reasons = "; ".join(f"{name}: {why}" for name, why in self.left_out.items()) or self._too_short()
+            raise NothingMeasured(reasons, self._answer())
         seconds, measured = ([p.seconds.median for p in points], [p.error.median for p in points])
         front = pareto.front(seconds, measured)
         return Chart(

@@ -1,8 +1,8 @@
-"""A first estimate of a chart: two small pictures of the ray backend tell how many samples an error takes, and how long.
+"""A first estimate of a chart: small pictures of the ray backend tell how many samples an error takes, and how long.
 
 Noise falls as n^(-1/2) with n samples a pixel (Monte Carlo), slower than Sobol points in practice; bias does not fall. Time grows with
-n and with the pixels. The pictures have SAMPLES of each pixel; their difference separates the time of samples from that of photons and
-tiles, and checks the model of the noise.
+n and with the pixels. Tiny pictures come first, then larger ones, of SAMPLES of each pixel, as far as they fit into the time: their
+difference separates the time of samples from that of photons and tiles, and checks the model of the noise.
 """
 
 from __future__ import annotations
@@ -10,17 +10,22 @@ from __future__ import annotations
 import math
 import threading
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from ...compiler import ir
 from ...compiler.plan.plan import Plan
 from ...render import render_scene
+from ...render.film.deadline import Deadline
+from ...render.jit import cancellation
 from .. import formatting
 from . import runs
 from .reference_light import ReferenceLight
 
-DIVISOR, SMALLEST = 4, 48  # of the size of the pictures, and pixels of their shorter side
+DIVISOR, SMALLEST, TINY = 4, 48, 16  # of the size of the pictures, and pixels of their shorter side, and of that of the tiny one
 SAMPLES = (4, 16)
 SPREAD = 1.3  # factor of the samples, either way, beyond the disagreement of both pictures
+ALONE, TINY_ALONE = 2.0, 4.0  # in place of that disagreement, where one picture was drawn, and where that was the tiny one
+STRAY = 4.0  # most of the factor by which stray bright samples widen it
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,8 +34,8 @@ class Estimate:
 
     how: str  # "paths", or "" without
     pixels: int
-    error: float  # √relMSE with one sample a pixel
-    wrong: float  # factor, at least 1, by which both pictures disagree about the square of `error`
+    error: float  # √relMSE with one sample a pixel; inf: unknown
+    wrong: float  # factor, at least 1, by which the square of `error` may be wrong, either way
     start: float  # seconds of a picture without samples: BVHs, photons
     each: float  # seconds of a sample of one pixel
 
@@ -46,11 +51,14 @@ class Estimate:
 
     def answer(self, target: float) -> str:
         """The answer to "which setting has this error in the least time?"."""
+        asked, ray = formatting.target("relmse", target), f"ray{f' with {self.how}' if self.how else ''}"
+        if not math.isfinite(self.error):
+            return f"{asked}: {ray}, unknown: the budget has no time for a first estimate"
         count, low, high = self.samples(target)
         times = [formatting.seconds(self.seconds(n)) for n in (count, low, high)]
         return (
-            f"{formatting.target('relmse', target)}: ray{f' with {self.how}' if self.how else ''}, about {_round(count)} samples "
-            f"({_round(low)} to {_round(high)}), about {times[0]} ({times[1]} to {times[2]}), estimated from small pictures"
+            f"{asked}: {ray}, about {_round(count)} samples ({_round(low)} to {_round(high)}), "
+            f"about {times[0]} ({times[1]} to {times[2]}), estimated from small pictures"
         )
 
 
@@ -58,32 +66,86 @@ def _round(samples: float) -> str:
     return f"{float(f'{samples:.2g}'):,.0f}"
 
 
-def make(scene: ir.Scene, light: ReferenceLight, cancel: threading.Event) -> Estimate | None:
-    """The estimate of a scene; None where the pictures have no noise. Raises runs.Cancelled."""
-    plan = light.plan(scene)
+class _Picture(NamedTuple):
+    """A small picture that was drawn, or a part of it."""
+
+    samples: int  # of a pixel
+    rays: int
+    pixels: int
+    build: float  # seconds
+    render: float  # seconds
+    error: float | None
+    pace: float  # seconds of a sample, by the calls of the renderer
+    stray: float  # share of the squared error in stray bright samples
+    tiny: bool
+
+
+def make(scene: ir.Scene, light: ReferenceLight, cancel: threading.Event, seconds: float = math.inf) -> Estimate | None:
+    """The estimate of a scene, in so many seconds; None where the pictures have no noise. Raises runs.Cancelled."""
+    plan, limit = light.plan(scene), Deadline(seconds)
+    small, tiny = _size(plan, SMALLEST), _size(plan, TINY)
+    found: list[_Picture] = []
+    with limit.watch_compiler():
+        for size, samples in [(size, samples) for size in (tiny, small) for samples in SAMPLES]:
+            if found:
+                known = _of(plan, found)
+                if known.start + known.each * size[0] * size[1] * samples > limit.left():
+                    break
+            of_size = replace(light, settings=replace(light.settings, size=size, crop=None))
+            one = _draw(scene, of_size, samples, runs.Stop(cancel, limit.is_over))
+            if cancel.is_set():
+                raise runs.Cancelled
+            if one is None or one.rays < one.pixels * samples:
+                break
+            if one.error is None or not one.error > 1e-6:
+                return None
+            found.append(one._replace(tiny=size != small))
+    return _of(plan, found) if found else Estimate(_how(plan), _pixels(plan), math.inf, 1.0, limit.spent(), 0.0)
+
+
+def _size(plan: Plan, least: int) -> tuple[int, int]:
+    """The size of a picture, its shorter side `least` pixels, or 1/DIVISOR of the whole if that is more than SMALLEST."""
     width, height = plan["size"]
-    divisor = max(min(DIVISOR, min(width, height) // SMALLEST), 1)
-    small = replace(light, settings=replace(light.settings, size=(max(width // divisor, 1), max(height // divisor, 1))))
-    errors, times, rays = [], [], []
-    for samples in SAMPLES:
-        drawn = small.plan(scene, samples=samples, seed=0, aov=(), error=None, budget=None, denoise=False)
-        image = render_scene.draw(scene, drawn, None, cancel, quick=True)
-        if image.metadata["partial"]:
-            raise runs.Cancelled
-        errors.append(image.metadata["error"])
-        times.append(image.metadata["seconds"]["render"])
-        rays.append(image.metadata["rays"])
-    if any(error is None or not error > 1e-6 for error in errors):
+    side = min(width, height)
+    divisor = max(side / least, 1.0) if least < SMALLEST else max(min(DIVISOR, side // least), 1)
+    return max(int(width / divisor), 1), max(int(height / divisor), 1)
+
+
+def _draw(scene: ir.Scene, light: ReferenceLight, samples: int, stop: threading.Event) -> _Picture | None:
+    """A picture, or the part that was drawn before `stop`; None if that ended its preparation."""
+    plan = light.plan(scene, samples=samples, seed=0, aov=(), error=None, budget=None, denoise=False)
+    try:
+        about = render_scene.draw(scene, plan, None, stop, quick=True).metadata
+    except cancellation.Cancelled:
         return None
-    return _of(plan, errors, times, rays, image.metadata["seconds"]["build"])
+    build, render = (about["seconds"][stage] for stage in ("build", "render"))
+    pace = about["pace"] / about["threads"]
+    return _Picture(samples, about["rays"], _pixels(plan), build, render, about["error"], pace, about["error_in_few"], False)
 
 
-def _of(plan: Plan, errors: list[float], times: list[float], rays: list[int], build: float) -> Estimate:
-    """The estimate from the errors, seconds and samples of two pictures."""
-    ones = [error * math.sqrt(samples) for error, samples in zip(errors, SAMPLES, strict=True)]
-    each = (times[1] - times[0]) / (rays[1] - rays[0])
-    each = each if each > 0.0 else times[1] / rays[1]
+def _of(plan: Plan, found: list[_Picture]) -> Estimate:
+    """The estimate from the last one or two pictures. The first one has loaded kernels: its time tells least."""
+    last, error = found[-1], _of_one_sample(found[-1])
+    each = last.pace or last.render / last.rays
+    wrong = TINY_ALONE if last.tiny else ALONE
+    if len(found) > 2:
+        slope = (last.render - found[-2].render) / max(last.rays - found[-2].rays, 1)
+        each = slope if slope > 0.0 else each
+    if len(found) > 1:
+        disagreement = max(error / _of_one_sample(found[-2]), _of_one_sample(found[-2]) / error) ** 2
+        wrong = max(disagreement, wrong) if found[-2].tiny else disagreement
+    wrong *= min(1.0 / max(1.0 - last.stray, 1e-6), STRAY)
+    return Estimate(_how(plan), _pixels(plan), error, wrong, last.build + max(last.render - each * last.rays, 0.0), each)
+
+
+def _of_one_sample(one: _Picture) -> float:
+    return (one.error or 1e-6) * math.sqrt(one.samples)
+
+
+def _how(plan: Plan) -> str:
+    return "paths" if plan["transport"] == "path" else ""
+
+
+def _pixels(plan: Plan) -> int:
     x0, y0, x1, y1 = plan["crop"]
-    wrong = max(ones[0] / ones[1], ones[1] / ones[0]) ** 2
-    start = build + max(times[1] - each * rays[1], 0.0)
-    return Estimate("paths" if plan["transport"] == "path" else "", (x1 - x0) * (y1 - y0), ones[1], wrong, start, each)
+    return (x1 - x0) * (y1 - y0)

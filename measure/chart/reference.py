@@ -50,6 +50,7 @@ class Effort(NamedTuple):
     aim: int  # samples a pixel
     progress: Progress
     cancel: threading.Event
+    expected: Callable[[int], float] = lambda samples: 0.0  # seconds of a picture of so many samples a pixel, before the first one
 
 
 class Accumulation:
@@ -160,11 +161,11 @@ def _shape(plan: Plan) -> tuple[int, int, int]:
 
 def _extend(run: Accumulation, scene: ir.Scene, light: ReferenceLight, effort: Effort, path: Path) -> None:
     """Add seeds up to the aim or the end of the time. Saves to `path` on the way, so that an interruption loses little."""
-    seconds, aim, progress, cancel = effort
+    seconds, aim, progress, cancel, expected = effort
     began = saved = time.perf_counter()
     if run.samples == 0:
         run.samples = _samples_per_seed(scene, light, effort)
-    longest, before = 0.0, run.count
+    longest, before = expected(run.samples), run.count
     try:
         while run.count * run.samples < aim or run.count < MIN_SEEDS:
             now = time.perf_counter()

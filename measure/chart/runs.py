@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
@@ -20,10 +20,23 @@ from ...compiler.io import child_process
 from ...compiler.plan import plan as planner
 from ...lang.distribution import VERSION
 from ...render import render_scene
+from ...render.jit import cancellation
 from ...render.simd.target import cores
 from ..records import Run, Setting
 
 VERSIONED_PACKAGES = ("numpy", "numba", "flip-evaluator")
+
+
+class Stop(threading.Event):
+    """Set when another event is, or when a time is over."""
+
+    def __init__(self, cancel: threading.Event, is_over: Callable[[], bool]) -> None:
+        super().__init__()
+        self._cancel, self._is_over = cancel, is_over
+
+    def is_set(self) -> bool:
+        """Whether work is to end."""
+        return self._cancel.is_set() or self._is_over()
 
 
 class Cancelled(Exception):
@@ -41,7 +54,10 @@ def make_plan(scene: ir.Scene, settings: ir.Settings, setting: Setting, seed: in
 def run(scene: ir.Scene, plan: planner.Plan, cancel: threading.Event | None = None) -> Run:
     """Render once. CPU seconds cover building and rendering. Raises Cancelled."""
     before = time.process_time()
-    image = render_scene.draw(scene, plan, None, cancel)
+    try:
+        image = render_scene.draw(scene, plan, None, cancel)
+    except cancellation.Cancelled:
+        raise Cancelled from None
     cpu = time.process_time() - before
     if image.metadata["partial"]:
         raise Cancelled

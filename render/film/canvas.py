@@ -247,10 +247,10 @@ class Canvas:
         most = int(count.max(initial=0))
         if isinstance(self.renderer, Remote):
             start = self.renderer.batch(tile, part.samples, count, self.most, film, self.deadline.end)
-        elif not self.deadline.is_finite:
-            start = draw_batch(self.renderer, tile, part.samples, count, self.most, film, self.cancel.is_set)
         else:
             pace, clock = self.pace, self.deadline.clock
+            pace.limits = self.deadline.is_finite
+            stopped = stopped if pace.limits else self.cancel.is_set
             start = draw_batch(self.renderer, tile, part.samples, count, self.most, film, stopped, pace, clock)
         if start < most:
             count = np.minimum(count, start)

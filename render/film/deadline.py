@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from ..jit import compile_events
 
 AFTER_COMPILING = 0.5  # of the budget, that remains at least after kernels were compiled
+UNLIMITED = 1 << 40  # samples
 CALL = 0.2  # seconds that a call of a renderer may take, between two looks at the clock
 
 
@@ -104,6 +105,7 @@ class Pace:
 
     def __init__(self) -> None:
         self._last: list[float] = []
+        self.limits = True  # whether calls are limited to CALL seconds
 
     def add(self, samples: int, seconds: float) -> None:
         """Take in a call."""
@@ -125,5 +127,7 @@ class Pace:
         return last[int(share * len(last))] if last else 0.0
 
     def samples(self) -> int:
-        """The samples of a call that takes CALL seconds, at least one; one before the first call."""
+        """The samples of a call that takes CALL seconds, at least one; one before the first call. UNLIMITED without a limit."""
+        if not self.limits:
+            return UNLIMITED
         return max(int(CALL / self.seconds), 1) if self.seconds > 0.0 else 1

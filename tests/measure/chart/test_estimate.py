@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import math
+import threading
+import time
+from dataclasses import replace
 from typing import Any
 
 import pytest
 from maquette.compiler import ir
-from maquette.measure.chart import contestant, engine, estimate, reference
+from maquette.compiler.plan.plan import Plan
+from maquette.measure.chart import contestant, engine, estimate, reference, reference_light, runs
 from maquette.measure.records import NothingMeasured, Wanted
+from maquette.render import render_scene
+from maquette.render.image.image import Image
 
 ROOM = estimate.Estimate("paths", 480 * 320, error=0.5, wrong=1.2, start=2.0, each=2e-6)
 
@@ -49,6 +56,83 @@ def test_a_reference_on_disk_makes_a_chart_cheaper(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(reference, "known_samples", lambda *given: 1 << 20)
     with pytest.raises(NothingMeasured, match=r"the least chart takes about 1[12] s, and one that measures 2 % about 16 min"):
         engine.measure(scene, Wanted("a.scene", ir.Settings(size=(480, 320)), budget=5.0))
+
+
+class Model:
+    """A renderer with a known error and time of each picture."""
+
+    def __init__(self, error: float = 0.8, start: float = 0.5, build: float = 0.25, each: float = 1e-3, stray: float = 0.0) -> None:
+        self.error, self.start, self.build, self.each, self.stray = error, start, build, each, stray
+        self.drawn: list[tuple[tuple[int, int], int]] = []
+
+    def draw(self, scene: ir.Scene, plan: Plan, *given: Any, **more: Any) -> Image:
+        (width, height), samples = plan["size"], plan["samples"]
+        self.drawn.append(((width, height), samples))
+        rays = width * height * samples
+        about = {
+            "seconds": {"build": self.build, "render": self.start + self.each * rays}, "rays": rays, "error": self.error / samples**0.5,
+            "error_in_few": self.stray, "partial": False, "threads": 2, "pace": 2.0 * self.each,
+        }  # fmt: skip
+        return Image(width, height, {}, about)
+
+
+def made(monkeypatch: pytest.MonkeyPatch, scene: ir.Scene, model: Model, seconds: float) -> estimate.Estimate:
+    monkeypatch.setattr(render_scene, "draw", model.draw)
+    light = reference_light.choose(scene, ir.Settings(size=(480, 320)))
+    found = estimate.make(scene, light, threading.Event(), seconds)
+    assert found is not None
+    return found
+
+
+def test_noise_and_time_of_a_known_renderer_are_found(monkeypatch: pytest.MonkeyPatch, scene: ir.Scene) -> None:
+    model = Model()
+    found = made(monkeypatch, scene, model, 1e9)
+    assert model.drawn == [((24, 16), 4), ((24, 16), 16), ((120, 80), 4), ((120, 80), 16)]
+    assert (found.error, found.wrong, found.each, found.start) == pytest.approx((0.8, 1.0, 1e-3, 0.75))
+    assert found.seconds(100) == pytest.approx(0.75 + 1e-3 * 480 * 320 * 100)
+
+
+def test_pictures_that_do_not_fit_into_the_time_are_left_out_and_widen_the_bounds(monkeypatch: pytest.MonkeyPatch, scene: ir.Scene) -> None:
+    model = Model(start=0.02, each=1e-2)
+    found = made(monkeypatch, scene, model, 300.0)  # the third takes 384 s: the pace of the first two tells
+    assert model.drawn == [((24, 16), 4), ((24, 16), 16)]
+    assert (found.error, found.wrong, found.each) == pytest.approx((0.8, 4.0, 1e-2))
+    assert found.samples(0.02)[1:] == pytest.approx((1600 / 5.2, 1600 * 5.2))
+    two = made(monkeypatch, scene, Model(each=1e-3), 100.0)  # the last takes 154 s
+    assert (two.wrong, two.each, two.start) == pytest.approx((2.0, 1e-3, 0.75))
+
+
+def test_stray_bright_samples_widen_the_bounds(monkeypatch: pytest.MonkeyPatch, scene: ir.Scene) -> None:
+    assert made(monkeypatch, scene, Model(stray=0.5), 1e9).wrong == pytest.approx(2.0)
+    assert made(monkeypatch, scene, Model(stray=1.0), 1e9).wrong == pytest.approx(4.0)
+
+
+def test_an_estimate_without_time_has_least_times(scene: ir.Scene) -> None:
+    light = reference_light.choose(scene, ir.Settings(size=(480, 320)))
+    found = estimate.make(scene, light, threading.Event(), 0.0)
+    assert found is not None
+    assert found.error == math.inf
+    assert replace(ROOM, error=math.inf).answer(0.02) == (
+        "2 %: ray with paths, unknown: the budget has no time for a first estimate"
+    )
+
+
+def test_a_run_at_the_end_of_the_budget_is_interrupted_and_the_question_answered(monkeypatch: pytest.MonkeyPatch, scene: ir.Scene) -> None:
+    def run(scene: ir.Scene, plan: Plan, cancel: threading.Event) -> Any:
+        while not cancel.is_set():
+            time.sleep(0.01)
+        raise runs.Cancelled
+
+    quick = replace(ROOM, start=0.0, each=1e-9)
+    monkeypatch.setattr(estimate, "make", lambda *given: quick)
+    monkeypatch.setattr(runs, "run", run)
+    monkeypatch.setattr(runs, "import_seconds", lambda: 0.0)
+    began = time.monotonic()
+    with pytest.raises(NothingMeasured) as raised:
+        engine.measure(scene, Wanted("a.scene", ir.Settings(size=(48, 32)), budget=1.0))
+    assert time.monotonic() - began < 2.0
+    assert str(raised.value) == "nothing was measured within 1 s: give a longer --budget, such as 60s, or a smaller --size"
+    assert raised.value.answer == quick.answer(0.02)
 
 
 @pytest.fixture

@@ -91,7 +91,8 @@ def same(a: Image, b: Image) -> None:
     assert list(a.channels) == list(b.channels)
     for name in a.channels:
         np.testing.assert_array_equal(a.channels[name], b.channels[name], name)
-    different = {"seconds", "ready", "threads", "variance", "half_difference"}  # times, and arrays compared elsewhere
+    times = {"seconds", "ready", "ready_cpu", "elapsed", "elapsed_cpu", "pace"}
+    different = {*times, "threads", "variance", "half_difference"}  # arrays that are compared elsewhere
     assert {k: v for k, v in a.metadata.items() if k not in different} == {k: v for k, v in b.metadata.items() if k not in different}
 
 

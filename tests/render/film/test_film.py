@@ -121,7 +121,7 @@ def test_any_number_of_threads_gives_the_same_bits(asked: dict[str, Any]) -> Non
             np.testing.assert_array_equal(channel, other.channels[name])
         for name in ("variance", "half_difference"):
             np.testing.assert_array_equal(one.metadata[name], other.metadata[name])
-        same = {k: v for k, v in one.metadata.items() if k not in ("threads", "variance", "half_difference")}
+        same = {k: v for k, v in one.metadata.items() if k not in ("threads", "pace", "variance", "half_difference")}
         assert same == {k: other.metadata[k] for k in same}
 
 
@@ -138,7 +138,7 @@ def test_a_progressive_picture_refines_all_tiles_together_to_the_same_bits(asked
     for name, channel in plain.channels.items():
         np.testing.assert_array_equal(picture.channels[name], channel)
     np.testing.assert_array_equal(picture.metadata["variance"], plain.metadata["variance"])
-    same = {k: v for k, v in plain.metadata.items() if k not in ("threads", "variance", "half_difference")}
+    same = {k: v for k, v in plain.metadata.items() if k not in ("threads", "pace", "variance", "half_difference")}
     assert same == {k: picture.metadata[k] for k in same}
     first = next(k for k, samples in enumerate(shown) if samples.min() > 0)
     assert shown[first].max() <= 4

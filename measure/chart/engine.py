@@ -31,7 +31,7 @@ from . import contestant, estimate, pareto, raw_images, reference, reference_lig
 from .contestant import Contestant, Step
 
 MIN_RUNS, TARGET_RUNS = 5, 16  # runs of a setting: quartiles need the first, separation of bias and noise the second
-ESTIMATE_SHARE, LEAST_ESTIMATE = 0.25, 1.5  # of the budget that is left, and seconds at least: for the first estimate
+ESTIMATE_SHARE = 0.2  # of the budget that is left, for the first estimate, and for the picture before it that loads kernels
 LONGER, USUAL = 5.0, 60.0  # times a budget, and seconds at least: that are named where nothing is known of a scene
 WARMUP_SHARE = 0.15  # of the budget that is left, for the first renders of a backend
 REFERENCE_SHARE = 0.5  # of the budget
@@ -177,7 +177,7 @@ class _Measurement:
         """The estimate of small pictures. Raises NothingMeasured if the least chart takes longer than the budget, runs.Cancelled."""
         if "ray" not in self.wanted.backends:
             return None
-        seconds = max(ESTIMATE_SHARE * self.budget.left(), LEAST_ESTIMATE)
+        seconds = max(ESTIMATE_SHARE * self.budget.left(), 0.0)
         guess = self.guess = estimate.make(self.scene, self.light, self.cancel, seconds)
         if guess is None:
             return None
@@ -189,7 +189,8 @@ class _Measurement:
             return guess
         samples = guess.samples(self.wanted.target)[0]
         full = self._needed(guess, samples, available, REFERENCE_FACTOR * samples / reference.MIN_SEEDS)
-        asked = formatting.target("relmse", self.wanted.target)
+        asked, before = formatting.target("relmse", self.wanted.target), self.wanted.budget - self.budget.left()  # with what is reserved
+        least, full = before + least, before + full
         raise NothingMeasured(
             f"the least chart takes about {formatting.seconds(least)}, and one that measures {asked} about {formatting.seconds(full)}, of "
             f"the {self.wanted.budget:g} s there are: give a longer --budget or a smaller --size", guess.answer(self.wanted.target),

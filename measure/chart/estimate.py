@@ -25,6 +25,7 @@ DIVISOR, SMALLEST, TINY = 4, 48, 16  # of the size of the pictures, and pixels o
 SAMPLES = (4, 16)
 SPREAD = 1.3  # factor of the samples, either way, beyond the disagreement of both pictures
 ALONE, TINY_ALONE = 2.0, 4.0  # in place of that disagreement, where one picture was drawn, and where that was the tiny one
+LOADING = 3.0  # seconds in which the first picture loads kernels, on a busy machine
 STRAY = 4.0  # most of the factor by which stray bright samples widen it
 
 
@@ -81,8 +82,11 @@ class _Picture(NamedTuple):
 
 
 def make(scene: ir.Scene, light: ReferenceLight, cancel: threading.Event, seconds: float = math.inf) -> Estimate | None:
-    """The estimate of a scene, in so many seconds; None where the pictures have no noise. Raises runs.Cancelled."""
-    plan, limit = light.plan(scene), Deadline(seconds)
+    """The estimate of a scene, in so many seconds after the first picture; None where the pictures have no noise.
+
+    The first picture takes as long, or LOADING seconds if that is more. Raises runs.Cancelled.
+    """
+    plan, limit = light.plan(scene), Deadline(max(seconds, LOADING))
     small, tiny = _size(plan, SMALLEST), _size(plan, TINY)
     found: list[_Picture] = []
     with limit.watch_compiler():
@@ -99,6 +103,8 @@ def make(scene: ir.Scene, light: ReferenceLight, cancel: threading.Event, second
                 break
             if one.error is None or not one.error > 1e-6:
                 return None
+            if not found:
+                limit = Deadline(seconds)
             found.append(one._replace(tiny=size != small))
     return _of(plan, found) if found else Estimate(_how(plan), _pixels(plan), math.inf, 1.0, limit.spent(), 0.0)
 
@@ -135,7 +141,8 @@ def _of(plan: Plan, found: list[_Picture]) -> Estimate:
         disagreement = max(error / _of_one_sample(found[-2]), _of_one_sample(found[-2]) / error) ** 2
         wrong = max(disagreement, wrong) if found[-2].tiny else disagreement
     wrong *= min(1.0 / max(1.0 - last.stray, 1e-6), STRAY)
-    return Estimate(_how(plan), _pixels(plan), error, wrong, last.build + max(last.render - each * last.rays, 0.0), each)
+    start = last.build + max(last.render - each * last.rays, 0.0) if len(found) > 1 else 0.0
+    return Estimate(_how(plan), _pixels(plan), error, wrong, start, each)
 
 
 def _of_one_sample(one: _Picture) -> float:

@@ -245,8 +245,8 @@ def test_matplotlib_is_loaded_by_no_other_command(folder: Path, arguments: tuple
 
 
 def test_a_small_scene_is_measured(folder: Path) -> None:
-    code, out, err = run("chart", "a.scene", "-o", "a.svg", "-o", "a.html", "--size", "24x16", "--budget", "6s", "--keep", "raw")
-    assert (code, err) == (0, "in a.svg, a.html, a.json\n")
+    code, out, err = run("chart", "a.scene", "-o", "a.svg", "-o", "a.html", "--size", "24x16", "--budget", "8s", "--keep", "raw")
+    assert (code, err.splitlines()[:1]) == (0, ["in a.svg, a.html, a.json"])  # on a busy machine a warning tells that it is late
     made = json_format.read((folder / "a.json").read_text(encoding="utf-8"))
     assert (made.scene, made.size, made.metric) == ("a.scene", (24, 16), "relmse")
     told = " ".join([*(curve.backend for curve in made.curves), *made.left_out])  # on a busy machine not all fit, and that is said

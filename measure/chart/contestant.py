@@ -76,8 +76,11 @@ def spread(values: list[float]) -> Spread:
     return Spread(median, low, high, len(values))
 
 
-def backend_contestant(scene: ir.Scene, light: ReferenceLight, backend: str, cancel: threading.Event) -> Contestant:
-    """One of our backends after a warm-up render, with kernels compiled and loaded. Raises runs.Cancelled."""
+def backend_contestant(scene: ir.Scene, light: ReferenceLight, backend: str, cancel: threading.Event, imports: bool = True) -> Contestant:
+    """One of our backends after a warm-up render, with kernels compiled and loaded. Raises runs.Cancelled.
+
+    Without `imports`, the time of importing is not measured, and 0.
+    """
 
     def draw(setting: Setting, seed: int) -> Run:
         return runs.run(scene, runs.make_plan(scene, light.settings, setting, seed), cancel)
@@ -92,7 +95,7 @@ def backend_contestant(scene: ir.Scene, light: ReferenceLight, backend: str, can
         part = replace(cheapest, options={**cheapest.options, "crop": middle})
         return dict(runs.run(scene, runs.make_plan(scene, light.settings, part, 0), cancel).seconds)
 
-    stages = {"import": runs.import_seconds(), "compile_kernels": warm(sweeps[0])["compile_kernels"]}
+    stages = {"import": runs.import_seconds() if imports else 0.0, "compile_kernels": warm(sweeps[0])["compile_kernels"]}
     first = [warm(sweep) for sweep in sweeps]
     return Contestant(backend, sweeps, draw, tuple(s["build"] + s["render"] * share for s in first), stages)
 

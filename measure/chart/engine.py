@@ -32,7 +32,9 @@ from .contestant import Contestant, Step
 
 MIN_RUNS, TARGET_RUNS = 5, 16  # runs of a setting: quartiles need the first, separation of bias and noise the second
 ESTIMATE_SHARE = 0.2  # of the budget that is left, for the first estimate, and for the picture before it that loads kernels
+DOUBT = 2.0  # times the time that is left, from which on a first estimate of the least chart ends it
 LONGER, USUAL = 5.0, 60.0  # times a budget, and seconds at least: that are named where nothing is known of a scene
+UNHURRIED = 20.0  # seconds that are left, from which on the time of importing is measured
 WARMUP_SHARE = 0.15  # of the budget that is left, for the first renders of a backend
 REFERENCE_SHARE = 0.5  # of the budget
 RESERVED_SHARE, MAX_RESERVED = 0.2, 2.5  # share of the budget, and seconds: for loading before and drawing after the measurement
@@ -155,9 +157,10 @@ class _Measurement:
                 self.left_out[backend] = why
                 continue
             limit = Deadline(math.inf if backend == "ray" else WARMUP_SHARE * max(self.budget.left(), 0.0))
+            stop, imports = runs.Stop(self.stop, limit.is_over), self.budget.left() > UNHURRIED
             try:
                 with limit.watch_compiler():
-                    found.append(contestant.backend_contestant(self.scene, self.light, backend, runs.Stop(self.stop, limit.is_over)))
+                    found.append(contestant.backend_contestant(self.scene, self.light, backend, stop, imports))
             except runs.Cancelled:
                 if self.stop.is_set():
                     raise
@@ -185,7 +188,7 @@ class _Measurement:
             raise NothingMeasured(self._too_short(), self._answer())
         available = reference.known_samples(self.scene, self.light)
         least = self._needed(guess, 1.0, available, reference.MIN_SAMPLES)
-        if least <= self.deadline - time.perf_counter():
+        if least <= DOUBT * self.budget.left():
             return guess
         samples = guess.samples(self.wanted.target)[0]
         full = self._needed(guess, samples, available, REFERENCE_FACTOR * samples / reference.MIN_SEEDS)

@@ -26,6 +26,7 @@ SAMPLES = (4, 16)
 SPREAD = 1.3  # factor of the samples, either way, beyond the disagreement of both pictures
 ALONE, TINY_ALONE = 2.0, 4.0  # in place of that disagreement, where one picture was drawn, and where that was the tiny one
 LOADING = 3.0  # seconds in which the first picture loads kernels, on a busy machine
+CLEAR = 0.1  # seconds that one picture takes longer than another, from which on other work on the machine hides it no more
 STRAY = 4.0  # most of the factor by which stray bright samples widen it
 
 
@@ -135,8 +136,8 @@ def _of(plan: Plan, found: list[_Picture]) -> Estimate:
     each = last.pace or last.render / last.rays
     wrong = TINY_ALONE if last.tiny else ALONE
     if len(found) > 2:
-        slope = (last.render - found[-2].render) / max(last.rays - found[-2].rays, 1)
-        each = slope if slope > 0.0 else each
+        more = last.render - found[-2].render
+        each = more / max(last.rays - found[-2].rays, 1) if more > CLEAR else each
     if len(found) > 1:
         disagreement = max(error / _of_one_sample(found[-2]), _of_one_sample(found[-2]) / error) ** 2
         wrong = max(disagreement, wrong) if found[-2].tiny else disagreement

@@ -196,7 +196,7 @@ def measured(scene: ir.Scene, budget: float = DAY, **more: Any) -> Chart:
     return engine.measure(scene, Wanted("a.scene", budget=budget, **more))
 
 
-def test_the_budget_bounds_the_whole(scene: ir.Scene) -> None:
+def test_the_budget_bounds_the_whole(scene: ir.Scene, made: Chart) -> None:  # which has loaded the kernels
     began = time.perf_counter()
     told: list[tuple[float, float]] = []
     wanted = Wanted("a.scene", SETTINGS, ("ray", "raster", "reference"), budget=4.0)

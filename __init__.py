@@ -13,6 +13,7 @@ import_path.isolate_command(__name__, __path__[0])
 
 import sys
 import tempfile
+import time
 import warnings
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -125,21 +126,23 @@ def render(scene: "ir.Scene | str | Path | Any", *, plan: Mapping[str, str] | No
     `options` are the fields of compiler.ir.Settings: size=(800, 600), backend="ray", samples=16, aov=("depth",) and so on; they go
     before the scene's own. For a file they are the options of `load` as well, values of params among them: height=0.4.
     `plan` overrides decisions by name. The Image holds float32 linear channels. Warnings are SceneWarnings; see image.diagnostics.
+    A budget counts from this call on, with the reading of a file.
     """
+    began = time.perf_counter(), time.process_time()
     from .compiler import ir
     from .lang.diagnostics import SceneError
     from .render.python_options import explain_unknown, split
     from .render.python_scene import Scene
 
     if isinstance(scene, ir.Scene):
-        return Scene.of(scene).render(plan=plan, **options)
+        return Scene.of(scene).render_since(began, plan, options.pop("diagnostics", None), options)
     settings, others = split(options)
     try:
         loaded = load(scene, **others)
     except SceneError as error:
         explain_unknown(error, "render", others)
         raise
-    return loaded.render(plan=plan, diagnostics=others.get("diagnostics"), **settings)
+    return loaded.render_since(began, plan, others.get("diagnostics"), settings)
 
 
 def sweep(source: "str | Path", *, plan: Mapping[str, str] | None = None, **options: Any) -> "list[Swept]":

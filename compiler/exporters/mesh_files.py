@@ -35,6 +35,7 @@ class Part(NamedTuple):
     materials: tuple[Material, ...] = ()
     material: NDArray[np.int64] | None = None  # (m,) of each triangle, in `materials`
     instance: int = -1  # its row
+    edges: float = 0.0  # largest distance of the true surface from its triangles, in metres
 
 
 MIN_SEPARATION = 2.0**-20  # of the largest coordinate: least distance by which touching edges are separated
@@ -63,7 +64,7 @@ def separate(parts: Sequence[Part], ending: str) -> tuple[list[Part], int]:
             if len(corners):
                 moved = part.positions.copy()
                 moved[corners] -= step * _normals(part)[corners]
-                parts[i] = part._replace(positions=moved, deviation=part.deviation + step)
+                parts[i] = part._replace(positions=moved, deviation=part.deviation + step, edges=part.edges + step)
     return parts, sum(int(mask.sum()) for mask in _coincident_sides(parts, middle, reach)) // 2
 
 

@@ -43,8 +43,7 @@ def read(
     format_ = Path(name).suffix.lower()
     whole = Span(name)
     if format_ not in file_types.MESH:
-        advice = foreign_formats.advice(name)
-        hint = advice or f"known are {', '.join(file_types.MESH)}, and USD"
+        hint = foreign_formats.placed_by(name) or f"known are {', '.join(file_types.MESH)}, and USD"
         diagnostics.error(f"`{name}` is no mesh file that is known", span or whole, hint)
         return []
     folder = source.parent if isinstance(source, Path) else None

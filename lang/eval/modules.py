@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any, Protocol
 
-from .. import file_types, units
+from .. import file_types, foreign_formats, units
 from ..diagnostics import Diagnostics, Span
 from ..input_error import InputError
 from ..limits import MAX_FILES
@@ -152,7 +152,8 @@ class Loader:
         library = path.startswith("std/")
         if not library and not path.endswith(".scene"):
             known = "a file ends with one of " + " ".join((*file_types.SCENE, *file_types.USD, *file_types.MESH))
-            raise ReadError(f'cannot use "{path}"', known if "." in path.rsplit("/", 1)[-1] else f'write "{path}.scene"')
+            hint = foreign_formats.advice(path) or known
+            raise ReadError(f'cannot use "{path}"', hint if "." in path.rsplit("/", 1)[-1] else f'write "{path}.scene"')
         source = self.reader.scene(path, module.source.path, use.path.span)
         if any(s.path == source.path for s, _ in self.chain):
             start = next(i for i, (s, _) in enumerate(self.chain) if s.path == source.path)

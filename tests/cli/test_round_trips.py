@@ -159,7 +159,13 @@ def test_options_that_a_file_cannot_take(tmp_path: Path) -> None:
     ("name", "hint"),
     [
         ("a.step", "FreeCAD opens it, and exports .3mf or .stl"), ("a.IGES", "FreeCAD opens it, and exports .3mf or .stl"),
-        ("a.fbx", "Blender imports it, and exports .glb or .usdc"), ("a.dae", "Blender imports it, and exports .glb or .usdc"),
+        ("a.fbx", "Blender imports it, and exports .glb or .usdc"), ("a.abc", "Blender imports it, and exports .glb or .usdc"),
+        ("a.dae", "assimp converts it: assimp export a.dae a.glb -fglb2"),
+        ("a.amf", "assimp converts it: assimp export a.amf a.glb -fglb2"),
+        ("a b.DAE", "assimp converts it: assimp export FILE.DAE FILE.glb -fglb2"),
+        ("a.wrl", "MeshLab opens it, and exports .ply or .obj"), ("a.vrml", "MeshLab opens it, and exports .ply or .obj"),
+        ("a.x3d", "MeshLab opens it, and exports .ply or .obj"), ("a.las", "CloudCompare opens it, and exports .ply"),
+        ("a.dxf", "it is a drawing: FreeCAD extrudes it, and exports .3mf or .stl"),
         ("a.blend", "Blender writes it: blender a.blend -b --python-expr \"import bpy; bpy.ops.wm.usd_export(filepath='a.usdc')\""),
         ("x'$(id).blend", "Blender writes it: blender FILE.blend -b --python-expr "
          "\"import bpy; bpy.ops.wm.usd_export(filepath='FILE.usdc')\""),
@@ -168,11 +174,33 @@ def test_options_that_a_file_cannot_take(tmp_path: Path) -> None:
 def test_a_format_that_is_not_read_names_a_program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, hint: str) -> None:
     monkeypatch.chdir(tmp_path)
     Path(name).write_text("x", encoding="utf-8")
-    Path("a.scene").write_text(f'mesh("{name}")\n', encoding="utf-8")
     assert run("check", name) == (1, f"{name}: 1 error\n", f"{name}: error: `{name}` is no kind of scene that is known\n  {hint}\n")
+    for line in (f'mesh("{name}")\n', f'usd("{name}")\n', f'use "{name}"\nsphere(1)\n'):
+        Path("a.scene").write_text(line, encoding="utf-8")
+        code, _, err = run("check", "a.scene")
+        assert code == 1
+        assert hint in err
+
+
+@pytest.mark.parametrize(("line", "fix"), [
+    ('usd("a.obj")', 'write mesh("a.obj")'), ('mesh("a.usda")', 'write usd("a.usda")'), ('mesh("b.scene")', 'write use "b.scene"'),
+    ('mesh("c")', "known are .obj, .ply, .stl, .glb, .gltf, .off, .3mf, .xyz, and USD"),
+])  # fmt: skip
+def test_a_file_of_another_element_names_that(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, line: str, fix: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("a.obj", "a.usda", "b.scene", "c"):
+        Path(name).write_text("x", encoding="utf-8")
+    Path("a.scene").write_text(f"{line}\n", encoding="utf-8")
     code, _, err = run("check", "a.scene")
     assert code == 1
-    assert hint in err
+    assert fix in err
+
+
+def test_a_stage_that_refers_to_another_format(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.dae").write_text("x", encoding="utf-8")
+    Path("a.usda").write_text('#usda 1.0\ndef "a" (references = @./a.dae@) {}\n', encoding="utf-8")
+    assert "  assimp converts it: assimp export a.dae a.glb -fglb2" in run("check", "a.usda")[2].splitlines()
 
 
 SOLIDS = {

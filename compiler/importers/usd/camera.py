@@ -17,8 +17,9 @@ from ...scene import transforms
 from ...scene.builder import SceneBuilder
 from ...scene.row_records import NO_PLANES, CameraData
 from . import stage
+from .layers.reports import reason
 from .render_settings import Asked
-from .stage import Opened, reason
+from .stage import Opened
 
 FILM = (20.955, 15.2908)  # mm: usdrecord's default camera
 FOCAL = 50.0  # mm

@@ -22,7 +22,8 @@ from ..common.replacements import Replacements
 from ..stage_options import StageOptions
 from . import camera, render_settings
 from .layers import text_layers
-from .stage import Opened, Reports, open_
+from .layers.reports import Reports
+from .stage import Opened, open_
 from .traverse import Walk
 
 

@@ -13,7 +13,8 @@ from pxr import Tf, Usd, UsdGeom, UsdSkel, Vt
 
 from ...mesh.polygon_mesh import PolyMesh
 from ...mesh.skinning import blended_normals, deformed_normals
-from .stage import Warnings, reason
+from .layers.reports import reason
+from .stage import Warnings
 
 _PREDICATE = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 

@@ -14,15 +14,16 @@ from typing import Any
 import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdUtils, Vt
 
+from ....lang import file_types, foreign_formats
 from ....lang.diagnostics import Diagnostics, Span, suggest
 from ...io.sandbox import Files
 from ..stage_options import StageOptions
 from .instancing import prototypes
-from .layers import access, crate_check, packages, prim_count, repair, text_layers
+from .layers import access, crate_check, packages, prim_count, repair
+from .layers.reports import Reports, reason
 from .layers.spec_tree import SpecTree
 
 Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # −90° about x
-MAX_WARNINGS = 20
 _TIME_ROUNDING = 0.005  # time codes: less than three digits of a second hold
 
 
@@ -200,29 +201,6 @@ def primvar_mean(prim: Any, name: str, time: Any) -> tuple[np.ndarray | None, in
     return linear(found.GetAttr(), values.reshape(len(values), -1)).mean(axis=0), len(values)
 
 
-class Reports:
-    """Captures usd-core's messages, which it would print, and emits them as warnings."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._delegate = UsdUtils.CoalescingDiagnosticDelegate()
-
-    def tell(self, diagnostics: Diagnostics, span: Span) -> None:
-        said = dict.fromkeys(_plain(_commentary(d), self._path) for d in self._delegate.TakeUncoalescedDiagnostics())
-        for count, message in enumerate(said):
-            if count == MAX_WARNINGS:
-                diagnostics.warning(f"usd-core has {len(said) - count} more warnings", span)
-                break
-            diagnostics.warning(message, span)
-
-
-def _commentary(diagnostic: Any) -> str:
-    try:
-        return diagnostic.commentary
-    except UnicodeDecodeError:
-        return "usd-core has a message that is not UTF-8"
-
-
 def open_(
     path: Path, name: str, files: Files, diagnostics: Diagnostics, span: Span | None, *, seconds: float | None = None,
     time: float | None = None, options: StageOptions | None = None,
@@ -245,7 +223,8 @@ def open_(
         if at and span is None:
             line, column = int(at[1]), int(at[2])
             whole, why = Span(name, line, column, line, column + 1), at[3]
-        diagnostics.error(f"cannot read the stage `{path.name}`: {why}", whole)
+        other = path.suffix.lower() not in file_types.USD
+        diagnostics.error(f"cannot read the stage `{path.name}`: {why}", whole, foreign_formats.placed_by(path.name) if other else "")
         return None
     finally:
         reports.tell(diagnostics, whole)
@@ -259,7 +238,8 @@ def open_(
     for where, choice in options.variants.items():
         _choose(stage, where, choice, diagnostics, whole)
     if why := may.leave_out_used(stage):
-        diagnostics.error(f"cannot read the stage `{path.name}`: {why}", whole)
+        other = path.suffix.lower() not in file_types.USD
+        diagnostics.error(f"cannot read the stage `{path.name}`: {why}", whole, foreign_formats.placed_by(path.name) if other else "")
     if why or may.failed:
         return None
     if excess := prototypes.without_excess(stage):
@@ -427,21 +407,3 @@ def _choose(stage: Any, where: str, choice: str, diagnostics: Diagnostics, span:
 
 def _listed(what: str, names: list[str]) -> str:
     return f"{what}: {', '.join(names[:12])}" if names else ""
-
-
-def reason(failure: Exception, path: Path) -> str:
-    """The first of usd-core's messages. Its lines are `Error in 'function' at line n in file f : 'message'`."""
-    lines = text_layers.text_of(failure).strip().splitlines() or ["no reason given"]
-    first = next((line for line in lines if "Error in" in line), lines[-1])
-    return _plain(first.partition(" : '")[2].rstrip("'") or first, path)
-
-
-def _plain(message: str, path: Path) -> str:
-    """A message on one line, with paths relative to the stage's folder and without usd-core's object names."""
-    line = " ".join(message.split())
-    line = re.sub(r" \(instantiating stage on stage .*?>\)", "", line)
-    line = re.sub(r" matching \S*pxrInternal\S*", "", line)
-    line = re.sub(r",?@anon:0x[0-9a-f]+[^@]*@", "", line)  # the session layer
-    for folder in (path.parent, path.resolve().parent):
-        line = line.replace(f"{folder}/", "")
-    return line if len(line) <= 300 else line[:299] + "…"

@@ -21,9 +21,10 @@ from . import geometry as geometry_module
 from .instancing import instancers
 from .instancing.pieces import Piece, merged
 from .instancing.prototypes import Prototypes
+from .layers.reports import reason
 from .materials import DEFAULT_COLOR, DISPLAY_COLOR, DISPLAY_OPACITY, Materials
 from .network import Fit, Network, Picture
-from .stage import Opened, numbers, primvar_mean, reason
+from .stage import Opened, numbers, primvar_mean
 
 MAX_INSTANCES = 4_000_000
 MAX_BALLS = 5_000  # points drawn as exact spheres

@@ -96,7 +96,10 @@ def _holds(codes: Ints, wanted: Ints) -> NDArray[np.bool_]:
 
 
 def _reach(tree: TriangleTree, low: Floats, cells: Ints, size: float, pieces: Floats, limit: float) -> Floats:
-    """(n,) bounds of the distance of points of cells from triangles, of which `limit` is enough: a diagonal where a cell has one, two where one beside it has one."""
+    """(n,) bounds of the distance of points of cells from triangles, of which `limit` is enough.
+
+    They are a diagonal where a cell has a piece of a triangle, and two where a cell beside it has one.
+    """
     middles = np.unique(_code(np.floor((pieces.mean(axis=1) - low) / size).astype(np.int64)))
     own = _holds(middles, _code(cells))
     beside = _holds(middles, _code((cells[:, None] + _AROUND).reshape(-1, 3))).reshape(-1, len(_AROUND)).any(axis=1)
@@ -156,7 +159,8 @@ def _on_surface(tape: Tape, centers: Floats, size: float) -> Floats:
         value, gradient = numpy_interpreter.gradients(tape, *places.T)
         with np.errstate(all="ignore"):
             step = (value / (gradient**2).sum(axis=0) * gradient).T
-        places = np.where(np.isfinite(step).all(axis=1)[:, None], np.clip(places - step, centers - 0.5 * size, centers + 0.5 * size), places)
+        moved = np.clip(places - step, centers - 0.5 * size, centers + 0.5 * size)
+        places = np.where(np.isfinite(step).all(axis=1)[:, None], moved, places)
     _, gradient = numpy_interpreter.gradients(tape, *places.T)
     with np.errstate(all="ignore"):
         beside = _BESIDE * size * (gradient / np.linalg.norm(gradient, axis=0)).T

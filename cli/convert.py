@@ -81,16 +81,20 @@ def convert(
     made = _export(compiled, plan, output, deviation)
     made.save(output)
     terminal.report(made.found)
+    if ending in ASSETS and made.triangles:
+        told = tell_deviation(made.deviation, made.edges, deviation, _has_cut_edges(compiled))
+        click.echo(f"{output}: {made.triangles} triangles, {told}", err=True)
 
 
 def _write_triangles(scene: ir.Scene, output: Path, ending: str, tolerance: float | None) -> None:
-    from ..compiler.exporters import mesh_files
+    from ..compiler.exporters import mesh_files, mesh_losses
     from ..render.tessellation import printable_mesh
 
     parts, found = printable_mesh.printable_parts(scene, tolerance, bounded=True)
     terminal.report(found)
     if not parts:
         raise click.ClickException("the scene has no bounded surface to write")
+    terminal.report(mesh_losses.losses(scene, parts, ending))
     moved = None
     if ending in mesh_files.SINGLE:
         parts, moved = mesh_files.center(parts)
@@ -125,8 +129,9 @@ def tell_deviation(off: float, edges: float, tolerance: float | None, cut: bool)
         message = f"{whose} up to {size} mm {apart}, more than the {tolerance * 1000:.3g} mm asked for"
         hint = "solids with fillets, formulas or meshes in them have a limit on cells: make them of smaller parts, or of sharp ones"
         terminal.report([Diagnostic("warning", message, None, hint)])
-    told = f"distance from the true surface {_up(off * 1000)} mm at most"
-    if most > (1.001 * off if tolerance is None else max(1.001 * off, tolerance)):
+    apart = most > 1.05 * off and (tolerance is None or most > 1.001 * tolerance)
+    told = f"distance from the true surface {_up((off if apart else most) * 1000)} mm at most"
+    if apart:
         told += f"; edges and thin parts of it are {_up(most * 1000)} mm from the triangles at most"
     return told + ("; edges where parts meet may be farther" if cut else "")
 

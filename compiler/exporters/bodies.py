@@ -13,13 +13,22 @@ from . import common
 from .common import F64, Export, Shell
 
 PLANE_REACH = 20.0  # radii of the scene: half the side of the square that stands for an endless plane
+ROUNDING = 3.0 * 2.0**-24  # of a distance from the origin: a position and a matrix of float32 numbers
 _EVERYWHERE = ir.Visibility.CAMERA | ir.Visibility.SHADOW | ir.Visibility.REFLECTION
+
+
+class MeshError(NamedTuple):
+    """How far triangles are from the surface that they stand for, in its own frame."""
+
+    deviation: float  # the largest distance of a point of theirs
+    edges: float  # the largest distance of a point of the surface from them
 
 
 class Converters(NamedTuple):
     """Functions of the renderer that exporters need."""
 
     tessellate: common.Tessellate
+    error: Callable[[int], MeshError]  # of the mesh of an instance, once it is made
     materials: Callable[[ir.Tables, int, F64], NDArray[np.int64]]  # rows of the materials of an instance at world points (m, 3)
     png: Callable[..., bytes]  # (height, width, 3) values from 0 to 1, color: whether they are colours, alpha: (height, width) or None
     exr: Callable[[NDArray[np.float32]], bytes]  # (height, width, 3)
@@ -48,9 +57,21 @@ class Bodies:
         used: dict[str, int] = {}
         for i in range(len(self.tables.instances.geometry)):
             body = self._body(i)
-            if body is not None and len(body.shell.triangles):
+            if body is not None and not len(body.shell.triangles):
+                hint = "a smaller box as `within` has smaller cells"
+                self.out.cannot("this has no surface, or is thinner than the cells in which it is sampled: left out", "instances", i, hint)
+            elif body is not None:
                 count = used[body.name] = used.get(body.name, 0) + 1
+                self._tell(body)
                 yield body if count == 1 else body._replace(name=f"{body.name}.{count}")
+
+    def _tell(self, body: Body) -> None:
+        """Add a body to what is told of the triangles: their number and their distance from the surface, float32 numbers included."""
+        error, size = self._converters.error(body.instance), float(np.linalg.norm(body.matrix[:3, :3], 2))
+        reach = float(np.linalg.norm(body.shell.positions, axis=1).max()) * size + float(np.linalg.norm(body.matrix[:3, 3]))
+        self.out.triangles += len(body.shell.triangles)
+        self.out.deviation = max(self.out.deviation, error.deviation * size + ROUNDING * reach)
+        self.out.edges = max(self.out.edges, max(error.deviation, error.edges) * size + ROUNDING * reach)
 
     def _body(self, i: int) -> Body | None:
         instances, geometries = self.tables.instances, self.tables.geometries

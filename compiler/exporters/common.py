@@ -36,6 +36,9 @@ Tessellate = Callable[[int], tuple[F64, NDArray[np.int32], F64, F64, F64]]
 """Tessellates an instance (a row) whose shape a format lacks: positions, triangles, normals, uvs, metric as in Shell."""
 
 
+DEFAULT = "default"  # the name of the material of surfaces without one
+
+
 @dataclass(eq=False)
 class Export:
     """An exported scene: the main file's content, and the other files by name.
@@ -48,6 +51,9 @@ class Export:
     data: bytes = b""  # of a binary format, in place of the text
     files: dict[str, bytes] = field(default_factory=dict)
     found: list[Diagnostic] = field(default_factory=list)
+    triangles: int = 0
+    deviation: float = 0.0  # metres: largest distance of the triangles from the true surface
+    edges: float = 0.0  # metres: largest distance of the true surface from the triangles
 
     def cannot(self, message: str, table: str = "", row: int = -1, hint: str = "") -> None:
         """Report a loss, once."""

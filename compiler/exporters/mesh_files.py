@@ -22,6 +22,7 @@ class Material(NamedTuple):
 
     name: str
     color: tuple[float, ...]  # sRGB, 0 to 1
+    plain: bool = False  # what a scene has without a material: of a mesh with colours, these alone are written
 
 
 class Part(NamedTuple):
@@ -36,6 +37,8 @@ class Part(NamedTuple):
     material: NDArray[np.int64] | None = None  # (m,) of each triangle, in `materials`
     instance: int = -1  # its row
     edges: float = 0.0  # largest distance of the true surface from its triangles, in metres
+    colors: NDArray[np.float64] | None = None  # (m, 3, 3) linear, of the corners of triangles: factors of the materials' colours
+    rows: tuple[int, ...] = ()  # of the materials in the scene
 
 
 MIN_SEPARATION = 2.0**-20  # of the largest coordinate: least distance by which touching edges are separated
@@ -115,7 +118,7 @@ def rounding(parts: Sequence[Part], ending: str) -> float:
 def encode(parts: Sequence[Part], ending: str, library: str = "") -> bytes:
     """The content of a file with an extension in `WRITERS`; `library` is the name of the file with the materials of an OBJ file."""
     if ending in PRINTED:
-        parts = [part._replace(positions=part.positions[:, [0, 2, 1]] * [_MM, -_MM, _MM]) for part in parts]
+        parts = [part._replace(positions=part.positions[:, [0, 2, 1]] * [_MM, -_MM, _MM] + 0.0) for part in parts]
     return WRITERS[ending](parts, library)
 
 
@@ -137,13 +140,19 @@ def _obj(parts: Sequence[Part], library: str) -> bytes:
         lines.append(f"mtllib {library}")
     for part in parts:
         lines.append(f"o {part.name}")
-        lines += [f"v {x:.{DIGITS}g} {y:.{DIGITS}g} {z:.{DIGITS}g}" for x, y, z in part.positions.tolist()]
-        rows = np.zeros(len(part.triangles), np.int64) if part.material is None else part.material
+        places, triangles, tints = part.positions, part.triangles, None
+        if part.colors is not None:  # a vertex between two colours is there once for each
+            key = np.concatenate([triangles.reshape(-1, 1), np.round(255 * _srgb(part.colors)).reshape(-1, 3)], axis=1).astype(np.int64)
+            used, index = np.unique(key, axis=0, return_inverse=True)
+            places, triangles, tints = places[used[:, 0]], index.reshape(-1, 3), used[:, 1:] / 255
+        ends = [""] * len(places) if tints is None else [f" {r:.4f} {g:.4f} {b:.4f}" for r, g, b in tints.tolist()]
+        lines += [f"v {x:.{DIGITS}g} {y:.{DIGITS}g} {z:.{DIGITS}g}{end}" for (x, y, z), end in zip(places.tolist(), ends, strict=True)]
+        rows = np.zeros(len(triangles), np.int64) if part.material is None else part.material
         for k in np.unique(rows).tolist():
             if library and part.materials:
                 lines.append(f"usemtl {names[part.materials[k]]}")
-            lines += [f"f {a} {b} {c}" for a, b, c in (part.triangles[rows == k] + first).tolist()]
-        first += len(part.positions)
+            lines += [f"f {a} {b} {c}" for a, b, c in (triangles[rows == k] + first).tolist()]
+        first += len(places)
     return ("\n".join(lines) + "\n").encode()
 
 
@@ -186,8 +195,8 @@ def _joined(parts: Sequence[Part]) -> tuple[NDArray[np.float64], NDArray[np.int6
 def _ply(parts: Sequence[Part], library: str) -> bytes:
     """Binary PLY with sRGB colours of vertices; those between materials are there once for each colour."""
     positions, triangles = _joined(parts)
-    colors = np.concatenate([_face_colors(part) for part in parts])
-    key = triangles.astype(np.int64) * (1 << 24) + (colors.astype(np.int64) @ [1 << 16, 1 << 8, 1])[:, None]
+    colors = np.concatenate([_corner_colors(part) for part in parts])
+    key = triangles.astype(np.int64) * (1 << 24) + colors.astype(np.int64) @ [1 << 16, 1 << 8, 1]
     used, corners = np.unique(key, return_inverse=True)
     vertices = np.zeros(len(used), np.dtype([("place", "<f4", 3), ("color", "u1", 3)]))
     vertices["place"] = positions[used >> 24]
@@ -202,34 +211,55 @@ def _ply(parts: Sequence[Part], library: str) -> bytes:
     return head.encode() + vertices.tobytes() + faces.tobytes()
 
 
-def _face_colors(part: Part) -> NDArray[np.uint8]:
-    """(m, 3) the colour of each triangle; white without a material."""
+def _corner_colors(part: Part) -> NDArray[np.uint8]:
+    """(m, 3, 3) the sRGB colours of the corners of triangles; white without a material."""
     if not part.materials:
-        return np.full((len(part.triangles), 3), 255, np.uint8)
-    table = np.round(255 * np.clip([material.color for material in part.materials], 0.0, 1.0)).astype(np.uint8)
-    return table[np.zeros(len(part.triangles), np.int64) if part.material is None else part.material]
+        return np.full((len(part.triangles), 3, 3), 255, np.uint8)
+    rows = np.zeros(len(part.triangles), np.int64) if part.material is None else part.material
+    if part.colors is None:
+        table = np.round(255 * np.clip([material.color for material in part.materials], 0.0, 1.0)).astype(np.uint8)
+        return np.repeat(table[rows][:, None], 3, axis=1)
+    factors = np.array([(1.0, 1.0, 1.0) if m.plain else tuple(map(_linear, m.color)) for m in part.materials])
+    return np.round(255 * _srgb(part.colors * factors[rows][:, None])).astype(np.uint8)
+
+
+def _srgb(linear: NDArray[np.float64]) -> NDArray[np.float64]:
+    """sRGB colours from 0 to 1 of linear ones."""
+    clipped = np.clip(linear, 0.0, 1.0)
+    return np.where(clipped <= 0.0031308, 12.92 * clipped, 1.055 * clipped ** (1 / 2.4) - 0.055)
 
 
 def _3mf(parts: Sequence[Part], library: str) -> bytes:
-    """3MF core: a zip archive with an XML model, one object for each part; triangles have materials where a part has several."""
-    known = list(dict.fromkeys(material for part in parts for material in part.materials))
+    """3MF core: a zip archive with an XML model, one object for each part; triangles have materials where a part has several.
+
+    Parts with colours of their own have those of the Materials and Properties Extension, a colour for each corner.
+    """
+    known = list(dict.fromkeys(material for part in parts if part.colors is None for material in part.materials))
     bases = "".join(f'<base name={quoteattr(m.name)} displaycolor="{_hex(m.color)}"/>' for m in known)
     objects, items = [f'<basematerials id="1">{bases}</basematerials>'] if known else [], []
-    for number, part in enumerate(parts, 2):
+    tints = [None if part.colors is None else _corner_colors(part).astype(np.int64) @ [1 << 16, 1 << 8, 1] for part in parts]
+    colors = np.unique(np.concatenate([np.zeros(0, np.int64), *(t.ravel() for t in tints if t is not None)]))
+    if len(colors):
+        group = "".join(f'<m:color color="#{color:06X}"/>' for color in colors.tolist())
+        objects.append(f'<m:colorgroup id="2">{group}</m:colorgroup>')
+    for number, (part, tint) in enumerate(zip(parts, tints, strict=True), 3):
         vertices = "".join(f'<vertex x="{x:.{DIGITS}g}" y="{y:.{DIGITS}g}" z="{z:.{DIGITS}g}"/>' for x, y, z in part.positions.tolist())
-        rows = [known.index(material) for material in part.materials]
+        rows = [] if tint is not None else [known.index(material) for material in part.materials]
         looks = [""] * len(part.triangles)
-        if part.material is not None and len(rows) > 1:
+        if tint is not None:
+            looks = [f' pid="2" p1="{a}" p2="{b}" p3="{c}"' for a, b, c in np.searchsorted(colors, tint).tolist()]
+        elif part.material is not None and len(rows) > 1:
             looks = [f' pid="1" p1="{rows[k]}"' for k in part.material.tolist()]
         corners = zip(part.triangles.tolist(), looks, strict=True)
         triangles = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"{look}/>' for (a, b, c), look in corners)
         mesh = f"<mesh><vertices>{vertices}</vertices><triangles>{triangles}</triangles></mesh>"
-        look = f' pid="1" pindex="{rows[0]}"' if rows else ""
+        look = f' pid="1" pindex="{rows[0]}"' if rows else ' pid="2" pindex="0"' if tint is not None else ""
         objects.append(f'<object id="{number}" type="model" name={quoteattr(part.name)}{look}>{mesh}</object>')
         items.append(f'<item objectid="{number}"/>')
     model = (
         '<?xml version="1.0" encoding="UTF-8"?>\n<model unit="millimeter" xml:lang="en-US" '
-        'xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"><resources>'
+        'xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02" '
+        'xmlns:m="http://schemas.microsoft.com/3dmanufacturing/material/2015/02"><resources>'
         f"{''.join(objects)}</resources><build>{''.join(items)}</build></model>\n"
     )
     types = (

@@ -40,8 +40,12 @@ def deviations(tables: ir.Tables, g: int, mesh: tuple[NDArray, NDArray], toleran
 
 
 def tessellate(tables: ir.Tables, g: int, tolerance: float) -> Tessellation:
-    """The same as a tessellation, with the coordinates of `analytic_shapes.uv`."""
-    made = contour(tables, g, tolerance)
+    """The contour of implicit surface `g` as a tessellation."""
+    return as_tessellation(contour(tables, g, tolerance))
+
+
+def as_tessellation(made: dual_contouring.Contour) -> Tessellation:
+    """A contour as a tessellation, with the coordinates of `analytic_shapes.uv`."""
     positions = np.concatenate([made.positions, np.ones((len(made.positions), 1))], axis=1)
     triangles = made.triangles.astype(np.int32)
     uvs = np.stack([made.positions[:, 0], -made.positions[:, 2]], axis=1)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
+from ...compiler.exporters.common import DEFAULT
 from ...compiler.exporters.mesh_files import Material
 from ...compiler.formula import numpy_interpreter
 from ...compiler.formula.tape import load_tape
@@ -47,4 +48,4 @@ def material_of(scene: ir.Scene, row: int) -> Material:
     linear = tables.materials.values[row, _COLORS.get(model, _SLOT.DIFFUSE)]
     linear = linear / max(float(linear.max()), 1.0)  # emission may exceed 1
     name = names[row] if row < len(names) else ""
-    return Material(name or f"material{row}", tuple(encode_srgb(linear).tolist()))
+    return Material(name or f"material{row}", tuple(encode_srgb(linear).tolist()), name == DEFAULT)

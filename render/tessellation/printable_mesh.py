@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
+from ...compiler.exporters import common
 from ...compiler.exporters.mesh_files import Part
 from ...compiler.formula import dual_contouring
 from ...compiler.formula.tape import load_tape
@@ -40,6 +41,7 @@ class _LocalMesh(NamedTuple):
     off: float  # the largest distance from the true surface
     thin: float = 0.0  # parts thinner than this are missing
     edges: float = 0.0  # the largest distance of the true surface from the triangles
+    colors: NDArray[np.float64] | None = None  # (m, 3, 3) of the corners of triangles
 
 
 def printable_parts(
@@ -94,7 +96,8 @@ def _with_materials(scene: ir.Scene, i: int, part: Part) -> Part:
     """The part with the materials of its triangles, in the order of their rows."""
     rows = triangle_materials(scene.tables, i, part.positions[part.triangles].mean(axis=1))
     used, material = np.unique(rows, return_inverse=True)
-    return part._replace(materials=tuple(material_of(scene, row) for row in used.tolist()), material=material.reshape(-1), instance=i)
+    materials = tuple(material_of(scene, row) for row in used.tolist())
+    return part._replace(materials=materials, material=material.reshape(-1), instance=i, rows=tuple(used.tolist()))
 
 
 def _why_open(tables: ir.Tables, i: int, part: Part) -> tuple[str, str]:
@@ -111,16 +114,18 @@ def _part(tables: ir.Tables, i: int, name: str, tolerance: float, bounded: bool)
     matrix = tables.transforms.matrix[row]
     largest = float(np.linalg.norm(matrix[:, :3], 2))
     local = _local_mesh(tables, g, tolerance / largest, bounded)
-    positions, triangles = local.positions, local.triangles
+    positions, triangles, colors = local.positions, local.triangles, local.colors
     if tables.geometries.kind[g] != _KIND.FORMULA:  # merge the vertices duplicated at creases and seams
         positions, index = np.unique(np.round(positions, 15), axis=0, return_inverse=True)
         triangles = index.reshape(-1)[triangles]
-        triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
+        distinct = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
+        triangles, colors = triangles[distinct], None if colors is None else colors[distinct]
     if tables.transforms.flips[row]:
-        triangles = triangles[:, ::-1]
+        triangles, colors = triangles[:, ::-1], None if colors is None else colors[:, ::-1]
     positions = positions @ matrix[:, :3].T + matrix[:, 3]
     leaks = dual_contouring.open_edges(triangles)
-    return Part(name, positions, triangles, local.off * largest, leaks, edges=max(local.off, local.edges) * largest), local.thin * largest
+    edges = max(local.off, local.edges) * largest
+    return Part(name, positions, triangles, local.off * largest, leaks, edges=edges, colors=colors), local.thin * largest
 
 
 def _local_mesh(tables: ir.Tables, g: int, tolerance: float, bounded: bool) -> _LocalMesh:
@@ -130,7 +135,9 @@ def _local_mesh(tables: ir.Tables, g: int, tolerance: float, bounded: bool) -> _
         start, vertices = int(geometries.first_vertex[g]), int(geometries.vertex_count[g])
         positions = tables.pools.positions[start : start + vertices].astype(np.float64) + geometries.origin[g]
         triangles = tables.pools.triangles[first : first + count].astype(np.int64) - start
-        return _LocalMesh(positions, triangles, float(geometries.parameters[g, 0]))
+        tint = int(geometries.colors[g])
+        colors = None if tint < 0 else common.at_corners(tables, tint, triangles.astype(np.int32))
+        return _LocalMesh(positions, triangles, float(geometries.parameters[g, 0]), colors=colors)
     if kind == _KIND.FORMULA:
         tape = load_tape(tables, int(geometries.tape[g]))
         contour = implicit_surfaces.contour(tables, g, mesh_csg.CONTOUR_SHARE * tolerance, True)

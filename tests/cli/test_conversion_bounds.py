@@ -166,10 +166,10 @@ def check(solid: Solid, scale: float, share: float) -> None:
     assert tree.distance(surface).max(initial=0.0) <= edges * 1.0001 + 1e-9 * scale
 
 
-@settings(max_examples=5, deadline=None, derandomize=True)
+@settings(max_examples=3, deadline=None, derandomize=True)
 @given(pairs, st.sampled_from((0.001, 1.0, 10.0)))
 def test_told_distances_hold(solid: Solid, scale: float) -> None:
-    check(solid, scale, 0.04)
+    check(solid, scale, 0.08)
 
 
 @pytest.mark.long

@@ -44,21 +44,32 @@ def bounds(path: str) -> tuple[np.ndarray, np.ndarray]:
     return np.min([p["low"] for p in parts], axis=0), np.max([p["high"] for p in parts], axis=0)
 
 
+FARTHER = "edges and thin parts of it are "
+
+
+@pytest.mark.parametrize("ending", ["stl", "glb", "usda"])
 @pytest.mark.parametrize(
     ("text", "farther"),
     [
-        ("sphere(1)", False),
-        ("box(1)\nsphere(1, center: [3, 0, 0])", False),
-        ("mesh(points: [[0.1, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], faces: [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])", False),
-        ("difference { sphere(1); sphere(1, center: [0.1, 0, 0]) }", True),
-        ("intersection { sphere(1); revolve([[0, 0], [1, 0], [0, 1]]) }", True),
+        ("sphere(1)", ""),
+        ("box(1)\nsphere(1, center: [3, 0, 0])", ""),
+        ("mesh(points: [[0.1, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], faces: [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])", ""),
+        ("intersection { cone(0.05, 1); box(3) }", FARTHER),
     ],
 )
-def test_edges_where_parts_meet_are_told(tmp_path: Path, text: str, farther: bool) -> None:
+def test_edges_are_told(tmp_path: Path, text: str, farther: str, ending: str) -> None:
+    """A needle ends before its tip: no triangle is near that, and all triangles are near the needle."""
     (tmp_path / "a.scene").write_text(text, encoding="utf-8")
-    code, _, err = run("convert", tmp_path / "a.scene", tmp_path / "a.stl")
+    code, _, err = run("convert", tmp_path / "a.scene", tmp_path / f"a.{ending}")
     assert code == 0, err
-    assert err.rstrip().endswith("mm at most; edges where parts meet may be farther" if farther else "mm at most")
+    last = err.rstrip().splitlines()[-1]
+    assert last.endswith("mm from the triangles at most" if farther else "mm at most")
+    assert farther in last
+    if farther:
+        _, high = bounds(str(tmp_path / f"a.{ending}"))
+        found = re.search(r"of it are (\S+) mm from", last)
+        assert found is not None
+        assert 0.5 - high[1] <= float(found[1]) / 1000
 
 
 @pytest.mark.parametrize("ending", FORMATS)
@@ -68,7 +79,7 @@ def test_extents_and_orientation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     code, _, err = run("convert", "a.scene", f"b.{ending}", "--deviation", "0.01mm")
     assert code == 0
     low, high = bounds(f"b.{ending}")
-    within = told(err) if ending in ("stl", "3mf", "obj", "ply") else 1e-5
+    within = told(err)
     assert np.abs(low - LOW).max() <= within + 1e-7
     assert np.abs(high - HIGH).max() <= within + 1e-7
 

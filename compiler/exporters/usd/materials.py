@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, UsdShade
 
 from ... import ir
-from ...scene.row_records import Input
-from ..common import Export
+from ...scene.row_records import Color, Input, as_color
+from ..common import DEFAULT, Export
 from ..surfaces import Exported, Surfaces
 from ..texture_sets import TextureSets
 
@@ -25,10 +25,11 @@ _TYPES = {
 
 
 class Written(NamedTuple):
-    """A material of the stage, and the sets of texture coordinates that its pictures use."""
+    """A material of the stage, the sets of texture coordinates that its pictures use, and what it does with colours of meshes."""
 
     material: Any
     sets: TextureSets
+    tint: Color | None = None  # a factor of the colours of meshes, which the material shows
 
 
 class Materials:
@@ -38,18 +39,25 @@ class Materials:
         self.out, self.stage, self.tables, self._png = out, stage, out.scene.tables, png
         self._parent, self._name = parent, name
         self._surfaces = Surfaces(out)
-        self._written: dict[int, Written] = {}
+        self._written: dict[tuple[int, bool], Written] = {}
         self._files: dict[tuple[int, str], str] = {}
 
-    def written(self, row: int) -> Written:
-        """The material of a row."""
-        if row not in self._written:
-            sets = TextureSets(self.tables)
-            self._written[row] = Written(self._material(self._surfaces.of(row), row, sets), sets)
-        return self._written[row]
+    def written(self, row: int, tinted: bool = False) -> Written:
+        """The material of a row; if `tinted`, for meshes with colours, which are in their primvar displayColor."""
+        key = (row, tinted)
+        if key not in self._written:
+            sets, exported = TextureSets(self.tables), self._surfaces.of(row)
+            diffuse = exported.surface.diffuse
+            if tinted and diffuse.texture >= 0:
+                self.out.cannot("the mesh's colours are carried beside its material, which has a texture", "materials", row)
+            plain = exported.surface.name == DEFAULT  # of a mesh without a material, colours are written as they were read
+            factor = (1.0, 1.0, 1.0) if plain else as_color(diffuse.value)
+            tint = factor if tinted and diffuse.texture < 0 else None
+            self._written[key] = Written(self._material(exported, row, sets, tinted, tint is not None), sets, tint)
+        return self._written[key]
 
-    def _material(self, exported: Exported, row: int, sets: TextureSets) -> Any:
-        s, path = exported.surface, f"{self._parent}/material{row}"
+    def _material(self, exported: Exported, row: int, sets: TextureSets, tinted: bool, by_colors: bool) -> Any:
+        s, path = exported.surface, f"{self._parent}/material{row}{'_colors' if tinted else ''}"
         made = UsdShade.Material.Define(self.stage, path)
         if s.name != f"material{row}":
             made.GetPrim().SetDisplayName(s.name)
@@ -76,9 +84,18 @@ class Materials:
         elif s.holes is not None:
             shader.CreateInput("opacityMode", Sdf.ValueTypeNames.Token).Set("presence")
         for name, kind, given in inputs:
-            if given is not None:
+            if by_colors and name == "diffuseColor":
+                self._colors(shader, path)
+            elif given is not None:
                 self._input(shader, path, name, kind, given, sets)
         return made
+
+    def _colors(self, shader: Any, path: str) -> None:
+        """The diffuse colour as that of the mesh."""
+        reader = UsdShade.Shader.Define(self.stage, f"{path}/colors")
+        reader.CreateIdAttr("UsdPrimvarReader_float3")
+        reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("displayColor")
+        shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).ConnectToSource(reader.ConnectableAPI(), "result")
 
     def _input(self, shader: Any, path: str, name: str, kind: str, given: Input, sets: TextureSets) -> None:
         type_, output = _TYPES[kind]

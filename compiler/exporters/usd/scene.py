@@ -120,7 +120,7 @@ class _Writer:
 
     def _part(self, path: str, row: int, shell: Shell, kind: int, scale: float) -> Any:
         """One mesh with one material."""
-        written = self.materials.written(row)
+        written = self.materials.written(row, shell.colors is not None)
         shell, sets = compact(*written.sets.coordinates(self.out, shell, kind, scale))
         mesh = UsdGeom.Mesh.Define(self.stage, path)
         mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
@@ -140,8 +140,8 @@ class _Writer:
             coordinates = shares.CreatePrimvar(set_name(number), Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex)
             coordinates.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(values, np.float32)))
         if shell.colors is not None:
-            self.out.cannot("the mesh's colours are carried beside its material, which does not use them", "materials", row)
-            mesh.CreateDisplayColorAttr(_vectors(shell.colors))
+            tint = (1.0, 1.0, 1.0) if written.tint is None else written.tint
+            mesh.CreateDisplayColorAttr(_vectors(shell.colors * tint))
             UsdGeom.Primvar(mesh.GetDisplayColorAttr()).SetInterpolation(UsdGeom.Tokens.vertex)
         UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(written.material)
         return mesh.GetPrim()

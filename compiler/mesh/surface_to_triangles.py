@@ -35,11 +35,13 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-def bound(tape: Tape, box: Floats, positions: Floats, triangles: NDArray[np.int64], near: tuple[float, float], enough: float) -> float:
+def bound(
+    tape: Tape, box: Floats, positions: Floats, triangles: Ints, near: tuple[float, float], enough: float, ball: Floats | None = None
+) -> float:  # fmt: skip
     """A bound of the distance of the surface's points in a box (2, 3) from triangles, at least `enough`, and within SHARE where it is more.
 
     `near` is the largest distance of a point of the triangles from the surface, and the side of cells in which no part was missed that has
-    a gradient of one direction. Infinite without triangles.
+    a gradient of one direction. `ball` (center, radius) limits the surface. Infinite without triangles.
     """
     off, cell = near
     enough = max(enough, SLANT * off)
@@ -53,6 +55,8 @@ def bound(tape: Tape, box: Floats, positions: Floats, triangles: NDArray[np.int6
     found, most, far = 0.0, enough, np.zeros(0)
     for _ in range(LEVELS):
         cells = _may_hold(tape, low, cells, size)
+        if ball is not None:
+            cells = cells[np.linalg.norm(low + size * (cells + 0.5) - ball[:3], axis=1) <= ball[3] + _HALF * size]
         pieces = _beside(pieces, low, cells, size)
         limit = max(enough, SHARE * found)
         far = _reach(tree, low, cells, size, pieces, limit)

@@ -36,7 +36,11 @@ def deviations(tables: ir.Tables, g: int, mesh: tuple[NDArray, NDArray], toleran
     """
     tape, box = scene_surfaces.tape_of(tables, g), tables.geometries.bounds[g]
     off = triangles_to_surface.bound(tape, *mesh, tolerance / surface_to_triangles.SLANT)
-    return off, surface_to_triangles.bound(tape, box, *mesh, (off, cell), tolerance)
+    used = mesh[0][np.unique(mesh[1])]
+    beyond = np.maximum(np.maximum(box[0] - used, used - box[1]), 0.0)  # a sheet ends at its box
+    off = max(off, float(np.linalg.norm(beyond, axis=1).max(initial=0.0)))
+    ball = tables.geometries.parameters[g, 1:5] if tables.geometries.parameters[g, 4] > 0.0 else None
+    return off, surface_to_triangles.bound(tape, box, *mesh, (off, cell), tolerance, ball)
 
 
 def tessellate(tables: ir.Tables, g: int, tolerance: float) -> Tessellation:

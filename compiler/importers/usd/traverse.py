@@ -21,7 +21,7 @@ from . import geometry as geometry_module
 from .instancing import instancers
 from .instancing.pieces import Piece, merged
 from .instancing.prototypes import Prototypes
-from .layers.reports import reason
+from .layers.reports import left_out
 from .materials import DEFAULT_COLOR, DISPLAY_COLOR, DISPLAY_OPACITY, Materials
 from .network import Fit, Network, Picture
 from .stage import Opened, numbers, primvar_mean
@@ -169,8 +169,7 @@ class Walk:
                 elif now is not None:
                     self._prim(prim, kind, now, into)
             except (Tf.ErrorException, TypeError, ValueError) as failure:  # values of other types and names that are no text
-                message = f"this prim and its descendants are left out: {reason(failure, self.opened.path)}"
-                self.builder.diagnostics.warning(message, self.opened.span(prim))
+                self.builder.diagnostics.warning(left_out(failure, self.opened.path), self.opened.span(prim))
                 continue
             if now is None or kind == "PointInstancer" or (prim.IsInstance() and self._shares(prim, now, into)):
                 continue

@@ -48,6 +48,11 @@ def reason(failure: Exception, path: Path) -> str:
     return _plain(first.partition(" : '")[2].rstrip("'") or first, path)
 
 
+def left_out(failure: Exception, path: Path) -> str:
+    """The message for a prim whose values usd-core cannot read."""
+    return f"this prim and its descendants are left out: {reason(failure, path)}"
+
+
 def _plain(message: str, path: Path) -> str:
     """A message on one line, with paths relative to the stage's folder and without usd-core's object names."""
     line = " ".join(message.split())

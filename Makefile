@@ -65,7 +65,7 @@ $(1)/%.png: examples/%.$(2) $$(INPUTS) | $$(STAMP)
 endef
 $(foreach folder,$(DEMO) examples,$(foreach kind,$(KINDS),$(eval $(call rule,$(folder),$(kind)))))
 
-wheel: $(DEVELOP)  ## build a wheel with compiled kernels for three instruction sets into dist: an hour on two cores, minutes after small changes
+wheel: $(DEVELOP)  ## build a wheel with compiled kernels for three instruction sets into dist: about 20 minutes on two cores, fewer after small changes
 	@$(BIN)/python tools/wheel.py
 
 reference: $(DEVELOP)  ## write docs/reference.md from the schema again, and the pages of file formats from the readers' tables

@@ -201,10 +201,6 @@ def count_unproved(renderer: Any) -> int:
     """The number of rays with an interval that could not be proved free of implicit-surface hits; 0 for the reference."""
     if isinstance(renderer, Remote):
         return renderer.unproved
-    return sum(map(_unproved_of, getattr(renderer, "used", [renderer])))  # a kernel_choice.Changeover has used several
-
-
-def _unproved_of(renderer: Any) -> int:
     prepared = getattr(renderer, "prepared", None)  # accumulation has several
     trees = getattr(prepared.accel, "tables", None) if prepared is not None else None
     forms = getattr(trees, "forms", None)  # no BVH where the primitive list holds all instances

@@ -1,4 +1,4 @@
-"""Builds a wheel with compiled kernels: for each instruction set, the general kernels and those of the examples.
+"""Builds a wheel with the general kernels, compiled for each instruction set.
 
     python tools/wheel.py [--out dist] [--build build/wheel] [--sets avx512,avx2,sse] [--scenes examples/hello.scene,…] [--no-general]
 
@@ -27,11 +27,6 @@ _RUNS = "from maquette.render.simd import target as t; print(t.BYTES[t.ISA] <= t
 LARGEST = 40_000_000  # bytes of a wheel
 WORKERS = 2
 _LEFT_OUT = {"build", "dist", "prebuilt", "tests", "tools", "bench", "docs", "examples"}  # beside the packages
-
-
-def scenes() -> list[Path]:
-    """The scenes whose specialised kernels come with the package."""
-    return sorted(path for kind in ("scene", "usda", "obj") for path in (ROOT / "examples").glob(f"*.{kind}"))
 
 
 def copy_tree(build: Path) -> Path:
@@ -101,11 +96,11 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=ROOT / "dist", help="folder of the wheel")
     parser.add_argument("--build", type=Path, default=ROOT / "build" / "wheel", help="folder of caches and of the copy")
     parser.add_argument("--sets", default=",".join(SETS), help="instruction sets")
-    parser.add_argument("--scenes", help="scenes in place of the examples")
+    parser.add_argument("--scenes", help="scenes whose specialised kernels come along")
     parser.add_argument("--no-general", action="store_true", help="leave the general kernels out")
     asked = parser.parse_args()
     build = asked.build.resolve()
-    chosen = [Path(name).resolve() for name in asked.scenes.split(",")] if asked.scenes is not None else scenes()
+    chosen = [Path(name).resolve() for name in asked.scenes.split(",")] if asked.scenes else []
     tree = copy_tree(build)
     for isa in asked.sets.split(","):
         compile_kernels(build, isa, chosen, not asked.no_general)

@@ -99,9 +99,6 @@ class Renderer:
             part.share(state[:size])
             state = state[size:]
 
-    def continue_from(self, other: Any) -> None:
-        """Do nothing: the renderer of each group changes kernels by itself."""
-
     def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
         """Add samples to the film and to each group's sums."""
         self.sums.add(tile, count, self.sample_groups(tile, first, count, total, film))

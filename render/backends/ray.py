@@ -152,14 +152,6 @@ class Renderer:
         if tracer is not None:
             tracer.maps, tracer.so_far = state
 
-    def continue_from(self, other: Renderer) -> None:
-        """See film.Renderer."""
-        self.share(other.shared())
-        if other.measured:
-            mine, its = self.prepared.photon_tracer, other.prepared.photon_tracer
-            mine.effort, mine.width, self.measured = its.effort, its.width, True
-        self.openings = other.openings
-
     def limit(self, bounces: int) -> None:
         """Set the limit on bounces. No thread may be drawing."""
         p = self.prepared

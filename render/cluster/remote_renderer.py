@@ -69,9 +69,6 @@ class RemoteRenderer(Remote):
         """See film.Renderer."""
         self._shared, self._next = state, None
 
-    def continue_from(self, other: Any) -> None:
-        """Do nothing: workers change kernels by themselves."""
-
     def limit(self, bounces: int) -> None:
         """Set the limit on bounces."""
         self._setting = [*self._setting[:2], bounces]

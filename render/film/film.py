@@ -79,10 +79,6 @@ class Renderer(Protocol):
         """Set the state that `shared` returned."""
         ...
 
-    def continue_from(self, other: Any) -> None:
-        """Take over the numbers of rounds from a renderer of the same picture that this one replaces."""
-        ...
-
     def sample(self, tile: Tile, first: Counts, count: Counts, total: int, film: Film) -> None:
         """Add samples first … first + count - 1, (h, w) each, of `total` of every pixel of the tile; a single one lies at the center."""
         ...
@@ -117,9 +113,6 @@ class Unshared:
         return ()
 
     def share(self, state: tuple[int, ...]) -> None:
-        """Do nothing."""
-
-    def continue_from(self, other: Any) -> None:
         """Do nothing."""
 
 

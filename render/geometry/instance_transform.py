@@ -13,7 +13,7 @@ import numpy as np
 from ..jit.kernel import helper
 from ..lanes import affine, ops
 from ..simd.registration import overload, types
-from ..types import Lane, Tables, Vec
+from ..types import Hit, Lane, Tables, Vec
 
 Affine = tuple[Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane]
 STRAIGHT = 0.9995  # cosine between quaternions above which interpolation is linear: sines would lose precision
@@ -36,6 +36,12 @@ def _at_in_kernels(tables, row, time):
     if isinstance(time, types.NoneType):
         return lambda tables, row, time: _static_frame(tables, row)
     return lambda tables, row, time: _moving_frame(tables, row, time)
+
+
+@helper
+def row_of(tables: Tables, hit: Hit) -> Lane:
+    """The row of Transforms of the instances that were hit; that of the first instance without a hit."""
+    return ops.to_int(tables.instances.transform[ops.where(hit.instance >= 0, hit.instance, 0)])
 
 
 def moves(tables: Tables, row: Lane, time: Lane | None) -> bool:

@@ -2,7 +2,7 @@
 
 Compilation is Python code, which does not run in parallel threads. The second process writes a kernel to the disk cache. A caller of that
 kernel waits for it, and compiles the kernel itself if the process ends without. A request is plain data in a pipe: names and types in
-JSON, and the bytes that its function takes.
+JSON.
 """
 
 from __future__ import annotations
@@ -14,8 +14,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
-from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
@@ -27,8 +25,6 @@ from .value_types import ValueType, from_plain, typeof
 
 _BEGIN = f"from {__name__} import serve\nserve()"
 _PACKAGE = __name__.partition(".")[0]
-
-LOCK_SECONDS = 0.5  # between two attempts to lock the cache
 
 Key = tuple[Any, tuple[ValueType, ...]]
 _compiling: dict[Key, subprocess.Popen[bytes]] = {}
@@ -68,63 +64,14 @@ def run_in_background(threads: int, function: Any, *arguments: Any) -> None:
             _running.append(process)
 
 
-def run_later(key: str, function: Any, message: Callable[[], bytes]) -> Callable[[], bool]:
-    """Call function(message()) in a process of low priority, once for each key; return whether it is still to end.
-
-    The function compiles kernels. Of several calls, one runs at a time and the latest waits for it. The process does not end with this
-    one: its kernels serve later pictures. A thread makes the message and writes it; this process ends after the last byte.
-    Nothing is done where the cache is not writable. While another such process of the user is at work, the process waits for it, and
-    ends if this one ends.
-    """
-    if not os.access(kernel_cache.CACHE, os.W_OK):
-        return lambda: False
-    with _lock:
-        if key not in _later.known:
-            _later.known.add(key)
-            _later.waiting = key, function, message
-    _is_to_end(key)
-    return lambda: _is_to_end(key)
-
-
-def _is_to_end(key: str) -> bool:
-    """Whether the process of a key runs or waits; starts the one that waits if none runs."""
-    with _lock:
-        if _later.process is not None and _later.process.poll() is not None:
-            _close(_later.process)
-            _later.process, _later.running = None, ""
-        if _later.process is None and _later.waiting is not None:
-            _later.running, function, message = _later.waiting
-            _later.waiting, _later.process = None, _start(function, False, [], [], message)
-        waits = _later.waiting is not None and _later.waiting[0] == key
-        return waits or (_later.process is not None and _later.running == key)
-
-
-class _Later:
-    """The process of `run_later`, its key, the request that waits, and the keys of all requests."""
-
-    def __init__(self) -> None:
-        self.process: subprocess.Popen[bytes] | None = None
-        self.running = ""
-        self.waiting: tuple[str, Any, Callable[[], bytes]] | None = None
-        self.known: set[str] = set()
-
-
-_later, _lock = _Later(), threading.Lock()
-
-
 def _max_processes(threads: int) -> int:
     """Largest number of processes beside this one."""
     return min(threads or target.cores(), target.cores()) - 1 if sys.executable else 0
 
 
-def _start(
-    function: Any, compiles: bool, arguments: list[Any], loaded: list[str], message: Callable[[], bytes] | None = None
-) -> subprocess.Popen[bytes] | None:
-    """Start a process that compiles a kernel for types, or calls a function; None if it does not start.
-
-    With a message, the function gets its bytes as its one argument. Such a process outlives this one, and has low priority.
-    """
-    request = str(kernel_cache.CACHE), loaded, function.__module__, function.__qualname__, compiles, arguments, message is not None
+def _start(function: Any, compiles: bool, arguments: list[Any], loaded: list[str]) -> subprocess.Popen[bytes] | None:
+    """Start a process that compiles a kernel for types, or calls a function; None if it does not start."""
+    request = str(kernel_cache.CACHE), loaded, function.__module__, function.__qualname__, compiles, arguments
     try:
         quiet = subprocess.DEVNULL
         process = child_process.start(child_process.python(_BEGIN), stdin=subprocess.PIPE, stdout=quiet, stderr=quiet)
@@ -138,17 +85,7 @@ def _start(
         process.kill()
         _close(process)
         return None
-    if message is not None:
-        threading.Thread(target=_write, args=(process, message)).start()
     return process
-
-
-def _write(process: subprocess.Popen[bytes], message: Callable[[], bytes]) -> None:
-    """Write a message and its end to a process, which reads it soon or has ended."""
-    assert process.stdin is not None
-    with contextlib.suppress(OSError):  # it has ended
-        process.stdin.write(message())
-    _close(process)
 
 
 def wait(function: Any, kinds: Any) -> None:
@@ -170,18 +107,13 @@ def _close(process: subprocess.Popen[bytes]) -> None:
 def serve() -> None:
     """Main function of the second process: execute the request on standard input. It ends with its parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches both processes; the parent handles it
-    cache, loaded, module, name, compiles, arguments, outlives = json.loads(sys.stdin.buffer.readline())
+    cache, loaded, module, name, compiles, arguments = json.loads(sys.stdin.buffer.readline())
 
     def watch() -> None:
         sys.stdin.buffer.read()
         os._exit(1)
 
-    if outlives:
-        parent, arguments = os.getppid(), [sys.stdin.buffer.read()]
-        _lock_or_exit(parent)
-        os.nice(10)
-    else:
-        threading.Thread(target=watch, daemon=True).start()
+    threading.Thread(target=watch, daemon=True).start()
     for each in loaded:  # kernels may call overloads from modules that theirs do not import
         import_module(each)
     if cache == str(kernel_cache.CACHE):
@@ -191,25 +123,6 @@ def serve() -> None:
         else:
             getattr(owner, name)(*arguments)
     os._exit(0)
-
-
-def _lock_or_exit(parent: int) -> None:
-    """Hold a lock of the cache to the end of this process; end it if the parent ends while another process holds the lock."""
-    try:
-        import fcntl
-    except ImportError:  # this system has no such locks
-        return
-    try:
-        file = os.open(kernel_cache.CACHE / "compiling.lock", os.O_RDWR | os.O_CREAT, 0o600)
-    except OSError:
-        os._exit(0)
-    while True:
-        try:
-            return fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            if os.getppid() != parent:
-                os._exit(0)
-            time.sleep(LOCK_SECONDS)
 
 
 def find_kernel(module: Any, name: str) -> Kernel:

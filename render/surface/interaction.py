@@ -50,7 +50,7 @@ def make_interaction(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -
     Texture coordinates are computed where the material has a texture, or everywhere if `mapped`; otherwise uv is 0, 0 and metric 1, 1.
     The tables must have an instance.
     """
-    row = _transform_row(tables, hit)
+    row = instance_transform.row_of(tables, hit)
     if instance_transform.moves(tables, row, ray.time):
         return _moving_interaction(tables, ray, hit, mapped)
     return _interaction(tables, ray, hit, instance_transform.transform_at(tables, row, None), mapped)
@@ -59,12 +59,7 @@ def make_interaction(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -
 @noinline_helper
 def _moving_interaction(tables: Tables, ray: Ray, hit: Hit, mapped: bool) -> Surface:
     """`make_interaction` where an instance moves: each lane has a frame of its own, which would slow down all others."""
-    return _interaction(tables, ray, hit, instance_transform.transform_at(tables, _transform_row(tables, hit), ray.time), mapped)
-
-
-@helper
-def _transform_row(tables: Tables, hit: Hit) -> Lane:
-    return ops.to_int(tables.instances.transform[ops.where(hit.instance >= 0, hit.instance, 0)])
+    return _interaction(tables, ray, hit, instance_transform.transform_at(tables, instance_transform.row_of(tables, hit), ray.time), mapped)
 
 
 @helper

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -112,65 +111,3 @@ def test_a_kernel_compiled_here_starts_no_process(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(subprocess, "Popen", lambda *args, **more: started.append(args))
     compile_process.compile_in_background(2, hits.reset, *given)
     assert not started
-
-
-LATER = """
-import sys, time
-sys.path.insert(0, {folder!r})
-import keeper
-from maquette.render.jit import compile_process
-
-is_to_end = compile_process.run_later("key", keeper.keep, lambda: bytes(3_000_000))
-compile_process.run_later("key", keeper.keep, lambda: b"once for each key")
-print(is_to_end())
-"""
-KEEPER = """
-from pathlib import Path
-
-def keep(message):
-    Path({folder!r}, "size").write_text(str(len(message)))
-"""
-
-
-def test_a_message_reaches_a_process_that_outlives_this_one(tmp_path: Path) -> None:
-    """It is larger than a pipe holds."""
-    (tmp_path / "keeper.py").write_text(KEEPER.format(folder=str(tmp_path)), encoding="utf-8")
-    assert run(tmp_path, LATER.format(folder=str(tmp_path))) == "True"
-    end = time.monotonic() + 60
-    while not (tmp_path / "size").exists() or not (tmp_path / "size").read_text():
-        assert time.monotonic() < end
-        time.sleep(0.02)
-    assert (tmp_path / "size").read_text() == "3000000"
-
-
-WAITS = """
-import sys, time
-sys.path.insert(0, {folder!r})
-import keeper
-from maquette.render.jit import compile_process
-
-is_to_end = compile_process.run_later("key", keeper.keep, lambda: b"seven..")
-print("started", flush=True)
-while is_to_end():
-    time.sleep(0.02)
-"""
-
-
-def test_a_process_waits_for_that_of_another_picture(tmp_path: Path) -> None:
-    """One process at a time compiles for a cache."""
-    fcntl = pytest.importorskip("fcntl")
-    (tmp_path / "keeper.py").write_text(KEEPER.format(folder=str(tmp_path)), encoding="utf-8")
-    environment = {**os.environ, "MAQUETTE_CACHE": str(tmp_path)}
-    cache = run(tmp_path, "from maquette.render.jit import kernel_cache; print(kernel_cache.CACHE)")
-    with open(Path(cache, "compiling.lock"), "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        command = [sys.executable, "-c", WAITS.format(folder=str(tmp_path))]
-        with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as process:
-            assert process.stdout is not None
-            assert process.stdout.readline() == "started\n"
-            time.sleep(1.0)
-            assert not (tmp_path / "size").exists()
-            assert process.poll() is None
-            fcntl.flock(lock, fcntl.LOCK_UN)
-            process.wait(60)
-    assert (tmp_path / "size").read_text() == "7"

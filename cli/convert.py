@@ -82,7 +82,7 @@ def convert(
     made.save(output)
     terminal.report(made.found)
     if ending in ASSETS and made.triangles:
-        told = tell_deviation(made.deviation, made.edges, deviation, _has_cut_edges(compiled))
+        told = tell_deviation(made.deviation, deviation, compiled)
         click.echo(f"{output}: {made.triangles} triangles, {told}", err=True)
 
 
@@ -90,7 +90,7 @@ def _write_triangles(scene: ir.Scene, output: Path, ending: str, tolerance: floa
     from ..compiler.exporters import mesh_files, mesh_losses
     from ..render.tessellation import printable_mesh
 
-    parts, found = printable_mesh.printable_parts(scene, tolerance, bounded=True)
+    parts, found = printable_mesh.printable_parts(scene, tolerance)
     terminal.report(found)
     if not parts:
         raise click.ClickException("the scene has no bounded surface to write")
@@ -106,45 +106,32 @@ def _write_triangles(scene: ir.Scene, output: Path, ending: str, tolerance: floa
     replace_file(output, mesh_files.encode(parts, ending, library.name))
     count = sum(len(part.triangles) for part in parts)
     rounded = mesh_files.rounding(parts, ending)
-    off, edges = (max(getattr(part, name) for part in parts) + rounded for name in ("deviation", "edges"))
+    off = max(part.deviation for part in parts) + rounded
     leaks = sum(part.open_edges for part in parts)
     closed = f"{leaks} open edges" if leaks else f"{crowded} edges of more than two triangles" if crowded else "closed"
     if moved is not None:
         way = ", ".join(f"{x + 0.0:.9g}" for x in moved.tolist())
         click.echo(f"moved by [{way}] metres: {ending} has too few digits for positions so far from the origin", err=True)
-    told = tell_deviation(off, edges, tolerance, _has_cut_edges(scene))
+    told = tell_deviation(off, tolerance, scene)
     click.echo(f"{output}: {count} triangles, {closed}, {told}", err=True)
 
 
-def tell_deviation(off: float, edges: float, tolerance: float | None, cut: bool) -> str:
-    """What is told of distances between triangles and the true surface; warns where they are more than was asked for.
-
-    `off` is of points of triangles, `edges` of points of the surface, in metres; `cut` says that edges of cut meshes may be farther.
-    """
-    most = max(off, edges)
-    if tolerance is not None and most > 1.001 * tolerance:
-        whose = "the triangles are" if off > 1.001 * tolerance else "edges and thin parts of the true surface are"
-        apart = "from the true surface" if off > 1.001 * tolerance else "from the triangles"
-        size = _up(1000 * (off if off > 1.001 * tolerance else most))
-        message = f"{whose} up to {size} mm {apart}, more than the {tolerance * 1000:.3g} mm asked for"
-        hint = "solids with fillets, formulas or meshes in them have a limit on cells: make them of smaller parts, or of sharp ones"
-        terminal.report([Diagnostic("warning", message, None, hint)])
-    apart = most > 1.05 * off and (tolerance is None or most > 1.001 * tolerance)
-    told = f"distance from the true surface {_up((off if apart else most) * 1000)} mm at most"
-    if apart:
-        told += f"; edges and thin parts of it are {_up(most * 1000)} mm from the triangles at most"
-    return told + ("; edges where parts meet may be farther" if cut else "")
-
-
-def _has_cut_edges(scene: ir.Scene) -> bool:
-    """Whether there are meshes of chords, which may be of parts: each triangle is that near, and edges between them may not be."""
+def tell_deviation(off: float, tolerance: float | None, scene: ir.Scene) -> str:
+    """What is told of the largest distance of triangles from the true surface, in metres; warns where it is more than was asked for."""
     from ..compiler import ir
 
+    if tolerance is not None and off > 1.001 * tolerance:
+        message = f"the triangles are up to {_up(off * 1000)} mm from the true surface, more than the {tolerance * 1000:.3g} mm asked for"
+        hint = "solids with fillets, formulas or meshes in them have a limit on cells: make them of smaller parts, or of sharp ones"
+        terminal.report([Diagnostic("warning", message, None, hint)])
     tables = scene.tables
     kind, bounds = tables.geometries.kind, tables.geometries.bounds
     chords = tables.geometries.parameters[:, 0] > 1e-6 * (bounds[:, 1] - bounds[:, 0]).max(axis=1)
-    cut = (kind == ir.GeometryKind.MESH) & chords
-    return bool(cut[tables.instances.geometry].any())
+    solid, cut = kind == ir.GeometryKind.FORMULA, (kind == ir.GeometryKind.MESH) & chords
+    used = tables.instances.geometry
+    how = "where it was measured" if solid[used].any() else "at most"
+    edges = "; edges where parts meet may be farther" if (solid | cut)[used].any() else ""
+    return f"distance from the true surface {_up(off * 1000)} mm {how}{edges}"
 
 
 def _up(value: float) -> str:

@@ -17,18 +17,11 @@ ROUNDING = 3.0 * 2.0**-24  # of a distance from the origin: a position and a mat
 _EVERYWHERE = ir.Visibility.CAMERA | ir.Visibility.SHADOW | ir.Visibility.REFLECTION
 
 
-class MeshError(NamedTuple):
-    """How far triangles are from the surface that they stand for, in its own frame."""
-
-    deviation: float  # the largest distance of a point of theirs
-    edges: float  # the largest distance of a point of the surface from them
-
-
 class Converters(NamedTuple):
     """Functions of the renderer that exporters need."""
 
     tessellate: common.Tessellate
-    error: Callable[[int], MeshError]  # of the mesh of an instance, once it is made
+    error: Callable[[int], float]  # largest distance of an instance's triangles from its surface, in its frame, once they are made
     materials: Callable[[ir.Tables, int, F64], NDArray[np.int64]]  # rows of the materials of an instance at world points (m, 3)
     png: Callable[..., bytes]  # (height, width, 3) values from 0 to 1, color: whether they are colours, alpha: (height, width) or None
     exr: Callable[[NDArray[np.float32]], bytes]  # (height, width, 3)
@@ -70,8 +63,7 @@ class Bodies:
         error, size = self._converters.error(body.instance), float(np.linalg.norm(body.matrix[:3, :3], 2))
         reach = float(np.linalg.norm(body.shell.positions, axis=1).max()) * size + float(np.linalg.norm(body.matrix[:3, 3]))
         self.out.triangles += len(body.shell.triangles)
-        self.out.deviation = max(self.out.deviation, error.deviation * size + ROUNDING * reach)
-        self.out.edges = max(self.out.edges, max(error.deviation, error.edges) * size + ROUNDING * reach)
+        self.out.deviation = max(self.out.deviation, error * size + ROUNDING * reach)
 
     def _body(self, i: int) -> Body | None:
         instances, geometries = self.tables.instances, self.tables.geometries

@@ -53,7 +53,6 @@ class Export:
     found: list[Diagnostic] = field(default_factory=list)
     triangles: int = 0
     deviation: float = 0.0  # metres: largest distance of the triangles from the true surface
-    edges: float = 0.0  # metres: largest distance of the true surface from the triangles
 
     def cannot(self, message: str, table: str = "", row: int = -1, hint: str = "") -> None:
         """Report a loss, once."""

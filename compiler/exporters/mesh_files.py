@@ -36,7 +36,6 @@ class Part(NamedTuple):
     materials: tuple[Material, ...] = ()
     material: NDArray[np.int64] | None = None  # (m,) of each triangle, in `materials`
     instance: int = -1  # its row
-    edges: float = 0.0  # largest distance of the true surface from its triangles, in metres
     colors: NDArray[np.float64] | None = None  # (m, 3, 3) linear, of the corners of triangles: factors of the materials' colours
     rows: tuple[int, ...] = ()  # of the materials in the scene
 
@@ -67,7 +66,7 @@ def separate(parts: Sequence[Part], ending: str) -> tuple[list[Part], int]:
             if len(corners):
                 moved = part.positions.copy()
                 moved[corners] -= step * _normals(part)[corners]
-                parts[i] = part._replace(positions=moved, deviation=part.deviation + step, edges=part.edges + step)
+                parts[i] = part._replace(positions=moved, deviation=part.deviation + step)
     return parts, sum(int(mask.sum()) for mask in _coincident_sides(parts, middle, reach)) // 2
 
 

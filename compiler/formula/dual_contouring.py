@@ -21,7 +21,7 @@ BLOCK = 8  # cells along an axis of the first blocks that are bounded
 BISECTIONS = 44
 FLATTEST = 0.1  # of the largest eigenvalue: along axes with less a vertex stays at the mean of its roots
 LEAST, MOST = 16, 256  # cells along the longest axis
-_BATCH = 1 << 12
+_BATCH = 1 << 18
 _LOOKED_AT, _HALVINGS = 1024, 12  # points per batch of the refined deviation, and its halvings
 _BEYOND = (1.0001, 1.01, 1.1)  # of the Newton step towards the surface
 _OFFSETS = np.array([[k & 1, k >> 1 & 1, k >> 2 & 1] for k in range(8)])
@@ -38,7 +38,6 @@ class Contour(NamedTuple):
     furthest: float
     mean: float
     missing: float = 0.0  # size of the cells that miss thinner parts; 0 if none were found, or searched for
-    size: float = 0.0  # of the cells
 
 
 def within(tape: Tape, bounds: Floats, tolerance: float, most: int = MOST, whole: bool = False) -> Contour:
@@ -62,7 +61,7 @@ def contour(tape: Tape, bounds: Floats, count: int, whole: bool = False) -> Cont
     low = bounds.mean(axis=0) - 0.5 * size * shape
     grid = _Grid(low, size, shape)
     cells = _cells(tape, grid)
-    nothing = Contour(np.zeros((0, 3)), np.zeros((0, 3), np.int64), np.zeros((0, 3)), 0.0, 0.0, size=size)
+    nothing = Contour(np.zeros((0, 3)), np.zeros((0, 3), np.int64), np.zeros((0, 3)), 0.0, 0.0)
     if not len(cells):
         return nothing
     corners = cells[:, None, :] + _OFFSETS
@@ -85,7 +84,7 @@ def contour(tape: Tape, bounds: Floats, count: int, whole: bool = False) -> Cont
     furthest, mean = deviation(tape, vertices, triangles)
     beyond = max(float((vertices.min(axis=0) - edges.root.min(axis=0)).max()), float((edges.root.max(axis=0) - vertices.max(axis=0)).max()))
     furthest = max(furthest, beyond)
-    return Contour(vertices, triangles, normals, furthest, mean, missing, size)
+    return Contour(vertices, triangles, normals, furthest, mean, missing)
 
 
 class _Grid(NamedTuple):

@@ -5,7 +5,7 @@ It defines the meaning of formulas; kernels are tested against it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -65,33 +65,26 @@ def boxes(tape: Tape, low: Any, high: Any, along: Any = None, ways: Any = None) 
     The slope is the derivative along `along` (3, n); without it that pair is NaN. With `ways` (n,), operations that jump take one side in
     each box, by the binary digits of these integers; see interval_arithmetic.one_side.
     """
-    value, slopes, maybe = slope_boxes(tape, low, high, () if along is None else (along,), ways)
-    nothing = np.full(np.shape(low)[-1], np.nan)
-    return value, slopes[0] if slopes else (nothing, nothing), maybe
-
-
-def slope_boxes(tape: Tape, low: Any, high: Any, along: Sequence[Any], ways: Any = None) -> tuple[Interval, list[Interval], np.ndarray]:
-    """As `boxes`, with bounds of the slope along each of several directions (3, n)."""
     n = np.shape(low)[-1]
     m = NumpyMath((n,), ways)
     zero = np.zeros(n)
     values: list[Interval] = [(np.asarray(low[k], np.float64), np.asarray(high[k], np.float64)) for k in range(3)]
-    turns: list[list[Interval]] = [[(way[k] + zero, way[k] + zero) for way in along] for k in range(3)]
-    still: list[Interval] = [(zero, zero) for _ in along]
+    turns: list[Interval] = [(zero, zero) if along is None else (along[k] + zero, along[k] + zero) for k in range(3)]
 
     def named(name: int) -> Interval:
         return values[name] if name >= 0 else (zero + tape.constants[~name],) * 2
 
-    def turn(name: int) -> list[Interval]:
-        return turns[name] if name >= 0 else still
+    def turn(name: int) -> Interval:
+        return turns[name] if name >= 0 else (zero, zero)
 
     with np.errstate(all="ignore"):
         for op, *operands in tape.code.tolist():
             used = operands[: arity(op)]
             given = [named(name) for name in used]
             value = interval(m, op, *given)
-            if along:
-                turns.append(slope_intervals(m, op, given, value, [turn(name) for name in used]))
+            if along is not None:
+                turns.append(slope_intervals(m, op, given, value, [[turn(name)] for name in used])[0])
             values.append(value)
     result = tape.results[0]
-    return named(result), turn(result) if along else [], m.maybe
+    slope = turn(result) if along is not None else (zero + np.nan, zero + np.nan)
+    return named(result), slope, m.maybe

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...compiler.formula import dual_contouring, numpy_interpreter
-from ...compiler.mesh import surface_to_triangles, triangles_to_surface
 from ..formula import scene_surfaces
 from .analytic_shapes import Tessellation
 
@@ -27,20 +25,6 @@ def contour(tables: ir.Tables, g: int, tolerance: float, whole: bool = False) ->
         inside = np.linalg.norm(made.positions[made.triangles].mean(axis=1) - middle, axis=1) <= radius
         made = made._replace(triangles=made.triangles[inside])
     return made
-
-
-def deviations(tables: ir.Tables, g: int, mesh: tuple[NDArray, NDArray], tolerance: float, cell: float) -> tuple[float, float]:
-    """Bounds of the largest distance of points of triangles from implicit surface `g`, and of points of the surface from triangles.
-
-    `mesh` is (positions (n, 3), triangles (m, 3)), from a contour with cells of the side `cell`. Bounds up to `tolerance` are enough.
-    """
-    tape, box = scene_surfaces.tape_of(tables, g), tables.geometries.bounds[g]
-    off = triangles_to_surface.bound(tape, *mesh, tolerance / surface_to_triangles.SLANT)
-    used = mesh[0][np.unique(mesh[1])]
-    beyond = np.maximum(np.maximum(box[0] - used, used - box[1]), 0.0)  # a sheet ends at its box
-    off = max(off, float(np.linalg.norm(beyond, axis=1).max(initial=0.0)))
-    ball = tables.geometries.parameters[g, 1:5] if tables.geometries.parameters[g, 4] > 0.0 else None
-    return off, surface_to_triangles.bound(tape, box, *mesh, (off, cell), tolerance, ball)
 
 
 def tessellate(tables: ir.Tables, g: int, tolerance: float) -> Tessellation:

@@ -18,7 +18,6 @@ from ..geometry.bounds import world_bounds
 from . import analytic_shapes, implicit_surfaces
 from .part_materials import material_of, triangle_materials
 
-SAMPLED = 0.85  # of the tolerance, for the deviation at samples; the rest is for what lies between them
 RESOLUTION = 2000  # the default tolerance is the scene's extent over this
 _KIND = ir.GeometryKind
 _OPEN = {
@@ -40,17 +39,14 @@ class _LocalMesh(NamedTuple):
     triangles: NDArray[np.int64]  # (m, 3)
     off: float  # the largest distance from the true surface
     thin: float = 0.0  # parts thinner than this are missing
-    edges: float = 0.0  # the largest distance of the true surface from the triangles
     colors: NDArray[np.float64] | None = None  # (m, 3, 3) of the corners of triangles
 
 
-def printable_parts(
-    scene: ir.Scene, tolerance: float | None = None, bounded: bool = False
-) -> tuple[list[Part], list[Diagnostic]]:  # fmt: skip
+def printable_parts(scene: ir.Scene, tolerance: float | None = None) -> tuple[list[Part], list[Diagnostic]]:
     """Meshes of a scene's bounded instances in the world, within `tolerance` metres where possible; and diagnostics.
 
-    Diagnostics name meshes that are open and instances that are left out: lights and unbounded shapes. If `bounded`, deviations of solids
-    of formulas are bounds over all points, of triangles and of the surface; else they are the largest ones at samples of triangles.
+    Diagnostics name meshes that are open and instances that are left out: lights and unbounded shapes. Deviations of solids
+    of formulas are the largest ones at samples of their triangles.
     """
     tables, found, made = scene.tables, [], []
     boxes, light, ends = _boxes(tables)
@@ -65,7 +61,7 @@ def printable_parts(
         if light[i] or not ends[i]:
             say("note", f"{label} is {'a light' if light[i] else 'unbounded'} and is left out")
             continue
-        part, thin = _part(tables, i, name or f"part{i}", tolerance, bounded)
+        part, thin = _part(tables, i, name or f"part{i}", tolerance)
         if thin > 0.0:
             missing = "thinner parts are missing" if len(part.triangles) else "it is thinner and is left out"
             hint = "a smaller box as `within` has smaller cells"
@@ -108,12 +104,12 @@ def _why_open(tables: ir.Tables, i: int, part: Part) -> tuple[str, str]:
     return _OPEN[kind] if bare and not solid else _CROWDED
 
 
-def _part(tables: ir.Tables, i: int, name: str, tolerance: float, bounded: bool) -> tuple[Part, float]:
+def _part(tables: ir.Tables, i: int, name: str, tolerance: float) -> tuple[Part, float]:
     """(mesh of an instance, thickness below which its parts are missing)"""
     g, row = int(tables.instances.geometry[i]), int(tables.instances.transform[i])
     matrix = tables.transforms.matrix[row]
     largest = float(np.linalg.norm(matrix[:, :3], 2))
-    local = _local_mesh(tables, g, tolerance / largest, bounded)
+    local = _local_mesh(tables, g, tolerance / largest)
     positions, triangles, colors = local.positions, local.triangles, local.colors
     if tables.geometries.kind[g] != _KIND.FORMULA:  # merge the vertices duplicated at creases and seams
         positions, index = np.unique(np.round(positions, 15), axis=0, return_inverse=True)
@@ -124,11 +120,10 @@ def _part(tables: ir.Tables, i: int, name: str, tolerance: float, bounded: bool)
         triangles, colors = triangles[:, ::-1], None if colors is None else colors[:, ::-1]
     positions = positions @ matrix[:, :3].T + matrix[:, 3]
     leaks = dual_contouring.open_edges(triangles)
-    edges = max(local.off, local.edges) * largest
-    return Part(name, positions, triangles, local.off * largest, leaks, edges=edges, colors=colors), local.thin * largest
+    return Part(name, positions, triangles, local.off * largest, leaks, colors=colors), local.thin * largest
 
 
-def _local_mesh(tables: ir.Tables, g: int, tolerance: float, bounded: bool) -> _LocalMesh:
+def _local_mesh(tables: ir.Tables, g: int, tolerance: float) -> _LocalMesh:
     geometries, kind = tables.geometries, int(tables.geometries.kind[g])
     if kind == _KIND.MESH:
         first, count = int(geometries.first_triangle[g]), int(geometries.triangle_count[g])
@@ -141,11 +136,7 @@ def _local_mesh(tables: ir.Tables, g: int, tolerance: float, bounded: bool) -> _
     if kind == _KIND.FORMULA:
         tape = load_tape(tables, int(geometries.tape[g]))
         contour = implicit_surfaces.contour(tables, g, mesh_csg.CONTOUR_SHARE * tolerance, True)
-        positions, triangles, off = mesh_csg.simplify(tape, contour, SAMPLED * tolerance)
-        if not bounded:
-            return _LocalMesh(positions, triangles, off, contour.missing)
-        off, edges = implicit_surfaces.deviations(tables, g, (positions, triangles), tolerance, contour.size)
-        return _LocalMesh(positions, triangles, off, contour.missing, edges)
+        return _LocalMesh(*mesh_csg.simplify(tape, contour, tolerance), contour.missing)
     mesh = analytic_shapes.tessellate(kind, geometries.parameters[g].tolist(), tolerance)
     off = analytic_shapes.deviation(kind, geometries.parameters[g].tolist(), tolerance, mesh)
     return _LocalMesh(mesh.positions[:, :3], mesh.triangles.astype(np.int64), off)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ...compiler.exporters.bodies import Converters, MeshError
+from ...compiler.exporters.bodies import Converters
 from ...compiler.plan.plan import Plan
 from ..geometry import analytic_shapes
 from ..image import encoded
@@ -17,7 +17,7 @@ from ..types import View
 from . import analytic_shapes as tessellation
 from . import implicit_surfaces
 from .part_materials import triangle_materials
-from .printable_mesh import SAMPLED, default_tolerance
+from .printable_mesh import default_tolerance
 from .view import ViewTessellator
 
 
@@ -43,30 +43,29 @@ def make_converters(scene: ir.Scene, tolerance: float | None = None) -> Converte
     tables = scene.tables
     within = default_tolerance(scene) if tolerance is None else tolerance
 
-    errors: dict[tuple[int, float], MeshError] = {}
+    errors: dict[tuple[int, float], float] = {}
 
     def key(instance: int) -> tuple[int, float]:
         """The geometry of an instance and the largest factor of its transform: equal ones have one mesh."""
         matrix = tables.transforms.matrix[tables.instances.transform[instance]]
         return int(tables.instances.geometry[instance]), float(np.linalg.norm(matrix[:, :3], 2))
 
-    def error(instance: int) -> MeshError:
+    def error(instance: int) -> float:
         g, size = key(instance)
         if tables.geometries.kind[g] == ir.GeometryKind.MESH:
-            return MeshError(float(tables.geometries.parameters[g, 0]), 0.0)
-        return errors.get((g, size), MeshError(0.0, 0.0))
+            return float(tables.geometries.parameters[g, 0])
+        return errors.get((g, size), 0.0)
 
     def triangles(instance: int) -> ShapeMesh:
         g, size = key(instance)
         local, kind = within / size, int(tables.geometries.kind[g])
         if kind == ir.GeometryKind.FORMULA:
-            made = implicit_surfaces.contour(tables, g, SAMPLED * local)
-            mesh = made.positions, made.triangles
-            errors[g, size] = MeshError(*implicit_surfaces.deviations(tables, g, mesh, local, made.size))
+            made = implicit_surfaces.contour(tables, g, local)
+            errors[g, size] = made.furthest
             return _with_metric(tables, instance, implicit_surfaces.with_edges(tables, g, implicit_surfaces.as_tessellation(made)))
         parameters = tables.geometries.parameters[g].tolist()
         shape = tessellation.tessellate(kind, parameters, local)
-        errors[g, size] = MeshError(tessellation.deviation(kind, parameters, local, shape), 0.0)
+        errors[g, size] = tessellation.deviation(kind, parameters, local, shape)
         return _with_metric(tables, instance, shape)
 
     return Converters(triangles, error, triangle_materials, encoded.png, encoded.exr)

@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 import math
 import re
+import tempfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from maquette.cli.main import cli
 from maquette.compiler import ir, load
 from maquette.lang.diagnostics import Diagnostics
@@ -262,3 +265,32 @@ difference {
         assert abs(high[0] - low[0] - 0.06) <= off
         assert abs(high[2] - low[2] - 0.04) <= off
     assert "± " in run("measure", tmp_path / "a.scene")[1]
+
+
+sizes = st.floats(0.2, 1.0)
+places = st.tuples(*[st.floats(-0.5, 0.5)] * 3)
+
+
+@st.composite
+def random_solids(draw: st.DrawFn) -> tuple[str, np.ndarray, np.ndarray]:
+    """(a union of a box and a ball, turned by quarters; the corners of its box in closed form)"""
+    half, at, radius, centre = np.array([draw(sizes) for _ in range(3)]), np.array(draw(places)), draw(sizes), np.array(draw(places))
+    low, high = np.minimum(at - half, centre - radius), np.maximum(at + half, centre + radius)
+    listed = [", ".join(f"{x:.9f}" for x in each.tolist()) for each in (2 * half, at, centre)]
+    solid = f"union {{ box([{listed[0]}], center: [{listed[1]}]); sphere({radius:.9f}, center: [{listed[2]}]) }}"
+    if draw(st.booleans()):  # x, z → z, -x
+        low, high = np.array([low[2], low[1], -high[0]]), np.array([high[2], high[1], -low[0]])
+        solid = f"rotate [0, 90deg, 0] {{ {solid} }}"
+    return solid, low, high
+
+
+@settings(max_examples=3, deadline=None, derandomize=True)
+@given(random_solids(), st.sampled_from(["stl", "3mf", "obj", "ply", "glb", "usda"]))
+def test_random_solids_keep_their_size(solid: tuple[str, np.ndarray, np.ndarray], ending: str) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "a.scene").write_text(solid[0], encoding="utf-8")
+        code, _, err = run("convert", Path(folder) / "a.scene", Path(folder) / f"a.{ending}", "--deviation", "5mm")
+        assert code == 0, err
+        low, high = bounds(str(Path(folder) / f"a.{ending}"))
+    assert np.abs(low - solid[1]).max() <= told(err) + 1e-6
+    assert np.abs(high - solid[2]).max() <= told(err) + 1e-6

@@ -280,11 +280,11 @@ def random_solids(draw: st.DrawFn) -> tuple[str, np.ndarray, np.ndarray]:
     solid = f"union {{ box([{listed[0]}], center: [{listed[1]}]); sphere({radius:.9f}, center: [{listed[2]}]) }}"
     if draw(st.booleans()):  # x, z → z, -x
         low, high = np.array([low[2], low[1], -high[0]]), np.array([high[2], high[1], -low[0]])
-        solid = f"rotate [0, 90deg, 0] {{ {solid} }}"
+        solid = f"rotate([0, 90deg, 0]) {{ {solid} }}"
     return solid, low, high
 
 
-@settings(max_examples=3, deadline=None, derandomize=True)
+@settings(max_examples=5, deadline=None, derandomize=True)
 @given(random_solids(), st.sampled_from(["stl", "3mf", "obj", "ply", "glb", "usda"]))
 def test_random_solids_keep_their_size(solid: tuple[str, np.ndarray, np.ndarray], ending: str) -> None:
     with tempfile.TemporaryDirectory() as folder:

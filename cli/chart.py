@@ -126,10 +126,10 @@ def _late_warnings(budget: float, start: start_time.StartTime) -> list[Diagnosti
     from ..render.film.deadline import Deadline
     from ..render.jit import compile_events
 
-    found = picture_notes.late_warnings({}, Deadline(budget, start.began, processed=start.processed), "the chart")
+    warnings = picture_notes.late_warnings({}, Deadline(budget, start.began, processed=start.processed), "the chart")
     if compile_events.compiled():
-        return [replace(late, message=f"{late.message}: it compiled kernels, once", hint="measure again") for late in found]
-    return found
+        return [replace(late, message=f"{late.message}: it compiled kernels, once", hint="measure again") for late in warnings]
+    return warnings
 
 
 def _check_outputs(outputs: Sequence[Path]) -> None:

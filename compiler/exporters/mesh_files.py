@@ -233,9 +233,9 @@ def _3mf(parts: Sequence[Part], library: str) -> bytes:
 
     Parts with colours of their own have those of the Materials and Properties Extension, a colour for each corner.
     """
-    known = list(dict.fromkeys(material for part in parts if part.colors is None for material in part.materials))
-    bases = "".join(f'<base name={quoteattr(m.name)} displaycolor="{_hex(m.color)}"/>' for m in known)
-    objects, items = [f'<basematerials id="1">{bases}</basematerials>'] if known else [], []
+    materials = list(dict.fromkeys(material for part in parts if part.colors is None for material in part.materials))
+    bases = "".join(f'<base name={quoteattr(m.name)} displaycolor="{_hex(m.color)}"/>' for m in materials)
+    objects, items = [f'<basematerials id="1">{bases}</basematerials>'] if materials else [], []
     tints = [None if part.colors is None else _corner_colors(part).astype(np.int64) @ [1 << 16, 1 << 8, 1] for part in parts]
     colors = np.unique(np.concatenate([np.zeros(0, np.int64), *(t.ravel() for t in tints if t is not None)]))
     if len(colors):
@@ -243,7 +243,7 @@ def _3mf(parts: Sequence[Part], library: str) -> bytes:
         objects.append(f'<m:colorgroup id="2">{group}</m:colorgroup>')
     for number, (part, tint) in enumerate(zip(parts, tints, strict=True), 3):
         vertices = "".join(f'<vertex x="{x:.{DIGITS}g}" y="{y:.{DIGITS}g}" z="{z:.{DIGITS}g}"/>' for x, y, z in part.positions.tolist())
-        rows = [] if tint is not None else [known.index(material) for material in part.materials]
+        rows = [] if tint is not None else [materials.index(material) for material in part.materials]
         looks = [""] * len(part.triangles)
         if tint is not None:
             looks = [f' pid="2" p1="{a}" p2="{b}" p3="{c}"' for a, b, c in np.searchsorted(colors, tint).tolist()]

@@ -15,9 +15,9 @@ def losses(scene: ir.Scene, parts: Sequence[Part], ending: str) -> list[Diagnost
     used = sorted({row for part in parts for row in part.rows})
     textured = [row for row in used if (materials.textures[row] >= 0).any()]
     message, hint = f"a texture is not carried: a {ending} file has none", ".glb and .usdz hold pictures"
-    found = [Diagnostic("warning", message, spans.at("materials", row), hint) for row in textured]
+    losses = [Diagnostic("warning", message, spans.at("materials", row), hint) for row in textured]
     tinted = [part.instance for part in parts if part.colors is not None]
     if ending == ".stl" and tinted:
         message, hint = "colours of vertices are not carried: a .stl file has none", ".ply, .obj and .3mf hold colours"
-        found.append(Diagnostic("warning", message, spans.at("instances", tinted[0]), hint))
-    return found
+        losses.append(Diagnostic("warning", message, spans.at("instances", tinted[0]), hint))
+    return losses

@@ -61,10 +61,10 @@ def whole(minimum: int, maximum: int) -> Reader:
     """A reader of whole numbers within these limits, which are included."""
 
     def read(value: Any) -> int:
-        found = _whole(value)
-        if found is None or not minimum <= found <= maximum:
+        number = _whole(value)
+        if number is None or not minimum <= number <= maximum:
             raise ValueError(f"write a whole number from {minimum} to {maximum}")
-        return found
+        return number
 
     return read
 
@@ -111,8 +111,7 @@ def size(value: Any) -> tuple[int, int]:
         sides = [int(match[1]), int(match[2] or match[1])] if match else []
     else:
         message = "a size is (width, height) in whole pixels"
-        found = [_whole(side) for side in _items(value) or ()]
-        sides = [side for side in found if side is not None]
+        sides = [side for side in map(_whole, _items(value) or ()) if side is not None]
     if len(sides) != 2:
         raise ValueError(message)
     width, height = sides
@@ -163,10 +162,10 @@ def exposure(value: Any) -> float:
 def crop(value: Any) -> tuple[int, int, int, int]:
     """`x0,y0,x1,y1` in pixels from the top left; x1 and y1 are exclusive."""
     items: Iterable[Any] = value.split(",") if isinstance(value, str) else _items(value) or ()
-    found = tuple(side for side in map(_whole, items) if side is not None and side >= 0)
-    if len(found) != 4 or len(tuple(items)) != 4:
+    corners = tuple(side for side in map(_whole, items) if side is not None and side >= 0)
+    if len(corners) != 4 or len(tuple(items)) != 4:
         raise ValueError("a crop is written x0,y0,x1,y1, in pixels from the top left")
-    x0, y0, x1, y1 = found
+    x0, y0, x1, y1 = corners
     if not (x0 < x1 and y0 < y1):
         raise ValueError("a crop has x0 < x1 and y0 < y1")
     return x0, y0, x1, y1
@@ -193,7 +192,7 @@ def names(value: Any) -> tuple[str, ...]:
     items = value.split(",") if isinstance(value, str) else _items(value) or ()
     if not all(isinstance(item, str) for item in items):
         raise ValueError("channels are names, like depth,normal,albedo")
-    found = tuple(item.strip() for item in items if item.strip())
-    if not found and (isinstance(value, str) or _items(value) is None):
+    channels = tuple(item.strip() for item in items if item.strip())
+    if not channels and (isinstance(value, str) or _items(value) is None):
         raise ValueError("channels are written depth,normal,albedo")
-    return found
+    return channels

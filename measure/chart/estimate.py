@@ -89,25 +89,25 @@ def make(scene: ir.Scene, light: ReferenceLight, cancel: threading.Event, second
     """
     plan, limit = light.plan(scene), Deadline(max(seconds, LOADING))
     small, tiny = _size(plan, SMALLEST), _size(plan, TINY)
-    found: list[_Picture] = []
+    pictures: list[_Picture] = []
     with limit.watch_compiler():
         for size, samples in [(size, samples) for size in (tiny, small) for samples in SAMPLES]:
-            if found:
-                known = _of(plan, found)
-                if known.start + known.each * size[0] * size[1] * samples > limit.left():
+            if pictures:
+                estimate = _of(plan, pictures)
+                if estimate.start + estimate.each * size[0] * size[1] * samples > limit.left():
                     break
             of_size = replace(light, settings=replace(light.settings, size=size, crop=None))
-            one = _draw(scene, of_size, samples, runs.Stop(cancel, limit.is_over))
+            picture = _draw(scene, of_size, samples, runs.Stop(cancel, limit.is_over))
             if cancel.is_set():
                 raise runs.Cancelled
-            if one is None or one.rays < one.pixels * samples:
+            if picture is None or picture.rays < picture.pixels * samples:
                 break
-            if one.error is None or not one.error > 1e-6:
+            if picture.error is None or not picture.error > 1e-6:
                 return None
-            if not found:
+            if not pictures:
                 limit = Deadline(seconds)
-            found.append(one._replace(tiny=size != small))
-    return _of(plan, found) if found else Estimate(_how(plan), _pixels(plan), math.inf, 1.0, limit.spent(), 0.0)
+            pictures.append(picture._replace(tiny=size != small))
+    return _of(plan, pictures) if pictures else Estimate(_how(plan), _pixels(plan), math.inf, 1.0, limit.spent(), 0.0)
 
 
 def _size(plan: Plan, least: int) -> tuple[int, int]:
@@ -130,19 +130,19 @@ def _draw(scene: ir.Scene, light: ReferenceLight, samples: int, stop: threading.
     return _Picture(samples, about["rays"], _pixels(plan), build, render, about["error"], pace, about["error_in_few"], False)
 
 
-def _of(plan: Plan, found: list[_Picture]) -> Estimate:
+def _of(plan: Plan, pictures: list[_Picture]) -> Estimate:
     """The estimate from the last one or two pictures. The first one has loaded kernels: its time tells least."""
-    last, error = found[-1], _of_one_sample(found[-1])
+    last, error = pictures[-1], _of_one_sample(pictures[-1])
     each = last.pace or last.render / last.rays
     wrong = TINY_ALONE if last.tiny else ALONE
-    if len(found) > 2:
-        more = last.render - found[-2].render
-        each = more / max(last.rays - found[-2].rays, 1) if more > CLEAR else each
-    if len(found) > 1:
-        disagreement = max(error / _of_one_sample(found[-2]), _of_one_sample(found[-2]) / error) ** 2
-        wrong = max(disagreement, wrong) if found[-2].tiny else disagreement
+    if len(pictures) > 2:
+        more = last.render - pictures[-2].render
+        each = more / max(last.rays - pictures[-2].rays, 1) if more > CLEAR else each
+    if len(pictures) > 1:
+        disagreement = max(error / _of_one_sample(pictures[-2]), _of_one_sample(pictures[-2]) / error) ** 2
+        wrong = max(disagreement, wrong) if pictures[-2].tiny else disagreement
     wrong *= min(1.0 / max(1.0 - last.stray, 1e-6), STRAY)
-    start = last.build + max(last.render - each * last.rays, 0.0) if len(found) > 1 else 0.0
+    start = last.build + max(last.render - each * last.rays, 0.0) if len(pictures) > 1 else 0.0
     return Estimate(_how(plan), _pixels(plan), error, wrong, start, each)
 
 

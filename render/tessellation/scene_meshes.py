@@ -60,9 +60,9 @@ def make_converters(scene: ir.Scene, tolerance: float | None = None) -> Converte
         g, size = key(instance)
         local, kind = within / size, int(tables.geometries.kind[g])
         if kind == ir.GeometryKind.FORMULA:
-            made = implicit_surfaces.contour(tables, g, local)
-            errors[g, size] = made.furthest
-            return _with_metric(tables, instance, implicit_surfaces.with_edges(tables, g, implicit_surfaces.as_tessellation(made)))
+            contour = implicit_surfaces.contour(tables, g, local)
+            errors[g, size] = contour.furthest
+            return _with_metric(tables, instance, implicit_surfaces.with_edges(tables, g, implicit_surfaces.as_tessellation(contour)))
         parameters = tables.geometries.parameters[g].tolist()
         shape = tessellation.tessellate(kind, parameters, local)
         errors[g, size] = tessellation.deviation(kind, parameters, local, shape)

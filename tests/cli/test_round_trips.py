@@ -34,9 +34,9 @@ def run(*arguments: object) -> tuple[int, str, str]:
 
 def told(err: str) -> float:
     """The deviation that `convert` tells, in metres."""
-    found = re.search(r"distance from the true surface (\S+) mm (?:at most|where it was measured)", err)
-    assert found is not None, err
-    return float(found[1]) / 1000
+    match = re.search(r"distance from the true surface (\S+) mm (?:at most|where it was measured)", err)
+    assert match is not None, err
+    return float(match[1]) / 1000
 
 
 def bounds(path: str) -> tuple[np.ndarray, np.ndarray]:

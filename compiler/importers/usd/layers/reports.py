@@ -66,10 +66,10 @@ def _plain(message: str, path: Path) -> str:
 
 def _without_format(message: str) -> str:
     """What to do with a layer of a format that usd-core does not read; empty for other messages."""
-    found = re.search(r"Cannot determine file format for @(.+?)(?::SDF_FORMAT_ARGS\b.*)?@", message)
-    if not found:
+    match = re.search(r"Cannot determine file format for @(.+?)(?::SDF_FORMAT_ARGS\b.*)?@", message)
+    if not match:
         return ""
-    name = re.split(r"[/\\]", found[1])[-1]
+    name = re.split(r"[/\\]", match[1])[-1]
     if name.lower().endswith(file_types.MESH):
         return f"write {name} as .usdc by `maquette convert`, and refer to that"
     return foreign_formats.advice(name)

@@ -16,8 +16,8 @@ Scenes without such materials compile nothing of it: the `lobes` of their Shader
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from ...compiler.plan import scene_facts
@@ -417,13 +417,12 @@ def _glossy(lobes: Lobes, plain: Lane) -> Lane:
 
 
 @helper
-def are_active(lobes: Lobes) -> bool:
+def is_active(lobes: Lobes) -> bool:
     """Whether the material of some lane has microfacets."""
     return ops.any_lane(lobes.here)
 
 
-def _if_active(function: Callable[..., Any]) -> Callable[..., Any]:
-    return specialize_if_present(function, are_active)
+_if_active = functools.partial(specialize_if_present, is_active=is_active)
 
 
 # Each takes lobes, the result for materials without them, and: the normal, the direction to the light, the direction to the viewer.

@@ -103,8 +103,8 @@ def _at(tables: Tables, surface: Surface) -> Lobes:
     metal, given = no | (model == METAL), no | (model == SPECULAR_WORKFLOW)
     here = metal | given | (model == PRINCIPLED)
     if ops.not_(ops.any_lane(here)):
-        black, one = (zero, zero, zero), zero + 1.0
-        return Lobes(here, no, black, black, zero, black, one, zero, one, materials.albedo, sheen.without(materials.sheen, None, zero))
+        black, rough = (zero, zero, zero), zero + 1.0
+        return Lobes(here, no, black, black, zero, black, rough, zero, rough, materials.albedo, sheen.without(materials.sheen, None, zero))
     color = ops.mul(color_of(tables, surface, DIFFUSE), surface.color)
     specular = color_of(tables, surface, SPECULAR)
     ior = ops.maximum(number_of(tables, surface, IOR), 1e-3)

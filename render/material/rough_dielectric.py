@@ -9,8 +9,8 @@ reciprocal. Radiance is not scaled by the square of the index. E is tabulated fo
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -294,8 +294,7 @@ def is_active(frost: RoughGlass) -> bool:
     return ops.any_lane(frost.here)
 
 
-def _if_active(function: Callable[..., Any]) -> Callable[..., Any]:
-    return specialize_if_present(function, is_active)
+_if_active = functools.partial(specialize_if_present, is_active=is_active)
 
 
 # Each takes the rough glass, the result without it, and: the normal, the direction to the light, the direction to the viewer.

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 import yaml
-from maquette.cli import compare
+from maquette.cli.commands import compare
 from maquette.cli.main import cli
 from maquette.lang import distribution
 

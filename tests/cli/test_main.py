@@ -19,7 +19,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from click.testing import CliRunner
-from maquette.cli import memory, render_job
+from maquette.cli import commands, memory, render_job
 from maquette.cli import option_types as values
 from maquette.cli.main import COMMANDS, cli
 from maquette.compiler import ir
@@ -80,7 +80,11 @@ def test_each_command_has_its_line_in_the_help(name: str, line: str) -> None:
     command = cli.get_command(click.Context(cli), name)
     assert command is not None
     assert command.get_short_help_str(100) == line
-    assert set(cli.commands) <= set(COMMANDS)
+    assert not cli.commands
+
+
+def test_each_module_of_commands_has_a_row() -> None:
+    assert {path.stem for path in Path(commands.__file__).parent.glob("*.py")} - {"__init__"} == set(COMMANDS)
 
 
 @pytest.mark.parametrize("name", list(COMMANDS))

@@ -8,8 +8,8 @@ import maquette
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from maquette.cli.commands.new import KINDS
 from maquette.cli.main import cli
-from maquette.cli.new import KINDS
 from maquette.lang.diagnostics import Diagnostics
 from maquette.lang.syntax.formatter import format_text
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from maquette.cli import sweep
+from maquette.cli.commands import sweep
 from maquette.cli.main import cli
 from PIL import Image
 

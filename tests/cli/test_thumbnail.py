@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from maquette.cli import thumbnail
+from maquette.cli.commands import thumbnail
 from maquette.cli.main import cli
 from maquette.render.image import image_reader
 

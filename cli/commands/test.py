@@ -19,8 +19,8 @@ from .. import common_options as shared
 from .. import render_job as jobs
 from .. import terminal
 from ..progress import Display
-from . import report as reports
-from .report import Result
+from ..scene_tests import report as reports
+from ..scene_tests.report import Result
 
 if TYPE_CHECKING:
     from ...compiler import ir
@@ -44,7 +44,7 @@ KINDS = (*file_types.SCENE, *file_types.USD, *file_types.MESH)
     "maquette test scenes --update", "maquette test scenes", "maquette test scenes -o report", "maquette test gear.scene"
 )
 @click.pass_context
-def test(
+def command(
     ctx: click.Context, paths: tuple[Path, ...], update: bool, output: Path | None, as_json: bool, quiet: bool, **given: Any
 ) -> None:  # fmt: skip
     """Test scenes: their asserts, and their pictures against kept ones.
@@ -95,7 +95,7 @@ def _scenes(paths: Sequence[Path]) -> Iterator[tuple[str, Path]]:
 def _tested(name: str, path: Path, update: bool, output: Path | None, quiet: bool, given: dict[str, Any]) -> Result:
     from ...measure.comparison import compare, difference_image, sides
     from ...render.image import image_files
-    from . import verdict
+    from ..scene_tests import verdict
 
     kept = path.parent / KEPT / f"{path.stem}.exr"
     try:

@@ -18,14 +18,14 @@ from typing import Any
 
 import click
 
-from .. import __version__
-from ..compiler.io import child_process, import_path
-from ..compiler.io.regular_files import MAX_DATA, read_text
-from ..compiler.io.replace_file import make_folder, replace_file
-from ..lang import file_types
-from . import common_options as shared
-from . import option_types as values
-from .process import supervisor
+from ... import __version__
+from ...compiler.io import child_process, import_path
+from ...compiler.io.regular_files import MAX_DATA, read_text
+from ...compiler.io.replace_file import make_folder, replace_file
+from ...lang import file_types
+from .. import common_options as shared
+from .. import option_types as values
+from ..process import supervisor
 
 KINDS = (*file_types.USD, *file_types.MESH)
 RECORDS = "thumbnails.json"  # what each picture was made from; pictures that are up to date are skipped
@@ -71,7 +71,7 @@ class Thumbnail:
     skipped: bool = False
 
 
-@click.command()
+@click.command("thumbnail")
 @click.argument("assets", type=click.Path(exists=True, path_type=Path), nargs=-1, required=True)
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path, file_okay=False), required=True, help="Folder of the pictures and of index.html."
@@ -84,7 +84,7 @@ class Thumbnail:
 @click.option("--json", "as_json", is_flag=True, help="Print a record of each asset as JSON.")
 @shared.examples("maquette thumbnail assets -o thumbs", "maquette thumbnail robot.usdz spot.obj -o thumbs --size 256 --json")
 @click.pass_context
-def thumbnail(
+def command(
     ctx: click.Context, assets: tuple[Path, ...], output: Path, size: tuple[int, int], complexity: int | None, allow: tuple[Path, ...],
     jobs: int | None, force: bool, as_json: bool,
 ) -> None:  # fmt: skip
@@ -209,7 +209,7 @@ def _begin_worker() -> None:
 
 def draw(asset: Asset, output: Path, looks: Looks) -> Thumbnail:
     """Draws one asset on one thread. Errors of the file are in the record; nothing is raised."""
-    from ..lang.diagnostics import SceneError
+    from ...lang.diagnostics import SceneError
 
     began = time.perf_counter()
     record = Thumbnail(asset.name, str(asset.path), f"{asset.name}.png", looks.size, options=looks.options)
@@ -224,12 +224,12 @@ def draw(asset: Asset, output: Path, looks: Looks) -> Thumbnail:
 
 
 def _draw(asset: Asset, output: Path, looks: Looks, record: Thumbnail) -> None:
-    from ..compiler import ir, load
-    from ..compiler.importers.stage_options import StageOptions
-    from ..compiler.plan import plan as planner
-    from ..lang.diagnostics import Diagnostics
-    from ..render import render_scene
-    from ..render.image import image_files
+    from ...compiler import ir, load
+    from ...compiler.importers.stage_options import StageOptions
+    from ...compiler.plan import plan as planner
+    from ...lang.diagnostics import Diagnostics
+    from ...render import render_scene
+    from ...render.image import image_files
 
     diagnostics, picture = Diagnostics(), output / record.picture
     stage = StageOptions(complexity=looks.complexity, conform="expand", size=record.size, as_asset=True)

@@ -11,20 +11,20 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .. import __version__
-from ..compiler.io import child_process
-from . import common_options as shared
-from . import render_job as jobs
+from ... import __version__
+from ...compiler.io import child_process
+from .. import common_options as shared
+from .. import render_job as jobs
 
 if TYPE_CHECKING:
-    from ..live.scene_files import Opened
-    from ..live.state import State
-    from ..live.studio import Current
+    from ...live.scene_files import Opened
+    from ...live.state import State
+    from ...live.studio import Current
 
 THUMBNAIL = (320, 240)  # pixels
 
 
-@click.command()
+@click.command("watch")
 @click.argument("scene", type=click.Path(exists=True, path_type=Path))
 @click.option("-o", "--output", type=shared.OUT, help="Picture file, written again at every save. Without --window, no window is opened.")
 @click.option("--window/--no-window", default=None, help="Open the window, also with -o. Default: only without -o.")
@@ -41,7 +41,7 @@ THUMBNAIL = (320, 240)  # pixels
     "maquette watch part.scene -o part.png --stats part.json",
 )
 @click.pass_context
-def watch(
+def command(
     ctx: click.Context, scene: Path, output: Path | None, window: bool | None, browser: bool, port: int | None, stats: Path | None,
     **given: Any
 ) -> None:  # fmt: skip
@@ -80,8 +80,8 @@ def watch(
 
 def _follow(job: jobs.Job, stats: Path | None) -> None:
     """Write the picture at every save."""
-    from ..live import watch as live
-    from .watch_stats import Redraws
+    from ...live import watch as live
+    from ..watch_stats import Redraws
 
     jobs.check_stats(stats, job.source.path, job.output)
     live.follow(Redraws(job, stats).build)
@@ -89,8 +89,8 @@ def _follow(job: jobs.Job, stats: Path | None) -> None:
 
 def _show(job: jobs.Job, output: Path | None, browser: bool, port: int | None, stats: Path | None) -> None:
     """Serve the window until Ctrl-C."""
-    from ..live import window
-    from .watch_stats import Edits
+    from ...live import window
+    from ..watch_stats import Edits
 
     source = job.source
     finished = None if output is None else partial(_write, output)
@@ -106,8 +106,8 @@ def _show(job: jobs.Job, output: Path | None, browser: bool, port: int | None, s
 
 def _opened(job: jobs.Job, path: Path) -> Opened:
     """A scene file of the window, with the options of the command."""
-    from ..compiler import load
-    from ..live.scene_files import Opened
+    from ...compiler import load
+    from ...live.scene_files import Opened
 
     source, stage = job.source, job.source.stage
     loaded = partial(load.load, path, allow=source.allow, stage=stage, mesh=source.mesh, max_elements=source.max_elements)
@@ -127,7 +127,7 @@ def _thumbnail(allow: tuple[Path, ...], path: Path) -> bytes:
 
 def _write(output: Path, current: Current, state: State) -> None:
     """Write a finished picture of the window."""
-    from ..render.image import image_files
+    from ...render.image import image_files
 
     plan, image = current.plan, current.finished
     if image is None:

@@ -10,20 +10,20 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..lang import file_types
-from ..lang.diagnostics import suggest
-from . import common_options as shared
-from . import compare_report as reports
-from . import option_types as values
-from . import render_job as jobs
-from . import terminal
-from .progress import Display
+from ...lang import file_types
+from ...lang.diagnostics import suggest
+from .. import common_options as shared
+from .. import compare_report as reports
+from .. import option_types as values
+from .. import render_job as jobs
+from .. import terminal
+from ..progress import Display
 
 if TYPE_CHECKING:
-    from ..compiler import ir
-    from ..compiler.plan.plan import Plan
-    from ..measure.comparison.compare import Comparison
-    from ..measure.comparison.sides import Side
+    from ...compiler import ir
+    from ...compiler.plan.plan import Plan
+    from ...measure.comparison.compare import Comparison
+    from ...measure.comparison.sides import Side
 
 BACKENDS = ("auto", "ray", "raster", "reference")
 SIDE_OPTIONS = ("samples", "error", "budget", "bounces", "seed")  # options in --backends; other names are decisions of the plan
@@ -89,7 +89,7 @@ def _convert(kind: click.ParamType, value: str, where: str, param: click.Paramet
         raise click.BadParameter(f"{where}: {error.message}", ctx, param) from None
 
 
-@click.command()
+@click.command("compare")
 @click.argument("first", metavar="A", type=shared.FILE)
 @click.argument("second", metavar="[B]", type=shared.FILE, required=False)
 @click.option("--backends", metavar="A,B", callback=_backends, help="Render scene A twice: raster,ray or ray:samples=4,ray:samples=64.")
@@ -109,7 +109,7 @@ def _convert(kind: click.ParamType, value: str, where: str, param: click.Paramet
     "maquette compare room.scene accepted.exr --metric flip --threshold 0.02",
 )
 @click.pass_context
-def compare(
+def command(
     ctx: click.Context, first: Path, second: Path | None, backends: tuple[BackendChoice, ...] | None, output: Path | None,
     side_by_side: bool, as_json: bool, quiet: bool, **given: Any,
 ) -> None:  # fmt: skip
@@ -119,8 +119,8 @@ def compare(
     reference. In linear light, √relMSE is √mean((A − B)² / (B² + ε²)) with ε = 1% of the mean luminance of B. Exit
     code: 0; 1 if --threshold is exceeded or the two cannot be compared; 2 for wrong usage.
     """
-    from ..measure.comparison import compare as measure
-    from ..measure.comparison import difference_image
+    from ...measure.comparison import compare as measure
+    from ...measure.comparison import difference_image
 
     threshold, metric = given.pop("threshold"), given.pop("metric")
     _check_usage(ctx, first, second, backends, output, side_by_side, (threshold, metric))
@@ -192,9 +192,9 @@ class _Inputs:
 
 def _sides(given: _Inputs, quiet: bool) -> tuple[Side, Side]:
     """Both sides, read or rendered. Files and sizes are checked before rendering."""
-    from ..measure.comparison import sides
-    from ..render import picture_notes
-    from ..render.image import image_files as pictures
+    from ...measure.comparison import sides
+    from ...render import picture_notes
+    from ...render.image import image_files as pictures
 
     paths = (given.first, given.second)
     try:
@@ -227,9 +227,9 @@ def _sides(given: _Inputs, quiet: bool) -> tuple[Side, Side]:
 
 def _plan(given: _Inputs, k: int, scene: ir.Scene, other: Side | None) -> Plan:
     """The plan of side k, with the size of the other side if that is a picture."""
-    from ..compiler import ir
-    from ..compiler.plan import plan as planner
-    from ..measure.comparison import sides
+    from ...compiler import ir
+    from ...compiler.plan import plan as planner
+    from ...measure.comparison import sides
 
     options = {name: value for name, value in given.options.items() if name in ir.Settings.__dataclass_fields__}
     settings, decisions = ir.Settings(**options), dict(given.options["plan_values"])
@@ -269,7 +269,7 @@ def _check_sizes(paths: tuple[Path, Path], ready: list[Side | None], plans: list
 
 
 def _draw(name: str, scene: ir.Scene, plan: Plan, letter: str, quiet: bool) -> Side:
-    from ..measure.comparison import sides
+    from ...measure.comparison import sides
 
     with Display(quiet, f"{letter} ({plan['backend']})") as display, terminal.catch_interrupt() as cancel:
         side = sides.render(scene, plan, name, display, cancel)

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import click
 
-from ..compiler.io.replace_file import replace_file
-from ..lang import file_types
-from . import common_options as shared
-from . import render_job as jobs
+from ...compiler.io.replace_file import replace_file
+from ...lang import file_types
+from .. import common_options as shared
+from .. import render_job as jobs
 
 _TEMPLATES = Path(__file__).parent.parent / "stdlib" / "new"
 KINDS = {"still": "a still life in the sun", "room": "a lit room", "part": "a 3D-printable part", "formula": "an implicit surface"}
@@ -25,7 +25,7 @@ _MESH = 'mesh("FILE", height: 1m, material: lambert(#c8c2b8))'  # in thing.scene
     help="; ".join(f"{kind}: {what}" for kind, what in KINDS.items()) + "; or a mesh or USD file to show. Default: still.",
 )
 @shared.examples("maquette new vase", "maquette new lamp --from room", "maquette new chair --from models/chair.obj")
-def new_command(name: Path, source: str) -> None:
+def command(name: Path, source: str) -> None:
     """Write the starter scene NAME.scene. An existing file is not changed."""
     path = name if name.suffix == ".scene" else name.with_name(f"{name.name}.scene")
     text = _text(path, source)

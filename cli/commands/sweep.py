@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from ..compiler.io.replace_file import replacing
-from ..lang.diagnostics import SceneError
-from . import common_options as shared
-from . import render_job as jobs
-from . import terminal
+from ...compiler.io.replace_file import replacing
+from ...lang.diagnostics import SceneError
+from .. import common_options as shared
+from .. import render_job as jobs
+from .. import terminal
 
 if TYPE_CHECKING:
-    from ..compiler import ir
+    from ...compiler import ir
 
 FONT = Path(__file__).resolve().parent.parent / "stdlib" / "fonts" / "DejaVuSans.ttf"
 CELL = 240  # pixels, the longer side of a picture without --size
@@ -65,7 +65,7 @@ def _split(text: str) -> list[str]:
     return parts
 
 
-@click.command()
+@click.command("sweep")
 @click.argument("scene", type=shared.FILE)
 @click.option("-o", "--output", type=shared.OUT, help="Picture file of the sheet: .png, .jpg or .webp. Default: SCENE.sweep.png.")
 @shared.scene_options
@@ -77,7 +77,7 @@ def _split(text: str) -> list[str]:
     "maquette sweep gear.scene --set teeth=8,12,16 --set width=1cm..3cm/3 --size 320x240 -o gears.png",
     "maquette sweep room.scene --set sun=0deg..80deg/9 --cluster tcp://host:8786",
 )
-def sweep(scene: Path, output: Path | None, cluster: str | None, quiet: bool, **given: Any) -> None:
+def command(scene: Path, output: Path | None, cluster: str | None, quiet: bool, **given: Any) -> None:
     """Render SCENE over values of its params, on one labelled sheet.
 
     --set name=A..B/N takes N values from A to B, --set name=A,B,C takes these. The first such param goes along the rows, the others

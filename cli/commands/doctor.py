@@ -6,20 +6,20 @@ import json
 
 import click
 
-from . import common_options as shared
+from .. import common_options as shared
 
 
-@click.command()
+@click.command("doctor")
 @click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON.")
 @shared.examples("maquette doctor --json")
 @click.pass_context
-def doctor(ctx: click.Context, as_json: bool) -> None:
+def command(ctx: click.Context, as_json: bool) -> None:
     """Show what this installation renders with.
 
     Prints versions, the instruction set, the cache of kernels, prebuilt kernels and missing packages. The exit code is 1 if something
     prevents rendering.
     """
-    from . import installation
+    from .. import installation
 
     findings = installation.findings()
     ready = all(finding.state != "error" for finding in findings)

@@ -10,20 +10,20 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..compiler.io.regular_files import MAX_DATA, read_text
-from ..compiler.io.replace_file import replace_file
-from ..lang.diagnostics import Diagnostic, suggest
-from ..render.film.progress import Progress
-from . import common_options as shared
-from . import option_types as values
-from . import render_job as jobs
-from . import terminal
-from .job import start_time
-from .process import supervisor
-from .progress import Display
+from ...compiler.io.regular_files import MAX_DATA, read_text
+from ...compiler.io.replace_file import replace_file
+from ...lang.diagnostics import Diagnostic, suggest
+from ...render.film.progress import Progress
+from .. import common_options as shared
+from .. import option_types as values
+from .. import render_job as jobs
+from .. import terminal
+from ..job import start_time
+from ..process import supervisor
+from ..progress import Display
 
 if TYPE_CHECKING:
-    from ..measure.records import Chart
+    from ...measure.records import Chart
 
 KINDS = (".svg", ".png", ".html")
 BACKENDS = ("ray", "raster", "reference")
@@ -52,7 +52,7 @@ def _names_of(known: Sequence[str], what: str) -> Any:
     return read
 
 
-@click.command()
+@click.command("chart")
 @click.argument("scene", type=shared.FILE)
 @click.option(
     "-o", "--output", "outputs", type=shared.OUT, multiple=True,
@@ -84,7 +84,7 @@ def _names_of(known: Sequence[str], what: str) -> Any:
     "maquette chart room.json -o room.html",
 )
 @click.pass_context
-def chart(
+def command(
     ctx: click.Context, scene: Path, outputs: tuple[Path, ...], metric: str | None, numbers: Path | None, quiet: bool, **given: Any
 ) -> None:  # fmt: skip
     """Measure error against time over backends and settings.
@@ -109,7 +109,7 @@ def chart(
     for path in outputs:
         _draw(measured, path)
     if numbers:
-        from ..measure.report import json_format
+        from ...measure.report import json_format
 
         replace_file(numbers, json_format.dump(measured).encode())
     _print(measured, (*outputs, *((numbers,) if numbers else ())), quiet)
@@ -122,9 +122,9 @@ def chart(
 
 def _late_warnings(budget: float, start: start_time.StartTime) -> list[Diagnostic]:
     """The warning about a chart that took longer than its budget."""
-    from ..render import picture_notes
-    from ..render.film.deadline import Deadline
-    from ..render.jit import compile_events
+    from ...render import picture_notes
+    from ...render.film.deadline import Deadline
+    from ...render.jit import compile_events
 
     warnings = picture_notes.late_warnings({}, Deadline(budget, start.began, processed=start.processed), "the chart")
     if compile_events.compiled():
@@ -152,7 +152,7 @@ def _check_redraw(ctx: click.Context) -> None:
 
 def _check_numbers(path: Path, ctx: click.Context) -> None:
     """Check the file of numbers. A file of the default name is replaced only if it is a chart."""
-    from ..measure.report import json_format
+    from ...measure.report import json_format
 
     jobs.check_folder(path)
     if ctx.params["numbers"] is None and path.exists():
@@ -163,7 +163,7 @@ def _check_numbers(path: Path, ctx: click.Context) -> None:
 
 
 def _read(path: Path) -> Chart:
-    from ..measure.report import json_format
+    from ...measure.report import json_format
 
     try:
         return json_format.read(read_text(path, MAX_DATA))
@@ -173,10 +173,10 @@ def _read(path: Path) -> Chart:
 
 def _measure(path: Path, metric: str, quiet: bool, given: dict[str, Any]) -> tuple[Chart, bool]:
     """The chart, and whether Ctrl-C ended the measurement. Raises ClickException without measurements."""
-    from ..compiler import ir
-    from ..compiler.plan import plan as planner
-    from ..measure import records
-    from ..measure.chart import engine
+    from ...compiler import ir
+    from ...compiler.plan import plan as planner
+    from ...measure import records
+    from ...measure.chart import engine
 
     source = shared.source_of(path, given)
     named = _command_line(source)
@@ -224,7 +224,7 @@ def _command_line(source: jobs.Source) -> str:
 
 def _draw(measured: Chart, path: Path) -> None:
     """Write the chart in the format of the file's extension."""
-    from ..measure.report import html_page, plot
+    from ...measure.report import html_page, plot
 
     kind = path.suffix.lower()
     if kind == ".png":
@@ -237,7 +237,7 @@ def _draw(measured: Chart, path: Path) -> None:
 
 def _print(measured: Chart, files: Sequence[Path], quiet: bool) -> None:
     """Print the table of advice to stdout and the file names to stderr."""
-    from ..measure.report import text_report
+    from ...measure.report import text_report
 
     click.echo(text_report.answer(measured))
     terminal.table(text_report.HEADINGS, text_report.advice(measured))

@@ -9,25 +9,25 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..compiler.io.replace_file import replace_file
-from ..lang.diagnostics import Diagnostic
-from . import common_options as shared
-from . import option_types as options
-from . import render_job as jobs
-from . import terminal
-from .scene_selection import selected
+from ...compiler.io.replace_file import replace_file
+from ...lang.diagnostics import Diagnostic
+from .. import common_options as shared
+from .. import option_types as options
+from .. import render_job as jobs
+from .. import terminal
+from ..scene_selection import selected
 
 if TYPE_CHECKING:
-    from ..compiler import ir
-    from ..compiler.exporters.common import Export
-    from ..compiler.plan.plan import Plan
+    from ...compiler import ir
+    from ...compiler.exporters.common import Export
+    from ...compiler.plan.plan import Plan
 
 MESHES = {".stl": "triangles for printing", ".3mf": "the same", ".obj": "triangles", ".ply": "triangles"}
 ASSETS = {".glb": "glTF 2.0", ".usda": "USD, as text", ".usdc": "USD", ".usdz": "USD with its pictures"}
 ENDINGS = {".npz": "a saved IR", ".xml": "Mitsuba 3", ".pov": "POV-Ray 3.7", **ASSETS, **MESHES}
 
 
-@click.command()
+@click.command("convert")
 @click.argument("scene", metavar="IN", type=shared.FILE)
 @click.argument("output", metavar="OUT", type=shared.OUT)
 @shared.scene_options
@@ -46,7 +46,7 @@ ENDINGS = {".npz": "a saved IR", ".xml": "Mitsuba 3", ".pov": "POV-Ray 3.7", **A
     "maquette convert hello.scene hello.xml --size 400x300 --plan filter=box",
     "maquette convert hello.scene hello.pov",
 )
-def convert(
+def command(
     scene: Path, output: Path, deviation: float | None, only: tuple[str, ...], without: tuple[str, ...], **given: Any
 ) -> None:  # fmt: skip
     """Convert IN for other programs.
@@ -73,7 +73,7 @@ def convert(
         _write_triangles(compiled, output, ending, deviation)
         return
     if ending == ".npz":
-        from ..compiler.scene import serialize
+        from ...compiler.scene import serialize
 
         serialize.save(compiled, output)
         return
@@ -87,8 +87,8 @@ def convert(
 
 
 def _write_triangles(scene: ir.Scene, output: Path, ending: str, tolerance: float | None) -> None:
-    from ..compiler.exporters import mesh_files, mesh_losses
-    from ..render.tessellation import printable_mesh
+    from ...compiler.exporters import mesh_files, mesh_losses
+    from ...render.tessellation import printable_mesh
 
     parts, found = printable_mesh.printable_parts(scene, tolerance)
     terminal.report(found)
@@ -118,7 +118,7 @@ def _write_triangles(scene: ir.Scene, output: Path, ending: str, tolerance: floa
 
 def tell_deviation(off: float, tolerance: float | None, scene: ir.Scene) -> str:
     """What is told of the largest distance of triangles from the true surface, in metres; warns where it is more than was asked for."""
-    from ..compiler import ir
+    from ...compiler import ir
 
     if tolerance is not None and off > 1.001 * tolerance:
         message = f"the triangles are up to {_up(off * 1000)} mm from the true surface, more than the {tolerance * 1000:.3g} mm asked for"
@@ -143,17 +143,17 @@ def _up(value: float) -> str:
 
 
 def _export(scene: ir.Scene, plan: Plan, output: Path, deviation: float | None) -> Export:
-    from ..compiler.exporters.gltf import scene as gltf_scene
-    from ..compiler.exporters.mitsuba import scene as mitsuba_scene
-    from ..compiler.exporters.povray import scene as povray_scene
-    from ..render.tessellation import scene_meshes
+    from ...compiler.exporters.gltf import scene as gltf_scene
+    from ...compiler.exporters.mitsuba import scene as mitsuba_scene
+    from ...compiler.exporters.povray import scene as povray_scene
+    from ...render.tessellation import scene_meshes
 
     ending = output.suffix.lower()
     if ending in ASSETS:
         converters = scene_meshes.make_converters(scene, deviation)
         if ending == ".glb":
             return gltf_scene.write(scene, plan, converters)
-        from ..compiler.exporters.usd import scene as usd_scene
+        from ...compiler.exporters.usd import scene as usd_scene
 
         return usd_scene.write(scene, plan, output.stem, ending, converters)
     write = mitsuba_scene.write if ending == ".xml" else povray_scene.write

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
-from . import common_options as shared
-from . import option_types as options
-from . import terminal
-from .scene_selection import selected
+from .. import common_options as shared
+from .. import option_types as options
+from .. import terminal
+from ..scene_selection import selected
 
 if TYPE_CHECKING:
-    from ..render.tessellation.mass_properties import Measured, Properties
+    from ...render.tessellation.mass_properties import Measured, Properties
 
 DENSITIES = {"kg/m3": 1.0, "kg/m³": 1.0, "g/cm3": 1000.0, "g/cm³": 1000.0}
 
@@ -35,7 +35,7 @@ def density(text: str) -> float:
     return value
 
 
-@click.command()
+@click.command("measure")
 @click.argument("scene", type=shared.FILE)
 @shared.scene_options
 @click.option("--only", metavar="NAME", multiple=True, help="Measure this instance and those below it alone; * and ? match. Repeatable.")
@@ -50,7 +50,7 @@ def density(text: str) -> float:
     "maquette measure part.scene --density 1.24g/cm3",
     "maquette measure part.scene --set width=30 --only lid --json",
 )
-def measure(
+def command(
     scene: Path, only: tuple[str, ...], without: tuple[str, ...], density: float | None, deviation: float | None, as_json: bool,
     **given: Any,
 ) -> None:  # fmt: skip
@@ -59,7 +59,7 @@ def measure(
     Each value has its error. Open surfaces have no volume; lights and unbounded shapes are left out. The inertia is that about the
     center of mass, along x, y and z.
     """
-    from ..render.tessellation import mass_properties
+    from ...render.tessellation import mass_properties
 
     source = shared.source_of(scene, given)
     compiled = selected(shared.load(replace(source, mesh=replace(source.mesh, deviation=deviation))), only, without)

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import click
 
-from ..compiler.io.regular_files import MAX_SOURCE, read_bytes, size
-from ..compiler.io.replace_file import replace_file
-from ..lang.diagnostics import Diagnostics, Span
-from . import common_options as shared
-from . import terminal
+from ...compiler.io.regular_files import MAX_SOURCE, read_bytes, size
+from ...compiler.io.replace_file import replace_file
+from ...lang.diagnostics import Diagnostics, Span
+from .. import common_options as shared
+from .. import terminal
 
 _FILES = click.Path(exists=True, dir_okay=False, path_type=Path, allow_dash=True)
 
@@ -21,7 +21,7 @@ _FILES = click.Path(exists=True, dir_okay=False, path_type=Path, allow_dash=True
 @click.option("--check", "only_check", is_flag=True, help="Write nothing; print the unformatted scenes and exit with 1 if there are any.")
 @shared.examples("maquette format room.scene", "maquette format --check examples/*.scene", "maquette format - < room.scene")
 @click.pass_context
-def format_command(ctx: click.Context, scenes: tuple[Path, ...], only_check: bool) -> None:
+def command(ctx: click.Context, scenes: tuple[Path, ...], only_check: bool) -> None:
     """Format SCENEs in place; - reads a scene from stdin and writes it to stdout.
 
     Changes only spaces, blank lines and the lines of braces. Comments and other line breaks stay. A scene with syntax errors is not
@@ -37,8 +37,8 @@ def format_command(ctx: click.Context, scenes: tuple[Path, ...], only_check: boo
 
 def _format(path: Path, only_check: bool) -> bool:
     """Format one scene. Returns whether it has no errors and, with `only_check`, is formatted."""
-    from ..lang.syntax.formatter import format_text
-    from ..lang.syntax.parser import decode
+    from ...lang.syntax.formatter import format_text
+    from ...lang.syntax.parser import decode
 
     piped = path == Path("-")
     name = "stdin" if piped else str(path)

@@ -13,7 +13,7 @@ from ...lang import file_types
 from .. import common_options as shared
 from .. import render_job as jobs
 
-_TEMPLATES = Path(__file__).parent.parent / "stdlib" / "new"
+_TEMPLATES = Path(__file__).parents[2] / "stdlib" / "new"
 KINDS = {"still": "a still life in the sun", "room": "a lit room", "part": "a 3D-printable part", "formula": "an implicit surface"}
 _MESH = 'mesh("FILE", height: 1m, material: lambert(#c8c2b8))'  # in thing.scene
 

@@ -22,7 +22,7 @@ from .. import terminal
 if TYPE_CHECKING:
     from ...compiler import ir
 
-FONT = Path(__file__).resolve().parent.parent / "stdlib" / "fonts" / "DejaVuSans.ttf"
+FONT = Path(__file__).resolve().parents[2] / "stdlib" / "fonts" / "DejaVuSans.ttf"
 CELL = 240  # pixels, the longer side of a picture without --size
 GAP = 8  # pixels between pictures
 LABEL = 13  # pixels, size of the labels

@@ -32,7 +32,7 @@ $(STAMP): pyproject.toml requirements/run.txt
 	@echo "making $(VENV) with $(PYTHON)"
 	@$(PYTHON) -m venv $(VENV)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --no-compile --require-hashes -r requirements/run.txt
-	@PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --no-deps -e .
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --no-deps -e .
 	@touch $@
 
 $(DEVELOP): $(STAMP) requirements/develop.txt

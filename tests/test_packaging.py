@@ -28,8 +28,18 @@ def folders() -> set[str]:
     }
 
 
-def test_the_list_of_packages_is_the_folders() -> None:
-    assert set(PROJECT["tool"]["setuptools"]["packages"]) == folders()
+def test_setuptools_finds_the_folders_and_says_nothing(tmp_path: Path) -> None:
+    """It runs on an overlay of links, as it writes beside setup.py."""
+    for path in ROOT.iterdir():
+        if not path.name.startswith(".") and not path.name.endswith(".egg-info") and path.name not in ("build", "dist"):
+            (tmp_path / path.name).symlink_to(path)
+    command = [sys.executable, "setup.py", "-q", "build_py", "--build-lib", "out"]
+    writes = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}  # of which setuptools would warn
+    done = subprocess.run(command, cwd=tmp_path, env=writes, capture_output=True, text=True, check=True)
+    assert not (tmp_path / "out" / "maquette" / "setup.py").exists()
+    assert done.stdout + done.stderr == ""
+    made = {path.parent.relative_to(tmp_path / "out") for path in (tmp_path / "out").rglob("__init__.py")}
+    assert {".".join(path.parts) for path in made} == folders()
 
 
 def test_every_data_file_is_packaged() -> None:

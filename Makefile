@@ -91,7 +91,7 @@ library: $(DEVELOP)  ## write docs/library.md from the comments in stdlib, and d
 	@$(BIN)/python -P tools/page_pictures.py
 
 grammar: $(DEVELOP)  ## write the tables of the parser again, after a change of lang/syntax/grammar.lark
-	@mkdir -p build && $(BIN)/python -m maquette.lang.syntax.build_tables > build/tables.json && mv build/tables.json lang/syntax/tables.json
+	@mkdir -p build && $(BIN)/python -m maquette.lang.syntax.grammar > build/tables.json && mv build/tables.json lang/syntax/tables.json
 
 editor: | $(DEVELOP)  ## bundle the page's editor, CodeMirror, again from tools/editor into live/page, with npm
 	@mkdir -p build/editor && cp tools/editor/* build/editor && cd build/editor && npm ci --no-audit --no-fund

@@ -8,7 +8,7 @@ from typing import Any
 
 from ..diagnostics import Span
 from . import ast
-from .token import Token
+from .grammar import Token
 from .trivia import Comments, Place
 
 MAX_DEPTH = 1000  # nested nodes, so that later stages can walk the tree recursively
@@ -27,9 +27,13 @@ class TooDeep(Exception):
 
 
 class TreeBuilder:
-    """Builds the tree of a file. Each method takes the parts of its rule, which are tokens and nodes, and returns a node."""
+    """Builds the tree of one file at a time. Each method takes the parts of its rule, tokens and nodes, and returns a node."""
 
-    def __init__(self, file: str, comments: Comments) -> None:
+    def __init__(self) -> None:
+        self.begin("", Comments())
+
+    def begin(self, file: str, comments: Comments) -> None:
+        """Start the tree of `file`."""
         self.file, self.comments = file, comments
         self.depths: dict[int, int] = {}  # height of each subtree, by id(node); a reused id is overwritten
 

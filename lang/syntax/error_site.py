@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from .grammar import Token
 from .lexer import CLOSERS, OPENERS
-from .token import Token
 
 VALUES = frozenset(("NUMBER", "STRING", "COLOR", "NAME"))
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 from itertools import takewhile
 
 from ..diagnostics import Diagnostics
+from .grammar import Token
 from .lexer import CLOSERS, KEYWORDS, OPENERS, OPERATORS, lex
 from .line_joining import CONTINUED_AFTER
 from .parser import parse
-from .token import Token
 
 INDENT = 2
 # An operand follows one of these: a `-` is a sign, a `|` begins the parameters of a function.

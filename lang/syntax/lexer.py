@@ -9,10 +9,8 @@ from dataclasses import dataclass, field
 
 from ..diagnostics import Diagnostics, Span
 from . import ast
-from .tables import tables
-from .token import Token
+from .grammar import Token, grammar
 
-_NAMES = re.compile(r"[ \t]*:").match
 KEYWORDS = frozenset(("use", "as", "unit", "param", "in", "let", "for", "if", "else", "then", "or", "and", "not"))
 COMPARISONS = frozenset(("<", "<=", ">", ">=", "==", "!="))
 OPERATORS = COMPARISONS | frozenset(("+", "-", "*", "/", "^", "..", "and", "or", "not"))
@@ -55,22 +53,7 @@ class Scan:
 
 def lex(text: str) -> Iterator[Token]:
     """The tokens of a text, without blanks. Every character is part of a token: characters outside the language have kinds of their own."""
-    known = tables()
-    match, keywords, ignored = known.pattern.match, known.keywords, known.ignored
-    at, line, begin = 0, 1, 0  # position, its line, and the position of the first character of that line
-    while found := match(text, at):
-        kind, value, end = found.lastgroup or "", found[0], found.end()
-        first_line, column = line, at - begin + 1
-        if "\n" in value:
-            line += value.count("\n")
-            begin = at + value.rindex("\n") + 1
-        if kind == "NAME":
-            kind = keywords.get(value, kind)
-            if value == "unit" and _NAMES(text, end):  # of an argument, as in mesh("a.stl", unit: "mm")
-                kind = "NAME"
-        if kind not in ignored:
-            yield Token(kind, value, at, first_line, column, line, end - begin + 1, end)
-        at = end
+    return grammar().tokens(text).lex(None)
 
 
 def span_of(token: Token, file: str) -> Span:
@@ -133,7 +116,7 @@ def _commented_lines(stream):
             continue
         elif fresh and token.type == "BAD_COLOR" and re.search("[g-zG-Z]", token):
             skipped = token.line
-            token = token.replaced("HASH_COMMENT", token)
+            token = token.update("HASH_COMMENT")
         if token.type not in ("_NL", "COMMENT"):
             fresh = False
         yield token
@@ -183,7 +166,7 @@ def _code(char: str) -> str:
 def _open_string(token: Token, file: str, diagnostics: Diagnostics) -> Token:
     diagnostics.error("this string is not closed", span_of(token, file), 'write `"` at its end')
     text = str(token).rstrip("\\")
-    return token.replaced("STRING", text + '"')
+    return token.update("STRING", text + '"')
 
 
 def _block_comment(token: Token, file: str, diagnostics: Diagnostics) -> ast.Comment:
@@ -220,7 +203,7 @@ def _bad_color(token: Token, file: str, diagnostics: Diagnostics) -> Token:
         hint = f"write {token[:7]}; `opacity` of the material takes the place of the last two digits"
     what = "has a letter that is no hexadecimal digit" if re.search("[g-zG-Z]", token) else f"has {_count(len(token) - 1, 'digit')}"
     diagnostics.error(f"the colour `{token}` {what}", span_of(token, file), hint)
-    return token.replaced("COLOR", "#000")
+    return token.update("COLOR", "#000")
 
 
 def _unknown(token: Token, file: str, diagnostics: Diagnostics) -> Token | None:
@@ -229,7 +212,7 @@ def _unknown(token: Token, file: str, diagnostics: Diagnostics) -> Token | None:
     shown = "backquote" if char == "`" else f"`{char}`" if visible else f"invisible character {_code(char)}"
     usual = unicodedata.normalize("NFKC", char)  # of a full-width character
     hint = _REPLACEMENTS.get(char, f"write `{usual}`" if visible and usual != char and usual.isascii() else "" if visible else "delete it")
-    kept = token.replaced("NAME", char) if char == "$" else None  # the name after it is part of the error
+    kept = token.update("NAME") if char == "$" else None  # the name after it is part of the error
     last = diagnostics.items[-1] if diagnostics.items else None
     if last and last.span and last.span.line == token.line and last.hint == hint:
         return kept  # the second of a pair, or one of a sequence

@@ -6,8 +6,8 @@ from bisect import bisect_right
 from dataclasses import dataclass
 
 from ..diagnostics import Diagnostics
+from .grammar import Token
 from .lexer import CLOSERS, OPENERS, OPERATORS, Scan, span_of
-from .token import Token
 
 # A line that ends with one of these continues; `|` closes the parameters of a function.
 CONTINUED_AFTER = OPERATORS | frozenset(("=", ",", ":", ".", "|", "in", "then", "else", "(", "["))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from bisect import bisect_left
 from dataclasses import dataclass, field
 from typing import Any
@@ -12,8 +13,7 @@ from ..file_types import is_binary
 from . import ast, lexer, line_joining, syntax_errors
 from .ast_builder import BROKEN, MAX_DEPTH, TooDeep, TreeBuilder
 from .error_site import ErrorSite
-from .lalr_driver import Automaton, Unexpected
-from .token import Token
+from .grammar import ParserState, Token, UnexpectedToken, grammar
 from .trivia import Comments
 
 BINDS = frozenset(("let", "param", "function", "module", "def", "const", "var"))  # words of other languages as well
@@ -71,6 +71,23 @@ def _too_large(size: int, name: str, diagnostics: Diagnostics) -> None:
     diagnostics.error(f"the file has {size / 1e6:.1f} MB; a scene has {MAX_BYTES / 1e6:.0f} MB at most", Span(name), hint)
 
 
+class _Automaton(threading.local):
+    """The tree builder of a thread, as actions of the grammar: making these takes as long as parsing ten lines."""
+
+    builder: TreeBuilder | None = None
+
+    def start(self, file: str, comments: list[ast.Comment]) -> ParserState[int]:
+        """Lark's parser before the first token of `file`."""
+        if self.builder is None:
+            self.builder = TreeBuilder()
+            self.actions = grammar().actions(self.builder)
+        self.builder.begin(file, Comments(comments))
+        return ParserState(self.actions, grammar().tokens(""))
+
+
+_automaton = _Automaton()
+
+
 @dataclass(slots=True)
 class _Level:
     """A list of items during the parse: the file, or a block."""
@@ -95,7 +112,7 @@ class _Parsing:
     tries: int = 0  # recoveries up to it before
 
     def run(self) -> tuple[tuple[ast.Item, ...], tuple[ast.Comment, ...], set[str]]:
-        self.parser = Automaton(TreeBuilder(self.file, Comments(self.scan.comments)))
+        self.state = _automaton.start(self.file, self.scan.comments)
         self.levels = [_Level(0, 0, 0)]
         self.depths = _depths(self.stream)
         self.wrong = sorted(self.scan.wrong)
@@ -107,8 +124,8 @@ class _Parsing:
                 i = self._resume(self._recover(i))
                 continue
             try:
-                result = self.parser.feed(token)
-            except Unexpected as e:
+                result = self.state.feed_token(token, token.type == "$END")
+            except UnexpectedToken as e:
                 self._report(i, e.expected)
                 is_value = token == "{" and "NUMBER" in e.expected
                 is_vector = token == "<" and "NUMBER" in e.expected  # of POV-Ray, whose blocks hold arguments
@@ -151,11 +168,11 @@ class _Parsing:
         """Update the stack of blocks and items after token `i`."""
         level, token = self.levels[-1], self.stream[i]
         if token.type == "LBRACE":
-            self.levels.append(_Level(self.depths[i] + 1, len(self.parser.values), i + 1))
+            self.levels.append(_Level(self.depths[i] + 1, len(self.state.value_stack), i + 1))
         elif token.type == "RBRACE":
             self.levels.pop()
         elif token.type == "_NL":
-            level.height, level.first, level.broken = len(self.parser.values), i + 1, False
+            level.height, level.first, level.broken = len(self.state.value_stack), i + 1, False
 
     def _recover(self, i: int, blocks: bool = True, lines: bool = True) -> int:
         """Drop the current item and skip the rest of it, up to a block of its own whose items are still parsed.
@@ -165,7 +182,7 @@ class _Parsing:
         level, start = self.levels[-1], self.levels[-1].first
         level.broken = True
         self._remember_names(level)
-        del self.parser.values[level.height :], self.parser.states[level.height + 1 :]
+        del self.state.value_stack[level.height :], self.state.state_stack[level.height + 1 :]
         while i < len(self.stream):
             token, depth = self.stream[i], self.depths[i]
             if token.type == "$END" or (token == "}" and depth < level.depth):
@@ -175,7 +192,7 @@ class _Parsing:
                 level.first, level.broken = i + 1, False
                 return i + 1
             if lines and blocks and depth == level.depth and token == "{":
-                self.parser.feed(Token("NAME", BROKEN, token.start_pos, token.line, token.column, token.line, token.column))
+                self.state.feed_token(Token("NAME", BROKEN, token.start_pos, token.line, token.column, token.line, token.column))
                 break
             i += 1
         self.dropped.append((start, i))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ...lang.syntax.grammar import Token
 from ...lang.syntax.lexer import CLOSERS, OPENERS, lex
-from ...lang.syntax.token import Token
 from .document import Document
 
 

@@ -594,7 +594,7 @@ def test_a_saved_ir_draws_the_same(scene: Path) -> None:
 
 
 HEAVY = (
-    "numba", "llvmlite", "pxr", "OpenImageIO", "matplotlib", "trimesh", "manifold3d", "flip_evaluator", "fontTools", "PIL", "rich", "lark",
+    "numba", "llvmlite", "pxr", "OpenImageIO", "matplotlib", "trimesh", "manifold3d", "flip_evaluator", "fontTools", "PIL", "rich",
     "uharfbuzz", "multiprocessing", "asyncio", "unittest", "email", "http",
 )  # fmt: skip
 
@@ -602,8 +602,8 @@ HEAVY = (
 @pytest.mark.parametrize(
     ("arguments", "banned"),
     [
-        (("--help",), (*HEAVY, "numpy")),
-        (("render", "--help"), (*HEAVY, "numpy")),
+        (("--help",), (*HEAVY, "numpy", "lark")),
+        (("render", "--help"), (*HEAVY, "numpy", "lark")),
         (("check", "a.scene"), HEAVY),
         (("inspect", "a.scene"), HEAVY),
         (("explain", "a.scene"), tuple(name for name in HEAVY if name not in ("llvmlite", "email"))),  # it looks for kernels

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from hypothesis import given
 from hypothesis import strategies as st
-from maquette.lang.syntax import build_tables, lexer, tables
+from maquette.lang.syntax import grammar, lexer
 
 
 def test_the_tables_are_those_of_the_grammar() -> None:
-    assert tables.FILE.read_text(encoding="utf-8") == build_tables.text(), "run `make grammar`"
+    assert grammar.TABLES.read_text(encoding="utf-8") == grammar.text(), "run `make grammar`"
 
 
 @given(st.text(st.sampled_from('ab1.#f"\\/*\n;{}()[]<=>!|µ° \t\r\x0b\x85\u2028“×'), max_size=60))

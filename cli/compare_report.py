@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 import click
 
+from ..measure.metric_table import Metric, compared
 from . import terminal
 
 if TYPE_CHECKING:
@@ -42,17 +43,34 @@ def _with_doubt(value: float, doubt: float | None) -> str:
 
 
 def _figures(found: Comparison) -> Iterator[tuple[str, str]]:
-    yield "√relMSE", f"{found.error:.6g} ({found.error:.4%})"
-    yield "blocks", f"{found.blocks:.6g} ({found.blocks:.4%}): √relMSE of means over 4 × 4 pixels"
-    yield "FLIP", f"{found.flip:.4g}" + (f" (at {found.exposure:+g} stops)" if found.exposure else "")
-    on = f" on {found.largest_on}" if found.largest_on and found.maximum else ""
-    yield "maximum", f"{found.maximum:.6g} at pixel {found.at[0]},{found.at[1]}{on}"
+    """A line for each metric that is known, with the bias after the maximum, and the number of different pixels."""
+    details: dict[str, Callable[[float], tuple[str, str]]] = {
+        "relmse": lambda value: ("√relMSE", f"{value:.6g} ({value:.4%})"),
+        "blocks": lambda value: ("blocks", f"{value:.6g} ({value:.4%}): √relMSE of means over 4 × 4 pixels"),
+        "flip": lambda value: ("FLIP", f"{value:.4g}" + (f" (at {found.exposure:+g} stops)" if found.exposure else "")),
+        "maximum": lambda value: ("maximum", f"{value:.6g} at pixel {found.at[0]},{found.at[1]}{_owner(found, value)}"),
+        "silhouette": lambda value: ("silhouette", f"{value:.4g} pixels apart"),
+    }
+    for name, value in found.figures.items():
+        if value is not None:
+            yield details[name](value) if name in details else (name, _plain(compared()[name], value))
+        if name == "maximum":
+            yield "bias", _bias(found)
+    yield "differing", f"{found.differing} of {found.pixels} pixels"
+
+
+def _plain(metric: Metric, value: float) -> str:
+    return f"{percent(value) if metric.share else f'{value:.6g} {metric.unit}'.rstrip()}: {metric.noun or metric.name}"
+
+
+def _owner(found: Comparison, maximum: float) -> str:
+    return f" on {found.largest_on}" if found.largest_on and maximum else ""
+
+
+def _bias(found: Comparison) -> str:
     doubts = found.bias.standard_error or (None, None, None)
     colours = zip(("red", "green", "blue"), found.bias.channels, doubts, strict=True)
-    yield "bias", ", ".join(f"{name} {_with_doubt(value, doubt)}" for name, value, doubt in colours)
-    if found.silhouette is not None:
-        yield "silhouette", f"{found.silhouette:.4g} pixels apart"
-    yield "differing", f"{found.differing} of {found.pixels} pixels"
+    return ", ".join(f"{name} {_with_doubt(value, doubt)}" for name, value, doubt in colours)
 
 
 def _places(found: Comparison) -> Iterator[tuple[str, str]]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..lang.schema.picture_channels import CHANNELS
 from ..render.image import image_files, srgb
 
 Codes = NDArray[np.uint8]
@@ -28,26 +29,29 @@ def colors(rgba: NDArray[np.float32], exposure: float, view: str, transparent: b
 
 
 def auxiliary(name: str, values: NDArray[Any]) -> Codes:
-    """(h, w, 4) codes of the channel `name`, (h, w, k), for looking at.
+    """(h, w, 4) codes of the channel `name`, (h, w, k), for looking at, by `shown` of its row of CHANNELS.
 
-    depth: white is near, black is far. normal: -1 to 1 become 0 to 255. id: a colour for each instance. samples: from blue to red.
+    distance: white is near, black is far. direction: -1 to 1 become 0 to 255. share: 0 to 1 become black to white. color: linear.
+    fraction: the part after the point. row: a colour for each row. count: from blue to red.
     """
-    match name:
-        case "depth":
+    match CHANNELS[name].shown:
+        case "distance":
             rgb = np.repeat(_depth_shades(values[..., 0])[..., None], 3, axis=2)
-        case "normal":
+        case "direction":
             rgb = np.rint(np.clip(values * 0.5 + 0.5, 0.0, 1.0) * 255.0)
-        case "albedo":
+        case "share":
+            rgb = np.repeat(np.rint(np.clip(np.nan_to_num(values[..., :1]), 0.0, 1.0) * 255.0), 3, axis=2)
+        case "color":
             rgb = srgb.codes(np.ascontiguousarray(values, dtype=np.float32), 0.0)
-        case "uv":
+        case "fraction":
             share = np.nan_to_num(values - np.floor(values)) * 255.0
             rgb = np.concatenate([share, np.zeros_like(share[..., :1])], axis=2)
-        case "id":
+        case "row":
             rgb = _id_colors(values[..., 0].astype(np.int64))
-        case "samples":
+        case "count":
             rgb = _heat(values)
         case _:
-            raise ValueError(f"no channel is called {name}")
+            raise ValueError(f"the channel {name} is not shown")
     return _opaque(rgb.astype(np.uint8))
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..compiler import ir
 from ..compiler.plan import plan as planner
 from ..compiler.plan.plan import Plan
-from ..render.film import aov
+from ..lang.schema.picture_channels import SEEN
 from ..render.image.image import Image
 from .channels import resized
 
@@ -65,13 +65,13 @@ class Quick:
         """
         width, height = self.plan["size"]
         divisor = pace.divisor(width, height, moving) if self._is_whole() else 1
-        at_once = self.channel in aov.SEEN
+        at_once = self.channel in SEEN
         return [self._made(part, at_once or width * height <= SMALL * part * part) for part in dict.fromkeys((divisor, 1))]
 
     def channels(self, whole: bool) -> Plan | None:
         """The plan of channels for clicks and outlines, in full size or small; None where the first pictures have them."""
         width, height = self.plan["size"]
-        if self.channel in aov.SEEN or width * height <= SMALL:
+        if self.channel in SEEN or width * height <= SMALL:
             return None
         part = 1 if whole or not self._is_whole() else math.ceil(math.sqrt(width * height / SMALL))
         return self._made(part, True)
@@ -82,7 +82,7 @@ class Quick:
     def _made(self, part: int, with_channels: bool) -> Plan:
         width, height = self.plan["size"]
         known = {name: self.overrides[name] for name in self.overrides if name in self.plan.decisions}
-        names = tuple(dict.fromkeys(("id", "depth", *([self.channel] if self.channel in aov.SEEN else []))))
+        names = tuple(dict.fromkeys(("id", "depth", *([self.channel] if self.channel in SEEN else []))))
         quick = replace(self.scene, settings=replace(self.scene.settings, error=None, budget=None, aov=None, samples=1))
         size = (max(1, width // part), max(1, height // part))
         aovs = names if with_channels else None

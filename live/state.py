@@ -8,10 +8,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-CHANNELS = ("color", "depth", "normal", "albedo", "uv", "id", "samples")
-BACKENDS = ("auto", "ray", "raster", "reference")
+from ..lang.schema.picture_channels import CHANNELS
+from ..lang.schema.picture_settings import PICTURE_SETTINGS
+
 MAX_TEXT = 4 << 20  # characters of an unsaved file
 MAX_STOPS = 64.0
+
+
+def channel_labels() -> list[tuple[str, str]]:
+    """(name, label) of each channel that a page can show."""
+    return [("color", "picture"), *((name, channel.label or name) for name, channel in CHANNELS.items() if channel.shown)]
 
 
 class StateError(ValueError):
@@ -114,13 +120,13 @@ def _exposure(value: Any) -> float | None:
 
 
 def _backend(value: Any) -> str | None:
-    if value is not None and value not in BACKENDS:
+    if value is not None and value not in PICTURE_SETTINGS["backend"].choices:
         raise StateError(f"there is no backend {reprlib.repr(value)}")
     return value
 
 
 def _channel(value: Any) -> str:
-    if value not in CHANNELS:
+    if value not in [name for name, _ in channel_labels()]:
         raise StateError(f"there is no channel {reprlib.repr(value)}")
     return value
 

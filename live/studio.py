@@ -16,8 +16,9 @@ from ..compiler.plan import plan as planner
 from ..compiler.plan.plan import Plan
 from ..lang.diagnostics import Diagnostic, Diagnostics, SceneError
 from ..lang.plain_values import show_value
+from ..lang.schema.picture_channels import SEEN
+from ..lang.schema.picture_settings import BACKENDS
 from ..render import picture_notes, render_scene
-from ..render.film import aov
 from ..render.film.progress import Progress
 from ..render.image import image_files
 from ..render.image.image import Image
@@ -29,7 +30,7 @@ from .interrupts import Interrupted, Interruptible
 from .passes import MAX_PIXELS, Pace, Quick, Shown
 from .previews import Previews
 from .scene_files import Opened
-from .state import State
+from .state import State, channel_labels
 
 PATIENCE = 1.0  # seconds of a first picture after which an edit cancels it: shorter ones are shown, so that dragging never starves
 TICK = 0.12  # seconds between progress messages and between partial pictures
@@ -205,7 +206,8 @@ class Studio:
         self._compiled = Compiled(key, scene, tuple(found.items))
         self.tell({"type": "params", "items": params.controls(scene)})
         cameras = [name for name in scene.names.cameras if name]
-        about = {"cameras": cameras, "defaults": list(scene.defaults), "timeline": self.opened.timeline(scene)}
+        choices = {"channels": channel_labels(), "backends": BACKENDS}
+        about = {**choices, "cameras": cameras, "defaults": list(scene.defaults), "timeline": self.opened.timeline(scene)}
         self.tell({"type": "scene", "name": self.opened.path.name, **about})
         return self._compiled
 
@@ -242,7 +244,7 @@ class Studio:
         try:
             quick = Quick(scene, settings, self.opened.overrides, plan, state.channel)
             whole = self._first_pictures(version, state, quick) and self._draw_channels(version, quick, False)
-            if whole and state.channel not in aov.SEEN and not self._cancel.is_set():
+            if whole and state.channel not in SEEN and not self._cancel.is_set():
                 image = self._last_picture(version, state, scene, plan)
                 self._finish(version, state, image, warnings, began)
                 if not image.metadata["partial"]:

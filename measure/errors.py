@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
 from flip_evaluator import evaluate
 from numpy.typing import NDArray
 
 from ..render.image import metrics
+from .metric_table import METRICS
 
 PIXELS_PER_DEGREE = 67.02  # FLIP's default: a display 0.7 m and 3840 pixels wide, seen from 0.7 m
 
@@ -45,31 +49,62 @@ def outline_length(coverage: Pixels) -> float:
     return float(np.hypot(across, down).sum())
 
 
-def measures(
-    rgb: Pixels, alpha: Pixels | None, reference: Pixels, covered: Pixels | None, exposure: float, with_flip: bool = True
-) -> dict[str, float]:
-    """Every error of a picture (height, width, 3) by name. FLIP takes longer than all others together and is optional.
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """A linear picture and its reference, (height, width, 3) each, with their coverages (height, width), None where unknown.
 
-    "relmse": √relMSE; "relmse 99.9%": without the 0.1 % of pixels with the largest error; "blocks": √relMSE of means over
-    4 × 4 pixels; "flip": mean FLIP after exposure by
-    `exposure` stops; "max": the largest linear |I − R| of any channel; "silhouette": in pixels, if both coverages are known.
+    FLIP shows both after `exposure` stops. Each method is a metric of metric_table.METRICS.
     """
-    squared = metrics.squared_relative(rgb, reference)
-    found = {
-        "relmse": float(np.sqrt(squared.mean())),
-        "relmse 99.9%": trim(squared),
-        "blocks": metrics.block_relmse(rgb, reference),
-        "max": float(metrics.distance(np.asarray(rgb, np.float64), np.asarray(reference, np.float64)).max()),
-    }
-    if with_flip:
-        found["flip"] = flip(_expose(rgb, exposure), _expose(reference, exposure))
-    if alpha is not None and covered is not None:
-        found["silhouette"] = silhouette(alpha, covered)
-    return found
+
+    rgb: Pixels
+    alpha: Pixels | None
+    reference: Pixels
+    covered: Pixels | None
+    exposure: float
+
+    @cached_property
+    def squared(self) -> NDArray[np.float64]:
+        """(height, width, 3) squared relative errors."""
+        return metrics.squared_relative(self.rgb, self.reference)
+
+    def relmse(self) -> float:
+        """√relMSE; 0 of an empty picture."""
+        return float(np.sqrt(self.squared.mean())) if self.squared.size else 0.0
+
+    def trimmed(self) -> float:
+        """√relMSE without the 0.1 % of pixels with the largest error."""
+        return trim(self.squared)
+
+    def blocks(self) -> float:
+        """√relMSE of means over 4 × 4 pixels."""
+        return metrics.block_relmse(self.rgb, self.reference)
+
+    def flip(self) -> float:
+        """Mean FLIP after exposure."""
+        return flip(_expose(self.rgb, self.exposure), _expose(self.reference, self.exposure))
+
+    def largest(self) -> float:
+        """The largest linear |I − R| of any channel."""
+        return float(metrics.distance(np.asarray(self.rgb, np.float64), np.asarray(self.reference, np.float64)).max(initial=0.0))
+
+    def silhouette(self) -> float | None:
+        """The mean distance of the outlines in pixels; None without both coverages."""
+        return None if self.alpha is None or self.covered is None else silhouette(self.alpha, self.covered)
+
+
+def measures(
+    rgb: Pixels, alpha: Pixels | None, reference: Pixels, covered: Pixels | None, exposure: float, with_slow: bool = True
+) -> dict[str, float]:
+    """The value of each metric of METRICS that is known, by name; without the slow ones on demand."""
+    pair = Pair(rgb, alpha, reference, covered, exposure)
+    values = {name: metric.value(pair) for name, metric in METRICS.items() if with_slow or not metric.slow}
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def trim(squared: NDArray[np.float64], kept: float = 0.999) -> float:
     """Root of the mean squared error (height, width, 3) over the share `kept` of the pixels with the smallest errors."""
+    if not squared.size:
+        return 0.0
     of_pixels = np.sort(squared.mean(axis=2), axis=None)
     return float(np.sqrt(of_pixels[: max(round(kept * of_pixels.size), 1)].mean()))
 

@@ -6,33 +6,14 @@ import math
 import re
 import shlex
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
+from ..lang.schema.picture_settings import BACKENDS
+from .metric_table import METRICS
+
 if TYPE_CHECKING:
     from .records import Chart, Curve, Point, Setting, Spread
-
-
-@dataclass(frozen=True, slots=True)
-class Metric:
-    """A metric: its name on an axis and in a sentence, and the format of its values: a percentage, or a number with a unit."""
-
-    axis: str
-    name: str
-    share: bool = False
-    unit: str = ""
-
-
-BACKENDS = ("ray", "raster", "reference")
-METRICS = {
-    "relmse": Metric("error, √relMSE", "√relMSE", share=True),
-    "relmse 99.9%": Metric("error, √relMSE of 99.9 % of the pixels", "√relMSE of 99.9 %", share=True),
-    "blocks": Metric("error of 4 × 4 pixel means, √relMSE", "√relMSE of 4 × 4", share=True),
-    "flip": Metric("error a person sees, mean FLIP", "FLIP"),
-    "max": Metric("largest error of a pixel, linear light", "largest"),
-    "silhouette": Metric("how far outlines lie apart, pixels", "outlines apart", unit="px"),
-}
 
 
 def digits(value: float, count: int = 2) -> str:

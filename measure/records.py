@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler import ir
+from ..lang.schema.picture_settings import BACKENDS
 
 
 class NothingMeasured(Exception):
@@ -31,9 +32,9 @@ class Wanted:
 
     name: str  # the scene and its options as on the command line; the title
     settings: ir.Settings
-    backends: tuple[str, ...] = ("ray", "raster", "reference")
+    backends: tuple[str, ...] = BACKENDS
     peers: tuple[str, ...] = ()
-    metric: str = "relmse"  # "relmse", "blocks", "flip", "max" or "silhouette"
+    metric: str = "relmse"  # of metric_table.METRICS
     budget: float = 60.0  # seconds in all, including the reference
     seeds: int | None = None  # renders of a setting with different seeds; None: as many as bias and noise need
     repeats: int | None = None  # the least number of timed renders of a setting
@@ -47,7 +48,7 @@ class Wanted:
 class Setting:
     """One step of a sweep: `value` of `knob`, as fields of compiler.ir.Settings (`options`) and overrides of the plan (`plan`)."""
 
-    backend: str  # "ray", "raster", "reference", or a peer's name
+    backend: str  # of BACKENDS, or a peer's name
     knob: str  # "samples", "error", "bounces", "tolerance", …
     value: Any
     options: Mapping[str, Any] = field(default_factory=dict)

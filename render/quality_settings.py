@@ -1,6 +1,6 @@
 """Quality settings of each backend: the options that trade time for accuracy, with their values from fast to accurate.
 
-Read by `maquette chart`. Add a row for a new backend or option.
+Read by `maquette chart`. A backend without a row has samples alone.
 """
 
 from __future__ import annotations
@@ -84,3 +84,8 @@ QUALITY_SETTINGS: Mapping[str, tuple[QualitySetting, ...]] = {
     ),
     "reference": (_by_samples(_SAMPLES[:5]),),
 }  # fmt: skip
+
+
+def of_backend(backend: str) -> tuple[QualitySetting, ...]:
+    """The quality settings of a backend."""
+    return QUALITY_SETTINGS.get(backend, (_by_samples(_SAMPLES),))

@@ -153,7 +153,6 @@ DOORS = {
     "cli/job/picture_summary.py": "NumPy starts threads when it is imported, and a process is confined before",
     "cli/job/rescue.py": "only a picture that could not be written is rescued",
     "render/render_scene.py": "a picture loads the backend that draws it",
-    "render/backends/kernel_choice.py": "a picture loads the backend that draws it",
     "render/backends/prepare.py": "what makes ready for a backend, or for formulas, is loaded where there is a use for it",
     "render/tessellation/view.py": "dual contouring is loaded where there are implicit surfaces",
     "render/image/image.py": "only a picture that is saved loads OpenImageIO",

@@ -13,6 +13,8 @@ import click
 from ...compiler.io.regular_files import MAX_DATA, read_text
 from ...compiler.io.replace_file import replace_file
 from ...lang.diagnostics import Diagnostic, suggest
+from ...lang.schema.picture_settings import BACKENDS
+from ...measure.metric_table import option_names
 from ...render.film.progress import Progress
 from .. import common_options as shared
 from .. import option_types as values
@@ -26,9 +28,7 @@ if TYPE_CHECKING:
     from ...measure.records import Chart
 
 KINDS = (".svg", ".png", ".html")
-BACKENDS = ("ray", "raster", "reference")
 PEERS = ("mitsuba", "povray")
-METRICS = ("relmse", "blocks", "flip", "max", "silhouette")
 BUDGET = 60.0  # seconds
 TARGET = 0.02  # √relMSE
 
@@ -66,7 +66,7 @@ def _names_of(known: Sequence[str], what: str) -> Any:
     help="Default: ray,raster,reference, without those that are known to lack light.",
 )
 @click.option("--peers", metavar="NAMES", callback=_names_of(PEERS, "peer"), help="Installed renderers to measure too: mitsuba,povray.")
-@click.option("--metric", type=click.Choice(METRICS), help="Error metric of the chart. Default: relmse. The .json file has all.")
+@click.option("--metric", type=click.Choice(option_names()), help="Error metric of the chart. Default: relmse. The .json file has all.")
 @click.option("--budget", type=values.DURATION, help=f"Time limit, including the reference. Default: {BUDGET:g}s.")
 @click.option("--error", type=values.SHARE, help=f"√relMSE of the question that the first line answers. Default: {TARGET:.0%}.")
 @click.option("--seeds", type=click.IntRange(2, 1024), help="Renders per setting with different random numbers.")

@@ -12,6 +12,8 @@ import click
 
 from ...lang import file_types
 from ...lang.diagnostics import suggest
+from ...lang.schema.picture_settings import PICTURE_SETTINGS
+from ...measure.metric_table import compared
 from .. import common_options as shared
 from .. import compare_report as reports
 from .. import option_types as values
@@ -25,11 +27,10 @@ if TYPE_CHECKING:
     from ...measure.comparison.compare import Comparison
     from ...measure.comparison.sides import Side
 
-BACKENDS = ("auto", "ray", "raster", "reference")
+BACKENDS = PICTURE_SETTINGS["backend"].choices
 SIDE_OPTIONS = ("samples", "error", "budget", "bounces", "seed")  # options in --backends; other names are decisions of the plan
-FIGURES = {
-    "relmse": "√relMSE", "blocks": "√relMSE of 4 × 4 blocks", "flip": "FLIP", "maximum": "the maximum",
-    "silhouette": "the silhouette difference", "bias": "the bias",
+FIGURES = {  # in a sentence
+    **{name: metric.noun or metric.name for name, metric in compared().items()}, "bias": "the bias",
     "noise": "the difference over what noise alone makes", "significance": "the difference of the means in standard errors",
 }  # fmt: skip
 OF_SCENES = (  # parameters that need a scene
@@ -38,7 +39,7 @@ OF_SCENES = (  # parameters that need a scene
     "session_layer", "max_elements", "backend", "size", "camera", "samples", "error", "budget", "bounces", "seed", "threads", "crop",
     "background", "plan_values",
 )  # fmt: skip
-SHARES = ("relmse", "blocks", "flip", "bias")  # shown in per cent
+SHARES = (*(name for name, metric in compared().items() if metric.share), "flip", "bias")  # shown in per cent
 
 
 @dataclass(frozen=True, slots=True)

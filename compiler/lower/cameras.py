@@ -7,6 +7,7 @@ from typing import Any
 
 from ...lang.diagnostics import suggest
 from ...lang.elements import Element
+from ...lang.schema.picture_channels import CHANNELS
 from ...lang.schema.setting_values import MAX_SIDE
 from .. import ir
 from ..plan import channels
@@ -119,6 +120,6 @@ def _aov(lowering: Context, render: Element) -> tuple[str, ...] | None:
     given = render.args["aov"]
     for name in given or ():
         if not channels.is_channel(name):
-            hint = suggest(name, channels.CHANNELS) or f"there are {', '.join(channels.CHANNELS)}"
+            hint = suggest(name, CHANNELS) or f"there are {', '.join(CHANNELS)}"
             return lowering.error(render, f"no channel is called `{name}`", hint)
     return tuple(given) if given else None

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
+from ...lang.schema.picture_channels import CHANNELS, LIGHT
 from .decision import Plan
 
-CHANNELS = ("depth", "normal", "position", "albedo", "uv", "id", "variance", "samples", "cryptomatte", "lights", "issues")
-CRYPTOMATTES = ("crypto_object", "crypto_material")  # the channels of `cryptomatte`
-LIGHT = "light:"  # prefix of a light group's channel
 REST = "rest"  # the group of lights without one
 
 

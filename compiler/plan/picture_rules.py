@@ -7,9 +7,10 @@ import math
 
 from ...lang.diagnostics import suggest
 from ...lang.distribution import install_command
+from ...lang.schema.picture_channels import CHANNELS, CRYPTOMATTES, LIGHT
 from ...lang.schema.picture_settings import FILTERS, MAX_SAMPLES
 from .. import ir
-from .channels import CHANNELS, CRYPTOMATTES, LIGHT, REST, is_channel
+from .channels import REST, is_channel
 from .decision import DEFAULT_ERROR, Decision, Plan, PlanError, Rule, by_default
 
 DEFAULT_SIZE = (800, 600)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 
+from ...lang.schema.picture_settings import BACKENDS
 from .. import ir
 from .decision import Decision, Plan, Rule
 from .picture_rules import RASTER_MOMENTS
 from .scene_facts import moving, used_rows
 
-BACKENDS = ("ray", "raster", "reference")
 BRUTE_FORCE_INSTANCES = 2  # analytic shapes, up to which a loop is as fast as a BVH (9.2 against 8.9 million rays a second at 2)
 MANY_SAMPLES = 16  # a pixel, from which on patterns are not filtered: the samples suffice
 

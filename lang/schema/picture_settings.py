@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from . import picture_channels
 from . import setting_values as values
 from .argument_types import Arg
 
-BACKENDS = ("auto", "ray", "raster", "reference")
+BACKENDS = ("ray", "raster", "reference")  # modules of render/backends that have a class Renderer
 FILTERS = ("box", "tent", "gaussian", "blackman-harris")
 MAX_BOUNCES = 64
 MAX_SAMPLES = 1 << 20
 MAX_SEED = (1 << 63) - 1
 MAX_THREADS = 1024
 _BOUNCES = "surface interactions after the first hit; default: 8 with mirrors or glass, 8 or more where the camera is in a room, else 0"
-_CHANNELS = "depth,normal,position,albedo,uv,id,variance,samples,cryptomatte,lights,light:NAME,issues"
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ def _choice(name: str, choices: tuple[str, ...], doc: str, help: str) -> Picture
 
 
 _ROWS = (
-    _choice("backend", BACKENDS, "rendering backend", "Rendering backend."),
+    _choice("backend", ("auto", *BACKENDS), "rendering backend", "Rendering backend."),
     PictureSetting(
         "size", values.size, "WxH", "Size in pixels: 800x600, or 512 for a square.",
         Arg("size", "pixels", None, "width and height in pixels", keyword=True),
@@ -63,7 +63,7 @@ _ROWS = (
     _whole("seed", 0, MAX_SEED, "seed of the random numbers", "Seed of the random numbers."),
     _whole("threads", 1, MAX_THREADS, "", "Default: one per core. The picture does not depend on it."),
     PictureSetting(
-        "aov", values.names, "names", f"Additional channels of an .exr: {_CHANNELS}.",
+        "aov", values.names, "names", f"Additional channels of an .exr: {picture_channels.help_names()}.",
         Arg("aov", "strings", None, "additional channels", keyword=True),
     ),
     PictureSetting(

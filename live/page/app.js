@@ -6,7 +6,6 @@ import { Messages } from "./messages.js";
 import { Picture } from "./canvas.js";
 
 const $ = (id) => document.getElementById(id);
-const CHANNELS = [["color", "picture"], ["depth"], ["normal"], ["albedo"], ["uv"], ["id", "instances"], ["samples"]];
 const TYPING = "input:not([type=range]):not([type=checkbox]), textarea, select, .cm-editor";
 
 const state = { sets: {}, camera: null, pose: null, backend: null, exposure: null, channel: "color", moment: null };
@@ -59,6 +58,9 @@ link.on("state", (message) => {
 link.on("scene", (scene) => {
   document.title = `${scene.name} – maquette`;
   $("name").textContent = scene.name;
+  $("backend").replaceChildren(new Option("as planned", ""), ...scene.backends.map((name) => new Option(name, name)));
+  $("channel").replaceChildren(...scene.channels.map(([name, label], k) => new Option(`${k + 1} ${label}`, name)));
+  scene.channels.slice(0, 9).forEach(([name], k) => { keys[k + 1] = () => change({ channel: name }); });
   const select = $("camera");
   select.replaceChildren(new Option("the first", ""), ...scene.cameras.map((name) => new Option(name, name)));
   timeline = scene.timeline;
@@ -79,7 +81,6 @@ link.on("camera", async (message) => {
 // --- view ---
 
 let shownExposure = 0, metered = false;
-CHANNELS.forEach(([value, label], k) => $("channel").append(new Option(`${k + 1} ${label ?? value}`, value)));
 
 function showExposure() {
   const stops = state.exposure ?? shownExposure;
@@ -215,7 +216,6 @@ const keys = {
   "]": () => brighter(0.3), 0: () => change({ exposure: null }), " ": () => (playing ? stop() : play()), "?": () => $("help").showModal(),
   Escape: () => messages.unpick(),
 };
-CHANNELS.forEach(([value], k) => { keys[k + 1] = () => change({ channel: value }); });
 addEventListener("keydown", (event) => {
   if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "s") {
     event.preventDefault();

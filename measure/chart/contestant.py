@@ -11,6 +11,7 @@ import numpy as np
 from ...compiler import ir
 from ...compiler.plan import plan as planner
 from .. import errors
+from ..metric_table import METRICS
 from ..peers.registry import Peer
 from ..records import Reference, Run, Setting, Spread
 from . import bias, runs, setting_sweeps
@@ -53,8 +54,8 @@ class Step:
 
     def add(self, run: Run, reference: Reference, exposure: float, metric: str) -> None:
         """Add and measure a run. Unless FLIP is the charted metric, only the first FLIP_RUNS runs have it."""
-        with_flip = metric == "flip" or self.count < FLIP_RUNS
-        measured = errors.measures(run.rgb, run.alpha, reference.rgb, reference.alpha, exposure, with_flip)
+        with_slow = METRICS[metric].slow or self.count < FLIP_RUNS
+        measured = errors.measures(run.rgb, run.alpha, reference.rgb, reference.alpha, exposure, with_slow)
         self.seconds.append(run.seconds["render"])
         self.cpu.append(run.cpu)
         self.stages.append(dict(run.seconds))

@@ -41,7 +41,7 @@ def sweeps(scene: ir.Scene, light: reference_light.ReferenceLight, backend: str)
     less = reference_light.missing_light(full, own)
     other = full["interreflection"] != own["interreflection"]
     made = []
-    for knob in quality_settings.QUALITY_SETTINGS[backend]:
+    for knob in quality_settings.of_backend(backend):
         if not knob.applies(scene, full):
             continue
         if knob.option == "bounces":

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...lang.schema.picture_settings import BACKENDS
 from .. import errors, formatting
 from ..records import Curve, Point, Reference
 from . import bias, contestant, setting_sweeps
@@ -30,7 +31,7 @@ def make_point(step: Step, metric: str, reference: Reference, once: dict[str, fl
         "bias_squared": split.bias_squared, "bias_squared_error": split.bias_squared_error,
         "bias_block": split.block,
     }  # fmt: skip
-    centres = step.setting.options.get("samples") == 1 and step.setting.backend in formatting.BACKENDS
+    centres = step.setting.options.get("samples") == 1 and step.setting.backend in BACKENDS
     note = "; ".join(text for text, true in ((CENTRE_SAMPLES, centres), (BLOCK_BIAS, split is not None and split.block > 1)) if true)
     return Point(
         step.setting, contestant.spread(step.seconds), spreads[metric], spreads, **figures,
@@ -60,7 +61,7 @@ def _stop_reason(sweep: setting_sweeps.Sweep, step: Step, last: Point) -> str:
     if not last.bias or last.bias**2 < DOMINANT_SHARE * (last.bias**2 + (last.noise or 0.0) ** 2):
         return ""
     why = [sweep.light, *step.notes, CENTRE_SAMPLES if CENTRE_SAMPLES in last.note else ""]
-    if sweep.backend not in formatting.BACKENDS:
+    if sweep.backend not in BACKENDS:
         why.append("what it computes differs")
     named = "; ".join(filter(None, why)) or f"{formatting.setting(last.setting)}: another picture than the reference"
     return f"{named}: bias {formatting.error('relmse', last.bias)}"

@@ -6,6 +6,7 @@ The second side is the reference. All figures are of linear light, except FLIP, 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,12 +16,12 @@ from numpy.typing import NDArray
 from ...compiler.scene import serialize
 from ...render.image import metrics
 from .. import errors
+from ..metric_table import compared
 from . import object_errors, scene_diff
 from .sides import Side, match_encoding, recorded_exposure, zero_shared_nonfinite
 
 NOISE_RATIO = 1.2  # largest ratio of a difference to the noise estimate that is noise; independent noise gives 0.7 to 1.1
 SIGNIFICANCE = 4.0  # standard errors above which a mean difference is significant
-METRICS = ("relmse", "blocks", "flip", "maximum", "silhouette", "bias", "noise", "significance")
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,18 +73,14 @@ class Noise:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Comparison:
-    """The result of `compare`; `error`, `maximum`, `at`, `differing` and `pixels` as in metrics.Difference."""
+    """The result of `compare`; `at`, `differing` and `pixels` as in metrics.Difference."""
 
     a: Side
     b: Side
-    error: float
-    blocks: float  # √relMSE of means over 4 × 4 pixels
-    flip: float
-    maximum: float
+    figures: Mapping[str, float | None]  # by the names of metric_table.compared(); None where unknown
     at: tuple[int, int]
     differing: int
     pixels: int
-    silhouette: float | None  # mean distance of the outlines in pixels; None without coverage
     exposure: float  # stops of both pictures for FLIP
     bias: Bias
     noise: Noise
@@ -92,6 +89,11 @@ class Comparison:
     objects: tuple[object_errors.ObjectError, ...]
     largest_on: str  # the object at `at`
     changes: tuple[scene_diff.Change, ...]
+
+    @property
+    def error(self) -> float:
+        """√relMSE."""
+        return self.figures["relmse"] or 0.0
 
     @property
     def within_noise(self) -> bool | None:
@@ -105,19 +107,16 @@ class Comparison:
         return None if significance is None else significance > SIGNIFICANCE
 
     def value(self, metric: str) -> float | None:
-        """The figure of one of METRICS; None if it is unknown."""
-        return {
-            "relmse": self.error, "blocks": self.blocks, "flip": self.flip, "maximum": self.maximum, "silhouette": self.silhouette,
-            "bias": self.bias.largest, "noise": self.noise.ratio, "significance": self.bias.significance,
-        }[metric]  # fmt: skip
+        """The figure of a metric, or "bias", "noise" or "significance"; None if it is unknown."""
+        own = {"bias": self.bias.largest, "noise": self.noise.ratio, "significance": self.bias.significance}
+        return {**self.figures, **own}[metric]
 
     def to_json(self) -> dict[str, Any]:
         """Every figure as plain data."""
         return {
             "a": _side(self.a), "b": _side(self.b),
-            "relmse": self.error, "blocks": self.blocks, "flip": self.flip, "maximum": self.maximum, "at": list(self.at),
-            "at_object": self.largest_on, "differing": self.differing, "pixels": self.pixels, "silhouette": self.silhouette,
-            "exposure": self.exposure,
+            **self.figures, "at": list(self.at),
+            "at_object": self.largest_on, "differing": self.differing, "pixels": self.pixels, "exposure": self.exposure,
             "bias": self.bias.channels, "bias_standard_error": self.bias.standard_error, "bias_significance": self.bias.significance,
             "biased": self.biased,
             "noise": {"a": self.noise.a, "b": self.noise.b, "ratio": self.noise.ratio, "shared": self.noise.shared},
@@ -147,22 +146,22 @@ def compare(a: Side, b: Side, exposure: float | None = None) -> Comparison:
     a, b = zero_shared_nonfinite(*match_encoding(a, b, exposure))
     stops = 0.0 if a.bits else common_exposure(a, b) if exposure is None else exposure
     found = metrics.difference(a.rgb, b.rgb)
-    squared = metrics.squared_relative(a.rgb, b.rgb)
     changed, same = _changes(a, b)
     owner = object_errors.pixel_owners(a, b, same)
     variance = _variance(a, b)
     outline = _outline(a, b)
     distance = metrics.distance(a.rgb, b.rgb).max(axis=2)
     of_luminance = None if variance is None else variance @ metrics.LUMINANCE**2
+    pair = errors.Pair(a.rgb, a.coverage, b.rgb, b.coverage, stops)
+    figures = {name: metric.value(pair) for name, metric in compared().items()}
     return Comparison(
-        a, b, found.error, metrics.block_relmse(a.rgb, b.rgb), _flip(a, b, stops), found.maximum, found.at, found.differing, found.pixels,
-        silhouette=None if a.coverage is None or b.coverage is None else errors.silhouette(a.coverage, b.coverage),
+        a, b, figures, found.at, found.differing, found.pixels,
         exposure=stops,
         bias=_bias(a, b, variance),
         noise=_noise(a, b, variance, found.error),
-        outline=None if outline is None else _region(outline, squared, distance),
-        interior=None if outline is None else _region(~outline, squared, distance),
-        objects=() if owner is None else tuple(object_errors.measure(a, b, owner, squared, of_luminance)),
+        outline=None if outline is None else _region(outline, pair.squared, distance),
+        interior=None if outline is None else _region(~outline, pair.squared, distance),
+        objects=() if owner is None else tuple(object_errors.measure(a, b, owner, pair.squared, of_luminance)),
         largest_on="" if owner is None else object_errors.owner_name(a, b, int(owner[found.at[1], found.at[0]])),
         changes=tuple(changed),
     )  # fmt: skip
@@ -171,11 +170,6 @@ def compare(a: Side, b: Side, exposure: float | None = None) -> Comparison:
 def common_exposure(a: Side, b: Side) -> float:
     """The stops recorded in or planned for B, else A; 0 by default."""
     return next((stops for stops in (recorded_exposure(b), recorded_exposure(a)) if stops is not None), 0.0)
-
-
-def _flip(a: Side, b: Side, stops: float) -> float:
-    one, other = (np.clip(np.nan_to_num(side.rgb, posinf=1e30) * 2.0**stops, 0.0, 1.0) for side in (a, b))
-    return errors.flip(one, other)
 
 
 def _changes(a: Side, b: Side) -> tuple[list[scene_diff.Change], dict[int, int]]:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .. import formatting
+from ..metric_table import METRICS
 from . import palette, text_report
 
 if TYPE_CHECKING:
@@ -86,7 +87,7 @@ def _figures(point: Point) -> list[tuple[str, str]]:
     found = [("time", f"{formatting.spread(point.seconds, formatting.seconds)}, {runs}")]
     for name, spread in point.errors.items():
         found.append(
-            (formatting.METRICS[name].name if name in formatting.METRICS else name, formatting.spread(spread, formatting.formatter(name)))
+            (METRICS[name].name if name in METRICS else name, formatting.spread(spread, formatting.formatter(name)))
         )
     found += formatting.bias_and_noise(point)
     found += [

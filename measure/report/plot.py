@@ -22,6 +22,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from .. import formatting
+from ..metric_table import METRICS
 from .label_placement import Box, LabelLayout
 from .palette import FAINT, FLOOR, FRONT, GRID, INK, PAPER, Style, styles
 
@@ -129,7 +130,7 @@ class ChartPlot:
         self.y = _padded(low, high, MIN_SPAN[1], 1.9 if any(p.error.median == 0 for p in self.points) else 1.4, 1.9)
         axes.set(xscale="log", yscale="log", xlim=self.x, ylim=self.y)
         axes.set_xlabel("seconds of rendering, wall clock", color=INK, labelpad=4)
-        axes.set_ylabel(formatting.METRICS[metric].axis, color=INK, labelpad=4)
+        axes.set_ylabel(METRICS[metric].axis, color=INK, labelpad=4)
         for axis, span, say in (
             (axes.xaxis, self.x, formatting.seconds_exactly),
             (axes.yaxis, self.y, lambda v: formatting.target(metric, v)),

@@ -10,7 +10,9 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from ...lang.schema.picture_settings import BACKENDS
 from .. import formatting
+from ..metric_table import METRICS
 
 if TYPE_CHECKING:
     from ..records import Chart, Curve, Point
@@ -31,7 +33,7 @@ def targets(chart: Chart) -> list[float]:
         return [0.0] if found else []
     least, most = min(above), max(above)
     rounded = _round_values(least, most, TARGET_DIGITS)
-    top = MAX_ERROR if formatting.METRICS[chart.metric].share else math.inf
+    top = MAX_ERROR if METRICS[chart.metric].share else math.inf
     inside = [t for t in rounded if least <= t <= most and t < top] or [t for t in rounded if t >= least][-1:]
     below = [t for t in rounded if t < least][:1] if min(found) > 0 else [0.0]
     return [*inside, *below][-MAX_TARGETS:]
@@ -45,7 +47,7 @@ def _round_values(least: float, most: float, steps: tuple[float, ...]) -> list[f
 
 def _our_points(chart: Chart) -> list[Point]:
     """The points of our backends, which `maquette render` can repeat."""
-    return [p for p in chart.points if p.setting.backend in formatting.BACKENDS]
+    return [p for p in chart.points if p.setting.backend in BACKENDS]
 
 
 def cheapest(chart: Chart, target: float) -> Point | None:
@@ -85,7 +87,7 @@ def _modelled(curve: Curve, target: float) -> tuple[float, float, float, str] | 
     From the point of most samples. Its bias counts if it is twice its standard error.
     """
     last = next((p for p in reversed(curve.points) if p.setting.knob == "samples" and p.noise), None)
-    if last is None or last.noise is None or curve.backend not in formatting.BACKENDS:
+    if last is None or last.noise is None or curve.backend not in BACKENDS:
         return None
     bias = last.bias if last.bias and last.bias_error is not None and last.bias > 2.0 * last.bias_error else 0.0
     if bias >= target:
@@ -128,7 +130,7 @@ def _knee(chart: Chart) -> Iterator[str]:
         point = chart.points[chart.knee]
         far = formatting.error(chart.metric, point.error.median)
         named = f"{point.setting.backend}, {formatting.setting(point.setting)}"
-        settings = f": {point.setting.arguments()}" if point.setting.backend in formatting.BACKENDS else ""
+        settings = f": {point.setting.arguments()}" if point.setting.backend in BACKENDS else ""
         yield f"knee: {named}: {far} in {formatting.seconds(point.seconds.median)}{settings}"
 
 

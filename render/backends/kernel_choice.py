@@ -9,6 +9,7 @@ one kind.
 from __future__ import annotations
 
 import contextlib
+import importlib
 from typing import Any
 
 from ...compiler import ir
@@ -23,14 +24,8 @@ CHOICES = ("auto", "special", "general")
 
 
 def backend_of(name: str) -> Any:
-    """A backend's renderer class."""
-    if name == "raster":
-        from .raster import Renderer
-    elif name == "reference":
-        from .reference import Renderer
-    else:
-        from .ray import Renderer
-    return Renderer
+    """A backend's renderer class: `Renderer` of the module of its name, which is loaded for a picture alone."""
+    return importlib.import_module(f".{name}", __package__).Renderer
 
 
 def make_renderer(scene: ir.Scene, plan: Plan, view: View, general: bool) -> Any:

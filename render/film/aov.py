@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
+from ...lang.schema.picture_channels import CHANNELS
 from .. import camera
 from ..image import image
 from ..lanes import affine, ops
@@ -20,7 +23,6 @@ _TINTS = (
     (ir.MaterialModel.GLASS, int(ir.Slot.TRANSMISSION)),
 )  # fmt: skip
 FORMULA = int(ir.GeometryKind.FORMULA)
-SEEN = ("depth", "normal", "position", "albedo", "uv", "id", "issues")  # channels of first hits
 CAMERA = int(ir.Visibility.CAMERA)
 
 
@@ -54,9 +56,10 @@ def channels_of(
     if len(seen):
         ray = Ray(take_lanes(ray.origin, seen, n), take_lanes(ray.direction, seen, n), 0.0, np.inf)
         with np.errstate(all="ignore"):
-            found = _values(tables, view, ray, Hit(*(column[seen] for column in hit)), names)
-        for name, columns in found.items():
-            flat[name][seen] = np.stack(np.broadcast_arrays(*columns), axis=1)
+            points = VisiblePoints(tables, view, ray, Hit(*(column[seen] for column in hit)), "uv" in names)
+            for name in names:
+                if value := CHANNELS[name].value:
+                    flat[name][seen] = np.stack(np.broadcast_arrays(*value(points)), axis=1)
     if "issues" in names:
         flat["issues"][:, 0] = unproven(tables, whole, hit) if issues is None else issues
     for name in names:
@@ -80,18 +83,67 @@ def unproven(tables: Tables, ray: Ray, hit: Hit) -> NDArray[np.bool_]:
     return found
 
 
-def _values(tables: Tables, view: View, ray: Ray, hit: Hit, names: tuple[str, ...]) -> dict[str, tuple[Lane, ...]]:
-    at = interaction.make_interaction(tables, ray, hit, "uv" in names)
-    values = {
-        "depth": lambda: (camera.depth(tables, view, at.position),),
-        "normal": lambda: at.normal,
-        "position": lambda: at.position,
-        "albedo": lambda: _albedo(tables, at),
-        "uv": lambda: at.uv,
-        "id": lambda: (hit.instance, at.material),
-        "issues": lambda: (0.0 * hit.t,),
-    }
-    return {name: values[name]() for name in names}
+class VisiblePoints:
+    """Points that camera rays hit first, in numpy lanes: what the rows of picture_channels.CHANNELS read. Vectors are three lanes."""
+
+    def __init__(self, tables: Tables, view: View, ray: Ray, hit: Hit, textured: bool) -> None:
+        self._tables, self._view, self._ray, self._hit, self._textured = tables, view, ray, hit, textured
+
+    @cached_property
+    def surface(self) -> Surface:
+        """The surface at each point; its `uv` are unknown unless the channel `uv` is asked for."""
+        return interaction.make_interaction(self._tables, self._ray, self._hit, self._textured)
+
+    @property
+    def depth(self) -> Lane:
+        """Metres along the camera's axis."""
+        return camera.depth(self._tables, self._view, self.position)
+
+    @property
+    def distance(self) -> Lane:
+        """Metres along the ray."""
+        return self._hit.t
+
+    @property
+    def direction(self) -> Vec:
+        """Unit vector along the ray, in world space."""
+        return ops.normalize(self._ray.direction)
+
+    @property
+    def position(self) -> Vec:
+        """Metres in world space."""
+        return self.surface.position
+
+    @property
+    def normal(self) -> Vec:
+        """Shading normal in world space: unit, to the camera's side."""
+        return self.surface.normal
+
+    @property
+    def albedo(self) -> Vec:
+        """Diffuse colour, or the specular colour of metals, mirrors and glass."""
+        return _albedo(self._tables, self.surface)
+
+    @property
+    def uv(self) -> tuple[Lane, Lane]:
+        """Texture coordinates."""
+        surface = self.surface if self._textured else interaction.make_interaction(self._tables, self._ray, self._hit, True)
+        return surface.uv
+
+    @property
+    def instance(self) -> Lane:
+        """Rows of Instances."""
+        return self._hit.instance
+
+    @property
+    def material(self) -> Lane:
+        """Rows of Materials."""
+        return self.surface.material
+
+    @property
+    def unproven(self) -> Lane:
+        """Zeros, for `channels_of` to replace."""
+        return 0.0 * self._hit.t
 
 
 def _albedo(tables: Tables, at: Surface) -> Vec:

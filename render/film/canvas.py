@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from ...compiler.plan import decision
 from ...compiler.plan.plan import Plan
+from ...lang.schema.picture_channels import SEEN
 from ..image import cryptomatte, image, metrics
 from ..image.cryptomatte import Mattes
 from ..jit import thread_pool
 from ..simd import target
 from ..types import Film, Tile, View
-from . import accumulate, adaptive_sampling, aov, stray_samples
+from . import accumulate, adaptive_sampling, stray_samples
 from .accumulate import PixelSums
 from .checkpoint import Keeper, State
 from .deadline import Deadline, Pace
@@ -49,7 +50,7 @@ def draw_auxiliary(renderer: Any, tile: Tile, out: dict[str, NDArray[np.float32]
     if isinstance(renderer, Remote):
         renderer.auxiliary(tile, out, samples)
         return
-    names = tuple(name for name in out if name in aov.SEEN)
+    names = tuple(name for name in out if name in SEEN)
     if names:
         renderer.channels(tile, names, {name: out[name] for name in names})
     if mattes is not None:

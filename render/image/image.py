@@ -12,19 +12,13 @@ from numpy.typing import DTypeLike, NDArray
 
 from ...compiler.io import child_process
 from ...lang.schema import setting_values
+from ...lang.schema.picture_channels import CHANNELS, CRYPTOMATTES, component_names
 from . import metrics
 
-WIDTHS = {
-    "rgba": 4, "depth": 1, "normal": 3, "position": 3, "albedo": 3, "uv": 2, "id": 2, "issues": 1, "variance": 3, "samples": 1,
-    "crypto_object": 12, "crypto_material": 12,
-}  # fmt: skip
-"""Components of each channel. rgba: scene-linear, unexposed, alpha is coverage; depth in metres along the camera's axis, inf for misses;
-normal and position in world space; albedo k_d; id: instance and material, -1 for misses; issues: 1 where the first root of a formula is
-unproven; variance of the pixel's mean, estimated from halves; samples; crypto_…: see cryptomatte.py. Light groups, `light:NAME`, have
-three."""
+WIDTHS = {"rgba": 4, **{name: len(component_names(name)) for name in CHANNELS}, **dict.fromkeys(CRYPTOMATTES, 12)}
+"""Components of each channel. rgba: scene-linear, unexposed, alpha is coverage; crypto_…: see cryptomatte.py; others: see CHANNELS. Light
+groups, `light:NAME`, have three."""
 LIGHT = 3
-
-EMPTY = {"depth": np.inf, "id": -1.0}  # values of pixels without a hit or a sample; 0 in other channels
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,4 +100,5 @@ class Image:
 
 def blank(width: int, height: int, names: tuple[str, ...]) -> dict[str, NDArray[np.float32]]:
     """Return the channels of an empty picture."""
-    return {name: np.full((height, width, WIDTHS.get(name, LIGHT)), EMPTY.get(name, 0.0), np.float32) for name in names}
+    empty = {name: channel.empty for name, channel in CHANNELS.items()}
+    return {name: np.full((height, width, WIDTHS.get(name, LIGHT)), empty.get(name, 0.0), np.float32) for name in names}

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ...compiler.io import library_messages
 from ...compiler.io.replace_file import Replacement, as_utf8
+from ...lang.schema.picture_channels import CHANNELS, LIGHT, component_names
 from . import cryptomatte, metrics, srgb
 from .srgb import encode_srgb
 
@@ -40,18 +41,9 @@ WORKING_SPACE = "lin_rec709_scene"  # OpenColorIO's name for scene-linear Rec.70
 
 CHANNEL_NAMES: dict[str, tuple[str, ...]] = {
     "rgba": ("R", "G", "B", "A"),
-    "depth": ("depth.Z",),
-    "normal": ("normal.X", "normal.Y", "normal.Z"),
-    "position": ("position.X", "position.Y", "position.Z"),
-    "albedo": ("albedo.R", "albedo.G", "albedo.B"),
-    "uv": ("uv.U", "uv.V"),
-    "id": ("id.instance", "id.material"),
-    "variance": ("variance.R", "variance.G", "variance.B"),
-    "samples": ("samples.N",),
-    "issues": ("issues.N",),
+    **{name: component_names(name) for name, channel in CHANNELS.items() if channel.components},
     **{name: cryptomatte.channel_names(name) for name in cryptomatte.LAYERS},
 }
-LIGHT = "light:"  # prefix of light group channels, which are layers light_NAME in files
 
 
 class Picture(Protocol):
@@ -268,6 +260,7 @@ def _all_names(picture: Picture) -> tuple[str, ...]:
 
 
 def _names_of(channel: str) -> tuple[str, ...]:
+    """The names of a channel in a file: a light group `light:NAME` is the layer light_NAME."""
     return CHANNEL_NAMES.get(channel) or tuple(f"light_{channel.removeprefix(LIGHT)}.{c}" for c in "RGB")
 
 

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from ...compiler.io import library_messages, picture_contents
 from ...compiler.io.regular_files import is_regular
+from ...lang.schema.picture_channels import LIGHT
 from . import image as images
-from .image_files import ABOUT, CHANNEL_NAMES, LIGHT, FormatError
+from .image_files import ABOUT, CHANNEL_NAMES, FormatError
 from .srgb import decode_srgb
 
 

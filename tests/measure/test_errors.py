@@ -20,7 +20,7 @@ def measured(rgb: np.ndarray, reference: np.ndarray, exposure: float = 0.0) -> d
 
 def test_a_picture_of_itself_has_none() -> None:
     assert measured(GREY, GREY) == dict.fromkeys(("relmse", "relmse 99.9%", "blocks", "flip", "max", "silhouette"), 0.0)
-    assert "flip" not in errors.measures(GREY, None, GREY, None, 0.0, with_flip=False)
+    assert "flip" not in errors.measures(GREY, None, GREY, None, 0.0, with_slow=False)
 
 
 def test_a_tenth_too_bright() -> None:

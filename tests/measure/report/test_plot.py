@@ -10,7 +10,7 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
-from maquette.measure import formatting
+from maquette.measure.metric_table import METRICS
 from maquette.measure.records import Chart, Curve, Spread
 from maquette.measure.report import palette, plot
 from maquette.measure.report.label_placement import Box
@@ -158,12 +158,12 @@ def test_png_is_a_picture_of_the_size_asked_for() -> None:
     assert image.convert("RGB").getpixel((0, 0)) == (255, 255, 255)
 
 
-@pytest.mark.parametrize("metric", list(formatting.METRICS))
+@pytest.mark.parametrize("metric", list(METRICS))
 def test_each_metric_has_its_axis(metric: str) -> None:
     ray = Curve("ray", "samples", charts.sweep("ray", 0.03, 0.01, 0.31, 7))
     said = words(parsed(dataclasses.replace(charts.chart(ray), metric=metric)))
-    assert formatting.METRICS[metric].axis in said
-    assert any(text.endswith(" %") for text in said) == formatting.METRICS[metric].share
+    assert METRICS[metric].axis in said
+    assert any(text.endswith(" %") for text in said) == METRICS[metric].share
 
 
 def test_labels_do_not_cover_each_other_or_leave_the_picture() -> None:

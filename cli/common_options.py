@@ -97,11 +97,11 @@ scene_options = options(
     click.option("--render-settings", metavar="PRIM", help="RenderSettings or RenderProduct prim. Default: the one that the stage names."),
     click.option(
         "--unit", type=click.Choice(list(file_types.UNITS)),
-        help="What 1 is in a mesh file. Default: as the file says; mm for .stl, m for the others.",
+        help=f"What 1 is in a mesh file. Default: as the file says; {file_types.assumed('unit')}.",
     ),
     click.option(
         "--up", type=click.Choice(file_types.AXES),
-        help="Axis of a mesh file that points up. Default: as the file says; z for .stl and .xyz, y for the others.",
+        help=f"Axis of a mesh file that points up. Default: as the file says; {file_types.assumed('up')}.",
     ),
     click.option("--animation", metavar="NAME", help="Animation of a glTF file: its name or number. Default: the first."),
     click.option("--session-layer", type=LAYER, help="USD layer whose values go over those of the stage."),
@@ -141,7 +141,8 @@ picture_options = picture_options_except()
 
 def source_of(scene: Path, given: dict[str, Any]) -> jobs.Source:
     """The source of the options of `scene_options`, which are removed from `given`."""
-    from ..compiler.importers.stage_options import MeshOptions, StageOptions
+    from ..compiler.importers.common.mesh_options import MeshOptions
+    from ..compiler.importers.stage_options import StageOptions
 
     names = ("variants", "purposes", "cull_backfaces", "conform", "render_settings", "session_layer")
     of_stage = {name: given.pop(name) for name in names}

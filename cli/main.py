@@ -93,7 +93,7 @@ class Commands(click.Group):
 @click.version_option(__version__, prog_name="maquette")
 @shared.examples("maquette render examples/hello.scene -o hello.png", "maquette watch room.scene")
 def cli() -> None:
-    """Compile scenes (.scene, USD, OBJ, PLY, STL, 3MF, GLB) and render them.
+    """Compile scenes (.scene, USD, glTF and files of meshes) and render them.
 
     Exit codes: 0 done, warnings or not; 1 errors; 2 wrong usage; 130 interrupted.
     """

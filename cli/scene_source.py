@@ -18,7 +18,8 @@ from .option_types import MAX_FRAMES
 
 if TYPE_CHECKING:
     from ..compiler import ir
-    from ..compiler.importers.stage_options import MeshOptions, StageOptions
+    from ..compiler.importers.common.mesh_options import MeshOptions
+    from ..compiler.importers.stage_options import StageOptions
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,8 @@ from ..lang import collector, file_types, foreign_formats
 from ..lang.diagnostics import Diagnostics, Span, suggest
 from ..lang.eval import evaluator
 from . import ir
-from .importers.stage_options import MeshOptions, StageOptions
+from .importers.common.mesh_options import MeshOptions
+from .importers.stage_options import StageOptions
 from .io import source_files
 from .io.sandbox import FileError, Files, open_main
 from .lower import lowering
@@ -199,9 +200,9 @@ def _refuse_unused(
         for param in sets or {}:
             found.error(f"there is no param `{param}`: only .scene files have params", Span(name), "leave out --set")
     for option in meshes.given():
-        of = file_types.GLTF if option == "animation" else file_types.MESH
+        of = file_types.ANIMATED if option == "animation" else file_types.MESH
         if suffix not in of:
             which = "glTF files have animations with names" if option == "animation" else f"mesh files take --{option}"
             found.error(f"only {which}", Span(name), f"leave out --{option}")
-    if time and suffix not in (*file_types.SCENE, *file_types.USD, *file_types.GLTF):
+    if time and suffix not in (*file_types.SCENE, *file_types.USD, *file_types.ANIMATED):
         found.error("nothing moves in this kind of file: it has no time", Span(name), "leave out --time")

@@ -59,7 +59,7 @@ def command(
         jobs.confine(scene, output, stats, given)
     animated = animation.is_animation(output)
     kept = {name: given.pop(name) for name in ("checkpoint", "memory", "resume")}
-    sampled = frames is not None and scene.suffix.lower() in file_types.GLTF
+    sampled = frames is not None and scene.suffix.lower() in file_types.ANIMATED
     _check_frames(frames, given["at"], animated or sampled, fps)
     source, settings, overrides = shared.read_options(scene, given)
     source = replace(source, fps=fps if sampled else None)

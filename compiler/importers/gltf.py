@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -16,7 +15,6 @@ import numpy as np
 from ...lang.diagnostics import Diagnostics, Span
 from ...lang.elements import Quaternion
 from .. import ir
-from ..io.sandbox import Files
 from ..mesh import polygon_mesh, strands
 from ..mesh.polygon_mesh import PolyMesh
 from ..scene import transforms
@@ -24,11 +22,11 @@ from ..scene.builder import SceneBuilder
 from ..scene.row_records import WHITE, CameraData, LightData, MeshAttribute, as_color, nonnegative, scale_color
 from . import gltf_animation, gltf_draco, gltf_materials, gltf_tables, gltf_tangents
 from .common import point_clouds, uv_sets, vertex_numbers
+from .common.mesh_parts import MeshFile, Part, add
 from .gltf_container import Container, Rows, check_finite, open_container
 from .gltf_errors import GltfError
-from .mesh_parts import Part, add
 
-__all__ = ["GltfError", "read"]
+__all__ = ["GltfError", "parts"]
 
 POINTS, LINES, LOOP, TRIANGLES, STRIP, FAN = 0, 1, 2, 4, 5, 6
 WRONG = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError)  # of a document that contradicts itself
@@ -36,19 +34,20 @@ _T = TypeVar("_T")
 MAX_NODES = 200_000
 
 
-def read(
-    data: bytes, name: str, folder: Path | None, files: Files, builder: SceneBuilder, diagnostics: Diagnostics, as_scene: bool,
-    moment: tuple[float | None, str | None] = (None, None),
-) -> list[Part]:  # fmt: skip
+def parts(file: MeshFile) -> list[Part]:
     """The parts of a glTF scene: one for each primitive of each visible mesh node; nodes share geometries.
 
-    `moment` is a time in seconds and the name or number of an animation, by default the first; without both, nodes stand where the file
-    places them. With `as_scene`, the builder gets the duration of the animation.
-    With `as_scene`, the file is the scene: its lights and cameras go to the builder. Else they are reported as left out.
+    Nodes stand where the first animation, or that of the options, has them at the file's time; without both, where the file places them.
+    With `as_scene`, the builder gets lights, cameras and the duration of the animation; else they are reported as left out.
     Raises GltfError if nothing can be drawn.
     """
-    container = open_container(data, folder, files)
-    reader = _Reader(container, name, builder, diagnostics, as_scene, moment)
+    options = file.options
+    if options is not None and (options.unit or options.up):
+        file.diagnostics.error("a glTF file is in metres with y up", file.import_span, "leave out unit and up; scale or rotate it")
+        return []
+    moment = file.time, None if options is None else options.animation
+    container = open_container(file.data, file.folder, file.files)
+    reader = _Reader(container, file.name, file.builder, file.diagnostics, file.as_scene, moment)
     try:
         return reader.parts()
     except WRONG as failure:

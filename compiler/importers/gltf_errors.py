@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from .common.mesh_parts import MeshFileError
 
-class GltfError(Exception):
+
+class GltfError(MeshFileError):
     """A glTF file that cannot be read, or an invalid part of one."""

@@ -5,17 +5,24 @@ Format: Wavefront's Object Files, version 3.0 (Appendix B1 of the Advanced Visua
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
 from ...lang.diagnostics import Diagnostics, Span
 from .. import ir
+from ..io.regular_files import read_bytes
+from ..io.sandbox import FileError, Files
+from ..mesh import polygon_mesh
 from ..mesh.polygon_mesh import PolyMesh
+from ..scene.builder import SceneBuilder
 from ..scene.row_records import MeshAttribute
-from . import mesh_tables, obj_lexer
-from .common import point_clouds, vertex_colors
+from . import mesh_tables, mtl, obj_lexer
+from .common import file_names, point_clouds, vertex_colors
+from .common.mesh_parts import MeshFile, Part, add
 
 _LINES = ("l", "curv", "curv2", "surf")  # what may use the vertices of a file without faces
 
@@ -207,3 +214,67 @@ def _by_corner(values: np.ndarray, rows: np.ndarray, missing: float) -> MeshAttr
     taken = values[rows]
     taken[rows < 0] = missing
     return MeshAttribute(np.clip(np.nan_to_num(taken), -1e30, 1e30).astype(np.float32), ir.Interpolation.CORNER)
+
+
+def parts(file: MeshFile) -> list[Part]:
+    """The parts of the file, one for each material of its libraries."""
+    builder, diagnostics, frame = file.builder, file.diagnostics, file.frame
+    found = file.cached(lambda said: read(file.data, file.name, said))
+    if found is None or diagnostics.failed:
+        return []
+    library = _libraries(found, file.folder, file.files, diagnostics)
+    parts = []
+    for k, mesh in polygon_mesh.split(found.mesh, found.material):
+        asked = found.materials[k]
+        row = _material(asked, found, library, builder, file.files, diagnostics)
+        part = add(mesh, row, asked or file.stem, builder, diagnostics, file.span, frame)
+        parts += [] if part is None else [replace(part, material_name=asked)]
+    return parts
+
+
+def _material(
+    asked: str, found: ObjMesh, library: dict[str, mtl.MtlMaterial], builder: SceneBuilder, files: Files, diagnostics: Diagnostics
+) -> int | None:
+    if asked in library:
+        return mtl.row(library[asked], builder, files, diagnostics)
+    if asked and library:
+        diagnostics.warning(f"no material library has `{asked}`: its faces have no material", found.uses[asked])
+    return None
+
+
+def _libraries(found: ObjMesh, folder: Path | None, files: Files, diagnostics: Diagnostics) -> dict[str, mtl.MtlMaterial]:
+    """Materials of an OBJ file's libraries by name; the first library with a name wins. A missing library is a warning."""
+    materials: dict[str, mtl.MtlMaterial] = {}
+    for text, span in found.libraries:
+        if folder is None:
+            diagnostics.warning(f"the material library `{text}` is not read: its mesh has no folder", span)
+            continue
+        for path in _library_paths(text, folder, files, diagnostics, span):
+            read = mtl.parse(read_bytes(path), _shown(path, files), path.parent, diagnostics)
+            materials = read | materials
+    return materials
+
+
+def _library_paths(text: str, folder: Path, files: Files, diagnostics: Diagnostics, span: Span) -> list[Path]:
+    """Files of one `mtllib` line: the whole text as one name with blanks, else each word. A missing file is a warning."""
+    words = [quoted or plain for quoted, plain in re.findall(r'"([^"]*)"|(\S+)', text)]
+    found: list[Path] = []
+
+    def missing(name: str) -> FileError | None:
+        try:
+            found.append(file_names.find(name, folder, files, "material library"))
+        except FileError as failure:
+            return failure
+        return None
+
+    whole = missing(text.strip('"'))
+    failures = [] if whole is None else [whole] if len(words) < 2 else [missing(word) for word in words]
+    for failure in failures:
+        if failure is not None:
+            diagnostics.warning(f"{failure.message}: its materials are not read", span, failure.hint)
+    return found
+
+
+def _shown(path: Path, files: Files) -> str:
+    """A file's name for messages: relative to the scene's folder if below it."""
+    return str(path.relative_to(files.root)) if path.is_relative_to(files.root) else str(path)

@@ -16,12 +16,13 @@ from .. import ir
 from ..mesh.polygon_mesh import PolyMesh
 from ..scene.row_records import MeshAttribute
 from .common import number_text, point_clouds, vertex_colors
+from .common.mesh_parts import MeshFile, MeshFileError, Part
 
 _KEYWORD = re.compile(r"(ST)?(C)?(N)?(4)?(n)?OFF$")
 _MOST_SIDES = 1 << 20
 
 
-class OffError(Exception):
+class OffError(MeshFileError):
     """An OFF file that cannot be read."""
 
 
@@ -76,6 +77,11 @@ def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
         MeshAttribute(np.nan_to_num(table[:, normals : normals + 3])) if kind[3] else None,
         MeshAttribute(np.nan_to_num(table[:, uvs : uvs + 2])) if kind[1] else None, tints,
     )  # fmt: skip
+
+
+def parts(file: MeshFile) -> list[Part]:
+    """The mesh of the file, without a material. Raises MeshFileError."""
+    return file.single(read)
 
 
 def _table(rows: list[list[str]], width: int) -> np.ndarray:

@@ -8,7 +8,8 @@ from __future__ import annotations
 import codecs
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,9 +18,11 @@ from ...lang import text_encoding
 from ...lang.diagnostics import Diagnostics, Span
 from .. import ir
 from ..mesh.polygon_mesh import PolyMesh
-from ..scene.row_records import MeshAttribute
-from . import mesh_tables
+from ..scene.builder import NONE
+from ..scene.row_records import WHITE, Input, MaterialData, MeshAttribute
+from . import mesh_tables, mtl
 from .common import number_text, point_clouds, vertex_colors
+from .common.mesh_parts import MeshFile, MeshFileError, Part, add
 
 _TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2", "uint16": "u2",
@@ -36,7 +39,7 @@ _NEWLINE = re.compile(rb"\n")
 Warn = Callable[[str], None]
 
 
-class PlyError(Exception):
+class PlyError(MeshFileError):
     """A PLY file that cannot be read."""
 
 
@@ -55,6 +58,24 @@ class _Data:
 
     scalars: dict[str, np.ndarray] = field(default_factory=dict)
     lists: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+
+
+def parts(file: MeshFile) -> list[Part]:
+    """The mesh of the file, with the picture that it names. Raises PlyError."""
+    span, builder, diagnostics = file.span, file.builder, file.diagnostics
+    mesh = file.cached(lambda found: read(file.data, found, span))
+    pictures = texture_files(file.data)
+    material = None
+    if len(pictures) > 1:
+        diagnostics.warning(f"only the first of {len(pictures)} pictures is drawn: `{pictures[0]}`", span)
+    if pictures and mesh.uvs is None:
+        diagnostics.warning(f"the picture `{pictures[0]}` is not drawn: the PLY file has no texture coordinates", span)
+    elif pictures:
+        row = mtl.picture_row(mtl.MapReference(pictures[0], span), file.folder, True, NONE, builder, file.files, diagnostics)
+        inputs = {ir.Slot.DIFFUSE: Input(WHITE, row), ir.Slot.AMBIENT: Input(WHITE, row)}
+        material = builder.material(MaterialData(inputs=inputs, name=Path(pictures[0]).stem), span) if row >= 0 else None
+    part = add(mesh, material, file.stem, builder, diagnostics, span, file.frame)
+    return [] if part is None else [replace(part, material_name="" if material is None else Path(pictures[0]).stem)]
 
 
 def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:

@@ -1,4 +1,4 @@
-"""Options for USD stages, which the command line names as usdrecord does, and for meshes."""
+"""Options for USD stages, which the command line names as usdrecord does."""
 
 from __future__ import annotations
 
@@ -45,25 +45,3 @@ class StageOptions:
             text = ",".join(value) if isinstance(value, tuple) else next((n for n, k in COMPLEXITIES.items() if k == value), str(value))
             found += [f"--{option}"] if option in ("no-default-light", "cull-backfaces") else [f"--{option}", text]
         return found
-
-
-ASSUMED = {".stl": ("mm", "z"), ".obj": ("m", "y"), ".ply": ("m", "y"), ".off": ("m", "y"), ".xyz": ("m", "z")}
-"""The unit and the axis that points up of formats without either: those in which `convert` writes, and of .xyz those of scanners."""
-
-
-@dataclass(frozen=True, slots=True)
-class MeshOptions:
-    """How mesh files are read, and how fine generated meshes are. None: as the file says, else the default."""
-
-    unit: str | None = None  # key of file_types.UNITS: what 1 is in a file
-    up: str | None = None  # one of file_types.AXES: the axis of a file that points up
-    animation: str | None = None  # name or number of an animation of a glTF file
-    deviation: float | None = None  # metres: greatest distance of generated triangles from the true surface
-
-    def given(self) -> list[str]:
-        """Names on the command line of the options about files that are not at their default."""
-        return [name for name in ("unit", "up", "animation") if getattr(self, name) is not None]
-
-    def words(self) -> list[str]:
-        """The same options as words of a command line."""
-        return [word for name in self.given() for word in (f"--{name}", str(getattr(self, name)))]

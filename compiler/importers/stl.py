@@ -13,6 +13,7 @@ from .. import ir
 from ..mesh.polygon_mesh import PolyMesh
 from ..scene.row_records import MeshAttribute
 from .common import number_text
+from .common.mesh_parts import MeshFile, MeshFileError, Part
 from .common.vertex_colors import linear
 
 _VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)")
@@ -25,7 +26,7 @@ _HEADER = 84
 _TAIL = 4096  # bytes that hold the last line and its name
 
 
-class StlError(Exception):
+class StlError(MeshFileError):
     """An STL file that cannot be read."""
 
 
@@ -51,6 +52,11 @@ def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
     points, rows = np.unique(corners.reshape(-1, 3) + 0.0, axis=0, return_inverse=True)
     tints = None if colors is None else MeshAttribute(colors[sound], ir.Interpolation.FACE)
     return PolyMesh(points, np.full(len(corners), 3), rows.reshape(-1), colors=tints)
+
+
+def parts(file: MeshFile) -> list[Part]:
+    """The mesh of the file, without a material. Raises MeshFileError."""
+    return file.single(read)
 
 
 def _compare(normals: np.ndarray, corners: np.ndarray, diagnostics: Diagnostics, span: Span) -> None:

@@ -15,8 +15,8 @@ from ...lang import file_types
 from ...lang.diagnostics import Span
 from ...lang.elements import Document, Element
 from .. import ir
+from ..importers.common.mesh_options import MeshOptions
 from ..importers.common.replacements import Replacements
-from ..importers.stage_options import MeshOptions
 from ..io.sandbox import FileError
 from ..scene import defaults, transforms
 from ..scene.builder import SceneBuilder

@@ -133,7 +133,7 @@ SHAPES = (
     ),
     _shape(
         "mesh",
-        "polygons from a file (.obj, .ply, .stl, .3mf, .glb, .gltf, .off, .xyz), or from points and faces",
+        f"polygons from a file ({', '.join(file_types.MESH)}), or from points and faces",
         Arg("file", "string", None, "file of the mesh, relative to the scene"),
         Arg("points", "points", None, "the vertices", keyword=True),
         Arg("faces", "faces", None, "vertex indices of each face, counter-clockwise seen from outside", keyword=True),
@@ -143,11 +143,11 @@ SHAPES = (
         _HEIGHT,
         _MATERIALS,
         Arg(
-            "unit", "choice", None, "what 1 is in the file; by default as the file says, mm of .stl, else m",
+            "unit", "choice", None, f"what 1 is in the file; by default as the file says, {file_types.assumed('unit')}",
             choices=tuple(file_types.UNITS), keyword=True,
         ),
         Arg(
-            "up", "choice", None, "the axis of the file that points up; by default as the file says, z of .stl and .xyz, else y",
+            "up", "choice", None, f"the axis of the file that points up; by default as the file says, {file_types.assumed('up')}",
             choices=file_types.AXES, keyword=True,
         ),
         exclusive=(("file", "points"),),

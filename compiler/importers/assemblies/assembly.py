@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
+from ....lang import file_types
+from ....lang.diagnostics import Span
+from ... import ir
+from ...mesh import polygon_mesh
 from ...mesh.polygon_mesh import PolyMesh
+from ...scene.builder import SceneBuilder
+from ...scene.row_records import Input, MaterialData, as_color
+from ..common import vertex_colors
+from ..common.mesh_options import MeshOptions
+from ..common.mesh_parts import Frame, MeshFile, MeshFileError, Part, add
 
 
-class AssemblyError(Exception):
+class AssemblyError(MeshFileError):
     """A file that cannot be read. The caller adds the span."""
 
 
@@ -45,3 +55,40 @@ class Assembly(NamedTuple):
     meshes: list[AssemblyMesh]
     materials: list[BaseMaterial]
     places: list[Place]
+
+
+def parts_of(file: MeshFile, read: Callable[[bytes, Callable[[str], None]], Assembly]) -> list[Part]:
+    """The parts of a file of meshes with places and materials: each mesh is one geometry for each of its materials."""
+    span, messages, builder = file.span, set[str](), file.builder
+
+    def warn(message: str) -> None:
+        if message not in messages:
+            messages.add(message)
+            file.diagnostics.warning(message, span)
+
+    assembly = read(file.data, warn)
+    settings = file.options or MeshOptions()
+    frame = Frame(assembly.unit if settings.unit is None else file_types.UNITS[settings.unit], settings.up or assembly.up)
+    materials = [_base_row(material, builder, span) for material in assembly.materials]
+    pieces: list[list[tuple[int, int | None, str]]] = []
+    for each in assembly.meshes:
+        title, rows = each.name or file.stem, []
+        for k, mesh in polygon_mesh.split(each.mesh, each.material):
+            part = add(mesh, None if k < 0 else materials[k], title, builder, file.diagnostics, span, frame)
+            label = assembly.materials[k].name if k >= 0 else ""
+            rows += [] if part is None else [(part.geometry, part.material, label)]
+        pieces.append(rows)
+    return [
+        Part(geometry, material, place.name or file.stem, frame.placed(place.matrix)[:3], label)
+        for place in assembly.places
+        for geometry, material, label in pieces[place.mesh]
+    ]
+
+
+def _base_row(material: BaseMaterial, builder: SceneBuilder, span: Span) -> int:
+    """The row of a matt material of a colour."""
+    color = as_color(vertex_colors.linear(np.array(material.color)))
+    inputs = {ir.Slot.DIFFUSE: Input(color), ir.Slot.AMBIENT: Input(color)}
+    if material.opacity < 1.0:
+        inputs[ir.Slot.OPACITY] = Input.number(material.opacity)
+    return builder.material(MaterialData(inputs=inputs, name=material.name), span)

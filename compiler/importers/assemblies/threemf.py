@@ -18,8 +18,9 @@ import numpy as np
 from ... import ir
 from ...mesh.polygon_mesh import PolyMesh
 from ...scene.row_records import MeshAttribute
+from ..common.mesh_parts import MeshFile, Part
 from . import safe_xml
-from .assembly import Assembly, AssemblyError, AssemblyMesh, BaseMaterial, Place
+from .assembly import Assembly, AssemblyError, AssemblyMesh, BaseMaterial, Place, parts_of
 
 UNITS = {"micron": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "inch": 0.0254, "foot": 0.3048, "meter": 1.0}
 MOST_BYTES = 1 << 30  # of all models of a file, unpacked
@@ -37,6 +38,11 @@ _NOT_DRAWN = {
 }  # fmt: skip
 Warn = Callable[[str], None]
 _Key = tuple[str, str]  # (model, id) of a resource
+
+
+def parts(file: MeshFile) -> list[Part]:
+    """The parts of a 3MF file. Raises MeshFileError."""
+    return parts_of(file, read)
 
 
 def read(data: bytes, warn: Warn) -> Assembly:

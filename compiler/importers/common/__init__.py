@@ -1,5 +1,5 @@
-"""What readers of several formats share: names of files, commas in numbers, colours as numbers, points without faces.
+"""What readers of several formats share: the file and its parts, names of files, commas in numbers, colours, points without faces.
 
-May import: compiler.ir, io, mesh.
-Begin with `file_names.py`.
+May import: compiler.ir, io, scene, mesh.
+Begin with `mesh_parts.py`.
 """

@@ -12,7 +12,7 @@ import pytest
 from maquette.compiler import ir
 from maquette.compiler.importers import mesh_files
 from maquette.compiler.importers.assemblies import safe_xml, threemf
-from maquette.compiler.importers.stage_options import MeshOptions
+from maquette.compiler.importers.common.mesh_options import MeshOptions
 from maquette.compiler.scene.builder import SceneBuilder
 from maquette.lang.diagnostics import Diagnostics
 

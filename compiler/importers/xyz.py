@@ -6,16 +6,17 @@ import codecs
 
 import numpy as np
 
-from ....lang.diagnostics import Diagnostics, Span
-from ...mesh.polygon_mesh import PolyMesh
-from . import point_clouds
-from .vertex_colors import linear
+from ...lang.diagnostics import Diagnostics, Span
+from ..mesh.polygon_mesh import PolyMesh
+from .common import point_clouds
+from .common.mesh_parts import MeshFile, MeshFileError, Part
+from .common.vertex_colors import linear
 
 MOST_COLUMNS = 16
 _FROM = 255.0
 
 
-class PointListError(Exception):
+class PointListError(MeshFileError):
     """A file that cannot be read. The caller adds the span."""
 
 
@@ -48,3 +49,8 @@ def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
     if made is None:
         raise PointListError("the .xyz file has no points")
     return made
+
+
+def parts(file: MeshFile) -> list[Part]:
+    """The mesh of the file, without a material. Raises MeshFileError."""
+    return file.single(read)

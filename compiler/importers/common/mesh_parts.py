@@ -1,18 +1,22 @@
-"""The result record of mesh importers, a geometry with its material and placement; and the frames of mesh files."""
+"""What readers of mesh files get and give: the file, its frame, and parts, each a geometry with its material and placement."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
-from ...lang import file_types
-from ...lang.diagnostics import Diagnostics, Span
-from ..mesh import polygon_mesh
-from ..scene.builder import NONE, SceneBuilder
-from ..scene.row_records import MeshAttribute
-from .stage_options import ASSUMED, MeshOptions
+from ....lang import file_types
+from ....lang.diagnostics import Diagnostics, Span
+from ...io import stage_cache
+from ...io.sandbox import Files
+from ...mesh import polygon_mesh
+from ...scene.builder import NONE, SceneBuilder
+from ...scene.row_records import MeshAttribute
+from .mesh_options import MeshOptions
 
 _TO_Y = {
     "x": np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
@@ -41,14 +45,11 @@ class Frame:
     up: str = "y"
 
     @staticmethod
-    def of(suffix: str, options: MeshOptions | None, unit: float = 1.0, up: str = "y") -> Frame:
-        """The frame of a file: that of the options, else of ASSUMED, else `unit` and `up`. Without options metres, y up."""
-        if options is None:
+    def of(reader: file_types.Reader, options: MeshOptions | None) -> Frame:
+        """The frame of a file: that of the options, else of its format. Without options, or without both, metres, y up."""
+        if options is None or not reader.unit:
             return Frame()
-        assumed = ASSUMED.get(suffix)
-        if assumed is not None:
-            unit, up = file_types.UNITS[assumed[0]], assumed[1]
-        return Frame(unit if options.unit is None else file_types.UNITS[options.unit], options.up or up)
+        return Frame(file_types.UNITS[options.unit or reader.unit], options.up or reader.up)
 
     def linear(self) -> np.ndarray:
         """(3, 3) from the file to metres with y up."""
@@ -71,19 +72,73 @@ class Frame:
 
 
 PLAIN = Frame()
+T = TypeVar("T")
+
+
+class MeshFileError(Exception):
+    """A mesh file that cannot be read. The message says what it lacks; the caller adds the place."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeshFile:
+    """A file as its reader gets it.
+
+    `folder` is None for data that stands in no file; `files` decides what else may be read. `as_scene`: the file is the scene, so that
+    its lights and cameras go to the builder. `time` in seconds is for animations. Without `options`, another element says its frame.
+    """
+
+    data: bytes
+    name: str
+    folder: Path | None
+    reader: file_types.Reader
+    builder: SceneBuilder
+    files: Files
+    diagnostics: Diagnostics
+    import_span: Span  # of the element that places it, or the whole file
+    as_scene: bool = False
+    time: float | None = None
+    options: MeshOptions | None = None
+
+    @property
+    def span(self) -> Span:
+        """The whole file."""
+        return Span(self.name)
+
+    @property
+    def stem(self) -> str:
+        """The name of the file without its folder and ending."""
+        return Path(self.name).stem
+
+    @property
+    def frame(self) -> Frame:
+        """Its frame, of a format that does not say it."""
+        return Frame.of(self.reader, self.options)
+
+    def cached(self, read: Callable[[Diagnostics], T]) -> T:
+        """read(diagnostics), or its result of the last compilation of the same data."""
+        return stage_cache.cached_read("meshes read", (self.data, self.name), self.diagnostics, read)
+
+    def single(self, read: Callable[[bytes, Diagnostics, Span], polygon_mesh.PolyMesh]) -> list[Part]:
+        """The only part of a file without materials, whose mesh `read` makes. Raises what it raises."""
+        mesh = self.cached(lambda diagnostics: read(self.data, diagnostics, self.span))
+        part = add(mesh, None, self.stem, self.builder, self.diagnostics, self.span, self.frame)
+        return [] if part is None else [part]
+
+
 LIKELY = 0.002, 20.0  # metres: longest sides that a file in metres has
 
 
 def tell_frame(
-    parts: Sequence[Part], suffix: str, options: MeshOptions | None, builder: SceneBuilder, diagnostics: Diagnostics, span: Span
+    parts: Sequence[Part], ending: str, options: MeshOptions | None, builder: SceneBuilder, diagnostics: Diagnostics, span: Span
 ) -> None:  # fmt: skip
     """A note on the unit and the axis that were assumed for a file, with its size in metres.
 
     In a format that is read as it is, in metres with y up, only of a size that is not LIKELY.
     """
-    if options is None or suffix not in ASSUMED or not parts:
+    reader = file_types.reader_of(ending)
+    if options is None or reader is None or not reader.unit or not parts:
         return
-    unit, up = ASSUMED[suffix]
+    unit, up = reader.unit, reader.up
     lacking = [("unit", f"in {unit}", unit), ("up", f"with {up} up", up)]
     lacking = [row for row in lacking if getattr(options, row[0]) is None]
     if not lacking:
@@ -98,7 +153,7 @@ def tell_frame(
     other = {"mm": "m", "m": "mm", "y": "z", "z": "y"}
     asked = " ".join(f"--{name} {other[value]}" for name, _, value in lacking)
     written = ", ".join(f'{name}: "{other[value]}"' for name, _, value in lacking)
-    message = f"a {suffix} file says {has}: read {words}, this one is {size} m"
+    message = f"a {ending} file says {has}: read {words}, this one is {size} m"
     diagnostics.note(message, span, f"if that is wrong: {asked}, in a scene mesh(…, {written})")
 
 

@@ -19,7 +19,7 @@ from ..scene_selection import selected
 
 if TYPE_CHECKING:
     from ...compiler import ir
-    from ...compiler.exporters.common import Export
+    from ...compiler.exporters.export import Export
     from ...compiler.plan.plan import Plan
 
 MESHES = {".stl": "triangles for printing", ".3mf": "the same", ".obj": "triangles", ".ply": "triangles"}

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import ir
-from . import common
-from .common import F64, Export, Shell
+from . import placement, shells
+from .export import Export
+from .placement import F64
+from .shells import Shell
 
 PLANE_REACH = 20.0  # radii of the scene: half the side of the square that stands for an endless plane
 ROUNDING = 3.0 * 2.0**-24  # of a distance from the origin: a position and a matrix of float32 numbers
@@ -20,7 +22,7 @@ _EVERYWHERE = ir.Visibility.CAMERA | ir.Visibility.SHADOW | ir.Visibility.REFLEC
 class Converters(NamedTuple):
     """Functions of the renderer that exporters need."""
 
-    tessellate: common.Tessellate
+    tessellate: shells.Tessellate
     error: Callable[[int], float]  # largest distance of an instance's triangles from its surface, in its frame, once they are made
     materials: Callable[[ir.Tables, int, F64], NDArray[np.int64]]  # rows of the materials of an instance at world points (m, 3)
     png: Callable[..., bytes]  # (height, width, 3) values from 0 to 1, color: whether they are colours, alpha: (height, width) or None
@@ -43,7 +45,7 @@ class Bodies:
 
     def __init__(self, out: Export, converters: Converters) -> None:
         self.out, self.tables, self._converters = out, out.scene.tables, converters
-        self.middle, self.radius = common.reach(self.tables)
+        self.middle, self.radius = placement.reach(self.tables)
         self._shells: dict[Hashable, Shell] = {}
 
     def __iter__(self) -> Iterator[Body]:
@@ -67,7 +69,7 @@ class Bodies:
 
     def _body(self, i: int) -> Body | None:
         instances, geometries = self.tables.instances, self.tables.geometries
-        g, matrix = int(instances.geometry[i]), common.world(self.tables, i)
+        g, matrix = int(instances.geometry[i]), placement.world(self.tables, i)
         if instances.visible[i] & _EVERYWHERE != _EVERYWHERE and instances.light[i] < 0:
             self.out.cannot("this shows in some rays only, and is carried for all", "instances", i)
         names, kind = self.out.scene.names.instances, ir.GeometryKind(int(geometries.kind[g]))
@@ -87,7 +89,7 @@ class Bodies:
         return Body(i, name, matrix, (key, split, int(instances.light[i])), shell, parts)
 
     def _shell(self, i: int, g: int, kind: ir.GeometryKind) -> Shell:
-        return common.mesh(self.tables, g) if kind == ir.GeometryKind.MESH else Shell(*self._converters.tessellate(i))
+        return shells.mesh(self.tables, g) if kind == ir.GeometryKind.MESH else Shell(*self._converters.tessellate(i))
 
     def _plane(self, i: int, matrix: F64) -> Shell:
         """A square of an endless plane about the scene's middle; its coordinates are those of the plane."""

@@ -9,7 +9,7 @@ import numpy as np
 from .. import ir
 from ..scene.metallic_roughness import ALL, DARK, NOTHING, Surface
 from ..scene.row_records import BLACK, Color, Input, as_color
-from .common import Export
+from .export import Export
 
 MODEL, SLOT = ir.MaterialModel, ir.Slot
 MATT = (MODEL.LAMBERT, MODEL.PHONG, MODEL.BLINN_PHONG)

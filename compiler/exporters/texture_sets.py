@@ -6,8 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import ir
-from . import common
-from .common import F64, Export, Shell
+from . import shells, texture_values
+from .export import Export
+from .placement import F64
+from .shells import Shell
 
 CELLS = 2  # cells along a side of the picture of a checker or stripes
 
@@ -33,8 +35,8 @@ class TextureSets:
     def pixels(self, row: int) -> NDArray[np.float32]:
         """(height, width, 3) the values of a texture: its picture, or CELLS × CELLS cells."""
         if not self.has_cells(row):
-            return common.picture(self.tables, row, np.ones(3))
-        a, b = common.cell_colors(self.tables, row, np.ones(3))
+            return texture_values.picture(self.tables, row, np.ones(3))
+        a, b = texture_values.cell_colors(self.tables, row, np.ones(3))
         return np.array([[b, a], [a, b]], np.float32)
 
     def coordinates(self, out: Export, shell: Shell, kind: int, scale: float) -> tuple[Shell, list[F64]]:
@@ -43,21 +45,21 @@ class TextureSets:
         `kind` is the shape's ir.GeometryKind, `scale` its scale to the world. Reports mappings that are not the surface's own.
         """
         for row in self.rows:
-            if not common.follows_uv(self.tables, row, kind):
+            if not texture_values.follows_uv(self.tables, row, kind):
                 name = ir.TextureMapping(int(self.tables.textures.mapping[row])).name.lower()
                 out.cannot(f"the mapping {name} is not carried: a mesh has its own coordinates", "textures", row)
         whole = shell
         if any(map(self.has_cells, self.rows)):
-            shell = common.divided(shell)
+            shell = shells.divided(shell)
         uvs = np.zeros((len(shell.positions), 2)) if shell.uvs is None else shell.uvs
         found = []
         for row in self.rows:
             if self.has_cells(row):
-                cells = common.with_cells(self.tables, row, whole, scale).uvs
+                cells = texture_values.with_cells(self.tables, row, whole, scale).uvs
                 assert cells is not None
                 found.append(cells / CELLS)
             else:
-                frame = common.texture_matrix(self.tables, row)
+                frame = texture_values.texture_matrix(self.tables, row)
                 found.append(uvs @ frame[:2, :2].T + frame[:2, 2])
         return shell, found
 

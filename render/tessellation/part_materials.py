@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ...compiler.exporters.common import DEFAULT
+from ...compiler.exporters.export import DEFAULT
 from ...compiler.exporters.mesh_files import Material
 from ...compiler.formula import numpy_interpreter
 from ...compiler.formula.tape import load_tape

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ...compiler.exporters import common
+from ...compiler.exporters import shells
 from ...compiler.exporters.mesh_files import Part
 from ...compiler.formula import dual_contouring
 from ...compiler.formula.tape import load_tape
@@ -131,7 +131,7 @@ def _local_mesh(tables: ir.Tables, g: int, tolerance: float) -> _LocalMesh:
         positions = tables.pools.positions[start : start + vertices].astype(np.float64) + geometries.origin[g]
         triangles = tables.pools.triangles[first : first + count].astype(np.int64) - start
         tint = int(geometries.colors[g])
-        colors = None if tint < 0 else common.at_corners(tables, tint, triangles.astype(np.int32))
+        colors = None if tint < 0 else shells.at_corners(tables, tint, triangles.astype(np.int32))
         return _LocalMesh(positions, triangles, float(geometries.parameters[g, 0]), colors=colors)
     if kind == _KIND.FORMULA:
         tape = load_tape(tables, int(geometries.tape[g]))

@@ -10,7 +10,8 @@ import numpy as np
 
 from ... import ir
 from ...scene.row_records import Input
-from ..common import F64, Export
+from ..export import Export
+from ..placement import F64
 from ..surfaces import Exported, Surfaces
 from ..texture_sets import TextureSets
 from .container import Container

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from ... import ir
 from ...plan import scene_facts
 from ...plan.plan import Plan
-from .. import common
+from .. import camera_frames, placement
 from ..bodies import Bodies, Body, Converters, compact, part_of
-from ..common import F64, Export
+from ..export import Export
+from ..placement import F64
 from .container import Container
 from .materials import Materials
 
@@ -67,7 +68,7 @@ class _Writer:
     # --- meshes ---
 
     def _mesh(self, body: Body) -> int:
-        scale = common.mean_scale(body.matrix)
+        scale = placement.mean_scale(body.matrix)
         key = (body.key, scale)
         if key not in self._meshes:
             light = int(self.tables.instances.light[body.instance])
@@ -97,11 +98,11 @@ class _Writer:
     # --- cameras and lights ---
 
     def _camera(self, row: int, size: tuple[int, int]) -> None:
-        cameras, placed = self.tables.cameras, common.placed_camera(self.out, row, size)
+        cameras, placed = self.tables.cameras, camera_frames.placed_camera(self.out, row, size)
         if placed is None:
             return
         seen, half = placed.seen, placed.half
-        common.report_planes(self.out, row)
+        camera_frames.report_planes(self.out, row)
         if seen.shift.any():
             self.out.cannot("the camera's shift is not carried", "cameras", row)
         if cameras.lens[row] > 0:
@@ -129,7 +130,7 @@ class _Writer:
         made: dict[str, Any] = {"name": (names[row] if row < len(names) else "") or kind.name.lower()}
         frame = np.eye(4)
         if kind in (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN):
-            made["type"], frame[:3, :3] = "directional", common.frame_along(lights.direction[row])
+            made["type"], frame[:3, :3] = "directional", placement.frame_along(lights.direction[row])
             if lights.angle[row] > 0:
                 self.out.note("the size of a sun is not carried: its shadows are sharp", "lights", row)
         elif kind in (ir.LightKind.POINT, ir.LightKind.SPOT):
@@ -139,7 +140,7 @@ class _Writer:
                 outer, inner = (math.acos(min(max(float(c[row]), -1.0), 1.0)) for c in (lights.cos_cone, lights.cos_full))
                 outer = min(outer, math.pi / 2)
                 made |= {"type": "spot", "spot": {"innerConeAngle": min(inner, 0.999999 * outer), "outerConeAngle": outer}}
-                frame[:3, :3] = common.frame_along(-lights.direction[row])
+                frame[:3, :3] = placement.frame_along(-lights.direction[row])
         else:
             self.out.cannot("an area light that is not seen is not carried", "lights", row)
             return

@@ -9,8 +9,9 @@ from ... import ir
 from ...plan import light_shapes, scene_facts
 from ...plan.plan import Plan
 from ...plan.scene_facts import specular_materials
-from .. import common
-from ..common import F64, Export
+from .. import camera_frames, placement, texture_values
+from ..export import Export
+from ..placement import F64
 from .materials import pfm
 from .shapes import Shapes
 from .xml import Node, node, rgb, value, vector
@@ -79,7 +80,7 @@ def _spot(out: Export, name: str, row: int, color: F64) -> Node:
         out.cannot(f"a spot wider than {np.degrees(WIDEST_SPOT):.0f}° is not carried", "lights", row)
         cone = WIDEST_SPOT
     frame = np.eye(4)
-    frame[:3, :3], frame[:3, 3] = common.frame_along(lights.direction[row]), lights.position[row]
+    frame[:3, :3], frame[:3, 3] = placement.frame_along(lights.direction[row]), lights.position[row]
     degrees = float(np.degrees(cone))
     given = node("emitter", "spot", cutoff_angle=degrees, beam_width=degrees, to_world=frame).with_(rgb("intensity", color))
     file = f"{name}.{len(out.files)}.pfm"
@@ -103,21 +104,21 @@ def _directional(out: Export, plan: Plan, shapes: Shapes, row: int) -> Node:
         return node("emitter", "directional").with_(vector("direction", -direction), rgb("irradiance", tables.lights.color[row]))
     if specular_materials(out.scene)[np.unique(tables.instances.material)].any() and plan["bounces"] > 0:
         out.cannot("a sun's disk is seen in mirrors and glass in Mitsuba, and not here", "lights", row, "angle: 0deg")
-    if _in_view(common.eye(out.scene, plan["camera"], plan["size"]), direction, angle):
+    if _in_view(camera_frames.eye(out.scene, plan["camera"], plan["size"]), direction, angle):
         out.cannot("the sun's disk is in the picture in Mitsuba, and not here", "lights", row, "angle: 0deg")
     distance = SUN_DISTANCE * shapes.radius
     if (tables.geometries.kind == ir.GeometryKind.PLANE).any():
         distance = 1e6 * shapes.radius  # beyond the end of planes
     frame = np.eye(4)
-    frame[:3, :3] = common.frame_along(-direction) * [distance * np.tan(angle), distance * np.tan(angle), 1.0]
+    frame[:3, :3] = placement.frame_along(-direction) * [distance * np.tan(angle), distance * np.tan(angle), 1.0]
     frame[:3, 3] = shapes.middle + distance * direction
     radiance = tables.lights.color[row] / (np.pi * np.sin(angle) ** 2)
     out.note("a sun with a size is carried as a bright disk far away", "lights", row)
     emitter = node("emitter", "area").with_(rgb("radiance", radiance))
-    return node("shape", "disk", to_world=frame).with_(node("bsdf", "diffuse").with_(rgb("reflectance", common.BLACK)), emitter)
+    return node("shape", "disk", to_world=frame).with_(node("bsdf", "diffuse").with_(rgb("reflectance", texture_values.BLACK)), emitter)
 
 
-def _in_view(seen: common.Eye, direction: F64, angle: float) -> bool:
+def _in_view(seen: camera_frames.Eye, direction: F64, angle: float) -> bool:
     along = float(direction @ seen.forward)
     if not seen.perspective:
         return along > np.cos(angle)
@@ -140,13 +141,13 @@ def _sky(out: Export, plan: Plan, name: str, shining: list[int]) -> list[Node]:
         out.cannot("a second dome is not carried: Mitsuba has one", "lights", row)
     constant = tables.lights.color[[row for row in skies if row not in pictures]].sum(axis=0)
     row = pictures[0]
-    matrix = common.square(tables.transforms.matrix[tables.lights.transform[row]])
-    if common.even_scale(matrix) is None:
+    matrix = placement.square(tables.transforms.matrix[tables.lights.transform[row]])
+    if placement.even_scale(matrix) is None:
         out.cannot("a dome under a transform that stretches it is not carried", "lights", row)
     matrix = matrix.copy()
     matrix[:3, 3] = 0.0
     file = f"{name}.{len(out.files)}.pfm"
-    radiance = common.pixels(tables.images, int(tables.lights.image[row]))[..., :3] * tables.lights.color[row] + constant
+    radiance = texture_values.pixels(tables.images, int(tables.lights.image[row]))[..., :3] * tables.lights.color[row] + constant
     out.files[file] = pfm(envmap_rows(radiance))
     return [node("emitter", "envmap", filename=file, to_world=matrix)]
 

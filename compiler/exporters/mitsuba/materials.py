@@ -8,8 +8,9 @@ import numpy as np
 
 from ... import ir
 from ...scene import metals
-from .. import common
-from ..common import F64, Export
+from .. import texture_values
+from ..export import Export
+from ..placement import F64
 from .xml import Node, node, rgb, value
 
 MIRROR, GLASS, EMISSIVE = ir.MaterialModel.MIRROR, ir.MaterialModel.GLASS, ir.MaterialModel.EMISSIVE
@@ -147,7 +148,7 @@ class Materials:
             return node("bsdf", "dielectric", int_ior=ior, ext_ior=1.0).with_(color)
         mirror, matt = self._constant(material, ir.Slot.REFLECTION), self._constant(material, ir.Slot.DIFFUSE)
         if model == EMISSIVE:
-            matt, mirror = common.BLACK, common.BLACK
+            matt, mirror = texture_values.BLACK, texture_values.BLACK
         if model == MIRROR or (mirror.max() > 0 and matt.max() == 0):
             return node("bsdf", "twosided").with_(self._conductor(material, 1.0))
         if mirror.max() > 0:
@@ -170,7 +171,7 @@ class Materials:
         row = self.out.carried(int(self.tables.materials.textures[material, ir.Slot.ROUGHNESS]))
         if row >= 0:
             self.out.cannot("a texture of roughness is carried as its mean", "textures", row)
-        scale = 1.0 if row < 0 else float(common.picture(self.tables, row, np.ones(3)).mean())
+        scale = 1.0 if row < 0 else float(texture_values.picture(self.tables, row, np.ones(3)).mean())
         return value("alpha", max(float(self._constant(material, ir.Slot.ROUGHNESS)[0]) * scale, 0.01) ** 2)
 
     def _number(self, name: str, material: int, slot: ir.Slot) -> Node:
@@ -198,7 +199,7 @@ class Materials:
 
     def _diffuse(self, material: int, scale: float, colored: bool, black: bool = False) -> Node:
         if black:
-            return node("bsdf", "diffuse").with_(rgb("reflectance", common.BLACK))
+            return node("bsdf", "diffuse").with_(rgb("reflectance", texture_values.BLACK))
         if colored:
             return node("bsdf", "diffuse", reflectance=node("texture", "mesh_attribute", name="reflectance").with_(*_named_color(scale)))
         return node("bsdf", "diffuse").with_(self._color("reflectance", material, ir.Slot.DIFFUSE, scale))
@@ -222,7 +223,7 @@ class Materials:
             return rgb(name, self._below_one(constant, material) if reflects else constant)
         if tables.textures.kind[row] == ir.TextureKind.IMAGE:
             return self._bitmap(name, row, constant)
-        a, b = common.cell_colors(tables, row, constant)
+        a, b = texture_values.cell_colors(tables, row, constant)
         if reflects:
             a, b = self._below_one(a, material), self._below_one(b, material)
         return node("texture", "checkerboard", name=name).with_(rgb("color0", a), rgb("color1", b))
@@ -241,7 +242,7 @@ class Materials:
         key = (row, constant.tobytes())
         if key not in self._pictures:
             self._pictures[key] = f"{self.name}.{len(self.out.files)}.pfm"
-            pixels = common.picture(self.tables, row, constant)
+            pixels = texture_values.picture(self.tables, row, constant)
             self.out.files[self._pictures[key]] = pfm(0.5 * pixels + 0.5 if levels else pixels)
         given = {"filename": self._pictures[key], "raw": True, "wrap_mode": _WRAPS.get(ir.Wrap(wraps[0]), "clamp")}
         return node("texture", "bitmap", name=name, filter_type="nearest" if textures.nearest[row] else "bilinear", **given)

@@ -12,8 +12,8 @@ import numpy as np
 
 from ... import ir
 from ...plan.plan import Plan
-from .. import common
-from ..common import Export
+from .. import camera_frames, placement, shells
+from ..export import Export
 from . import lights
 from .shapes import Shapes
 from .xml import Node, node, value
@@ -25,7 +25,7 @@ NEAR = 1e-4  # metres; Mitsuba requires a near distance
 FAR = 1e7
 
 
-def write(scene: ir.Scene, plan: Plan, name: str, tessellate: common.Tessellate) -> Export:
+def write(scene: ir.Scene, plan: Plan, name: str, tessellate: shells.Tessellate) -> Export:
     """Exports `scene` with the settings of `plan`. Files beside the XML are called `name`.0.ply and so on.
 
     `tessellate` gives triangles for shapes that Mitsuba lacks. Losses are in `found`.
@@ -75,7 +75,7 @@ def _check_inside_glass(out: Export, plan: Plan) -> None:
         if tables.lights.kind[row] in (ir.LightKind.POINT, ir.LightKind.SPOT):
             places.append(("lights", row, tables.lights.position[row]))
         elif tables.lights.instance[row] >= 0:
-            places.append(("lights", row, common.world(tables, int(tables.lights.instance[row]))[:3, 3]))
+            places.append(("lights", row, placement.world(tables, int(tables.lights.instance[row]))[:3, 3]))
     for i in np.flatnonzero(glass).tolist():
         low, high = tables.geometries.bounds[tables.instances.geometry[i]]
         inverse = tables.transforms.inverse[tables.instances.transform[i]]
@@ -102,10 +102,10 @@ def _sensor(out: Export, plan: Plan) -> Node:
     width, height = plan["size"]
     if plan["lens"] == "panorama":
         out.cannot("panoramic cameras are not carried", "cameras", camera)
-    common.report_planes(out, camera)
+    camera_frames.report_planes(out, camera)
     if scene.tables.cameras.pixel_aspect[camera] != 1.0:
         out.cannot("pixels that are not square are not carried", "cameras", camera)
-    seen = common.eye(scene, camera, (width, height))
+    seen = camera_frames.eye(scene, camera, (width, height))
     if not seen.regular:
         out.cannot("the camera's frame is stretched or sheared: not carried", "cameras", camera)
     near, far = float(scene.tables.cameras.near[camera]), float(scene.tables.cameras.far[camera])
@@ -113,7 +113,7 @@ def _sensor(out: Export, plan: Plan) -> Node:
     left, up = -seen.right / half_x, seen.up / half_y
     position = seen.position
     if seen.perspective:
-        frame = common.square(np.stack([left, up, seen.forward, position], axis=1))
+        frame = placement.square(np.stack([left, up, seen.forward, position], axis=1))
         # the offsets are fractions of the picture's width and height; +x to the right, +y down
         lens = float(scene.tables.cameras.lens[camera])
         more: dict[str, Any] = {"principal_point_offset_x": float(seen.shift[0] / 2), "principal_point_offset_y": float(-seen.shift[1] / 2)}
@@ -128,7 +128,7 @@ def _sensor(out: Export, plan: Plan) -> Node:
     else:
         position = position + seen.shift[0] * seen.right + seen.shift[1] * seen.up
         back = max(-near, 0.0)  # a negative near distance includes objects behind the camera
-        frame = common.square(np.stack([left * half_x, up * half_x, seen.forward, position - back * seen.forward], axis=1))
+        frame = placement.square(np.stack([left * half_x, up * half_x, seen.forward, position - back * seen.forward], axis=1))
         sensor = node("sensor", "orthographic", near_clip=max(near, NEAR), far_clip=far + back if np.isfinite(far) else FAR, to_world=frame)
     return sensor.with_(_film(plan), node("sampler", SAMPLER, sample_count=int(plan["samples"]), seed=int(plan["seed"]) & 0x7FFFFFFF))
 

@@ -6,8 +6,10 @@ import numpy as np
 
 from ... import ir
 from ...plan.plan import Plan
-from .. import common
-from ..common import F64, Export, Shell
+from .. import placement, shells, texture_values
+from ..export import Export
+from ..placement import F64
+from ..shells import Shell
 from .materials import Look, Materials
 from .xml import Node, node, vector
 
@@ -20,11 +22,11 @@ _EVERYWHERE = ir.Visibility.CAMERA | ir.Visibility.SHADOW | ir.Visibility.REFLEC
 class Shapes:
     """The shapes of a scene with their materials."""
 
-    def __init__(self, out: Export, plan: Plan, name: str, tessellate: common.Tessellate) -> None:
+    def __init__(self, out: Export, plan: Plan, name: str, tessellate: shells.Tessellate) -> None:
         self.out, self.plan, self.name, self.tessellate = out, plan, name, tessellate
         self.tables = out.scene.tables
         self.materials = Materials(out, name)
-        self.middle, self.radius = common.reach(self.tables)
+        self.middle, self.radius = placement.reach(self.tables)
         self._meshes: dict[tuple[int | float, ...], str] = {}
 
     def nodes(self) -> list[Node]:
@@ -73,8 +75,8 @@ class Shapes:
     def _native(self, i: int, g: int) -> list[Node] | None:
         """The native Mitsuba shape under this transform; None if there is none."""
         kind, p = self.tables.geometries.kind[g], self.tables.geometries.parameters[g]
-        matrix = common.world(self.tables, i)
-        scale = common.even_scale(matrix)
+        matrix = placement.world(self.tables, i)
+        scale = placement.even_scale(matrix)
         if kind == ir.GeometryKind.BOX:
             return [node("shape", "cube", to_world=_right_handed(matrix @ np.diag([*p[:3], 1.0])))]
         if kind == ir.GeometryKind.RECTANGLE and _square(matrix):
@@ -103,13 +105,13 @@ class Shapes:
 
     def _mesh(self, i: int, g: int, look: Look) -> Node | None:
         tables = self.tables
-        material, matrix = int(tables.instances.material[i]), common.world(tables, i)
+        material, matrix = int(tables.instances.material[i]), placement.world(tables, i)
         colored = int(tables.geometries.colors[g]) >= 0
         flat = bool(tables.materials.shading[material] == ir.Shading.FLAT)
         turned = bool(tables.transforms.flips[tables.instances.transform[i]])
         sized = look.texture >= 0 and tables.textures.kind[look.texture] != ir.TextureKind.IMAGE
         shared = tables.geometries.kind[g] == ir.GeometryKind.MESH  # other shapes are tessellated by their size on screen
-        scale = common.mean_scale(matrix) if sized else 0.0
+        scale = placement.mean_scale(matrix) if sized else 0.0
         key = (g, look.texture, flat, turned, material if colored else -1, -1 if shared else i, scale)
         if key not in self._meshes:
             shell = self._shell(i, g, matrix)
@@ -121,7 +123,7 @@ class Shapes:
             if flat:
                 shell = shell._replace(normals=None)
             self._meshes[key] = f"{self.name}.{len(self.out.files)}.ply"
-            self.out.files[self._meshes[key]] = ply(common.flip(shell) if turned else shell)
+            self.out.files[self._meshes[key]] = ply(shells.flip(shell) if turned else shell)
         return node("shape", "ply", filename=self._meshes[key], face_normals=self._faceted(g, flat), to_world=matrix)
 
     def _faceted(self, g: int, flat: bool) -> bool:
@@ -132,13 +134,13 @@ class Shapes:
     def _shell(self, i: int, g: int, matrix: F64) -> Shell | None:
         kind = ir.GeometryKind(int(self.tables.geometries.kind[g]))
         if kind == ir.GeometryKind.MESH:
-            return common.mesh(self.tables, g)
+            return shells.mesh(self.tables, g)
         if kind == ir.GeometryKind.PLANE:
             inverse = np.linalg.inv(matrix)
             x, _, z = (inverse @ [*self.middle, 1.0])[:3]
             reach = self.radius / min(np.linalg.norm(matrix[:3, :3], axis=0))
             self.out.note("an endless plane is carried as a square that ends 10⁵ times the scene's radius away", "instances", i)
-            return common.plane(float(x), float(z), float(reach))
+            return shells.plane(float(x), float(z), float(reach))
         if kind == ir.GeometryKind.QUADRIC and not np.isfinite(self.tables.geometries.bounds[g]).all():
             self.out.cannot("an endless quadric is not carried", "instances", i, "within: gives it a box")
             return None
@@ -151,13 +153,13 @@ class Shapes:
         if texture < 0:
             return shell._replace(uvs=None)
         tables = self.tables
-        if not common.follows_uv(tables, texture, int(tables.geometries.kind[g])):
+        if not texture_values.follows_uv(tables, texture, int(tables.geometries.kind[g])):
             name = ir.TextureMapping(int(tables.textures.mapping[texture])).name.lower()
             self.out.cannot(f"the mapping {name} is not carried: Mitsuba takes a surface's own coordinates", "textures", texture)
         if tables.textures.kind[texture] != ir.TextureKind.IMAGE:
-            cells = common.with_cells(tables, texture, shell, common.mean_scale(matrix))
+            cells = texture_values.with_cells(tables, texture, shell, placement.mean_scale(matrix))
             return cells._replace(uvs=None if cells.uvs is None else cells.uvs / 2)
-        frame = common.texture_matrix(tables, texture)
+        frame = texture_values.texture_matrix(tables, texture)
         uvs = np.zeros((len(shell.positions), 2)) if shell.uvs is None else shell.uvs
         st = uvs @ frame[:2, :2].T + frame[:2, 2]
         return shell._replace(uvs=np.stack([st[:, 0], 1.0 - st[:, 1]], axis=1))

@@ -9,7 +9,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from ..common import number, numbers
+from ..number_text import number, numbers
 
 
 @dataclass(frozen=True, slots=True)

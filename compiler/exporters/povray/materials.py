@@ -8,8 +8,10 @@ import numpy as np
 
 from ... import ir
 from ...plan.plan import Plan
-from .. import common
-from ..common import F64, Export, number
+from .. import number_text, texture_values
+from ..export import Export
+from ..number_text import number
+from ..placement import F64
 
 _GREY = 1e-9
 _HIGHLIGHTS = {ir.MaterialModel.PHONG: ("phong", "phong_size"), ir.MaterialModel.BLINN_PHONG: ("specular", "roughness")}
@@ -54,19 +56,19 @@ class Finishes:
         clear = " filter 1" if self.tables.materials.model[material] == ir.MaterialModel.GLASS else ""
         row = self.texture_of(material)
         if row < 0:
-            return f"rgb <{common.numbers(constant)}>{clear}"
+            return f"rgb <{number_text.numbers(constant)}>{clear}"
         if clear:
             self.out.cannot("a texture of glass is not carried", "textures", row)
         if self.tables.textures.kind[row] == ir.TextureKind.IMAGE:
             return self._image(row, constant)
-        a, b = common.cell_colors(self.tables, row, constant)
-        return f"checker rgb <{common.numbers(a)}>, rgb <{common.numbers(b)}> PLACE"
+        a, b = texture_values.cell_colors(self.tables, row, constant)
+        return f"checker rgb <{number_text.numbers(a)}>, rgb <{number_text.numbers(b)}> PLACE"
 
     def _image(self, row: int, constant: F64) -> str:
         textures = self.tables.textures
         if textures.wrap_u[row] != ir.Wrap.REPEAT or textures.wrap_v[row] != ir.Wrap.REPEAT:
             self.out.cannot("a texture that does not repeat is not carried", "textures", row)
-        pixels = common.picture(self.tables, row, constant)
+        pixels = texture_values.picture(self.tables, row, constant)
         if pixels.max(initial=0.0) > 1.0:
             self.out.cannot("a texture brighter than 1 is not carried", "textures", row)
         key = (row, constant.tobytes())
@@ -110,10 +112,10 @@ class Finishes:
 
     def _opaque(self, material: int, model: ir.MaterialModel, instance: int) -> str:
         matt = 0 if model == ir.MaterialModel.MIRROR else 1
-        words = [f"diffuse {matt}", f"ambient rgb <{common.numbers(self._ambient(material))}>"]
+        words = [f"diffuse {matt}", f"ambient rgb <{number_text.numbers(self._ambient(material))}>"]
         mirror = self._value(material, ir.Slot.REFLECTION)
         if mirror.max() > 0 and self.plan["bounces"] > 0:
-            words.append(f"reflection {{ rgb <{common.numbers(mirror)}> }}")
+            words.append(f"reflection {{ rgb <{number_text.numbers(mirror)}> }}")
         if model != ir.MaterialModel.MIRROR:
             words += self._highlight(material, model)
             if self._value(material, ir.Slot.TRANSMISSION).max() > 0:

@@ -13,8 +13,9 @@ import numpy as np
 from ... import ir
 from ...plan import scene_facts
 from ...plan.plan import Plan
-from .. import common
-from ..common import F64, Export
+from .. import camera_frames, number_text, placement, shells
+from ..export import Export
+from ..placement import F64
 from .materials import Finishes
 from .shapes import bracket, objects
 
@@ -27,7 +28,7 @@ _SOFT = {
 }  # fmt: skip
 
 
-def write(scene: ir.Scene, plan: Plan, name: str, tessellate: common.Tessellate) -> Export:
+def write(scene: ir.Scene, plan: Plan, name: str, tessellate: shells.Tessellate) -> Export:
     """Exports `scene` with the settings of `plan`. Images beside it are called `name`.0.ppm and so on.
 
     `tessellate` gives triangles for textured shapes. Losses are in `found`.
@@ -59,11 +60,11 @@ def _settings(plan: Plan) -> str:
 
 def _camera(out: Export, plan: Plan) -> str:
     scene, row = out.scene, plan["camera"]
-    seen = common.eye(scene, row, plan["size"])
+    seen = camera_frames.eye(scene, row, plan["size"])
     cameras = scene.tables.cameras
     if cameras.near[row] != 0.0 or np.isfinite(cameras.far[row]):
         out.cannot("near and far planes are not carried", "cameras", row)
-    common.report_planes(out, row)
+    camera_frames.report_planes(out, row)
     if plan["lens"] != "pinhole":
         what = "panoramic cameras are" if plan["lens"] == "panorama" else "depth of field is"
         out.cannot(f"{what} not carried", "cameras", row)
@@ -105,7 +106,7 @@ def _lights(out: Export, plan: Plan) -> list[str]:
 
 def _point_light(out: Export, row: int) -> str:
     lights = out.scene.tables.lights
-    color, fade = lights.color[row] / np.pi, f" fade_power 2 fade_distance {common.number(FADE)}"
+    color, fade = lights.color[row] / np.pi, f" fade_power 2 fade_distance {number_text.number(FADE)}"
     a, b, c = lights.coefficients[row]
     inverse_square = 1.0 / (2.0 * FADE * FADE)
     if lights.falloff[row] == ir.FalloffKind.POLYNOMIAL and a == b == 0.0:
@@ -120,7 +121,7 @@ def _point_light(out: Export, row: int) -> str:
     if lights.kind[row] == ir.LightKind.SPOT:
         full, cone = (float(np.degrees(np.arccos(np.clip(k[row], -1, 1)))) for k in (lights.cos_full, lights.cos_cone))
         at = bracket(lights.position[row] + lights.direction[row])
-        spot = f" spotlight point_at {at} radius {common.number(full)} falloff {common.number(cone)} tightness 0"
+        spot = f" spotlight point_at {at} radius {number_text.number(full)} falloff {number_text.number(cone)} tightness 0"
     return _light_source(out, row, lights.position[row], color, fade + spot)
 
 
@@ -128,7 +129,7 @@ def _directional(out: Export, row: int) -> str:
     lights = out.scene.tables.lights
     if lights.kind[row] == ir.LightKind.SUN and lights.angle[row] > 0.0:
         out.cannot("a sun's size is not carried: POV-Ray draws lights without extent", "lights", row, "angle: 0deg")
-    middle, radius = common.reach(out.scene.tables)
+    middle, radius = placement.reach(out.scene.tables)
     at = middle + lights.direction[row] * radius * FAR
     return _light_source(out, row, at, lights.color[row] / np.pi, f" parallel point_at {bracket(middle)}")
 

@@ -8,8 +8,11 @@ import numpy as np
 
 from ... import ir
 from ...plan.plan import Plan
-from .. import common
-from ..common import F64, Export, Shell, number
+from .. import number_text, placement, shells, texture_values
+from ..export import Export
+from ..number_text import number
+from ..placement import F64
+from ..shells import Shell
 from .materials import Finishes
 
 _UP = "<0, 1, 0>"
@@ -17,10 +20,10 @@ _UP = "<0, 1, 0>"
 
 def bracket(values: Any) -> str:
     """A vector: <x, y, z>."""
-    return f"<{common.numbers(values)}>"
+    return f"<{number_text.numbers(values)}>"
 
 
-def objects(out: Export, plan: Plan, finishes: Finishes, tessellate: common.Tessellate) -> list[str]:
+def objects(out: Export, plan: Plan, finishes: Finishes, tessellate: shells.Tessellate) -> list[str]:
     """All instances, each an object with texture and transform."""
     tables, made = out.scene.tables, []
     for i, light in enumerate(tables.instances.light.tolist()):
@@ -32,18 +35,18 @@ def objects(out: Export, plan: Plan, finishes: Finishes, tessellate: common.Tess
 class _Object:
     """One instance."""
 
-    def __init__(self, out: Export, plan: Plan, finishes: Finishes, tessellate: common.Tessellate, i: int) -> None:
+    def __init__(self, out: Export, plan: Plan, finishes: Finishes, tessellate: shells.Tessellate, i: int) -> None:
         self.out, self.plan, self.finishes, self.tessellate, self.i = out, plan, finishes, tessellate, i
         self.tables = out.scene.tables
         self.g = int(self.tables.instances.geometry[i])
         self.material = int(self.tables.instances.material[i])
         self.kind = ir.GeometryKind(int(self.tables.geometries.kind[self.g]))
-        self.matrix = common.world(self.tables, i)
+        self.matrix = placement.world(self.tables, i)
 
     def text(self) -> list[str]:
         texture = self.finishes.texture_of(self.material)
         look = self.finishes.look(self.material, self.i)
-        if texture >= 0 and not common.follows_uv(self.tables, texture, self.kind):
+        if texture >= 0 and not texture_values.follows_uv(self.tables, texture, self.kind):
             name = ir.TextureMapping(int(self.tables.textures.mapping[texture])).name.lower()
             self.out.cannot(f"the mapping {name} is not carried: only a surface's own coordinates are", "textures", texture)
         shape = self._shape(texture)
@@ -55,7 +58,7 @@ class _Object:
             pigment = pigment.replace("PLACE", self._place(texture))
         mapping = "uv_mapping " if texture >= 0 and self.kind != ir.GeometryKind.PLANE else ""
         flags = self._flags(look.glass)
-        place = f"  matrix <{common.numbers(self.matrix[:3].T)}>"
+        place = f"  matrix <{number_text.numbers(self.matrix[:3].T)}>"
         texture_lines = ["  texture {", f"    {mapping}pigment {{ {pigment} }}", f"    {look.finish}", "  }"]
         lines = [f"{head} {{", *body, *texture_lines, *look.more, place, *flags, "}"]
         if look.glass and self.tables.instances.visible[self.i] & ir.Visibility.SHADOW:
@@ -79,7 +82,7 @@ class _Object:
     def _shape(self, texture: int) -> tuple[str, list[str]] | None:
         p, kind = self.tables.geometries.parameters[self.g], self.kind
         if kind == ir.GeometryKind.MESH:
-            return self._mesh(common.mesh(self.tables, self.g), texture)
+            return self._mesh(shells.mesh(self.tables, self.g), texture)
         if kind == ir.GeometryKind.PLANE:
             return "plane", [f"  {_UP}, 0"]
         if texture >= 0:
@@ -129,9 +132,9 @@ class _Object:
         if self.tables.materials.shading[self.material] == ir.Shading.FLAT:
             shell = shell._replace(normals=None)
         if texture >= 0 and self.tables.textures.kind[texture] != ir.TextureKind.IMAGE:
-            shell = common.with_cells(self.tables, texture, shell, common.mean_scale(self.matrix))
+            shell = texture_values.with_cells(self.tables, texture, shell, placement.mean_scale(self.matrix))
         elif texture >= 0 and shell.uvs is not None:
-            frame = common.texture_matrix(self.tables, texture)
+            frame = texture_values.texture_matrix(self.tables, texture)
             shell = shell._replace(uvs=shell.uvs @ frame[:2, :2].T + frame[:2, 2])
         body = [_list("vertex_vectors", shell.positions)]
         if shell.normals is not None:
@@ -148,10 +151,10 @@ class _Object:
         if self.kind != ir.GeometryKind.PLANE:
             return ""
         tables = self.tables
-        frame = common.texture_matrix(tables, texture)  # of u = x, v = -z
+        frame = texture_values.texture_matrix(tables, texture)  # of u = x, v = -z
         if tables.textures.kind[texture] != ir.TextureKind.IMAGE:
             size = float(tables.textures.size[texture])
-            frame[:2] *= common.mean_scale(self.matrix) / size if size > 0.0 else 8.0
+            frame[:2] *= placement.mean_scale(self.matrix) / size if size > 0.0 else 8.0
             if tables.textures.kind[texture] == ir.TextureKind.STRIPES:
                 frame[1] = [0.0, 0.0, 0.5]
         return pattern_matrix(frame)

@@ -14,7 +14,7 @@ from pxr import Gf, Sdf, UsdShade
 
 from ... import ir
 from ...scene.row_records import Color, Input, as_color
-from ..common import DEFAULT, Export
+from ..export import DEFAULT, Export
 from ..surfaces import Exported, Surfaces
 from ..texture_sets import TextureSets
 

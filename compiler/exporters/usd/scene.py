@@ -20,9 +20,11 @@ from ... import ir
 from ...ir.light_links import CASTERS, EVERYTHING
 from ...plan import scene_facts
 from ...plan.plan import Plan
-from .. import common
+from .. import camera_frames, placement, texture_values
 from ..bodies import Bodies, Body, Converters, compact, part_of
-from ..common import F64, Export, Shell
+from ..export import Export
+from ..placement import F64
+from ..shells import Shell
 from .materials import Materials, set_name
 
 ROOT = "/World"
@@ -94,7 +96,7 @@ class _Writer:
     # --- meshes ---
 
     def _place(self, body: Body) -> None:
-        scale, path = common.mean_scale(body.matrix), self._path(body.name)
+        scale, path = placement.mean_scale(body.matrix), self._path(body.name)
         key = (body.key, scale)
         if key in self._meshes:
             prim = self.stage.DefinePrim(path)
@@ -149,7 +151,7 @@ class _Writer:
     # --- cameras and lights ---
 
     def _camera(self, row: int, size: tuple[int, int], main: bool) -> None:
-        cameras, placed = self.tables.cameras, common.placed_camera(self.out, row, size)
+        cameras, placed = self.tables.cameras, camera_frames.placed_camera(self.out, row, size)
         if placed is None:
             return
         seen, name = placed.seen, placed.name
@@ -209,16 +211,16 @@ class _Writer:
             made = UsdLux.DistantLight.Define(self.stage, path)
             made.CreateAngleAttr(2.0 * math.degrees(float(lights.angle[row])))
             made.CreateNormalizeAttr(True)
-            frame[:3, :3] = common.frame_along(lights.direction[row])
+            frame[:3, :3] = placement.frame_along(lights.direction[row])
             return made, 1.0, frame
         if kind in (ir.LightKind.SKY, ir.LightKind.DOME):
             made = UsdLux.DomeLight.Define(self.stage, path)
             if kind == ir.LightKind.DOME and lights.image[row] >= 0:
                 name = f"{self.name}.{len(self.out.files)}.exr"
-                self.out.files[name] = self.converters.exr(common.pixels(self.tables.images, int(lights.image[row]))[..., :3])
+                self.out.files[name] = self.converters.exr(texture_values.pixels(self.tables.images, int(lights.image[row]))[..., :3])
                 made.CreateTextureFileAttr(f"./{name}")
                 made.CreateTextureFormatAttr(UsdLux.Tokens.latlong)
-                frame = common.square(self.tables.transforms.matrix[lights.transform[row]])
+                frame = placement.square(self.tables.transforms.matrix[lights.transform[row]])
             return made, 1.0, frame
         made = UsdLux.SphereLight.Define(self.stage, path)
         made.CreateTreatAsPointAttr(True)
@@ -231,12 +233,12 @@ class _Writer:
             shaping = UsdLux.ShapingAPI.Apply(made.GetPrim())
             shaping.CreateShapingConeAngleAttr(math.degrees(outer))
             shaping.CreateShapingConeSoftnessAttr(1.0 - inner / outer if outer > 0 else 0.0)
-            frame[:3, :3] = common.frame_along(-lights.direction[row])
+            frame[:3, :3] = placement.frame_along(-lights.direction[row])
         return made, 4.0, frame  # a ball's intensity is a quarter of its normalized one
 
     def _area(self, path: str, row: int, kind: ir.LightKind) -> tuple[Any, float, F64]:
         lights, size = self.tables.lights, self.tables.lights.size[row]
-        frame = common.square(self.tables.transforms.matrix[lights.transform[row]])
+        frame = placement.square(self.tables.transforms.matrix[lights.transform[row]])
         if lights.instance[row] >= 0:
             self.out.cannot("the shape of an area light is not carried: USD's lights light what is there, and are not seen", "lights", row)
         if kind == ir.LightKind.SPHERE:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from maquette.cli.main import cli
-from maquette.compiler.exporters import common
+from maquette.compiler.exporters import export, shells
 from maquette.compiler.exporters.mitsuba import lights, materials, shapes
 from maquette.compiler.exporters.mitsuba import scene as mitsuba_scene
 from maquette.compiler.exporters.povray import scene as povray_scene
@@ -112,7 +112,7 @@ sphere {
 WRITERS = {"mitsuba": mitsuba_scene.write, "povray": povray_scene.write}
 
 
-def written(name: str, folder: Path, text: str, **settings: object) -> common.Export:
+def written(name: str, folder: Path, text: str, **settings: object) -> export.Export:
     scene, plan = scenes.compiled(folder, text, **settings)
     return WRITERS[name](scene, plan, "small", scene_meshes.make_tessellator(scene, plan))
 
@@ -132,13 +132,13 @@ def test_a_plane_is_a_wide_square_with_cells_for_coordinates(tmp_path: Path) -> 
 
 
 def test_meshes_keep_their_corners(tmp_path: Path) -> None:
-    shell = common.Shell(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]], np.int32))
+    shell = shells.Shell(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]], np.int32))
     data = shapes.ply(shell)
     assert data.startswith(
         b"ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
     )
     assert data.endswith(b"\x03" + np.array([0, 1, 2], "<i4").tobytes())
-    turned = common.flip(shell)
+    turned = shells.flip(shell)
     assert turned.triangles.tolist() == [[2, 1, 0]]
 
 

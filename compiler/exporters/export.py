@@ -1,0 +1,86 @@
+"""The result of an export: its files, and what the format lacks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ...lang.diagnostics import Diagnostic
+from .. import ir
+from ..io.replace_file import replace_file
+from ..ir.light_links import CASTERS, EVERYTHING
+from ..plan import scene_facts
+
+DEFAULT = "default"  # the name of the material of surfaces without one
+
+
+@dataclass(eq=False)
+class Export:
+    """An exported scene: the main file's content, and the other files by name.
+
+    `found` has a warning with a fix for each feature that the format lacks, and a note for each feature in another form.
+    """
+
+    scene: ir.Scene
+    text: str = ""
+    data: bytes = b""  # of a binary format, in place of the text
+    files: dict[str, bytes] = field(default_factory=dict)
+    found: list[Diagnostic] = field(default_factory=list)
+    triangles: int = 0
+    deviation: float = 0.0  # metres: largest distance of the triangles from the true surface
+
+    def cannot(self, message: str, table: str = "", row: int = -1, hint: str = "") -> None:
+        """Report a loss, once."""
+        self._say("warning", message, table, row, hint)
+
+    def without_opacity(self) -> None:
+        """Report the materials whose opacity is lost."""
+        used = self.scene.tables.instances.material
+        for row in np.unique(used[scene_facts.partial(self.scene.tables)[used]]):
+            self.cannot("opacity is not carried: the surface is opaque there", "materials", int(row))
+
+    def without_links(self) -> None:
+        """Report the lights whose links are lost."""
+        lights = self.scene.tables.lights
+        for row in np.flatnonzero((lights.receivers != EVERYTHING) | (lights.blockers != CASTERS)).tolist():
+            self.cannot("`receivers` and `blockers` are not carried: the light lights every object, and each casts shadows", "lights", row)
+
+    @property
+    def lights(self) -> list[int]:
+        """The rows of lights that shine, without those added to a scene that has none: other programs have their own."""
+        lights = self.scene.tables.lights
+        return [row for row in np.flatnonzero(lights.color.max(axis=1, initial=0.0) > 0).tolist() if self.scene.spans.at("lights", row)]
+
+    def tessellated(self, kind: ir.GeometryKind, instance: int, triangles: int, tolerance: float) -> None:
+        """Report that a shape is exported as triangles, unless the triangles are exact."""
+        if kind not in (ir.GeometryKind.BOX, ir.GeometryKind.RECTANGLE):
+            self.note(f"a {kind.name.lower()} is carried as {triangles} triangles, {tolerance:g} pixels off at most", "instances", instance)
+
+    def carried(self, texture: int) -> int:
+        """A row of Textures; -1, with a report, for a texture defined by formulas."""
+        if texture >= 0 and self.scene.tables.textures.kind[texture] == ir.TextureKind.FORMULA:
+            self.cannot("a pattern is not carried: it is white", "textures", texture)
+            return -1
+        return texture
+
+    def note(self, message: str, table: str = "", row: int = -1) -> None:
+        """Report a feature exported in another form, once."""
+        self._say("note", message, table, row, "")
+
+    def save(self, path: Path) -> None:
+        """Write the main file to `path` and the other files beside it. Raises OSError."""
+        for name, data in self.files.items():
+            replace_file(path.parent / name, data)
+        replace_file(path, self.data or self.text.encode())
+
+    @property
+    def lost(self) -> list[str]:
+        """The features that the format lacks, each with its place; empty for a faithful export."""
+        return [f"{d.span}: {d.message}" if d.span else d.message for d in self.found if d.severity == "warning"]
+
+    def _say(self, severity: str, message: str, table: str, row: int, hint: str) -> None:
+        said = Diagnostic(severity, message, self.scene.spans.at(table, row) if table else None, hint)
+        if said not in self.found:
+            self.found.append(said)

@@ -41,6 +41,16 @@ def examples(*lines: str) -> Callable[[Command], Command]:
     return add
 
 
+def listing(title: str, *lines: str) -> Callable[[Command], Command]:
+    """A decorator that appends a list to the --help of a command, before its examples."""
+
+    def add(command: Command) -> Command:
+        command.__doc__ = f"{inspect.cleandoc(command.__doc__ or '')}\n\n\b\n{title}\n" + "\n".join(f"  {line}" for line in lines)
+        return command
+
+    return add
+
+
 def options(*decorators: Callable[[Command], Command]) -> Callable[[Command], Command]:
     """Several click options as one decorator, in order."""
 

@@ -41,6 +41,7 @@ MAY_IMPORT = {
     "compiler.importers.usd": "compiler.importers.usd.pictures compiler.importers.usd.layers",
     "compiler.lower": "compiler.fillets compiler.plan compiler.importers.usd",
     "compiler.exporters": "compiler.scene compiler.plan",
+    "compiler.exporters.triangles": "compiler.exporters",
     "compiler.exporters.gltf": "compiler.exporters",
     "compiler.exporters.mitsuba": "compiler.exporters",
     "compiler.exporters.povray": "compiler.exporters",

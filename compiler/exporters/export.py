@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -30,6 +31,9 @@ class Export:
     found: list[Diagnostic] = field(default_factory=list)
     triangles: int = 0
     deviation: float = 0.0  # metres: largest distance of the triangles from the true surface
+    closed: str = ""  # how the triangles fit together, of formats for printing: closed, 3 open edges
+    messages: list[str] = field(default_factory=list)  # about the file as a whole
+    write: Callable[[Path], None] | None = None  # writes the main file, in place of the text
 
     def cannot(self, message: str, table: str = "", row: int = -1, hint: str = "") -> None:
         """Report a loss, once."""
@@ -73,7 +77,10 @@ class Export:
         """Write the main file to `path` and the other files beside it. Raises OSError."""
         for name, data in self.files.items():
             replace_file(path.parent / name, data)
-        replace_file(path, self.data or self.text.encode())
+        if self.write is not None:
+            self.write(path)
+        else:
+            replace_file(path, self.data or self.text.encode())
 
     @property
     def lost(self) -> list[str]:
@@ -84,3 +91,11 @@ class Export:
         said = Diagnostic(severity, message, self.scene.spans.at(table, row) if table else None, hint)
         if said not in self.found:
             self.found.append(said)
+
+
+class ExportError(Exception):
+    """A scene that a format cannot hold at all. `out` has what was found before."""
+
+    def __init__(self, message: str, out: Export) -> None:
+        super().__init__(message)
+        self.out = out

@@ -112,7 +112,7 @@ def _precision(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     return Decision("precision", "float64", f"{figures}; more than {FLOAT32_RATIO:g}, too much for float32", PRECISIONS)
 
 
-def _shadows(scene: ir.Scene, *_: Any) -> Decision:
+def _shadows(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     if scene.tables.lights.shadows.any():
         return Decision("shadows", True, "some light casts them")
     if shines(scene.tables)[used_materials(scene.tables)].any():

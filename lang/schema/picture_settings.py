@@ -8,7 +8,11 @@ from . import picture_channels
 from . import setting_values as values
 from .argument_types import Arg
 
-BACKENDS = ("ray", "raster", "reference")  # modules of render/backends that have a class Renderer
+BACKENDS = (  # modules of render/backends that have a class Renderer
+    "ray",
+    "raster",
+    "reference",
+)
 FILTERS = ("box", "tent", "gaussian", "blackman-harris")
 MAX_BOUNCES = 64
 MAX_SAMPLES = 1 << 20

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...compiler.exporters.export import DEFAULT
-from ...compiler.exporters.mesh_files import Material
+from ...compiler.exporters.parts import Material
 from ...compiler.formula import numpy_interpreter
 from ...compiler.formula.tape import load_tape
 from ..image.srgb import encode_srgb

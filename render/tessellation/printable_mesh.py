@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...compiler.exporters import shells
-from ...compiler.exporters.mesh_files import Part
+from ...compiler.exporters.parts import Part
 from ...compiler.formula import dual_contouring
 from ...compiler.formula.tape import load_tape
 from ...compiler.mesh import mesh_csg

@@ -18,6 +18,7 @@ from ...plan.plan import Plan
 from .. import camera_frames, placement
 from ..bodies import Bodies, Body, Converters, compact, part_of
 from ..export import Export
+from ..export_job import ExportJob
 from ..placement import F64
 from .container import Container
 from .materials import Materials
@@ -29,6 +30,11 @@ _LOST = {
     ir.LightKind.DOME: "a dome is not carried: glTF has point, spot and directional lights",
     ir.LightKind.AMBIENT: "ambient light is not carried: glTF has none",
 }
+
+
+def export(job: ExportJob) -> Export:
+    """The file of a scene."""
+    return write(job.scene, job.plan, job.converters())
 
 
 def write(scene: ir.Scene, plan: Plan, converters: Converters) -> Export:

@@ -14,6 +14,7 @@ from ... import ir
 from ...plan.plan import Plan
 from .. import camera_frames, placement, shells
 from ..export import Export
+from ..export_job import ExportJob
 from . import lights
 from .shapes import Shapes
 from .xml import Node, node, value
@@ -23,6 +24,11 @@ SAMPLER = "multijitter"
 NO_ROULETTE = 1 << 20  # a depth that no path reaches
 NEAR = 1e-4  # metres; Mitsuba requires a near distance
 FAR = 1e7
+
+
+def export(job: ExportJob) -> Export:
+    """The file of a scene."""
+    return write(job.scene, job.plan, job.stem, job.tessellator())
 
 
 def write(scene: ir.Scene, plan: Plan, name: str, tessellate: shells.Tessellate) -> Export:

@@ -6,7 +6,7 @@ import numpy as np
 
 from ... import ir
 from ...plan.plan import Plan
-from .. import placement, shells, texture_values
+from .. import placement, ply_file, shells, texture_values
 from ..export import Export
 from ..placement import F64
 from ..shells import Shell
@@ -181,15 +181,9 @@ def _point(name: str, at: F64) -> Node:
 
 
 def ply(shell: Shell) -> bytes:
-    """A binary PLY: positions, then optional normals, u, v and colours (color_r, color_g, color_b); triangles."""
-    named: list[tuple[str, F64]] = [(axis, shell.positions[:, k]) for k, axis in enumerate("xyz")]
+    """A PLY file: positions, then optional normals, u, v and colours; triangles."""
+    columns = {axis: shell.positions[:, k] for k, axis in enumerate("xyz")}
     for names, values in (("nx ny nz", shell.normals), ("u v", shell.uvs), ("r g b", shell.colors)):
         if values is not None:
-            named += [(column, values[:, k]) for k, column in enumerate(names.split())]
-    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(shell.positions)}"]
-    header += [f"property float {column}" for column, _ in named]
-    header += [f"element face {len(shell.triangles)}", "property list uchar int vertex_indices", "end_header"]
-    faces = np.empty(len(shell.triangles), np.dtype([("n", "u1"), ("corners", "<i4", 3)]))
-    faces["n"], faces["corners"] = 3, shell.triangles
-    vertices = np.stack([values for _, values in named], axis=1).astype("<f4")
-    return ("\n".join(header) + "\n").encode() + vertices.tobytes() + faces.tobytes()
+            columns |= {column: values[:, k] for k, column in enumerate(names.split())}
+    return ply_file.encode({name: values.astype(np.float32) for name, values in columns.items()}, shell.triangles)

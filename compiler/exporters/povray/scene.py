@@ -15,6 +15,7 @@ from ...plan import scene_facts
 from ...plan.plan import Plan
 from .. import camera_frames, number_text, placement, shells
 from ..export import Export
+from ..export_job import ExportJob
 from ..placement import F64
 from .materials import Finishes
 from .shapes import bracket, objects
@@ -26,6 +27,11 @@ _SOFT = {
     ir.LightKind.RECTANGLE: "an area light is not carried", ir.LightKind.DISK: "an area light is not carried",
     ir.LightKind.SPHERE: "an area light is not carried",
 }  # fmt: skip
+
+
+def export(job: ExportJob) -> Export:
+    """The file of a scene."""
+    return write(job.scene, job.plan, job.stem, job.tessellator())
 
 
 def write(scene: ir.Scene, plan: Plan, name: str, tessellate: shells.Tessellate) -> Export:

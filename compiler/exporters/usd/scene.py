@@ -23,6 +23,7 @@ from ...plan.plan import Plan
 from .. import camera_frames, placement, texture_values
 from ..bodies import Bodies, Body, Converters, compact, part_of
 from ..export import Export
+from ..export_job import ExportJob
 from ..placement import F64
 from ..shells import Shell
 from .materials import Materials, set_name
@@ -32,6 +33,11 @@ MAIN_CAMERA = "main_cam"  # the name that usdrecord looks for
 FOCAL = 50.0  # tenths of a metre: any focal length makes the same picture with its aperture
 _TURNED = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # USD's plates shine along −z, ours along +y
 _AREA = (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)
+
+
+def export(job: ExportJob) -> Export:
+    """The file of a scene."""
+    return write(job.scene, job.plan, job.stem, job.ending, job.converters())
 
 
 def write(scene: ir.Scene, plan: Plan, name: str, ending: str, converters: Converters) -> Export:

@@ -24,6 +24,7 @@ from ..render.jit.packed_struct import Handle
 from ..render.jit.value_types import INT64
 from ..render.lanes import crosslane
 from ..render.lanes.kinds import FLOAT, VEC
+from ..shapes import SHAPES
 from . import report
 from .harness import OURS, Case, Contender, Disagreement, Effort, Missing, Peers, Result, measure
 
@@ -258,7 +259,7 @@ def models() -> dict[str, Tape]:
 
 
 def _torus(b: Builder) -> int:
-    return solid_fields.shape_field(b, 8, (0.6, 0.25), POINT)
+    return SHAPES[8].field(b, (0.6, 0.25), POINT)
 
 
 def _heart(b: Builder) -> int:
@@ -325,11 +326,11 @@ def _balls(b: Builder) -> int:
 
 def _plate(b: Builder) -> int:
     """A thick plate with 64 holes and a rim: a large engineering tape."""
-    plate = solid_fields.shape_field(b, 2, (0.6, 0.15, 0.6), POINT)
+    plate = SHAPES[2].field(b, (0.6, 0.15, 0.6), POINT)
     for i in range(8):
         for k in range(8):
             point = (b.offset(0, 0.14 * (i - 3.5)), 1, b.offset(2, 0.14 * (k - 3.5)))
-            plate = b.op(Op.MAX, plate, b.op(Op.NEGATE, solid_fields.shape_field(b, 6, (0.045, 0.3, 1.0), point)))
+            plate = b.op(Op.MAX, plate, b.op(Op.NEGATE, SHAPES[6].field(b, (0.045, 0.3, 1.0), point)))
     return plate
 
 
@@ -338,16 +339,16 @@ def _colonnade(b: Builder) -> int:
     parts = []
     for x in np.linspace(-0.66, 0.66, 12):
         for z in (-0.3, 0.3):
-            parts.append(solid_fields.shape_field(b, 6, (0.04, 0.7, 1.0), _distance_vector(b, np.array([x, 0.0, z]))))
-            parts += [solid_fields.shape_field(b, 2, (0.055, 0.02, 0.055), _distance_vector(b, np.array([x, y, z]))) for y in (-0.34, 0.34)]
-            parts += [solid_fields.shape_field(b, 8, (0.04, 0.01), _distance_vector(b, np.array([x, y, z]))) for y in (-0.31, 0.29, 0.31)]
+            parts.append(SHAPES[6].field(b, (0.04, 0.7, 1.0), _distance_vector(b, np.array([x, 0.0, z]))))
+            parts += [SHAPES[2].field(b, (0.055, 0.02, 0.055), _distance_vector(b, np.array([x, y, z]))) for y in (-0.34, 0.34)]
+            parts += [SHAPES[8].field(b, (0.04, 0.01), _distance_vector(b, np.array([x, y, z]))) for y in (-0.31, 0.29, 0.31)]
     for k in range(3):
         parts.append(
-            solid_fields.shape_field(
-                b, 2, (0.74 + 0.05 * k, 0.02, 0.42 + 0.05 * k), _distance_vector(b, np.array([0.0, -0.38 - 0.04 * k, 0.0]))
+            SHAPES[2].field(
+                b, (0.74 + 0.05 * k, 0.02, 0.42 + 0.05 * k), _distance_vector(b, np.array([0.0, -0.38 - 0.04 * k, 0.0]))
             )
         )
-    roof = [solid_fields.shape_field(b, 2, (0.76, 0.03, 0.44), _distance_vector(b, np.array([0.0, 0.39, 0.0])))]
+    roof = [SHAPES[2].field(b, (0.76, 0.03, 0.44), _distance_vector(b, np.array([0.0, 0.39, 0.0])))]
     slopes = [b.linear([(0.55, 2), (1.0, 1)], -0.64), b.linear([(-0.55, 2), (1.0, 1)], -0.64)]
     roof.append(b.reduce(Op.MAX, [*slopes, b.linear([(-1.0, 1)], 0.42), b.offset(b.op(Op.ABS, 0), -0.74)]))
     parts += roof

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+from ..shapes import catalogue  # noqa: F401 - which adds the analytic shapes to SCHEMA
 from . import limits, units
 from .diagnostics import Diagnostics, Span
 from .eval import builtins, parameters

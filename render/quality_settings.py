@@ -14,12 +14,10 @@ import numpy as np
 
 from ..compiler import ir
 from ..compiler.plan.plan import Plan
+from ..shapes import SHAPES
 
 FIXED_SAMPLES = 64  # for settings other than samples
-TESSELLATED = (
-    ir.GeometryKind.SPHERE, ir.GeometryKind.CYLINDER, ir.GeometryKind.CONE, ir.GeometryKind.TORUS, ir.GeometryKind.CAPSULE,
-    ir.GeometryKind.QUADRIC, ir.GeometryKind.DISK,
-)  # fmt: skip
+TESSELLATED = [kind for kind, shape in SHAPES.items() if not shape.EXACT]
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-PACKAGES = ("lang", "compiler", "render", "live", "measure", "stdlib", "cli")
+PACKAGES = ("lang", "compiler", "shapes", "render", "live", "measure", "stdlib", "cli")
 MAX_LINES = 450
 MAX_MODULES = 25  # in a folder
 MAX_FUNCTION_LINES = 60
@@ -23,16 +23,21 @@ MAY_IMPORT = {
     "lang.syntax": "lang",
     "lang.schema": "lang",
     "lang.eval": "lang.syntax lang.schema",
-    "lang.reference_page": "lang.eval",
-    "lang.stdlib_page": "lang.reference_page",
     "stdlib": "",
     "compiler.ir": "lang",
     "compiler.io": "lang.eval",
     "compiler.formula": "compiler.ir",
     "compiler.fillets": "compiler.formula",
-    "compiler.scene": "compiler.io compiler.formula",
+    "render.types": "compiler.ir",
+    "render.simd": "compiler.io",
+    "render.jit": "compiler.io render.simd",
+    "render.lanes": "render.types render.jit",
+    "shapes": "lang.schema compiler.formula render.lanes",
+    "lang.reference_page": "lang.eval shapes",
+    "lang.stdlib_page": "lang.reference_page",
+    "compiler.scene": "compiler.io shapes",
     "compiler.mesh": "compiler.scene",
-    "compiler.plan": "lang.schema compiler.formula",
+    "compiler.plan": "lang.schema shapes",
     "compiler.importers.common": "compiler.mesh",
     "compiler.importers.assemblies": "compiler.importers.common",
     "compiler.importers": "compiler.importers.assemblies",
@@ -48,14 +53,10 @@ MAY_IMPORT = {
     "compiler.exporters.usd": "compiler.exporters",
     "compiler.load": "compiler.lower",
     "compiler.format_pages": "compiler.importers.usd",
-    "render.types": "compiler.ir",
     "render.packing": "compiler.plan",
-    "render.simd": "compiler.io",
-    "render.jit": "compiler.io render.simd",
-    "render.lanes": "render.types render.jit",
     "render.image": "compiler.ir compiler.io",
     "render.sampling": "render.lanes",
-    "render.geometry": "render.lanes",
+    "render.geometry": "shapes",
     "render.camera": "render.sampling render.geometry",
     "render.formula": "compiler.formula render.geometry",
     "render.texture": "render.formula",

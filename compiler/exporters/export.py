@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ...lang.diagnostics import Diagnostic
+from ...shapes import SHAPES
 from .. import ir
 from ..io.replace_file import replace_file
 from ..ir.light_links import CASTERS, EVERYTHING
@@ -59,7 +60,7 @@ class Export:
 
     def tessellated(self, kind: ir.GeometryKind, instance: int, triangles: int, tolerance: float) -> None:
         """Report that a shape is exported as triangles, unless the triangles are exact."""
-        if kind not in (ir.GeometryKind.BOX, ir.GeometryKind.RECTANGLE):
+        if kind not in SHAPES or not SHAPES[kind].EXACT:
             self.note(f"a {kind.name.lower()} is carried as {triangles} triangles, {tolerance:g} pixels off at most", "instances", instance)
 
     def carried(self, texture: int) -> int:

@@ -14,19 +14,19 @@ class Kind(IntEnum):
 
 
 class GeometryKind(Kind):
-    """Kind of a geometry, in its own frame. The comments name its `parameters`, in this order."""
+    """Kind of a geometry, in its own frame. The module of shapes/ with the name of a kind says what its `parameters` are."""
 
     MESH = 0  # a range of triangles; largest distance from the surface that they stand for
-    SPHERE = 1  # radius; about the origin. Ellipsoids are spheres under a transform
-    BOX = 2  # half x, half y, half z; about the origin
-    PLANE = 3  # y = 0, infinite, normal +y
-    RECTANGLE = 4  # half x, half z; in y = 0, normal +y
-    DISK = 5  # radius; in y = 0, normal +y
-    CYLINDER = 6  # radius, half height, capped (0/1); axis y, about the origin
-    CONE = 7  # radius at -h, radius at +h, half height h, capped (0/1); axis y, about the origin
-    TORUS = 8  # radius R, tube r; axis y, about the origin
-    CAPSULE = 9  # radius, half height of the cylinder; axis y, about the origin
-    QUADRIC = 10  # A … J, then half x, y, z of the box that clips it (inf: unbounded)
+    SPHERE = 1
+    BOX = 2
+    PLANE = 3
+    RECTANGLE = 4
+    DISK = 5
+    CYLINDER = 6
+    CONE = 7
+    TORUS = 8
+    CAPSULE = 9
+    QUADRIC = 10
     FORMULA = 11  # sheet (0: solid where the tape is ≤ 0, 1: sheet), x, y, z, radius of the clipping sphere (0: none), largest coordinate
 
 

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
-from operator import itemgetter
 from typing import Any
 
 import numpy as np
 
 from ...lang.elements import Element
-from .. import ir
+from ...shapes.catalogue import ELEMENTS
+from ...shapes.contract import ShapeError
 from ..importers.common.replacements import NONE, Replacements
 from ..mesh import built_geometry, polygon_mesh, triangulate
 from ..scene import fit_height, transforms
@@ -20,7 +19,6 @@ from . import formulas, heightfields, solids, sweeps, texts
 from .context import Context
 from .placements import rotation_of
 
-Kind = ir.GeometryKind
 FLATNESS = 1e-3  # how far a polygon's corners may be off its plane, as a share of its extent
 
 
@@ -42,13 +40,13 @@ def _pieces(lowering: Context, element: Element) -> list[Piece]:
 
 def centered(lowering: Context, element: Element) -> tuple[int, tuple[float, float, float]]:
     """The geometry of a shape of CENTERED, and where its origin is."""
-    kind, measures, parameters = CENTERED[element.kind]
-    args = element.args
-    key = (element.kind, measures(args))
+    shape, makes = ELEMENTS[element.kind]
+    parameters = makes.parameters(element.args)
+    key = shape.KIND, parameters
     row = lowering.centered.get(key)
     if row is None:
-        row = lowering.centered[key] = lowering.builder.geometry(kind, parameters(args), element.place)
-    return row, args["center"]
+        row = lowering.centered[key] = lowering.builder.geometry(shape.KIND, parameters, element.place)
+    return row, element.args["center"]
 
 
 def _centered(lowering: Context, element: Element) -> list[Piece]:
@@ -56,48 +54,20 @@ def _centered(lowering: Context, element: Element) -> list[Piece]:
     return [Piece(row, transforms.translation(center))]
 
 
-def _ellipsoid(lowering: Context, element: Element) -> list[Piece]:
-    row = lowering.builder.geometry(Kind.SPHERE, (1.0,), element.place)
-    return [Piece(row, transforms.translation(element.args["center"]) @ transforms.scaling(element.args["radii"]))]
-
-
-def _disk(lowering: Context, element: Element) -> list[Piece]:
-    frame = transforms.facing(element.args["center"], element.args["normal"])
-    if frame is None:
-        return lowering.refuse(element, "the disk's normal is 0", "give it a direction, like [0, 1, 0]")
-    return [Piece(lowering.builder.geometry(Kind.DISK, (element.args["radius"],), element.place), frame)]
-
-
-def _plane(lowering: Context, element: Element) -> list[Piece]:
-    args = element.args
-    forms = [form for form in (("y",), ("normal", "point"), ("a", "b", "c", "d")) if any(args[name] is not None for name in form)]
-    if len(forms) > 1:
-        first, second = (next(f"`{name}`" for name in form if args[name] is not None) for form in forms[:2])
-        message = f"a plane is given one way: {first} does not go with {second}"
-        return lowering.refuse(element, message, "write y, or normal and point, or a, b, c and d")
-    normal, point = np.array([0.0, 1.0, 0.0]), np.array([0.0, args["y"] or 0.0, 0.0])
-    if forms and "normal" in forms[0]:
-        normal = np.array(args["normal"] or (0.0, 1.0, 0.0))
-        point = np.array(args["point"] or (0.0, 0.0, 0.0))
-    elif forms and "a" in forms[0]:
-        normal = np.array([args[name] or 0.0 for name in "abc"])
-        if not normal.any():
-            return lowering.refuse(element, "the plane's normal (a, b, c) is 0", "give at least one of a, b and c")
-        point = -(args["d"] or 0.0) * normal / float(normal @ normal)
-    frame = transforms.facing(tuple(point), tuple(normal))
-    if frame is None:
-        return lowering.refuse(element, "the plane's normal is 0", "give it a direction, like [0, 1, 0]")
-    return [Piece(lowering.builder.geometry(Kind.PLANE, (), element.place), frame)]
-
-
-def _quadric(lowering: Context, element: Element) -> list[Piece]:
-    coefficients, within = element.args["coefficients"], element.args["within"]
-    if len(coefficients) != 10:
-        return lowering.refuse(element, f"a quadric has the ten coefficients A … J, got {len(coefficients)}")
-    if not any(coefficients[:9]):
-        return lowering.refuse(element, "the quadric's coefficients A … I are all 0: there is no surface")
-    half = (math.inf,) * 3 if within is None else tuple(edge / 2 for edge in within)
-    return [Piece(lowering.builder.geometry(Kind.QUADRIC, (*coefficients, *half), element.place), transforms.identity())]
+def _framed(lowering: Context, element: Element) -> list[Piece]:
+    """An analytic shape with a frame of its own."""
+    shape, makes = ELEMENTS[element.kind]
+    assert makes.frame is not None
+    try:
+        parameters, frame = makes.parameters(element.args), makes.frame(element.args)
+    except ShapeError as error:
+        return lowering.refuse(element, error.message, error.hint)
+    matrix = transforms.translation(frame.center) if frame.normal is None else transforms.facing(frame.center, frame.normal)
+    if matrix is None:
+        return lowering.refuse(element, f"the {element.kind}'s normal is 0", "give it a direction, like [0, 1, 0]")
+    if frame.stretch is not None:
+        matrix = matrix @ transforms.scaling(frame.stretch)
+    return [Piece(lowering.builder.geometry(shape.KIND, parameters, element.place), matrix)]
 
 
 def _triangle(lowering: Context, element: Element) -> list[Piece]:
@@ -220,22 +190,12 @@ def _vertex(values: Any) -> MeshAttribute | None:
     return None if values is None else MeshAttribute(np.array(values, dtype=np.float64))
 
 
-CENTERED: dict[str, tuple[ir.GeometryKind, Callable[[Any], Any], Callable[[Any], tuple[float, ...]]]] = {
-    "sphere": (Kind.SPHERE, itemgetter("radius"), lambda a: (a["radius"],)),
-    "box": (Kind.BOX, itemgetter("size"), lambda a: tuple(edge / 2 for edge in a["size"])),
-    "cylinder": (Kind.CYLINDER, itemgetter("radius", "height", "capped"), lambda a: (a["radius"], a["height"] / 2, a["capped"])),
-    "cone": (Kind.CONE, itemgetter("radius", "top", "height", "capped"), lambda a: (a["radius"], a["top"], a["height"] / 2, a["capped"])),
-    "torus": (Kind.TORUS, itemgetter("radius", "tube"), lambda a: (a["radius"], a["tube"])),
-    "capsule": (Kind.CAPSULE, itemgetter("radius", "height"), lambda a: (a["radius"], a["height"] / 2)),
-}
-"""Shapes that are one geometry about their `center`: its kind, the arguments it depends on, and its parameters by the arguments."""
+CENTERED = frozenset(name for name, (_, makes) in ELEMENTS.items() if makes.frame is None)
+"""Shapes that are one geometry about their `center`."""
 
 _SHAPES: dict[str, Callable[[Context, Element], list[Piece]]] = {
+    **dict.fromkeys(ELEMENTS, _framed),
     **dict.fromkeys(CENTERED, _centered),
-    "ellipsoid": _ellipsoid,
-    "disk": _disk,
-    "plane": _plane,
-    "quadric": _quadric,
     "triangle": _triangle,
     "polygon": _polygon,
     "mesh": _mesh,

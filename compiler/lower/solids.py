@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...lang.elements import Element
+from ...shapes import SHAPES
 from .. import ir
 from ..fillets import arcs
 from ..formula import solid_fields
@@ -17,7 +18,7 @@ from ..formula.opcodes import Op
 from ..formula.solid_fields import NoSolid, Point
 from ..formula.tape import Tape, X, Y, Z
 from ..io import stage_cache
-from ..mesh import built_geometry, mesh_csg, round_solids
+from ..mesh import built_geometry, mesh_csg
 from ..mesh.mesh_csg import Solid
 from ..scene import transforms
 from ..scene.row_records import Piece
@@ -146,21 +147,24 @@ def _shape(lowering: Context, element: Element, piece: Piece, matrix: np.ndarray
             return b.inline(solid, point)[0]
 
         return placed(Body(field, bounds), matrix)
+    shape = SHAPES[kind]
     try:
-        solid_fields.shape_field(Builder(), kind, parameters, (0, 1, 2))
+        shape.field(Builder(), parameters, (0, 1, 2))
     except NoSolid as reason:
         lowering.error(element, f"`{element.kind}` cannot be a part of a solid: {reason}", _NO_SOLIDS)
         raise Refused from None
     if kind == ir.GeometryKind.PLANE:
         bounds = np.array([[-math.inf] * 3, [math.inf, 0.0, math.inf]])
-    body = Body(lambda b, point: solid_fields.shape_field(b, kind, parameters, point), bounds)
-    if round_solids.solid(kind, parameters, math.inf) is None:
+    body = Body(lambda b, point: shape.field(b, parameters, point), bounds)
+    closed = shape.closed_mesh
+    if closed is None or closed(parameters, math.inf) is None:
         return placed(body, matrix)
 
     def meshed(tolerance: float) -> Solid:
-        solid = round_solids.solid(kind, parameters, tolerance)
-        assert solid is not None
-        return solid
+        made = closed(parameters, tolerance)
+        assert made is not None
+        positions, faces, off = made
+        return Solid(mesh_csg.of_triangles(positions, faces), off)
 
     return placed(body._replace(meshed=meshed), matrix)
 
@@ -273,7 +277,7 @@ def _triangles(lowering: Context, element: Element, body: Body, beside: list[Bod
         low, high = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
         bounds = np.stack([low - 0.05 * (high - low), high + 0.05 * (high - low)])
         half, middle = 0.5 * (bounds[1] - bounds[0]), bounds.mean(axis=0)
-        field = builder.op(Op.MAX, field, solid_fields.shape_field(builder, ir.GeometryKind.BOX, half.tolist(), _shifted(builder, middle)))
+        field = builder.op(Op.MAX, field, SHAPES[ir.GeometryKind.BOX].field(builder, half.tolist(), _shifted(builder, middle)))
     margin = formulas.MARGIN * (bounds[1] - bounds[0])
     if built_geometry.is_left_out():
         return mesh_csg.of_box(bounds)

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from ...lang.diagnostics import Diagnostics
+from ...shapes import SHAPES
 from .. import ir
 from ..formula import numpy_interpreter, solid_fields
 from ..formula.builder import Builder
@@ -90,7 +91,7 @@ def inside(tables: ir.Tables, g: int, points: np.ndarray) -> np.ndarray:
     else:
         builder = Builder()
         try:
-            tape = builder.finish(solid_fields.shape_field(builder, int(kind), parameters.tolist(), (0, 1, 2)))
+            tape = builder.finish(SHAPES[int(kind)].field(builder, parameters.tolist(), (0, 1, 2)))
         except solid_fields.NoSolid:
             return np.zeros(len(points), np.bool_)
     with np.errstate(all="ignore"):

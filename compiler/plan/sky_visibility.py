@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...shapes import SHAPES
 from .. import ir
 from ..formula import numpy_interpreter, solid_fields
 from ..formula.builder import Builder
@@ -159,7 +160,7 @@ def _field_of(tables: ir.Tables, g: int) -> Tape | None:
     builder = Builder()
     try:
         kind, parameters = int(tables.geometries.kind[g]), tables.geometries.parameters[g].tolist()
-        return builder.finish(solid_fields.shape_field(builder, kind, parameters, (0, 1, 2)))
+        return builder.finish(SHAPES[kind].field(builder, parameters, (0, 1, 2)))
     except solid_fields.NoSolid:
         return None
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...lang.diagnostics import Diagnostics, Span
+from ...shapes import SHAPES
 from .. import ir
 from ..formula.tape import Tape
 from ..io.sandbox import LIBRARY, Files
@@ -130,7 +131,7 @@ class SceneBuilder:
         key = (int(kind), numbers)
         row = self._known.get(key)
         if row is None:
-            bounds = shape_bounds.bounds_of(kind, numbers)
+            bounds = SHAPES[kind].bounds(numbers)
             row = self._geometry(kind, numbers, bounds, np.zeros(3), (0,) * 6, (NONE,) * 4, span, name)
             self._known[key] = row
         return row

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ...shapes import SHAPES
 from .. import ir
 from . import serialize
 
@@ -27,11 +28,7 @@ _KINDS: dict[tuple[str, str], type] = {
     ("cameras", "projection"): ir.Projection,
     ("cameras", "fit"): ir.Fit,
 }
-_MEASURES = {
-    ir.GeometryKind.MESH: 0, ir.GeometryKind.SPHERE: 1, ir.GeometryKind.BOX: 3, ir.GeometryKind.PLANE: 0, ir.GeometryKind.RECTANGLE: 2,
-    ir.GeometryKind.DISK: 1, ir.GeometryKind.CYLINDER: 3, ir.GeometryKind.CONE: 4, ir.GeometryKind.TORUS: 2, ir.GeometryKind.CAPSULE: 2,
-    ir.GeometryKind.QUADRIC: 13, ir.GeometryKind.FORMULA: 6,
-}  # fmt: skip
+_MEASURES = {ir.GeometryKind.MESH: 0, ir.GeometryKind.FORMULA: 6, **{kind: len(shape.MEASURES) for kind, shape in SHAPES.items()}}
 _DEFAULTS = {  # default values: columns with them are left out
     "geometries": {"origin": 0, "first_vertex": 0, "vertex_count": 0, "first_triangle": 0, "triangle_count": 0, "first_polygon": 0,
                    "polygon_count": 0, "normals": -1, "uvs": -1, "colors": -1, "tape": -1},

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...shapes import SHAPES
 from .. import ir
 from . import transforms
 from .builder import SceneBuilder
@@ -59,19 +60,7 @@ def _reach(builder: SceneBuilder, shapes: Sequence[Placed], direction: np.ndarra
     return reach
 
 
-def _support(kind: ir.GeometryKind, p: tuple[float, ...], g: np.ndarray) -> float | None:
-    """The largest value of the linear form g (3,) on an analytic shape; None where its box tells it, or no closed form does."""
-    around, norm, along = math.hypot(g[0], g[2]), float(np.linalg.norm(g)), float(g[1])
-    if kind == Kind.SPHERE:
-        return p[0] * norm
-    if kind == Kind.DISK:
-        return p[0] * around
-    if kind == Kind.CYLINDER:
-        return p[1] * abs(along) + p[0] * around
-    if kind == Kind.CONE:
-        return max(p[2] * along + p[1] * around, -p[2] * along + p[0] * around)
-    if kind == Kind.TORUS:
-        return p[0] * around + p[1] * norm
-    if kind == Kind.CAPSULE:
-        return p[1] * abs(along) + p[0] * norm
-    return None
+def _support(kind: ir.GeometryKind, p: tuple[float, ...], form: np.ndarray) -> float | None:
+    """The largest value of a linear form (3,) on an analytic shape; None where its box tells it, or no closed form does."""
+    shape = SHAPES.get(kind)
+    return None if shape is None or shape.support is None else shape.support(p, form)

@@ -13,9 +13,11 @@ import numpy as np
 
 from ...lang.diagnostics import Diagnostics
 from ...lang.schema.setting_values import MAX_SIDE
+from ...shapes import SHAPES
+from ...shapes.contract import Measure
 from .. import ir
 from ..ir.light_links import ALL_SETS, EVERYTHING
-from . import shape_bounds, transforms, validate_meshes, validate_tapes
+from . import transforms, validate_meshes, validate_tapes
 from .check import Check
 
 Kind = ir.GeometryKind
@@ -221,28 +223,35 @@ def _value_ranges(check: Check) -> None:
     _settings(check)
 
 
-_POSITIVE: dict[int, tuple[tuple[int, ...], tuple[int, ...]]] = {  # parameters that must be above 0, and those that must be 0 or more
-    Kind.SPHERE: ((0,), ()), Kind.BOX: ((0, 1, 2), ()), Kind.RECTANGLE: ((0, 1), ()), Kind.DISK: ((0,), ()), Kind.CYLINDER: ((0, 1), ()),
-    Kind.CONE: ((2,), (0, 1)), Kind.TORUS: ((0, 1), ()), Kind.CAPSULE: ((0,), (1,)), Kind.QUADRIC: ((10, 11, 12), ()),
-    Kind.FORMULA: ((5,), (0, 4)),
-}  # fmt: skip
+_FORMULA = (
+    Measure("sheet", minimum=0.0), Measure("x"), Measure("y"), Measure("z"), Measure("radius of the clipping sphere", minimum=0.0),
+    Measure("largest coordinate", above=0.0),
+)  # fmt: skip
+_MEASURES = {Kind.FORMULA: _FORMULA, **{kind: shape.MEASURES for kind, shape in SHAPES.items()}}
+
+
+def _have_sense(kind: int, rows: np.ndarray) -> np.ndarray:
+    """(n,) whether the parameters (n, 13) of a kind are in their limits."""
+    good = np.ones(len(rows), dtype=bool)
+    measures = _MEASURES.get(kind, ())
+    for k, column in enumerate(rows.T):
+        measure = measures[k] if k < len(measures) else Measure("")
+        good &= np.isfinite(column) | (measure.may_be_infinite & (column == np.inf))
+        if measure.above is not None:
+            good &= column > measure.above
+        if measure.minimum is not None:
+            good &= column >= measure.minimum
+    shape = SHAPES.get(kind)
+    return good if shape is None or shape.has_sense is None else good & shape.has_sense(rows)
 
 
 def _shapes(check: Check) -> None:
     table = check.tables["geometries"]
     kinds, parameters, bounds = table["kind"], table["parameters"], table["bounds"]
-    endless = np.zeros(ir.PARAMETERS, dtype=bool)
-    endless[10:] = True  # a quadric's box
-    finite = (np.isfinite(parameters) | ((kinds == Kind.QUADRIC)[:, None] & endless & (parameters == np.inf))).all(axis=1)
-    good = finite.copy()
-    present = frozenset(kinds.tolist())
-    for kind in present & _POSITIVE.keys():
-        (above, least), of = _POSITIVE[kind], kinds == kind
-        good &= ~of | ((parameters[:, above] > 0).all(axis=1) & (parameters[:, least] >= 0).all(axis=1))
-    if Kind.CONE in present:
-        good &= ~(kinds == Kind.CONE) | (parameters[:, :2].max(axis=1, initial=0.0) > 0)
-    if Kind.QUADRIC in present:
-        good &= ~(kinds == Kind.QUADRIC) | parameters[:, :9].any(axis=1)
+    good = np.ones(len(kinds), dtype=bool)
+    for kind in frozenset(kinds.tolist()):
+        own = kinds == kind
+        good[own] = _have_sense(kind, parameters[own])
     check.bad("geometries", ~good & (kinds != Kind.MESH), "its measures are not finite, or not above 0")
     moved = (kinds != Kind.MESH) & table["origin"].any(axis=1)
     check.bad("geometries", moved, "only meshes have an origin")
@@ -252,7 +261,7 @@ def _shapes(check: Check) -> None:
     analytic = np.flatnonzero((kinds != Kind.MESH) & ~formulas & good)
     right = bounds.copy()
     for row in analytic:
-        right[row] = shape_bounds.bounds_of(int(kinds[row]), parameters[row].tolist())
+        right[row] = SHAPES[int(kinds[row])].bounds(parameters[row].tolist())
     wrong = ~((bounds[:, 0] <= right[:, 0]) & (bounds[:, 1] >= right[:, 1])).all(axis=1)
     wrong[kinds == Kind.MESH] = False
     if check.bad("geometries", wrong, "its bounds did not hold it: computed again", "warning"):

@@ -18,7 +18,10 @@ from .expressions import MISSING, constant, expression, lazily, source, truth
 from .modules import Module, use_name
 from .values import PLACEABLE, FunctionCode, Mistake, ParameterCode, Poisoned, UserFunction, Value
 
-_PLACEABLE = frozenset(kind for kind, entry in SCHEMA.items() if entry.category in PLACEABLE)
+
+def _is_placeable(kind: str) -> bool:
+    """Whether a block can contain the elements of a kind."""
+    return kind in SCHEMA and SCHEMA[kind].category in PLACEABLE
 
 
 @dataclass
@@ -191,7 +194,7 @@ def _element(node: ast.ElementItem, names: Names | None) -> Placing:
 
     def place(scope: Scope, sink: Sink) -> None:
         value = code(scope)
-        if type(value) is Element and value.kind in _PLACEABLE:
+        if type(value) is Element and _is_placeable(value.kind):
             meter = scope.meter
             if sink.role != "scene" or meter.placed + value.weight <= meter.most:
                 sink.elements.append(value)
@@ -235,7 +238,7 @@ def _fewest(body: ast.Block) -> int:
         if isinstance(node, ast.ElementItem):
             call = node.expression.target if isinstance(node.expression, ast.WithChildren) else node.expression
             called = call.function if isinstance(call, ast.Call) else None
-            total += isinstance(called, ast.Name) and called.id in _PLACEABLE
+            total += isinstance(called, ast.Name) and _is_placeable(called.id)
         elif isinstance(node, ast.For) and isinstance(node.source, ast.Binary) and node.source.op == "..":
             start, stop = constant(node.source.left), constant(node.source.right)
             if isinstance(start, float) and isinstance(stop, float):

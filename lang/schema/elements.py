@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 from .argument_types import REQUIRED, Arg, Entry
 from .lights import LIGHTS
@@ -139,3 +140,10 @@ SETTINGS = (
 )
 
 SCHEMA: dict[str, Entry] = {e.name: e for e in (*SHAPES, *SOLIDS, *BLOCKS, *LIGHTS, *MATERIALS, *TEXTURES, CAMERA, *SETTINGS)}
+
+
+def register(entries: Iterable[Entry]) -> None:
+    """Put elements that are defined elsewhere before those of this package; see shapes/."""
+    known = dict(SCHEMA)
+    SCHEMA.clear()
+    SCHEMA.update({entry.name: entry for entry in entries} | known)

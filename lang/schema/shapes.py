@@ -15,9 +15,9 @@ _PLACED = (
     Arg("scale", "scale3", None, "scale about the origin of its frame", keyword=True),
 )
 _SHAPE = (Arg("material", "material", None, "its material; inherited from the enclosing block", keyword=True), *_PLACED)
-_CENTER = Arg("center", "point", (0.0, 0.0, 0.0), "its center")
-_RADIUS = Arg("radius", "length", 1.0, "radius", above=0.0)
-_CAPPED = Arg("capped", "bool", True, "whether disks close its ends", keyword=True)
+CENTER = Arg("center", "point", (0.0, 0.0, 0.0), "its center")
+RADIUS = Arg("radius", "length", 1.0, "radius", above=0.0)
+CAPPED = Arg("capped", "bool", True, "whether disks close its ends", keyword=True)
 _KIND = Arg(
     "kind",
     "choice",
@@ -46,7 +46,7 @@ _CREASE = Arg(
 )
 
 
-def _shape(name: str, doc: str, *args: Arg, **more: Any) -> Entry:
+def shape_entry(name: str, doc: str, *args: Arg, **more: Any) -> Entry:
     return Entry(name, "shape", doc, (*args, *_SHAPE), **more)
 
 
@@ -55,68 +55,7 @@ def _planned(category: str, *names: str) -> tuple[Entry, ...]:
 
 
 SHAPES = (
-    _shape("sphere", "all points at `radius` from `center`", _RADIUS, _CENTER, example="sphere(1, center: [0, 1, 0])"),
-    _shape(
-        "box", "a rectangular box", Arg("size", "size3", (1.0, 1.0, 1.0), "its edge lengths", above=0.0), _CENTER, example="box([1, 2, 1])"
-    ),
-    _shape(
-        "plane",
-        "an infinite plane",
-        Arg("y", "length", None, "its height, for a level plane"),
-        Arg("normal", "direction", None, "its normal, with `point`", keyword=True),
-        Arg("point", "point", None, "a point of it, with `normal`", keyword=True),
-        Arg("a", "number", None, "a of a x + b y + c z + d = 0", keyword=True),
-        Arg("b", "number", None, "b of a x + b y + c z + d = 0", keyword=True),
-        Arg("c", "number", None, "c of a x + b y + c z + d = 0", keyword=True),
-        Arg("d", "length", None, "d of a x + b y + c z + d = 0", keyword=True),
-        exclusive=(("y", "normal", "a"), ("y", "point", "b"), ("y", "c")),
-        example="plane(y: 0)",
-    ),
-    _shape("disk", "a flat disk", _RADIUS, _CENTER, Arg("normal", "direction", (0.0, 1.0, 0.0), "its normal"), example="disk(1)"),
-    _shape(
-        "cylinder",
-        "a cylinder about its y axis",
-        _RADIUS,
-        Arg("height", "length", 2.0, "its height", above=0.0),
-        _CENTER,
-        _CAPPED,
-        example="cylinder(0.5, 2)",
-    ),
-    _shape(
-        "cone",
-        "a cone about its y axis, tip up",
-        _RADIUS,
-        Arg("height", "length", 2.0, "its height", above=0.0),
-        _CENTER,
-        Arg("top", "length", 0.0, "radius at the top, for a truncated cone", minimum=0.0, keyword=True),
-        _CAPPED,
-        example="cone(0.5, 1)",
-    ),
-    _shape(
-        "torus",
-        "a ring about its y axis",
-        Arg("radius", "length", 1.0, "from the axis to the middle of the tube", above=0.0),
-        Arg("tube", "length", 0.25, "radius of the tube", above=0.0),
-        _CENTER,
-        example="torus(1, 0.25)",
-    ),
-    _shape(
-        "capsule",
-        "a cylinder about its y axis with half spheres for ends",
-        Arg("radius", "length", 0.5, "radius", above=0.0),
-        Arg("height", "length", 1.0, "height of the cylinder between the half spheres", above=0.0),
-        _CENTER,
-        example="capsule(0.3, 1)",
-    ),
-    _shape("ellipsoid", "a sphere stretched along the axes", Arg("radii", "size3", (1.0, 1.0, 1.0), "its half axes", above=0.0), _CENTER),
-    _shape(
-        "quadric",
-        "A x² + B y² + C z² + D xy + E yz + F xz + G x + H y + I z + J = 0, in metres",
-        Arg("coefficients", "numbers", REQUIRED, "the ten numbers A … J"),
-        Arg("within", "size3", None, "edge lengths of the box about the origin that clips it; unbounded by default", above=0.0),
-        example="quadric([1, -1, 1, 0, 0, 0, 0, 0, 0, -0.2], within: 2)",
-    ),
-    _shape(
+    shape_entry(
         "triangle",
         "one triangle, counter-clockwise from its front",
         Arg("points", "points", REQUIRED, "its three corners"),
@@ -124,14 +63,14 @@ SHAPES = (
         Arg("uv", "vectors2", None, "texture coordinates for each corner", keyword=True),
         example="triangle([[0, 0, 0], [1, 0, 0], [0, 1, 0]])",
     ),
-    _shape(
+    shape_entry(
         "polygon",
         "one flat polygon, convex or not, counter-clockwise from its front",
         Arg("points", "points", REQUIRED, "its corners in order"),
         Arg("holes", "point_lists", None, "the corners of each hole", keyword=True),
         Arg("uv", "vectors2", None, "texture coordinates for each corner of the outline, then of each hole", keyword=True),
     ),
-    _shape(
+    shape_entry(
         "mesh",
         f"polygons from a file ({', '.join(file_types.MESH)}), or from points and faces",
         Arg("file", "string", None, "file of the mesh, relative to the scene"),
@@ -153,7 +92,7 @@ SHAPES = (
         exclusive=(("file", "points"),),
         example='mesh("bunny.obj", height: 35cm)',
     ),
-    _shape(
+    shape_entry(
         "usd",
         "the contents of a USD file without its cameras and settings",
         Arg("file", "string", REQUIRED, "file of the stage, relative to the scene"),
@@ -164,7 +103,7 @@ SHAPES = (
         Arg("up", "choice", None, "the axis of the stage that points up, in place of what it says", choices=("y", "z"), keyword=True),
         example='usd("lamp.usdz", height: 40cm, materials: [["Shade", lambert(#e0d0b0)], ["Metal*", gold()]])',
     ),
-    _shape(
+    shape_entry(
         "implicit",
         "the points where a relation between x, y and z holds: a solid for an inequality, a surface for ==",
         Arg("formula", "formula", REQUIRED, "the relation; x, y and z are plain numbers in the file's unit, in its own frame"),
@@ -176,7 +115,7 @@ SHAPES = (
         ),
         example="implicit(|x, y, z| x^4 + y^4 + z^4 <= 1)",
     ),
-    _shape(
+    shape_entry(
         "revolve",
         "a profile turned about the y axis",
         Arg("profile", "points2", REQUIRED, "points [radius, y] in order around the area"),
@@ -186,7 +125,7 @@ SHAPES = (
         _CREASE,
         example="revolve([[0, 0], [0.5, 0], [0.3, 1], [0, 1]])",
     ),
-    _shape(
+    shape_entry(
         "extrude",
         "a prism: a profile drawn along the y axis",
         Arg("profile", "points2", REQUIRED, "points [x, z] in order around the area"),
@@ -199,7 +138,7 @@ SHAPES = (
         _CREASE,
         example="extrude([[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]], 0.5)",
     ),
-    _shape(
+    shape_entry(
         "curve",
         "a round tube along a curve of points",
         Arg("points", "points", REQUIRED, "the points of the curve"),
@@ -210,7 +149,7 @@ SHAPES = (
         _CREASE,
         example='curve([[0, 0, 0], [1, 1, 0], [2, 0, 0], [3, 1, 1]], 0.1, kind: "catmull_rom")',
     ),
-    _shape(
+    shape_entry(
         "text",
         "letters in the plane z = 0, read from +z, and extruded to z = `depth`",
         Arg("string", "string", REQUIRED, r"the text; \n begins a line"),
@@ -231,7 +170,7 @@ SHAPES = (
         _CREASE,
         example='text("maquette", size: 20cm, depth: 4cm, align: "center")',
     ),
-    _shape(
+    shape_entry(
         "heightfield",
         "heights over a rectangle of the plane y = 0 about the origin",
         Arg(

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...compiler.formula.closed_form_solids import EITHER, LEAF, MOST_DEPTH, MOST_LEAVES
 from .. import simd
-from ..geometry import torus
+from ..geometry.analytic_shapes import torus_crossings
 from ..jit.function_pointer import DeclaredKernel
 from ..jit.kernel import helper
 from ..lanes import crosslane, ops
@@ -36,7 +36,7 @@ def _crossings(numbers, leaf, origin, direction):
     )  # fmt: skip
     d = (_row(numbers, leaf, 0, direction), _row(numbers, leaf, 4, direction), _row(numbers, leaf, 8, direction))
     ring, tube = ops.full_like(o[0], numbers[leaf, 12]), ops.full_like(o[0], numbers[leaf, 13])
-    return torus.crossings(ring, tube, o, d)
+    return torus_crossings(ring, tube, o, d)
 
 
 crossings = DeclaredKernel(_crossings, (FLOAT,) * 4)

@@ -25,7 +25,9 @@ _RUNTIME = (
 )  # fmt: skip
 """Modules that find, keep and load kernels: the decorators of kernels refer to them, but no kernel is compiled from them."""
 _PACKAGE = __name__.partition(".")[0]
-_FORMAT = 1  # of the file of keys
+_FAMILY, _LANES = ("shapes", "SHAPES"), ("FLAT", "hit", "normal", "uv")
+"""A table of modules, and the functions of each that kernels over all of them are made from."""
+_FORMAT = 2  # of the file of keys
 _CHECKOUTS = 8  # whose keys are kept
 
 Place = tuple[str, str]
@@ -112,6 +114,9 @@ class Keys:
             first, _, rest = dotted.partition(".")
             source = self.sources.module(module)
             local = [(module, first)] if first in source.definitions else []
+            if (module, first) == _FAMILY:
+                members = (name for name in self.sources.files if name.startswith(f"{module}."))
+                local += [each for member in members for name in _LANES for each in self._resolve(member, name)]
             imported = [each for base, name in source.imports.get(first, ()) for each in self._imported(base, name, rest)]
             self._resolved[place] = (*local, *imported)
         return self._resolved[place]

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
+from ...shapes.surfaces import Tessellation
 from ..jit.kernel import helper, kernel
-from ..tessellation.analytic_shapes import Tessellation
 from .view_geometry import morton_order
 
 TRIANGLES = 128  # of a meshlet, at most

@@ -6,8 +6,8 @@ import numpy as np
 
 from ...compiler import ir
 from ...compiler.formula import dual_contouring, numpy_interpreter
+from ...shapes.surfaces import Tessellation
 from ..formula import scene_surfaces
-from .analytic_shapes import Tessellation
 
 SIDE = 0.1  # of the way from a corner of a triangle to its center
 SMOOTH_COSINE = 0.95  # of two normals of one vertex; below it there is an edge

@@ -14,6 +14,7 @@ from ...compiler.formula import dual_contouring
 from ...compiler.formula.tape import load_tape
 from ...compiler.mesh import mesh_csg
 from ...lang.diagnostics import Diagnostic
+from ...shapes import SHAPES
 from ..geometry.bounds import world_bounds
 from . import analytic_shapes, implicit_surfaces
 from .part_materials import material_of, triangle_materials
@@ -21,11 +22,7 @@ from .part_materials import material_of, triangle_materials
 RESOLUTION = 2000  # the default tolerance is the scene's extent over this
 _KIND = ir.GeometryKind
 _OPEN = {
-    _KIND.RECTANGLE: ("has no thickness", "a thin `box` has an inside"),
-    _KIND.DISK: ("has no thickness", "a flat `cylinder` has an inside"),
-    _KIND.CYLINDER: ("has no caps", "leave out `capped: false`"),
-    _KIND.CONE: ("has no caps", "leave out `capped: false`"),
-    _KIND.QUADRIC: ("is a surface that ends at its box", "as `implicit(|x, y, z| ... <= 0, within: ...)` it is a solid"),
+    **{kind: shape.OPEN for kind, shape in SHAPES.items()},
     _KIND.MESH: ("is a mesh with gaps", ""),
     _KIND.FORMULA: ("is a sheet", "with <= in place of == it is a solid, and `abs(...) <= thickness` is a thick sheet"),
 }

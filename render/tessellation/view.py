@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
+from ...shapes import SHAPES, surfaces
 from ..geometry.bounds import world_bounds
 from ..types import View
 from . import analytic_shapes, pixel_tolerance
@@ -45,7 +46,7 @@ class ViewTessellator:
             kind = int(geometries.kind[g])
             if kind in (ir.GeometryKind.FORMULA, ir.GeometryKind.QUADRIC):
                 continue
-            if kind in analytic_shapes.FLAT or not (
+            if SHAPES[kind].EXACT or not (
                 close[i] or analytic_shapes.exceeds_limit(kind, geometries.parameters[g].tolist(), self.key(i)[1])
             ):
                 found[i] = self.tessellate(i)
@@ -61,7 +62,7 @@ class ViewTessellator:
         key, geometries = self.key(instance), self.tables.geometries
         if geometries.kind[key[0]] == ir.GeometryKind.PLANE:  # its centre lies below the eye
             x, _, z = self.tables.transforms.inverse[self.tables.instances.transform[instance]] @ [*self.eye, 1.0]
-            return analytic_shapes.plane(float(x), float(z))
+            return surfaces.endless(float(x), float(z))
         if key not in self._tessellations and geometries.kind[key[0]] == ir.GeometryKind.FORMULA:
             from . import implicit_surfaces
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from maquette.compiler import ir
-from maquette.render.geometry import round_shapes
+from maquette.shapes import sphere
 
 from ..backends.views import channel
 from ..render import tables as make
@@ -190,7 +190,7 @@ def test_roots_of_a_sphere_by_vieta(measured):
         o, d = some_rays(4000, 9)
         o, d = o * far, d - (far - 1) * o
         with np.errstate(all="ignore"):
-            t0, t1 = round_shapes.sphere_interval(1.3, tuple(o.T), tuple(d.T))
+            t0, t1 = sphere.sphere_interval(1.3, tuple(o.T), tuple(d.T))
         met = np.isfinite(t0)
         assert met.sum() > 300
         o, d, t0, t1 = (v[met].astype(Long) for v in (o, d, t0, t1))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from maquette.compiler import ir
 from maquette.compiler.scene.row_records import CameraData
-from maquette.render.tessellation import analytic_shapes
+from maquette.shapes import surfaces
 
 from ..render import pictures
 from ..render.closed import K
@@ -67,6 +67,6 @@ def test_a_coarser_tolerance_keeps_its_own_bound(tolerance):
 @pytest.mark.parametrize("share", [0.2, 0.02, 0.002])
 def test_chords_keep_the_tolerance(radius, share):
     """The number of segments: a regular polygon's area is short by 4/3 · tolerance / R at most."""
-    n = analytic_shapes.segments(radius, share * radius)
+    n = surfaces.segments(radius, share * radius)
     assert 1 - naive.polygon_area(n, radius) / (math.pi * radius**2) <= 4 / 3 * share
     assert isinstance(ir.GeometryKind.SPHERE, ir.GeometryKind)

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from maquette.compiler import ir
 from maquette.compiler.scene import transforms
-from maquette.render.geometry import round_shapes
+from maquette.shapes import lanes
 
 from ..render.closed import INF, K, after, equation, hit
 from ..render.geometry.test_analytic_shapes import SHAPES
@@ -163,7 +163,7 @@ def ours_of(a: float, b: float, c: float) -> tuple[float, float]:
     one = np.ones(1)
     half = -0.5 * b
     with np.errstate(all="ignore"):
-        low, high = round_shapes.ordered_roots(a * one, half * one, c * one, (half * half - a * c) * one)
+        low, high = lanes.ordered_roots(a * one, half * one, c * one, (half * half - a * c) * one)
     return float(low[0]), float(high[0])
 
 

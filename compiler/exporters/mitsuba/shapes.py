@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ....shapes import SHAPES
+from ....shapes.contract import MitsubaShape
 from ... import ir
 from ...plan.plan import Plan
 from .. import placement, ply_file, shells, texture_values
@@ -13,9 +15,6 @@ from ..shells import Shell
 from .materials import Look, Materials
 from .xml import Node, node, vector
 
-TURN = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # rotates the x, y plane and +z to the x, z plane and +y
-_CLOSED = (ir.GeometryKind.SPHERE, ir.GeometryKind.BOX, ir.GeometryKind.TORUS, ir.GeometryKind.CAPSULE)
-_CAPPED = {ir.GeometryKind.CYLINDER: 2, ir.GeometryKind.CONE: 3}  # parameter column of the cap flag
 _EVERYWHERE = ir.Visibility.CAMERA | ir.Visibility.SHADOW | ir.Visibility.REFLECTION
 
 
@@ -63,9 +62,8 @@ class Shapes:
 
     def _check_emission(self, i: int, g: int) -> None:
         geometries = self.tables.geometries
-        kind = ir.GeometryKind(int(geometries.kind[g]))
-        capped = _CAPPED.get(kind)
-        if kind not in _CLOSED and not (capped is not None and geometries.parameters[g, capped] > 0):
+        shape = SHAPES.get(int(geometries.kind[g]))
+        if shape is None or not shape.is_closed(geometries.parameters[g].tolist()):
             self.out.cannot("what shines on both sides here shines on its front only in Mitsuba", "instances", i)
         if not self.plan["interreflection"]:
             self.out.cannot("emissive surfaces light others in Mitsuba, here only with bounces", "instances", i, "--bounces 1")
@@ -73,33 +71,15 @@ class Shapes:
     # --- shapes Mitsuba has ---
 
     def _native(self, i: int, g: int) -> list[Node] | None:
-        """The native Mitsuba shape under this transform; None if there is none."""
-        kind, p = self.tables.geometries.kind[g], self.tables.geometries.parameters[g]
-        matrix = placement.world(self.tables, i)
-        scale = placement.even_scale(matrix)
-        if kind == ir.GeometryKind.BOX:
-            return [node("shape", "cube", to_world=_right_handed(matrix @ np.diag([*p[:3], 1.0])))]
-        if kind == ir.GeometryKind.RECTANGLE and _square(matrix):
-            return [node("shape", "rectangle", to_world=_right_handed(matrix @ TURN @ np.diag([p[0], p[1], 1.0, 1.0])))]
-        if scale is None:
+        """The native Mitsuba shapes under this transform; None if there are none."""
+        shape = SHAPES.get(int(self.tables.geometries.kind[g]))
+        if shape is None or shape.mitsuba is None:
             return None
-        if kind == ir.GeometryKind.SPHERE:
-            return [node("shape", "sphere", radius=float(p[0]) * scale).with_(_point("center", matrix[:3, 3]))]
-        if kind == ir.GeometryKind.DISK:
-            return [node("shape", "disk", to_world=_right_handed(matrix @ TURN @ np.diag([p[0], p[0], 1.0, 1.0])))]
-        if kind == ir.GeometryKind.CYLINDER:
-            return self._cylinder(matrix, float(p[0]), float(p[1]), p[2] > 0, scale)
-        return None
-
-    def _cylinder(self, matrix: F64, radius: float, half: float, capped: bool, scale: float) -> list[Node]:
-        low, high = ((matrix @ [0.0, y, 0.0, 1.0])[:3] for y in (-half, half))
-        made = [node("shape", "cylinder", radius=radius * scale).with_(_point("p0", low), _point("p1", high))]
-        for up in (-1.0, 1.0) if capped else ():
-            cap = np.eye(4)
-            cap[1, 3] = up * half
-            turned = TURN if up > 0 else TURN @ np.diag([1.0, -1.0, -1.0, 1.0])
-            made.append(node("shape", "disk", to_world=_right_handed(matrix @ cap @ turned @ np.diag([radius, radius, 1.0, 1.0]))))
-        return made
+        native, matrix = shape.mitsuba(self.tables.geometries.parameters[g].tolist()), placement.world(self.tables, i)
+        scale = placement.even_scale(matrix)
+        if (native.transforms == "even" and scale is None) or (native.transforms == "orthogonal" and not _square(matrix)):
+            return None
+        return [_node(each, matrix, scale or 0.0) for each in native.shapes]
 
     # --- all others ---
 
@@ -168,6 +148,14 @@ class Shapes:
 def _right_handed(matrix: F64) -> F64:
     """The same placement by a non-mirroring transform, for a shape symmetric about its x = 0."""
     return matrix @ np.diag([-1.0, 1.0, 1.0, 1.0]) if np.linalg.det(matrix[:3, :3]) < 0 else matrix
+
+
+def _node(shape: MitsubaShape, matrix: F64, scale: float) -> Node:
+    """A shape under a transform that scales by `scale`."""
+    if shape.matrix is not None:
+        return node("shape", shape.plugin, to_world=_right_handed(matrix @ shape.matrix))
+    points = (_point(name, (matrix @ [*place, 1.0])[:3]) for name, place in shape.points.items())
+    return node("shape", shape.plugin, radius=shape.radius * scale).with_(*points)
 
 
 def _square(matrix: F64) -> bool:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ....shapes import SHAPES
 from ... import ir
 from ...plan.plan import Plan
 from .. import number_text, placement, shells, texture_values
@@ -14,8 +15,6 @@ from ..number_text import number
 from ..placement import F64
 from ..shells import Shell
 from .materials import Finishes
-
-_UP = "<0, 1, 0>"
 
 
 def bracket(values: Any) -> str:
@@ -83,40 +82,13 @@ class _Object:
         p, kind = self.tables.geometries.parameters[self.g], self.kind
         if kind == ir.GeometryKind.MESH:
             return self._mesh(shells.mesh(self.tables, self.g), texture)
-        if kind == ir.GeometryKind.PLANE:
-            return "plane", [f"  {_UP}, 0"]
-        if texture >= 0:
+        if texture >= 0 and kind != ir.GeometryKind.PLANE:
             return self._meshed(texture)
         return self._native(kind, [float(v) for v in p])
 
     def _native(self, kind: ir.GeometryKind, p: list[float]) -> tuple[str, list[str]] | None:
-        match kind:
-            case ir.GeometryKind.SPHERE:
-                return "sphere", [f"  0, {number(p[0])}"]
-            case ir.GeometryKind.BOX:
-                return "box", [f"  {bracket([-v for v in p[:3]])}, {bracket(p[:3])}"]
-            case ir.GeometryKind.DISK:
-                return "disc", [f"  0, {_UP}, {number(p[0])}"]
-            case ir.GeometryKind.CYLINDER:
-                return "cylinder", [f"  {_axis(-p[1])}, {_axis(p[1])}, {number(p[0])}{_open(p[2])}"]
-            case ir.GeometryKind.CONE:
-                return "cone", [f"  {_axis(-p[2])}, {number(p[0])}, {_axis(p[2])}, {number(p[1])}{_open(p[3])}"]
-            case ir.GeometryKind.TORUS:
-                return "torus", [f"  {number(p[0])}, {number(p[1])} sturm"]
-            case ir.GeometryKind.QUADRIC:
-                return self._quadric(p)
-            case ir.GeometryKind.RECTANGLE | ir.GeometryKind.CAPSULE | ir.GeometryKind.FORMULA:
-                return self._meshed(-1)
-        raise AssertionError(kind)
-
-    def _quadric(self, p: list[float]) -> tuple[str, list[str]]:
-        """A quadric. POV-Ray orders A … J as x² y² z², xy xz yz, x y z, 1."""
-        a, b, c, d, e, f, g, h, i, j = p[:10]
-        text = f"{bracket([a, b, c])}, {bracket([d, f, e])}, {bracket([g, h, i])}, {number(j)}"
-        half = np.array(p[10:13])
-        if not np.isfinite(half).all():
-            return "quadric", [f"  {text}"]
-        return "quadric", [f"  {text}", f"  clipped_by {{ box {{ {bracket(-half)}, {bracket(half)} }} }}"]
+        shape = SHAPES.get(kind)
+        return self._meshed(-1) if shape is None or shape.povray is None else shape.povray(p, _Text())
 
     def _meshed(self, texture: int) -> tuple[str, list[str]] | None:
         if self.kind == ir.GeometryKind.QUADRIC and not np.isfinite(self.tables.geometries.bounds[self.g]).all():
@@ -173,12 +145,11 @@ def pattern_matrix(frame: F64) -> str:
     return f"matrix <{', '.join(f'{v + 0.0:.17g}' for v in back[:3].T.ravel())}>"  # all digits: POV-Ray inverts the matrix again
 
 
-def _axis(y: float) -> str:
-    return f"<0, {number(y)}, 0>"
+class _Text:
+    """Numbers and vectors of POV-Ray."""
 
-
-def _open(capped: float) -> str:
-    return "" if capped > 0 else " open"
+    number = staticmethod(number)
+    vector = staticmethod(bracket)
 
 
 def _list(name: str, rows: Any) -> str:

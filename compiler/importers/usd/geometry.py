@@ -13,6 +13,7 @@ import numpy as np
 from pxr import UsdGeom
 
 from ....lang.diagnostics import Diagnostics, Span
+from ....shapes import SHAPES as ANALYTIC
 from ... import ir
 from ...mesh import polygon_mesh, subdivision, triangulate, vertex_normals
 from ...scene.builder import NONE, SceneBuilder
@@ -30,7 +31,9 @@ _AXES = {
     "X": np.array([[0.0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]),
 }
 _INTERPOLATIONS = {"constant": _At.CONSTANT, "uniform": _At.FACE, "varying": _At.VERTEX, "vertex": _At.VERTEX, "faceVarying": _At.CORNER}
-SHAPES = ("Cube", "Sphere", "Cylinder", "Cylinder_1", "Cone", "Capsule", "Capsule_1", "Plane")
+SHAPES = tuple(dict.fromkeys(name for shape in ANALYTIC.values() for name in shape.USD))
+"""The types of prims that are analytic shapes."""
+_OF_TYPE = {name: [(shape.KIND, shape.USD[name]) for shape in ANALYTIC.values() if name in shape.USD] for name in SHAPES}
 _SEGMENTS, _RINGS = 48, 12
 
 
@@ -51,27 +54,11 @@ def shape(prim: Any, time: Any, builder: SceneBuilder, span: Span) -> Shape | No
 
     axis = prim.GetAttribute("axis")
     turn = _AXES.get(str(axis.Get(time)) if axis else "Y", _AXES["Z"])
-    made: tuple[Kind, tuple[float, ...]]
-    if name == "Cube":
-        made = (Kind.BOX, (number("size") / 2,) * 3)
-    elif name == "Sphere":
-        made = (Kind.SPHERE, (number("radius"),))
-    elif name == "Plane":
-        width, length = number("width") / 2, number("length") / 2
-        made = (Kind.RECTANGLE, (length, width) if str(axis.Get(time)) == "X" else (width, length))
-    elif name in ("Cylinder", "Capsule"):
-        radius, half = number("radius"), number("height") / 2
-        made = (Kind.CYLINDER, (radius, half, 1.0)) if name == "Cylinder" else (Kind.CAPSULE, (radius, half))
-    elif name == "Cone":
-        made = (Kind.CONE, (number("radius"), 0.0, number("height") / 2, 1.0))
-    else:
+    side = str(axis.Get(time)) if axis else ""
+    made = next(((kind, p) for kind, read in _OF_TYPE[name] if (p := read(number, side)) is not None), None)
+    if made is None:
         bottom, top, half = number("radiusBottom"), number("radiusTop"), number("height") / 2
-        if name == "Cylinder_1":
-            made = (Kind.CYLINDER, (bottom, half, 1.0)) if bottom == top else (Kind.CONE, (bottom, top, half, 1.0))
-        elif bottom == top:
-            made = (Kind.CAPSULE, (bottom, half))
-        else:
-            return Shape(builder.mesh(_uneven_capsule(bottom, top, half), span, str(prim.GetName())), turn)
+        return Shape(builder.mesh(_uneven_capsule(bottom, top, half), span, str(prim.GetName())), turn)
     if not all(math.isfinite(p) and p >= 0 for p in made[1]) or max(made[1][:2]) <= 0:
         builder.diagnostics.warning(f"this {name} has no size: it is not drawn", span)
         return None

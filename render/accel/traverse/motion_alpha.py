@@ -13,7 +13,7 @@ import numpy as np
 
 from ... import simd
 from ...geometry import analytic_shapes, instance_transform
-from ...geometry import flat_shapes as flat
+from ...geometry import triangle_hit as flat
 from ...jit.function_pointer import KernelPointer
 from ...jit.kernel import helper
 from ...jit.packed_struct import Handle, HandleType, with_type_tags

@@ -55,7 +55,7 @@ def is_coherent(active: int, d: Vec, ray: ray_box.BoxRay) -> bool:
 
 @helper
 def _main_axis(d: Vec) -> tuple[int, int]:
-    """Bits of the rays whose largest component is x, and whose y is not less than z, as flat_shapes.shear chooses axes."""
+    """Bits of the rays whose largest component is x, and whose y is not less than z, as triangle_hit.shear chooses axes."""
     x, y, z = abs(d[0]), abs(d[1]), abs(d[2])
     return crosslane.bits((x >= y) & (x >= z)), crosslane.bits(y >= z)
 

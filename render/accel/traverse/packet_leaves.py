@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ... import simd
-from ...geometry import flat_shapes as flat
+from ...geometry import triangle_hit as flat
 from ...jit.kernel import helper, make_replace
 from ...lanes import ops
 from ...types import Lane, Vec

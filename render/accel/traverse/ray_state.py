@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ... import simd
-from ...geometry import flat_shapes as flat
+from ...geometry import triangle_hit as flat
 from ...jit.kernel import helper
 from ...lanes import crosslane, ops
 from ...types import Hit, Lane, Vec

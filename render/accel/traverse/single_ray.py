@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ... import simd
-from ...geometry import flat_shapes as flat
+from ...geometry import triangle_hit as flat
 from ...jit.kernel import helper
 from ...types import Vec
 from ..build.wide_bvh import LEAF, WIDTH, triangle_of

@@ -9,6 +9,7 @@ from maquette.compiler.formula import numpy_interpreter, solid_fields
 from maquette.compiler.formula.builder import Builder
 from maquette.compiler.formula.opcodes import Op, arity
 from maquette.compiler.ir import GeometryKind as Kind
+from maquette.shapes import SHAPES as MODULES
 
 SHAPES = {
     "sphere": (Kind.SPHERE, (0.7,)), "cylinder": (Kind.CYLINDER, (0.6, 0.5, 1.0)), "cone": (Kind.CONE, (0.7, 0.2, 0.6, 1.0)),
@@ -32,7 +33,7 @@ def check(b: Builder, name: int, at: np.ndarray, tolerance: float = 1e-6) -> Non
 def test_gradients_of_shapes(name):
     b = Builder()
     kind, numbers = SHAPES[name]
-    check(b, solid_fields.shape_field(b, kind, numbers, (0, 1, 2)), np.random.default_rng(1).uniform(-1, 1, (3, 5000)))
+    check(b, MODULES[kind].field(b, numbers, (0, 1, 2)), np.random.default_rng(1).uniform(-1, 1, (3, 5000)))
 
 
 @pytest.mark.parametrize("op", [op for op in Op if op not in (Op.NOISE, Op.CHOOSE, Op.ARC)], ids=lambda op: op.name.lower())

@@ -17,6 +17,7 @@ from maquette.compiler.formula.opcodes import Op
 from maquette.compiler.formula.tape import Tape, load_tape
 from maquette.compiler.mesh import mesh_csg
 from maquette.render.accel import ray_queries
+from maquette.shapes import SHAPES
 
 CUBE = np.array([[-1.0] * 3, [1.0] * 3])
 POINT = (0, 1, 2)
@@ -24,13 +25,13 @@ POINT = (0, 1, 2)
 
 def shape(kind: int, *parameters: float) -> Tape:
     builder = Builder()
-    return builder.finish(solid_fields.shape_field(builder, kind, parameters, POINT))
+    return builder.finish(SHAPES[kind].field(builder, parameters, POINT))
 
 
 def drilled() -> Tape:
     builder = Builder()
-    box = solid_fields.shape_field(builder, 2, (0.5, 0.6, 0.4), POINT)
-    hole = solid_fields.shape_field(builder, 6, (0.25, 1.0, 1.0), POINT)
+    box = SHAPES[2].field(builder, (0.5, 0.6, 0.4), POINT)
+    hole = SHAPES[6].field(builder, (0.25, 1.0, 1.0), POINT)
     return builder.finish(builder.op(Op.MAX, box, builder.op(Op.NEGATE, hole)))
 
 

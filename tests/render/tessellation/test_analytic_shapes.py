@@ -7,7 +7,7 @@ import pytest
 from maquette.compiler import ir
 from maquette.render.geometry import analytic_shapes
 from maquette.render.tessellation import analytic_shapes as tessellation_analytic_shapes
-from maquette.render.tessellation import quadrics
+from maquette.shapes import quadric_triangles, surfaces
 
 K = ir.GeometryKind
 BALL = [1, 1, 1, 0, 0, 0, 0, 0, 0, -1, 1.3, 1.3, 1.3]
@@ -31,18 +31,18 @@ CLOSED = ["sphere", "box", "cylinder", "cone", "truncated cone", "torus", "spind
 TOLERANCE = 2e-3
 
 
-def made(name: str, tolerance: float = TOLERANCE) -> tessellation_analytic_shapes.Tessellation:
+def made(name: str, tolerance: float = TOLERANCE) -> surfaces.Tessellation:
     kind, parameters = SHAPES[name]
     return tessellation_analytic_shapes.tessellate(kind, parameters, tolerance)
 
 
-def corners(mesh: tessellation_analytic_shapes.Tessellation) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def corners(mesh: surfaces.Tessellation) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     assert (mesh.positions[:, 3] == 1).all()
     a, b, c = (mesh.positions[mesh.triangles[:, k], :3] for k in range(3))
     return a, b, c
 
 
-def welded_edges(mesh: tessellation_analytic_shapes.Tessellation) -> tuple[np.ndarray, np.ndarray]:
+def welded_edges(mesh: surfaces.Tessellation) -> tuple[np.ndarray, np.ndarray]:
     """The directed edges between distinct positions (bit for bit), and the number of triangles with each."""
     _, point = np.unique(mesh.positions, axis=0, return_inverse=True)
     t = point.ravel()[mesh.triangles]
@@ -97,7 +97,7 @@ def distance(name: str, p: np.ndarray) -> np.ndarray:
     if kind == K.CAPSULE:
         return abs(np.hypot(rho, y - np.clip(y, -q[1], q[1])) - q[0])
     homogeneous = np.append(p, np.ones((len(p), 1)), axis=1)
-    matrix = quadrics.matrix(q)
+    matrix = quadric_triangles.matrix(q)
     value = np.einsum("ni,ij,nj->n", homogeneous, matrix, homogeneous)
     return abs(value) / np.linalg.norm(2 * homogeneous @ matrix[:, :3], axis=1)
 
@@ -200,9 +200,9 @@ def test_a_silhouette_is_short_by_four_thirds_of_the_tolerance():
 
 
 def test_segments_are_capped():
-    assert tessellation_analytic_shapes.segments(1.0, 1e-30) == tessellation_analytic_shapes.MAX_SEGMENTS
-    assert tessellation_analytic_shapes.segments(1.0, 5.0) == tessellation_analytic_shapes.MIN_SEGMENTS
-    assert tessellation_analytic_shapes.segments(0.0, 1.0) == tessellation_analytic_shapes.MIN_SEGMENTS
+    assert surfaces.segments(1.0, 1e-30) == surfaces.MAX_SEGMENTS
+    assert surfaces.segments(1.0, 5.0) == surfaces.MIN_SEGMENTS
+    assert surfaces.segments(0.0, 1.0) == surfaces.MIN_SEGMENTS
 
 
 def test_planes_reach_to_infinity():

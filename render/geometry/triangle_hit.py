@@ -1,85 +1,16 @@
-"""Ray intersection in closed form, in lanes: boxes, planes, rectangles, disks and watertight triangles."""
+"""Watertight ray/triangle intersection, in lanes."""
 
 from __future__ import annotations
 
 import math
 from typing import NamedTuple
 
+from ...shapes.lanes import component
 from ..jit.kernel import helper
 from ..lanes import ops
 from ..types import Lane, Vec
 
 INF = math.inf
-
-
-@helper
-def nearest(lo: Lane, hi: Lane, t_min: Lane, t_max: Lane) -> Lane:
-    """The first of two ordered roots strictly between t_min and t_max, inf if neither is; NaN never is."""
-    second = ops.where((hi > t_min) & (hi < t_max), hi, INF)
-    return ops.where((lo > t_min) & (lo < t_max), lo, second)
-
-
-@helper
-def slab(o: Lane, d: Lane, half: Lane) -> tuple[Lane, Lane]:
-    """(lo, hi) of t with |o + t d| <= half, or (inf, -inf) without any.
-
-    A ray parallel to the slab (d = ±0) is inside everywhere or nowhere; 0 · inf is not evaluated.
-    """
-    a = (-half - o) / d
-    b = (half - o) / d
-    inside = (o >= -half) & (o <= half)
-    lo = ops.where(d > 0.0, a, ops.where(d < 0.0, b, ops.where(inside, -INF, INF)))
-    hi = ops.where(d > 0.0, b, ops.where(d < 0.0, a, ops.where(inside, INF, -INF)))
-    return lo, hi
-
-
-@helper
-def box(half: Vec, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) -> tuple[Lane, Lane]:
-    """(t, part) of a box centered at the origin; parts are the faces -x, +x, -y, +y, -z, +z."""
-    x0, x1 = slab(origin[0], direction[0], half[0])
-    y0, y1 = slab(origin[1], direction[1], half[1])
-    z0, z1 = slab(origin[2], direction[2], half[2])
-    lo = ops.maximum(x0, ops.maximum(y0, z0))
-    hi = ops.minimum(x1, ops.minimum(y1, z1))
-    t = ops.where(lo <= hi, nearest(lo, hi, t_min, t_max), INF)
-    entering = t == lo
-    axis_in = ops.where(lo == x0, 0, ops.where(lo == y0, 1, 2))
-    axis_out = ops.where(hi == x1, 0, ops.where(hi == y1, 1, 2))
-    axis = ops.where(entering, axis_in, axis_out)
-    d = component(direction, axis)
-    positive = ops.where(entering, d < 0.0, d > 0.0)
-    return t, 2 * axis + ops.where(positive, 1, 0)
-
-
-@helper
-def component(v: Vec, axis: Lane) -> Lane:
-    """v[axis], with an axis for each lane."""
-    return ops.where(axis == 0, v[0], ops.where(axis == 1, v[1], v[2]))
-
-
-@helper
-def plane(origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) -> Lane:
-    """t of the plane y = 0. Only exactly parallel rays miss it; any other slope has a t, however large."""
-    t = -origin[1] / direction[1]
-    return ops.where((direction[1] != 0.0) & (t > t_min) & (t < t_max), t, INF)
-
-
-@helper
-def rectangle(half_x: Lane, half_z: Lane, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) -> Lane:
-    """t of the rectangle |x| <= half_x, |z| <= half_z in y = 0."""
-    t = plane(origin, direction, t_min, t_max)
-    x = origin[0] + t * direction[0]
-    z = origin[2] + t * direction[2]
-    return ops.where((abs(x) <= half_x) & (abs(z) <= half_z), t, INF)
-
-
-@helper
-def disk(radius: Lane, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) -> Lane:
-    """t of the disk x² + z² <= radius² in y = 0."""
-    t = plane(origin, direction, t_min, t_max)
-    x = origin[0] + t * direction[0]
-    z = origin[2] + t * direction[2]
-    return ops.where(x * x + z * z <= radius * radius, t, INF)
 
 
 @helper

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import math
 
-from ..jit.kernel import helper
-from ..lanes import ops
-from ..types import Lane, Vec
+from .contract import Lane, Vec
+from .lanes import helper, ops
 
 INF = math.inf
 STEPS = 100  # enough for bisection alone; Newton takes five or six

@@ -14,7 +14,7 @@ from ..compiler.formula.solid_fields import slab as slab_field
 from ..lang.schema.argument_types import Arg
 from ..lang.schema.shapes import CENTER, shape_entry
 from . import surfaces
-from .contract import Element, Lane, Measure, Mitsuba, MitsubaShape, Point, Text, Vec
+from .contract import Element, Emitting, Lane, Measure, Mitsuba, MitsubaShape, Point, Text, Vec
 from .lanes import INF, component, helper, nearest, ops, slab
 from .surfaces import Tessellation
 
@@ -113,3 +113,7 @@ def povray(p: Sequence[float], text: Text) -> tuple[str, list[str]]:
 
 def mitsuba(p: Sequence[float]) -> Mitsuba:
     return Mitsuba("any", (MitsubaShape("cube", np.diag([*p[:3], 1.0])),))
+
+
+def emitting(p: Sequence[float]) -> Emitting:
+    return Emitting("box", tuple(p[:3]))

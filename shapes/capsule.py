@@ -16,7 +16,7 @@ from ..lang.schema.argument_types import Arg
 from ..lang.schema.shapes import CENTER, shape_entry
 from . import closed_meshes, surfaces
 from .cone import cone_interval
-from .contract import Element, Lane, Measure, Point, Vec
+from .contract import Element, Emitting, Lane, Measure, Point, Vec
 from .lanes import TURN, helper, nearest, ops
 from .sphere import sphere_interval
 from .surfaces import Profile, Tessellation
@@ -119,3 +119,7 @@ def closed_mesh(p: Sequence[float], tolerance: float) -> tuple[np.ndarray, np.nd
     low, high = np.split(closed_meshes.arc(p[0], 0.0, count // 2), [count // 4 + 1])
     both = np.concatenate([low - (0.0, p[1]), low[-1:] + (0.0, p[1]), high + (0.0, p[1])])
     return *closed_meshes.revolved(both, count), 2 * closed_meshes.sagitta(p[0], count)
+
+
+def emitting(p: Sequence[float]) -> Emitting:
+    return Emitting("capsule", (p[0], 0.0), p[1])

@@ -16,7 +16,7 @@ from ..compiler.formula.solid_fields import slab as slab_field
 from ..lang.schema.argument_types import Arg
 from ..lang.schema.shapes import CAPPED, CENTER, RADIUS, shape_entry
 from . import closed_meshes, surfaces
-from .contract import Element, Lane, Measure, Point, Text, Vec
+from .contract import Element, Emitting, Lane, Measure, Point, Text, Vec
 from .lanes import INF, TURN, helper, nearest, ops, ordered_roots, slab
 from .surfaces import Profile, Tessellation
 
@@ -211,3 +211,7 @@ def closed_mesh(p: Sequence[float], tolerance: float) -> tuple[np.ndarray, np.nd
 def povray(p: Sequence[float], text: Text) -> tuple[str, list[str]]:
     low, high = (text.vector((0, y, 0)) for y in (-p[2], p[2]))
     return "cone", [f"  {low}, {text.number(p[0])}, {high}, {text.number(p[1])}{'' if p[3] > 0 else ' open'}"]
+
+
+def emitting(p: Sequence[float]) -> Emitting:
+    return Emitting("cone", (p[0], p[1]), p[2], p[3] != 0.0)

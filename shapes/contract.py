@@ -51,6 +51,15 @@ class Element(NamedTuple):
     frame: Callable[[Mapping[str, Any]], Frame] | None = None  # None: about its argument `center`
 
 
+class Emitting(NamedTuple):
+    """How light samples find an emissive shape; see render/light/emitter_table.py."""
+
+    form: str  # "rectangle", "disk", "sphere", "box", "tube" (the side of a closed cylinder), "cone", "torus" or "capsule"
+    size: tuple[float, ...]  # half edges; the radius, twice; radii of a cone at the bottom and the top, of a torus' ring and tube
+    half: float = 0.0  # half the length along the y axis, without the ends of a capsule
+    closed: bool = True  # a tube or cone has caps
+
+
 class MitsubaShape(NamedTuple):
     """A shape of Mitsuba: a plugin under a transform, or with a radius (metres) and named points."""
 
@@ -94,6 +103,8 @@ class Shape(Protocol):
     """The largest distance (metres) of triangles from the surface; None: by the chords of `circles`."""
     closed_mesh: Callable[[Sequence[float], float], tuple[np.ndarray, np.ndarray, float] | None] | None
     """Points, triangles and deviation of a closed mesh within a tolerance, for the CSG of meshes; None of open shapes."""
+    emitting: Callable[[Sequence[float]], Emitting | None] | None
+    """How light samples find it; None: only samples of BSDFs do."""
     povray: Callable[[Sequence[float], Text], tuple[str, list[str]]] | None
     """The object of POV-Ray: its name, and the lines of its body."""
     mitsuba: Callable[[Sequence[float]], Mitsuba] | None

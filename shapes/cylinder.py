@@ -17,7 +17,7 @@ from ..lang.schema.argument_types import Arg
 from ..lang.schema.shapes import CAPPED, CENTER, RADIUS, shape_entry
 from . import cone, surfaces
 from .cone import hit, normal, uv  # noqa: F401 - which know its row
-from .contract import Element, Measure, Mitsuba, MitsubaShape, Point, Text
+from .contract import Element, Emitting, Measure, Mitsuba, MitsubaShape, Point, Text
 from .surfaces import Tessellation
 
 KIND = ir.GeometryKind.CYLINDER
@@ -100,3 +100,7 @@ def mitsuba(p: Sequence[float]) -> Mitsuba:
         turned = surfaces.LEVEL if up > 0 else surfaces.LEVEL @ np.diag([1.0, -1.0, -1.0, 1.0])
         made.append(MitsubaShape("disk", cap @ turned @ np.diag([radius, radius, 1.0, 1.0])))
     return Mitsuba("even", tuple(made))
+
+
+def emitting(p: Sequence[float]) -> Emitting:
+    return Emitting("tube" if p[2] != 0.0 else "cone", (p[0], p[0]), p[1], p[2] != 0.0)

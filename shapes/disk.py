@@ -14,7 +14,7 @@ from ..compiler.formula.solid_fields import NoSolid
 from ..lang.schema.argument_types import Arg
 from ..lang.schema.shapes import CENTER, RADIUS, shape_entry
 from . import surfaces
-from .contract import Element, Frame, Lane, Measure, Mitsuba, MitsubaShape, Point, Text, Vec
+from .contract import Element, Emitting, Frame, Lane, Measure, Mitsuba, MitsubaShape, Point, Text, Vec
 from .lanes import INF, helper, ops, plane_root
 from .lanes import up as normal  # noqa: F401
 from .surfaces import Tessellation
@@ -80,3 +80,7 @@ def povray(p: Sequence[float], text: Text) -> tuple[str, list[str]]:
 
 def mitsuba(p: Sequence[float]) -> Mitsuba:
     return Mitsuba("even", (MitsubaShape("disk", surfaces.LEVEL @ np.diag([p[0], p[0], 1.0, 1.0])),))
+
+
+def emitting(p: Sequence[float]) -> Emitting:
+    return Emitting("disk", (p[0], p[0]))

@@ -23,7 +23,7 @@ MEASURES = ()
 EXACT, FLAT, WRAPS = True, True, False
 OPEN = ("has no end", "")
 USD = {}  # its Plane is a rectangle
-has_sense = support = deviation = closed_mesh = mitsuba = None
+has_sense = support = deviation = closed_mesh = mitsuba = emitting = None
 _FORMS = (("y",), ("normal", "point"), ("a", "b", "c", "d"))
 
 

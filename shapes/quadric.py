@@ -28,7 +28,7 @@ MEASURES = (
 EXACT, FLAT, WRAPS = False, False, True
 OPEN = ("is a surface that ends at its box", "as `implicit(|x, y, z| ... <= 0, within: ...)` it is a solid")
 USD = {}
-support = closed_mesh = mitsuba = None
+support = closed_mesh = mitsuba = emitting = None
 
 
 def _parameters(args: Mapping[str, Any]) -> tuple[float, ...]:

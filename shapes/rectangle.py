@@ -11,7 +11,7 @@ from ..compiler import ir
 from ..compiler.formula.builder import Builder
 from ..compiler.formula.solid_fields import NoSolid
 from . import surfaces
-from .contract import Lane, Measure, Mitsuba, MitsubaShape, Point, Vec
+from .contract import Emitting, Lane, Measure, Mitsuba, MitsubaShape, Point, Vec
 from .lanes import INF, helper, ops, plane_root
 from .lanes import up as normal  # noqa: F401
 from .surfaces import Tessellation
@@ -64,3 +64,7 @@ def triangles(p: Sequence[float], tolerance: float) -> Tessellation:
 
 def mitsuba(p: Sequence[float]) -> Mitsuba:
     return Mitsuba("orthogonal", (MitsubaShape("rectangle", surfaces.LEVEL @ np.diag([p[0], p[1], 1.0, 1.0])),))
+
+
+def emitting(p: Sequence[float]) -> Emitting:
+    return Emitting("rectangle", (p[0], p[1]))

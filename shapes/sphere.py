@@ -14,7 +14,7 @@ from ..compiler.formula.solid_fields import length
 from ..lang.schema.argument_types import Arg
 from ..lang.schema.shapes import CENTER, RADIUS, shape_entry
 from . import closed_meshes, surfaces
-from .contract import Element, Frame, Lane, Measure, Mitsuba, MitsubaShape, Point, Text, Vec
+from .contract import Element, Emitting, Frame, Lane, Measure, Mitsuba, MitsubaShape, Point, Text, Vec
 from .lanes import INF, TURN, helper, nearest, ops, ordered_roots
 from .surfaces import Tessellation
 
@@ -112,3 +112,7 @@ def povray(p: Sequence[float], text: Text) -> tuple[str, list[str]]:
 
 def mitsuba(p: Sequence[float]) -> Mitsuba:
     return Mitsuba("even", (MitsubaShape("sphere", radius=p[0], points={"center": (0.0, 0.0, 0.0)}),))
+
+
+def emitting(p: Sequence[float]) -> Emitting:
+    return Emitting("sphere", (p[0], p[0]))

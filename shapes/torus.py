@@ -14,7 +14,7 @@ from ..compiler.formula.opcodes import Op
 from ..lang.schema.argument_types import Arg
 from ..lang.schema.shapes import CENTER, shape_entry
 from . import closed_meshes, surfaces
-from .contract import Element, Lane, Measure, Point, Text, Vec
+from .contract import Element, Emitting, Lane, Measure, Point, Text, Vec
 from .lanes import TURN, helper, ops
 from .surfaces import Profile, Tessellation
 from .torus_roots import torus
@@ -113,3 +113,7 @@ def closed_mesh(p: Sequence[float], tolerance: float) -> tuple[np.ndarray, np.nd
 
 def povray(p: Sequence[float], text: Text) -> tuple[str, list[str]]:
     return "torus", [f"  {text.number(p[0])}, {text.number(p[1])} sturm"]
+
+
+def emitting(p: Sequence[float]) -> Emitting | None:
+    return Emitting("torus", (p[0], p[1])) if p[1] <= p[0] else None

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from ...shapes import SHAPES
 from .. import ir
 from . import scene_facts
 from .decision import Plan
 
 SHOWN = 5e-4  # share of light from which words tell that a picture lacks it
-_FLAT = (ir.GeometryKind.PLANE, ir.GeometryKind.RECTANGLE, ir.GeometryKind.DISK)
+_FLAT = [kind for kind, shape in SHAPES.items() if shape.FLAT]
 
 
 def limit_clause(plan: Plan) -> str:

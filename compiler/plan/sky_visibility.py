@@ -26,9 +26,8 @@ MOST_TRIANGLES = 4096  # of a mesh that is tested exactly; larger ones count as 
 MOST_OBJECTS = 1000  # of a scene that is searched for openings: a few milliseconds for a hundred
 OPEN = 0.6  # share of directions that see the sky from the camera, above which no other place is asked
 MARGIN = 0.02  # of a room's size, between its walls and its box
-_BOXES = (
-    ir.GeometryKind.BOX, ir.GeometryKind.MESH, ir.GeometryKind.PLANE, ir.GeometryKind.RECTANGLE, ir.GeometryKind.DISK,
-)  # fmt: skip  # kinds that are about their boxes, or that have triangles
+_BOXES = (ir.GeometryKind.MESH, *(kind for kind, shape in SHAPES.items() if shape.EXACT or shape.FLAT))
+"""Kinds that are about their boxes, or that have triangles."""
 _STEPS = 96  # along a ray through a shape's box, in search of its surface
 _FAR = 1e3  # metres that such a ray goes in a surface without bounds
 _SUNS = (ir.LightKind.SUN, ir.LightKind.DIRECTIONAL)

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from ...compiler import ir
 from ...compiler.ir.light_links import CASTERS
 from ...compiler.plan import scene_facts
+from ...shapes import SHAPES
+from ...shapes.contract import Emitting
 from ..lanes import ops
 from . import emitter_points, environment_map, light_tree, lights, round_emitters, shape_solid_angle
 from .emitter_points import TRIANGLE
@@ -22,7 +24,8 @@ SKY, DOME, RECTANGLE, DISK, SPHERE = lights.SKY, lights.DOME, lights.RECTANGLE, 
 MOST_TRIANGLES = 1 << 17  # of a mesh whose triangles are sampled; paths still hit larger ones
 _AREAS = (RECTANGLE, DISK, SPHERE)
 _FAR = (DIRECTIONAL, SUN, DOME)
-_ROUND = (ir.GeometryKind.CYLINDER, ir.GeometryKind.CONE, ir.GeometryKind.TORUS, ir.GeometryKind.CAPSULE)
+_PLAIN = {"rectangle": RECTANGLE, "disk": DISK, "sphere": SPHERE}
+_ROUND = {"tube": TUBE, "cone": CONE, "torus": TORUS, "capsule": CAPSULE}  # by form of shapes.contract.Emitting
 
 
 class Emitters(NamedTuple):
@@ -133,7 +136,7 @@ def _is_emissive(tables: ir.Tables) -> NDArray[np.bool_]:
     materials, instances = tables.materials, tables.instances
     varies = (materials.textures[:, [ir.Slot.OPACITY, ir.Slot.EMISSION]] >= 0).any(axis=1) | (materials.threshold > 0.0)
     shining, partial = scene_facts.shines(tables), scene_facts.partial(tables)
-    flat = ir.is_in(tables.geometries.kind, (ir.GeometryKind.RECTANGLE, ir.GeometryKind.DISK, ir.GeometryKind.MESH))
+    flat = ir.is_in(tables.geometries.kind, [ir.GeometryKind.MESH, *(kind for kind, shape in SHAPES.items() if shape.FLAT)])
     sampled = (shining & ~partial)[instances.material]
     sampled |= (shining & partial & ~varies)[instances.material] & flat[instances.geometry]
     return sampled & (instances.visible & ir.Visibility.REFLECTION != 0)
@@ -147,21 +150,14 @@ def _shape_rows(tables: ir.Tables, i: int) -> list[dict[str, Any]]:
     color = of_material[ir.Slot.EMISSION]
     if tables.materials.textures[instances.material[i], ir.Slot.OPACITY] < 0 and tables.materials.threshold[instances.material[i]] <= 0.0:
         color = color * np.clip(of_material[ir.Slot.OPACITY, 0], 0.0, 1.0)
-    kinds = {ir.GeometryKind.RECTANGLE: RECTANGLE, ir.GeometryKind.DISK: DISK, ir.GeometryKind.SPHERE: SPHERE}
-    kind, p = int(geometries.kind[g]), geometries.parameters[g]
     textured = bool(tables.materials.textures[instances.material[i], ir.Slot.EMISSION] >= 0)
     shared = {"color": color, "both": True, "weighed": True, "textured": textured, "instance": i}
-    if kind in kinds:
-        even = matrix[:, :3].T @ matrix[:, :3]
-        if kind == ir.GeometryKind.RECTANGLE or np.allclose(even, even[0, 0] * np.eye(3), rtol=0, atol=1e-9 * even[0, 0]):
-            return [_surface_row(kinds[ir.GeometryKind(kind)], matrix, bool(tables.transforms.flips[row]), p[:2], **shared, part=0)]
-        return [_ellipsoid_row(matrix[:, :3] * p[0], matrix[:, 3], shared)] if kind == ir.GeometryKind.SPHERE else []
-    if kind == ir.GeometryKind.BOX:
-        return _box_rows(matrix, p[:3], shared)
-    if kind in _ROUND:
-        return _round_rows(kind, matrix, p, shared)
+    shape = SHAPES.get(int(geometries.kind[g]))
+    if shape is not None:
+        found = None if shape.emitting is None else shape.emitting(geometries.parameters[g].tolist())
+        return [] if found is None else _analytic_rows(found, matrix, bool(tables.transforms.flips[row]), shared)
     first, count = int(geometries.first_triangle[g]), int(geometries.triangle_count[g])
-    if kind != ir.GeometryKind.MESH or not 0 < count <= MOST_TRIANGLES:
+    if geometries.kind[g] != ir.GeometryKind.MESH or not 0 < count <= MOST_TRIANGLES:
         return []
     corners = pools.positions[pools.triangles[first : first + count]].astype(np.float64) + geometries.origin[g]
     corners = corners @ matrix[:, :3].T + matrix[:, 3]
@@ -173,6 +169,18 @@ def _shape_rows(tables: ir.Tables, i: int) -> list[dict[str, Any]]:
              **shared, part=first)
         for k in range(count)
     ]  # fmt: skip
+
+
+def _analytic_rows(found: Emitting, matrix: Any, flips: bool, shared: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the rows of an analytic shape; none if a transform deforms it so that only BSDF samples find it."""
+    if found.form == "box":
+        return _box_rows(matrix, found.size, shared)
+    if found.form not in _PLAIN:
+        return _round_rows(found, matrix, shared)
+    even = matrix[:, :3].T @ matrix[:, :3]
+    if found.form == "rectangle" or np.allclose(even, even[0, 0] * np.eye(3), rtol=0, atol=1e-9 * even[0, 0]):
+        return [_surface_row(_PLAIN[found.form], matrix, flips, found.size, **shared, part=0)]
+    return [_ellipsoid_row(matrix[:, :3] * found.size[0], matrix[:, 3], shared)] if found.form == "sphere" else []
 
 
 def _ellipsoid_row(axes: Any, place: Any, shared: dict[str, Any]) -> dict[str, Any]:
@@ -197,21 +205,19 @@ def _box_rows(matrix: Any, half: Any, shared: dict[str, Any]) -> list[dict[str, 
     return rows
 
 
-def _round_rows(kind: int, matrix: Any, p: Any, shared: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return side, bottom and top of a cylinder or cone, or the surface of a torus or capsule; none if a transform deforms it."""
-    even = matrix[:, :3].T @ matrix[:, :3]
-    y = 0 if kind in (ir.GeometryKind.TORUS, ir.GeometryKind.CAPSULE) else 1
+def _round_rows(found: Emitting, matrix: Any, shared: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return side, bottom and top of a tube or cone, or the surface of a torus or capsule; none if a transform deforms it."""
+    even, made, radii = matrix[:, :3].T @ matrix[:, :3], _ROUND[found.form], found.size
+    y = 0 if made in (TORUS, CAPSULE) else 1
     if not np.allclose(even, np.diag([even[0, 0], even[y, y], even[0, 0]]), rtol=0, atol=1e-9 * even[0, 0]):
         return []
-    if kind == ir.GeometryKind.TORUS and p[1] > p[0]:
-        return []
     grown, axis, place = math.sqrt(even[0, 0]), matrix[:, 1] / np.linalg.norm(matrix[:, 1]), matrix[:, 3]
-    made, radii, up, closed = _round_shape(kind, p, matrix[:, 1])
+    up = matrix[:, 1] * found.half
     wide = (grown * radii[0], grown * radii[1])
     area = round_emitters.area(made, wide, float(np.linalg.norm(up)))
-    of_side = shared | {"both": not closed or made == TUBE}  # without caps the inside is visible, too
+    of_side = shared | {"both": not found.closed or made == TUBE}  # without caps the inside is visible, too
     side = _row(kind=made, place=place, side_u=np.array([*wide, 0.0]), side_v=up, normal=axis, area=area, part=0, **of_side)
-    if not closed or made in (TORUS, CAPSULE):
+    if not found.closed or made in (TORUS, CAPSULE):
         return [side]
     caps = [
         _row(kind=DISK, place=place + end * up, side_u=matrix[:, 0] * radius, side_v=matrix[:, 2] * radius, normal=end * axis,
@@ -219,18 +225,6 @@ def _round_rows(kind: int, matrix: Any, p: Any, shared: dict[str, Any]) -> list[
         for end, radius in zip((-1.0, 1.0), radii, strict=True)
     ]  # fmt: skip
     return [side, *caps]
-
-
-def _round_shape(kind: int, p: Any, up: Any) -> tuple[int, tuple[float, float], Any, bool]:
-    """(emitter kind, radii, half the length along the axis, whether it is closed) of a shape with y axis `up`."""
-    if kind == ir.GeometryKind.TORUS:
-        return TORUS, (p[0], p[1]), 0.0 * up, True
-    if kind == ir.GeometryKind.CAPSULE:
-        return CAPSULE, (p[0], 0.0), up * p[1], True
-    if kind == ir.GeometryKind.CONE:
-        return CONE, (p[0], p[1]), up * p[2], bool(p[3] != 0.0)
-    closed = bool(p[2] != 0.0)
-    return TUBE if closed else CONE, (p[0], p[0]), up * p[1], closed
 
 
 def _table(tables: ir.Tables, rows: list[dict[str, Any]], first: Any, parts: Any, sky: Any, general: bool) -> Emitters:

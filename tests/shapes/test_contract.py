@@ -102,9 +102,8 @@ def test_the_solid_has_its_surface_where_rays_hit(shape: Shape) -> None:
     p, builder = row_of(shape), Builder()
     try:
         tape = builder.finish(shape.field(builder, p, (0, 1, 2)))
-    except NoSolid as reason:
+    except NoSolid:
         assert not shape.is_closed(p)
-        assert str(reason)
         return
     o, d, t, _ = rays(shape, p)
     values = np.broadcast_to(numpy_interpreter.points(tape, *(o + t * d))[0], len(t))
@@ -117,7 +116,7 @@ def test_triangles_are_within_the_tolerance(shape: Shape) -> None:
     made = tessellation.tessellate(shape.KIND, p, tolerance)
     off = tessellation.deviation(shape.KIND, p, tolerance, made)
     assert off <= tolerance * (1 + 1e-9)
-    assert shape.EXACT <= (off == 0.0)
+    assert off == 0.0 or not shape.EXACT
     assert not np.isnan(made.uvs).any()
     if np.isfinite(shape.bounds(p)).all():
         low, high = shape.bounds(p)

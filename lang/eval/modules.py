@@ -13,6 +13,7 @@ from ..diagnostics import Diagnostics, Span
 from ..input_error import InputError
 from ..limits import MAX_FILES
 from ..syntax import ast
+from ..syntax.incremental import IncrementalParser
 from ..syntax.lexer import KEYWORDS
 from ..syntax.parser import parse
 
@@ -171,9 +172,14 @@ MAX_CACHED_TEXT = 100_000  # characters; a tree takes about 100 times the memory
 
 
 @lru_cache(maxsize=32)
+def _parser(name: str) -> IncrementalParser:
+    return IncrementalParser(name)
+
+
+@lru_cache(maxsize=32)
 def _parse_cached(text: str, name: str) -> Parsed | None:
     diagnostics = Diagnostics()
-    file = parse(text, name, diagnostics)
+    file = _parser(name).parse(text, diagnostics)
     return None if diagnostics.items else Parsed(file)
 
 
@@ -183,9 +189,13 @@ def parsed() -> int:
 
 
 def _parse(text: str, name: str, diagnostics: Diagnostics) -> Parsed:
-    """The tree of a file, cached across evaluations. A file with errors is parsed again to report them."""
-    cached = _parse_cached(text, name) if len(text) <= MAX_CACHED_TEXT else None
-    return cached or Parsed(parse(text, name, diagnostics))
+    """The tree of a file, cached across evaluations. After an edit only the items that it changes are parsed.
+
+    A file with errors is parsed again to report them.
+    """
+    if len(text) > MAX_CACHED_TEXT:
+        return Parsed(parse(text, name, diagnostics))
+    return _parse_cached(text, name) or Parsed(_parser(name).parse(text, diagnostics))
 
 
 def is_asset(path: str) -> bool:

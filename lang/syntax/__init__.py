@@ -1,4 +1,4 @@
-"""Scene text to syntax tree: lexer, parser, AST, formatter.
+"""Scene text to syntax tree with Lark: grammar, parser, recovery after errors, AST, formatter.
 
 May import: lang (diagnostics, units).
 Begin with `parser.py`.

@@ -14,12 +14,16 @@ Answer = tuple[str, str, Token]  # message, hint, where
 
 @dataclass(frozen=True, slots=True)
 class ErrorSite:
-    """Token `at` of a stream, unexpected in the item that begins at token `first`. `expected` are the allowed terminals."""
+    """Token `at` of a stream, unexpected in the item that begins at token `first`. `expected` are the allowed terminals.
+
+    Rules read the item alone, except for names that the file binds: those that they look for in vain are added to `unbound`.
+    """
 
     stream: list[Token]
     at: int
     first: int
     expected: set[str]
+    unbound: set[str]
 
     @property
     def token(self) -> Token:

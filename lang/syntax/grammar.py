@@ -35,9 +35,12 @@ class Grammar(NamedTuple):
     rules: list[Rule]
     table: IntParseTable
 
-    def tokens(self, text: str) -> LexerThread:
-        """Lark's lexer at the start of `text`."""
-        return LexerThread.from_text(self.lexer, text)
+    def tokens(self, text: str, line: int = 1) -> LexerThread:
+        """Lark's lexer at the start of `text`, which begins in `line`."""
+        thread = LexerThread.from_text(self.lexer, text)
+        assert thread.state is not None
+        thread.state.line_ctr.line = line
+        return thread
 
     def actions(self, builder: object) -> ParseConf[int]:
         """The LALR table with the methods of `builder` as actions: each takes the list of the parts of its rule."""

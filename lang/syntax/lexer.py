@@ -49,11 +49,20 @@ class Scan:
     tokens: list[Token] = field(default_factory=list)
     comments: list[ast.Comment] = field(default_factory=list)
     wrong: list[tuple[int, int]] = field(default_factory=list)  # line, column
+    mistakes: int = 0  # lexical errors
+    depth: int = 0  # brackets open at the end
+    deepest: int = 0  # most open brackets
+    ends_line: bool = False  # the last character is part of a line end
+    bracket_errors: int = 0
+    open_at_end: str = ""  # brackets for which the end of the text came too early
 
 
-def lex(text: str) -> Iterator[Token]:
-    """The tokens of a text, without blanks. Every character is part of a token: characters outside the language have kinds of their own."""
-    return grammar().tokens(text).lex(None)
+def lex(text: str, line: int = 1) -> Iterator[Token]:
+    """The tokens of a text that begins in `line`, without blanks.
+
+    Every character is part of a token: characters outside the language have kinds of their own.
+    """
+    return grammar().tokens(text, line).lex(None)
 
 
 def span_of(token: Token, file: str) -> Span:
@@ -61,12 +70,12 @@ def span_of(token: Token, file: str) -> Span:
     return Span(file, token.line or 1, token.column or 1, token.end_line or 1, token.end_column or 1)
 
 
-def scan(text: str, file: str, diagnostics: Diagnostics) -> Scan:
-    """The tokens of `text`. Lexical errors are reported, then replaced by a valid token or dropped."""
+def scan(text: str, file: str, diagnostics: Diagnostics, line: int = 1) -> Scan:
+    """The tokens of `text`, which begins in `line`. Lexical errors are reported, then replaced by a valid token or dropped."""
     result = Scan()
     depth = 0
     safe = 0  # number of tokens before the last line end outside all brackets
-    for token in _commented_lines(lex(text)):
+    for token in _commented_lines(lex(text, line)):
         if token.type in _MISTAKES:
             result.wrong.append((token.line or 1, token.column or 1))
             replacement = _MISTAKES[token.type](token, file, diagnostics)
@@ -83,6 +92,7 @@ def scan(text: str, file: str, diagnostics: Diagnostics) -> Scan:
             continue
         if token in OPENERS:
             depth += 1
+            result.deepest = max(result.deepest, depth)
             if depth > MAX_NESTING:
                 diagnostics.error(f"brackets more than {MAX_NESTING} deep", span_of(token, file), "give parts of it a name with `let`")
                 result.wrong.append((token.line or 1, token.column or 1))
@@ -95,6 +105,7 @@ def scan(text: str, file: str, diagnostics: Diagnostics) -> Scan:
             _check_controls(token, file, diagnostics)
             _check_direction(token, "string", file, diagnostics)
         elif token.type == "_NL":
+            result.ends_line = token.end_pos == len(text)
             if result.tokens and result.tokens[-1].type == "_NL":  # a line with only a comment
                 first = result.tokens.pop()
                 token = first if ";" in first else token
@@ -102,6 +113,7 @@ def scan(text: str, file: str, diagnostics: Diagnostics) -> Scan:
                 safe = len(result.tokens)
         result.tokens.append(token)
     result.tokens.append(_end(result.tokens))
+    result.mistakes, result.depth = len(result.wrong), depth
     return result
 
 

@@ -15,7 +15,7 @@ CONTINUED_AFTER = OPERATORS | frozenset(("=", ",", ":", ".", "|", "in", "then", 
 _ITEM_WORDS = frozenset(("let", "param", "use", "unit"))
 # A line that begins with one of these continues the line above, because it can follow a complete value.
 _CONTINUES_LINE = OPERATORS - {"not"} | frozenset(("=", ",", ":", ".", "|", "in", "then", "else", "for", "if", "(", ")", "[", "]", "{"))
-_MAX_BRACKET_ERRORS = 20  # each may scan the rest of the file again
+MAX_BRACKET_ERRORS = 20  # each may scan the rest of the file again
 
 
 @dataclass(slots=True)
@@ -61,6 +61,8 @@ def _balance(scan: Scan, file: str, diagnostics: Diagnostics) -> list[Token]:
         if token.type == "_NL":
             _note_line_end(stack, tokens, i, len(output))
         elif _ends_brackets(tokens, i, stack):
+            if token.type == "$END":
+                scan.open_at_end = scan.open_at_end or "".join(opened.token for opened in stack)
             back = _close(stack, tokens, output, i, token, report)
             if back is not None:
                 i = back
@@ -77,6 +79,7 @@ def _balance(scan: Scan, file: str, diagnostics: Diagnostics) -> list[Token]:
         i += 1
     if stack:
         _close_blocks(stack, pairs, tokens, output, report)
+    scan.bracket_errors = report.count
     return output
 
 
@@ -108,7 +111,7 @@ def _close(stack: list[_Open], tokens: list[Token], output: list[Token], i: int,
     if not unclosed:
         return None
     ends = [o.line_end for o in unclosed if o.line_end is not None]
-    if ends and report.count < _MAX_BRACKET_ERRORS:
+    if ends and report.count < MAX_BRACKET_ERRORS:
         i, length = min(ends)
         del output[length:]
         unclosed = [o for o in unclosed if o.output <= length]  # the scan reaches the others again
@@ -134,9 +137,11 @@ def _close_blocks(stack: list[_Open], pairs: list[tuple[Token, Token]], tokens: 
         where = "after its last item" if token == "{" else "where it ends"
         report(token, f"this `{token}` is not closed", f"write `{OPENERS[token]}` {where}")
     ends = [len(output) - 1] * len(stack)
-    if len(stack) <= _MAX_BRACKET_ERRORS and all(o.token == "{" for o in stack):
+    if len(stack) <= MAX_BRACKET_ERRORS and all(o.token == "{" for o in stack):
         found = (_dedent(output, token, indents) for token in blamed)
-        ends = sorted([*found, *ends[len(blamed) :]], reverse=True)
+        ends = sorted([*found, *ends[len(blamed) :]])
+        # The `}` of a block that is closed in the text lies before the `{` that has none where the blocks are not nested.
+        ends = sorted((end if end >= opened.output else len(output) - 1 for opened, end in zip(stack, ends, strict=True)), reverse=True)
     for opened, end in zip(stack, ends, strict=True):
         output.insert(end, _insert_closer(OPENERS[opened.token], output[end]))
 

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import threading
 from bisect import bisect_left
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from .. import text_encoding
-from ..diagnostics import Diagnostics, Span, sort_diagnostics
+from ..diagnostics import Diagnostic, Diagnostics, Span, sort_diagnostics
 from ..file_types import is_binary
 from . import ast, lexer, line_joining, syntax_errors
 from .ast_builder import BROKEN, MAX_DEPTH, TooDeep, TreeBuilder
 from .error_site import ErrorSite
 from .grammar import ParserState, Token, UnexpectedToken, grammar
 from .trivia import Comments
+from .value_errors import bound_names
 
 BINDS = frozenset(("let", "param", "function", "module", "def", "const", "var"))  # words of other languages as well
 MAX_BYTES = 4_000_000
@@ -50,20 +52,69 @@ def parse(text: str, name: str, diagnostics: Diagnostics) -> ast.File:
 
     Adds syntax errors to `diagnostics`, in order. The tree lacks the items with errors.
     """
-    whole = Span(name)
+    if is_too_large(text, name, diagnostics):
+        return ast.File(Span(name), name, text, ())
+    return file_of(text, name, [parse_segment(text.removeprefix("\ufeff"), name, is_whole=True)], diagnostics)
+
+
+def is_too_large(text: str, name: str, diagnostics: Diagnostics) -> bool:
+    """Whether a text is larger than a scene may be, which is then reported."""
     if len(text) > MAX_BYTES:
         _too_large(len(text), name, diagnostics)
-        return ast.File(whole, name, text, ())
-    found = Diagnostics()
-    scan = lexer.scan(text.removeprefix("\ufeff"), name, found)
-    stream = line_joining.join_lines(scan, name, found)
-    parsing = _Parsing(stream, scan, name, found)
-    items, dangling, broken = parsing.run()
-    shown = sort_diagnostics(found.items)
+    return len(text) > MAX_BYTES
+
+
+def file_of(text: str, name: str, segments: Sequence[Segment], diagnostics: Diagnostics) -> ast.File:
+    """The file that consists of `segments`, whose items have their comments. Adds their messages to `diagnostics`."""
+    shown = sort_diagnostics(d for segment in segments for d in segment.messages)
     diagnostics.items.extend(shown[:MAX_ERRORS])
     if len(shown) > MAX_ERRORS:
-        diagnostics.error(f"more than {MAX_ERRORS} syntax errors; the rest is not shown", whole)
-    return ast.File(whole, name, text, items, dangling, frozenset(broken), parsing.called())
+        diagnostics.error(f"more than {MAX_ERRORS} syntax errors; the rest is not shown", Span(name))
+    items = tuple(item for segment in segments for item in segment.items)
+    broken = frozenset().union(*(segment.broken for segment in segments))
+    calls = [call for segment in segments for call in segment.calls]
+    used = frozenset().union(*(segment.names for segment in segments)) if calls else ()
+    called = tuple(call for call in calls if call.id not in used)
+    return ast.File(Span(name), name, text, items, segments[-1].dangling, broken, called)
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """The parse of some lines of a file, or of all.
+
+    A closed one does not depend on the lines behind it, if these begin with an item outside all brackets.
+    """
+
+    text: str
+    line: int  # of its start
+    items: tuple[ast.Item, ...]
+    dangling: tuple[ast.Comment, ...]  # after its last item
+    messages: tuple[Diagnostic, ...]
+    broken: frozenset[str]  # names that items with errors bind
+    calls: tuple[ast.Name, ...]  # functions called in items with errors
+    names: frozenset[str]  # used otherwise than in calls
+    bound: frozenset[str]  # after `let` and `param`
+    unbound: frozenset[str]  # names whose messages depend on whether other segments bind them
+    scan: lexer.Scan  # without its tokens
+    is_complete: bool  # the grammar allows its end
+    is_closed: bool
+
+
+def parse_segment(text: str, name: str, line: int = 1, is_whole: bool = False) -> Segment:
+    """The parse of `text`, which begins in `line` of file `name`. A whole file's has no `bound`, and `names` beside `calls` alone."""
+    found = Diagnostics()
+    scan = lexer.scan(text, name, found, line)
+    stream = line_joining.join_lines(scan, name, found)
+    parsing = _Parsing(stream, scan, name, found)
+    items, dangling = parsing.run()
+    is_closed = parsing.ends_between_items and scan.ends_line and not scan.open_at_end
+    names, calls = parsing.names() if parsing.dropped or not is_whole else (frozenset(), ())
+    bound = frozenset() if is_whole else frozenset(bound_names(stream))
+    scan.tokens, scan.comments = [], []
+    return Segment(
+        text, line, items, dangling, tuple(found.items), frozenset(parsing.broken), calls, names,
+        bound, frozenset(parsing.unbound), scan, parsing.is_complete, is_closed,
+    )  # fmt: skip
 
 
 def _too_large(size: int, name: str, diagnostics: Diagnostics) -> None:
@@ -110,8 +161,12 @@ class _Parsing:
     dropped: list[tuple[int, int]] = field(default_factory=list)  # tokens of items with errors
     resumed: int = -1  # token up to which the last recovery went
     tries: int = 0  # recoveries up to it before
+    unbound: set[str] = field(default_factory=set)  # names that messages asked for, and that `stream` does not bind
+    is_complete: bool = False  # the grammar allows the end of the text
+    ends_between_items: bool = False  # no item is open there
 
-    def run(self) -> tuple[tuple[ast.Item, ...], tuple[ast.Comment, ...], set[str]]:
+    def run(self) -> tuple[tuple[ast.Item, ...], tuple[ast.Comment, ...]]:
+        """The items of the file, and the comments after the last one."""
         self.state = _automaton.start(self.file, self.scan.comments)
         self.levels = [_Level(0, 0, 0)]
         self.depths = _depths(self.stream)
@@ -136,8 +191,7 @@ class _Parsing:
             else:
                 self._follow(i)
                 i += 1
-        items, dangling = result or ((), ())
-        return items, dangling, self.broken
+        return result or ((), ())
 
     def _resume(self, i: int) -> int:
         """The token to go on from after a recovery up to token `i`: behind it if the parser refuses it, as brackets do not match."""
@@ -173,6 +227,9 @@ class _Parsing:
             self.levels.pop()
         elif token.type == "_NL":
             level.height, level.first, level.broken = len(self.state.value_stack), i + 1, False
+        elif token.type == "$END":
+            self.is_complete = True
+            self.ends_between_items = len(self.levels) == 1 and level.first == i and not level.broken
 
     def _recover(self, i: int, blocks: bool = True, lines: bool = True) -> int:
         """Drop the current item and skip the rest of it, up to a block of its own whose items are still parsed.
@@ -198,14 +255,12 @@ class _Parsing:
         self.dropped.append((start, i))
         return i
 
-    def called(self) -> tuple[ast.Name, ...]:
-        """Functions called in items with errors, of names that the file does not use in another way."""
-        if not self.dropped:
-            return ()
+    def names(self) -> tuple[frozenset[str], tuple[ast.Name, ...]]:
+        """The names that are used otherwise than as functions, and the functions called in items with errors."""
         calls = [k + 1 < len(self.stream) and self._calls(k) for k in range(len(self.stream))]
-        bound = {str(token) for token, call in zip(self.stream, calls, strict=True) if token.type == "NAME" and not call}
+        names = frozenset(str(token) for token, call in zip(self.stream, calls, strict=True) if token.type == "NAME" and not call)
         found = [self.stream[k] for first, last in self.dropped for k in range(first, last) if calls[k]]
-        return tuple(ast.Name(lexer.span_of(token, self.file), str(token)) for token in found if token not in bound)
+        return names, tuple(ast.Name(lexer.span_of(token, self.file), str(token)) for token in found)
 
     def _calls(self, k: int) -> bool:
         """Whether token `k` is the name of a function that is called."""
@@ -226,7 +281,7 @@ class _Parsing:
 
     def _report(self, i: int, expected: set[str]) -> None:
         if not self._is_known(i):
-            site = ErrorSite(self.stream, i, self.levels[-1].first, expected)
+            site = ErrorSite(self.stream, i, self.levels[-1].first, expected, self.unbound)
             message, hint, at = syntax_errors.explain(site)
             self.diagnostics.error(message, lexer.span_of(at, self.file), hint)
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import itertools
 import re
+from collections.abc import Sequence
 
 from ..units import UNITS
 from .error_site import VALUES, Answer, ErrorSite, ends_value, is_end, quote, starts_value
+from .grammar import Token
 from .lexer import CLOSERS, COMPARISONS, KEYWORDS, OPENERS, OPERATORS
 
 _PAIRS = {
@@ -55,7 +57,15 @@ def _is_bound(site: ErrorSite, name: str) -> bool:
             break
         if site.stream[i] == name and site.stream[i].type == "NAME":
             return True
-    return any(token in ("let", "param") and site.stream[i + 1] == name for i, token in enumerate(site.stream[:-1]))
+    is_bound = name in bound_names(site.stream)
+    if not is_bound:
+        site.unbound.add(str(name))
+    return is_bound
+
+
+def bound_names(stream: Sequence[Token]) -> set[str]:
+    """The names after `let` and `param`."""
+    return {str(following) for token, following in itertools.pairwise(stream) if token in ("let", "param")}
 
 
 def _with_colons(site: ErrorSite) -> str:

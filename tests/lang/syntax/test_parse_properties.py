@@ -23,6 +23,7 @@ WORDS = [
 @given(st.lists(st.sampled_from(WORDS), max_size=60), st.sampled_from(["", " "]))
 @example(["50%", "group() {", "}", "{"], "")
 @example(["50%", "group() {", "}", "[1]"], "")
+@example(['  ""{\n   "\n}""{'], "")
 def test_token_soup_never_raises(words, between):
     text = between.join(words)
     diagnostics = Diagnostics()

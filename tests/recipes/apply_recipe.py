@@ -13,7 +13,7 @@ import shutil
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-FOLDERS = ("cli", "compiler", "lang", "live", "measure", "render", "stdlib")
+FOLDERS = sorted({path.parent.name for path in ROOT.glob("*/__init__.py")} - {"bench"})
 HEAD = re.compile(r"^# (?P<file>[\w/]+\.py), (?:(?P<new>a new file)|(?:in (?P<name>\w+) ?)?(?:before `(?P<text>[^`]+)`)?)$")
 RECIPES = sorted(path for path in Path(__file__).parent.glob("*.recipe"))
 

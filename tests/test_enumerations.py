@@ -1,0 +1,55 @@
+"""A table by the kinds of an enumeration has each kind, or is listed with the reason why not."""
+
+from __future__ import annotations
+
+import enum
+import importlib
+from pathlib import Path
+from types import ModuleType
+
+from maquette.compiler import ir
+
+ROOT = Path(__file__).resolve().parent.parent
+KINDS = [kind for kind in vars(ir).values() if isinstance(kind, type) and issubclass(kind, enum.Enum) and kind is not enum.Enum]
+NOT_ALL = {  # name of the table: why some kinds are not in it
+    "shapes.SHAPES": "meshes and formulas are no analytic shapes",
+    "compiler.exporters.gltf.materials._WRAPS": "glTF's samplers do not end in black: it is reported",
+    "compiler.exporters.mitsuba.materials._WRAPS": "Mitsuba's bitmaps do not end in black: it is reported",
+    "compiler.exporters.mitsuba.materials._SLOTS": "materials of the course have the inputs of _MATT",
+    "compiler.exporters.gltf.scene._LOST": "lights that glTF lacks",
+    "compiler.exporters.povray.scene._SOFT": "lights with an extent",
+    "compiler.exporters.povray.materials._HIGHLIGHTS": "materials with a highlight of POV-Ray's",
+    "compiler.scene.builder._EXPECTED": "a constant has one value",
+    "compiler.scene.validate._MEASURES": "measures of a mesh are those of its triangles",
+    "render.tessellation.part_materials._COLORS": "other materials have the colour of their diffuse part; a blend has two",
+}
+
+
+def modules() -> list[ModuleType]:
+    """The modules of the IR's readers and writers, of plan and renderer."""
+    names = []
+    for package in ("compiler", "render", "shapes"):
+        for path in sorted((ROOT / package).rglob("*.py")):
+            names.append("maquette." + ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"))
+    return [importlib.import_module(name) for name in names if ".cluster" not in name]  # which needs an extra
+
+
+def tables() -> dict[str, dict[enum.Enum, object]]:
+    """Each table by one kind of the IR, under the shortest name that it has."""
+    found: dict[int, tuple[str, dict[enum.Enum, object]]] = {}
+    for module in modules():
+        for name, value in vars(module).items():
+            if isinstance(value, dict) and value and len(types := {type(key) for key in value}) == 1 and types <= set(KINDS):
+                whole = f"{module.__name__.removeprefix('maquette.')}.{name}"
+                if id(value) not in found or len(whole) < len(found[id(value)][0]):
+                    found[id(value)] = whole, value
+    return dict(found.values())
+
+
+def test_each_table_has_each_kind_or_a_reason() -> None:
+    missing = {}
+    for name, table in tables().items():
+        if lacking := set(type(next(iter(table)))) - set(table):
+            missing[name] = sorted(kind.name for kind in lacking)
+    assert {name: kinds for name, kinds in missing.items() if name not in NOT_ALL} == {}
+    assert set(NOT_ALL) <= set(missing), "a table that is whole, or gone, needs no reason"

@@ -7,9 +7,15 @@ imports in others. Overloads stand in the module of their function.
 from __future__ import annotations
 
 import ast
+import functools
+import sys
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
+from types import CodeType, FunctionType, ModuleType
+from typing import Any
+
+import numpy as np
 
 from ...compiler.io import cache_dirs
 from .definitions import OTHER
@@ -20,8 +26,8 @@ SHIPPED = ROOT / "prebuilt" / "sources.json"
 """Definitions that come with the package, so that a first picture parses no sources."""
 _ALWAYS = ("render.simd.", "render.jit.compiler")  # define the types and operators of every kernel, and compile it
 _RUNTIME = (
-    "compiler.io.", "render.jit.cache", "render.jit.compile_lock", "render.jit.compile_process", "render.jit.kernel_cache",
-    "render.jit.prebuilt",
+    "compiler.io.", "render.jit.cache", "render.jit.compile_lock", "render.jit.compile_process",
+    "render.jit.kernel_cache", "render.jit.prebuilt",
 )  # fmt: skip
 """Modules that find, keep and load kernels: the decorators of kernels refer to them, but no kernel is compiled from them."""
 _PACKAGE = __name__.partition(".")[0]
@@ -40,6 +46,7 @@ class Keys:
     def __init__(self, sources: Sources) -> None:
         self.sources = sources
         self._resolved: dict[Place, tuple[Place, ...]] = {}
+        self._digests: dict[Place, str] = {}
 
     def key(self, module: str, name: str = "") -> str:
         """Digest of all that a definition of a module is compiled from, or the whole module.
@@ -52,11 +59,24 @@ class Keys:
             raise KeyError(f"{module} is not a module of the package")
         place = f"{dotted}~{outer}"
         if place not in self._kept:
-            is_definition = outer in self.sources.module(dotted).definitions  # else it is made by code of the module
-            self._kept[place] = self._digest(self.reach(dotted, outer if is_definition else ""))
+            self._kept[place] = self._digest_of(dotted, outer)
             self.sources.keep()
             self._keep()
         return self._kept[place]
+
+    def digest_of(self, module: str, name: str = "") -> str:
+        """`key`, for the many helpers of a kernel: it is computed in each process, and not kept on disk."""
+        dotted, outer = self.own(module), name.partition(".")[0]
+        if dotted is None:
+            raise KeyError(f"{module} is not a module of the package")
+        place = dotted, outer
+        if place not in self._digests:
+            self._digests[place] = self._kept.get(f"{dotted}~{outer}") or self._digest_of(dotted, outer)
+        return self._digests[place]
+
+    def _digest_of(self, module: str, name: str) -> str:
+        is_definition = name in self.sources.module(module).definitions  # else it is made by code of the module
+        return self._digest(self.reach(module, name if is_definition else ""))
 
     def key_of_file(self, path: Path) -> str:
         """Digest of a file outside of the package, of the files that it imports by relative paths, and of its imports from the package."""
@@ -159,7 +179,7 @@ def _file() -> Path:
 
 
 _package = Keys(Sources(ROOT, SHIPPED))
-key, key_of_file, reach = _package.key, _package.key_of_file, _package.reach
+key, key_of_file, reach, digest_of = _package.key, _package.key_of_file, _package.reach, _package.digest_of
 
 
 def is_ours(module: str) -> bool:
@@ -176,3 +196,63 @@ def version() -> str:
     """Digest of all modules that take part in rendering, by the bytes of their files."""
     sources = _package.sources
     return digest("\n".join(f"{name} {sources.content(name)}" for name in sources.files))
+
+
+# --- function objects -----------------------------------------------------------------------------------------------------
+
+
+class NoDigest(Exception):
+    """A value that is different in each process."""
+
+
+@functools.cache
+def digest_of_function(function: Any) -> str:
+    """Digest of a function object: of its code, of all that it refers to, of the values that it closes over, and of its defaults.
+
+    Raises NoDigest for a value that has none.
+    """
+    code, module = function.__code__, function.__module__
+    defaults = *(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values()
+    parts = [_code_text(code), *map(_value, (*(cell.cell_contents for cell in function.__closure__ or ()), *defaults))]
+    if module is not None and is_ours(module):
+        parts.append(digest_of(module, function.__qualname__))
+    elif module is not None and getattr(sys.modules.get(module), "__file__", None):
+        parts.append(_file_key(Path(str(sys.modules[module].__file__))))
+    else:  # made by exec
+        parts += [f"{name} {_value(function.__globals__[name])}" for name in _names(code) if name in function.__globals__]
+    return digest("\n".join(parts))
+
+
+_file_key = functools.cache(key_of_file)
+
+
+def _names(code: CodeType) -> list[str]:
+    """The global names of a function's code, and of the functions inside of it."""
+    inner = (each for each in code.co_consts if isinstance(each, CodeType))
+    return sorted({*code.co_names, *(name for each in inner for name in _names(each))})
+
+
+def _code_text(code: CodeType) -> str:
+    """Code without its place in a file."""
+    consts = [_code_text(each) if isinstance(each, CodeType) else repr(each) for each in code.co_consts]
+    names = code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars
+    return repr((code.co_code, consts, names, code.co_argcount, code.co_flags))
+
+
+def _value(value: Any) -> str:
+    """A value that code refers to, as text that tells it from others."""
+    for name in ("definition", "_defn", "py_func"):  # of intrinsics, of Numba's intrinsics, of kernels
+        value = getattr(value, name, value)
+    if isinstance(value, FunctionType):
+        return digest_of_function(value)
+    if value is None or isinstance(value, int | float | str | np.generic):
+        return repr(value)
+    if isinstance(value, tuple):
+        return f"({','.join(map(_value, value))})"
+    if isinstance(value, type | ModuleType):
+        module, name = (value.__module__, value.__qualname__) if isinstance(value, type) else (value.__name__, "")
+        return f"{module}.{name} {digest_of(module, name) if is_ours(module) else ''}"
+    kind = getattr(value, "name", None)  # of a Numba type
+    if not isinstance(kind, str) or " at 0x" in kind:
+        raise NoDigest(value)
+    return f"{type(value).__name__} {kind}"

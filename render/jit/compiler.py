@@ -9,12 +9,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from operator import attrgetter
+from pathlib import Path
 from typing import Any
 
 import numba
 from numba import njit
 from numba.core import config, cpu, types
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.funcdesc import default_mangler
 from numba.core.registry import cpu_target
 from numba.core.typing.context import Context
 from numba.core.typing.templates import infer, infer_global, make_intrinsic_template
@@ -33,7 +35,7 @@ from ..simd import (  # noqa: F401 - define kernels' functions
     target,
     vector_indexing,
 )
-from . import lto, numba_patches, numba_types, prebuilt
+from . import fragments, lto, numba_patches, numba_types, prebuilt
 from .kernel_file import Code
 from .value_types import ValueType
 
@@ -54,6 +56,11 @@ def convention(target_context: Any) -> str:
     return str(target_context.call_conv.get_function_type(types.float64, kinds))
 
 
+def _symbol(name: str, kinds: Any, *, abi_tags: Any = (), uid: Any = None) -> str:
+    """The symbol of a function: of a fragment with its unique digest, else Numba's."""
+    return f"{name}.{uid}" if isinstance(uid, str) else default_mangler(name, kinds, abi_tags=abi_tags, uid=uid)
+
+
 @cache
 def _contexts() -> dict[str, Any]:
     """Numba's contexts for the target machine of kernels, apart from those of other users of Numba in this process.
@@ -65,6 +72,7 @@ def _contexts() -> dict[str, Any]:
     try:
         typing_context = Context()
         target_context = cpu.CPUContext(typing_context, "cpu")
+        target_context.mangler = _symbol  # pyright: ignore[reportAttributeAccessIssue]
     finally:
         config.CPU_NAME, config.CPU_FEATURES = before  # pyright: ignore[reportAttributeAccessIssue]
     if prebuilt.folder() is not None and convention(target_context) != CONVENTION:
@@ -123,11 +131,13 @@ def _dispatcher(function: Callable[..., Any]) -> Any:
     return njit(**_FLAGS, pipeline_class=lto.Fragment)(function)
 
 
-def compile_kernel(function: Callable[..., Any], kinds: tuple[ValueType, ...]) -> Code:
-    """Compile a function for arguments of these types. Raises Numba's errors for code that it does not compile."""
+def compile_kernel(function: Callable[..., Any], kinds: tuple[ValueType, ...], folder: Path) -> Code:
+    """Compile a function for arguments of these types, with the fragments of a folder. Raises Numba's errors for other code."""
     with _for_kernels():
+        fragments.STORE.open(folder)
         library, described, result = _lower(function, kinds)
         code = library.emit()
+        fragments.STORE.save()
     return Code(numba_types.ENTRY, described.llvm_func_name, result, library.undefined(), code)
 
 

@@ -123,7 +123,7 @@ def _compile(function: Callable[..., Any], kinds: tuple[ValueType, ...], name: s
             return code, False
         from . import compiler
 
-        code = compiler.compile_kernel(function, kinds)
+        code = compiler.compile_kernel(function, kinds, CACHE)
         if name:
             write(name, code)
         return code, True
@@ -136,7 +136,7 @@ def compile_only(kernel: Any, kinds: tuple[ValueType, ...]) -> None:
     name = _file_name(kernel.py_func, kinds)
     code = read(name) if name else None
     if code is None:
-        code = compiler.compile_kernel(kernel.py_func, kinds)
+        code = compiler.compile_kernel(kernel.py_func, kinds, CACHE)
         if name:
             write(name, code)
     kernel.loaded[kinds] = loader.NotLoaded(code.result)

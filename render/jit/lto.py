@@ -6,6 +6,9 @@ kernel's compile time goes into code that never runs.
 
 from __future__ import annotations
 
+import inspect
+import json
+from contextlib import suppress
 from functools import cache
 from inspect import iscode
 from typing import Any
@@ -13,14 +16,27 @@ from typing import Any
 from llvmlite import binding
 from numba import _dynfunc  # pyright: ignore[reportAttributeAccessIssue]
 from numba.core import cgutils
+from numba.core.bytecode import FunctionIdentity
 from numba.core.codegen import CodeLibrary, JITCodeLibrary
-from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler import CompilerBase, DefaultPassBuilder, compile_result
 from numba.core.compiler_machinery import LoweringPass, register_pass
+from numba.core.environment import Environment
+from numba.core.funcdesc import FunctionDescriptor
 from numba.core.typed_passes import NativeLowering
+from numba.core.typing.templates import signature
+from numba.core.untyped_passes import ExtractByteCode
+from numba.core.utils import _dynamic_modname
+
+from . import fragments
+from .cache_key import NoDigest, digest_of_function
+from .numba_types import UnknownType, from_plain, to_plain
+from .package_sources import digest
 
 
 class _Library(JITCodeLibrary):
     """Code that is only linked into other libraries: an unoptimized module and its callees."""
+
+    key = ""  # of a fragment that is kept on disk
 
     def __init__(self, codegen: Any, name: str) -> None:
         CodeLibrary.__init__(self, codegen, name)
@@ -47,6 +63,10 @@ class _Library(JITCodeLibrary):
         """The module without its callees."""
         return self._final_module
 
+    def callees(self) -> list[Any]:
+        """The libraries of the functions that it calls."""
+        return self._linking_libraries
+
     def _get_module_for_linking(self) -> Any:
         """The module with its callees, for libraries other than `Whole`."""
         if self._shared_module is None:
@@ -54,6 +74,22 @@ class _Library(JITCodeLibrary):
             whole.name, whole.triple, whole.data_layout = self.name, self._final_module.triple, self._codegen._data_layout
             _link(whole, [self])
         return self._shared_module
+
+
+class _Stored(_Library):
+    """A fragment that was compiled before."""
+
+    def __init__(self, codegen: Any, fragment: fragments.Fragment) -> None:
+        super().__init__(codegen, fragment.symbol)
+        self.fragment, self.key, self._finalized = fragment, fragment.key, True
+
+    def module(self) -> Any:
+        if self._final_module is None:
+            self._final_module = binding.parse_bitcode(self.fragment.code)
+        return self._final_module
+
+    def callees(self) -> list[Any]:
+        return [_Stored(self._codegen, each) for each in fragments.STORE.callees(self.fragment)]
 
 
 @cache
@@ -99,15 +135,15 @@ def _link(module: Any, libraries: list[Any]) -> None:
     Linkage changes after linking: LLVM does not link discardable functions that are not called yet.
     """
     own = {function.name for function in module.functions if not function.is_declaration}
-    fragments, others, todo = dict[Any, None](), dict[Any, None](), list(reversed(libraries))
+    linked, others, todo = dict[Any, Any](), dict[Any, None](), list(reversed(libraries))
     while todo:
         library = todo.pop()
         if not isinstance(library, _Library):
             others[library] = None
-        elif library not in fragments:
-            fragments[library] = None
-            todo += reversed(library._linking_libraries)
-    for library in fragments:
+        elif (library.key or library) not in linked:
+            linked[library.key or library] = library
+            todo += reversed(library.callees())
+    for library in linked.values():
         module.link_in(library.module(), preserve=True)
     for function in module.functions:
         if not function.is_declaration and function.name not in own:
@@ -195,8 +231,48 @@ _UNUSED_PASSES = {
 _CLOSURE_PASSES = {"inline_closure_likes", "make_function_op_code_to_jit_function"}
 
 
+_used = set[str]()  # keys of the fragments that this process has compiled
+
+
 class Fragment(CompilerBase):
-    """Numba's pipeline without the unused passes and without code emission."""
+    """Numba's pipeline without the unused passes and without code emission. Fragments on disk are not compiled again."""
+
+    def compile_extra(self, func: Any) -> Any:
+        """Compile a helper, or take it from fragments.py."""
+        key = _key_of(func, self.state.args, self.state.flags)
+        stored = fragments.STORE.find(key) if key is not None else None
+        if stored is not None:
+            return self._take(func, stored)
+        identity: Any = FunctionIdentity.from_function(func)
+        self.state.func_id = identity
+        if key in _used:  # it could not be kept: this is another copy with another symbol
+            key = None
+        if key is not None:
+            _used.add(key)
+            identity.unique_id = key
+        ExtractByteCode().run_pass(self.state)
+        self.state.lifted, self.state.lifted_from = (), None
+        result = self._compile_bytecode()
+        if key is not None:
+            _keep(key, result)
+        return result
+
+    def _take(self, func: Any, fragment: fragments.Fragment) -> Any:
+        """A stored fragment as the result of a compilation."""
+        context, kinds, flags = self.state.targetctx, self.state.args, self.state.flags
+        kind, library = from_plain(fragment.result), _Stored(context.codegen(), fragment)
+        names = tuple(inspect.signature(func).parameters)
+        described = FunctionDescriptor(
+            True, func.__module__ or _dynamic_modname, func.__qualname__, fragment.symbol, "", None, kind, None, names, (),
+            lambda *_, **__: fragment.symbol, kinds, flags.forceinline, flags.noalias, f"env.{fragment.symbol}", func.__globals__,
+        )  # fmt: skip
+        environment = Environment.from_fndesc(described)
+        function = _dynfunc.make_function(described.lookup_module(), func.__name__, "a fragment", 0, environment, (library,))
+        context.insert_user_function(function, described, [library])
+        return compile_result(
+            typing_context=self.state.typingctx, target_context=context, entry_point=function, signature=signature(kind, *kinds),
+            objectmode=False, lifted=(), fndesc=described, library=library, environment=environment, metadata={}, reload_init=[],
+        )  # fmt: skip
 
     def define_pipelines(self) -> list[Any]:
         self.state.flags.no_compile = True
@@ -208,6 +284,41 @@ class Fragment(CompilerBase):
         passes.add_pass_after(_Register, NativeLowering)
         passes.finalize()
         return [passes]
+
+
+def _key_of(function: Any, kinds: tuple[Any, ...], flags: Any) -> str | None:
+    """The key of a fragment for arguments of these types; None where it depends on more than definitions and types."""
+    try:
+        return digest(f"{digest_of_function(function)} {flags.forceinline} {flags.nrt} {json.dumps(list(map(to_plain, kinds)))}")
+    except (NoDigest, UnknownType):
+        return None
+
+
+def _keep(key: str, result: Any) -> None:
+    """Keep a compiled fragment, unless it calls one that is not kept, or a file cannot describe its result."""
+    library, kind = result.library, result.signature.return_type
+    calls = [each.key for each in library.callees() if isinstance(each, _Library)]
+    with suppress(UnknownType):
+        result_type = to_plain(kind)
+        if all(calls) and from_plain(result_type) == kind:
+            fragments.STORE.add(fragments.Fragment(key, result.fndesc.llvm_func_name, result_type, tuple(calls), _own_code(library)))
+            library.key = key
+
+
+def _own_code(library: _Library) -> bytes:
+    """The bitcode of a fragment, with the functions of Numba that it calls. Each kernel links those of allocation."""
+    code = library.module().as_bitcode()
+    others = [each for each in library.callees() if not isinstance(each, _Library) and each.name != "nrt"]
+    if not others:
+        return code
+    module = binding.parse_bitcode(code)
+    own = {function.name for function in module.functions if not function.is_declaration}
+    for each in others:
+        module.link_in(each._get_module_for_linking(), preserve=True)
+    for function in module.functions:
+        if not function.is_declaration and function.name not in own:
+            function.linkage = "internal"
+    return module.as_bitcode()
 
 
 class Kernel(CompilerBase):

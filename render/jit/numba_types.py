@@ -15,7 +15,7 @@ from numba.np import numpy_support
 from numba.np.arrayobj import make_array, populate_array
 
 from ..simd.vector_type import Vector
-from . import value_types
+from . import cache_key, value_types
 from .value_types import HandleType, ValueType
 
 WORD = 8  # bytes
@@ -70,6 +70,63 @@ def from_numba(kind: Any) -> ValueType:
         named = kind.instance_class if isinstance(kind, types.BaseNamedTuple) else None  # pyright: ignore[reportAttributeAccessIssue]
         return value_types.tuple_type(named, tuple(map(from_numba, kind)))  # pyright: ignore[reportArgumentType]
     raise TypeError(f"a kernel does not return {kind}")
+
+
+class UnknownType(Exception):
+    """A type that a file cannot describe."""
+
+
+def to_plain(kind: Any) -> Any:
+    """A type as lists, strings and numbers, equal for equal types in all processes. Raises UnknownType."""
+    if isinstance(kind, NumbaHandle):
+        return value_types.handle_type(kind.layout).plain
+    if isinstance(kind, types.BaseNamedTuple):
+        return ["named", *_class(kind.instance_class), [to_plain(item) for item in kind.types]]  # pyright: ignore[reportAttributeAccessIssue]
+    if isinstance(kind, types.BaseTuple):
+        starred = isinstance(kind, types.StarArgTuple | types.StarArgUniTuple)
+        return ["starred" if starred else "tuple", [to_plain(item) for item in kind.types]]  # pyright: ignore[reportAttributeAccessIssue]
+    if isinstance(kind, Vector):
+        return ["vector", kind.kind, kind.bits, kind.lanes]
+    if isinstance(kind, types.Array) and isinstance(kind.dtype, types.Number | types.Boolean):
+        return ["array", numpy_support.as_dtype(kind.dtype).str, kind.ndim, kind.layout, not kind.mutable, kind.aligned]
+    if isinstance(kind, types.Optional):
+        return ["optional", to_plain(kind.type)]
+    if isinstance(kind, types.Literal):
+        value = kind.literal_value
+        return ["literal", value] if isinstance(value, bool | int | str) else ["literal", type(kind).__name__, repr(value)]
+    text = str(kind)
+    if " at 0x" in text:
+        raise UnknownType
+    return [type(kind).__name__, text]
+
+
+def _class(cls: Any) -> tuple[str, str, str]:
+    """Module, name and definition of the class of a NamedTuple."""
+    name = cls.__module__, cls.__qualname__
+    return *name, cache_key.digest_of(*name) if cache_key.is_ours(cls.__module__) else ",".join(cls._fields)
+
+
+def from_plain(data: Any) -> Any:
+    """The type of plain data. Raises UnknownType for types that `to_plain` only names."""
+    name, *parts = data
+    if name == "handle":
+        return to_numba(value_types.from_plain(data))
+    if name == "named":
+        return types.BaseTuple.from_types([from_plain(item) for item in parts[3]], value_types.class_of(parts[0], parts[1]))
+    if name == "tuple":
+        return types.BaseTuple.from_types([from_plain(item) for item in parts[0]])
+    if name == "vector":
+        return Vector(*parts)
+    if name == "array":
+        dtype, ndim, layout, readonly, aligned = parts
+        return types.Array(numpy_support.from_dtype(np.dtype(dtype)), ndim, layout, readonly=readonly, aligned=aligned)
+    if name == "optional":
+        return types.Optional(from_plain(parts[0]))
+    if name == "literal" and len(parts) == 1:
+        return types.literal(parts[0])
+    if name in ("Integer", "Float", "Boolean", "NoneType"):
+        return getattr(types, parts[0])
+    raise UnknownType
 
 
 # --- packed structs ------------------------------------------------------------------------------------------------------

@@ -226,7 +226,7 @@ def from_plain(plain: Any) -> ValueType:
     if name == "tuple":
         return tuple_type(None, tuple(map(from_plain, parts[0])))
     if name == "named":
-        cls = functools.reduce(getattr, parts[1].split("."), import_module(parts[0]))
+        cls = class_of(parts[0], parts[1])
         if list(cls._fields) != parts[2]:
             raise ValueError(f"{cls} has other fields")
         return tuple_type(cls, tuple(map(from_plain, parts[3])))
@@ -235,6 +235,11 @@ def from_plain(plain: Any) -> ValueType:
     if name == "handle":
         return handle_type(_layout_of_plain(parts[0]))
     raise ValueError(f"{name} is not a type of values")
+
+
+def class_of(module: str, name: str) -> Any:
+    """The class of a dotted name in a module."""
+    return functools.reduce(getattr, name.split("."), import_module(module))
 
 
 TYPE_OF: dict[type, Callable[[Any], ValueType]] = {}

@@ -22,10 +22,10 @@ for pipeline in (lto.Fragment, lto.Kernel):
     pipeline.define_pipelines = define
 
 missing, kernels, fragments = set(), 0, {}
-def compile_kernel(function, kinds, before=compiler.compile_kernel):
+def compile_kernel(function, kinds, folder, before=compiler.compile_kernel):
     global kernels
     compiled.clear()
-    code = before(function, kinds)
+    code = before(function, kinds, folder)
     kernels += 1
     module = function.__module__.partition(".")[2]
     reach = cache_key.reach(module, function.__qualname__.partition(".")[0])

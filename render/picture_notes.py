@@ -49,9 +49,8 @@ def of_render(about: Mapping[str, Any], scene: ir.Scene, plan: Plan, asked: ir.S
 
 
 def plan_warnings(scene: ir.Scene, plan: Plan) -> list[Diagnostic]:
-    """Notes on former names of decisions and on parts without effect, and warnings about the scene."""
-    notes = [*(Diagnostic("note", text) for text in plan.notes), *planner.notes(scene, plan)]
-    return [*notes, *(Diagnostic("warning", text) for text in planner.warnings(scene, plan))]
+    """Notes on parts without effect, and warnings about the scene."""
+    return [*planner.notes(scene, plan), *(Diagnostic("warning", text) for text in planner.warnings(scene, plan))]
 
 
 def invalid_sample_warnings(samples: int) -> list[Diagnostic]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from typing import Any, ClassVar
@@ -50,8 +49,6 @@ class Scene(ir.Scene):
         if plan is not None and not isinstance(plan, Mapping):
             raise TypeError(f"plan is a dict of decisions by name, not {type(plan).__name__}")
         decided = planner.make_plan(self, asked, plan)
-        for note in decided.notes:
-            warnings.warn(note, DeprecationWarning, stacklevel=3)
         image = render_scene.draw(self, decided, deadline=Deadline(decided["budget"], began[0], processed=began[1]))
         items = [*picture_notes.plan_warnings(self, decided), *picture_notes.of_render(image.metadata, self, decided, asked)]
         items += picture_notes.late_drawing_warnings(image.metadata, decided)

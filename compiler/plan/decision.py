@@ -40,10 +40,9 @@ class Decision:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Decisions by name: `plan["raster.coverage"]` is a value. `notes`: overrides with a former name."""
+    """Decisions by name: `plan["raster.coverage"]` is a value."""
 
     decisions: Mapping[str, Decision]
-    notes: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> Any:
         return self.decisions[name].value
@@ -56,47 +55,6 @@ class Plan:
 DEFAULT_ERROR = 0.03  # √relMSE
 
 Rule = Callable[[ir.Scene, ir.Settings, Plan], Decision]  # makes one decision; the plan holds the earlier ones
-
-RENAMED = {
-    "soft lights": "area_lights",
-    "random numbers": "monte_carlo",
-    "weighing": "mis",
-    "formulas": "implicit_surfaces",
-    "textures": "texture_filter",
-    "horizon": "ground_plane",
-    "motion": "motion_blur",
-    "shadows.lamps": "shadows.light_shapes",
-    "transport.reuse": "transport.path_reuse",
-    "raster.secondary": "raster.secondary_rays",
-    "raster.fill": "raster.coverage",
-    "raster.places": "raster.sample_positions",
-}  # former names of decisions, accepted for one version
-RENAMED_VALUES = {
-    ("transport", "paths"): "path",
-    ("transport", "tree"): "whitted",
-    ("accelerator", "brute"): "brute_force",
-    ("mis", "lights"): "light",
-    ("mis", "surfaces"): "bsdf",
-    ("implicit_surfaces", "closed"): "closed_form",
-    ("implicit_surfaces", "bounds"): "interval",
-    ("texture_filter", "filtered"): "footprint",
-    ("texture_filter", "sharp"): "point",
-    ("raster.sample_positions", "own"): "per_pixel",
-}
-
-
-def current_names(overrides: Mapping[str, str]) -> tuple[dict[str, str], tuple[str, ...]]:
-    """(overrides with current names, a note for each former one)."""
-    current, notes = {}, []
-    for name, value in overrides.items():
-        new_name = RENAMED.get(name, name)
-        new_value = RENAMED_VALUES.get((new_name, value), value)
-        current[new_name] = new_value
-        if new_value != value:
-            notes.append(f"--plan {name}={value} is now {new_name}={new_value}")
-        elif new_name != name:
-            notes.append(f"--plan {name} is now {new_name}")
-    return current, tuple(notes)
 
 
 def override(decision: Decision, text: str) -> Decision:

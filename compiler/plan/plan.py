@@ -8,7 +8,7 @@ from dataclasses import replace
 from ...lang.diagnostics import Diagnostic, suggest
 from .. import ir
 from . import emissive_shapes, picture_rules, raster_rules, scene_rules, transport_rules
-from .decision import Decision, Plan, PlanError, Rule, current_names, override
+from .decision import Decision, Plan, PlanError, Rule, override
 
 UNSEEN = 0.02  # of a place's light, that may be missing where no error was asked for
 
@@ -38,9 +38,9 @@ def make_plan(scene: ir.Scene, settings: ir.Settings, overrides: Mapping[str, st
     asked = settings.over(scene.settings)
     if settings.error is not None and settings.samples is None:
         asked = replace(asked, samples=None)  # an error on the command line comes before a number of samples in the scene
-    left, notes = current_names(overrides or {})
+    left = dict(overrides or {})
     decided: dict[str, Decision] = {}
-    plan = Plan(decided, notes)
+    plan = Plan(decided)
     for rule in RULES:
         decision = rule(scene, asked, plan)
         if decision.name in left:

@@ -193,7 +193,7 @@ def _at_full_size(plan: Plan, small: Image, divisor: int, extras: Image | None) 
 
 
 def _fill(image: Image, preview: Image | None, plan: Plan) -> None:
-    """Fill pixels without a sample: from the preview, else from the nearest pixels of their rows and columns."""
+    """Fill pixels without a sample: from the preview, else from the pixels around."""
     missing = image.metadata.pop("undrawn")
     image.metadata.update(filled=0.0 if missing is None else float(missing.mean()), resolution=1)
     if missing is None:
@@ -203,28 +203,27 @@ def _fill(image: Image, preview: Image | None, plan: Plan) -> None:
         about = preview.metadata
         rgba[missing] = enlarged(preview.channels["rgba"], about["size"], about["crop"], plan["size"], plan["crop"])[missing]
     elif not missing.all():
-        rows, columns = _nearest(missing)
         for name, channel in image.channels.items():
             if name == "rgba" or name.startswith("light:"):
-                channel[...] = channel[rows, columns]
+                fill_holes(channel, missing)
 
 
-def _nearest(missing: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(rows, columns) (h, w) of the pixel that each shows: the nearest in its row that is not missing, in the nearest row with such."""
-    width = missing.shape[1]
-    some = ~missing.all(axis=1)
-    row: NDArray[np.int64] = _nearest_in_rows(some.reshape(1, -1)).reshape(-1)
-    column = _nearest_in_rows(~missing[row])
-    return np.repeat(row[:, None], width, axis=1), column
+def fill_holes(pixels: Pixels, missing: NDArray[np.bool_]) -> None:
+    """Fill the missing pixels of (h, w, k) from means of those around: push-pull, Gortler and others, "The Lumigraph", 1996.
 
-
-def _nearest_in_rows(there: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """(h, w) the nearest column that is there, in rows with at least one."""
-    width = there.shape[1]
-    at = np.arange(width)
-    before = np.maximum.accumulate(np.where(there, at, -width), axis=1)
-    after = np.minimum.accumulate(np.where(there, at, 2 * width)[:, ::-1], axis=1)[:, ::-1]
-    return np.where(at - before <= after - at, before, after)
+    At least one pixel must be there.
+    """
+    if not missing.any():
+        return
+    h, w = missing.shape
+    tall, wide = (h + 1) // 2, (w + 1) // 2
+    values = np.zeros((2 * tall, 2 * wide, pixels.shape[2] + 1), np.float32)
+    values[:h, :w, :-1], values[:h, :w, -1] = np.where(missing[..., None], 0.0, pixels), ~missing
+    sums = values.reshape(tall, 2, wide, 2, -1).sum((1, 3))
+    half = sums[..., :-1] / np.maximum(sums[..., -1:], 1.0)
+    fill_holes(half, sums[..., -1] == 0.0)
+    between = enlarged(half, (wide, tall), (0, 0, wide, tall), (2 * wide, 2 * tall), (0, 0, w, h))
+    pixels[missing] = np.clip(between, half.min((0, 1)), half.max((0, 1)))[missing]  # rounding makes no alpha of 1 smaller
 
 
 def enlarged(

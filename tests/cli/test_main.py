@@ -527,20 +527,6 @@ def test_explain_begins_with_what_matters(scene: Path) -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("former", "name", "value", "note"),
-    [
-        ("raster.fill=areas", "raster.coverage", "areas", "--plan raster.fill is now raster.coverage"),
-        ("accelerator=brute", "accelerator", "brute_force", "--plan accelerator=brute is now accelerator=brute_force"),
-    ],
-)
-def test_former_names_of_decisions_work_with_a_note(scene: Path, former: str, name: str, value: str, note: str) -> None:
-    code, out, err = run("explain", scene, "--json", "--plan", former)
-    assert code == 0
-    assert {row["name"]: row["value"] for row in json.loads(out)}[name] == value
-    assert err.splitlines() == [f"note: {note}"]
-
-
 def test_explain_prints_added_defaults(scene: Path) -> None:
     scene.write_text("sphere(1)\n", encoding="utf-8")
     _, out, _ = run("explain", scene)

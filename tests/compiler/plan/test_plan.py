@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from maquette.compiler import ir
 from maquette.compiler.plan import picture_rules, plan, transport_rules
-from maquette.compiler.plan.decision import DEFAULT_ERROR, RENAMED, RENAMED_VALUES, Decision, Plan, current_names, denoises, error_asked
+from maquette.compiler.plan.decision import DEFAULT_ERROR, Decision, Plan, denoises, error_asked
 
 
 def scene(
@@ -154,29 +154,6 @@ def test_every_decision_has_a_reason_and_a_switch() -> None:
         if decision.fixed:
             with pytest.raises(plan.PlanError, match="is set by"):
                 plan.make_plan(scene(), ir.Settings(), {decision.name: "1"})
-
-
-@pytest.mark.parametrize("former", RENAMED)
-def test_former_names_of_decisions(former: str) -> None:
-    current, notes = current_names({former: "x"})
-    assert next(iter(current)) in plan.make_plan(scene(), ir.Settings()).decisions
-    assert notes == (f"--plan {former} is now {next(iter(current))}",)
-
-
-@pytest.mark.parametrize(("name", "former"), RENAMED_VALUES)
-def test_former_values_of_decisions(name: str, former: str) -> None:
-    current, notes = current_names({name: former})
-    assert notes == (f"--plan {name}={former} is now {name}={current[name]}",)
-
-
-def test_a_former_name_with_a_former_value() -> None:
-    built = scene(ir.LightKind.POINT)
-    assert plan.make_plan(built, ir.Settings()).notes == ()
-    current, notes = current_names({"weighing": "lights", "shadows": "on"})
-    assert current == {"mis": "light", "shadows": "on"}
-    assert notes == ("--plan weighing=lights is now mis=light",)
-    made = plan.make_plan(built, ir.Settings(), {"raster.fill": "areas"})
-    assert (made["raster.coverage"], made.notes) == ("areas", ("--plan raster.fill is now raster.coverage",))
 
 
 def test_overrides() -> None:

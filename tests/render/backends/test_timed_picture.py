@@ -109,6 +109,34 @@ def test_without_another_size_pixels_show_the_nearest() -> None:
     assert [d.message for d in found] == [f"the budget of 4 s ended before {share} of the pixels had a sample: they show what is near"]
 
 
+@pytest.mark.parametrize("size", [(1, 1), (1, 7), (64, 1), (37, 23), (64, 48)])
+@pytest.mark.parametrize(("share", "bound"), [(0.02, 0.3), (0.3, 0.1), (0.9, 0.03)])
+def test_holes_show_what_is_around(size: tuple[int, int], share: float, bound: float) -> None:
+    w, h = size
+    rows, columns = np.mgrid[:h, :w]
+    ramp = np.stack([columns / w, rows / h, np.full((h, w), 0.25), np.ones((h, w))], axis=-1).astype(np.float32)
+    there = np.random.default_rng(7).random((h, w)) < share
+    there[h // 2, w // 2] = True
+    pixels = np.where(there[..., None], ramp, np.float32(np.nan))
+    timed_picture.fill_holes(pixels, ~there)
+    assert np.all(pixels[there] == ramp[there])
+    assert np.all(pixels[..., 2] == 0.25)
+    assert np.all(pixels[..., 3] == 1.0)
+    assert np.abs(pixels - ramp)[..., :2].mean() < bound
+
+
+def test_holes_make_no_streaks() -> None:
+    """A pixel that is there spreads as far along columns as along rows."""
+    pixels, missing = np.zeros((65, 65, 1), np.float32), np.ones((65, 65), bool)
+    for row, column in ((32, 32), (0, 0), (0, 64), (64, 0), (64, 64)):
+        missing[row, column] = False
+    pixels[32, 32] = 1.0
+    timed_picture.fill_holes(pixels, missing)
+    near = pixels[..., 0] > 0.5
+    across, along = near.any(axis=0).sum(), near.any(axis=1).sum()
+    assert 0.7 < across / along < 1.4
+
+
 def test_a_crop_is_enlarged_in_its_place() -> None:
     image = drawn(Ramp(2e-2), 10.0, crop=(48, 16, 96, 64))
     assert image.metadata["resolution"] > 1

@@ -6,7 +6,7 @@ import functools
 
 from ..render.accel import ray_queries as traced
 from ..render.accel import scene_bvh
-from ..render.accel.build import tree_cache
+from ..render.accel.bvh_build import tree_cache
 from ..render.jit.packed_struct import Handle
 from . import embree, meshes, report
 from .harness import OURS, Case, Contender, Effort, Peers, measure

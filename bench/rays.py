@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..compiler import ir
 from ..render.accel import ray_queries as traced
-from ..render.accel.build.scene_layout import Bvh
+from ..render.accel.bvh_build.scene_layout import Bvh
 from ..render.jit.packed_struct import Handle
 from . import embree, limits, meshes, mitsuba, report
 from .harness import OURS, Case, Contender, Disagreement, Effort, Peers, Seconds, measure, need, timed

@@ -9,7 +9,7 @@ from typing import Any
 
 from ..compiler.io.stage_cache import StageCache
 from ..lang.eval import modules
-from ..render.accel.build import tree_cache
+from ..render.accel.bvh_build import tree_cache
 from ..render.jit import compile_events
 
 READ = ("meshes read", "meshes triangulated", "images read")  # stages of StageCache

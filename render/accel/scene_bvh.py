@@ -17,9 +17,9 @@ from .. import simd
 from ..formula import scene_tables
 from ..formula import tables as formula_tables
 from ..geometry import bounds
-from .build import tlas, tree_cache, wide_bvh
-from .build.scene_layout import CAMERA_REST, INSTANCE_ROW, SHADOW_REST, Bvh, KernelAddress, MotionAlpha, Nothing
-from .build.wide_bvh import Wide
+from .bvh_build import tlas, tree_cache, wide_bvh
+from .bvh_build.scene_layout import CAMERA_REST, INSTANCE_ROW, SHADOW_REST, Bvh, KernelAddress, MotionAlpha, Nothing
+from .bvh_build.wide_bvh import Wide
 from .traverse import instance_extent
 
 MESH, FORMULA = int(ir.GeometryKind.MESH), int(ir.GeometryKind.FORMULA)

@@ -15,7 +15,7 @@ from maquette.bench import meshes
 from maquette.compiler import load
 from maquette.live.scene_files import Opened
 from maquette.live.studio import Studio
-from maquette.render.accel.build import wide_bvh
+from maquette.render.accel.bvh_build import wide_bvh
 
 from . import windows
 

@@ -16,7 +16,7 @@ from ...jit.packed_struct import HandleType
 from ...lanes import crosslane, ops
 from ...simd.registration import overload, types
 from ...types import Hit, Lane
-from ..build import scene_layout
+from ..bvh_build import scene_layout
 
 SIDE = 64  # pixels of a tile's side, so that its rays fill a packet
 QUICK = 2  # samples a pixel up to which tiles of large pictures hold four packets, since Python runs between tiles

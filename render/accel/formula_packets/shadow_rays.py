@@ -20,7 +20,7 @@ from ...simd.registration import overload, types
 from ...surface import interaction
 from ...types import Hit, Lane, Options, Ray, Surface, Tables, Vec
 from .. import intersect
-from ..build import scene_layout
+from ..bvh_build import scene_layout
 from .hits import load_slots, packet_instances
 
 MAX_LIGHTS = 31  # two bits a light

@@ -1,5 +1,5 @@
 """BVH traversal: single rays, interleaved rays, packets.
 
-May import: render.geometry, formula, surface, accel.build.
+May import: render.geometry, formula, surface, accel.bvh_build.
 Begin with `two_level.py`.
 """

@@ -13,7 +13,7 @@ from ... import simd
 from ...jit.kernel import helper
 from ...lanes import crosslane
 from ...types import Lane
-from ..build.wide_bvh import NODE, WIDTH
+from ..bvh_build.wide_bvh import NODE, WIDTH
 from . import packet, packet_nodes, ray_box
 from .node_stack import push
 from .packet import PACKETS

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ... import simd
 from ...jit.kernel import helper, kernel
-from ..build.wide_bvh import DEPTH, EMPTY, NODE, WIDTH, Wide, spread32
+from ..bvh_build.wide_bvh import DEPTH, EMPTY, NODE, WIDTH, Wide, spread32
 from . import node_stack
 
 Frames = Callable[[NDArray[np.int64]], tuple[NDArray[np.float64], NDArray[np.float64]]]

@@ -14,7 +14,7 @@ from ...jit.kernel import helper, noinline_helper
 from ...jit.packed_struct import skip_when_tagged
 from ...lanes import affine, crosslane, ops, row_gather
 from ...types import Hit, Lane, Vec
-from ..build.scene_layout import EXTENT, INSTANCE_ROW, MESH, NO_MESHES
+from ..bvh_build.scene_layout import EXTENT, INSTANCE_ROW, MESH, NO_MESHES
 from . import node_stack, ray_box, ray_state, shape_hit, single_ray
 from .ray_box import MeshRays, SceneRays
 from .ray_state import RAYS, STACK, StoredRays, TraversalState

@@ -23,9 +23,9 @@ from ...lanes.kinds import FLOAT
 from ...simd.registration import overload, types
 from ...surface import alpha, interaction
 from ...types import Hit, Lane, Ray, Vec
-from ..build import tlas
-from ..build.scene_layout import EXTENT, MESH, NO_MESHES, absent_features
-from ..build.wide_bvh import DEPTH, spread64, triangle_of
+from ..bvh_build import tlas
+from ..bvh_build.scene_layout import EXTENT, MESH, NO_MESHES, absent_features
+from ..bvh_build.wide_bvh import DEPTH, spread64, triangle_of
 from . import node_stack, ray_box, ray_state, shape_hit, single_ray, triangle_filter, two_level
 
 _LANES = crosslane.WIDTH

@@ -13,7 +13,7 @@ from ... import simd
 from ...jit.kernel import helper
 from ...simd import target
 from ...types import Lane
-from ..build.wide_bvh import NODE, WIDTH, spread32
+from ..bvh_build.wide_bvh import NODE, WIDTH, spread32
 from .ray_state import FAR, NodeRay
 
 _FAR = np.float32(FAR)

@@ -19,7 +19,7 @@ from ...geometry import triangle_hit as flat
 from ...jit.kernel import helper, make_replace
 from ...lanes import ops
 from ...types import Lane, Vec
-from ..build.wide_bvh import LEAF, WHICH, WIDTH, spread32, triangle_of
+from ..bvh_build.wide_bvh import LEAF, WHICH, WIDTH, spread32, triangle_of
 from . import ray_box, ray_state, triangle_filter
 from .packet import CentralRay, Packet, PacketShear, component
 

@@ -14,8 +14,8 @@ from ... import simd
 from ...jit.kernel import helper
 from ...lanes import ops
 from ...types import Lane, Vec
-from ..build.scene_layout import EXTENT, LEAF_EXTENT
-from ..build.wide_bvh import DEPTH, NODE, WIDTH, spread32
+from ..bvh_build.scene_layout import EXTENT, LEAF_EXTENT
+from ..bvh_build.wide_bvh import DEPTH, NODE, WIDTH, spread32
 from . import node_stack, packet, packet_leaves, ray_box, ray_state, single_ray, triangle_filter
 from .packet_leaves import EDGES
 

@@ -14,7 +14,7 @@ from ... import simd
 from ...jit.kernel import helper
 from ...lanes import crosslane, ops
 from ...types import Lane, Vec
-from ..build.wide_bvh import NODE, WIDTH, spread64
+from ..bvh_build.wide_bvh import NODE, WIDTH, spread64
 
 FAR = 1.0 + 2.0 * 3.4e-16  # 1 + 2 γ₃ for float64
 WORLD_ERROR = 1e-12  # relative error of the origin's coordinates: rounding of transforms and their inverses

@@ -16,7 +16,7 @@ from ...geometry import triangle_hit as flat
 from ...jit.kernel import helper
 from ...lanes import crosslane, ops
 from ...types import Hit, Lane, Vec
-from ..build.wide_bvh import DEPTH, WIDTH, spread32
+from ..bvh_build.wide_bvh import DEPTH, WIDTH, spread32
 from . import ray_box, triangle_filter
 
 FAR = 1.0 + 2.0**-21  # factor of the far side: eight float32 roundings

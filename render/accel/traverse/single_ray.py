@@ -14,7 +14,7 @@ from ... import simd
 from ...geometry import triangle_hit as flat
 from ...jit.kernel import helper
 from ...types import Vec
-from ..build.wide_bvh import LEAF, WIDTH, triangle_of
+from ..bvh_build.wide_bvh import LEAF, WIDTH, triangle_of
 from . import node_stack, ray_state, triangle_filter
 from .ray_state import FAR, RAYS, STACK, NodeRay, ShearedRay, StoredRays, TraversalState
 

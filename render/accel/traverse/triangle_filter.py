@@ -9,7 +9,7 @@ import numpy as np
 from ... import simd
 from ...jit.kernel import helper
 from ...types import Lane, Vec
-from ..build.wide_bvh import LEAF, WIDTH
+from ..bvh_build.wide_bvh import LEAF, WIDTH
 
 OFF = 2.0**-20  # error of a sheared float32 corner, relative to the mesh's largest coordinate
 SMALLEST, LARGEST = 1e-12, 1e17  # coordinates between which float32 products neither underflow nor overflow

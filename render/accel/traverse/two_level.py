@@ -14,9 +14,9 @@ from ...jit.value_types import BOOL, INT64, tuple_type
 from ...lanes import affine, crosslane, ops, row_gather
 from ...lanes.kinds import FLOAT, INT, MASK, VEC
 from ...types import Hit, Lane, Vec
-from ..build import tlas
-from ..build.scene_layout import EXTENT, MESH, NO_MESHES, NO_TREE
-from ..build.wide_bvh import DEPTH
+from ..bvh_build import tlas
+from ..bvh_build.scene_layout import EXTENT, MESH, NO_MESHES, NO_TREE
+from ..bvh_build.wide_bvh import DEPTH
 from . import interleaved_mesh, interleaved_scene, node_stack, packet, packet_nodes, ray_box, shape_hit
 from .packet import PACKETS
 from .ray_box import MeshRays, SceneRays

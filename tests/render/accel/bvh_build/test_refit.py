@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from maquette.render.accel.build import refit, tree_cache, wide_bvh
-from maquette.render.accel.build.wide_bvh import EMPTY, WIDTH
+from maquette.render.accel.bvh_build import refit, tree_cache, wide_bvh
+from maquette.render.accel.bvh_build.wide_bvh import EMPTY, WIDTH
 
 from ...tables import matrix, scene
 from ...tracing import coherent_rays, random_rays, same, wavy

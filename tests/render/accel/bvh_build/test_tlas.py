@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from maquette.compiler import ir
 from maquette.render.accel import scene_bvh
-from maquette.render.accel.build import tlas
+from maquette.render.accel.bvh_build import tlas
 from maquette.render.accel.traverse import two_level
 from maquette.render.types import Ray
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from maquette.render.accel import scene_bvh
-from maquette.render.accel.build import tree_cache, wide_bvh
+from maquette.render.accel.bvh_build import tree_cache, wide_bvh
 from maquette.render.jit import cache_folder, kernel_cache
 
 from ...tables import scene

@@ -6,8 +6,8 @@ import threading
 
 import numpy as np
 import pytest
-from maquette.render.accel.build import binned_sah, parallel_build, wide_bvh, wide_collapse
-from maquette.render.accel.build.parallel_build import Mesh
+from maquette.render.accel.bvh_build import binned_sah, parallel_build, wide_bvh, wide_collapse
+from maquette.render.accel.bvh_build.parallel_build import Mesh
 from maquette.render.jit import arena
 
 from ...tracing import wavy

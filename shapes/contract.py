@@ -136,7 +136,10 @@ class Shape(Protocol):
         ...
 
     def circles(self, p: Sequence[float]) -> Sequence[tuple[float, float]]:
-        """The circles that chords stand for, those around the y axis first: radius, and its share of a tolerance. Empty: no limit."""
+        """The circles that chords stand for, those around the y axis first: radius, and its share of a tolerance.
+
+        Empty for exact triangles, and for those that the rasterizer does not draw: it traces a ray for each sample.
+        """
         ...
 
     def triangles(self, p: Sequence[float], tolerance: float) -> Tessellation:

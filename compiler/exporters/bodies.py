@@ -74,10 +74,9 @@ class Bodies:
             self.out.cannot("this shows in some rays only, and is carried for all", "instances", i)
         names, kind = self.out.scene.names.instances, ir.GeometryKind(int(geometries.kind[g]))
         name = (names[i] if i < len(names) else "") or kind.name.lower()
-        if kind == ir.GeometryKind.QUADRIC and not np.isfinite(geometries.bounds[g]).all():
-            self.out.cannot("an endless quadric is not carried", "instances", i, "within: gives it a box")
-            return None
         endless = kind == ir.GeometryKind.PLANE
+        if not endless and self.out.is_endless(i):
+            return None
         scale = 0.0 if kind == ir.GeometryKind.MESH else float(np.linalg.norm(matrix[:3, :3], 2))
         key: Hashable = (g, i) if endless else (g, scale)
         if key not in self._shells:

@@ -63,6 +63,16 @@ class Export:
         if kind not in SHAPES or not SHAPES[kind].EXACT:
             self.note(f"a {kind.name.lower()} is carried as {triangles} triangles, {tolerance:g} pixels off at most", "instances", instance)
 
+    def is_endless(self, instance: int, what: str = "") -> bool:
+        """Whether a shape has no end, and so no triangles: the loss (of `what`) is reported."""
+        geometries, g = self.scene.tables.geometries, int(self.scene.tables.instances.geometry[instance])
+        endless = not np.isfinite(geometries.bounds[g]).all()
+        if endless:
+            kind = ir.GeometryKind(int(geometries.kind[g]))
+            hint = "within: gives it a box" if kind == ir.GeometryKind.QUADRIC and not what else ""
+            self.cannot(f"{what}an endless {kind.name.lower()} is not carried", "instances", instance, hint)
+        return endless
+
     def carried(self, texture: int) -> int:
         """A row of Textures; -1, with a report, for a texture defined by formulas."""
         if texture >= 0 and self.scene.tables.textures.kind[texture] == ir.TextureKind.FORMULA:

@@ -44,11 +44,10 @@ class ViewTessellator:
         for i in analytic_shapes.visible_analytic(tables).tolist():
             g = tables.instances.geometry[i]
             kind = int(geometries.kind[g])
-            if kind in (ir.GeometryKind.FORMULA, ir.GeometryKind.QUADRIC):
+            shape, parameters = SHAPES.get(kind), geometries.parameters[g].tolist()
+            if shape is None or not (shape.EXACT or shape.circles(parameters)):
                 continue
-            if SHAPES[kind].EXACT or not (
-                close[i] or analytic_shapes.exceeds_limit(kind, geometries.parameters[g].tolist(), self.key(i)[1])
-            ):
+            if shape.EXACT or not (close[i] or analytic_shapes.exceeds_limit(kind, parameters, self.key(i)[1])):
                 found[i] = self.tessellate(i)
         return found
 

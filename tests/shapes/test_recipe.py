@@ -13,7 +13,6 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ("cli", "compiler", "lang", "live", "measure", "render", "shapes", "stdlib")
-RECIPE = Path(__file__).parent / "annulus.recipe"
 HEAD = re.compile(r"^# ([\w/]+\.py), (?:a new file|in \w+ before `([^`]+)`)$")
 SCENE = """\
 annulus(1, 0.5, rotate: [90deg, 0, 0], material: lambert(checker(#ff0000, #00ff00, size: 10cm)))
@@ -64,16 +63,15 @@ assert ((made["raster"][..., 3] == made["reference"][..., 3]).mean()) > 0.95
 """
 
 
-@pytest.fixture(scope="module")
-def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of the package with the recipe: it changes one line and adds one file."""
+def changed_package(tmp_path_factory: pytest.TempPathFactory, recipe: str) -> Path:
+    """A copy of the package with a recipe: it changes one line and adds one file."""
     copy = tmp_path_factory.mktemp("recipe") / "maquette"
     for name in FOLDERS:
         shutil.copytree(ROOT / name, copy / name)
     for path in (*ROOT.glob("*.py"), ROOT / "py.typed"):
         shutil.copy2(path, copy / path.name)
     blocks: list[tuple[str, str | None, list[str]]] = []
-    for line in RECIPE.read_text(encoding="utf-8").splitlines():
+    for line in (Path(__file__).parent / recipe).read_text(encoding="utf-8").splitlines():
         head = HEAD.match(line)
         if head:
             blocks.append((head[1], head[2], []))
@@ -86,6 +84,12 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
         at = old.index(before) if before else 0
         at = old.rfind("\n", 0, at) + 1
         path.write_text(old[:at] + "\n".join(lines) + "\n" + old[at:], encoding="utf-8")
+    return copy
+
+
+@pytest.fixture(scope="module")
+def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    copy = changed_package(tmp_path_factory, "annulus.recipe")
     (copy.parent / "a.scene").write_text(SCENE, encoding="utf-8")
     (copy.parent / "solid.scene").write_text("union { annulus(1, 0.5); sphere(1) }\n" + SCENE, encoding="utf-8")
     (copy.parent / "wrong.scene").write_text("annulus(0.5, 1)\n" + SCENE, encoding="utf-8")
@@ -107,3 +111,26 @@ def test_a_new_shape_is_checked_exported_documented_and_drawn(package: Path) -> 
 @pytest.mark.long
 def test_a_new_shape_is_drawn_by_every_backend(package: Path) -> None:
     run(package, DRAWN)
+
+
+SOLIDS = """\
+difference { octahedron(1); sphere(0.6) }
+octahedron(0.4, center: [2, 0, 0], material: glass())
+octahedron(0.3, center: [-1.5, 0, 0], material: emissive(luminance: 2))
+union(translate: [0, 1.5, 0]) { octahedron(0.4); mesh(points: [[0,0,0],[1,0,0],[0,1,0],[0,0,1]], faces: [[0,2,1],[0,1,3],[0,3,2],[1,2,3]]) }
+sun(from: [0, 1, 1])
+camera(position: [0, 0, 6], look_at: [0, 0, 0])
+"""
+AS_SOLID = """
+assert "no errors" in run("check a.scene")
+for ending in ("xml", "pov", "glb", "usda", "stl", "obj"):
+    assert "do not have one triangle on each side" not in run(f"convert a.scene out.{ending}")
+run("render a.scene -o a.exr --size 32x24 --samples 1 --bounces 1 --backend reference -q")
+"""
+
+
+@pytest.mark.long
+def test_a_new_closed_shape_is_a_part_of_solids(tmp_path_factory: pytest.TempPathFactory) -> None:
+    package = changed_package(tmp_path_factory, "octahedron.recipe")
+    (package.parent / "a.scene").write_text(SOLIDS, encoding="utf-8")
+    run(package, AS_SOLID)

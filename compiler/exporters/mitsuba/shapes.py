@@ -121,8 +121,7 @@ class Shapes:
             reach = self.radius / min(np.linalg.norm(matrix[:3, :3], axis=0))
             self.out.note("an endless plane is carried as a square that ends 10⁵ times the scene's radius away", "instances", i)
             return shells.plane(float(x), float(z), float(reach))
-        if kind == ir.GeometryKind.QUADRIC and not np.isfinite(self.tables.geometries.bounds[g]).all():
-            self.out.cannot("an endless quadric is not carried", "instances", i, "within: gives it a box")
+        if self.out.is_endless(i):
             return None
         shell = Shell(*self.tessellate(i))
         self.out.tessellated(kind, i, len(shell.triangles), self.plan["tolerance"])

@@ -91,8 +91,7 @@ class _Object:
         return self._meshed(-1) if shape is None or shape.povray is None else shape.povray(p, _Text())
 
     def _meshed(self, texture: int) -> tuple[str, list[str]] | None:
-        if self.kind == ir.GeometryKind.QUADRIC and not np.isfinite(self.tables.geometries.bounds[self.g]).all():
-            self.out.cannot("a texture on an endless quadric is not carried", "instances", self.i)
+        if self.out.is_endless(self.i, "a texture on " if texture >= 0 else ""):
             return None
         shell = Shell(*self.tessellate(self.i))
         self.out.tessellated(self.kind, self.i, len(shell.triangles), self.plan["tolerance"])

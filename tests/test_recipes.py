@@ -109,8 +109,33 @@ said = run("compare a.exr b.exr --metric mae --threshold 0", 1)
 assert ": mean absolute" in said and "mean absolute is 0." in said, said
 assert "mae" in run("chart a.scene --metric nothing", 2)
 """,
+    "shape": """
+assert "no errors" in run("check a.scene")
+said = run("check solid.scene", 1)
+assert "`annulus` cannot be a part of a solid: an annulus has no inside" in said, said
+assert "its measures are not finite, or not above 0" in run("check wrong.scene", 1)
+export_to_all("a.scene")
+from maquette.lang.reference_page import reference
+assert "### annulus" in reference({}) and "annulus(1, 0.5)" in reference({})
+run("render a.scene -o a.exr --size 32x24 --samples 1 --bounces 1 --backend reference -q")
+alpha = picture("a.exr")["rgba"][12, :, 3]
+assert alpha[16] == 0.0 and alpha[16 + 6] == 1.0, alpha
+""",
+    "solid_shape": """
+assert "no errors" in run("check a.scene")
+""",
 }  # fmt: skip
-CHARTS = {
+LONG = {
+    "solid_shape": """
+export_to_all("a.scene")
+assert "do not have one triangle on each side" not in run("convert a.scene a.stl")
+draw_with_all("a.scene")
+""",
+    "shape": """
+draw_with_all("a.scene")
+run("compare a.scene --backends ray:samples=1,reference:samples=1 --size 32x24 --threshold 0.001 -q")
+run("compare a.scene --backends raster:samples=16,reference:samples=16 --size 32x24 --threshold 5 -q")
+""",
     "backend": """
 run("chart a.scene --backends normals,ray --size 8x6 --budget 20s -o chart.svg -q")
 assert "normals" in open("chart.svg").read()
@@ -120,6 +145,22 @@ run("chart a.scene --backends ray --size 8x6 --budget 20s --metric mae -o chart.
 assert "mean absolute error, linear light" in open("chart.svg").read()
 """,
 }
+RINGS = f"""\
+annulus(1, 0.5, rotate: [90deg, 0, 0], material: lambert(checker(#ff0000, #00ff00, size: 10cm)))
+annulus(0.4, 0.2, rotate: [90deg, 0, 0], material: emissive(luminance: 2))
+annulus(0.5, 0.2, center: [0, 1, 0], rotate: [90deg, 0, 0], material: lambert(0.5))
+sun(from: [0, 1, 1])
+{BALL}"""
+OCTAHEDRA = f"""\
+difference {{ octahedron(1); sphere(0.6) }}
+octahedron(0.4, center: [2, 0, 0], material: glass())
+octahedron(0.3, center: [-1.5, 0, 0], material: emissive(luminance: 2))
+union(translate: [0, 1.5, 0]) {{
+    octahedron(0.4)
+    mesh(points: [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], faces: [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+}}
+sun(from: [0, 1, 1])
+{BALL}"""
 TRI = "-1 -1 0 1 -1 0 0 1 0\n"
 SCENES = {
     "material": {"a.scene": f"{BALL}sphere(1, material: clay(0.5))\n", "bad.scene": "sphere(1, material: cley(0.5))\n"},
@@ -127,6 +168,10 @@ SCENES = {
     "reader": {"a.scene": f'{BALL}mesh("a.tri")\n', "a.tri": TRI, "bad.tri": "1 2\n", "bad.scene": 'mesh("a.foo")\n', "a.foo": "\n"},
     "writer": {"a.scene": "sphere(1)\n", "textured.scene": "sphere(1, material: lambert(checker(#333333, #cccccc)))\n"},
     "setting": {"a.scene": f"{BALL}plane(y: -1)\nsphere(1)\nsun(from: [1, 4, 1])\n"},
+    "shape": {
+        "a.scene": RINGS, "solid.scene": f"union {{ annulus(1, 0.5); sphere(1) }}\n{BALL}", "wrong.scene": f"annulus(0.5, 1)\n{BALL}",
+    },  # fmt: skip
+    "solid_shape": {"a.scene": OCTAHEDRA},
     **{name: {"a.scene": f"{BALL}sphere(1)\n"} for name in ("channel", "command", "backend", "metric")},
 }
 
@@ -147,9 +192,9 @@ def test_a_recipe_works(recipe: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("recipe", [path for path in RECIPES if path.stem in CHARTS], ids=lambda path: path.stem)
-def test_a_recipe_is_charted(recipe: Path, tmp_path: Path) -> None:
-    check(recipe, tmp_path, CHARTS[recipe.stem])
+@pytest.mark.parametrize("recipe", [path for path in RECIPES if path.stem in LONG], ids=lambda path: path.stem)
+def test_a_recipe_is_drawn_or_charted(recipe: Path, tmp_path: Path) -> None:
+    check(recipe, tmp_path, LONG[recipe.stem])
 
 
 def check(recipe: Path, folder: Path, script: str) -> None:

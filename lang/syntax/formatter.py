@@ -44,10 +44,10 @@ class _Level:
 
 def format_text(text: str, name: str, diagnostics: Diagnostics) -> str | None:
     """`text` of file `name`, formatted; None for syntax errors, which go into `diagnostics`. Formatting is idempotent."""
-    found = Diagnostics()
-    parse(text, name, found)
-    diagnostics.items.extend(found.items)
-    return None if found.failed else lay_out(text)
+    messages = Diagnostics()
+    parse(text, name, messages)
+    diagnostics.items.extend(messages.items)
+    return None if messages.failed else lay_out(text)
 
 
 def lay_out(text: str) -> str:
@@ -65,18 +65,18 @@ def _lines(tokens: list[Token]) -> list[_Line]:
     lines = [_Line()]
     wide = _multiline_braces(tokens)
     for i, token in enumerate(tokens):
-        here = lines[-1]
+        current = lines[-1]
         if token.type == "_NL":
             if "\n" in token:
-                lines.append(_Line(blank=token.count("\n") > 1 and bool(here.tokens or here.comment)))
-            elif here.tokens and i + 1 < len(tokens) and tokens[i + 1].type != "COMMENT" and tokens[i + 1] != "}":
-                here.tokens.append(token)
+                lines.append(_Line(blank=token.count("\n") > 1 and bool(current.tokens or current.comment)))
+            elif current.tokens and i + 1 < len(tokens) and tokens[i + 1].type != "COMMENT" and tokens[i + 1] != "}":
+                current.tokens.append(token)
         elif token.type == "COMMENT":
-            here.comment = token.rstrip()
+            current.comment = token.rstrip()
         else:
-            opened = bool(here.tokens) and _place(here.tokens[-1]) in wide and here.tokens[-1] == "{"
-            if opened or (here.tokens and token == "}" and _place(token) in wide):
-                _drop_separator(here)
+            opened = bool(current.tokens) and _place(current.tokens[-1]) in wide and current.tokens[-1] == "{"
+            if opened or (current.tokens and token == "}" and _place(token) in wide):
+                _drop_separator(current)
                 lines.append(_Line())
             lines[-1].tokens.append(token)
     lines = [line for line in lines if line.tokens or line.comment]

@@ -30,22 +30,22 @@ class IncrementalParser:
 
     def __init__(self, name: str) -> None:
         self.name = name
-        self._known = _Known()
+        self._table = _SegmentTable()
         self._attachments: dict[int, _Attachment] = {}
 
     def parse(self, text: str, diagnostics: Diagnostics) -> ast.File:
         """As `parser.parse`, with an equal tree and equal messages. Items that are unchanged since the last text are the same objects."""
         if is_too_large(text, self.name, diagnostics):
             return ast.File(Span(self.name), self.name, text, ())
-        cut = _Cut(text.removeprefix("\ufeff"), self.name, self._known)
+        cut = _Cut(text.removeprefix("\ufeff"), self.name, self._table)
         if not cut.covers_text or not _are_independent(cut.segments):
             return parse(text, self.name, diagnostics)
         attachments = _attached(cut.segments, self._attachments)
-        self._known, self._attachments = cut.known, {id(each.segment): each for each in attachments}
+        self._table, self._attachments = cut.table, {id(each.segment): each for each in attachments}
         return file_of(text, self.name, [each.attached for each in attachments], diagnostics)
 
 
-class _Known:
+class _SegmentTable:
     """Segments by their first part, up to the second line at which a text is cut, and by the line of their start."""
 
     def __init__(self) -> None:
@@ -65,19 +65,19 @@ class _Known:
 class _Cut:
     """A text as segments, those of `before` where they fit. They cover it unless one would depend on those before it."""
 
-    def __init__(self, text: str, name: str, before: _Known) -> None:
+    def __init__(self, text: str, name: str, before: _SegmentTable) -> None:
         self.text, self.name = text, name
         self.starts = [0, *(match.start() for match in _STARTS.finditer(text) if match.start()), len(text)]
         self.last = len(self.starts) - 1
         self.segments: list[Segment] = []
-        self.known = _Known()
+        self.table = _SegmentTable()
         k, line = 0, 1
         while k < self.last:
             part = self._part(k, k + 1)
             segment, end = self._reused(k, line, before.at(part, line)) or self._parsed(k, line)
             if segment is None:
                 break
-            self.known.add(part, segment)
+            self.table.add(part, segment)
             self.segments.append(segment)
             k, line = end, line + segment.text.count("\n")
         self.covers_text = k == self.last
@@ -86,14 +86,14 @@ class _Cut:
         return self.text[self.starts[first] : self.starts[last]]
 
     def _reused(self, k: int, line: int, candidates: Iterator[Segment]) -> tuple[Segment, int] | None:
-        """A known segment that fits at start `k`, and the start behind it."""
-        for known in candidates:
-            end = self.starts[k] + len(known.text)
+        """A segment of `candidates` that fits at start `k`, and the start behind it."""
+        for segment in candidates:
+            end = self.starts[k] + len(segment.text)
             following = bisect_left(self.starts, end, k)
             is_cut_there = following <= self.last and self.starts[following] == end
-            can_end_there = known.is_closed or (following == self.last and _can_end_file(known))
-            if is_cut_there and can_end_there and self.text.startswith(known.text, self.starts[k]):
-                return moved(known, line) or parse_segment(known.text, self.name, line), following
+            can_end_there = segment.is_closed or (following == self.last and _can_end_file(segment))
+            if is_cut_there and can_end_there and self.text.startswith(segment.text, self.starts[k]):
+                return moved(segment, line) or parse_segment(segment.text, self.name, line), following
         return None
 
     def _parsed(self, k: int, line: int) -> tuple[Segment | None, int]:
@@ -168,14 +168,14 @@ def _attached(segments: Sequence[Segment], before: dict[int, _Attachment]) -> li
             blank_before, line = 0 < line < top - 1, segment.items[-1].span.end_line
         else:
             comments += segment.dangling
-        known = before.get(id(segment))
-        if known is None or known[1:3] != (above, blank_before):
+        attachment = before.get(id(segment))
+        if attachment is None or attachment[1:3] != (above, blank_before):
             attached = segment
             if above or blank_before:
                 head = replace(first, before=(*above, *first.before), blank_before=blank_before)
                 attached = replace(segment, items=(head, *segment.items[1:]))
-            known = _Attachment(segment, above, blank_before, attached)
-        attachments.append(known)
+            attachment = _Attachment(segment, above, blank_before, attached)
+        attachments.append(attachment)
     last = attachments[-1]
     attachments[-1] = last._replace(attached=replace(last.attached, dangling=comments))
     return attachments

@@ -153,16 +153,16 @@ def _check_escapes(token: Token, file: str, diagnostics: Diagnostics) -> None:
 
 def _check_controls(token: Token, file: str, diagnostics: Diagnostics) -> None:
     """Report the first control character of a string other than a tab: no file name and no text has one."""
-    if found := _CONTROL.search(token):
-        diagnostics.error(f"a string has no invisible character {_code(found[0])}", _span_at(token, found.start(), file), "delete it")
+    if control := _CONTROL.search(token):
+        diagnostics.error(f"a string has no invisible character {_code(control[0])}", _span_at(token, control.start(), file), "delete it")
 
 
 def _check_direction(token: Token, what: str, file: str, diagnostics: Diagnostics) -> None:
     """Warn of the first character of a string or comment that changes the direction of text: code behind it is shown elsewhere."""
-    if not token.isascii() and (found := _TURNING.search(token)):
-        message = f"this {what} has the invisible character {_code(found[0])}, which changes the direction of the text after it"
+    if not token.isascii() and (mark := _TURNING.search(token)):
+        message = f"this {what} has the invisible character {_code(mark[0])}, which changes the direction of the text after it"
         hint = "delete it: editors may show code as part of the text, and text as code"
-        diagnostics.warning(message, _span_at(token, found.start(), file), hint)
+        diagnostics.warning(message, _span_at(token, mark.start(), file), hint)
 
 
 def _span_at(token: Token, index: int, file: str) -> Span:
@@ -224,12 +224,12 @@ def _unknown(token: Token, file: str, diagnostics: Diagnostics) -> Token | None:
     shown = "backquote" if char == "`" else f"`{char}`" if visible else f"invisible character {_code(char)}"
     usual = unicodedata.normalize("NFKC", char)  # of a full-width character
     hint = _REPLACEMENTS.get(char, f"write `{usual}`" if visible and usual != char and usual.isascii() else "" if visible else "delete it")
-    kept = token.update("NAME") if char == "$" else None  # the name after it is part of the error
+    replacement = token.update("NAME") if char == "$" else None  # the name after it is part of the error
     last = diagnostics.items[-1] if diagnostics.items else None
     if last and last.span and last.span.line == token.line and last.hint == hint:
-        return kept  # the second of a pair, or one of a sequence
+        return replacement  # the second of a pair, or one of a sequence
     diagnostics.error(f"the language has no {shown}", span_of(token, file), hint)
-    return kept
+    return replacement
 
 
 def _count(n: int, noun: str) -> str:

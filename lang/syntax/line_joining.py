@@ -138,8 +138,8 @@ def _close_blocks(stack: list[_Open], pairs: list[tuple[Token, Token]], tokens: 
         report(token, f"this `{token}` is not closed", f"write `{OPENERS[token]}` {where}")
     ends = [len(output) - 1] * len(stack)
     if len(stack) <= MAX_BRACKET_ERRORS and all(o.token == "{" for o in stack):
-        found = (_dedent(output, token, indents) for token in blamed)
-        ends = sorted([*found, *ends[len(blamed) :]])
+        dedents = (_dedent(output, token, indents) for token in blamed)
+        ends = sorted([*dedents, *ends[len(blamed) :]])
         # The `}` of a block that is closed in the text lies before the `{` that has none where the blocks are not nested.
         ends = sorted((end if end >= opened.output else len(output) - 1 for opened, end in zip(stack, ends, strict=True)), reverse=True)
     for opened, end in zip(stack, ends, strict=True):

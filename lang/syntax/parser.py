@@ -102,17 +102,17 @@ class Segment:
 
 def parse_segment(text: str, name: str, line: int = 1, is_whole: bool = False) -> Segment:
     """The parse of `text`, which begins in `line` of file `name`. A whole file's has no `bound`, and `names` beside `calls` alone."""
-    found = Diagnostics()
-    scan = lexer.scan(text, name, found, line)
-    stream = line_joining.join_lines(scan, name, found)
-    parsing = _Parsing(stream, scan, name, found)
+    messages = Diagnostics()
+    scan = lexer.scan(text, name, messages, line)
+    stream = line_joining.join_lines(scan, name, messages)
+    parsing = _Parsing(stream, scan, name, messages)
     items, dangling = parsing.run()
     is_closed = parsing.ends_between_items and scan.ends_line and not scan.open_at_end
     names, calls = parsing.names() if parsing.dropped or not is_whole else (frozenset(), ())
     bound = frozenset() if is_whole else frozenset(bound_names(stream))
     scan.tokens, scan.comments = [], []
     return Segment(
-        text, line, items, dangling, tuple(found.items), frozenset(parsing.broken), calls, names,
+        text, line, items, dangling, tuple(messages.items), frozenset(parsing.broken), calls, names,
         bound, frozenset(parsing.unbound), scan, parsing.is_complete, is_closed,
     )  # fmt: skip
 
@@ -259,8 +259,8 @@ class _Parsing:
         """The names that are used otherwise than as functions, and the functions called in items with errors."""
         calls = [k + 1 < len(self.stream) and self._calls(k) for k in range(len(self.stream))]
         names = frozenset(str(token) for token, call in zip(self.stream, calls, strict=True) if token.type == "NAME" and not call)
-        found = [self.stream[k] for first, last in self.dropped for k in range(first, last) if calls[k]]
-        return names, tuple(ast.Name(lexer.span_of(token, self.file), str(token)) for token in found)
+        callees = [self.stream[k] for first, last in self.dropped for k in range(first, last) if calls[k]]
+        return names, tuple(ast.Name(lexer.span_of(token, self.file), str(token)) for token in callees)
 
     def _calls(self, k: int) -> bool:
         """Whether token `k` is the name of a function that is called."""

@@ -173,9 +173,9 @@ def _attached(segments: Sequence[Segment], before: dict[int, _Attachment]) -> li
             attached = segment
             if above or blank_before:
                 head = replace(first, before=(*above, *first.before), blank_before=blank_before)
-                attached = replace(segment, items=(head, *segment.items[1:]))
+                attached = segment._replace(items=(head, *segment.items[1:]))
             attachment = _Attachment(segment, above, blank_before, attached)
         attachments.append(attachment)
     last = attachments[-1]
-    attachments[-1] = last._replace(attached=replace(last.attached, dangling=comments))
+    attachments[-1] = last._replace(attached=last.attached._replace(dangling=comments))
     return attachments

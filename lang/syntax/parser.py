@@ -6,7 +6,7 @@ import threading
 from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 from .. import text_encoding
 from ..diagnostics import Diagnostic, Diagnostics, Span, sort_diagnostics
@@ -78,8 +78,7 @@ def file_of(text: str, name: str, segments: Sequence[Segment], diagnostics: Diag
     return ast.File(Span(name), name, text, items, segments[-1].dangling, broken, called)
 
 
-@dataclass(frozen=True, slots=True)
-class Segment:
+class Segment(NamedTuple):
     """The parse of some lines of a file, or of all.
 
     A closed one does not depend on the lines behind it, if these begin with an item outside all brackets.
@@ -131,9 +130,9 @@ class _Automaton(threading.local):
         """Lark's parser before the first token of `file`."""
         if self.builder is None:
             self.builder = TreeBuilder()
-            self.actions = grammar().actions(self.builder)
+            self.actions, self.no_text = grammar().actions(self.builder), grammar().tokens("")
         self.builder.begin(file, Comments(comments))
-        return ParserState(self.actions, grammar().tokens(""))
+        return ParserState(self.actions, self.no_text)
 
 
 _automaton = _Automaton()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import fields
 from functools import cache
 from operator import attrgetter
 from typing import Any
@@ -26,7 +26,7 @@ def moved(segment: Segment, line: int) -> Segment | None:
         items, dangling, calls = (_moved_all(nodes, lines) for nodes in (segment.items, segment.dangling, segment.calls))
     except RecursionError:
         return None
-    return replace(segment, line=line, items=items, dangling=dangling, calls=calls)
+    return segment._replace(line=line, items=items, dangling=dangling, calls=calls)
 
 
 def _moved_all(nodes: tuple[Any, ...], lines: int) -> tuple[Any, ...]:

@@ -1,6 +1,6 @@
 """The language's grammar as Lark's lexer and LALR parser, read from tables.json. `make grammar` builds that file from grammar.lark.
 
-Reading the tables takes a thirtieth of the time of building them. Building does not belong to a run of maquette.
+Reading the tables takes a fraction of the time of building them, so that a run of maquette only reads.
 """
 
 from __future__ import annotations

@@ -122,7 +122,7 @@ def _too_large(size: int, name: str, diagnostics: Diagnostics) -> None:
 
 
 class _Automaton(threading.local):
-    """The tree builder of a thread, as actions of the grammar: making these takes as long as parsing ten lines."""
+    """The tree builder of a thread, as actions of the grammar: making these takes as long as parsing some lines."""
 
     builder: TreeBuilder | None = None
 

@@ -16,6 +16,18 @@ MATT = (MODEL.LAMBERT, MODEL.PHONG, MODEL.BLINN_PHONG)
 NO_HIGHLIGHT = Input.number(1.0)  # index of refraction without a reflectance
 
 
+HIGHLIGHT = "a Phong highlight is carried as one of microfacets of the same width"
+
+
+def highlight_roughness(tables: ir.Tables, material: int) -> float | None:
+    """The roughness of microfacets, α = roughness², whose highlight is as wide as that of a Phong material; None without a highlight."""
+    model, values = MODEL(int(tables.materials.model[material])), tables.materials.values[material]
+    if model not in (MODEL.PHONG, MODEL.BLINN_PHONG) or values[SLOT.SPECULAR].max() <= 0:
+        return None
+    exponent = float(values[SLOT.SHININESS][0]) / (1.0 if model == MODEL.BLINN_PHONG else 0.25)
+    return (2.0 / (exponent + 2.0)) ** 0.25  # its square is the α of Walter et al. 2007, √(2 / (n + 2)) for half vectors
+
+
 class Exported(NamedTuple):
     """A surface, its transmission and its absorption. The textures of its inputs are rows of Textures."""
 
@@ -84,12 +96,10 @@ class Surfaces:
         diffuse = self._color(material, SLOT.DIFFUSE)
         if self._constant(material, SLOT.REFLECTION).max() > 0 or self._constant(material, SLOT.TRANSMISSION).max() > 0:
             self.out.cannot("k_r and k_t are not carried", "materials", material, "mirror(…) and glass(…) are")
-        shine = self._constant(material, SLOT.SPECULAR)
-        if model == MODEL.LAMBERT or shine.max() <= 0:
+        rough = highlight_roughness(self.tables, material)
+        if rough is None:
             return Surface(diffuse, NOTHING, ALL, NO_HIGHLIGHT, **more)
-        self.out.note("a Phong highlight is carried as one of microfacets of the same width", "materials", material)
-        exponent = float(self._constant(material, SLOT.SHININESS)[0]) / (1.0 if model == MODEL.BLINN_PHONG else 0.25)
-        rough = (2.0 / (exponent + 2.0)) ** 0.25  # its square is the α of Walter et al. 2007, √(2 / (n + 2)) for half vectors
+        self.out.note(HIGHLIGHT, "materials", material)
         return Surface(diffuse, NOTHING, Input.number(rough), **more)
 
     def _principled(self, material: int, model: ir.MaterialModel, more: dict[str, Any]) -> Surface:

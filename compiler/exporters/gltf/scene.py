@@ -13,23 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ... import ir
-from ...plan import scene_facts
 from ...plan.plan import Plan
 from .. import camera_frames, placement
 from ..bodies import Bodies, Body, Converters, compact, part_of
 from ..export import Export
 from ..export_job import ExportJob
+from ..lights import ExportedLight, LightFormat, exported
 from ..placement import F64
 from .container import Container
 from .materials import Materials
 
 NEAR = 1e-3  # metres: glTF requires a near distance above 0
 _PUNCTUAL = "KHR_lights_punctual"
-_LOST = {
-    ir.LightKind.SKY: "a sky is not carried: glTF has point, spot and directional lights",
-    ir.LightKind.DOME: "a dome is not carried: glTF has point, spot and directional lights",
-    ir.LightKind.AMBIENT: "ambient light is not carried: glTF has none",
-}
+_LIGHTS = LightFormat("glTF", skies=False, lacking="glTF has point, spot and directional lights")
 
 
 def export(job: ExportJob) -> Export:
@@ -61,8 +57,9 @@ class _Writer:
         rows = range(len(self.tables.cameras.projection))
         for row in sorted(rows, key=lambda row: row != plan["camera"]):
             self._camera(row, plan["size"])
-        for row in self.out.lights:
-            self._light(row)
+        rows = [row for row in self.out.lights if self.tables.lights.instance[row] < 0]  # the shapes of the others shine
+        for light in exported(self.out, rows, _LIGHTS):
+            self._light(light)
         self.container.document |= {"scene": 0, "scenes": [{"nodes": self.nodes}]}
         self.out.data = self.container.encode()
 
@@ -124,41 +121,25 @@ class _Writer:
             made = {"type": "orthographic", "orthographic": {"xmag": half[0], "ymag": half[1], "znear": near, "zfar": end}}
         self._place({"name": placed.name, "camera": self.container.add("cameras", made)}, placed.frame)
 
-    def _light(self, row: int) -> None:
-        lights, names = self.tables.lights, self.out.scene.names.lights
-        kind, color = ir.LightKind(int(lights.kind[row])), lights.color[row]
-        strength = float(color.max())
-        if lights.instance[row] >= 0:
-            return  # its shape shines
-        if kind in _LOST:
-            self.out.cannot(_LOST[kind], "lights", row)
-            return
-        made: dict[str, Any] = {"name": (names[row] if row < len(names) else "") or kind.name.lower()}
+    def _light(self, light: ExportedLight) -> None:
+        strength = float(light.color.max())
+        made: dict[str, Any] = {"name": light.name}
         frame = np.eye(4)
-        if kind in (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN):
-            made["type"], frame[:3, :3] = "directional", placement.frame_along(lights.direction[row])
-            if lights.angle[row] > 0:
-                self.out.note("the size of a sun is not carried: its shadows are sharp", "lights", row)
-        elif kind in (ir.LightKind.POINT, ir.LightKind.SPOT):
-            made["type"], frame[:3, 3] = "point", lights.position[row]
-            self._check_falloff(row)
-            if kind == ir.LightKind.SPOT:
-                outer, inner = (math.acos(min(max(float(c[row]), -1.0), 1.0)) for c in (lights.cos_cone, lights.cos_full))
-                outer = min(outer, math.pi / 2)
-                made |= {"type": "spot", "spot": {"innerConeAngle": min(inner, 0.999999 * outer), "outerConeAngle": outer}}
-                frame[:3, :3] = placement.frame_along(-lights.direction[row])
+        if light.kind in (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN):
+            made["type"], frame[:3, :3] = "directional", placement.frame_along(light.direction)
+            if light.angle > 0:
+                self.out.note("the size of a sun is not carried: its shadows are sharp", "lights", light.row)
+        elif light.kind in (ir.LightKind.POINT, ir.LightKind.SPOT):
+            made["type"], frame[:3, 3] = "point", light.position
+            if light.kind == ir.LightKind.SPOT:
+                outer = min(light.cone, math.pi / 2)
+                made |= {"type": "spot", "spot": {"innerConeAngle": min(light.full, 0.999999 * outer), "outerConeAngle": outer}}
+                frame[:3, :3] = placement.frame_along(-light.direction)
         else:
-            self.out.cannot("an area light that is not seen is not carried", "lights", row)
+            self.out.cannot("an area light that is not seen is not carried", "lights", light.row)
             return
-        made |= {"color": (color / strength).tolist(), "intensity": strength}
+        made |= {"color": (light.color / strength).tolist(), "intensity": strength}
         self.container.use(_PUNCTUAL)
         listed = self.container.document.setdefault("extensions", {}).setdefault(_PUNCTUAL, {"lights": []})["lights"]
         listed.append(made)
         self._place({"name": made["name"], "extensions": {_PUNCTUAL: {"light": len(listed) - 1}}}, frame)
-
-    def _check_falloff(self, row: int) -> None:
-        lights = self.tables.lights
-        if lights.falloff[row] != ir.FalloffKind.INVERSE_SQUARE:
-            self.out.cannot("a fall-off other than 1/d² is not carried", "lights", row)
-        if scene_facts.profiled(self.tables)[row]:
-            self.out.cannot("a light whose emission depends on the direction is not carried", "lights", row)

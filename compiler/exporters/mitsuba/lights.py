@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ... import ir
-from ...plan import light_shapes, scene_facts
+from ...plan import light_shapes
 from ...plan.plan import Plan
 from ...plan.scene_facts import specular_materials
 from .. import camera_frames, placement, texture_values
 from ..export import Export
+from ..lights import ExportedLight, LightFormat, exported
 from ..placement import F64
 from .materials import pfm
 from .shapes import Shapes
@@ -27,22 +30,15 @@ def lights(out: Export, plan: Plan, shapes: Shapes) -> list[Node]:
     tables = out.scene.tables
     shining = [row for row in range(len(tables.lights.kind)) if tables.lights.color[row].max() > 0]
     blocks = light_shapes.blocking(tables) | (len(shining) < 2)
-    profiled = scene_facts.profiled(tables)
     made: list[Node] = []
-    for row in shining:
-        kind = ir.LightKind(int(tables.lights.kind[row]))
-        if not tables.lights.shadows[row] and kind != ir.LightKind.AMBIENT and plan["shadows"]:
-            out.cannot("a light without shadows is not carried", "lights", row)
-        if profiled[row]:
-            out.cannot("a light whose emission depends on the direction is not carried", "lights", row)
-        elif kind in _AREA:
-            made += _area(out, shapes, row, blocks)
-        elif kind == ir.LightKind.AMBIENT:
-            out.cannot("ambient light is not carried: Mitsuba has none", "lights", row)
-        elif kind in (ir.LightKind.POINT, ir.LightKind.SPOT):
-            made.append(_point_light(out, shapes.name, row))
-        elif kind in (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN):
-            made.append(_directional(out, plan, shapes, row))
+    form = LightFormat("Mitsuba", unshadowed=not plan["shadows"], profiled=False)
+    for light in exported(out, shining, form):
+        if light.kind in _AREA:
+            made += _area(out, shapes, light.row, blocks)
+        elif light.kind in (ir.LightKind.POINT, ir.LightKind.SPOT):
+            made.append(_point_light(out, shapes.name, light))
+        elif light.kind in (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN):
+            made.append(_directional(out, plan, shapes, light.row))
     made += _sky(out, plan, shapes.name, shining)
     return made
 
@@ -59,32 +55,25 @@ def _area(out: Export, shapes: Shapes, row: int, blocks: NDArray[np.bool_]) -> l
     return shapes.of_light(instance, rgb("radiance", tables.lights.color[row]))
 
 
-def _point_light(out: Export, name: str, row: int) -> Node:
-    lights = out.scene.tables.lights
-    color = lights.color[row]
-    a, b, c = lights.coefficients[row]
-    if lights.falloff[row] == ir.FalloffKind.POLYNOMIAL and a == b == 0.0:
-        color = color / c
-    elif lights.falloff[row] != ir.FalloffKind.INVERSE_SQUARE:
-        out.cannot("a fall-off other than 1/d² is not carried", "lights", row)
-    if lights.kind[row] == ir.LightKind.POINT:
-        return node("emitter", "point").with_(Node("point", vector("position", lights.position[row]).attributes), rgb("intensity", color))
-    return _spot(out, name, row, color)
+def _point_light(out: Export, name: str, light: ExportedLight) -> Node:
+    if light.kind == ir.LightKind.POINT:
+        position = Node("point", vector("position", light.position).attributes)
+        return node("emitter", "point").with_(position, rgb("intensity", light.color))
+    return _spot(out, name, light)
 
 
-def _spot(out: Export, name: str, row: int, color: F64) -> Node:
+def _spot(out: Export, name: str, light: ExportedLight) -> Node:
     """A spot light with its falloff as a texture: Mitsuba's is linear in the angle, ours is smoothstep of the cosine."""
-    lights = out.scene.tables.lights
-    cone = float(np.arccos(np.clip(lights.cos_cone[row], -1.0, 1.0)))
+    cone = light.cone
     if cone > WIDEST_SPOT:
-        out.cannot(f"a spot wider than {np.degrees(WIDEST_SPOT):.0f}° is not carried", "lights", row)
+        out.cannot(f"a spot wider than {np.degrees(WIDEST_SPOT):.0f}° is not carried", "lights", light.row)
         cone = WIDEST_SPOT
     frame = np.eye(4)
-    frame[:3, :3], frame[:3, 3] = placement.frame_along(lights.direction[row]), lights.position[row]
+    frame[:3, :3], frame[:3, 3] = placement.frame_along(light.direction), light.position
     degrees = float(np.degrees(cone))
-    given = node("emitter", "spot", cutoff_angle=degrees, beam_width=degrees, to_world=frame).with_(rgb("intensity", color))
+    given = node("emitter", "spot", cutoff_angle=degrees, beam_width=degrees, to_world=frame).with_(rgb("intensity", light.color))
     file = f"{name}.{len(out.files)}.pfm"
-    out.files[file] = pfm(spot_picture(cone, float(lights.cos_cone[row]), float(lights.cos_full[row])))
+    out.files[file] = pfm(spot_picture(cone, math.cos(light.cone), math.cos(light.full)))
     return given.with_(value("texture", node("texture", "bitmap", filename=file, raw=True, wrap_mode="clamp")))
 
 

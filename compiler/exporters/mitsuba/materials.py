@@ -1,4 +1,4 @@
-"""Exports materials as Mitsuba BSDFs, with normal and bump maps. Mitsuba has no Phong lobe and no ambient light."""
+"""Exports materials as Mitsuba BSDFs, with normal and bump maps. Mitsuba has no ambient light."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from ...scene import metals
 from .. import texture_values
 from ..export import Export
 from ..placement import F64
+from ..surfaces import HIGHLIGHT, highlight_roughness
 from .xml import Node, node, rgb, value
 
 MIRROR, GLASS, EMISSIVE = ir.MaterialModel.MIRROR, ir.MaterialModel.GLASS, ir.MaterialModel.EMISSIVE
@@ -68,9 +69,7 @@ class Materials:
         if m.shading[material] == ir.Shading.GOURAUD:
             out.cannot("light at vertices (gouraud) is not carried: Mitsuba shades at every point", "materials", material)
         if model in (ir.MaterialModel.PHONG, ir.MaterialModel.BLINN_PHONG, ir.MaterialModel.LAMBERT):
-            if self._constant(material, ir.Slot.SPECULAR).max() > 0:
-                name = "Blinn-Phong" if model == ir.MaterialModel.BLINN_PHONG else "Phong"
-                out.cannot(f"the highlight is not carried: Mitsuba has no {name} lobe", "materials", material, "specular: 0, or lambert(…)")
+            self._check_highlight(material)
             if self._constant(material, ir.Slot.TRANSMISSION).max() > 0:
                 out.cannot("k_t is not carried: Mitsuba refracts by Fresnel's law only", "materials", material, "glass(…)")
         self._check_facets(material, model)
@@ -78,6 +77,15 @@ class Materials:
             out.cannot("a texture of the index of refraction is not carried", "materials", material)
         if colored and (model in (MIRROR, GLASS) or m.textures[material, ir.Slot.DIFFUSE] >= 0):
             out.cannot("the mesh's colours are carried only where they stand alone, or times a constant", "instances", spoken)
+
+    def _check_highlight(self, material: int) -> None:
+        if highlight_roughness(self.tables, material) is None:
+            return
+        hint = "specular: 0, or lambert(…)"
+        if self._constant(material, ir.Slot.REFLECTION).max() > 0:
+            self.out.cannot("a highlight beside k_r is not carried", "materials", material, hint)
+        else:
+            self.out.cannot(HIGHLIGHT, "materials", material, hint)
 
     def _check_facets(self, material: int, model: ir.MaterialModel) -> None:
         m, out = self.tables.materials, self.out
@@ -153,7 +161,15 @@ class Materials:
             return node("bsdf", "twosided").with_(self._conductor(material, 1.0))
         if mirror.max() > 0:
             return self._mix(material, float(mirror.max()), float(matt.max()), colored)
+        rough = highlight_roughness(self.tables, material)
+        if rough is not None:
+            return node("bsdf", "twosided").with_(self._plastic(material, rough, colored))
         return node("bsdf", "twosided").with_(self._diffuse(material, 1.0, colored, black=model == EMISSIVE))
+
+    def _plastic(self, material: int, rough: float, colored: bool) -> Node:
+        """A diffuse base under microfacets of a roughness, which reflect 4 % along the normal as those of glTF."""
+        made = node("bsdf", "roughplastic", distribution="ggx", int_ior=1.5, ext_ior=1.0, alpha=rough**2)
+        return made.with_(self._reflectance("diffuse_reflectance", material, 1.0, colored))
 
     def _principled(self, material: int) -> Node:
         coat = float(self._constant(material, ir.Slot.COAT)[0])
@@ -200,9 +216,13 @@ class Materials:
     def _diffuse(self, material: int, scale: float, colored: bool, black: bool = False) -> Node:
         if black:
             return node("bsdf", "diffuse").with_(rgb("reflectance", texture_values.BLACK))
+        return node("bsdf", "diffuse").with_(self._reflectance("reflectance", material, scale, colored))
+
+    def _reflectance(self, name: str, material: int, scale: float, colored: bool) -> Node:
+        """The diffuse colour of a material; of a mesh with colours, theirs."""
         if colored:
-            return node("bsdf", "diffuse", reflectance=node("texture", "mesh_attribute", name="reflectance").with_(*_named_color(scale)))
-        return node("bsdf", "diffuse").with_(self._color("reflectance", material, ir.Slot.DIFFUSE, scale))
+            return node("texture", "mesh_attribute", name=name).with_(*_named_color(scale))
+        return self._color(name, material, ir.Slot.DIFFUSE, scale)
 
     def _conductor(self, material: int, scale: float) -> Node:
         color = self._color("specular_reflectance", material, ir.Slot.REFLECTION, scale)

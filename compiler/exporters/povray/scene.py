@@ -11,22 +11,20 @@ from __future__ import annotations
 import numpy as np
 
 from ... import ir
-from ...plan import scene_facts
 from ...plan.plan import Plan
 from .. import camera_frames, number_text, placement, shells
 from ..export import Export
 from ..export_job import ExportJob
+from ..lights import ExportedLight, LightFormat, exported
 from ..placement import F64
 from .materials import Finishes
 from .shapes import bracket, objects
 
 FADE = 1e-4  # metres: POV-Ray's 2 / (1 + (d / fade)²) is 1/d² to (fade / d)²
 FAR = 1e5  # radii of the scene: distance of directional lights
-_SOFT = {
-    ir.LightKind.SKY: "a sky lights nothing in POV-Ray", ir.LightKind.DOME: "a dome lights nothing in POV-Ray",
-    ir.LightKind.RECTANGLE: "an area light is not carried", ir.LightKind.DISK: "an area light is not carried",
-    ir.LightKind.SPHERE: "an area light is not carried",
-}  # fmt: skip
+_LIGHTS = LightFormat(
+    "POV-Ray", ambient=True, extent=False, constant=True, profiled=False, lacking="POV-Ray draws lights without extent"
+)
 
 
 def export(job: ExportJob) -> Export:
@@ -86,22 +84,19 @@ def _camera(out: Export, plan: Plan) -> str:
 def _lights(out: Export, plan: Plan) -> list[str]:
     tables = out.scene.tables
     lights = tables.lights
-    profiled = scene_facts.profiled(tables)
     made, sky = [], np.zeros(3)
-    matt = tables.materials.values[np.unique(tables.instances.material)][:, [ir.Slot.DIFFUSE, ir.Slot.SPECULAR]].max(initial=0.0) > 0
-    for row in np.flatnonzero(lights.color.max(axis=1, initial=0.0) > 0).tolist():
-        kind = ir.LightKind(int(lights.kind[row]))
-        plain_sky = kind == ir.LightKind.SKY or (kind == ir.LightKind.DOME and lights.image[row] < 0)
-        if plain_sky:
-            sky = sky + lights.color[row]
-        if profiled[row]:
-            out.cannot("a light whose emission depends on the direction is not carried", "lights", row)
-        elif kind in _SOFT and (matt or not plain_sky):
-            out.cannot(f"{_SOFT[kind]}: it draws lights without extent", "lights", row)
-        elif kind in (ir.LightKind.POINT, ir.LightKind.SPOT):
-            made.append(_point_light(out, row))
-        elif kind in (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN):
-            made.append(_directional(out, row))
+    diffuse = tables.materials.values[np.unique(tables.instances.material)][:, [ir.Slot.DIFFUSE, ir.Slot.SPECULAR]].max(initial=0.0) > 0
+    for light in exported(out, np.flatnonzero(lights.color.max(axis=1, initial=0.0) > 0).tolist(), _LIGHTS):
+        if light.kind in (ir.LightKind.SKY, ir.LightKind.DOME):
+            plain = lights.image[light.row] < 0
+            if plain:
+                sky = sky + light.color
+            if diffuse or not plain:
+                out.cannot(f"a {light.kind.name.lower()} lights nothing in POV-Ray: it draws lights without extent", "lights", light.row)
+        elif light.kind in (ir.LightKind.POINT, ir.LightKind.SPOT):
+            made.append(_point_light(out, light))
+        elif light.kind in (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN):
+            made.append(_directional(out, light))
     background = plan["background"] if not isinstance(plan["background"], str) else sky
     if plan["background"] == "transparent" and sky.any():
         out.cannot("a transparent background is not carried where a sky is seen in mirrors", hint="--background sky")
@@ -110,34 +105,22 @@ def _lights(out: Export, plan: Plan) -> list[str]:
     return [f"background {{ rgb {bracket(background)} }}", *made]
 
 
-def _point_light(out: Export, row: int) -> str:
-    lights = out.scene.tables.lights
-    color, fade = lights.color[row] / np.pi, f" fade_power 2 fade_distance {number_text.number(FADE)}"
-    a, b, c = lights.coefficients[row]
-    inverse_square = 1.0 / (2.0 * FADE * FADE)
-    if lights.falloff[row] == ir.FalloffKind.POLYNOMIAL and a == b == 0.0:
-        color = color / c * inverse_square
-    elif lights.falloff[row] == ir.FalloffKind.POLYNOMIAL and b == c == 0.0:
-        color, fade = color / a, ""
-    else:
-        if lights.falloff[row] != ir.FalloffKind.INVERSE_SQUARE:
-            out.cannot("a fall-off other than 1/d² or none is not carried", "lights", row)
-        color = color * inverse_square
+def _point_light(out: Export, light: ExportedLight) -> str:
+    color, fade = light.color / np.pi, ""
+    if light.fades:
+        color, fade = color / (2.0 * FADE * FADE), f" fade_power 2 fade_distance {number_text.number(FADE)}"
     spot = ""
-    if lights.kind[row] == ir.LightKind.SPOT:
-        full, cone = (float(np.degrees(np.arccos(np.clip(k[row], -1, 1)))) for k in (lights.cos_full, lights.cos_cone))
-        at = bracket(lights.position[row] + lights.direction[row])
+    if light.kind == ir.LightKind.SPOT:
+        full, cone = (float(np.degrees(angle)) for angle in (light.full, light.cone))
+        at = bracket(light.position + light.direction)
         spot = f" spotlight point_at {at} radius {number_text.number(full)} falloff {number_text.number(cone)} tightness 0"
-    return _light_source(out, row, lights.position[row], color, fade + spot)
+    return _light_source(out, light.row, light.position, color, fade + spot)
 
 
-def _directional(out: Export, row: int) -> str:
-    lights = out.scene.tables.lights
-    if lights.kind[row] == ir.LightKind.SUN and lights.angle[row] > 0.0:
-        out.cannot("a sun's size is not carried: POV-Ray draws lights without extent", "lights", row, "angle: 0deg")
+def _directional(out: Export, light: ExportedLight) -> str:
     middle, radius = placement.reach(out.scene.tables)
-    at = middle + lights.direction[row] * radius * FAR
-    return _light_source(out, row, at, lights.color[row] / np.pi, f" parallel point_at {bracket(middle)}")
+    at = middle + light.direction * radius * FAR
+    return _light_source(out, light.row, at, light.color / np.pi, f" parallel point_at {bracket(middle)}")
 
 
 def _light_source(out: Export, row: int, at: F64, color: F64, more: str) -> str:

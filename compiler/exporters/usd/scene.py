@@ -18,12 +18,12 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux, UsdShade, UsdUtils, Vt
 
 from ... import ir
 from ...ir.light_links import CASTERS, EVERYTHING
-from ...plan import scene_facts
 from ...plan.plan import Plan
 from .. import camera_frames, placement, texture_values
 from ..bodies import Bodies, Body, Converters, compact, part_of
 from ..export import Export
 from ..export_job import ExportJob
+from ..lights import ExportedLight, LightFormat, exported
 from ..placement import F64
 from ..shells import Shell
 from .materials import Materials, set_name
@@ -32,6 +32,7 @@ ROOT = "/World"
 MAIN_CAMERA = "main_cam"  # the name that usdrecord looks for
 FOCAL = 50.0  # tenths of a metre: any focal length makes the same picture with its aperture
 _TURNED = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # USD's plates shine along −z, ours along +y
+_LIGHTS = LightFormat("USD")
 _AREA = (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)
 
 
@@ -85,8 +86,8 @@ class _Writer:
             self.out.cannot("motion is not carried: everything stands as at the scene's time")
         for row in sorted(range(len(self.tables.cameras.projection)), key=lambda row: row != plan["camera"]):
             self._camera(row, plan["size"], row == plan["camera"])
-        for row in self.out.lights:
-            self._light(row)
+        for light in exported(self.out, self.out.lights, _LIGHTS):
+            self._light(light)
         for body in self.bodies:
             if self.tables.instances.light[body.instance] < 0:
                 self._place(body)
@@ -180,20 +181,13 @@ class _Writer:
             made.CreateClippingPlanesAttr(planes)
         made.MakeMatrixXform().Set(Gf.Matrix4d(placed.frame.T.tolist()))
 
-    def _light(self, row: int) -> None:
-        lights, names = self.tables.lights, self.out.scene.names.lights
-        kind, strength = ir.LightKind(int(lights.kind[row])), float(lights.color[row].max())
-        if kind == ir.LightKind.AMBIENT:
-            self.out.cannot("ambient light is not carried: USD has none", "lights", row)
-            return
-        name = (names[row] if row < len(names) else "") or kind.name.lower()
-        path = self._path(name.strip("/").replace("/", "_"))
-        made, factor, frame = self._kind_of_light(path, row, kind)
-        if scene_facts.profiled(self.tables)[row]:
-            self.out.cannot("a light whose emission depends on the direction is not carried", "lights", row)
+    def _light(self, light: ExportedLight) -> None:
+        row, strength = light.row, float(light.color.max())
+        path = self._path(light.name.strip("/").replace("/", "_"))
+        made, factor, frame = self._kind_of_light(path, light)
         made.CreateIntensityAttr(strength * factor)
-        made.CreateColorAttr(Gf.Vec3f(*(lights.color[row] / strength).tolist()))
-        if not lights.shadows[row]:
+        made.CreateColorAttr(Gf.Vec3f(*(light.color / strength).tolist()))
+        if not self.tables.lights.shadows[row]:
             UsdLux.ShadowAPI.Apply(made.GetPrim()).CreateShadowEnableAttr(False)
         made.MakeMatrixXform().Set(Gf.Matrix4d(frame.T.tolist()))
         self._lights[row] = made.GetPrim()
@@ -208,16 +202,16 @@ class _Writer:
                 members = np.flatnonzero(visible & mask != 0).tolist()
                 collection.CreateIncludesRel().SetTargets([self._placed[i] for i in members if i in self._placed])
 
-    def _kind_of_light(self, path: str, row: int, kind: ir.LightKind) -> tuple[Any, float, F64]:
+    def _kind_of_light(self, path: str, light: ExportedLight) -> tuple[Any, float, F64]:
         """(the light, its intensity over our color, its frame)"""
-        lights, frame = self.tables.lights, np.eye(4)
+        row, kind, lights, frame = light.row, light.kind, self.tables.lights, np.eye(4)
         if kind in _AREA:
             return self._area(path, row, kind)
         if kind in (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN):
             made = UsdLux.DistantLight.Define(self.stage, path)
-            made.CreateAngleAttr(2.0 * math.degrees(float(lights.angle[row])))
+            made.CreateAngleAttr(2.0 * math.degrees(light.angle))
             made.CreateNormalizeAttr(True)
-            frame[:3, :3] = placement.frame_along(lights.direction[row])
+            frame[:3, :3] = placement.frame_along(light.direction)
             return made, 1.0, frame
         if kind in (ir.LightKind.SKY, ir.LightKind.DOME):
             made = UsdLux.DomeLight.Define(self.stage, path)
@@ -231,15 +225,12 @@ class _Writer:
         made = UsdLux.SphereLight.Define(self.stage, path)
         made.CreateTreatAsPointAttr(True)
         made.CreateNormalizeAttr(True)
-        frame[:3, 3] = lights.position[row]
-        if lights.falloff[row] != ir.FalloffKind.INVERSE_SQUARE:
-            self.out.cannot("a fall-off other than 1/d² is not carried", "lights", row)
+        frame[:3, 3] = light.position
         if kind == ir.LightKind.SPOT:
-            outer, inner = (math.acos(min(max(float(c[row]), -1.0), 1.0)) for c in (lights.cos_cone, lights.cos_full))
             shaping = UsdLux.ShapingAPI.Apply(made.GetPrim())
-            shaping.CreateShapingConeAngleAttr(math.degrees(outer))
-            shaping.CreateShapingConeSoftnessAttr(1.0 - inner / outer if outer > 0 else 0.0)
-            frame[:3, :3] = placement.frame_along(-lights.direction[row])
+            shaping.CreateShapingConeAngleAttr(math.degrees(light.cone))
+            shaping.CreateShapingConeSoftnessAttr(1.0 - light.full / light.cone if light.cone > 0 else 0.0)
+            frame[:3, :3] = placement.frame_along(-light.direction)
         return made, 4.0, frame  # a ball's intensity is a quarter of its normalized one
 
     def _area(self, path: str, row: int, kind: ir.LightKind) -> tuple[Any, float, F64]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
+from xml.etree import ElementTree
 
 import maquette
 import numpy as np
@@ -164,7 +166,7 @@ def test_a_pattern_lies_where_its_matrix_says() -> None:
 @pytest.mark.parametrize(
     ("name", "line", "said"),
     [
-        ("mitsuba", "sphere(1, material: phong(#808080))", "3:21: the highlight is not carried: Mitsuba has no Phong lobe"),
+        ("mitsuba", "sphere(1, material: phong(#808080))", "3:21: a Phong highlight is carried as one of microfacets of the same width"),
         (
             "mitsuba", 'sphere(1, material: phong(#808080, specular: 0, shading: "gouraud"))',
             "3:21: light at vertices (gouraud) is not carried: Mitsuba shades at every point",
@@ -270,8 +272,23 @@ def test_convert_says_what_it_leaves_out(tmp_path: Path) -> None:
     (tmp_path / "ball.scene").write_text("sphere(1, material: phong(#808080))\npoint(position: [0, 3, 0])\n")
     done = CliRunner().invoke(cli, ["convert", str(tmp_path / "ball.scene"), str(tmp_path / "ball.xml"), "--plan", "filter=box"])
     assert done.exit_code == 0
-    assert "ball.scene:1:21: warning: the highlight is not carried: Mitsuba has no Phong lobe" in done.stderr
+    assert "ball.scene:1:21: warning: a Phong highlight is carried as one of microfacets of the same width" in done.stderr
     assert "specular: 0, or lambert(…)" in done.stderr
+
+
+@pytest.mark.parametrize(("model", "factor"), [("phong", 4.0), ("blinn_phong", 1.0)])
+def test_mitsuba_has_the_highlight_of_gltf(model: str, factor: float, tmp_path: Path) -> None:
+    """A rough plastic, whose α is the square of glTF's roughness: √(2 / (n + 2)) for half vectors."""
+    text = f"sphere(1, material: {model}(#808080, specular: 0.4, shininess: 60))\npoint(position: [0, 3, 0])\n"
+    (tmp_path / "ball.scene").write_text(text)
+    for name in ("ball.xml", "ball.glb"):
+        assert CliRunner().invoke(cli, ["convert", str(tmp_path / "ball.scene"), str(tmp_path / name)]).exit_code == 0
+    plastic = ElementTree.parse(tmp_path / "ball.xml").find(".//bsdf[@type='roughplastic']")
+    assert plastic is not None
+    width = float(plastic.find("float[@name='alpha']").get("value"))  # type: ignore[union-attr, arg-type]
+    assert width == pytest.approx((2.0 / (60.0 * factor + 2.0)) ** 0.5)
+    roughness = float(re.search(rb'"roughnessFactor": ?([\d.]+)', (tmp_path / "ball.glb").read_bytes())[1])  # type: ignore[index]
+    assert width == pytest.approx(roughness**2, rel=1e-5)
 
 
 def test_a_saved_ir_takes_no_picture_options(tmp_path: Path) -> None:

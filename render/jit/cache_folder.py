@@ -92,15 +92,15 @@ def make_room(size: int) -> bool:
     Raises SettingError for a value of MAQUETTE_CACHE_SIZE that is no size.
     """
     limit = largest_size()
-    known = []
+    files = []
     for folder, _, names in os.walk(root()):
         for name in names:
             path = os.path.join(folder, name)
             with suppress(OSError):
-                found = os.stat(path)
-                known.append((found.st_mtime, found.st_size, path))
-    total = sum(each for _, each, _ in known)
-    for _, each, path in sorted(known):
+                status = os.stat(path)
+                files.append((status.st_mtime, status.st_size, path))
+    total = sum(each for _, each, _ in files)
+    for _, each, path in sorted(files):
         if total + size <= limit:
             break
         with suppress(OSError):
@@ -112,7 +112,7 @@ def make_room(size: int) -> bool:
 def largest_size() -> int:
     """The bytes of MAQUETTE_CACHE_SIZE. Raises SettingError for a value that is no size."""
     text = os.environ.get(VARIABLE) or DEFAULT_SIZE
-    found = re.fullmatch(r"(\d+(?:\.\d+)?) ?([KMGT]?B)?", text.strip(), re.IGNORECASE)
-    if found is None or (found[2] or "").upper() == "B":
+    size = re.fullmatch(r"(\d+(?:\.\d+)?) ?([KMGT]?B)?", text.strip(), re.IGNORECASE)
+    if size is None or (size[2] or "").upper() == "B":
         raise SettingError(f"{VARIABLE} is {text}, which is no size: write a number of bytes, or 500MB, or 2GB")
-    return int(float(found[1]) * _UNITS[(found[2] or "").upper()])
+    return int(float(size[1]) * _UNITS[(size[2] or "").upper()])

@@ -127,11 +127,11 @@ def serve() -> None:
 
 def find_kernel(module: Any, name: str) -> Kernel:
     """The kernel of a function name: the attribute itself, or the kernel of the KernelPointer made of that function."""
-    found = getattr(module, name)
-    if isinstance(found, Kernel):
-        return found
+    value = getattr(module, name)
+    if isinstance(value, Kernel):
+        return value
     pointers = (each for each in vars(module).values() if isinstance(each, function_pointer.KernelPointer))
-    return next(each.kernel for each in pointers if each.kernel.py_func is found)
+    return next(each.kernel for each in pointers if each.kernel.py_func is value)
 
 
 kernel_cache.LOOKUP_HOOKS.append(wait)

@@ -84,15 +84,15 @@ def _contexts() -> dict[str, Any]:
 def _for_kernels() -> Iterator[None]:
     """Hold Numba's lock and let it compile for the target machine of kernels."""
     with global_compiler_lock:
-        ours, known = _contexts(), vars(cpu_target)
-        before = {name: known[name] for name in ours if name in known}
-        known.update(ours)
+        ours, attributes = _contexts(), vars(cpu_target)
+        before = {name: attributes[name] for name in ours if name in attributes}
+        attributes.update(ours)
         try:
             yield
         finally:
             for name in ours:
-                del known[name]
-            known.update(before)
+                del attributes[name]
+            attributes.update(before)
 
 
 def register() -> None:
@@ -153,8 +153,8 @@ def _lower(function: Callable[..., Any], kinds: tuple[ValueType, ...]) -> tuple[
     """A kernel's library with its entry, not yet linked; its descriptor; the type of its result."""
     register()
     dispatcher: Any = njit(**_FLAGS, pipeline_class=lto.Kernel)(function)
-    made = dispatcher._compiler.compile(tuple(map(numba_types.to_numba, kinds)), None)
-    result = numba_types.from_numba(made.signature.return_type)
-    code, descriptor = attrgetter("library", "fndesc")(made)
+    compiled = dispatcher._compiler.compile(tuple(map(numba_types.to_numba, kinds)), None)
+    result = numba_types.from_numba(compiled.signature.return_type)
+    code, descriptor = attrgetter("library", "fndesc")(compiled)
     numba_types.add_entry(cpu_target.target_context, code, descriptor, kinds, result)
     return code, descriptor, result

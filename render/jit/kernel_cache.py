@@ -33,8 +33,8 @@ def _folder_name() -> str:
 
 def _version_of(package: str) -> str:
     """The installed version of a package, from the name of its .dist-info folder. importlib.metadata takes 12 ms to load."""
-    found = (path.name for folder in sys.path for path in Path(folder).glob(f"{package}-*.dist-info"))
-    name = next(found, None)
+    versions = (path.name for folder in sys.path for path in Path(folder).glob(f"{package}-*.dist-info"))
+    name = next(versions, None)
     if name is None:
         raise ModuleNotFoundError(f"there is no {package}-….dist-info in sys.path")
     return name.removeprefix(f"{package}-").removesuffix(".dist-info")
@@ -95,8 +95,8 @@ def must_be_compiled() -> bool:
 def load(kernel: Any, kinds: tuple[ValueType, ...]) -> Loaded:
     """Load a kernel for arguments of these types from disk, or compile it."""
     with _compiling():
-        found = kernel.loaded.get(kinds)
-        if found is None:
+        loaded = kernel.loaded.get(kinds)
+        if loaded is None:
             function = kernel.py_func
             for wait in LOOKUP_HOOKS:
                 wait(function, kinds)
@@ -108,11 +108,11 @@ def load(kernel: Any, kinds: tuple[ValueType, ...]) -> Loaded:
                 if must_be_compiled():
                     raise NotCompiled(f"{_name_of(function)}-{_digest_of_types(kinds)}")
                 code, compiled = _compile(function, kinds, name)
-            found = kernel.loaded[kinds] = Loaded(function.__qualname__, kinds, code, not compiled)
+            loaded = kernel.loaded[kinds] = Loaded(function.__qualname__, kinds, code, not compiled)
             compile_events.ready()
             for names in _records:
                 names.append(_name_of(function))
-        return found
+        return loaded
 
 
 def _compile(function: Callable[..., Any], kinds: tuple[ValueType, ...], name: str | None) -> tuple[Code, bool]:

@@ -70,9 +70,9 @@ class _Library(JITCodeLibrary):
     def _get_module_for_linking(self) -> Any:
         """The module with its callees, for libraries other than `Whole`."""
         if self._shared_module is None:
-            whole = self._shared_module = binding.parse_assembly("")
-            whole.name, whole.triple, whole.data_layout = self.name, self._final_module.triple, self._codegen._data_layout
-            _link(whole, [self])
+            module = self._shared_module = binding.parse_assembly("")
+            module.name, module.triple, module.data_layout = self.name, self._final_module.triple, self._codegen._data_layout
+            _link(module, [self])
         return self._shared_module
 
 

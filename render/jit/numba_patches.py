@@ -44,11 +44,11 @@ def variables(self: Any, value: Any) -> list[Any]:
         return [value]
     if kind == _INSTRUCTION:
         return value.list_vars()
-    found = []
+    parts = []
     for each in value if kind == _SEVERAL else value.values():
         if _kinds.get(type(each)) != _NONE:
-            found += variables(self, each)
-    return found
+            parts += variables(self, each)
+    return parts
 
 
 def _kind_of(value: Any) -> int:
@@ -82,12 +82,12 @@ def release(self: Any) -> None:
 
 def call_type(self: Any, context: Any, args: Any, kws: Any) -> Any:
     """BaseFunction.get_call_type, cached by argument types."""
-    known = self.__dict__.setdefault("_known", {})
+    signatures = self.__dict__.setdefault("_known", {})
     key = (context, args, tuple(kws.items()))
-    found = known.get(key)
-    if found is None:
-        found = known[key] = _call_type(self, context, args, kws)
-    return found
+    signature = signatures.get(key)
+    if signature is None:
+        signature = signatures[key] = _call_type(self, context, args, kws)
+    return signature
 
 
 _call_type = BaseFunction.get_call_type
@@ -102,8 +102,8 @@ class _Entries(dict[Any, Any]):
 
     def __missing__(self, block: Any) -> Any:
         lives = self.lifetime
-        found = analysis.compute_live_variables(lives.cfg, self.blocks, lives.usedefs.defmap, lives.deadmaps.combined)
-        self.update((each, found[offset]) for offset, each in self.blocks.items())
+        live = analysis.compute_live_variables(lives.cfg, self.blocks, lives.usedefs.defmap, lives.deadmaps.combined)
+        self.update((each, live[offset]) for offset, each in self.blocks.items())
         return self[block]
 
 
@@ -192,8 +192,8 @@ class ErrorContext:
 
 def refresh(self: Any) -> None:
     """BaseContext.refresh of target contexts: does nothing unless a registry has grown."""
-    known = _registered(self)
-    if self.__dict__.get("_refreshed") != known:
+    lengths = _registered(self)
+    if self.__dict__.get("_refreshed") != lengths:
         _refresh(self)
         self._refreshed = _registered(self)
 
@@ -203,8 +203,8 @@ _refresh = base.BaseContext.refresh
 
 def refresh_typing(self: Any) -> None:
     """BaseContext.refresh of typing contexts: does nothing unless a registry has grown."""
-    known = _lengths(self)
-    if self.__dict__.get("_refreshed") != known:
+    lengths = _lengths(self)
+    if self.__dict__.get("_refreshed") != lengths:
         self.__dict__.pop("_found_attributes", None)
         _refresh_typing(self)
         self._refreshed = _lengths(self)
@@ -219,22 +219,22 @@ def _registered(target: Any) -> tuple[int, ...]:
 
 def _lengths(context: Any) -> tuple[int, ...]:
     """Lengths of the registries that a context has loaded."""
-    return tuple(len(getattr(known, name)) for known, loader in context._registries.items() for name in loader.registry_items)
+    return tuple(len(getattr(registry, name)) for registry, loader in context._registries.items() for name in loader.registry_items)
 
 
 def resolve_getattr(self: Any, typ: Any, attr: str) -> Any:
     """BaseContext.resolve_getattr: caches types of attributes; a module's own attributes are resolved by the module."""
-    known = self.__dict__.setdefault("_found_attributes", {})
+    attributes = self.__dict__.setdefault("_found_attributes", {})
     of_module = isinstance(typ, types.Module)
-    found = known.get((typ, attr))
-    if found is None:
+    kind = attributes.get((typ, attr))
+    if kind is None:
         if of_module and self.find_matching_getattr_template(typ, attr) is None:
-            found = known[typ, attr] = _OF_MODULE
+            kind = attributes[typ, attr] = _OF_MODULE
         else:
-            found = _resolve_getattr(self, typ, attr)
-            if found is not None:
-                known[typ, attr] = found
-    return self.resolve_module_constants(typ, attr) if found is _OF_MODULE else found
+            kind = _resolve_getattr(self, typ, attr)
+            if kind is not None:
+                attributes[typ, attr] = kind
+    return self.resolve_module_constants(typ, attr) if kind is _OF_MODULE else kind
 
 
 _resolve_getattr = Typing.resolve_getattr
@@ -244,9 +244,9 @@ _OF_MODULE = object()
 def resolve_value_type(self: Any, val: Any) -> Any:
     """BaseContext.resolve_value_type: skips the constant and buffer checks for plain functions."""
     if type(val) is FunctionType and "_numba_type_" not in val.__dict__:
-        found = self._get_global_type(val)
-        if found is not None:
-            return found
+        kind = self._get_global_type(val)
+        if kind is not None:
+            return kind
     return _resolve_value_type(self, val)
 
 
@@ -279,6 +279,6 @@ REPLACED: tuple[tuple[Any, str, Callable[..., Any], tuple[str, ...]], ...] = (
 
 def install_patches() -> None:
     """Install all patches whose required attributes exist."""
-    for of, name, function, needed in REPLACED:
-        if all(hasattr(of, part) for part in needed):
-            setattr(of, name, function)
+    for owner, name, function, needed in REPLACED:
+        if all(hasattr(owner, part) for part in needed):
+            setattr(owner, name, function)

@@ -32,10 +32,10 @@ class NumbaHandle(types.Type, HandleType):
 
 def to_numba(kind: ValueType) -> types.Type:
     """The Numba type of a type."""
-    found = _numba_types.get(kind)
-    if found is None:
-        found = _numba_types[kind] = _to_numba(kind)
-    return found
+    numba_kind = _numba_types.get(kind)
+    if numba_kind is None:
+        numba_kind = _numba_types[kind] = _to_numba(kind)
+    return numba_kind
 
 
 _numba_types: dict[ValueType, types.Type] = {}
@@ -148,28 +148,28 @@ class _HandleAttributes(AttributeTemplate):
     key = NumbaHandle
 
     def generic_resolve(self, typ: NumbaHandle, attr: str) -> types.Type | None:
-        found = typ.field(attr)
-        return _field_type(found[1]) if found else None
+        field = typ.field(attr)
+        return _field_type(field[1]) if field else None
 
 
 @lower_getattr_generic(NumbaHandle)
 def _load(context: Any, builder: Any, typ: NumbaHandle, value: Any, attr: str) -> Any:
-    found = typ.field(attr)
-    assert found is not None
-    word, kind = found
+    field = typ.field(attr)
+    assert field is not None
+    word, kind = field
     if isinstance(kind, tuple) and not (kind and kind[0] in ("array", "handle")):
         return value  # a nested tuple: its words count from the start of the block
     if kind == "float":
         return _word(builder, value, word, llvm.DoubleType())
-    whole = _word(builder, value, word, _I64)
+    integer = _word(builder, value, word, _I64)
     if kind == "int":
-        return whole
+        return integer
     if kind == "bool":
-        return builder.icmp_signed("!=", whole, llvm.Constant(whole.type, 0))
+        return builder.icmp_signed("!=", integer, llvm.Constant(integer.type, 0))
     if kind[0] == "handle":
-        return builder.inttoptr(whole, _BYTES)
+        return builder.inttoptr(integer, _BYTES)
     length = _word(builder, value, word + 1, _I64)
-    return _array(context, builder, _field_type(kind), whole, [length, *(llvm.Constant(_I64, n) for n in kind[2])])
+    return _array(context, builder, _field_type(kind), integer, [length, *(llvm.Constant(_I64, n) for n in kind[2])])
 
 
 def _array(context: Any, builder: Any, kind: Any, data: Any, shape: list[Any], strides: list[Any] | None = None) -> Any:
@@ -180,8 +180,8 @@ def _array(context: Any, builder: Any, kind: Any, data: Any, shape: list[Any], s
         strides, step = [], llvm.Constant(_I64, item)
         for n in reversed(shape):
             strides.insert(0, step)
-            known = isinstance(n, llvm.Constant) and isinstance(step, llvm.Constant)
-            step = llvm.Constant(_I64, step.constant * n.constant) if known else builder.mul(step, n)  # pyright: ignore
+            constant = isinstance(n, llvm.Constant) and isinstance(step, llvm.Constant)
+            step = llvm.Constant(_I64, step.constant * n.constant) if constant else builder.mul(step, n)  # pyright: ignore
     populate_array(array, builder.inttoptr(data, array.data.type), shape, strides, llvm.Constant(_I64, item), None)
     return array._getvalue()
 
@@ -210,9 +210,9 @@ def add_entry(context: Any, library: Any, described: Any, kinds: tuple[ValueType
     values = [words.read(kind) for kind in kinds]
     native = context.declare_function(module, described)
     numba_kinds = tuple(map(to_numba, kinds))
-    status, found = context.call_conv.call_function(builder, native, described.restype, numba_kinds, values, attrs=("noinline",))
+    status, returned = context.call_conv.call_function(builder, native, described.restype, numba_kinds, values, attrs=("noinline",))
     with builder.if_then(status.is_ok, likely=True):
-        words.write(result, context.cast(builder, found, described.restype, to_numba(result)))
+        words.write(result, context.cast(builder, returned, described.restype, to_numba(result)))
     builder.ret(status.code)
     library.add_ir_module(module)
 

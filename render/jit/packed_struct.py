@@ -39,26 +39,26 @@ class Handle:
 
     def part(self, name: str) -> ValueType:
         """Type of a field in kernels."""
-        found = self.type.field(name)
-        assert found is not None, name
-        return field_type(found[1])
+        field = self.type.field(name)
+        assert field is not None, name
+        return field_type(field[1])
 
     def put(self, name: str, number: int) -> None:
         """Set an integer field of the packed tuple, or of a nested one ("inner.name"), before kernels read it.
 
         Raises ValueError for other fields.
         """
-        found = self.type.field(name)
-        if found is None or found[1] != "int":
+        field = self.type.field(name)
+        if field is None or field[1] != "int":
             raise ValueError(f"{name} is not an integer field of this tuple")
-        self._block[found[0]] = number
+        self._block[field[0]] = number
 
     def point(self, name: str, other: Handle) -> None:
         """Replace a Handle field by another Handle of its type, while no kernel reads it. Raises ValueError for other fields."""
-        found = self.type.field(name)
-        if found is None or found[1] != ("handle", other.type):
+        field = self.type.field(name)
+        if field is None or field[1] != ("handle", other.type):
             raise ValueError(f"{name} is not a handle of that type")
-        self._block[found[0]] = other.address
+        self._block[field[0]] = other.address
         self.tables = self.tables._replace(**{name: other})
 
 

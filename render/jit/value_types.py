@@ -107,8 +107,8 @@ class Tuple(ValueType):
             kind.pack(item, words)
 
     def unpack(self, words: Iterator[Any]) -> Any:
-        found = tuple(kind.unpack(words) for kind in self.items)
-        return found if self.cls is None else self.cls(*found)
+        values = tuple(kind.unpack(words) for kind in self.items)
+        return values if self.cls is None else self.cls(*values)
 
     @functools.cached_property
     def plain(self) -> Any:
@@ -142,11 +142,11 @@ class HandleType(ValueType):
 
     def field(self, name: str) -> tuple[int, Any] | None:
         """(word, kind) of a field or of a field of a nested tuple ("outer.inner"), not of another Handle; None if there is none."""
-        found, layout = None, self.layout
+        place, layout = None, self.layout
         for part in name.split("."):
-            found = next(((word, kind) for known, word, kind in layout if known == part), None)
-            layout = found[1] if found and isinstance(found[1], tuple) and found[1][:1] != ("handle",) else ()
-        return found
+            place = next(((word, kind) for known, word, kind in layout if known == part), None)
+            layout = place[1] if place and isinstance(place[1], tuple) and place[1][:1] != ("handle",) else ()
+        return place
 
     @functools.cached_property
     def plain(self) -> Any:
@@ -249,10 +249,10 @@ TYPE_OF: dict[type, Callable[[Any], ValueType]] = {}
 def typeof(value: Any) -> ValueType:
     """The type of a value in kernels. Raises TypeError for values that kernels do not take."""
     cls = type(value)
-    known = TYPE_OF.get(cls)
-    if known is None:
-        known = TYPE_OF[cls] = _rule(cls)
-    return known(value)
+    rule = TYPE_OF.get(cls)
+    if rule is None:
+        rule = TYPE_OF[cls] = _rule(cls)
+    return rule(value)
 
 
 def _rule(cls: type) -> Callable[[Any], ValueType]:
@@ -264,9 +264,9 @@ def _rule(cls: type) -> Callable[[Any], ValueType]:
     if issubclass(cls, np.generic):
         number = BOOL if cls is np.bool_ else scalar(np.dtype(cls).name)
         return lambda value: number
-    found = NONE if cls is type(None) else BOOL if cls is bool else INT64 if issubclass(cls, int) else FLOAT64 if cls is float else None
-    if found is not None:
-        return lambda value: found
+    kind = NONE if cls is type(None) else BOOL if cls is bool else INT64 if issubclass(cls, int) else FLOAT64 if cls is float else None
+    if kind is not None:
+        return lambda value: kind
     raise TypeError(f"a kernel takes no {cls.__name__}")
 
 
@@ -276,11 +276,11 @@ _arrays: dict[Any, Array] = {}
 def _typeof_array(value: NDArray[Any]) -> Array:
     flags = value.flags.num
     key = value.dtype, value.ndim, flags
-    found = _arrays.get(key)
-    if found is None:
+    kind = _arrays.get(key)
+    if kind is None:
         layout = "C" if flags & _C else "F" if flags & _F else "A"
-        found = _arrays[key] = _array(value.dtype.str, value.ndim, layout, bool(flags & _WRITEABLE), bool(flags & _ALIGNED))
-    return found
+        kind = _arrays[key] = _array(value.dtype.str, value.ndim, layout, bool(flags & _WRITEABLE), bool(flags & _ALIGNED))
+    return kind
 
 
 NO_ROWS = 1 << 16  # bytes of zeros on both sides of the address of an empty array

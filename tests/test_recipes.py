@@ -170,7 +170,7 @@ SCENES = {
     "setting": {"a.scene": f"{BALL}plane(y: -1)\nsphere(1)\nsun(from: [1, 4, 1])\n"},
     "shape": {
         "a.scene": RINGS, "solid.scene": f"union {{ annulus(1, 0.5); sphere(1) }}\n{BALL}", "wrong.scene": f"annulus(0.5, 1)\n{BALL}",
-    },  # fmt: skip
+    },
     "solid_shape": {"a.scene": OCTAHEDRA},
     **{name: {"a.scene": f"{BALL}sphere(1)\n"} for name in ("channel", "command", "backend", "metric")},
 }

@@ -143,7 +143,11 @@ SCHEMA: dict[str, Entry] = {e.name: e for e in (*SHAPES, *SOLIDS, *BLOCKS, *LIGH
 
 
 def register(entries: Iterable[Entry]) -> None:
-    """Put elements that are defined elsewhere before those of this package; see shapes/."""
-    known = dict(SCHEMA)
+    """Put elements that are defined elsewhere before those of this package; see shapes/. Raises ValueError for a name that is taken."""
+    known, added = dict(SCHEMA), dict[str, Entry]()
+    for entry in entries:
+        if entry.name in known or entry.name in added:
+            raise ValueError(f"two elements are called {entry.name}")
+        added[entry.name] = entry
     SCHEMA.clear()
-    SCHEMA.update({entry.name: entry for entry in entries} | known)
+    SCHEMA.update(added | known)

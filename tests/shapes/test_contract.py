@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import inspect
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -11,11 +13,13 @@ from maquette.compiler import ir
 from maquette.compiler.formula import numpy_interpreter
 from maquette.compiler.formula.builder import Builder
 from maquette.compiler.formula.solid_fields import NoSolid
+from maquette.lang.schema import elements
 from maquette.lang.schema.argument_types import REQUIRED
 from maquette.render.geometry import analytic_shapes
 from maquette.render.tessellation import analytic_shapes as tessellation
 from maquette.shapes import SHAPES
 from maquette.shapes.contract import Shape
+from maquette.shapes.lanes import HELPERS
 
 ROWS = {
     "rectangle": (0.5, 0.4), "cylinder": (0.5, 0.6, 1.0), "cone": (0.5, 0.2, 0.6, 1.0), "torus": (0.6, 0.2), "capsule": (0.3, 0.4),
@@ -58,6 +62,20 @@ shapes = pytest.mark.parametrize("shape", SHAPES.values(), ids=lambda shape: sha
 @shapes
 def test_a_shape_answers_everything(shape: Shape) -> None:
     assert not lacking(shape), f"shapes/{shape.KIND.name.lower()}.py lacks {', '.join(lacking(shape))}"
+    unmarked = [name for name in ("hit", "normal", "uv") if getattr(shape, name) not in HELPERS]
+    assert not unmarked, f"shapes/{shape.KIND.name.lower()}.py: @helper is missing at {', '.join(unmarked)}"
+
+
+def test_an_element_has_one_shape() -> None:
+    before = list(elements.SCHEMA)
+    with pytest.raises(ValueError, match="^two elements are called torus$"):
+        elements.register([elements.SCHEMA["torus"]])
+    assert list(elements.SCHEMA) == before
+
+
+def test_the_compiler_loads_shapes_without_llvm() -> None:
+    code = "import sys, maquette.compiler.load; print(sorted({'numba', 'llvmlite'} & sys.modules.keys()))"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 
 def test_an_answer_left_out_is_named() -> None:

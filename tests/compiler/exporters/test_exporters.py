@@ -296,3 +296,20 @@ def test_a_saved_ir_takes_no_picture_options(tmp_path: Path) -> None:
     done = CliRunner().invoke(cli, ["convert", str(tmp_path / "ball.scene"), str(tmp_path / "ball.npz"), "--size", "10x10"])
     assert done.exit_code == 2
     assert "give options of the picture to `maquette render OUT.npz`" in done.stderr
+
+
+@pytest.mark.parametrize("ending", ["glb", "usda", "xml", "pov"])
+def test_a_quadratic_fall_off_is_one_by_the_square(ending: str, tmp_path: Path) -> None:
+    """1/(2 d²) is half the light at 1/d²; every format has that."""
+    (tmp_path / "a.scene").write_text("sphere(1)\npoint(position: [0, 3, 0], intensity: 8, falloff: [0, 0, 2])\n")
+    (tmp_path / "b.scene").write_text("sphere(1)\npoint(position: [0, 3, 0], intensity: 4)\n")
+    said = [CliRunner().invoke(cli, ["convert", str(tmp_path / f"{k}.scene"), str(tmp_path / f"{k}.{ending}")]).stderr for k in "ab"]
+    assert "fall-off" not in said[0]
+    one, other = ((tmp_path / f"{k}.{ending}").read_bytes().replace(b"a.", b"").replace(b"b.", b"") for k in "ab")
+    assert one == other
+
+
+def test_gltf_tells_of_a_fall_off_that_it_lacks(tmp_path: Path) -> None:
+    (tmp_path / "a.scene").write_text("sphere(1)\npoint(position: [0, 3, 0], falloff: [1, 0, 0])\n")
+    said = CliRunner().invoke(cli, ["convert", str(tmp_path / "a.scene"), str(tmp_path / "a.glb")]).stderr
+    assert "a.scene:2:1: warning: a fall-off other than 1/d² is not carried\n" in said

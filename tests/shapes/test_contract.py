@@ -68,7 +68,7 @@ def test_a_shape_answers_everything(shape: Shape) -> None:
 
 def test_an_element_has_one_shape() -> None:
     before = list(elements.SCHEMA)
-    with pytest.raises(ValueError, match="^two elements are called torus$"):
+    with pytest.raises(ValueError, match=r"^two elements are called torus$"):
         elements.register([elements.SCHEMA["torus"]])
     assert list(elements.SCHEMA) == before
 

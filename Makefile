@@ -109,10 +109,13 @@ accuracy: $(DEVELOP)  ## measure the known answers and the failing places again:
 	@MAQUETTE_ACCURACY=build/answers MAQUETTE_PLACES=build/places $(BIN)/python -m pytest -q -n $(WORKERS) --long tests/accuracy tests/stability
 	@$(BIN)/python tests/accuracy/answers.py build/answers build/places > build/accuracy.md && mv build/accuracy.md docs/accuracy.md
 
-test: $(if $(PACKAGE),$(DEVELOP),check) $(if $(filter lang% compiler%,$(PACKAGE)),,kernels)  ## the whole suite, after ruff, pyright and `make kernels`; PACKAGE=render/accel: the tests of one package alone
+FIRST = $(if $(PACKAGE),$(if $(filter lang% compiler%,$(PACKAGE)),,kernels),check kernels)
+
+test: $(DEVELOP)  ## the whole suite, after ruff and pyright beside `make kernels`; PACKAGE=render/accel: the tests of one package alone
 ifdef PACKAGE
 	@test -d tests/$(PACKAGE) || { echo "no tests are in tests/$(PACKAGE); packages: $$(cd tests && find . -name 'test_*.py' -printf '%h\n' | sed 's:^\./::' | sort -u | xargs)"; exit 1; }
 endif
+	@$(if $(FIRST),$(MAKE) --no-print-directory -j2 $(FIRST))
 	@$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal $(if $(PACKAGE),tests/$(PACKAGE))
 
 test-all: check kernels  ## also what takes long: statistics, soak, packaging; then parts of it under other conditions

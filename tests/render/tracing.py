@@ -9,7 +9,7 @@ from maquette.render.accel import intersect
 from maquette.render.accel import ray_queries as kernels
 from maquette.render.types import Ray
 
-from .grammar import rays
+from .tables import rays
 
 
 def trace_kernels(tables: ir.Tables, ray: Ray, bit: int = 1, brute: bool = False) -> tuple[np.ndarray, ...]:

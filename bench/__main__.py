@@ -12,13 +12,13 @@ from pathlib import Path
 from . import limits, report
 from .harness import Effort
 
-NAMES = ("rays", "build", "paths", "raster", "formulas", "edits", "start", "threads", "procedural", "live", "imports", "cluster")
+NAMES = ("rays", "build", "paths", "raster", "formulas", "edits", "start", "threads", "procedural", "live", "imports", "cluster", "cores")
 SECTION_PARTS = {  # parts that can be measured separately
     "paths": ("cornell", "knot", "lamps", "glossy", "glass", "interior", "daylight", "evening", "door"),
     "formulas": ("512", "1024", "povray"), "start": ("waits",),
     "live": ("edits", "orbit", "refined"),
 }  # fmt: skip
-CORES = {"threads": 2, "start": 2, "live": 2, "cluster": 2}  # of a benchmark; one by default
+CORES = {"threads": 2, "start": 2, "live": 2, "cluster": 2, "cores": os.cpu_count() or 1}  # of a benchmark; one by default
 
 
 def main(arguments: list[str] | None = None) -> int:

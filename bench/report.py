@@ -18,7 +18,7 @@ from ..render.simd.target import cores
 from . import harness
 
 RESULTS = Path(__file__).resolve().parent / "RESULTS.md"
-ORDER = ("rays", "build", "paths", "raster", "formulas", "edits", "start", "threads", "procedural", "live", "imports", "cluster")
+ORDER = ("rays", "build", "paths", "raster", "formulas", "edits", "start", "threads", "procedural", "live", "imports", "cluster", "cores")
 """Of the sections; others follow in the order of their names."""
 HEAD = """# Benchmarks: measured results
 

@@ -19,6 +19,7 @@ PEERS = {
     "formulas": {"fidget-once": ("fidget jit", "fidget vm")},
     "edits": {},
     "threads": {},
+    "cores": {},
     "procedural": {},
     "imports": {},
     "cluster": {},

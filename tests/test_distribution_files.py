@@ -51,10 +51,16 @@ def test_the_container_starts_the_command_as_a_plain_user_in_the_mounted_folder(
     assert PROJECT["project"]["requires-python"] == ">=3.11"
 
 
+def installed_packages() -> set[str]:
+    """The packages that setup.py finds."""
+    code = "import runpy, setuptools; setuptools.setup = lambda **options: print(*options['packages']); runpy.run_path('setup.py')"
+    return set(subprocess.run([sys.executable, "-P", "-c", code], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split())
+
+
 def test_what_the_container_copies_is_there() -> None:
     ignored = (ROOT / ".dockerignore").read_text(encoding="utf-8").split()
-    packages = {name.split(".")[1] for name in PROJECT["tool"]["setuptools"]["packages"] if "." in name}
-    for name in ("requirements/run.txt", "pyproject.toml", "README.md", "LICENSE", *packages):
+    packages = {name.split(".")[1] for name in installed_packages() if "." in name}
+    for name in ("requirements/run.txt", "pyproject.toml", "setup.py", "README.md", "LICENSE", *packages):
         assert (ROOT / name).exists()
         assert not any(fnmatch.fnmatch(name, pattern) for pattern in ignored)
 
@@ -162,9 +168,11 @@ def test_changed_scenes_are_compared_with_their_base(repository: Path) -> None:
 
 
 def test_every_package_is_installed() -> None:
-    """The list of packages names each folder of modules."""
+    """setup.py finds each folder of modules, and no tests or benchmarks."""
     found = {
         ".".join(("maquette", *path.parent.relative_to(ROOT).parts))
         for name in ("cli", "compiler", "lang", "live", "measure", "render", "stdlib") for path in (ROOT / name).rglob("__init__.py")
     }  # fmt: skip
-    assert found <= set(PROJECT["tool"]["setuptools"]["packages"])
+    packages = installed_packages()
+    assert found <= packages
+    assert not [name for name in packages if name.split(".")[1:2] in (["tests"], ["bench"], ["build"])]

@@ -81,6 +81,11 @@ class _SweepProgress:
         over = self.skipped or self.failed or at == len(self.sweep.settings)
         return None if over else self.sweep.settings[at]
 
+    def note_the_end(self, why: str) -> None:
+        """Give the reason why the next step was not measured, if there is one and no reason yet."""
+        if self.next_setting() is not None:
+            self.skipped = why
+
     def expected(self) -> float:
         """Expected seconds of the next step: those of the last, with rendering scaled by the cost."""
         at, costs = len(self.steps), self.sweep.costs
@@ -142,8 +147,9 @@ class _Measurement:
             while self._add_steps(sweeps, against):
                 self._add_runs(sweeps, against, self.least)
             self._add_runs(sweeps, against, self.good)
-        except runs.Cancelled:
-            pass  # the chart holds the points measured so far
+        except runs.Cancelled:  # the chart holds the points measured so far
+            for active in sweeps:
+                active.note_the_end("it was interrupted" if self.cancel.is_set() else self._ended())
         if self.raw_images is not None:
             self.raw_images.finish(against, self.exposure)
         return self._make_chart(sweeps, plan, against)
@@ -198,6 +204,9 @@ class _Measurement:
             f"the least chart takes about {formatting.seconds(least)}, and one that measures {asked} about {formatting.seconds(full)}, of "
             f"the {self.wanted.budget:g} s there are: give a longer --budget or a smaller --size", guess.answer(self.wanted.target),
         )  # fmt: skip
+
+    def _ended(self) -> str:
+        return f"the budget of {self.wanted.budget:g} s ended before it: a longer --budget has time for it"
 
     def _too_short(self) -> str:
         longer = max(LONGER * self.wanted.budget, USUAL)

@@ -203,6 +203,8 @@ def test_the_budget_bounds_the_whole(scene: ir.Scene, made: Chart) -> None:  # w
     found = engine.measure(scene, wanted, lambda done, total: told.append((done, total)))
     assert time.perf_counter() - began < 6.0
     assert any("do not fit into the budget of 4 s" in why or "longer --budget" in why for why in found.left_out.values())
+    for backend in wanted.backends:
+        assert any(point.setting.backend == backend for point in found.points) or any(name.startswith(backend) for name in found.left_out)
     assert told == sorted(told)
     assert 0 < told[0][0] <= told[-1][0] <= told[-1][1]
 

@@ -37,7 +37,8 @@ Chain = tuple[dict[str, Definition], ...]  # innermost first
 def check_file(module: Module, outer: Iterable[str], report: Report, diagnostics: Diagnostics, main: bool) -> None:
     """Report the errors in the names of a file. `outer` are the names of the enclosing scopes.
 
-    In the rendered scene (`main`) an unused `let` gets a warning, unless the file places nothing and so serves other files.
+    In the rendered scene (`main`) an unused `let` gets a warning, unless the file places nothing and so serves other files, or items
+    with syntax errors may use it.
     """
     places = any(isinstance(item, ast.ElementItem | ast.For | ast.If) for item in module.file.items)
     checker = _Checker({*outer, *module.broken}, report, diagnostics if main and places else None)
@@ -63,6 +64,7 @@ class _Checker:
         self.outer = outer
         self.report = report
         self.unused = unused
+        self.is_whole = unused is not None and not unused.failed
         self.unknown = 0  # names so far that nothing defines
         self.units = set[str]()  # of numbers
 
@@ -116,7 +118,7 @@ class _Checker:
 
     def _warn_unused(self, scope: dict[str, Definition]) -> None:
         for d in scope.values():
-            if self.unused is not None and d.kind == "let" and not d.used and not d.name.startswith("_"):
+            if self.unused is not None and self.is_whole and d.kind == "let" and not d.used and not d.name.startswith("_"):
                 self.unused.warning(f"`{d.name}` is never used", d.span)
 
     def _visit(self, node: ast.Node, chain: Chain) -> None:

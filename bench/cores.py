@@ -71,10 +71,10 @@ def section(quick: bool, effort: Effort) -> report.Section:
             several.append(seconds)
             if not (np.array_equal(first, image) and np.array_equal(first, other)):
                 result.refused.append(f"{picture.name}: one and {most} threads made different pictures")
-        whole = division.serial + division.kernels + division.python
+        total = division.serial + division.kernels + division.python
         rows.append((
-            picture.name, str(division.tiles), f"{1e6 * division.python / max(division.tiles, 1):.0f}", f"{whole:.2f}",
-            f"{division.serial:.2f}", f"{100 * division.serial / whole:.1f}", *(f"{division.gain(n):.1f}" for n in THREADS),
+            picture.name, str(division.tiles), f"{1e6 * division.python / max(division.tiles, 1):.0f}", f"{total:.2f}",
+            f"{division.serial:.2f}", f"{100 * division.serial / total:.1f}", *(f"{division.gain(n):.1f}" for n in THREADS),
             f"{division.gain(most):.2f}", f"{statistics.median(single) / statistics.median(several):.2f}",
         ))  # fmt: skip
     predicted = (f"gain on {n}" for n in THREADS)
@@ -112,8 +112,8 @@ def divide(picture: Picture) -> Division:
     with _counted_kernels() as kernels, _counted_jobs(kernels) as jobs:
         began = time.thread_time()
         draw(picture, 1)
-        whole = time.thread_time() - began
-    return Division(jobs.count, jobs.kernels, jobs.python, whole - jobs.kernels - jobs.python)
+        total = time.thread_time() - began
+    return Division(jobs.count, jobs.kernels, jobs.python, total - jobs.kernels - jobs.python)
 
 
 class _Kernels(threading.local):

@@ -99,8 +99,8 @@ def triangles(p: Sequence[float], tolerance: float) -> Tessellation:
         positions[face][:, [(axis + 1) % 3, (axis + 2) % 3]] = surfaces.CORNERS
         normals[face, :, axis] = side
     rows = (4 * np.arange(6)[:, None, None] + surfaces.HALVES).reshape(-1, 3)
-    made = surfaces.flat(positions.reshape(-1, 3) * np.array(p[:3]), rows, normals.reshape(-1, 3))
-    return made._replace(parts=np.repeat(np.arange(6, dtype=np.int32), 2))
+    tessellation = surfaces.flat(positions.reshape(-1, 3) * np.array(p[:3]), rows, normals.reshape(-1, 3))
+    return tessellation._replace(parts=np.repeat(np.arange(6, dtype=np.int32), 2))
 
 
 def closed_mesh(p: Sequence[float], tolerance: float) -> tuple[np.ndarray, np.ndarray, float]:

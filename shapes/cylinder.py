@@ -93,13 +93,13 @@ def povray(p: Sequence[float], text: Text) -> tuple[str, list[str]]:
 def mitsuba(p: Sequence[float]) -> Mitsuba:
     """The side, and a disk for each cap."""
     radius, half = p[:2]
-    made = [MitsubaShape("cylinder", radius=radius, points={"p0": (0.0, -half, 0.0), "p1": (0.0, half, 0.0)})]
+    parts = [MitsubaShape("cylinder", radius=radius, points={"p0": (0.0, -half, 0.0), "p1": (0.0, half, 0.0)})]
     for up in (-1.0, 1.0) if p[2] > 0 else ():
         cap = np.eye(4)
         cap[1, 3] = up * half
         turned = surfaces.LEVEL if up > 0 else surfaces.LEVEL @ np.diag([1.0, -1.0, -1.0, 1.0])
-        made.append(MitsubaShape("disk", cap @ turned @ np.diag([radius, radius, 1.0, 1.0])))
-    return Mitsuba("even", tuple(made))
+        parts.append(MitsubaShape("disk", cap @ turned @ np.diag([radius, radius, 1.0, 1.0])))
+    return Mitsuba("even", tuple(parts))
 
 
 def emitting(p: Sequence[float]) -> Emitting:

@@ -70,8 +70,8 @@ def circles(p: Sequence[float]) -> Sequence[tuple[float, float]]:
 
 
 def triangles(p: Sequence[float], tolerance: float) -> Tessellation:
-    made = surfaces.revolve([surfaces.disk_profile(p[0], 0.0, 1.0, 0)], surfaces.segments(p[0], tolerance))
-    return surfaces.without_uvs(made)
+    tessellation = surfaces.revolve([surfaces.disk_profile(p[0], 0.0, 1.0, 0)], surfaces.segments(p[0], tolerance))
+    return surfaces.without_uvs(tessellation)
 
 
 def povray(p: Sequence[float], text: Text) -> tuple[str, list[str]]:

@@ -77,8 +77,8 @@ def hit(kind: Lane, parameters: Any, g: Lane, origin: Vec, direction: Vec, t_min
 @helper
 def uv(kind: Lane, parameters: Any, g: Lane, part: Lane, point: Vec, rho: Lane, longitude: Lane) -> Any:
     """x and -z, in metres."""
-    one = 1.0 + 0.0 * point[0]
-    return (point[0], -point[2]), (one, one)
+    unit = 1.0 + 0.0 * point[0]
+    return (point[0], -point[2]), (unit, unit)
 
 
 def field(b: Builder, p: Sequence[float], point: Point) -> int:

@@ -1,4 +1,4 @@
-"""A quadric A x² + B y² + C z² + D xy + E yz + F xz + G x + H y + I z + J = 0, clipped to a box about the origin."""
+"""Quadrics: A x² + B y² + C z² + D xy + E yz + F xz + G x + H y + I z + J = 0, clipped to a box about the origin."""
 
 from __future__ import annotations
 
@@ -141,8 +141,8 @@ def normal(kind: Lane, parameters: Any, g: Lane, part: Lane, point: Vec) -> Vec:
 def uv(kind: Lane, parameters: Any, g: Lane, part: Lane, point: Vec, rho: Lane, longitude: Lane) -> Any:
     """Longitude, and y from 0 to 1 in the box, in metres without one."""
     half, y = parameters[g, 11], point[1]
-    cut, one = half < INF, 1.0 + 0.0 * point[0]
-    return (longitude, ops.where(cut, 0.5 + 0.5 * y / half, y)), (one, ops.where(cut, 2.0 * half, 1.0))
+    cut, unit = half < INF, 1.0 + 0.0 * point[0]
+    return (longitude, ops.where(cut, 0.5 + 0.5 * y / half, y)), (unit, ops.where(cut, 2.0 * half, 1.0))
 
 
 def field(b: Builder, p: Sequence[float], point: Point) -> int:

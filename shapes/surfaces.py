@@ -100,10 +100,10 @@ def revolve(profiles: Sequence[Profile], count: int) -> Tessellation:
     A ring of radius 0 is a pole: its vertices share one position; the u of each is the mean of its triangle.
     """
     cos, sin = circle(count)
-    made = [_revolve_one(p, cos, sin) for p in profiles]
-    firsts = np.cumsum([0, *(len(m.positions) for m in made[:-1])])
-    triangles = np.concatenate([m.triangles + np.int32(first) for m, first in zip(made, firsts, strict=True)])
-    positions, _, normals, uvs, parts = (np.concatenate(column) for column in zip(*made, strict=True))
+    sides = [_revolve_one(p, cos, sin) for p in profiles]
+    firsts = np.cumsum([0, *(len(m.positions) for m in sides[:-1])])
+    triangles = np.concatenate([m.triangles + np.int32(first) for m, first in zip(sides, firsts, strict=True)])
+    positions, _, normals, uvs, parts = (np.concatenate(column) for column in zip(*sides, strict=True))
     return Tessellation(positions, triangles, normals, uvs, parts)
 
 

@@ -34,14 +34,14 @@ def modules() -> list[ModuleType]:
 
 def tables() -> list[tuple[str, dict[enum.Enum, object]]]:
     """Each table by one kind of the IR, with its module, the one of the shortest name, and its enumeration."""
-    found: dict[int, tuple[str, dict[enum.Enum, object]]] = {}
+    tables: dict[int, tuple[str, dict[enum.Enum, object]]] = {}
     for module in modules():
         for value in vars(module).values():
             if isinstance(value, dict) and value and len(types := {type(key) for key in value}) == 1 and types <= set(KINDS):
-                whole = f"{module.__name__.removeprefix('maquette.')}: {types.pop().__name__}"
-                if id(value) not in found or len(whole) < len(found[id(value)][0]):
-                    found[id(value)] = whole, value
-    return list(found.values())
+                title = f"{module.__name__.removeprefix('maquette.')}: {types.pop().__name__}"
+                if id(value) not in tables or len(title) < len(tables[id(value)][0]):
+                    tables[id(value)] = title, value
+    return list(tables.values())
 
 
 def test_each_table_has_each_kind_or_a_reason() -> None:

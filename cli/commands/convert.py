@@ -67,19 +67,19 @@ def command(
 
     job = ExportJob(compiled, output, deviation, lambda: jobs.make_plan(compiled, settings, overrides), _renderer)
     try:
-        made = writers.export(writer, job)
+        exported = writers.export(writer, job)
     except ExportError as failure:
         terminal.report(failure.out.found)
         raise click.ClickException(str(failure)) from None
-    for name in made.files:
+    for name in exported.files:
         jobs.check_folder(output.with_name(name), map(Path, compiled.files))
-    made.save(output)
-    terminal.report(made.found)
-    for message in made.messages:
+    exported.save(output)
+    terminal.report(exported.found)
+    for message in exported.messages:
         click.echo(message, err=True)
-    if writer.deviation and made.triangles:
-        closed = f"{made.closed}, " if made.closed else ""
-        click.echo(f"{output}: {made.triangles} triangles, {closed}{tell_deviation(made.deviation, deviation, compiled)}", err=True)
+    if writer.deviation and exported.triangles:
+        closed = f"{exported.closed}, " if exported.closed else ""
+        click.echo(f"{output}: {exported.triangles} triangles, {closed}{tell_deviation(exported.deviation, deviation, compiled)}", err=True)
 
 
 def _renderer() -> RendererFunctions:

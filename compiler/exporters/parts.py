@@ -49,11 +49,11 @@ def separate(parts: Sequence[Part], single: bool) -> tuple[list[Part], int]:
     middle = np.zeros(3) if single else 0.5 * (low + high)
     reach = float(np.maximum(high - middle, middle - low).max())
     for turn in range(_TURNS):
-        found = _coincident_sides(parts, middle, reach)
-        if not any(mask.any() for mask in found):
+        coincident = _coincident_sides(parts, middle, reach)
+        if not any(mask.any() for mask in coincident):
             return parts, 0
         step = MIN_SEPARATION * reach * 4.0**turn
-        for i, (part, mask) in enumerate(zip(parts, found, strict=True)):
+        for i, (part, mask) in enumerate(zip(parts, coincident, strict=True)):
             corners = np.unique(part.triangles[mask.any(axis=1)])
             if len(corners):
                 moved = part.positions.copy()
@@ -69,8 +69,8 @@ def _coincident_sides(parts: Sequence[Part], middle: NDArray[np.float64], reach:
     sides = place.reshape(-1)[triangles]
     key = sides * np.int64(len(positions)) + np.roll(sides, -1, axis=1)
     _, index, count = np.unique(key, return_inverse=True, return_counts=True)
-    found = (count[index.reshape(key.shape)] > 1) & (sides != np.roll(sides, -1, axis=1))
-    return np.split(found, np.cumsum([len(part.triangles) for part in parts])[:-1])
+    coincident = (count[index.reshape(key.shape)] > 1) & (sides != np.roll(sides, -1, axis=1))
+    return np.split(coincident, np.cumsum([len(part.triangles) for part in parts])[:-1])
 
 
 def _normals(part: Part) -> NDArray[np.float64]:

@@ -219,14 +219,14 @@ def _by_corner(values: np.ndarray, rows: np.ndarray, missing: float) -> MeshAttr
 def parts(file: MeshFile) -> list[Part]:
     """The parts of the file, one for each material of its libraries."""
     builder, diagnostics, frame = file.builder, file.diagnostics, file.frame
-    found = file.cached(lambda said: read(file.data, file.name, said))
-    if found is None or diagnostics.failed:
+    groups = file.cached(lambda said: read(file.data, file.name, said))
+    if groups is None or diagnostics.failed:
         return []
-    library = _libraries(found, file.folder, file.files, diagnostics)
+    library = _libraries(groups, file.folder, file.files, diagnostics)
     parts = []
-    for k, mesh in polygon_mesh.split(found.mesh, found.material):
-        asked = found.materials[k]
-        row = _material(asked, found, library, builder, file.files, diagnostics)
+    for k, mesh in polygon_mesh.split(groups.mesh, groups.material):
+        asked = groups.materials[k]
+        row = _material(asked, groups, library, builder, file.files, diagnostics)
         part = add(mesh, row, asked or file.stem, builder, diagnostics, file.span, frame)
         parts += [] if part is None else [replace(part, material_name=asked)]
     return parts
@@ -258,21 +258,21 @@ def _libraries(found: ObjMesh, folder: Path | None, files: Files, diagnostics: D
 def _library_paths(text: str, folder: Path, files: Files, diagnostics: Diagnostics, span: Span) -> list[Path]:
     """Files of one `mtllib` line: the whole text as one name with blanks, else each word. A missing file is a warning."""
     words = [quoted or plain for quoted, plain in re.findall(r'"([^"]*)"|(\S+)', text)]
-    found: list[Path] = []
+    paths: list[Path] = []
 
     def missing(name: str) -> FileError | None:
         try:
-            found.append(file_names.find(name, folder, files, "material library"))
+            paths.append(file_names.find(name, folder, files, "material library"))
         except FileError as failure:
             return failure
         return None
 
-    whole = missing(text.strip('"'))
-    failures = [] if whole is None else [whole] if len(words) < 2 else [missing(word) for word in words]
+    absent = missing(text.strip('"'))
+    failures = [] if absent is None else [absent] if len(words) < 2 else [missing(word) for word in words]
     for failure in failures:
         if failure is not None:
             diagnostics.warning(f"{failure.message}: its materials are not read", span, failure.hint)
-    return found
+    return paths
 
 
 def _shown(path: Path, files: Files) -> str:

@@ -161,9 +161,9 @@ def _shape(lowering: Context, element: Element, piece: Piece, matrix: np.ndarray
         return placed(body, matrix)
 
     def meshed(tolerance: float) -> Solid:
-        made = closed(parameters, tolerance)
-        assert made is not None
-        positions, faces, off = made
+        mesh = closed(parameters, tolerance)
+        assert mesh is not None
+        positions, faces, off = mesh
         return Solid(mesh_csg.of_triangles(positions, faces), off)
 
     return placed(body._replace(meshed=meshed), matrix)

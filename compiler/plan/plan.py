@@ -38,15 +38,15 @@ def make_plan(scene: ir.Scene, settings: ir.Settings, overrides: Mapping[str, st
     asked = settings.over(scene.settings)
     if settings.error is not None and settings.samples is None:
         asked = replace(asked, samples=None)  # an error on the command line comes before a number of samples in the scene
-    left = dict(overrides or {})
+    remaining = dict(overrides or {})
     decided: dict[str, Decision] = {}
     plan = Plan(decided)
     for rule in RULES:
         decision = rule(scene, asked, plan)
-        if decision.name in left:
-            decision = override(decision, left.pop(decision.name))
+        if decision.name in remaining:
+            decision = override(decision, remaining.pop(decision.name))
         decided[decision.name] = decision
-    for name in left:
+    for name in remaining:
         hint = suggest(name, decided) or "`maquette explain` lists them"
         raise PlanError(f"no decision is called `{name}`; {hint}")
     return plan

@@ -250,8 +250,8 @@ def _shapes(check: Check) -> None:
     kinds, parameters, bounds = table["kind"], table["parameters"], table["bounds"]
     good = np.ones(len(kinds), dtype=bool)
     for kind in frozenset(kinds.tolist()):
-        own = kinds == kind
-        good[own] = _have_sense(kind, parameters[own])
+        of_kind = kinds == kind
+        good[of_kind] = _have_sense(kind, parameters[of_kind])
     check.bad("geometries", ~good & (kinds != Kind.MESH), "its measures are not finite, or not above 0")
     moved = (kinds != Kind.MESH) & table["origin"].any(axis=1)
     check.bad("geometries", moved, "only meshes have an origin")

@@ -108,8 +108,8 @@ class Comparison:
 
     def value(self, metric: str) -> float | None:
         """The figure of a metric, or "bias", "noise" or "significance"; None if it is unknown."""
-        own = {"bias": self.bias.largest, "noise": self.noise.ratio, "significance": self.bias.significance}
-        return {**self.figures, **own}[metric]
+        figures = {"bias": self.bias.largest, "noise": self.noise.ratio, "significance": self.bias.significance}
+        return {**self.figures, **figures}[metric]
 
     def to_json(self) -> dict[str, Any]:
         """Every figure as plain data."""

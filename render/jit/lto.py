@@ -11,6 +11,7 @@ import json
 from contextlib import suppress
 from functools import cache
 from inspect import iscode
+from operator import attrgetter
 from typing import Any
 
 from llvmlite import binding
@@ -296,7 +297,7 @@ def _key_of(function: Any, kinds: tuple[Any, ...], flags: Any) -> str | None:
 
 def _keep(key: str, result: Any) -> None:
     """Keep a compiled fragment, unless it calls one that is not kept, or a file cannot describe its result."""
-    library, kind = result.library, result.signature.return_type
+    library, kind = attrgetter("library", "signature.return_type")(result)
     calls = [each.key for each in library.callees() if isinstance(each, _Library)]
     with suppress(UnknownType):
         result_type = to_plain(kind)
@@ -312,11 +313,11 @@ def _own_code(library: _Library) -> bytes:
     if not others:
         return code
     module = binding.parse_bitcode(code)
-    own = {function.name for function in module.functions if not function.is_declaration}
+    defined = {function.name for function in module.functions if not function.is_declaration}
     for each in others:
         module.link_in(each._get_module_for_linking(), preserve=True)
     for function in module.functions:
-        if not function.is_declaration and function.name not in own:
+        if not function.is_declaration and function.name not in defined:
             function.linkage = "internal"
     return module.as_bitcode()
 

@@ -144,7 +144,7 @@ class HandleType(ValueType):
         """(word, kind) of a field or of a field of a nested tuple ("outer.inner"), not of another Handle; None if there is none."""
         place, layout = None, self.layout
         for part in name.split("."):
-            place = next(((word, kind) for known, word, kind in layout if known == part), None)
+            place = next(((word, kind) for field, word, kind in layout if field == part), None)
             layout = place[1] if place and isinstance(place[1], tuple) and place[1][:1] != ("handle",) else ()
         return place
 

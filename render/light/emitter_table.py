@@ -154,8 +154,8 @@ def _shape_rows(tables: ir.Tables, i: int) -> list[dict[str, Any]]:
     shared = {"color": color, "both": True, "weighed": True, "textured": textured, "instance": i}
     shape = SHAPES.get(int(geometries.kind[g]))
     if shape is not None:
-        found = None if shape.emitting is None else shape.emitting(geometries.parameters[g].tolist())
-        return [] if found is None else _analytic_rows(found, matrix, bool(tables.transforms.flips[row]), shared)
+        emitting = None if shape.emitting is None else shape.emitting(geometries.parameters[g].tolist())
+        return [] if emitting is None else _analytic_rows(emitting, matrix, bool(tables.transforms.flips[row]), shared)
     first, count = int(geometries.first_triangle[g]), int(geometries.triangle_count[g])
     if geometries.kind[g] != ir.GeometryKind.MESH or not 0 < count <= MOST_TRIANGLES:
         return []
@@ -207,17 +207,17 @@ def _box_rows(matrix: Any, half: Any, shared: dict[str, Any]) -> list[dict[str, 
 
 def _round_rows(found: Emitting, matrix: Any, shared: dict[str, Any]) -> list[dict[str, Any]]:
     """Return side, bottom and top of a tube or cone, or the surface of a torus or capsule; none if a transform deforms it."""
-    even, made, radii = matrix[:, :3].T @ matrix[:, :3], _ROUND[found.form], found.size
-    y = 0 if made in (TORUS, CAPSULE) else 1
+    even, form, radii = matrix[:, :3].T @ matrix[:, :3], _ROUND[found.form], found.size
+    y = 0 if form in (TORUS, CAPSULE) else 1
     if not np.allclose(even, np.diag([even[0, 0], even[y, y], even[0, 0]]), rtol=0, atol=1e-9 * even[0, 0]):
         return []
     grown, axis, place = math.sqrt(even[0, 0]), matrix[:, 1] / np.linalg.norm(matrix[:, 1]), matrix[:, 3]
     up = matrix[:, 1] * found.half
     wide = (grown * radii[0], grown * radii[1])
-    area = round_emitters.area(made, wide, float(np.linalg.norm(up)))
-    of_side = shared | {"both": not found.closed or made == TUBE}  # without caps the inside is visible, too
-    side = _row(kind=made, place=place, side_u=np.array([*wide, 0.0]), side_v=up, normal=axis, area=area, part=0, **of_side)
-    if not found.closed or made in (TORUS, CAPSULE):
+    area = round_emitters.area(form, wide, float(np.linalg.norm(up)))
+    of_side = shared | {"both": not found.closed or form == TUBE}  # without caps the inside is visible, too
+    side = _row(kind=form, place=place, side_u=np.array([*wide, 0.0]), side_v=up, normal=axis, area=area, part=0, **of_side)
+    if not found.closed or form in (TORUS, CAPSULE):
         return [side]
     caps = [
         _row(kind=DISK, place=place + end * up, side_u=matrix[:, 0] * radius, side_v=matrix[:, 2] * radius, normal=end * axis,

@@ -28,8 +28,8 @@ def tessellate(kind: int, parameters: Sequence[float], tolerance: float) -> Tess
     """
     if kind not in SHAPES:
         raise ValueError(f"no tessellation for geometry kind {kind}")
-    made = SHAPES[kind].triangles(parameters, tolerance)
-    return with_uvs(kind, parameters, outward(made)) if made.positions[:, 3].all() else made
+    tessellation = SHAPES[kind].triangles(parameters, tolerance)
+    return with_uvs(kind, parameters, outward(tessellation)) if tessellation.positions[:, 3].all() else tessellation
 
 
 def exceeds_limit(kind: int, parameters: Sequence[float], tolerance: float) -> bool:

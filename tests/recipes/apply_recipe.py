@@ -20,15 +20,15 @@ RECIPES = sorted(path for path in Path(__file__).parent.glob("*.recipe"))
 
 def blocks(text: str) -> list[tuple[re.Match[str], list[str]]]:
     """The head and the lines of each block."""
-    found: list[tuple[re.Match[str], list[str]]] = []
+    sections: list[tuple[re.Match[str], list[str]]] = []
     for line in text.splitlines():
         if head := HEAD.match(line):
-            found.append((head, []))
-        elif not found:
+            sections.append((head, []))
+        elif not sections:
             raise ValueError(f"a recipe begins with `# FILE, …`, not with: {line}")
         else:
-            found[-1][1].append(line)
-    return found
+            sections[-1][1].append(line)
+    return sections
 
 
 def copy_package(folder: Path) -> Path:

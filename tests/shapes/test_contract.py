@@ -131,16 +131,16 @@ def test_the_solid_has_its_surface_where_rays_hit(shape: Shape) -> None:
 @shapes
 def test_triangles_are_within_the_tolerance(shape: Shape) -> None:
     p, tolerance = row_of(shape), 1e-3
-    made = tessellation.tessellate(shape.KIND, p, tolerance)
-    off = tessellation.deviation(shape.KIND, p, tolerance, made)
+    triangles = tessellation.tessellate(shape.KIND, p, tolerance)
+    off = tessellation.deviation(shape.KIND, p, tolerance, triangles)
     assert off <= tolerance * (1 + 1e-9)
     assert off == 0.0 or not shape.EXACT
-    assert not np.isnan(made.uvs).any()
+    assert not np.isnan(triangles.uvs).any()
     if np.isfinite(shape.bounds(p)).all():
         low, high = shape.bounds(p)
-        assert (made.positions[:, :3] >= low - 1e-9).all()
-        assert (made.positions[:, :3] <= high + 1e-9).all()
-        assert np.abs(made.positions[:, :3].max(axis=0) - high).max() < 0.02 * math.hypot(*(high - low)) or shape.WRAPS
+        assert (triangles.positions[:, :3] >= low - 1e-9).all()
+        assert (triangles.positions[:, :3] <= high + 1e-9).all()
+        assert np.abs(triangles.positions[:, :3].max(axis=0) - high).max() < 0.02 * math.hypot(*(high - low)) or shape.WRAPS
 
 
 @shapes

@@ -123,23 +123,23 @@ class _Writer:
 
     def _light(self, light: ExportedLight) -> None:
         strength = float(light.color.max())
-        made: dict[str, Any] = {"name": light.name}
+        entry: dict[str, Any] = {"name": light.name}
         frame = np.eye(4)
         if light.kind in (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN):
-            made["type"], frame[:3, :3] = "directional", placement.frame_along(light.direction)
+            entry["type"], frame[:3, :3] = "directional", placement.frame_along(light.direction)
             if light.angle > 0:
                 self.out.note("the size of a sun is not carried: its shadows are sharp", "lights", light.row)
         elif light.kind in (ir.LightKind.POINT, ir.LightKind.SPOT):
-            made["type"], frame[:3, 3] = "point", light.position
+            entry["type"], frame[:3, 3] = "point", light.position
             if light.kind == ir.LightKind.SPOT:
                 outer = min(light.cone, math.pi / 2)
-                made |= {"type": "spot", "spot": {"innerConeAngle": min(light.full, 0.999999 * outer), "outerConeAngle": outer}}
+                entry |= {"type": "spot", "spot": {"innerConeAngle": min(light.full, 0.999999 * outer), "outerConeAngle": outer}}
                 frame[:3, :3] = placement.frame_along(-light.direction)
         else:
             self.out.cannot("an area light that is not seen is not carried", "lights", light.row)
             return
-        made |= {"color": (light.color / strength).tolist(), "intensity": strength}
+        entry |= {"color": (light.color / strength).tolist(), "intensity": strength}
         self.container.use(_PUNCTUAL)
         listed = self.container.document.setdefault("extensions", {}).setdefault(_PUNCTUAL, {"lights": []})["lights"]
-        listed.append(made)
-        self._place({"name": made["name"], "extensions": {_PUNCTUAL: {"light": len(listed) - 1}}}, frame)
+        listed.append(entry)
+        self._place({"name": entry["name"], "extensions": {_PUNCTUAL: {"light": len(listed) - 1}}}, frame)

@@ -30,17 +30,17 @@ def lights(out: Export, plan: Plan, shapes: Shapes) -> list[Node]:
     tables = out.scene.tables
     shining = [row for row in range(len(tables.lights.kind)) if tables.lights.color[row].max() > 0]
     blocks = light_shapes.blocking(tables) | (len(shining) < 2)
-    made: list[Node] = []
+    nodes: list[Node] = []
     form = LightFormat("Mitsuba", unshadowed=not plan["shadows"], profiled=False)
     for light in exported(out, shining, form):
         if light.kind in _AREA:
-            made += _area(out, shapes, light.row, blocks)
+            nodes += _area(out, shapes, light.row, blocks)
         elif light.kind in (ir.LightKind.POINT, ir.LightKind.SPOT):
-            made.append(_point_light(out, shapes.name, light))
+            nodes.append(_point_light(out, shapes.name, light))
         elif light.kind in (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN):
-            made.append(_directional(out, plan, shapes, light.row))
-    made += _sky(out, plan, shapes.name, shining)
-    return made
+            nodes.append(_directional(out, plan, shapes, light.row))
+    nodes += _sky(out, plan, shapes.name, shining)
+    return nodes
 
 
 def _area(out: Export, shapes: Shapes, row: int, blocks: NDArray[np.bool_]) -> list[Node]:
@@ -71,10 +71,10 @@ def _spot(out: Export, name: str, light: ExportedLight) -> Node:
     frame = np.eye(4)
     frame[:3, :3], frame[:3, 3] = placement.frame_along(light.direction), light.position
     degrees = float(np.degrees(cone))
-    given = node("emitter", "spot", cutoff_angle=degrees, beam_width=degrees, to_world=frame).with_(rgb("intensity", light.color))
+    emitter = node("emitter", "spot", cutoff_angle=degrees, beam_width=degrees, to_world=frame).with_(rgb("intensity", light.color))
     file = f"{name}.{len(out.files)}.pfm"
     out.files[file] = pfm(spot_picture(cone, math.cos(light.cone), math.cos(light.full)))
-    return given.with_(value("texture", node("texture", "bitmap", filename=file, raw=True, wrap_mode="clamp")))
+    return emitter.with_(value("texture", node("texture", "bitmap", filename=file, raw=True, wrap_mode="clamp")))
 
 
 def spot_picture(cone: float, cos_cone: float, cos_full: float) -> np.ndarray:

@@ -168,8 +168,8 @@ class Materials:
 
     def _plastic(self, material: int, rough: float, colored: bool) -> Node:
         """A diffuse base under microfacets of a roughness, which reflect 4 % along the normal as those of glTF."""
-        made = node("bsdf", "roughplastic", distribution="ggx", int_ior=1.5, ext_ior=1.0, alpha=rough**2)
-        return made.with_(self._reflectance("diffuse_reflectance", material, 1.0, colored))
+        bsdf = node("bsdf", "roughplastic", distribution="ggx", int_ior=1.5, ext_ior=1.0, alpha=rough**2)
+        return bsdf.with_(self._reflectance("diffuse_reflectance", material, 1.0, colored))
 
     def _principled(self, material: int) -> Node:
         coat = float(self._constant(material, ir.Slot.COAT)[0])

@@ -34,8 +34,8 @@ class Format:
 def export(job: ExportJob, form: Format) -> Export:
     """The file of a scene. Raises ExportError for a scene without a bounded surface."""
     out = Export(job.scene)
-    parts, found = job.parts()
-    out.found += found
+    parts, diagnostics = job.parts()
+    out.found += diagnostics
     if not parts:
         raise ExportError("the scene has no bounded surface to write", out)
     _report_losses(out, parts, job.ending, form)

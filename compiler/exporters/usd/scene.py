@@ -184,13 +184,13 @@ class _Writer:
     def _light(self, light: ExportedLight) -> None:
         row, strength = light.row, float(light.color.max())
         path = self._path(light.name.strip("/").replace("/", "_"))
-        made, factor, frame = self._kind_of_light(path, light)
-        made.CreateIntensityAttr(strength * factor)
-        made.CreateColorAttr(Gf.Vec3f(*(light.color / strength).tolist()))
+        prim, factor, frame = self._kind_of_light(path, light)
+        prim.CreateIntensityAttr(strength * factor)
+        prim.CreateColorAttr(Gf.Vec3f(*(light.color / strength).tolist()))
         if not self.tables.lights.shadows[row]:
-            UsdLux.ShadowAPI.Apply(made.GetPrim()).CreateShadowEnableAttr(False)
-        made.MakeMatrixXform().Set(Gf.Matrix4d(frame.T.tolist()))
-        self._lights[row] = made.GetPrim()
+            UsdLux.ShadowAPI.Apply(prim.GetPrim()).CreateShadowEnableAttr(False)
+        prim.MakeMatrixXform().Set(Gf.Matrix4d(frame.T.tolist()))
+        self._lights[row] = prim.GetPrim()
 
     def _link(self, row: int, prim: Any) -> None:
         """Light and shadow links, as collections of the paths of the instances."""

@@ -55,14 +55,14 @@ def shape(prim: Any, time: Any, builder: SceneBuilder, span: Span) -> Shape | No
     axis = prim.GetAttribute("axis")
     turn = _AXES.get(str(axis.Get(time)) if axis else "Y", _AXES["Z"])
     side = str(axis.Get(time)) if axis else ""
-    made = next(((kind, p) for kind, read in _OF_TYPE[name] if (p := read(number, side)) is not None), None)
-    if made is None:
+    shape = next(((kind, p) for kind, read in _OF_TYPE[name] if (p := read(number, side)) is not None), None)
+    if shape is None:
         bottom, top, half = number("radiusBottom"), number("radiusTop"), number("height") / 2
         return Shape(builder.mesh(_uneven_capsule(bottom, top, half), span, str(prim.GetName())), turn)
-    if not all(math.isfinite(p) and p >= 0 for p in made[1]) or max(made[1][:2]) <= 0:
+    if not all(math.isfinite(p) and p >= 0 for p in shape[1]) or max(shape[1][:2]) <= 0:
         builder.diagnostics.warning(f"this {name} has no size: it is not drawn", span)
         return None
-    return Shape(builder.geometry(made[0], made[1], span, str(prim.GetName())), turn)
+    return Shape(builder.geometry(shape[0], shape[1], span, str(prim.GetName())), turn)
 
 
 def _uneven_capsule(bottom: float, top: float, half: float) -> Any:

@@ -305,8 +305,8 @@ def test_a_quadratic_fall_off_is_one_by_the_square(ending: str, tmp_path: Path) 
     (tmp_path / "b.scene").write_text("sphere(1)\npoint(position: [0, 3, 0], intensity: 4)\n")
     said = [CliRunner().invoke(cli, ["convert", str(tmp_path / f"{k}.scene"), str(tmp_path / f"{k}.{ending}")]).stderr for k in "ab"]
     assert "fall-off" not in said[0]
-    one, other = ((tmp_path / f"{k}.{ending}").read_bytes().replace(b"a.", b"").replace(b"b.", b"") for k in "ab")
-    assert one == other
+    first, other = ((tmp_path / f"{k}.{ending}").read_bytes().replace(b"a.", b"").replace(b"b.", b"") for k in "ab")
+    assert first == other
 
 
 def test_gltf_tells_of_a_fall_off_that_it_lacks(tmp_path: Path) -> None:

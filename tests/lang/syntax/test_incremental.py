@@ -22,16 +22,16 @@ insertions = st.sampled_from((*MARKS, *LINES))
 
 
 def answer(text: str) -> tuple[ast.File, list]:
-    found = Diagnostics()
-    return parser.parse(text, "t", found), found.items
+    diagnostics = Diagnostics()
+    return parser.parse(text, "t", diagnostics), diagnostics.items
 
 
 def check(incremental: IncrementalParser, text: str) -> ast.File:
     """The tree of the next text, which has to be that of a fresh parse, as have the messages."""
-    found = Diagnostics()
-    file = incremental.parse(text, found)
+    diagnostics = Diagnostics()
+    file = incremental.parse(text, diagnostics)
     fresh, messages = answer(text)
-    assert found.items == messages
+    assert diagnostics.items == messages
     assert file == fresh
     return file
 

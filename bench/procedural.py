@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..compiler import ir
+from ..compiler.catalogue import CATALOGUE
 from ..compiler.io import source_files
 from ..compiler.io.sandbox import Files
 from ..compiler.lower import lowering
@@ -67,7 +68,7 @@ def _stages(name: str, side: int, effort: Effort) -> list[Result]:
 def _evaluate(path: Path, side: int) -> Document:
     reader = source_files.SceneReader(Files(path.parent, ()))
     found = Diagnostics()
-    document = evaluator.evaluate(reader.main(path.name, path), reader, found, sets={"side": str(side)})
+    document = evaluator.evaluate(reader.main(path.name, path), CATALOGUE, reader, found, sets={"side": str(side)})
     found.raise_if_failed()
     return document
 

@@ -14,6 +14,7 @@ from ..lang import collector, file_types, foreign_formats
 from ..lang.diagnostics import Diagnostics, Span, suggest
 from ..lang.eval import evaluator
 from . import ir
+from .catalogue import CATALOGUE
 from .importers.common.mesh_options import MeshOptions
 from .importers.stage_options import StageOptions
 from .io import source_files
@@ -142,7 +143,7 @@ def _scene(
     parsing: dict[str, float] = {}
     with watch.stage("evaluate"):
         source = reader.main(str(path), real)
-        document = evaluator.evaluate(source, reader, found, sets=sets, time=time, max_elements=limits[0], seconds=parsing)
+        document = evaluator.evaluate(source, CATALOGUE, reader, found, sets=sets, time=time, max_elements=limits[0], seconds=parsing)
     watch.move("evaluate", "parse", parsing["parse"])
     with watch.stage("lower"):
         builder = SceneBuilder(found, files)

@@ -63,6 +63,7 @@ class Element:
     trace     the chain of calls that makes it, innermost first
     photometric  whether any light quantity was written with a unit
     weight    number of elements in it and of itself, with repetitions
+    category  that of its schema entry ("shape", "solid", "block", "light", "material", "texture", "camera", "setting")
     Elements compare by identity: one `let` constant used twice is one element.
     """
 
@@ -75,6 +76,7 @@ class Element:
     trace: tuple[tuple[str, Span], ...] = ()
     photometric: bool = False
     weight: int = 1
+    category: str = ""
 
     @property
     def calls(self) -> tuple[tuple[str, Span], ...]:

@@ -11,13 +11,12 @@ import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from ..shapes import catalogue  # noqa: F401 - which adds the analytic shapes to SCHEMA
+from ..compiler.catalogue import CATALOGUE
 from . import limits, units
 from .diagnostics import Diagnostics, Span
 from .eval import builtins, parameters
 from .eval.values import Builtin
 from .schema.argument_types import REQUIRED, TYPES, Arg, Entry
-from .schema.elements import SCHEMA
 from .syntax import ast
 from .syntax.parser import parse
 
@@ -54,7 +53,7 @@ def reference(library: Mapping[str, str]) -> str:
     """The page as Markdown. `library` maps the name of each library file, such as `room`, to its text."""
     parts = [HEAD]
     for category, title in SECTIONS.items():
-        parts.append(_section(title, [e for e in SCHEMA.values() if e.category == category]))
+        parts.append(_section(title, [e for e in CATALOGUE.values() if e.category == category]))
     parts += [_functions(), _units(), _types(), _limits_of_scenes()]
     parts += ["## Library\n"] + [_file(name, text) for name, text in library.items()]
     return "\n".join(parts)

@@ -9,7 +9,7 @@ from typing import Any
 
 from ..elements import Element
 from ..limits import MAX_LIST, Exhausted
-from ..schema.elements import SCHEMA
+from ..schema.argument_types import Catalogue
 from ..syntax import ast
 from . import arguments, calls
 from . import parameters as eval_parameters
@@ -17,11 +17,6 @@ from .context import Code, Names, Scope, Thunk
 from .expressions import MISSING, constant, expression, lazily, source, truth
 from .modules import Module, use_name
 from .values import PLACEABLE, FunctionCode, Mistake, ParameterCode, Poisoned, UserFunction, Value
-
-
-def _is_placeable(kind: str) -> bool:
-    """Whether a block can contain the elements of a kind."""
-    return kind in SCHEMA and SCHEMA[kind].category in PLACEABLE
 
 
 @dataclass
@@ -194,7 +189,7 @@ def _element(node: ast.ElementItem, names: Names | None) -> Placing:
 
     def place(scope: Scope, sink: Sink) -> None:
         value = code(scope)
-        if type(value) is Element and _is_placeable(value.kind):
+        if type(value) is Element and value.category in PLACEABLE:
             meter = scope.meter
             if sink.role != "scene" or meter.placed + value.weight <= meter.most:
                 sink.elements.append(value)
@@ -210,14 +205,17 @@ def _element(node: ast.ElementItem, names: Names | None) -> Placing:
 
 def _for(node: ast.For, names: Names | None) -> Placing:
     items, run, place = source(node.source, names, "`for`"), block(node.block, names, node.name.id), node.source.span
-    each = _fewest(node.block)
+    fewest: tuple[Catalogue | None, int] = (None, 0)  # of the catalogue of the last evaluation
 
     def loop(scope: Scope, sink: Sink) -> None:
-        meter = scope.meter
+        nonlocal fewest
+        meter, catalogue = scope.meter, scope.evaluator.catalogue
+        if fewest[0] is not catalogue:
+            fewest = catalogue, _fewest(node.block, catalogue)
         before = meter.elements + meter.placed
         try:
             values = items(scope)
-            if len(values) * each > meter.most:  # known before the first is made
+            if len(values) * fewest[1] > meter.most:  # known before the first is made
                 before = -1  # all elements count as those of this loop
                 raise meter.too_many_elements()
             for value in values:
@@ -231,18 +229,19 @@ def _for(node: ast.For, names: Names | None) -> Placing:
     return loop
 
 
-def _fewest(body: ast.Block) -> int:
+def _fewest(body: ast.Block, catalogue: Catalogue) -> int:
     """The fewest elements that a block makes, whatever its values are."""
     total = 0
     for node in body.items:
         if isinstance(node, ast.ElementItem):
             call = node.expression.target if isinstance(node.expression, ast.WithChildren) else node.expression
             called = call.function if isinstance(call, ast.Call) else None
-            total += isinstance(called, ast.Name) and _is_placeable(called.id)
+            entry = catalogue.get(called.id) if isinstance(called, ast.Name) else None
+            total += entry is not None and entry.category in PLACEABLE
         elif isinstance(node, ast.For) and isinstance(node.source, ast.Binary) and node.source.op == "..":
             start, stop = constant(node.source.left), constant(node.source.right)
             if isinstance(start, float) and isinstance(stop, float):
-                total += max(int(min(stop - start + 1, MAX_LIST)), 0) * _fewest(node.block)
+                total += max(int(min(stop - start + 1, MAX_LIST)), 0) * _fewest(node.block, catalogue)
     return total
 
 

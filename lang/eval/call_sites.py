@@ -13,7 +13,7 @@ from ..elements import Element
 from ..formula_graph import OPERATIONS
 from ..limits import Exhausted
 from ..schema.argument_types import Entry
-from ..schema.elements import SCHEMA
+from ..schema.shapes import GROUP
 from ..syntax import ast
 from . import arguments, assertions, blocks, calls, quick_conversion, suggestions
 from . import parameters as eval_parameters
@@ -178,7 +178,7 @@ def _element_maker(entry: Entry, given: Mapping[str, int], span: Span) -> Plan |
         steps.append((name, k, convert))
     lights = [k for name, k, _ in steps if signature.args[name].type in LIGHT_TYPES]
     defaults, names, kind = signature.defaults, frozenset(given), entry.name
-    shares = entry.category in calls.SHARED
+    category, shares = entry.category, entry.category in calls.SHARED
 
     def make(scope: Scope, function: Value, values: list[Value], children: Children) -> Value:
         args = defaults.copy()
@@ -190,19 +190,19 @@ def _element_maker(entry: Entry, given: Mapping[str, int], span: Span) -> Plan |
             args[name] = value
         photometric = bool(lights) and any(type(values[k]) is not float for k in lights)
         if shares:
-            return calls.share(scope, Element(kind, args, span, names, (), scope.path, scope.trace, photometric))
+            return calls.share(scope, Element(kind, args, span, names, (), scope.path, scope.trace, photometric, 1, category))
         meter = scope.meter
         meter.elements += 1
         if meter.elements > meter.most:
             raise meter.too_many_elements()
         if not children:
-            return Element(kind, args, span, names, (), scope.path, scope.trace, photometric)
+            return Element(kind, args, span, names, (), scope.path, scope.trace, photometric, 1, category)
         weight = 1
         for child in children:
             weight += child.weight
         if weight > meter.most:
             raise meter.too_many_elements()
-        return Element(kind, args, span, names, children, scope.path, scope.trace, photometric, weight)
+        return Element(kind, args, span, names, children, scope.path, scope.trace, photometric, weight, category)
 
     return make
 
@@ -256,7 +256,7 @@ def _function_plan(site: CallSite, code: FunctionCode) -> Plan | None:
     if given is None or any(name not in given for name in code.required):
         return None
     extras = tuple([name for name in given if name not in code.positional])
-    wrap = _element_maker(SCHEMA["group"], {name: given[name] for name in extras}, site.span) if extras else None
+    wrap = _element_maker(GROUP, {name: given[name] for name in extras}, site.span) if extras else None
     if extras and wrap is None:
         return None
     steps = [(p, given.get(p.name, -1)) for p in code.parameters]

@@ -11,7 +11,7 @@ from ..diagnostics import Diagnostics, Span
 from ..elements import Element
 from ..limits import MAX_CALLS, Exhausted, Meter
 from ..schema.argument_types import Entry
-from ..schema.elements import SCHEMA
+from ..schema.shapes import GROUP
 from ..syntax import ast
 from ..syntax.parser import parse
 from . import arguments
@@ -123,12 +123,12 @@ def make_element(evaluator: Evaluator, entry: Entry, givens: list[ArgumentValue]
         evaluator.diagnostics.warning("the formula ends at this comma", fraction[2][1], fraction[1])
     children = site.children or ()
     if entry.category in SHARED:
-        return share(scope, Element(entry.name, args, site.span, given, (), scope.path, scope.trace, photometric))
+        return share(scope, Element(entry.name, args, site.span, given, (), scope.path, scope.trace, photometric, 1, entry.category))
     evaluator.meter.element()
     weight = 1 + sum([child.weight for child in children])
     if weight > evaluator.meter.most:
         raise evaluator.meter.too_many_elements()
-    return Element(entry.name, args, site.span, given, children, scope.path, scope.trace, photometric, weight)
+    return Element(entry.name, args, site.span, given, children, scope.path, scope.trace, photometric, weight, entry.category)
 
 
 def share(scope: Scope, element: Element) -> Element:
@@ -242,7 +242,7 @@ def wrap(result: Value, extras: list[ArgumentValue], site: Site) -> Value:
     if not is_placeable(result) or result == ():
         refuse_extras(site.label, [(g.name or "", g.name_span) for g in extras], scope)
     children = result if isinstance(result, tuple) else (result,)
-    return make_element(scope.evaluator, SCHEMA["group"], extras, Site(site.label, site.callee, site.span, scope, children))
+    return make_element(scope.evaluator, GROUP, extras, Site(site.label, site.callee, site.span, scope, children))
 
 
 def refuse_extras(label: str, extras: Iterable[tuple[str, Span]], scope: Scope) -> NoReturn:
@@ -290,7 +290,7 @@ def _file(evaluator: Evaluator, function: FilePart, givens: list[ArgumentValue],
     finally:
         evaluator.meter.calls -= 1
     extras = [g for name, g in assigned.items() if name not in own]
-    return make_element(evaluator, SCHEMA["group"], extras, Site(site.label, site.callee, site.span, site.scope, children))
+    return make_element(evaluator, GROUP, extras, Site(site.label, site.callee, site.span, site.scope, children))
 
 
 def _force_param(evaluator: Evaluator, scope: Scope, name: str) -> None:

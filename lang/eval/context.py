@@ -10,6 +10,7 @@ from ..diagnostics import Diagnostics, Span
 from ..elements import Element
 from ..formula_graph import Formula
 from ..limits import Meter
+from ..schema.argument_types import Catalogue
 from ..syntax import ast
 from .modules import Loader, Module
 
@@ -135,6 +136,7 @@ class Evaluator(Protocol):
     """The evaluator as expressions, calls and conversions use it. `evaluator.Evaluator` implements it."""
 
     diagnostics: Diagnostics
+    catalogue: Catalogue
     loader: Loader
     meter: Meter
     shared: dict[Any, Element]  # materials and textures by call site and arguments; see calls.share

@@ -12,8 +12,7 @@ from ..diagnostics import Diagnostics, Span, suggest
 from ..elements import Document, Element, ParamInfo
 from ..formula_graph import Formula, Graph, Term
 from ..limits import Exhausted, Meter
-from ..schema import argument_types
-from ..schema import elements as schema_elements
+from ..schema.argument_types import Catalogue, Entry
 from ..syntax import ast
 from . import blocks, builtins, call_sites, calls, lint, operators, parameters
 from .blocks import Sink
@@ -31,27 +30,27 @@ _linted: set[tuple[str, str, frozenset[str]]] = set()  # library files without l
 
 
 def evaluate(
-    source: Source, reader: Reader, diagnostics: Diagnostics, *, sets: Mapping[str, str] | None = None, time: float = 0.0,
-    max_elements: int | None = None, seconds: dict[str, float] | None = None,
+    source: Source, catalogue: Catalogue, reader: Reader, diagnostics: Diagnostics, *, sets: Mapping[str, str] | None = None,
+    time: float = 0.0, max_elements: int | None = None, seconds: dict[str, float] | None = None,
 ) -> Document:  # fmt: skip
-    """The elements of a scene at `time` seconds. `sets` maps names of `param`s to the texts of `--set`.
+    """The elements of a scene at `time` seconds. `catalogue` has the elements that it can use, `sets` the texts of `--set` by param.
 
     `max_elements` limits the elements made, and those placed with the repetitions of blocks (None: limits.MAX_ELEMENTS).
     Never raises on input: adds errors to `diagnostics` and returns the elements without errors. Sets `seconds["parse"]` to the
     parsing time.
     """
     limits.raise_recursion_limit()
-    evaluator = Evaluator(reader, diagnostics, time, max_elements)
+    evaluator = Evaluator(catalogue, reader, diagnostics, time, max_elements)
     document = evaluator.document(source, sets or {})
     if seconds is not None:
         seconds["parse"] = evaluator.loader.parsing
     return document
 
 
-def values(source: Source, reader: Reader) -> dict[str, Value]:
+def values(source: Source, catalogue: Catalogue, reader: Reader) -> dict[str, Value]:
     """The values of the names at the top level of a scene at time 0, without those with errors. Never raises on input."""
     limits.raise_recursion_limit()
-    evaluator = Evaluator(reader, Diagnostics(), 0.0)
+    evaluator = Evaluator(catalogue, reader, Diagnostics(), 0.0)
     evaluator.document(source, {})
     names = evaluator.scene.names if evaluator.scene else {}
     return {name: value for name, value in names.items() if not isinstance(value, Thunk)}
@@ -60,13 +59,16 @@ def values(source: Source, reader: Reader) -> dict[str, Value]:
 class Evaluator:
     """One evaluation: its files, counters and messages. Implements context.Evaluator."""
 
-    def __init__(self, reader: Reader, diagnostics: Diagnostics, time: float, max_elements: int | None = None) -> None:
+    def __init__(
+        self, catalogue: Catalogue, reader: Reader, diagnostics: Diagnostics, time: float, max_elements: int | None = None
+    ) -> None:
+        self.catalogue = catalogue
         self.diagnostics = diagnostics
         self.meter = Meter(max_elements)
         self.loader = Loader(reader, diagnostics, self._check)
         self.shared: dict[Any, Element] = {}
         self.root = Scope(self, self.meter)
-        self.root.names.update(schema_elements.SCHEMA)
+        self.root.names.update(catalogue)
         self.root.names.update(builtins.FUNCTIONS)
         self.root.names.update(builtins.CONSTANTS)
         self.root.names["time"] = units.Quantity(time, units.TIME)
@@ -141,7 +143,7 @@ class Evaluator:
         if not main and known in _linted:
             return
         before = len(self.diagnostics.items)
-        lint.check_file(module, outer, self.report, self.diagnostics, main)
+        lint.check_file(module, outer, self.catalogue, self.report, self.diagnostics, main)
         if module.of_library and not module.broken and len(self.diagnostics.items) == before:
             _linted.add(known)
 
@@ -173,7 +175,11 @@ class Evaluator:
     def _bind_use(self, use: ast.Use, name: str, module: Module) -> Value:
         path = use.path.value
         if is_asset(path):
-            return AssetPart(name, schema_elements.SCHEMA[asset_kind(path)], path)
+            entry = self.catalogue.get(asset_kind(path))
+            if entry is None:
+                self.report(f"there is no element `{asset_kind(path)}`, which places such files", use.path.span)
+                return Thunk.make_failed(name, self.root)
+            return AssetPart(name, entry, path)
         used = module.uses.get(id(use))
         return FilePart(name, used) if used else Thunk.make_failed(name, self.root)
 
@@ -355,7 +361,7 @@ def _unplaceable(value: Value, found: str, node: ast.Node) -> tuple[str, str]:
     if found in ("material", "texture"):
         use = "sphere(material: …)" if found == "material" else "lambert(…)"
         return f"a {found} cannot be placed", f"use it as an argument, as in {use}, or name it with `let`"
-    if isinstance(node, ast.Name | ast.Member) and isinstance(value, argument_types.Entry | UserFunction | FilePart | AssetPart):
+    if isinstance(node, ast.Name | ast.Member) and isinstance(value, Entry | UserFunction | FilePart | AssetPart):
         name = calls.callee_name(node)
         return f"`{name}` is not called", f"write {name}()"
     if isinstance(node, ast.Call):

@@ -6,14 +6,13 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 from ..diagnostics import Diagnostics, Span, suggest
-from ..schema.elements import SCHEMA
+from ..schema.argument_types import Catalogue
+from ..schema.shapes import GROUP
 from ..syntax import ast
 from ..syntax.lexer import KEYWORDS
 from . import parameters, suggestions
 from .modules import Module, use_name
 
-_BLOCKS = frozenset(entry.name for entry in SCHEMA.values() if entry.category == "block" and entry.name != "group")
-"""Blocks that move what they hold, and do nothing without it."""
 RESERVED = frozenset({"true", "false", "children"})
 
 Report = Callable[[str, Span, str], None]
@@ -34,14 +33,16 @@ class Definition:
 Chain = tuple[dict[str, Definition], ...]  # innermost first
 
 
-def check_file(module: Module, outer: Iterable[str], report: Report, diagnostics: Diagnostics, main: bool) -> None:
-    """Report the errors in the names of a file. `outer` are the names of the enclosing scopes.
+def check_file(
+    module: Module, outer: Iterable[str], catalogue: Catalogue, report: Report, diagnostics: Diagnostics, main: bool
+) -> None:
+    """Report the errors in the names of a file. `outer` are the names of the enclosing scopes, those of elements among them.
 
     In the rendered scene (`main`) an unused `let` gets a warning, unless the file places nothing and so serves other files, or items
     with syntax errors may use it.
     """
     places = any(isinstance(item, ast.ElementItem | ast.For | ast.If) for item in module.file.items)
-    checker = _Checker({*outer, *module.broken}, report, diagnostics if main and places else None)
+    checker = _Checker({*outer, *module.broken}, catalogue, report, diagnostics if main and places else None)
     checker.file(module.file)
     module.units_named = checker.units | {item.name.id for item in module.file.items if isinstance(item, ast.Unit)}
 
@@ -60,8 +61,9 @@ def _definitions(items: tuple[ast.Item, ...]) -> Iterator[Definition]:
 
 
 class _Checker:
-    def __init__(self, outer: set[str], report: Report, unused: Diagnostics | None) -> None:
+    def __init__(self, outer: set[str], catalogue: Catalogue, report: Report, unused: Diagnostics | None) -> None:
         self.outer = outer
+        self.catalogue = catalogue
         self.report = report
         self.unused = unused
         self.is_whole = unused is not None and not unused.failed
@@ -113,7 +115,9 @@ class _Checker:
         if any(isinstance(argument.value, ast.Call) for argument in call.arguments):  # children in parentheses, which is an error
             return
         name = call.function.id
-        if name in _BLOCKS and not any(name in scope for scope in chain):
+        entry = self.catalogue.get(name)
+        moves = entry is not None and entry.category == "block" and entry is not GROUP
+        if moves and not any(name in scope for scope in chain):
             self.unused.warning(f"this `{name}` holds nothing", call.function.span, f"write {name}(…) {{ sphere(1) }}")
 
     def _warn_unused(self, scope: dict[str, Definition]) -> None:

@@ -12,7 +12,6 @@ from typing import Any
 from .. import units
 from ..elements import AxisAngle, Element, Euler, Quaternion
 from ..schema.argument_types import Arg
-from ..schema.elements import SCHEMA
 from ..units import Quantity
 from .coercion import LIGHT_TYPES
 from .values import Color, Value
@@ -140,8 +139,7 @@ def _number_map(value: Value, unit: float) -> Any:
 
 
 def _element(category: str) -> Conversion:
-    kinds = frozenset(kind for kind, entry in SCHEMA.items() if entry.category == category)
-    return lambda value, unit: value if type(value) is Element and value.kind in kinds else SLOW
+    return lambda value, unit: value if type(value) is Element and value.category == category else SLOW
 
 
 _texture = _element("texture")

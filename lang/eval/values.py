@@ -16,7 +16,6 @@ from ..elements import AxisAngle, Element, Euler, Falloff, Quaternion
 from ..formula_graph import Formula, Term
 from ..input_error import InputError
 from ..schema.argument_types import Entry
-from ..schema.elements import SCHEMA
 from ..syntax import ast
 from ..units import Quantity
 from .context import Code, Scope
@@ -159,7 +158,7 @@ Function = Builtin | UserFunction | Closure | FilePart | AssetPart | Entry
 
 def category(value: Value) -> str:
     """The schema category of an element value; "" for anything else."""
-    return SCHEMA[value.kind].category if isinstance(value, Element) else ""
+    return value.category if isinstance(value, Element) else ""
 
 
 def is_placeable(value: Value) -> bool:

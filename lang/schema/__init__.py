@@ -1,4 +1,4 @@
-"""The element catalogue: arguments, types, limits, defaults, documentation.
+"""Entries of elements: arguments, types, limits, defaults, documentation.
 
 May import: Nothing of ours.
 Begin with `elements.py`.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -86,3 +87,17 @@ class Entry:
     def arg(self, name: str) -> Arg | None:
         """The argument with this name or alias, or None."""
         return next((a for a in self.args if name == a.name or name in a.aliases), None)
+
+
+Catalogue = Mapping[str, Entry]
+"""The elements that a scene can use, by name."""
+
+
+def catalogue(*groups: Iterable[Entry]) -> Catalogue:
+    """The catalogue of several groups of elements, in their order. Raises ValueError for a name that is taken."""
+    entries: dict[str, Entry] = {}
+    for entry in (entry for group in groups for entry in group):
+        if entry.name in entries:
+            raise ValueError(f"two elements are called {entry.name}")
+        entries[entry.name] = entry
+    return entries

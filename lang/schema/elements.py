@@ -1,9 +1,8 @@
-"""The element catalogue: `SCHEMA` holds every element by name; textures, camera and settings are defined here."""
+"""The schema's textures, camera and settings, and `ENTRIES`: the elements of this package."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 
 from .argument_types import REQUIRED, Arg, Entry
 from .lights import LIGHTS
@@ -139,15 +138,5 @@ SETTINGS = (
     ),
 )
 
-SCHEMA: dict[str, Entry] = {e.name: e for e in (*SHAPES, *SOLIDS, *BLOCKS, *LIGHTS, *MATERIALS, *TEXTURES, CAMERA, *SETTINGS)}
-
-
-def register(entries: Iterable[Entry]) -> None:
-    """Put elements that are defined elsewhere before those of this package; see shapes/. Raises ValueError for a name that is taken."""
-    known, added = dict(SCHEMA), dict[str, Entry]()
-    for entry in entries:
-        if entry.name in known or entry.name in added:
-            raise ValueError(f"two elements are called {entry.name}")
-        added[entry.name] = entry
-    SCHEMA.clear()
-    SCHEMA.update(added | known)
+ENTRIES = (*SHAPES, *SOLIDS, *BLOCKS, *LIGHTS, *MATERIALS, *TEXTURES, CAMERA, *SETTINGS)
+"""The elements that have no module of their own."""

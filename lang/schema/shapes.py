@@ -248,8 +248,10 @@ SOLIDS = (
     ),
 )
 
+GROUP = Entry("group", "block", "a group of its children", _SHAPE, children=True, example="group(translate: [1, 0, 0]) { sphere(1) }")
+"""The element that a call of a part makes of the elements in it."""
 BLOCKS = (
-    Entry("group", "block", "a group of its children", _SHAPE, children=True, example="group(translate: [1, 0, 0]) { sphere(1) }"),
+    GROUP,
     Entry(
         "transform",
         "block",

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 from lsprotocol import types
 
+from ...compiler.catalogue import CATALOGUE
 from ...compiler.io.sandbox import LIBRARY
 from ...lang import file_types, units
 from ...lang.eval import builtins, parameters
 from ...lang.reference_page import sentence, signature
-from ...lang.schema.elements import SCHEMA
 from . import cursor, describe
 from .describe import Callee
 from .document import Document, Found
@@ -104,7 +104,7 @@ def _names(request: _Request) -> Iterator[types.CompletionItem]:
             if name not in seen:
                 seen.add(name)
                 yield _definition(name, found, request, "1" if names is not (prelude and prelude.top) else "2")
-    for entry in SCHEMA.values():
+    for entry in CATALOGUE.values():
         if entry.name not in seen and not entry.planned:
             yield types.CompletionItem(
                 entry.name, kind=Kind.Class, detail=entry.category, documentation=_markdown(sentence(entry.doc)), sort_text=f"2{entry.name}"

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from ...compiler.catalogue import CATALOGUE
 from ...lang.eval import builtins
 from ...lang.eval.values import Builtin
 from ...lang.reference_page import comment_above, default_text, limits_text, sentence
 from ...lang.schema.argument_types import TYPES, Arg, Entry
-from ...lang.schema.elements import SCHEMA
 from ...lang.syntax import ast
 from .document import Document, Found
 from .project import Project
@@ -131,13 +131,13 @@ def of_name(name: str, owner: str, names: Mapping[str, Found], project: Project)
     if owner:
         found = member(owner, name, names, project)
     else:
-        found = names.get(name) or (None if name in SCHEMA or name in builtins.FUNCTIONS else project.prelude(name))
+        found = names.get(name) or (None if name in CATALOGUE or name in builtins.FUNCTIONS else project.prelude(name))
     if found is not None:
         return of_definition(found, project)
     if owner:
         return None
-    if name in SCHEMA and not SCHEMA[name].planned:
-        return of_entry(SCHEMA[name])
+    if name in CATALOGUE and not CATALOGUE[name].planned:
+        return of_entry(CATALOGUE[name])
     return of_builtin(builtins.FUNCTIONS[name]) if name in builtins.FUNCTIONS else None
 
 

@@ -7,10 +7,10 @@ from collections.abc import Iterable, Iterator
 
 from lsprotocol import types
 
+from ...compiler.catalogue import CATALOGUE
 from ...lang import colors
 from ...lang.diagnostics import Diagnostic, Span
 from ...lang.eval.builtins import CONSTANTS, FUNCTIONS
-from ...lang.schema.elements import SCHEMA
 from ...lang.syntax.formatter import lay_out
 from ...lang.syntax.lexer import lex
 from . import messages
@@ -113,7 +113,7 @@ def _quoted(d: Diagnostic, old: str, new: str) -> Iterator[Replacement]:
 def _is_source(text: str, row: str) -> bool:
     """Whether a text is of the language's tokens and names, and of names that its line has: `[x, y, z]` is a pattern."""
     wrong = ("OPEN_STRING", "BLOCK_COMMENT", "HASH_COMMENT", "BAD_COLOR", "UNKNOWN", "_NL", "COMMENT")
-    known = {*SCHEMA, *FUNCTIONS, *CONSTANTS, *re.findall(r"\w+", row)}
+    known = {*CATALOGUE, *FUNCTIONS, *CONSTANTS, *re.findall(r"\w+", row)}
     return all(token.type not in wrong and (token.type != "NAME" or token in known) for token in lex(text))
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from lsprotocol import types
 
 from ...compiler import load
+from ...compiler.catalogue import CATALOGUE
 from ...compiler.io import sandbox
 from ...compiler.io.source_files import SceneReader
 from ...compiler.mesh import built_geometry
@@ -48,7 +49,7 @@ def check(path: str, texts: Mapping[str, str], allow: Sequence[Path] = ()) -> Ch
         try:
             if places_nothing(path, texts):
                 reader = SceneReader(sandbox.Files(Path(path).parent, allow))
-                evaluator.evaluate(reader.main(path, Path(path)), reader, found)
+                evaluator.evaluate(reader.main(path, Path(path)), CATALOGUE, reader, found)
             else:
                 with built_geometry.left_out():
                     found.items += planner.default_notes(load.load(Path(path), allow=allow, diagnostics=found))
@@ -77,7 +78,7 @@ def places_nothing(path: str, texts: Mapping[str, str]) -> bool:
 def _values(path: str, allow: Sequence[Path]) -> dict[str, str]:
     try:
         reader = SceneReader(sandbox.Files(Path(path).parent, allow))
-        found = evaluator.values(reader.main(path, Path(path)), reader)
+        found = evaluator.values(reader.main(path, Path(path)), CATALOGUE, reader)
     except Exception:
         return {}  # `check` has reported what is wrong
     plain = (bool, int, float, str, Quantity, Color, tuple)

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 from lsprotocol import types
 
+from ...compiler.catalogue import CATALOGUE
 from ...lang.diagnostics import Span
 from ...lang.eval import builtins
 from ...lang.eval.lint import RESERVED
 from ...lang.eval.modules import is_asset
 from ...lang.reference_page import sentence
 from ...lang.schema.argument_types import TYPES
-from ...lang.schema.elements import SCHEMA
 from ...lang.syntax import ast
 from ...lang.syntax.lexer import KEYWORDS
 from . import cursor, describe
@@ -68,7 +68,7 @@ def _in_piece(project: Project, document: Document, placed: Placed, line: int, c
     if used is not None:
         span = placed.span(used.span)
         found = document.resolve(placed, used)
-        if found is None and used.id not in SCHEMA and used.id not in builtins.FUNCTIONS:
+        if found is None and used.id not in CATALOGUE and used.id not in builtins.FUNCTIONS:
             found = project.prelude(used.id)
         return Target(span, found, None if found else describe.of_name(used.id, "", {}, project), name=used.id)
     kind = touching(names.types, line, column)
@@ -80,7 +80,7 @@ def _argument(project: Project, document: Document, placed: Placed, call: ast.Ca
     span, found = placed.span(name.span), project.called(document, placed, call.function)
     if found is None:
         callee = describe.of_name(call.function.id, "", {}, project) if isinstance(call.function, ast.Name) else None
-        entry = SCHEMA.get(callee.name) if callee else None
+        entry = CATALOGUE.get(callee.name) if callee else None
         arg = entry.arg(name.id) if entry else None
         chosen = callee.parameter(arg.name) if callee and arg else None
         return Target(span, None, callee, chosen, name.id) if chosen else None

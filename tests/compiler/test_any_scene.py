@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 from maquette.compiler import load
+from maquette.compiler.catalogue import CATALOGUE
 from maquette.compiler.scene import dump
 from maquette.lang.diagnostics import Diagnostics, SceneError
-from maquette.lang.schema import argument_types, elements
+from maquette.lang.schema import argument_types
 
 NUMBERS = ("0", "1", "-1", "0.5", "3", "1e16", "1e-9", "1e308", "1e-308", "-1e200")
 PLACED = ("shape", "light", "block", "camera", "setting")
@@ -70,7 +71,7 @@ def value(arg: argument_types.Arg, rng: random.Random) -> str:
 
 
 def element(rng: random.Random) -> str:
-    entry = rng.choice([e for e in elements.SCHEMA.values() if not e.planned and e.category in PLACED])
+    entry = rng.choice([e for e in CATALOGUE.values() if not e.planned and e.category in PLACED])
     given = [a for a in entry.args if (a.default is argument_types.REQUIRED or rng.random() < 0.3)]
     call = f"{entry.name}({', '.join(f'{a.name}: {value(a, rng)}' for a in given)})"
     return f"{call} {{ {rng.choice(INSIDE)} }}" if entry.children else call

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import maquette
 import pytest
+from maquette.compiler.catalogue import CATALOGUE
 from maquette.lang.eval import builtins
 from maquette.lang.reference_page import reference
-from maquette.lang.schema import elements
 
 ROOT = Path(maquette.__file__).parent
 
@@ -31,7 +31,7 @@ def test_the_command_prints_the_page():
 
 def test_every_implemented_element_is_on_the_page():
     page = made()
-    for entry in elements.SCHEMA.values():
+    for entry in CATALOGUE.values():
         assert (f"\n### {entry.name}\n" in page) != entry.planned
         assert not entry.planned or f"`{entry.name}`" in page
     for name in builtins.FUNCTIONS:

@@ -8,6 +8,7 @@ from pathlib import Path
 import maquette
 import numpy as np
 import pytest
+from maquette.compiler.catalogue import CATALOGUE
 from maquette.lang import formula_graph
 from maquette.lang.diagnostics import Diagnostics, render_text
 from maquette.lang.eval import suggestions
@@ -39,7 +40,7 @@ class Reader:
 def evaluated(text, time=0.0):
     """The document of a scene without errors."""
     diagnostics = Diagnostics()
-    document = evaluate(Source("t.scene", text, "t.scene"), Reader(), diagnostics, time=time)
+    document = evaluate(Source("t.scene", text, "t.scene"), CATALOGUE, Reader(), diagnostics, time=time)
     assert [render_text(d, document.sources.get) for d in diagnostics.items] == []
     return document
 
@@ -376,5 +377,5 @@ t.scene:2:21: error: materials.clay cannot be made with these arguments: expecte
 )
 def test_errors_inside_the_library_are_reported_once_at_the_call(text, told):
     diagnostics = Diagnostics()
-    document = evaluate(Source("t.scene", text, "t.scene"), Reader(), diagnostics)
+    document = evaluate(Source("t.scene", text, "t.scene"), CATALOGUE, Reader(), diagnostics)
     assert [render_text(d, document.sources.get) for d in diagnostics.items] == [told]

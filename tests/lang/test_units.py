@@ -7,6 +7,7 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from maquette.compiler.catalogue import CATALOGUE
 from maquette.lang import units
 from maquette.lang.diagnostics import Diagnostics
 from maquette.lang.eval import operators
@@ -16,7 +17,7 @@ from maquette.lang.units import Quantity
 
 from .eval.evaluating import Files, mistake, unhurried, value
 
-HERE = Evaluator(Files({}), Diagnostics(), 0.0).root  # the scope of a file in metres
+HERE = Evaluator(CATALOGUE, Files({}), Diagnostics(), 0.0).root  # the scope of a file in metres
 
 EVERY_UNIT = {
     "1m": 1, "1cm": 0.01, "1mm": 0.001, "1km": 1000, "1um": 1e-6, "1µm": 1e-6, "1μm": 1e-6, "1nm": 1e-9, "1in": 0.0254, "1ft": 0.3048,

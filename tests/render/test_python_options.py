@@ -9,7 +9,7 @@ import maquette
 import numpy as np
 import pytest
 from maquette.compiler import ir
-from maquette.lang.schema.elements import SCHEMA
+from maquette.compiler.catalogue import CATALOGUE
 from maquette.lang.schema.picture_settings import PICTURE_SETTINGS
 from maquette.render.python_options import picture_settings
 
@@ -67,7 +67,7 @@ def test_texts_and_values() -> None:
 
 def test_each_setting_is_one_row() -> None:
     assert set(PICTURE_SETTINGS) == {field.name for field in fields(ir.Settings)}
-    for arg in SCHEMA["render"].args:
+    for arg in CATALOGUE["render"].args:
         assert PICTURE_SETTINGS[arg.name].arg is arg
 
 

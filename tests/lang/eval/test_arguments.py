@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from maquette.compiler.catalogue import CATALOGUE
 from maquette.lang.elements import AxisAngle, Element, Euler, Falloff, Quaternion
 from maquette.lang.formula_graph import Formula
 from maquette.lang.schema import argument_types
-from maquette.lang.schema import elements as schema_elements
 
 from .evaluating import elements, good, run, unhurried
 
@@ -32,7 +32,7 @@ def test_positions_names_and_defaults() -> None:
 
 
 def test_every_argument_is_there_whether_given_or_not() -> None:
-    for entry in schema_elements.SCHEMA.values():
+    for entry in CATALOGUE.values():
         required = any(a.default is argument_types.REQUIRED for a in entry.args)
         if entry.planned or required or entry.category not in ("shape", "light", "block"):
             continue
@@ -49,29 +49,28 @@ def test_an_alias_names_its_argument() -> None:
 
 
 @pytest.mark.parametrize("type_name", argument_types.TYPES)
-def test_every_type_of_the_schema_refuses_a_light(type_name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_type_of_the_schema_refuses_a_light(type_name: str) -> None:
     """A light is no value of any type: each type answers with a diagnostic."""
     entry = argument_types.Entry("probe", "shape", "for tests", (argument_types.Arg("value", type_name, argument_types.REQUIRED),))
-    monkeypatch.setitem(schema_elements.SCHEMA, "probe", entry)
-    document, found = run("probe(sun())")
+    document, found = run("probe(sun())", catalogue={**CATALOGUE, "probe": entry})
     assert not document.elements
     assert len(found) == 1
 
 
 def test_arguments_have_types_of_the_schema() -> None:
-    assert {a.type for e in schema_elements.SCHEMA.values() for a in e.args} <= set(argument_types.TYPES)
+    assert {a.type for e in CATALOGUE.values() for a in e.args} <= set(argument_types.TYPES)
 
 
 @pytest.fixture
-def probe(monkeypatch: pytest.MonkeyPatch) -> Any:
+def probe() -> Any:
     """A function that returns the value of an argument of a type for a text, in a file in centimetres."""
 
     def convert_text(type_name: str, text: str, **limits: Any) -> Any:
         entry = argument_types.Entry(
             "probe", "shape", "for tests", (argument_types.Arg("value", type_name, argument_types.REQUIRED, **limits),)
         )
-        monkeypatch.setitem(schema_elements.SCHEMA, "probe", entry)
-        return one(f"unit cm\nprobe({text})").args["value"]
+        (element,) = elements(f"unit cm\nprobe({text})", catalogue={**CATALOGUE, "probe": entry})
+        return element.args["value"]
 
     return convert_text
 
@@ -212,3 +211,23 @@ def test_known_scene() -> None:
     assert document.settings["render"].args["error"] == 0.01
     assert document.cameras[0].args["fov"] == pytest.approx(math.radians(35))
     assert document.elements[0].args["material"].args["color"].args["size"] == 0.5
+
+
+def test_a_scene_uses_the_elements_of_its_catalogue_alone() -> None:
+    """The language has no element of its own but groups of parts; a file's kind without an element is refused."""
+    few = {name: CATALOGUE[name] for name in ("sphere", "lambert")}
+    document, found = run("sphere(1, material: lambert(#fff))", catalogue=few)
+    assert ([e.kind for e in document.elements], found) == (["sphere"], [])
+    assert run("box(1)", catalogue=few)[1][0].startswith("a.scene:1:1: error: there is no `box` here")
+    assert run('use "a.obj" as a\na()', catalogue=few)[1][0].startswith("a.scene:1:5: error: there is no element `mesh`")
+    assert run("for (k in 1..3) { sphere(k) }\nlet pair() = [sphere(), sphere()]\npair(translate: [1, 0, 0])", catalogue=few)[1] == []
+
+
+def test_equal_text_is_evaluated_with_each_catalogue() -> None:
+    """Code of a file is kept for later evaluations: none of it holds the elements of a catalogue."""
+    ball = argument_types.Entry("ball", "shape", "for tests", (argument_types.Arg("r", "number", 1.0),))
+    text = "for (k in 1..2) { ball(3) }"
+    assert len(elements(text, catalogue={"ball": ball})) == 2
+    assert run(text)[1][0].startswith("a.scene:1:19: error: there is no `ball` here")
+    sized = argument_types.Entry("ball", "shape", "for tests", (argument_types.Arg("r", "length", 1.0),))
+    assert [e.args["r"] for e in elements(f"unit cm\n{text}", catalogue={"ball": sized})] == [0.03, 0.03]

@@ -9,13 +9,13 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from maquette.compiler.catalogue import CATALOGUE
 from maquette.lang import colors, formula_graph
 from maquette.lang.elements import AxisAngle, Falloff, Quaternion
 from maquette.lang.eval import builtins
 from maquette.lang.formula_graph import Formula
 from maquette.lang.noise import noise
 from maquette.lang.schema import argument_types
-from maquette.lang.schema import elements as schema_elements
 from maquette.lang.units import Quantity
 
 from .evaluating import elements, mistake, run, unhurried, value
@@ -80,7 +80,7 @@ def test_every_documented_function_exists() -> None:
     promised = """abs sqrt exp log sin cos tan asin acos atan atan2 hypot min max clamp lerp step smoothstep floor ceil round mod sign
     pow noise dot cross length normalize len map filter scan fold string rgb srgb hsv kelvin axis quaternion matrix ramp""".split()
     assert [name for name in promised if name not in builtins.FUNCTIONS] == []
-    assert [name for name in builtins.FUNCTIONS if name in schema_elements.SCHEMA] == []
+    assert [name for name in builtins.FUNCTIONS if name in CATALOGUE] == []
     assert all(f.doc for f in builtins.FUNCTIONS.values())
 
 
@@ -203,19 +203,18 @@ def test_noise_is_bounded_and_repeats(x: float, y: float, z: float) -> None:
 # --- formulas -------------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def with_implicit(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An element that takes a formula, as the planned ones will."""
-    entry = argument_types.Entry("implicit", "shape", "for tests", (argument_types.Arg("f", "formula", argument_types.REQUIRED),))
-    monkeypatch.setitem(schema_elements.SCHEMA, "implicit", entry)
+FORMULAS = {
+    **CATALOGUE,
+    "implicit": argument_types.Entry("implicit", "shape", "for tests", (argument_types.Arg("f", "formula", argument_types.REQUIRED),)),
+}
+"""The catalogue with an element that takes a formula alone."""
 
 
 def recorded(text: str, before: str = "") -> Formula:
-    (element,) = elements(f"{before}\nimplicit({text})")
+    (element,) = elements(f"{before}\nimplicit({text})", catalogue=FORMULAS)
     return element.args["f"]
 
 
-@pytest.mark.usefixtures("with_implicit")
 @pytest.mark.parametrize(
     ("text", "python"),
     [
@@ -244,7 +243,6 @@ def test_a_formula_computes_the_same_as_python(text: str, python: Any) -> None:
         assert formula_graph.evaluate(f, point) == pytest.approx(python(*point))
 
 
-@pytest.mark.usefixtures("with_implicit")
 def test_a_formula_inlines_functions_and_folds_constants() -> None:
     f = recorded("|x| twice(x) * (k + 1)", "let twice(v) = 2 * v\nlet k = 2")
     assert [(n.op, n.args, n.value) for n in f.nodes] == [
@@ -254,12 +252,10 @@ def test_a_formula_inlines_functions_and_folds_constants() -> None:
     assert f.kind == "number"
 
 
-@pytest.mark.usefixtures("with_implicit")
 def test_equal_operations_of_a_formula_are_shared() -> None:
     assert [n.op for n in recorded("|x| sin(x) * sin(x)").nodes] == ["parameter", "sin", "multiply"]
 
 
-@pytest.mark.usefixtures("with_implicit")
 def test_lengths_in_a_formula_become_numbers_in_the_unit_of_the_file() -> None:
     f = recorded("|x| x - r + a + 90deg * 0", "unit mm\nlet r = 2cm\nlet a = 0")
     assert f.unit == 0.001
@@ -267,7 +263,6 @@ def test_lengths_in_a_formula_become_numbers_in_the_unit_of_the_file() -> None:
     assert formula_graph.evaluate(recorded("|x| x * area", "unit cm\nlet area = 1m * 1m"), [1.0]) == pytest.approx(1e4)
 
 
-@pytest.mark.usefixtures("with_implicit")
 def test_kinds_of_formula() -> None:
     assert recorded("|x, y, z| x == y").kind == "truth"
     surface = recorded("|u, v| [u, v, u * v]")
@@ -278,7 +273,6 @@ def test_kinds_of_formula() -> None:
     assert formula_graph.evaluate(named, [1.0]) == pytest.approx(math.sin(1))
 
 
-@pytest.mark.usefixtures("with_implicit")
 @pytest.mark.parametrize(
     ("text", "result"),
     [("|x| 1 / x", math.inf), ("|x| log(x)", -math.inf), ("|x| exp(1000 + x)", math.inf)],
@@ -287,14 +281,12 @@ def test_formulas_never_raise(text: str, result: float) -> None:
     assert formula_graph.evaluate(recorded(text), [0.0]) == result
 
 
-@pytest.mark.usefixtures("with_implicit")
 def test_formulas_are_nan_outside_their_domain() -> None:
     for text in ("|x| sqrt(x)", "|x| log(x)", "|x| x ^ 0.5", "|x| acos(x - 1)"):
         assert math.isnan(formula_graph.evaluate(recorded(text), [-1.0]))
     assert math.isnan(formula_graph.evaluate(recorded("|x| mod(1, x)"), [0.0]))
 
 
-@pytest.mark.usefixtures("with_implicit")
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -310,7 +302,7 @@ def test_formulas_are_nan_outside_their_domain() -> None:
     ],
 )
 def test_limits_of_formulas(text: str, message: str) -> None:
-    _, messages = run(f"let f(n) = if n > 0 then f(n - 1) else 0\nimplicit({text})\n" + "let _f = f")
+    _, messages = run(f"let f(n) = if n > 0 then f(n - 1) else 0\nimplicit({text})\n" + "let _f = f", catalogue=FORMULAS)
     assert len(messages) == 1
     assert message in messages[0]
 

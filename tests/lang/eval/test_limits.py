@@ -8,11 +8,11 @@ import threading
 import time
 
 import pytest
+from maquette.compiler.catalogue import CATALOGUE
 from maquette.lang import limits
 from maquette.lang.diagnostics import MAX_MESSAGES, Diagnostics, SceneError
 from maquette.lang.eval.evaluator import Source, evaluate
 from maquette.lang.schema import argument_types
-from maquette.lang.schema import elements as schema_elements
 
 from .evaluating import Files, elements, run
 
@@ -130,16 +130,16 @@ def test_elements_without_a_loop_are_counted(monkeypatch: pytest.MonkeyPatch) ->
     assert [m.splitlines()[0] for m in messages] == ["a.scene:3:2: error: the scene makes more than 100 elements"]
 
 
-def takes_a_formula(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let `implicit` have a formula as its only argument."""
-    entry = argument_types.Entry("implicit", "shape", "for tests", (argument_types.Arg("f", "formula", argument_types.REQUIRED),))
-    monkeypatch.setitem(schema_elements.SCHEMA, "implicit", entry)
+FORMULAS = {
+    **CATALOGUE,
+    "implicit": argument_types.Entry("implicit", "shape", "for tests", (argument_types.Arg("f", "formula", argument_types.REQUIRED),)),
+}
+"""The catalogue with an element that takes a formula alone."""
 
 
 def test_operations_of_a_formula_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    takes_a_formula(monkeypatch)
     monkeypatch.setattr("maquette.lang.formula_graph.MAX_TERMS", 500)
-    _, messages = run("implicit(|x| fold(|s, k| s + sin(k * x), 0, 1..999))")
+    _, messages = run("implicit(|x| fold(|s, k| s + sin(k * x), 0, 1..999))", catalogue=FORMULAS)
     assert [m.splitlines()[0] for m in messages] == ["a.scene:1:30: error: the formula has more than 500 operations"]
 
 
@@ -181,7 +181,7 @@ def test_many_elements_are_quick() -> None:
 
 def test_an_exception_shows_the_first_of_many_errors() -> None:
     diagnostics = Diagnostics()
-    evaluate(Source("a.scene", "sphere(none)\n" * (MAX_MESSAGES + 3), "a.scene"), Files({}), diagnostics)
+    evaluate(Source("a.scene", "sphere(none)\n" * (MAX_MESSAGES + 3), "a.scene"), CATALOGUE, Files({}), diagnostics)
     with pytest.raises(SceneError) as raised:
         diagnostics.raise_if_failed()
     assert str(raised.value) == "; ".join(["there is no `none` here"] * MAX_MESSAGES + ["and 3 more"])
@@ -194,7 +194,7 @@ def test_a_small_thread_is_enough() -> None:
     def work() -> None:
         diagnostics = Diagnostics()
         text = "let f(n) = [if n > 0 then f(n + 1) else 1]\nsphere(f(1))"
-        evaluate(Source("a.scene", text, "a.scene"), Files({}), diagnostics)
+        evaluate(Source("a.scene", text, "a.scene"), CATALOGUE, Files({}), diagnostics)
         results.append(len(diagnostics.items))
 
     thread = threading.Thread(target=work)
@@ -219,8 +219,7 @@ def test_loops_of_known_ends_are_refused_at_once() -> None:
 
 
 def test_formulas_that_repeat_themselves_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    takes_a_formula(monkeypatch)
     monkeypatch.setattr("maquette.lang.formula_graph.MAX_APPLIED", 500)
-    _, messages = run("let f(n, x) = if n == 0 then x else f(n - 1, x) * f(n - 1, x)\nimplicit(|x| f(40, x))")
+    _, messages = run("let f(n, x) = if n == 0 then x else f(n - 1, x) * f(n - 1, x)\nimplicit(|x| f(40, x))", catalogue=FORMULAS)
     expected = "a.scene:1:37: error: the formula has more than 500 operations, equal ones counted each time"
     assert [m.splitlines()[0] for m in messages] == [expected]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from maquette.compiler.catalogue import CATALOGUE
 from maquette.lang.diagnostics import Diagnostics
 from maquette.lang.eval import evaluator
 
@@ -60,7 +61,7 @@ def test_a_file_is_read_once_however_often_it_is_used() -> None:
     files = Files({"a/x.scene": 'use "c.scene"\nc()', "b/x.scene": 'use "c.scene"\nc()', "c.scene": "sphere()"})
     diagnostics = Diagnostics()
     text = 'use "a/x.scene" as a\nuse "b/x.scene" as b\na()\nb()'
-    document = evaluator.evaluate(evaluator.Source("m.scene", text, "m.scene"), files, diagnostics)
+    document = evaluator.evaluate(evaluator.Source("m.scene", text, "m.scene"), CATALOGUE, files, diagnostics)
     assert not diagnostics.items
     assert sorted(document.files) == ["a/x.scene", "b/x.scene", "c.scene", "m.scene"]
     assert document.sources["c.scene"] == "sphere()"
@@ -124,7 +125,7 @@ def test_a_cycle_shows_the_chain() -> None:
 def test_a_file_that_uses_itself() -> None:
     diagnostics = Diagnostics()
     text = 'use "a.scene" as me\nme()'
-    evaluator.evaluate(evaluator.Source("a.scene", text, "a.scene"), Files({"a.scene": text}), diagnostics)
+    evaluator.evaluate(evaluator.Source("a.scene", text, "a.scene"), CATALOGUE, Files({"a.scene": text}), diagnostics)
     assert [d.message for d in diagnostics.items] == ["a.scene uses itself: a.scene → a.scene"]
 
 

@@ -8,13 +8,13 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from maquette.compiler.catalogue import CATALOGUE
 from maquette.lang import units
 from maquette.lang.elements import AxisAngle, Element, Euler
 from maquette.lang.eval import coercion, evaluator, quick_conversion
 from maquette.lang.eval.context import Scope
 from maquette.lang.eval.values import Color, ForeignNumber, Mistake
 from maquette.lang.schema.argument_types import Arg
-from maquette.lang.schema.elements import SCHEMA
 from maquette.lang.units import Quantity
 
 from .evaluating import Files, elements, unhurried
@@ -29,12 +29,12 @@ values = st.one_of(
     st.sampled_from(ELEMENTS), st.just(AxisAngle((0.0, 1.0, 0.0), 1.0)), st.just(Euler((0.0, 1.0, 2.0))),
 )  # fmt: skip
 ARGS = sorted(
-    {(a.type, a.minimum, a.maximum, a.above, a.below, a.choices) for entry in SCHEMA.values() for a in entry.args}, key=lambda a: str(a)
+    {(a.type, a.minimum, a.maximum, a.above, a.below, a.choices) for entry in CATALOGUE.values() for a in entry.args}, key=lambda a: str(a)
 )
 
 
 def _scope(unit: float) -> Scope:
-    machine: Any = evaluator.Evaluator(Files({}), evaluator.Diagnostics(), 0.0)
+    machine: Any = evaluator.Evaluator(CATALOGUE, Files({}), evaluator.Diagnostics(), 0.0)
     return Scope(machine, machine.meter, unit)
 
 

@@ -9,11 +9,11 @@ from typing import Any
 import maquette
 import numpy as np
 import pytest
+from maquette.compiler.catalogue import CATALOGUE
 from maquette.lang.diagnostics import Diagnostics
 from maquette.lang.elements import Element
 from maquette.lang.formula_graph import Formula
 from maquette.lang.reference_page import heading
-from maquette.lang.schema.elements import SCHEMA
 from maquette.lang.syntax import ast, parser
 
 from .evaluating import elements, good
@@ -132,7 +132,7 @@ def placing() -> list[tuple[str, str, tuple[ast.Parameter, ...]]]:
 
 def same(a: Any, b: Any, type_name: str = "") -> bool:
     if isinstance(a, Element):
-        entry = {arg.name: arg.type for arg in SCHEMA[a.kind].args}
+        entry = {arg.name: arg.type for arg in CATALOGUE[a.kind].args}
         return (
             a.kind == b.kind
             and all(same(a.args[n], b.args[n], entry.get(n, "")) for n in a.args)

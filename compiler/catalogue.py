@@ -1,0 +1,9 @@
+"""The catalogue of all elements of the language. A package that has elements has a line here."""
+
+from __future__ import annotations
+
+from ..lang.schema import elements
+from ..lang.schema.argument_types import Catalogue, catalogue
+from ..shapes import catalogue as shapes
+
+CATALOGUE: Catalogue = catalogue(shapes.ENTRIES, elements.ENTRIES)

@@ -107,6 +107,7 @@ LATE = {
     "OpenImageIO": "only scenes with pictures need it",
     "ctypes": "`--help` calls nothing by it",
     "fcntl": "some systems lack it",
+    "mapbox_earcut": "only concave polygons need it",
     "manifold3d": "only solids with meshes in them need it",
     "pyoidn": "only noisy pictures need it",
     "resource": "some systems lack it",

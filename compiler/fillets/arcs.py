@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from itertools import combinations, product
 from typing import Any, NamedTuple
 
@@ -25,7 +25,6 @@ APART = 2.0  # radii: half of the least distance of faces whose fillets cannot m
 FLOOR = 1e-2  # of the radius: shorter lengths in gradients count as this
 
 EQUAL = 1e-13  # relative difference of equal fields
-SAMPLES = np.random.default_rng(7).normal(size=(3, 16)) * np.geomspace(1, 100, 16)  # points to compare fields, in radii
 
 
 @dataclass(eq=False)
@@ -74,6 +73,12 @@ def fillet_union(parts: Sequence[Tape], bounds: Sequence[np.ndarray], radius: fl
     return b.finish(b.op(Op.NEGATE, found) if complement else found)
 
 
+@cache
+def _samples() -> np.ndarray:
+    """(3, 16) points to compare fields, in radii. Made at first use: NumPy's generators take 12 ms to load."""
+    return np.random.default_rng(7).normal(size=(3, 16)) * np.geomspace(1, 100, 16)
+
+
 # --- trees ----------------------------------------------------------------------------------------------------------------
 
 
@@ -84,7 +89,7 @@ def _tree(b: Builder, name: int, part: int, leaves: list[Leaf], size: float) -> 
 
     def leaf(name: int) -> Leaf:
         if name not in known:
-            found = numpy_interpreter.points(b.finish(name), *(size * SAMPLES))[0]
+            found = numpy_interpreter.points(b.finish(name), *(size * _samples()))[0]
             close = EQUAL * (abs(found).max() + size)
             same = next((other for values, other in samples if abs(values - found).max() <= close), None)
             if same is None:

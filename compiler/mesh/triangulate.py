@@ -7,7 +7,6 @@ import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import mapbox_earcut
 import numpy as np
 
 from ..ir import F64, I32, I64
@@ -195,4 +194,6 @@ def _clipped(loops: F64, ends: list[int]) -> I64:
     """Triangles (m, 3) of an outline and its holes in a plane, by ear clipping; a fan where this would take minutes."""
     if ends[0] > 500 and ends[0] > REPEATED * len(np.unique(loops, axis=0)):
         return _fan(np.arange(ends[0])[None], 0)[0]
+    import mapbox_earcut
+
     return mapbox_earcut.triangulate_float64(np.ascontiguousarray(loops), np.array(ends, np.uint32)).reshape(-1, 3).astype(np.int64)

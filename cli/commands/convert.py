@@ -83,9 +83,10 @@ def command(
 
 
 def _renderer() -> RendererFunctions:
-    from ...render.tessellation import scene_meshes
+    from ...compiler.exporters.export_job import RendererFunctions
+    from ...render.tessellation import printable_mesh, scene_meshes
 
-    return scene_meshes.FUNCTIONS
+    return RendererFunctions(scene_meshes.make_converters, scene_meshes.make_tessellator, printable_mesh.printable_parts)
 
 
 def tell_deviation(off: float, tolerance: float | None, scene: ir.Scene) -> str:

@@ -2,31 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Hashable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .. import ir
-from . import placement, shells
+from ..mesh import shells
+from ..mesh.shells import Converters, Shell
+from . import placement
 from .export import Export
 from .placement import F64
-from .shells import Shell
 
 PLANE_REACH = 20.0  # radii of the scene: half the side of the square that stands for an endless plane
 ROUNDING = 3.0 * 2.0**-24  # of a distance from the origin: a position and a matrix of float32 numbers
 _EVERYWHERE = ir.Visibility.CAMERA | ir.Visibility.SHADOW | ir.Visibility.REFLECTION
-
-
-class Converters(NamedTuple):
-    """Functions of the renderer that exporters need."""
-
-    tessellate: shells.Tessellate
-    error: Callable[[int], float]  # largest distance of an instance's triangles from its surface, in its frame, once they are made
-    materials: Callable[[ir.Tables, int, F64], NDArray[np.int64]]  # rows of the materials of an instance at world points (m, 3)
-    png: Callable[..., bytes]  # (height, width, 3) values from 0 to 1, color: whether they are colours, alpha: (height, width) or None
-    exr: Callable[[NDArray[np.float32]], bytes]  # (height, width, 3)
 
 
 class Body(NamedTuple):

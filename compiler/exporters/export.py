@@ -15,8 +15,6 @@ from ..io.replace_file import replace_file
 from ..ir.light_links import CASTERS, EVERYTHING
 from ..plan import scene_facts
 
-DEFAULT = "default"  # the name of the material of surfaces without one
-
 
 @dataclass(eq=False)
 class Export:

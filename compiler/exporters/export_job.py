@@ -10,10 +10,9 @@ from typing import NamedTuple
 
 from ...lang.diagnostics import Diagnostic
 from .. import ir
+from ..mesh.parts import Part
+from ..mesh.shells import Converters, Tessellate
 from ..plan.plan import Plan
-from .bodies import Converters
-from .parts import Part
-from .shells import Tessellate
 
 
 class RendererFunctions(NamedTuple):

@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import ir
-from . import shells, texture_values
+from ..mesh import shells
+from ..mesh.shells import Shell
+from . import texture_values
 from .export import Export
 from .placement import F64
-from .shells import Shell
 
 CELLS = 2  # cells along a side of the picture of a checker or stripes
 

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import ir
+from ..mesh.shells import Shell
 from .placement import F64
-from .shells import Shell
 
 BLACK = np.zeros(3)
 

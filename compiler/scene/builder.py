@@ -21,7 +21,6 @@ from .instance_rows import InstanceNames, InstanceRows
 from .row_records import (
     ALL_RAYS,
     BLACK,
-    DEFAULT_ALBEDO,
     WHITE,
     CameraData,
     Color,
@@ -31,7 +30,7 @@ from .row_records import (
     MeshAttribute,
     MeshData,
     TextureData,
-    lambert,
+    default_material,
 )
 
 NONE = -1  # the row of a rejected item; a diagnostic says why
@@ -352,7 +351,7 @@ class SceneBuilder:
 
     def default_material(self) -> int:
         """The row of the default material, a grey."""
-        return self.material(lambert(DEFAULT_ALBEDO, name="default"))
+        return self.material(default_material())
 
     def shared(self, key: Any, make: Callable[[], int]) -> int:
         """The row cached under `key`, made by `make` on first use: for costly rows such as a file's mesh or image."""

@@ -194,10 +194,15 @@ class Piece:
     chosen: bool = False
 
 
-DEFAULT_ALBEDO: Color = (0.8, 0.8, 0.8)
+DEFAULT_MATERIAL = "default"  # the name of the material of surfaces without one
 
 
 def lambert(albedo: Color, texture: int = -1, name: str = "") -> MaterialData:
     """A diffuse material: k_a = k_d = albedo, times a texture."""
     matt = Input(albedo, texture)
     return MaterialData(ir.MaterialModel.LAMBERT, {ir.Slot.AMBIENT: matt, ir.Slot.DIFFUSE: matt}, name=name)
+
+
+def default_material() -> MaterialData:
+    """The material of surfaces without one: grey."""
+    return lambert((0.8, 0.8, 0.8), name=DEFAULT_MATERIAL)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ...compiler.exporters.parts import Part
+from ...compiler.mesh.parts import Part
 from ...lang.diagnostics import Diagnostic
 from . import printable_mesh
 

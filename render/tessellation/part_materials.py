@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ...compiler.exporters.export import DEFAULT
-from ...compiler.exporters.parts import Material
 from ...compiler.formula import numpy_interpreter
 from ...compiler.formula.tape import load_tape
+from ...compiler.mesh.parts import Material
+from ...compiler.scene.row_records import DEFAULT_MATERIAL
 from ..image.srgb import encode_srgb
 
 _MODEL, _SLOT = ir.MaterialModel, ir.Slot
@@ -48,4 +48,4 @@ def material_of(scene: ir.Scene, row: int) -> Material:
     linear = tables.materials.values[row, _COLORS.get(model, _SLOT.DIFFUSE)]
     linear = linear / max(float(linear.max()), 1.0)  # emission may exceed 1
     name = names[row] if row < len(names) else ""
-    return Material(name or f"material{row}", tuple(encode_srgb(linear).tolist()), name == DEFAULT)
+    return Material(name or f"material{row}", tuple(encode_srgb(linear).tolist()), name == DEFAULT_MATERIAL)

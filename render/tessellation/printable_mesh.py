@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ...compiler.exporters import shells
-from ...compiler.exporters.parts import Part
 from ...compiler.formula import dual_contouring
 from ...compiler.formula.tape import load_tape
-from ...compiler.mesh import mesh_csg
+from ...compiler.mesh import mesh_csg, shells
+from ...compiler.mesh.parts import Part
 from ...lang.diagnostics import Diagnostic
 from ...shapes import SHAPES
 from ..geometry.bounds import world_bounds

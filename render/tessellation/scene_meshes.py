@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ...compiler.exporters.bodies import Converters
-from ...compiler.exporters.export_job import RendererFunctions
+from ...compiler.mesh.shells import Converters
 from ...compiler.plan.plan import Plan
 from ..geometry import analytic_shapes
 from ..image import encoded
@@ -18,7 +17,7 @@ from ..types import View
 from . import analytic_shapes as tessellation
 from . import implicit_surfaces
 from .part_materials import triangle_materials
-from .printable_mesh import default_tolerance, printable_parts
+from .printable_mesh import default_tolerance
 from .view import ViewTessellator
 
 
@@ -80,6 +79,3 @@ def _with_metric(tables: ir.Tables, instance: int, mesh: tessellation.Tessellati
     with np.errstate(all="ignore"):
         _, metric = analytic_shapes.uv(kind, geometries.parameters, row, parts, (x, y, z))
     return ShapeMesh(mesh.positions[:, :3], mesh.triangles, mesh.normals, mesh.uvs, np.stack(metric, axis=1))
-
-
-FUNCTIONS = RendererFunctions(make_converters, make_tessellator, printable_parts)

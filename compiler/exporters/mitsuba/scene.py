@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from ... import ir
+from ...mesh import shells
 from ...plan.plan import Plan
-from .. import camera_frames, placement, shells
+from .. import camera_frames, placement
 from ..export import Export
 from ..export_job import ExportJob
 from . import lights

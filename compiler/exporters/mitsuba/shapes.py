@@ -7,11 +7,12 @@ import numpy as np
 from ....shapes import SHAPES
 from ....shapes.contract import MitsubaShape
 from ... import ir
+from ...mesh import shells
+from ...mesh.shells import Shell
 from ...plan.plan import Plan
-from .. import placement, ply_file, shells, texture_values
+from .. import placement, ply_file, texture_values
 from ..export import Export
 from ..placement import F64
-from ..shells import Shell
 from .materials import Look, Materials
 from .xml import Node, node, vector
 

@@ -11,8 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from ... import ir
+from ...mesh import shells
 from ...plan.plan import Plan
-from .. import camera_frames, number_text, placement, shells
+from .. import camera_frames, number_text, placement
 from ..export import Export
 from ..export_job import ExportJob
 from ..lights import ExportedLight, LightFormat, exported

@@ -8,12 +8,13 @@ import numpy as np
 
 from ....shapes import SHAPES
 from ... import ir
+from ...mesh import shells
+from ...mesh.shells import Shell
 from ...plan.plan import Plan
-from .. import number_text, placement, shells, texture_values
+from .. import number_text, placement, texture_values
 from ..export import Export
 from ..number_text import number
 from ..placement import F64
-from ..shells import Shell
 from .materials import Finishes
 
 

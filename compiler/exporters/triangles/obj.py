@@ -7,9 +7,9 @@ from functools import partial
 
 import numpy as np
 
+from ...mesh.parts import Material, Part, to_linear, to_srgb
 from ..export import Export
 from ..export_job import ExportJob
-from ..parts import Material, Part, to_linear, to_srgb
 from . import triangle_files
 from .triangle_files import DIGITS, Format
 

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...mesh.parts import Part, corner_colors, joined
 from .. import ply_file
 from ..export import Export
 from ..export_job import ExportJob
-from ..parts import Part, corner_colors, joined
 from . import triangle_files
 from .triangle_files import Format
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...mesh.parts import Part
 from ..export import Export
 from ..export_job import ExportJob
-from ..parts import Part
 from . import triangle_files
 from .triangle_files import Format
 

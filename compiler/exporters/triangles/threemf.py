@@ -9,9 +9,9 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from ...mesh.parts import Part, corner_colors
 from ..export import Export
 from ..export_job import ExportJob
-from ..parts import Part, corner_colors
 from . import triangle_files
 from .triangle_files import DIGITS, Format
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .. import parts as printable
+from ...mesh import parts as printable
+from ...mesh.parts import Part
 from ..export import Export, ExportError
 from ..export_job import ExportJob
-from ..parts import Part
 
 DIGITS = 12  # of numbers in text
 _MM = 1000.0

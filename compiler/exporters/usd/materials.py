@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, UsdShade
 
 from ... import ir
-from ...scene.row_records import Color, Input, as_color
-from ..export import DEFAULT, Export
+from ...scene.row_records import DEFAULT_MATERIAL, Color, Input, as_color
+from ..export import Export
 from ..surfaces import Exported, Surfaces
 from ..texture_sets import TextureSets
 
@@ -50,7 +50,7 @@ class Materials:
             diffuse = exported.surface.diffuse
             if tinted and diffuse.texture >= 0:
                 self.out.cannot("the mesh's colours are carried beside its material, which has a texture", "materials", row)
-            plain = exported.surface.name == DEFAULT  # of a mesh without a material, colours are written as they were read
+            plain = exported.surface.name == DEFAULT_MATERIAL  # of a mesh without a material, colours are written as they were read
             factor = (1.0, 1.0, 1.0) if plain else as_color(diffuse.value)
             tint = factor if tinted and diffuse.texture < 0 else None
             self._written[key] = Written(self._material(exported, row, sets, tinted, tint is not None), sets, tint)

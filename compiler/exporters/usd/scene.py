@@ -18,6 +18,7 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux, UsdShade, UsdUtils, Vt
 
 from ... import ir
 from ...ir.light_links import CASTERS, EVERYTHING
+from ...mesh.shells import Shell
 from ...plan.plan import Plan
 from .. import camera_frames, placement, texture_values
 from ..bodies import Bodies, Body, Converters, compact, part_of
@@ -25,7 +26,6 @@ from ..export import Export
 from ..export_job import ExportJob
 from ..lights import ExportedLight, LightFormat, exported
 from ..placement import F64
-from ..shells import Shell
 from .materials import Materials, set_name
 
 ROOT = "/World"

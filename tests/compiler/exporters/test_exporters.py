@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from maquette.cli.main import cli
-from maquette.compiler.exporters import export, shells
+from maquette.compiler.exporters import export
 from maquette.compiler.exporters.mitsuba import lights, materials, shapes
 from maquette.compiler.exporters.mitsuba import scene as mitsuba_scene
 from maquette.compiler.exporters.povray import scene as povray_scene
 from maquette.compiler.exporters.povray import shapes as povray_shapes
+from maquette.compiler.mesh import shells
 from maquette.compiler.scene import metals
 from maquette.measure.peers import registry
 from maquette.render.tessellation import scene_meshes

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import ir
-from .placement import F64
+from ..ir import F64
 
 
 class Shell(NamedTuple):
@@ -25,6 +25,16 @@ class Shell(NamedTuple):
 
 Tessellate = Callable[[int], tuple[F64, NDArray[np.int32], F64, F64, F64]]
 """Tessellates an instance (a row) whose shape a format lacks: positions, triangles, normals, uvs, metric as in Shell."""
+
+
+class Converters(NamedTuple):
+    """Functions of the renderer that exporters need."""
+
+    tessellate: Tessellate
+    error: Callable[[int], float]  # largest distance of an instance's triangles from its surface, in its frame, once they are made
+    materials: Callable[[ir.Tables, int, F64], NDArray[np.int64]]  # rows of the materials of an instance at world points (m, 3)
+    png: Callable[..., bytes]  # (height, width, 3) values from 0 to 1, color: whether they are colours, alpha: (height, width) or None
+    exr: Callable[[NDArray[np.float32]], bytes]  # (height, width, 3)
 
 
 def mesh(tables: ir.Tables, g: int) -> Shell:

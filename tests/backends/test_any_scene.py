@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from maquette.compiler import ir
 from maquette.compiler.plan import plan
 from maquette.compiler.scene import transforms, validate
-from maquette.compiler.scene.builder import SceneBuilder, lambert
-from maquette.compiler.scene.row_records import CameraData, Input, InstanceData, LightData, MaterialData, TextureData
+from maquette.compiler.scene.builder import SceneBuilder
+from maquette.compiler.scene.row_records import CameraData, Input, InstanceData, LightData, MaterialData, TextureData, lambert
 from maquette.render import render_scene
 
 from ..render.geometry.test_analytic_shapes import SHAPES

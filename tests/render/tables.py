@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 from maquette.compiler import ir
-from maquette.compiler.scene.builder import SceneBuilder, lambert
-from maquette.compiler.scene.row_records import CameraData, Input, InstanceData, LightData, MaterialData, MeshData
+from maquette.compiler.scene.builder import SceneBuilder
+from maquette.compiler.scene.row_records import CameraData, Input, InstanceData, LightData, MaterialData, MeshData, lambert
 from maquette.render import types
 from maquette.render.accel import intersect, scene_bvh
 from maquette.render.accel.traverse import motion_alpha

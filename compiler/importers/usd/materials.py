@@ -19,8 +19,7 @@ from pxr import UsdShade
 from ....lang.diagnostics import Span
 from ... import ir
 from ...scene import metallic_roughness
-from ...scene.builder import NONE, SceneBuilder, lambert
-from ...scene.row_records import BLACK, WHITE, Color, Input, MaterialData, TextureData, nonnegative
+from ...scene.builder import NONE, SceneBuilder
 from .. import images
 from ..common import uv_sets, vertex_numbers
 from ..common.replacements import Replacements

@@ -17,6 +17,7 @@ from maquette.compiler.scene.row_records import (
     MeshData,
     Outlines,
     TextureData,
+    lambert,
 )
 from maquette.lang.diagnostics import Span
 
@@ -79,8 +80,8 @@ def test_equal_rows_are_shared() -> None:
     assert builder.geometry(sphere, (1,)) == builder.geometry(sphere, (1.0,)) != builder.geometry(sphere, (2.0,))
     assert builder.transform(np.eye(4)) == builder.transform(np.diag([1.0, 1.0, 1.0, 1.0])) == 0
     assert builder.texture(texture) == builder.texture(TextureData(ir.TextureKind.CHECKER))
-    assert builder.material(scene_builder.lambert((1, 1, 1))) == builder.material(scene_builder.lambert((1, 1, 1)))
-    assert builder.material(scene_builder.lambert((1, 1, 1))) != builder.material(scene_builder.lambert((1, 1, 1), name="white"))
+    assert builder.material(lambert((1, 1, 1))) == builder.material(lambert((1, 1, 1)))
+    assert builder.material(lambert((1, 1, 1))) != builder.material(lambert((1, 1, 1), name="white"))
     assert builder.mesh(triangle()) == builder.mesh(triangle()) != builder.mesh(triangle(1.0))
     assert builder.mesh(triangle(uvs=MeshAttribute(np.zeros((3, 2))))) != builder.mesh(triangle(uvs=MeshAttribute(np.ones((3, 2)))))
 

@@ -11,8 +11,8 @@ import time
 import numpy as np
 import pytest
 from maquette.compiler import ir
-from maquette.compiler.scene.builder import SceneBuilder, lambert
-from maquette.compiler.scene.row_records import CameraData, InstanceData, MeshData
+from maquette.compiler.scene.builder import SceneBuilder
+from maquette.compiler.scene.row_records import CameraData, InstanceData, MeshData, lambert
 from maquette.render.accel import intersect, scene_bvh
 from maquette.render.accel.bvh_build import parallel_build, tlas, tree_cache, wide_bvh
 from maquette.render.geometry.bounds import world_bounds

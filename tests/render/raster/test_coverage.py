@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 from maquette.compiler import ir
-from maquette.compiler.scene.builder import lambert
-from maquette.compiler.scene.row_records import CameraData, LightData, MaterialData, MeshAttribute, MeshData, Outlines
+from maquette.compiler.scene.row_records import CameraData, LightData, MaterialData, MeshAttribute, MeshData, Outlines, lambert
 from maquette.render.accel import intersect
 from maquette.render.backends import prepare, raster
 from maquette.render.jit.packed_struct import Handle

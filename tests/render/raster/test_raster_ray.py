@@ -6,8 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from maquette.compiler import ir
-from maquette.compiler.scene.builder import lambert
-from maquette.compiler.scene.row_records import CameraData, LightData, MeshAttribute, MeshData
+from maquette.compiler.scene.row_records import CameraData, LightData, MeshAttribute, MeshData, lambert
 
 from .. import pictures, tables
 

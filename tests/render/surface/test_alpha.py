@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from maquette.compiler import ir
-from maquette.compiler.scene.builder import lambert
-from maquette.compiler.scene.row_records import Input, LightData, MaterialData, MeshAttribute, TextureData
+from maquette.compiler.scene.row_records import Input, LightData, MaterialData, MeshAttribute, TextureData, lambert
 from maquette.render.accel import intersect, ray_queries
 from maquette.render.accel.traverse import motion_alpha
 

@@ -429,7 +429,7 @@ def test_one_prim_of_a_stage(tmp_path):
 
 
 def test_the_scene_s_material_is_for_what_has_none(tmp_path):
-    from maquette.compiler.scene.builder import lambert
+    from maquette.compiler.scene.row_records import lambert
 
     read(tmp_path, 'def Cube "a" {}\ndef Cube "b" { color3f[] primvars:displayColor = [(1, 0, 0)] }')
     builder = SceneBuilder(Diagnostics(), Files(tmp_path))

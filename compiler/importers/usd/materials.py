@@ -20,6 +20,7 @@ from ....lang.diagnostics import Span
 from ... import ir
 from ...scene import metallic_roughness
 from ...scene.builder import NONE, SceneBuilder
+from ...scene.row_records import BLACK, WHITE, Color, Input, MaterialData, TextureData, lambert, nonnegative
 from .. import images
 from ..common import uv_sets, vertex_numbers
 from ..common.replacements import Replacements

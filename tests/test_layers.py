@@ -38,7 +38,7 @@ MAY_IMPORT = {
     "lang.stdlib_page": "lang.reference_page",
     "compiler.scene": "compiler.io shapes",
     "compiler.mesh": "compiler.scene",
-    "compiler.plan": "lang.schema shapes",
+    "compiler.plan": "lang.schema shapes compiler.mesh",
     "compiler.importers.common": "compiler.mesh",
     "compiler.importers.assemblies": "compiler.importers.common",
     "compiler.importers": "compiler.importers.assemblies",
@@ -112,6 +112,7 @@ LATE = {
     "pyoidn": "only noisy pictures need it",
     "resource": "some systems lack it",
     "rich": "only a terminal sees colours",
+    "trimesh": "only measuring and repair of meshes need it",
     "uharfbuzz": "only text needs it",
 }
 # Libraries that one file alone may import: everything else goes through it. That file is loaded when a picture of it is wanted.

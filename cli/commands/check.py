@@ -29,10 +29,11 @@ from .. import terminal
 def command(ctx: click.Context, scenes: tuple[Path, ...], strict: bool, build: bool, as_json: bool, **given: Any) -> None:
     """Report errors and warnings in SCENES without rendering.
 
+    Of mesh files it tells whether they are closed, their bodies and Euler number.
     Text, heightfields and solids are not made: boxes stand for them. Errors that show only when they are made are found with --build,
     and by all commands that draw: nothing is left of a solid, its parts are not closed, heights between the places that were tried.
     """
-    from ...compiler.mesh import built_geometry
+    from ...compiler.mesh import built_geometry, mesh_notes
     from ...compiler.plan import plan as planner
 
     failed, data = False, []
@@ -40,7 +41,7 @@ def command(ctx: click.Context, scenes: tuple[Path, ...], strict: bool, build: b
         try:
             with contextlib.nullcontext() if build else built_geometry.left_out():
                 scene, messages = shared.source_of(path, dict(given)).load({})
-            diagnostics = (*messages.items, *planner.default_notes(scene))
+            diagnostics = (*messages.items, *planner.default_notes(scene), *mesh_notes.notes(scene))
         except SceneError as error:
             diagnostics = error.diagnostics
         if strict:

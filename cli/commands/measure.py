@@ -1,4 +1,4 @@
-"""The `measure` command: size, volume, area, center, mass and inertia of the parts of a scene, each with its error."""
+"""The `measure` command: size, area, topology, volume, center, mass and inertia of the parts of a scene, each with its error."""
 
 from __future__ import annotations
 
@@ -56,8 +56,8 @@ def command(
 ) -> None:  # fmt: skip
     """Measure the parts of SCENE: size, volume, area, center, mass, inertia.
 
-    Each value has its error. Open surfaces have no volume; lights and unbounded shapes are left out. The inertia is that about the
-    center of mass, along x, y and z.
+    Each value has its error. A mesh that is open, wound both ways or crosses itself has no volume; lights and unbounded shapes are left
+    out. The inertia is that about the center of mass, along x, y and z.
     """
     from ...render.tessellation import mass_properties
 
@@ -83,8 +83,9 @@ def _lines(part: Properties, unit: str, factor: float, density: float | None) ->
     size = " × ".join(f"{side:.7g}" for side in (part.high - part.low) * factor)
     within = f" ± {2.0 * part.deviation * factor:.2g}" if part.deviation else ""
     lines = [part.name, f"  size     {size} {unit}{within}", f"  area     {_number(part.area, factor**2)} {unit}²"]
+    lines.append(f"  mesh     {_topology(part)}")
     if part.volume is None or part.center is None or part.inertia is None:
-        return [*lines, "  volume   none: the surface is open"]
+        return [*lines, f"  volume   none: {part.unbounded}"]
     lines.append(f"  volume   {_number(part.volume, factor**3)} {unit}³")
     center = ", ".join(f"{x:.6g}" for x in np.round(part.center.value * factor, 9) + 0.0)
     off = float(part.center.error.max())
@@ -95,6 +96,16 @@ def _lines(part: Properties, unit: str, factor: float, density: float | None) ->
         along = ", ".join(f"{x:.6g}" for x in np.diag(part.inertia.value) * density * scale)
         lines += [f"  mass     {_mass(part.volume, density)}", f"  inertia  [{along}] {name}"]
     return lines
+
+
+def _topology(part: Properties) -> str:
+    edges = part.topology
+    bodies = f"{edges.bodies} bod{'y' if edges.bodies == 1 else 'ies'}, Euler number {edges.euler_number}"
+    if edges.closed:
+        return f"closed, {bodies}" + ("" if part.searched else "; too large to be searched for places where it crosses itself")
+    if edges.watertight:
+        return f"closed, not wound one way, {bodies}"
+    return f"open at {edges.open_edges} edge{'s' * (edges.open_edges != 1)}, {bodies}"
 
 
 def _mass(volume: Measured, density: float) -> str:
@@ -113,6 +124,12 @@ def _number(measured: Measured, factor: float) -> str:
 
 def _as_data(part: Properties, density: float | None) -> dict[str, Any]:
     data: dict[str, Any] = {"name": part.name, "low": part.low.tolist(), "high": part.high.tolist(), "deviation": part.deviation}
+    edges = part.topology
+    data["mesh"] = {
+        "watertight": edges.watertight, "wound_one_way": edges.wound, "open_edges": edges.open_edges, "bodies": edges.bodies,
+        "euler_number": edges.euler_number, "searched_for_crossings": part.searched,
+    }  # fmt: skip
+    data["no_volume"] = part.unbounded
     for name in ("area", "volume", "center", "inertia"):
         measured = getattr(part, name)
         scale = density or 1.0 if name == "inertia" else 1.0

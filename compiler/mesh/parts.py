@@ -28,6 +28,7 @@ class Part(NamedTuple):
     materials: tuple[Material, ...] = ()
     material: NDArray[np.int64] | None = None  # (m,) of each triangle, in `materials`
     instance: int = -1  # its row
+    is_mesh: bool = False  # in the scene, too: of a file, or generated
     colors: NDArray[np.float64] | None = None  # (m, 3, 3) linear, of the corners of triangles: factors of the materials' colours
     rows: tuple[int, ...] = ()  # of the materials in the scene
 

@@ -19,6 +19,7 @@ import numpy as np
 from .. import ir
 from ..ir import F32, F64, I32, Bool
 from ..ir.single_sided import SINGLE_SIDED
+from ..mesh.topology import connected_vertices, winding_number
 from . import scene_facts
 
 MOST_TRIANGLES = 1 << 25  # that `seen_from` copies
@@ -65,7 +66,7 @@ def seen_from(scene: ir.Scene, camera: int, paths: bool = False) -> Resolved:
         if opaque and outside and mesh.closed:
             continue
         front = _faces_eye(mesh.corners, local)
-        if front.all() or (opaque and mesh.closed and abs(_winding(mesh.corners - local[:3])) < 0.5):
+        if front.all() or (opaque and mesh.closed and abs(winding_number(mesh.corners - local[:3])) < 0.5):
             continue
         if split.triangles + int(front.sum()) > MOST_TRIANGLES:
             skipped = i
@@ -158,34 +159,10 @@ def is_closed_outward(positions: np.ndarray, triangles: I32) -> bool:
     back = (np.roll(corners, -1, axis=1) * np.int64(n) + corners).ravel()
     if not len(corners) or not np.array_equal(np.sort(forward), np.sort(back)):
         return False
-    part = _parts(n, corners)
+    part = connected_vertices(n, corners)
     centered = places[corners].astype(np.float64) - places.mean(axis=0, dtype=np.float64)
     volume = np.bincount(part[corners[:, 0]], np.einsum("ij,ij->i", centered[:, 0], np.cross(centered[:, 1], centered[:, 2])), n)
     return bool((volume[np.unique(part[corners[:, 0]])] > 0.0).all())
-
-
-def _parts(n: int, corners: np.ndarray) -> np.ndarray:
-    """(n,) the least vertex of each vertex's connected part, by label propagation with shortcuts."""
-    label = np.arange(n)
-    while True:
-        least = label[corners].min(axis=1)
-        new = label.copy()
-        for k in range(3):
-            np.minimum.at(new, corners[:, k], least)
-        while not np.array_equal(new, new[new]):
-            new = new[new]
-        if np.array_equal(new, label):
-            return label
-        label = new
-
-
-def _winding(corners: F64) -> float:
-    """Winding number of closed triangles about the origin (van Oosterom and Strackee 1983)."""
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    x, y, z = (np.linalg.norm(v, axis=1) for v in (a, b, c))
-    above = np.einsum("ij,ij->i", a, np.cross(b, c))
-    below = x * y * z + np.einsum("ij,ij->i", a, b) * z + np.einsum("ij,ij->i", b, c) * x + np.einsum("ij,ij->i", c, a) * y
-    return float(np.arctan2(above, below).sum() / (2 * np.pi))
 
 
 class _Split:

@@ -2,8 +2,7 @@
 
 They are integrals over closed triangle meshes at two tolerances, the second a quarter of the first. Their errors fall in proportion to the
 tolerance, so that a third of the difference is the error of the finer one (Richardson's extrapolation), which is taken off. A mesh has one
-form at both: its errors are what its deviation allows.
-Volume integrals: Tonon 2004, "Explicit Exact Formulas for the 3-D Tetrahedron Inertia Tensor".
+form at both: its errors are what its deviation allows. A mesh that does not bound one volume has none: no number is given for it.
 """
 
 from __future__ import annotations
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...compiler.mesh.parts import Part
+from ...compiler.mesh.topology import Topology, counted_twice, crossings, moments, topology
 from ...lang.diagnostics import Diagnostic
 from . import printable_mesh
 
@@ -40,9 +40,12 @@ class Properties(NamedTuple):
     high: F64  # (3,)
     deviation: float  # of the bounding box
     area: Measured
-    volume: Measured | None  # None of an open mesh, as of all below
+    volume: Measured | None  # None of a mesh that bounds none, as of all below
     center: Measured | None  # (3,)
     inertia: Measured | None  # (3, 3) about the center
+    topology: Topology
+    unbounded: str  # why it has no volume
+    searched: bool = True  # for places where it crosses itself
 
 
 def measure(scene: ir.Scene, tolerance: float | None = None) -> tuple[list[Properties], list[Diagnostic]]:
@@ -60,16 +63,36 @@ def _properties(coarse: Part, fine: Part) -> Properties:
     off = fine.deviation if same else 0.0
     area = Measured(area.value, area.error + 4.0 * math.sqrt(math.pi * float(area.value)) * off)  # of a sphere twice what it lacks
     low, high = fine.positions.min(axis=0), fine.positions.max(axis=0)
-    if coarse.open_edges or fine.open_edges:
-        return Properties(fine.name, low, high, fine.deviation, area, None, None, None)
-    first, second = _moments(coarse), _moments(fine)
+    edges = topology(fine.positions, fine.triangles)
+    first, second = moments(coarse.positions, coarse.triangles), moments(fine.positions, fine.triangles)
+    why, searched = _unbounded(coarse, fine, edges, float(second.volume))
+    if why:
+        return Properties(fine.name, low, high, fine.deviation, area, None, None, None, edges, why)
     volume, center, inertia = (_extrapolate(a, b, 0.0) for a, b in zip(first, second, strict=True))
     layer = float(area.value) * off  # between the mesh and the surface
     reach = 0.5 * float(np.linalg.norm(high - low))
     volume = Measured(volume.value, volume.error + max(layer, UNSEEN * float(area.value) * fine.deviation))
     center = Measured(center.value, center.error + layer * reach / max(abs(float(volume.value)), 1e-300))
     inertia = Measured(inertia.value, inertia.error + layer * reach**2)
-    return Properties(fine.name, low, high, fine.deviation, area, volume, center, inertia)
+    return Properties(fine.name, low, high, fine.deviation, area, volume, center, inertia, edges, "", searched)
+
+
+def _unbounded(coarse: Part, fine: Part, edges: Topology, volume: float) -> tuple[str, bool]:
+    """(why a mesh bounds no volume, empty if it bounds one; whether it was searched for crossings)"""
+    if edges.watertight and not edges.wound:
+        return "neighbouring faces are wound against each other", True
+    if coarse.open_edges or fine.open_edges:
+        return "the surface is open", True
+    if not fine.is_mesh:
+        return "", True
+    found = crossings(fine.positions, fine.triangles)
+    if found:
+        return f"the surface crosses itself in {found} of its triangles", True
+    if twice := counted_twice(fine.positions, fine.triangles):
+        return f"{twice} of its bodies {'lies' if twice == 1 else 'lie'} inside others that face the same way", True
+    if not volume > 0.0:
+        return "its faces point inwards" if volume < 0.0 else "the surface encloses nothing", True
+    return "", found is not None
 
 
 def _extrapolate(coarse: F64, fine: F64, least: float) -> Measured:
@@ -81,19 +104,6 @@ def _extrapolate(coarse: F64, fine: F64, least: float) -> Measured:
 def _area(part: Part) -> F64:
     a, b, c = (part.positions[part.triangles[:, k]] for k in range(3))
     return np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
-
-
-def _moments(part: Part) -> tuple[F64, F64, F64]:
-    """(volume, center, inertia about it) of a closed mesh, by tetrahedra from the middle of its box."""
-    origin = 0.5 * (part.positions.min(axis=0) + part.positions.max(axis=0))
-    corners = (part.positions - origin)[part.triangles]  # (m, 3, 3)
-    volumes = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
-    volume = volumes.sum()
-    total = corners.sum(axis=1)
-    middle = (volumes[:, None] * total).sum(axis=0) / 4.0 / volume
-    squares = np.einsum("i,ij,ik->jk", volumes, total, total) + np.einsum("i,iaj,iak->jk", volumes, corners, corners)
-    second = squares / 20.0 - volume * np.outer(middle, middle)
-    return np.asarray(volume), origin + middle, np.trace(second) * np.eye(3) - second
 
 
 def total(parts: Sequence[Properties]) -> Measured | None:

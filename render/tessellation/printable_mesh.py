@@ -116,7 +116,8 @@ def _part(tables: ir.Tables, i: int, name: str, tolerance: float) -> tuple[Part,
         triangles, colors = triangles[:, ::-1], None if colors is None else colors[:, ::-1]
     positions = positions @ matrix[:, :3].T + matrix[:, 3]
     leaks = dual_contouring.open_edges(triangles)
-    return Part(name, positions, triangles, local.off * largest, leaks, colors=colors), local.thin * largest
+    is_mesh = bool(tables.geometries.kind[g] == _KIND.MESH)
+    return Part(name, positions, triangles, local.off * largest, leaks, colors=colors, is_mesh=is_mesh), local.thin * largest
 
 
 def _local_mesh(tables: ir.Tables, g: int, tolerance: float) -> _LocalMesh:

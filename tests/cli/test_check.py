@@ -1,7 +1,9 @@
 """The `check` command on files that have more than is drawn."""
 
 import json
+from pathlib import Path
 
+import pytest
 from click.testing import CliRunner
 from maquette.cli.main import cli
 
@@ -48,3 +50,25 @@ def test_of_many_diagnostics_the_first_are_shown(tmp_path):
     ]
     data = json.loads(CliRunner().invoke(cli, ["check", str(scene), "--json"]).stdout)
     assert len(data) == 1303
+
+
+@pytest.mark.parametrize(
+    ("faces", "messages"),
+    [
+        ("3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n", ["note: 4 triangles: closed, 1 body, Euler number 2"]),
+        ("3 0 1 2\n3 0 3 1\n3 0 2 3\n3 1 3 2\n", ["note: 4 triangles: closed, 1 body, Euler number 2",
+                                                   "warning: the mesh has faces that all point inwards"]),
+        ("3 0 2 1\n3 0 1 3\n3 0 3 2\n3 3 2 1\n", ["note: 4 triangles: closed, 1 body, Euler number 2",
+                                                   "warning: the mesh has faces that are wound against their neighbours"]),
+        ("3 0 2 1\n3 0 1 3\n3 0 3 2\n", ["note: 3 triangles: open at 3 edges, 1 body, Euler number 1"]),
+    ],
+    ids=["closed", "inwards", "wound", "open"],
+)  # fmt: skip
+@pytest.mark.parametrize("inside", [False, True], ids=["file", "scene"])
+def test_meshes_of_files_are_told_to_be_closed_or_open(tmp_path: Path, faces: str, messages: list[str], inside: bool) -> None:
+    mesh = tmp_path / "a.off"
+    mesh.write_text(f"OFF\n4 {len(faces.splitlines())} 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n{faces}")
+    (tmp_path / "a.scene").write_text('mesh("a.off")\nsphere(1)\nsun()\n')
+    done = CliRunner().invoke(cli, ["check", str(tmp_path / "a.scene" if inside else mesh)])
+    assert done.exit_code == 0
+    assert [line.partition("a.off: ")[2] for line in done.stderr.splitlines() if "a.off: " in line] == messages

@@ -84,6 +84,7 @@ def test_the_whole_output(tmp_path: Path) -> None:
 base
   size     40 × 10 × 20 mm
   area     2800 mm²
+  mesh     closed, 1 body, Euler number 2
   volume   8000 mm³
   center   [0, 5, 0] mm
   mass     9.92 g
@@ -91,6 +92,7 @@ base
 peg
   size     10 × 10 × 10 mm
   area     600 mm²
+  mesh     closed, 1 body, Euler number 2
   volume   1000 mm³
   center   [0, 15, 0] mm
   mass     1.24 g
@@ -126,3 +128,40 @@ def test_open_surfaces_have_no_volume(tmp_path: Path) -> None:
 def test_messages(tmp_path: Path, text: str, options: tuple[str, ...], code: int, message: str) -> None:
     exit_code, _, err = run(tmp_path, text, *options)
     assert (exit_code, message in err) == (code, True), err
+
+
+CUBE = "OFF\n8 12 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n0 0 1\n1 0 1\n1 1 1\n0 1 1\n"
+FACES = "3 3 2 1\n3 3 1 0\n3 4 5 6\n3 4 6 7\n3 0 1 5\n3 0 5 4\n3 1 2 6\n3 1 6 5\n3 2 3 7\n3 2 7 6\n3 3 0 4\n3 3 4 7\n"
+
+
+@pytest.mark.parametrize(
+    ("faces", "mesh", "volume"),
+    [
+        (FACES, "closed, 1 body, Euler number 2", "1 m³"),
+        (FACES.replace("3 3 2 1", "3 1 2 3"), "closed, not wound one way, 1 body, Euler number 2",
+         "none: neighbouring faces are wound against each other"),
+        (FACES.replace("3 3 2 1\n", ""), "open at 3 edges, 1 body, Euler number 1", "none: the surface is open"),
+        ("".join(f"3 {c} {b} {a}\n" for _, a, b, c in map(str.split, FACES.splitlines())), "closed, 1 body, Euler number 2",
+         "none: its faces point inwards"),
+    ],
+    ids=["closed", "wound", "open", "inwards"],
+)  # fmt: skip
+def test_a_mesh_that_bounds_no_volume_has_no_number(tmp_path: Path, faces: str, mesh: str, volume: str) -> None:
+    path = tmp_path / "cube.off"
+    path.write_text(CUBE.replace("8 12", f"8 {len(faces.splitlines())}") + faces)
+    done = CliRunner().invoke(cli, ["measure", str(path), "--density", "1"])
+    assert done.exit_code == 0
+    assert done.stdout.splitlines()[3:5] == [f"  mesh     {mesh}", f"  volume   {volume}"]
+    assert ("mass" in done.stdout) == volume.startswith("1")
+    (part,) = json.loads(CliRunner().invoke(cli, ["measure", str(path), "--json"]).stdout)
+    assert (part["volume"] is None) == bool(part["no_volume"]) == volume.startswith("none")
+
+
+def test_a_surface_that_crosses_itself_has_no_volume(tmp_path: Path) -> None:
+    path = tmp_path / "two.off"
+    points = CUBE.split("\n")[2:10]
+    shifted = [" ".join(str(float(x) + step) for x, step in zip(point.split(), (0.5, 0.3, 0.2), strict=True)) for point in points]
+    second = "".join(f"3 {int(a) + 8} {int(b) + 8} {int(c) + 8}\n" for _, a, b, c in map(str.split, FACES.splitlines()))
+    path.write_text("OFF\n16 24 0\n" + "\n".join([*points, *shifted]) + "\n" + FACES + second)
+    done = CliRunner().invoke(cli, ["measure", str(path)])
+    assert "  volume   none: the surface crosses itself in " in done.stdout

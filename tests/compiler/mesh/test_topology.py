@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ def inverted(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     return trimesh.Trimesh(mesh.vertices, mesh.faces[:, ::-1], process=False)
 
 
-def joined(*meshes: trimesh.Trimesh) -> trimesh.Trimesh:
+def joined(*meshes: trimesh.Trimesh) -> Any:
     return trimesh.util.concatenate(list(meshes))
 
 

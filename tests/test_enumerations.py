@@ -18,15 +18,15 @@ NOT_ALL = {  # the module of a table and its enumeration: why some kinds are not
     "compiler.exporters.mitsuba.materials: MaterialModel": "materials of the course have the inputs of diffuse surfaces",
     "compiler.exporters.povray.materials: MaterialModel": "materials with a highlight of POV-Ray's",
     "compiler.scene.builder: Interpolation": "a constant has one value",
+    "materials.losses: Slot": "other inputs bear the names of the enumeration",
     "compiler.scene.validate: GeometryKind": "measures of a mesh are those of its triangles",
-    "render.tessellation.part_materials: MaterialModel": "other materials have the colour of their diffuse part; a blend has two",
 }
 
 
 def modules() -> list[ModuleType]:
     """The modules of the IR's readers and writers, of plan and renderer."""
     names = []
-    for package in ("compiler", "render", "shapes"):
+    for package in ("compiler", "render", "shapes", "materials"):
         for path in sorted((ROOT / package).rglob("*.py")):
             names.append("maquette." + ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"))
     return [importlib.import_module(name) for name in names if ".cluster" not in name]  # which needs an extra

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-PACKAGES = ("lang", "compiler", "shapes", "render", "live", "measure", "stdlib", "cli")
+PACKAGES = ("lang", "compiler", "shapes", "materials", "render", "live", "measure", "stdlib", "cli")
 MAX_LINES = 450
 MAX_MODULES = 25  # in a folder
 MAX_FUNCTION_LINES = 60
@@ -33,12 +33,13 @@ MAY_IMPORT = {
     "render.jit": "compiler.io render.simd",
     "render.lanes": "render.types render.jit",
     "shapes": "lang.schema compiler.formula render.lanes",
-    "compiler.catalogue": "shapes",
+    "compiler.scene": "compiler.io shapes",
+    "materials": "compiler.scene",
+    "compiler.catalogue": "materials",
     "lang.reference_page": "lang.eval compiler.catalogue",
     "lang.stdlib_page": "lang.reference_page",
-    "compiler.scene": "compiler.io shapes",
     "compiler.mesh": "compiler.scene",
-    "compiler.plan": "lang.schema shapes compiler.mesh",
+    "compiler.plan": "materials compiler.mesh",
     "compiler.importers.common": "compiler.mesh",
     "compiler.importers.assemblies": "compiler.importers.common",
     "compiler.importers": "compiler.importers.assemblies",

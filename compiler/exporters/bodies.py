@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...materials import traits
+from ...materials.contract import Lobes
 from .. import ir
 from ..mesh import shells
 from ..mesh.shells import Converters, Shell
@@ -93,7 +95,7 @@ class Bodies:
 
     def _rows(self, i: int, shell: Shell, matrix: F64) -> NDArray[np.int64]:
         row = int(self.tables.instances.material[i])
-        if self.tables.materials.model[row] != ir.MaterialModel.BLEND:
+        if not traits.has(self.tables, Lobes.PARTS)[row]:
             return np.full(len(shell.triangles), row, np.int64)
         self.out.note("of blended materials each triangle has the one that counts more", "materials", row)
         centers = shell.positions[shell.triangles].mean(axis=1) @ matrix[:3, :3].T + matrix[:3, 3]

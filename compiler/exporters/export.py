@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from ...lang.diagnostics import Diagnostic
+from ...materials import traits
 from ...shapes import SHAPES
 from .. import ir
 from ..io.replace_file import replace_file
 from ..ir.light_links import CASTERS, EVERYTHING
-from ..plan import scene_facts
 
 
 @dataclass(eq=False)
@@ -41,7 +41,7 @@ class Export:
     def without_opacity(self) -> None:
         """Report the materials whose opacity is lost."""
         used = self.scene.tables.instances.material
-        for row in np.unique(used[scene_facts.partial(self.scene.tables)[used]]):
+        for row in np.unique(used[traits.partial(self.scene.tables)[used]]):
             self.cannot("opacity is not carried: the surface is opaque there", "materials", int(row))
 
     def without_links(self) -> None:

@@ -10,94 +10,26 @@ import math
 
 import numpy as np
 
+from ...materials import traits
 from .. import ir
 from ..ir import light_links
 from . import dome_spots, scene_facts
 
 SMALL = 0.3  # steradians as seen from a caster, below which paths hit a light too seldom (one in twenty of a hemisphere)
-MAX_CAUSTIC_ROUGHNESS = 0.54  # of a metal or glass that casts caustics; its square is below microfacet.MAX_REFLECTION_ALPHA
-BRIGHT = 0.1  # specular reflectance of Phong lobes, below which path tracing suffices: they have no Fresnel increase
-PEAK, FAINT_PEAK = 8.0, 200.0  # least value of a lobe's peak over that of a diffuse lobe, times 8; of faint lobes
-COAT = 0.04  # reflectance of a coat at normal incidence; as render/material/microfacet.COAT
 FAINT = 0.1  # least reflectance that photons are aimed by: highlights reflect more at grazing angles
 CARRIERS = ("photons", "paths")
-FLAT = 1e-3  # squared roughness below which a surface is a perfect mirror; as render/material/microfacet.SHARP
 LAMPS = (
     ir.LightKind.POINT, ir.LightKind.SPOT, ir.LightKind.DIRECTIONAL, ir.LightKind.SUN, ir.LightKind.RECTANGLE, ir.LightKind.DISK,
     ir.LightKind.SPHERE,
 )  # fmt: skip
 FAR = (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN)
-_LAYERED = (ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR, ir.MaterialModel.METAL)
-
-
-def sharp_materials(tables: ir.Tables) -> np.ndarray:
-    """(materials,) bool: materials with perfect specular reflection or transmission; a blend has that of its parts."""
-    m, slot = tables.materials, ir.Slot
-
-    def may_be(which: int, at_most: float = 0.0) -> np.ndarray:
-        return (m.values[:, which].max(axis=1, initial=0.0) > at_most) | (m.textures[:, which] >= 0)
-
-    flat = (m.values[:, slot.ROUGHNESS, 0] ** 2 < FLAT) | (m.textures[:, slot.ROUGHNESS] >= 0)
-    sharp = may_be(slot.REFLECTION) | (may_be(slot.TRANSMISSION) & (m.model != ir.MaterialModel.GLASS))
-    sharp |= ir.is_in(m.model, (*_LAYERED, ir.MaterialModel.GLASS)) & flat
-    for row in np.flatnonzero(m.model == ir.MaterialModel.BLEND):  # parts have lower rows than their blends
-        sharp[row] = sharp[m.first[row]] | sharp[m.second[row]]
-    return sharp
-
-
-def polished_materials(tables: ir.Tables) -> np.ndarray:
-    """(materials,) bool: polished metals and frosted glass; a blend counts as its parts."""
-    m, slot = tables.materials, ir.Slot
-    polished = (m.values[:, slot.ROUGHNESS, 0] <= MAX_CAUSTIC_ROUGHNESS) | (m.textures[:, slot.ROUGHNESS] >= 0)
-    metallic = (m.values[:, slot.METALLIC, 0] >= 1.0) | (m.textures[:, slot.METALLIC] >= 0) | (m.model == ir.MaterialModel.METAL)
-    found = ir.is_in(m.model, _LAYERED) & polished & metallic
-    frosted = (m.values[:, slot.ROUGHNESS, 0] > 0.0) | (m.textures[:, slot.ROUGHNESS] >= 0)
-    found |= (m.model == ir.MaterialModel.GLASS) & polished & frosted
-    for row in np.flatnonzero(m.model == ir.MaterialModel.BLEND):
-        found[row] = found[m.first[row]] | found[m.second[row]]
-    return found
-
-
-def narrow_highlights(tables: ir.Tables) -> np.ndarray:
-    """(materials,) largest reflectance of bright, narrow highlights over a diffuse base; 0 without. A blend has that of its parts."""
-    m, slot = tables.materials, ir.Slot
-
-    def most(which: int, textured: float) -> np.ndarray:
-        return np.where(m.textures[:, which] >= 0, textured, m.values[:, which].max(axis=1, initial=0.0))
-
-    def reflects(f0: np.ndarray, rough: np.ndarray) -> np.ndarray:
-        return np.where((rough <= MAX_CAUSTIC_ROUGHNESS) & (4.0 * rough**4 <= f0), f0, 0.0)
-
-    ior = np.maximum(m.values[:, slot.IOR, 0], 1e-3)
-    boundary = np.where(m.textures[:, slot.IOR] >= 0, 1.0, ((ior - 1.0) / (ior + 1.0)) ** 2)
-    metallic = np.clip(most(slot.METALLIC, 1.0), 0.0, 1.0)
-    f0 = np.maximum(boundary, np.minimum(most(slot.DIFFUSE, 1.0), 1.0) * metallic)
-    f0 = np.where(m.model == ir.MaterialModel.PRINCIPLED_SPECULAR, most(slot.SPECULAR, 1.0), f0)
-    least = np.where(m.textures[:, slot.ROUGHNESS] >= 0, 0.0, m.values[:, slot.ROUGHNESS, 0])
-    least_coat = np.where(m.textures[:, slot.COAT_ROUGHNESS] >= 0, 0.0, m.values[:, slot.COAT_ROUGHNESS, 0])
-    layered = ir.is_in(m.model, (ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR))
-    found = np.where(layered, np.maximum(reflects(f0, least), reflects(COAT * most(slot.COAT, 1.0), least_coat)), 0.0)
-    specular = most(slot.SPECULAR, 1.0)
-    narrow = m.normalized & (specular * (most(slot.SHININESS, np.inf) + 2.0) >= np.where(specular >= BRIGHT, PEAK, FAINT_PEAK))
-    found = np.where(narrow & ~layered, specular, found)
-    for row in np.flatnonzero(m.model == ir.MaterialModel.BLEND):
-        found[row] = max(found[m.first[row]], found[m.second[row]])
-    return np.clip(found, 0.0, 1.0)
 
 
 def gains(tables: ir.Tables) -> np.ndarray:
     """(instances,) approximate reflectance of caustic casters: 1, less for highlights over a diffuse base; 0 for others."""
-    whole = (sharp_materials(tables) | polished_materials(tables))[tables.instances.material]
-    part = narrow_highlights(tables)[tables.instances.material]
+    whole = (traits.sharp(tables) | traits.polished(tables))[tables.instances.material]
+    part = traits.narrow_highlights(tables)[tables.instances.material]
     return np.where(whole, 1.0, np.maximum(part, FAINT)) * gathering(tables)
-
-
-def matt_materials(tables: ir.Tables) -> np.ndarray:
-    """(materials,) bool: materials that receive caustics: not perfectly specular."""
-    m, slot = tables.materials, ir.Slot
-    matt = (m.values[:, [slot.DIFFUSE, slot.SPECULAR]].max(axis=(1, 2), initial=0.0) > 0.0) | (m.textures[:, slot.DIFFUSE] >= 0)
-    matt |= ir.is_in(m.model, (*_LAYERED, ir.MaterialModel.BLEND))
-    return matt & ~ir.is_in(m.model, (ir.MaterialModel.MIRROR,))
 
 
 def bounding_spheres(tables: ir.Tables) -> tuple[np.ndarray, np.ndarray]:
@@ -120,8 +52,8 @@ def bounding_spheres(tables: ir.Tables) -> tuple[np.ndarray, np.ndarray]:
 def gathering(tables: ir.Tables) -> np.ndarray:
     """(instances,) bool: caustic casters, which reflect or refract light in narrow lobes."""
     seen = tables.instances.visible & ir.Visibility.REFLECTION != 0
-    whole = sharp_materials(tables) | polished_materials(tables)
-    found, narrow = whole[tables.instances.material], narrow_highlights(tables) > 0.0
+    whole = traits.sharp(tables) | traits.polished(tables)
+    found, narrow = whole[tables.instances.material], traits.narrow_highlights(tables) > 0.0
     if narrow.any():
         bounded = np.isfinite(bounding_spheres(tables)[1])  # photons cannot be aimed at unbounded shapes
         found = found | (narrow[tables.instances.material] & bounded)
@@ -148,7 +80,7 @@ def caustic_lights(tables: ir.Tables, all_sizes: bool = False) -> tuple[np.ndarr
             size = float(np.linalg.norm(matrix[:, :3], 2)) * float(np.max(lit.size[k]))
             near = _fills(matrix[:, 3], size, centre[mirrors], radius[mirrors])
             chosen[k] = near < small or bool(enclosing(tables, matrix[None, :, 3])[0])
-    shining = (tables.materials.values[:, ir.Slot.EMISSION].max(axis=1, initial=0.0) > 0.0)[tables.instances.material]
+    shining = traits.emissive(tables)[tables.instances.material]
     shining = shining & (tables.instances.light < 0) & np.isfinite(radius)
     for i in np.flatnonzero(shining):
         others = mirrors.copy()
@@ -169,8 +101,7 @@ def enclosing(tables: ir.Tables, places: np.ndarray) -> np.ndarray:
 
     Paths find the bulb as seldom as they would find the lamp.
     """
-    m, instances, slot = tables.materials, tables.instances, ir.Slot
-    clear = (m.model == ir.MaterialModel.GLASS) | (m.values[:, slot.TRANSMISSION].max(axis=1, initial=0.0) > 0.0)
+    instances, clear = tables.instances, traits.clear(tables)
     found = np.zeros(len(places), bool)
     for row in np.flatnonzero(gathering(tables) & clear[instances.material]).tolist():
         inverse, bounds = tables.transforms.inverse[instances.transform[row]], tables.geometries.bounds[instances.geometry[row]]
@@ -191,7 +122,7 @@ def carrier(tables: ir.Tables, transport: str, backend: str, moves: bool) -> tup
     """(what carries caustics: "photons", "paths" or "none"; the reason; the possible values)."""
     chance = CARRIERS[1:]
     mirrors = gathering(tables)
-    if not mirrors.any() or not (matt_materials(tables) & scene_facts.used_materials(tables)).any():
+    if not mirrors.any() or not (traits.receives_caustics(tables) & traits.used(tables)).any():
         return "paths", "nothing casts caustics onto diffuse surfaces", chance
     if transport != "path":
         return "none", "Whitted ray tracing has direct light alone on diffuse surfaces: write --bounces", ("none",)

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ...lang.diagnostics import Diagnostic
+from ...materials import traits
 from .. import ir
-from . import scene_facts
 from .decision import Plan
 
 RASTER_HINT = "--backend ray with bounces draws that light; area lights and round spheres of one color light with raster, too"
@@ -35,7 +35,7 @@ def without_effect(scene: ir.Scene, plan: Plan) -> UnusedEmission | None:
     if plan["interreflection"] and plan["bounces"] > 0:
         return None
     found = _emitting(scene.tables)
-    lit = scene_facts.lit_materials(scene.tables)[scene.tables.instances.material]
+    lit = traits.lit(scene.tables)[scene.tables.instances.material]
     if not found.any() or not lit.any() or (found.sum() == 1 and not (lit & ~found).any()):
         return None
     rows = np.flatnonzero(found)
@@ -51,5 +51,5 @@ def without_effect(scene: ir.Scene, plan: Plan) -> UnusedEmission | None:
 def _emitting(tables: ir.Tables) -> np.ndarray:
     """(instances,) bool: shapes, without those of lights, with an emissive material that scattered rays can hit."""
     instances = tables.instances
-    shines = scene_facts.with_parts(tables, scene_facts.shines(tables))
+    shines = traits.with_parts(tables, traits.emissive(tables))
     return shines[instances.material] & (instances.light < 0) & (instances.visible & ir.Visibility.REFLECTION != 0)

@@ -7,13 +7,14 @@ import math
 import numpy as np
 
 from ...lang.diagnostics import Diagnostics
+from ...materials import traits
+from ...materials.contract import Lobes
 from ...shapes import SHAPES
 from .. import ir
 from ..formula import numpy_interpreter, solid_fields
 from ..formula.builder import Builder
 from ..formula.tape import load_tape
 from ..ir import light_links
-from . import scene_facts
 
 PLACED = (ir.LightKind.POINT, ir.LightKind.SPOT, ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)
 AHEAD = 1e-6  # distance in front of the eye, relative to that from the origin and in metres, where enclosure is tested
@@ -73,9 +74,8 @@ def corners(tables: ir.Tables, row: int) -> np.ndarray:
 
 def opaque(tables: ir.Tables) -> np.ndarray:
     """Rows of opaque instances that cast shadows, without shapes of lights (light_shapes.py) and blends of materials."""
-    materials, instances = tables.materials, tables.instances
-    through = scene_facts.partial(tables) | ir.is_in(materials.model, (ir.MaterialModel.GLASS, ir.MaterialModel.BLEND))
-    through |= (materials.values[:, ir.Slot.TRANSMISSION] > 0.0).any(axis=1) | (materials.textures[:, ir.Slot.TRANSMISSION] >= 0)
+    instances = tables.instances
+    through = traits.passes_light(tables) | traits.has(tables, Lobes.PARTS)
     return np.flatnonzero((instances.visible & ir.Visibility.SHADOW != 0) & (instances.light < 0) & ~through[instances.material])
 
 

@@ -7,14 +7,14 @@ import math
 import numpy as np
 
 from ...lang.schema.picture_settings import MAX_BOUNCES
+from ...materials import traits
 from .. import ir
-from . import scene_facts, sky_visibility
+from . import sky_visibility
 
 OPEN = 0.2  # share of all directions without a wall, above which a space counts as open: a box without a lid has 1/6
 MATT = 0.1  # least share of all directions that show diffuse surfaces: in rooms of mirrors light does not come from these
 LOST = 0.01  # of the light between the walls, that the bounces may leave out
 LEAST, MOST = 8, MAX_BOUNCES  # bounces
-PATTERN = 0.8  # albedo of a surface with a texture, relative to its factor
 RAYS_IN_MESH = 96  # to the triangles of a mesh, from inside of its box
 MOST_TRIANGLES = 1 << 17  # of a mesh that is searched from inside of its box: a third of a second
 
@@ -24,7 +24,7 @@ def bounces(scene: ir.Scene, camera: int) -> tuple[int, str]:
     tables = scene.tables
     if not tables.instances.geometry.size:
         return 0, "there are no objects"
-    matt = _diffuse(tables)
+    matt = traits.diffuse(tables)
     if not matt[tables.instances.material].any():
         return 0, "no surface is diffuse"
     if (tables.lights.kind == ir.LightKind.AMBIENT).any():
@@ -40,7 +40,7 @@ def bounces(scene: ir.Scene, camera: int) -> tuple[int, str]:
     shown = matt[tables.instances.material[row]] & ~escapes
     if float(np.mean(shown)) < MATT:
         return 0, f"diffuse surfaces fill {100.0 * float(np.mean(shown)):.2g} % of the view around the camera"
-    albedo = float(np.mean(_albedo(tables)[tables.instances.material[row[~escapes]]]))
+    albedo = float(np.mean(traits.albedo(tables)[tables.instances.material[row[~escapes]]]))
     needed = math.ceil(math.log(LOST) / math.log(min(max(albedo, 1e-3), 0.999))) - 1
     count = min(max(needed, LEAST), MOST)
     around = f"the camera stands in an enclosed space: {100.0 * (1.0 - seen):.3g} % of all directions around it have a wall"
@@ -71,27 +71,5 @@ def _is_large_around(tables: ir.Tables, row: int, eye: np.ndarray) -> bool:
 
 def _walls(tables: ir.Tables) -> np.ndarray:
     """(instances,) bool: shapes that light does not pass: neither glass nor partly transparent, nor shapes of lights."""
-    m, instances = tables.materials, tables.instances
-    clear = scene_facts.partial(tables) | (m.model == ir.MaterialModel.GLASS)
-    clear |= (m.values[:, ir.Slot.TRANSMISSION] > 0.0).any(axis=1) | (m.textures[:, ir.Slot.TRANSMISSION] >= 0)
+    instances, clear = tables.instances, traits.passes_light(tables)
     return (instances.visible & ir.Visibility.SHADOW != 0) & (instances.light < 0) & ~clear[instances.material]
-
-
-def _diffuse(tables: ir.Tables) -> np.ndarray:
-    """(materials,) bool: materials with a diffuse part; a blend has that of its parts."""
-    m = tables.materials
-    diffuse = m.values[:, [ir.Slot.DIFFUSE, ir.Slot.SHEEN]].max(axis=(1, 2), initial=0.0) > 0.0
-    for row in np.flatnonzero(m.model == ir.MaterialModel.BLEND):  # parts have lower rows than their blends
-        diffuse[row] = diffuse[m.first[row]] | diffuse[m.second[row]]
-    return diffuse
-
-
-def _albedo(tables: ir.Tables) -> np.ndarray:
-    """(materials,) about the share of light that a material reflects."""
-    m, slot = tables.materials, ir.Slot
-    parts = m.values[:, [slot.DIFFUSE, slot.REFLECTION, slot.SPECULAR]].mean(axis=2)
-    parts = np.where(m.textures[:, [slot.DIFFUSE, slot.REFLECTION, slot.SPECULAR]] >= 0, PATTERN * parts, parts)
-    albedo = np.clip(parts.max(axis=1), 0.0, 1.0)
-    for row in np.flatnonzero(m.model == ir.MaterialModel.BLEND):
-        albedo[row] = 0.5 * (albedo[m.first[row]] + albedo[m.second[row]])
-    return albedo

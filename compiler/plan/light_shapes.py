@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...materials import traits
 from .. import ir
 from ..ir import light_links
-from . import scene_facts
 
 _AREAS = (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)
 _PLACED = (ir.LightKind.POINT, ir.LightKind.SPOT, *_AREAS)
@@ -20,7 +20,7 @@ def blocking(tables: ir.Tables) -> np.ndarray:
     """
     lights, instances = tables.lights, tables.instances
     blocks = (instances.light >= 0) & (instances.visible & ir.Visibility.SHADOW != 0)
-    others = bool(scene_facts.shines(tables)[instances.material[instances.light < 0]].any())
+    others = bool(traits.emissive(tables)[instances.material[instances.light < 0]].any())
     if int(np.sum(lights.shadows & (lights.kind != ir.LightKind.AMBIENT))) + others < 2:
         return np.zeros(len(blocks), bool)
     for row in np.flatnonzero((lights.kind == ir.LightKind.SPHERE) & (lights.instance >= 0)).tolist():

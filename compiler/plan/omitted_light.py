@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from ...materials import traits
 from ...shapes import SHAPES
 from .. import ir
-from . import scene_facts
 from .decision import Plan
 
 SHOWN = 5e-4  # share of light from which words tell that a picture lacks it
@@ -26,12 +26,12 @@ def clauses(scene: ir.Scene, plan: Plan) -> tuple[str, ...]:
     That of `limit_clause` is first, and not among them where diffuse surfaces send no light on at all.
     """
     tables = scene.tables
-    lit = bool((tables.lights.color > 0.0).any()) or bool(scene_facts.shines(tables)[tables.instances.material].any())
+    lit = bool((tables.lights.color > 0.0).any()) or bool(traits.emissive(tables)[tables.instances.material].any())
     if not lit or not len(tables.instances.geometry):
         return ()
-    used = scene_facts.used_materials(tables)
+    used = traits.used(tables)
     diffuse = bool((tables.materials.values[:, [ir.Slot.DIFFUSE, ir.Slot.SHEEN]].max(axis=(1, 2), initial=0.0) > 0.0)[used].any())
-    specular = bool((scene_facts.specular_materials(scene) & used).any())
+    specular = bool((traits.specular(scene.tables) & used).any())
     alone = len(tables.instances.geometry) == 1 and tables.geometries.kind[tables.instances.geometry[0]] in _FLAT
     texts = []
     if plan["bounces"] > 0 and (specular or plan["interreflection"]):

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...materials import traits
 from .. import ir
 from ..ir import light_links
-from . import scene_facts
 from .decision import Plan
 
 SHARED = ("groups", "none")
-_MODELS = (
-    ir.MaterialModel.LAMBERT, ir.MaterialModel.PHONG, ir.MaterialModel.BLINN_PHONG, ir.MaterialModel.PRINCIPLED,
-    ir.MaterialModel.PRINCIPLED_SPECULAR, ir.MaterialModel.BLEND,
-)  # fmt: skip
 LEAST_DIFFUSE = 0.5  # share of the surface area with a diffuse lobe, from which on paths are shared
 MANY = 64  # lights, from which on most noise comes from the choice of a light at the first surface
 _SKIES = (ir.LightKind.SKY, ir.LightKind.DOME)
@@ -47,17 +43,14 @@ def by_groups(tables: ir.Tables, plan: Plan) -> tuple[str, str, tuple[str, ...]]
 def is_barred(tables: ir.Tables) -> bool:
     """Whether some surface is partly transparent, shaded at vertices or hidden from rays of other surfaces."""
     instances = tables.instances
-    barred = (tables.materials.shading == ir.Shading.GOURAUD) | scene_facts.partial(tables)
+    barred = (tables.materials.shading == ir.Shading.GOURAUD) | traits.partial(tables)
     seen = instances.visible & ir.Visibility.REFLECTION != 0
     return bool((barred[instances.material] | ~seen).any())
 
 
 def diffuse_share(tables: ir.Tables) -> float:
     """The share of the area of all instances' boxes whose materials have a diffuse lobe, 0 to 1."""
-    m, instances, slot = tables.materials, tables.instances, ir.Slot
-    other = [slot.METALLIC, slot.TRANSMISSION, slot.REFLECTION]
-    diffuse = ir.is_in(m.model, _MODELS) & (m.values[:, other].max(axis=(1, 2), initial=0.0) < 0.5)
-    diffuse &= (m.values[:, slot.DIFFUSE].max(axis=1) > 0.0) | (m.textures[:, slot.DIFFUSE] >= 0) | (m.model == ir.MaterialModel.BLEND)
+    instances, diffuse = tables.instances, traits.mostly_diffuse(tables)
     bounds = tables.geometries.bounds[instances.geometry]
     with np.errstate(invalid="ignore", over="ignore"):
         scale = np.linalg.norm(tables.transforms.matrix[instances.transform][:, :, :3], axis=1)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from ...materials import traits
+from ...materials.contract import Lobes
 from .. import ir
 from ..ir import light_links
 from . import scene_facts
 from .decision import Decision, Plan, Rule
-from .scene_facts import specular_materials, used_materials
 from .transport_rules import AREA_LIGHTS, PRECISIONS
 
 TOLERANCE = 0.05  # pixels
@@ -17,12 +18,11 @@ BAND_SAMPLES = 16  # sample positions of a pixel that bands hold at a time
 SHADOWS = ("rays", "map", "none")
 SECONDARY_RAYS = ("none", "trace")
 COVERAGES = ("edges", "areas", "scanline")
-_MICROFACETS = (ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR, ir.MaterialModel.METAL)
 
 
 def _secondary_rays(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     reason = "mirrors, metals and glass show the sky and, below it, the ground's mean light: no secondary ray is traced"
-    if not (specular_materials(scene) & used_materials(scene.tables)).any():
+    if not (traits.specular(scene.tables) & traits.used(scene.tables)).any():
         reason = "no material reflects or refracts"
     return Decision("raster.secondary_rays", "none", reason, SECONDARY_RAYS)
 
@@ -100,11 +100,11 @@ def _needs_float64(scene: ir.Scene, plan: Plan) -> str:
         return "patterns are formulas, which are evaluated in float64"
     if (materials.textures[used][:, [ir.Slot.NORMAL, ir.Slot.BUMP]] >= 0).any():
         return "some material has a normal or bump map"
-    if ir.is_in(materials.model[used], _MICROFACETS).any():
+    if traits.facets(scene.tables)[used].any():
         return "some material has a microfacet BSDF"
-    if (materials.model[used] == ir.MaterialModel.BLEND).any():
+    if traits.has(scene.tables, Lobes.PARTS)[used].any():
         return "some material is a blend"
-    if specular_materials(scene)[used].any() or (materials.shading[used] == ir.Shading.GOURAUD).any():
+    if traits.specular(scene.tables)[used].any() or (materials.shading[used] == ir.Shading.GOURAUD).any():
         return "some material is specular or shaded at vertices"
     return ""
 

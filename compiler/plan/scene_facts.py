@@ -1,14 +1,11 @@
-"""Predicates over scene tables: materials by their scattering, opacity, motion, a ground plane, extents."""
+"""Predicates over scene tables: motion, a ground plane, extents. Those of materials are in materials/traits.py."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
+from ...materials import traits
 from .. import ir
-
-MAX_REFLECTION_ROUGHNESS = 0.3  # roughness below which the highlight of a dielectric shows recognizable reflections
 
 
 def ground(tables: ir.Tables) -> int:
@@ -19,7 +16,7 @@ def ground(tables: ir.Tables) -> int:
     instances, geometries, transforms = tables.instances, tables.geometries, tables.transforms
     boxes, matrix = geometries.bounds[instances.geometry], transforms.matrix[instances.transform]
     solid = (geometries.kind[instances.geometry] == ir.GeometryKind.PLANE) & (instances.visible & ir.Visibility.SHADOW != 0)
-    solid &= ~partial(tables)[instances.material]
+    solid &= ~traits.partial(tables)[instances.material]
     for row in np.flatnonzero(solid)[:4].tolist():
         others = np.arange(len(boxes)) != row
         below = transforms.inverse[instances.transform[row], 1]  # height over the plane, of a point of the world
@@ -39,20 +36,9 @@ def used_rows(rows: np.ndarray) -> np.ndarray:
     return np.flatnonzero(np.bincount(rows.ravel() + 1))[1:] - 1 if (rows < 0).any() else np.flatnonzero(np.bincount(rows.ravel()))
 
 
-def partial(tables: ir.Tables) -> np.ndarray:
-    """(materials,) bool: materials with an opacity below 1 anywhere."""
-    materials = tables.materials
-    return (materials.values[:, ir.Slot.OPACITY, 0] < 1.0) | (materials.textures[:, ir.Slot.OPACITY] >= 0)
-
-
 def profiled(tables: ir.Tables) -> np.ndarray:
     """(lights,) bool: lights whose emission depends on the direction by an image."""
     return (tables.lights.image >= 0) & (tables.lights.kind != ir.LightKind.DOME)
-
-
-def shines(tables: ir.Tables) -> np.ndarray:
-    """(materials,) bool: emissive materials."""
-    return tables.materials.values[:, ir.Slot.EMISSION].max(axis=1, initial=0.0) > 0.0  # a texture multiplies it
 
 
 def moving(tables: ir.Tables, camera: int) -> bool:
@@ -67,56 +53,6 @@ def open_during(tables: ir.Tables, camera: int) -> tuple[float, float]:
     of = cameras.shutter > 0.0
     start, end = cameras.opening[of].min(), (cameras.opening + cameras.shutter)[of].max()
     return float((cameras.opening[camera] - start) / (end - start)), float(cameras.shutter[camera] / (end - start))
-
-
-def specular_materials(scene: ir.Scene) -> np.ndarray:
-    """(materials,) bool: materials that reflect or refract specularly."""
-    m = scene.tables.materials
-    slots = m.values[:, [ir.Slot.REFLECTION, ir.Slot.TRANSMISSION]].max(axis=(1, 2), initial=0.0) > 0
-    slots |= glossy_materials(scene)
-    return slots | ir.is_in(m.model, (ir.MaterialModel.MIRROR, ir.MaterialModel.GLASS))
-
-
-def used_materials(tables: ir.Tables) -> np.ndarray:
-    """(materials,) bool: materials of instances, and the parts of their blends."""
-    m = tables.materials
-    found = np.zeros(len(m.model), bool)
-    found[tables.instances.material] = True
-    for row in np.flatnonzero(m.model == ir.MaterialModel.BLEND)[::-1]:  # parts have lower rows than their blends
-        if found[row]:
-            found[[m.first[row], m.second[row]]] = True
-    return found
-
-
-def with_parts(tables: ir.Tables, of: np.ndarray) -> np.ndarray:
-    """(materials,) bool: `of`, and blends of which a part is."""
-    m, found = tables.materials, of.copy()
-    for row in np.flatnonzero(m.model == ir.MaterialModel.BLEND):  # parts have lower rows than their blends
-        found[row] |= found[m.first[row]] | found[m.second[row]]
-    return found
-
-
-def glossy_materials(scene: ir.Scene) -> np.ndarray:
-    """(materials,) bool: microfacet materials with recognizable reflections: metals, polished dielectrics, rough glass."""
-    m, slot = scene.tables.materials, ir.Slot
-
-    def may_be(wanted: Callable[[np.ndarray], np.ndarray], which: int) -> np.ndarray:
-        return wanted(m.values[:, which, 0]) | (m.textures[:, which] >= 0)
-
-    polished = may_be(lambda x: x < MAX_REFLECTION_ROUGHNESS, slot.ROUGHNESS) | may_be(lambda x: x > 0.0, slot.METALLIC)
-    polished |= may_be(lambda x: x > 0.0, slot.COAT) & may_be(lambda x: x < MAX_REFLECTION_ROUGHNESS, slot.COAT_ROUGHNESS)
-    principled = ir.is_in(m.model, (ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR))
-    frosted = (m.model == ir.MaterialModel.GLASS) & may_be(lambda x: x > 0.0, slot.ROUGHNESS)
-    return (m.model == ir.MaterialModel.METAL) | (principled & polished) | frosted
-
-
-def lit_materials(tables: ir.Tables) -> np.ndarray:
-    """(materials,) bool: materials with direct light: diffuse, with a highlight, or rough glass."""
-    m, slots = tables.materials, [ir.Slot.DIFFUSE, ir.Slot.SPECULAR]
-    plain = (m.values[:, slots].max(axis=(1, 2), initial=0.0) > 0.0) | (m.textures[:, slots] >= 0).any(axis=1)
-    rough = (m.values[:, ir.Slot.ROUGHNESS, 0] > 0.0) | (m.textures[:, ir.Slot.ROUGHNESS] >= 0)
-    facets = ir.is_in(m.model, (ir.MaterialModel.METAL, ir.MaterialModel.PRINCIPLED, ir.MaterialModel.PRINCIPLED_SPECULAR))
-    return plain | facets | (m.model == ir.MaterialModel.BLEND) | (rough & (m.model == ir.MaterialModel.GLASS))
 
 
 def extents(tables: ir.Tables) -> tuple[float, float]:

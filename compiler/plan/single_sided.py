@@ -16,11 +16,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...materials import traits
+from ...materials.contract import Lobes
 from .. import ir
 from ..ir import F32, F64, I32, Bool
 from ..ir.single_sided import SINGLE_SIDED
 from ..mesh.topology import connected_vertices, winding_number
-from . import scene_facts
 
 MOST_TRIANGLES = 1 << 25  # that `seen_from` copies
 LEFT = f"the backs of this and other single-sided objects are drawn: together more than {MOST_TRIANGLES:,} of their triangles are seen"
@@ -77,13 +78,12 @@ def seen_from(scene: ir.Scene, camera: int, paths: bool = False) -> Resolved:
 
 def _see_through(tables: ir.Tables) -> Bool:
     """(materials,) whether something shows behind a surface."""
-    clear = scene_facts.partial(tables) | (tables.materials.values[:, ir.Slot.TRANSMISSION].max(axis=1, initial=0.0) > 0.0)
-    return scene_facts.with_parts(tables, clear)
+    return traits.with_parts(tables, traits.partial(tables) | traits.clear(tables))
 
 
 def _glass(tables: ir.Tables) -> Bool:
     """(materials,) whether a surface bounds a volume of glass."""
-    return scene_facts.with_parts(tables, tables.materials.model == ir.MaterialModel.GLASS)
+    return traits.with_parts(tables, traits.has(tables, Lobes.GLASS))
 
 
 def _eye(tables: ir.Tables, camera: int) -> F64:

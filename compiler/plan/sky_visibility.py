@@ -9,13 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...materials import traits
 from ...shapes import SHAPES
 from .. import ir
 from ..formula import numpy_interpreter, solid_fields
 from ..formula.builder import Builder
 from ..formula.tape import Tape, load_tape
 from ..ir import light_links
-from . import scene_facts
 from .decision import Plan
 
 LEARNT = ("learnt", "none")
@@ -111,7 +111,7 @@ def even_directions(count: int) -> np.ndarray:
 def first_hits(tables: ir.Tables, origin: np.ndarray, directions: np.ndarray) -> np.ndarray:
     """(n,) distances along rays from a place to the first shadow caster; inf: none."""
     instances = tables.instances
-    casts = (instances.visible & ir.Visibility.SHADOW != 0) & (instances.light < 0) & ~scene_facts.partial(tables)[instances.material]
+    casts = (instances.visible & ir.Visibility.SHADOW != 0) & (instances.light < 0) & ~traits.partial(tables)[instances.material]
     return hits(tables, origin, directions, casts)[0]
 
 

@@ -7,11 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from ...materials import traits
+from ...materials.contract import Lobes
 from .. import ir
 from ..ir import light_links
 from . import caustic_casters, enclosure, light_shapes, path_reuse, sky_visibility
 from .decision import Decision, Plan, Rule
-from .scene_facts import extents, glossy_materials, ground, lit_materials, partial, shines, specular_materials, used_materials
+from .scene_facts import extents, ground
 
 SPECULAR_BOUNCES = 8
 TRANSPORTS = ("path", "whitted")
@@ -24,7 +26,7 @@ AREA_LIGHTS = (ir.LightKind.SUN, ir.LightKind.SKY, ir.LightKind.DOME, ir.LightKi
 def _area_lights(scene: ir.Scene, *_: Any) -> Decision:
     lights = scene.tables.lights
     area = [k for k in AREA_LIGHTS if np.any((lights.kind == k) & np.any(lights.color > 0, axis=1))]
-    if area and not lit_materials(scene.tables).any():
+    if area and not traits.lit(scene.tables).any():
         reason = "no surface is lit: all materials emit, reflect or transmit"
         area = []
     elif area:
@@ -42,7 +44,7 @@ def _bounces(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
         return Decision("bounces", asked.bounces, "asked for", fixed="--bounces")
     if plan["enclosed_bounces"]:
         return Decision("bounces", plan["enclosed_bounces"], plan.decisions["enclosed_bounces"].reason, fixed="--bounces")
-    if specular_materials(scene).any():
+    if traits.specular(scene.tables).any():
         return Decision("bounces", SPECULAR_BOUNCES, "some materials reflect or refract", fixed="--bounces")
     return Decision("bounces", 0, "no material reflects or refracts: direct light only", fixed="--bounces")
 
@@ -61,7 +63,7 @@ def _interreflection(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decisio
         return Decision("interreflection", True, "the camera stands in an enclosed space: diffuse surfaces light each other")
     if asked.bounces and plan["bounces"] > 0 and diffuse.any():
         return Decision("interreflection", True, "bounces were asked for: diffuse surfaces light each other")
-    if plan["bounces"] > 0 and (glossy_materials(scene) & used_materials(scene.tables)).any():
+    if plan["bounces"] > 0 and (traits.glossy(scene.tables) & traits.used(scene.tables)).any():
         return Decision("interreflection", True, "glossy surfaces reflect light from all directions")
     reason = "no bounces were asked for: mirrors and glass alone send rays on" if diffuse.any() else "no material is diffuse"
     return Decision("interreflection", False, reason)
@@ -69,15 +71,15 @@ def _interreflection(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decisio
 
 def _monte_carlo(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     fixed = "the scene's lights and materials"
-    used = used_materials(scene.tables)
+    used = traits.used(scene.tables)
     why = []
     if plan["area_lights"]:
         why.append("area lights")
     if plan["interreflection"]:
         why.append("interreflection")
-    if (glossy_materials(scene) & used).any():
+    if (traits.glossy(scene.tables) & used).any():
         why.append("glossy reflections")
-    if (scene.tables.materials.model[used] == ir.MaterialModel.BLEND).any():
+    if (traits.has(scene.tables, Lobes.PARTS) & used).any():
         why.append("blends of materials")
     if why:
         return Decision("monte_carlo", True, f"{', '.join(why)}: integrated by random samples", fixed=fixed)
@@ -115,7 +117,7 @@ def _precision(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
 def _shadows(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     if scene.tables.lights.shadows.any():
         return Decision("shadows", True, "some light casts them")
-    if shines(scene.tables)[used_materials(scene.tables)].any():
+    if traits.emissive(scene.tables)[traits.used(scene.tables)].any():
         return Decision("shadows", True, "some material emits light")
     return Decision("shadows", False, "no light casts any")
 
@@ -158,7 +160,7 @@ def _sky_visibility(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision
 
 
 def _opacity(scene: ir.Scene, *_: Any) -> Decision:
-    count = int(partial(scene.tables)[scene.tables.instances.material].sum())
+    count = int(traits.partial(scene.tables)[scene.tables.instances.material].sum())
     if not count:
         return Decision("opacity", False, "everything is opaque", fixed="the scene's materials")
     objects = "one object has" if count == 1 else f"{count} objects have"

@@ -9,6 +9,8 @@ import numpy as np
 
 from ...compiler import ir
 from ...compiler.plan.plan import Plan
+from ...materials import traits
+from ...materials.contract import Lobes
 from ...render import camera
 from ...render.types import View
 
@@ -53,7 +55,7 @@ def _single_plane(scene: ir.Scene, plan: Plan) -> ConstantPicture | None:
     values = materials.values[material]
     sends_on = values[[ir.Slot.REFLECTION, ir.Slot.TRANSMISSION]].max() > 0
     shines = values[ir.Slot.EMISSION].max() > 0
-    matt = materials.model[material] == ir.MaterialModel.LAMBERT
+    matt = traits.has(tables, Lobes.CLASSIC)[material] and values[ir.Slot.SPECULAR].max() == 0
     if not matt or sends_on or shines or (materials.textures[material] >= 0).any() or instances.light[0] >= 0:
         return None
     seen = _visible_side(tables, plan)

@@ -15,7 +15,8 @@ import numpy as np
 
 from ...compiler import ir
 from ...compiler.plan import plan as planner
-from ...compiler.plan import scene_facts
+from ...materials import traits
+from ...materials.contract import Lobes
 
 REMAINDER = 1e-3  # share of the light that further bounces would add in a closed room of the brightest diffuse surface
 MIN_DEPTH, MAX_DEPTH = 8, 32
@@ -56,8 +57,8 @@ def _light(scene: ir.Scene, settings: ir.Settings) -> tuple[int | None, dict[str
         between = ", matt surfaces too" if own["interreflection"] else ""
         return settings.bounces, {}, f"{settings.bounces} bounces, as asked for{between}"
     materials = scene.tables.materials
-    specular = bool(scene_facts.specular_materials(scene).any())
-    lit = materials.model != ir.MaterialModel.EMISSIVE
+    specular = bool(traits.specular(scene.tables).any())
+    lit = ~traits.has(scene.tables, Lobes.EMISSION)
     matt = float(materials.values[lit, ir.Slot.DIFFUSE].max(initial=0.0))
     if (scene.tables.lights.kind == ir.LightKind.AMBIENT).any():
         alone = {"interreflection": "off"} if own["interreflection"] else {}

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...compiler import ir
-from ...compiler.plan import scene_facts
+from ...materials import traits
 from ..geometry import analytic_shapes, instance_transform
 from ..lanes import affine, crosslane, ops
 from ..simd.registration import overload, types
@@ -34,7 +34,7 @@ def closest_hit(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, visible_b
     """First hit of each active ray with instances that have a bit of `visible_bit` in Instances.visible; instance -1: none."""
     rays, active = _flat(ray, active)
     n = len(active)
-    partial = scene_facts.partial(tables)[tables.instances.material]
+    partial = traits.partial(tables)[tables.instances.material]
     t, instance, primitive = np.full(n, np.inf), np.full(n, -1), np.full(n, -1)
     u, v = np.zeros(n), np.zeros(n)
     with np.errstate(all="ignore"):
@@ -59,7 +59,7 @@ def transmittance(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, visible
     """Share of light, 0 to 1, that passes instances with `visible_bit` between t_min and t_max; 1 for inactive rays."""
     rays, active = _flat(ray, active)
     share = np.ones(len(active))
-    partial = scene_facts.partial(tables)[tables.instances.material]
+    partial = traits.partial(tables)[tables.instances.material]
     with np.errstate(all="ignore"):
         for i in np.flatnonzero(tables.instances.visible & visible_bit):
             lane = np.flatnonzero(active & (share > 0.0))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...compiler.ir import light_links
-from ...compiler.plan import scene_facts
+from ...materials import traits
 from ..geometry.bounds import world_bounds
 from ..surface import triangle_records
 
@@ -80,7 +80,7 @@ def build(tables: ir.Tables, hull: bool, moves: bool = False, general: bool = Fa
     """
     instances, plain = tables.instances, _is_plain(tables)
     made: dict[int, list[_Primitive]] = {}
-    stays = ~scene_facts.partial(tables)[instances.material] & ~light_links.casts_unevenly(tables)
+    stays = ~traits.partial(tables)[instances.material] & ~light_links.casts_unevenly(tables)
     if moves:
         stays &= tables.transforms.first_key[instances.transform] < 0
     boxes = world_bounds(tables)

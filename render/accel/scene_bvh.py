@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...compiler.plan import scene_facts
+from ...materials import traits
 from .. import simd
 from ..formula import scene_tables
 from ..formula import tables as formula_tables
@@ -47,7 +48,7 @@ def build(
     root = roots[instances.geometry]
     drawable = included & ((kind != MESH) | (root >= 0))
     bounded = np.logical_and(np.isfinite(boxes).all(axis=1), not brute)
-    partial = scene_facts.partial(tables)[instances.material]
+    partial = traits.partial(tables)[instances.material]
     moving = tables.transforms.first_key[instances.transform] >= 0
     plain = drawable & ~partial & ~(moving & moves)
     still = np.flatnonzero(plain & (root >= 0))

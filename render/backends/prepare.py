@@ -11,6 +11,7 @@ import numpy as np
 from ...compiler import ir
 from ...compiler.plan import caustic_casters, light_shapes, scene_facts
 from ...compiler.plan.plan import Plan
+from ...materials import traits
 from .. import camera
 from ..accel import intersect, scene_bvh
 from ..accel.formula_packets import shadow_rays
@@ -196,7 +197,7 @@ def _add_photons(tables: ir.Tables, plan: Plan, light: Any, kind: type) -> tuple
     aims = photon_aims.photon_targets(tables, light.emitters, spots, photon_emitters)
     if aims is None:
         return light, None
-    gains = caustic_casters.gains(tables) * (caustic_casters.narrow_highlights(tables) > 0.0)[tables.instances.material]
+    gains = caustic_casters.gains(tables) * (traits.narrow_highlights(tables) > 0.0)[tables.instances.material]
     caustic_reflectance = gains if gains.any() else photon_map.NoMaps()
     light = light._replace(photons=photon_map.empty(kind), photon_emitters=photon_emitters, caustic_reflectance=caustic_reflectance)
     return light._replace(spots=spots), aims

@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ...compiler.plan import scene_facts
 from ...compiler.plan.plan import Plan
+from ...materials import traits
+from ...materials.contract import Lobes
 from .. import camera
 from ..accel import ray_queries
 from ..film import aov
@@ -103,7 +104,7 @@ class Renderer(Unshared):
     def _trace_transparent(self, ray: Ray, hit: Hit) -> None:
         """Trace rays that hit partly transparent surfaces, and replace their hits."""
         tables = self.prepared.tables
-        partial = scene_facts.partial(tables)[tables.instances.material]
+        partial = traits.partial(tables)[tables.instances.material]
         rows = np.flatnonzero((hit.instance >= 0) & partial[hit.instance])
         origin, direction = (np.stack(aov.take_lanes(v, rows, len(hit.t)), axis=1) for v in (ray.origin, ray.direction))
         t_min, t_max = (np.broadcast_to(t, len(hit.t))[rows] for t in (ray.t_min, ray.t_max))
@@ -132,18 +133,16 @@ def notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
     """Effects of a scene that the raster backend does not draw: (message, table, row), once for each material and light."""
     tables, found = scene.tables, []
     used = np.unique(tables.instances.material[tables.instances.visible & ir.Visibility.CAMERA != 0])
-    values, glossy = tables.materials.values, scene_facts.glossy_materials(scene)
+    glass, clear, mirrors, glossy = traits.has(tables, Lobes.GLASS), traits.clear(tables), traits.mirrors(tables), traits.glossy(tables)
+    perfect = traits.has(tables, Lobes.MIRROR)
     for row in used.tolist():
-        model = tables.materials.model[row]
-        refracts = model == ir.MaterialModel.GLASS or values[row, ir.Slot.TRANSMISSION].max() > 0
-        reflects = model == ir.MaterialModel.MIRROR or values[row, ir.Slot.REFLECTION].max() > 0
         if plan["raster.secondary_rays"] == "trace":
             continue
-        if refracts:
-            name = "glass" if model == ir.MaterialModel.GLASS else "k_t"
+        if clear[row]:
+            name = "glass" if glass[row] else "k_t"
             found.append((f"raster draws {name} without refraction: the sky and the ground's mean light show", "materials", row))
-        elif reflects:
-            name = "mirrors" if model == ir.MaterialModel.MIRROR else "k_r"
+        elif mirrors[row]:
+            name = "mirrors" if perfect[row] else "k_r"
             found.append((f"raster draws {name} without reflected objects: the sky and the ground's mean light show", "materials", row))
         elif glossy[row]:
             found.append(("raster draws highlights of lights and the sky only: objects are not reflected", "materials", row))

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...lang.schema.picture_channels import CHANNELS
+from ...materials import traits
 from .. import camera
 from ..image import image
 from ..lanes import affine, ops
@@ -18,10 +19,7 @@ from ..surface.material_inputs import color_of
 from ..types import Frame, Hit, Lane, Ray, Surface, Tables, Tile, Vec, View
 
 DIFFUSE = int(ir.Slot.DIFFUSE)
-_TINTS = (
-    (ir.MaterialModel.METAL, int(ir.Slot.SPECULAR)), (ir.MaterialModel.MIRROR, int(ir.Slot.REFLECTION)),
-    (ir.MaterialModel.GLASS, int(ir.Slot.TRANSMISSION)),
-)  # fmt: skip
+EMISSION = int(ir.Slot.EMISSION)
 FORMULA = int(ir.GeometryKind.FORMULA)
 CAMERA = int(ir.Visibility.CAMERA)
 
@@ -148,9 +146,9 @@ class VisiblePoints:
 
 def _albedo(tables: Tables, at: Surface) -> Vec:
     """The color of a surface: diffuse, or the specular color of metals, mirrors and glass."""
-    color, model = color_of(tables, at, DIFFUSE), tables.materials.model[at.material]
-    for kind, slot in _TINTS:
-        color = ops.where3(model == kind, color_of(tables, at, slot), color)
+    slots, color = traits.color_slots(tables)[at.material], color_of(tables, at, DIFFUSE)
+    for slot in sorted({*slots.ravel().tolist()} - {-1, DIFFUSE, EMISSION}):
+        color = ops.where3(slots == slot, color_of(tables, at, slot), color)
     return ops.mul(color, at.color)
 
 

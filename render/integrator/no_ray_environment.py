@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...compiler.plan import scene_facts
+from ...materials import traits
 from ..accel import intersect
 from ..geometry.bounds import world_bounds
 from ..lanes import ops
@@ -28,7 +29,7 @@ def ambient_environment(
 
     A scene without specular materials uses none; with `general` it gets a black one.
     """
-    unused = not (scene_facts.specular_materials(scene) & scene_facts.used_materials(scene.tables)).any()
+    unused = not (traits.specular(scene.tables) & traits.used(scene.tables)).any()
     if unused and not general:
         return SecondaryRays()
     row = scene_facts.ground(scene.tables)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...compiler import ir
-from ...compiler.plan import scene_facts
+from ...materials import traits
 from ..accel import intersect
 from ..jit.kernel import specialize_either
 from ..lanes import ops
@@ -85,7 +85,7 @@ _unblocked = specialize_either(_pass_blockers, _pass_all)
 
 def _pass_transparent(accel: Any, tables: ir.Tables, ray: Ray, hit: Hit, active: Any, visible: int, index: PathSample) -> Hit:
     """The first hit behind partly transparent surfaces that rays pass by chance."""
-    partial = scene_facts.partial(tables)[tables.instances.material]
+    partial = traits.partial(tables)[tables.instances.material]
     passed, layer = active, 0
     while True:
         asked = passed & (hit.instance >= 0) & partial[np.maximum(hit.instance, 0)]

@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from ...compiler import ir
+from ...materials import traits
+from ...materials.contract import Lobes
 from ..jit.kernel import helper
 from ..lanes import ops
 from ..light import dome_spots
 from ..light.emitter_table import Emitters
-from ..material import principled, rough_dielectric
+from ..material import rough_dielectric
 from ..material.bsdf import Scattered
 from ..material.shader import ONLY, Uses
 from ..sampling import sobol
@@ -92,7 +94,6 @@ class PathInputs(NamedTuple):
 def uses_of(tables: ir.Tables) -> Uses:
     """Return which features the materials and lights of a scene use."""
     values, slot = tables.materials.values, ir.Slot
-    model = tables.materials.model
 
     sky = ir.is_in(tables.lights.kind, (ir.LightKind.SKY, ir.LightKind.DOME))
 
@@ -100,8 +101,8 @@ def uses_of(tables: ir.Tables) -> Uses:
         return bool(values[:, list(slots)].max(initial=0.0) > 0.0)
 
     return Uses(
-        glossy=any_of(slot.SPECULAR) or bool(ir.is_in(model, principled.MODELS).any()) or rough_dielectric.is_rough(tables),
-        sharp=any_of(slot.REFLECTION, slot.TRANSMISSION) or bool((model == ir.MaterialModel.GLASS).any()) or principled.has_sharp(tables),
+        glossy=any_of(slot.SPECULAR) or bool(traits.facets(tables).any()) or rough_dielectric.is_rough(tables),
+        sharp=any_of(slot.REFLECTION, slot.TRANSMISSION) or bool((traits.has(tables, Lobes.GLASS) | traits.flat_facets(tables)).any()),
         shines=any_of(slot.EMISSION),
         ambient=bool((tables.lights.kind == ir.LightKind.AMBIENT).any()),
         sky=bool((sky & tables.lights.shadows).any()),

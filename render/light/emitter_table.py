@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...compiler.ir.light_links import CASTERS
-from ...compiler.plan import scene_facts
+from ...materials import traits
 from ...shapes import SHAPES
 from ...shapes.contract import Emitting
 from ..lanes import ops
@@ -135,7 +135,7 @@ def _is_emissive(tables: ir.Tables) -> NDArray[np.bool_]:
     """(instances,) whether the material emits and is opaque, or flat and evenly transparent: the back of a round one is seen through it."""
     materials, instances = tables.materials, tables.instances
     varies = (materials.textures[:, [ir.Slot.OPACITY, ir.Slot.EMISSION]] >= 0).any(axis=1) | (materials.threshold > 0.0)
-    shining, partial = scene_facts.shines(tables), scene_facts.partial(tables)
+    shining, partial = traits.emissive(tables), traits.partial(tables)
     flat = ir.is_in(tables.geometries.kind, [ir.GeometryKind.MESH, *(kind for kind, shape in SHAPES.items() if shape.FLAT)])
     sampled = (shining & ~partial)[instances.material]
     sampled |= (shining & partial & ~varies)[instances.material] & flat[instances.geometry]

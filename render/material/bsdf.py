@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from ...compiler.plan import caustic_casters
+from ...materials.thresholds import BRIGHT, FAINT_PEAK, PEAK
 from ..jit.kernel import helper, specialize_if_present
 from ..lanes import ops
 from ..light import lights
@@ -19,7 +19,6 @@ from .shader import ONLY, Shader, Uses
 
 MAX_CAUSTIC_ALPHA = 0.3  # greatest α of a metal that casts caustics
 NARROW = 0.04  # greatest α of a lobe that paths follow where photons light the diffuse base under it; at 0.06 neither is better
-BRIGHT, PEAK, FAINT_PEAK = caustic_casters.BRIGHT, caustic_casters.PEAK, caustic_casters.FAINT_PEAK
 
 
 @helper

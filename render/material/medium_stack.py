@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ...compiler.plan import scene_facts
+from ...materials import traits
 from ..jit.kernel import helper, specialize_if_present
 from ..jit.packed_struct import HandleType
 from ..lanes import ops, row_gather
@@ -49,7 +49,7 @@ def media(tables: ir.Tables, general: bool = False) -> Media | Air:
     """
     values = tables.materials.values
     glass = tables.materials.model == GLASS
-    used = scene_facts.used_materials(tables)
+    used = traits.used(tables)
     special = (values[:, ABSORPTION].max(axis=1, initial=0.0) > 0.0) | (values[:, PRIORITY, 0] > 0.0)
     if not (glass & used & special).any():
         return Media(np.zeros(len(glass), np.int64), np.ones(1), np.zeros((1, 4))) if general else Air()

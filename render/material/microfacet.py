@@ -20,16 +20,14 @@ import functools
 import math
 from typing import Any, NamedTuple
 
-from ...compiler.plan import scene_facts
+from ...materials import thresholds
 from ..jit.kernel import helper, specialize_if_present
 from ..lanes import ops
 from ..types import Lane, Vec
 from . import energy_compensation, sheen
 
-SHARP = 1e-3  # α below which a highlight is specular
-MAX_REFLECTION_ALPHA = scene_facts.MAX_REFLECTION_ROUGHNESS**2  # α below which a highlight shows surroundings
+SHARP, COAT, MAX_REFLECTION_ALPHA = thresholds.SHARP, thresholds.COAT, thresholds.MAX_REFLECTION_ALPHA
 METALLIC = 0.1  # reflectance at normal incidence above that of dielectrics: of an index of 1.92
-COAT = 0.04  # reflectance of a coat at normal incidence: index 1.5
 GRAZING = 50.0  # times f0 is the greatest f90: a material of f0 = 0 has no highlight
 LEAST = 1e-7
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from ...compiler import ir
-from ...compiler.plan import scene_facts
+from ...materials import traits
 from ..jit.kernel import helper
 from ..jit.packed_struct import HandleType
 from ..lanes import ops
@@ -25,7 +25,6 @@ from .microfacet import Lobes
 PRINCIPLED = int(ir.MaterialModel.PRINCIPLED)
 SPECULAR_WORKFLOW = int(ir.MaterialModel.PRINCIPLED_SPECULAR)
 METAL = int(ir.MaterialModel.METAL)
-MODELS = (PRINCIPLED, SPECULAR_WORKFLOW, METAL)
 DIFFUSE, SPECULAR, IOR = int(ir.Slot.DIFFUSE), int(ir.Slot.SPECULAR), int(ir.Slot.IOR)
 TRANSMISSION, EDGE = int(ir.Slot.TRANSMISSION), int(ir.Slot.EDGE)
 ROUGHNESS, METALLIC = int(ir.Slot.ROUGHNESS), int(ir.Slot.METALLIC)
@@ -63,7 +62,7 @@ def tables_for(tables: ir.Tables, general: bool = False) -> ir.Tables:
 
     With `general`, every part is there: those that the scene does not use are empty.
     """
-    facets = general or bool((ir.is_in(tables.materials.model, MODELS) & scene_facts.used_materials(tables)).any())
+    facets = general or bool((traits.facets(tables) & traits.used(tables)).any())
     parts = (
         energy_compensation.table() if facets else Smooth(), sheen.tables_of(tables, general), normal_map.build_tangents(tables, general),
         rough_dielectric.tables_of(tables, general), medium_stack.media(tables, general), blend.find_blends(tables, general),
@@ -72,13 +71,6 @@ def tables_for(tables: ir.Tables, general: bool = False) -> ir.Tables:
     if all(isinstance(part, absent) for part in parts):
         return tables
     return tables._replace(materials=Layered(*tables.materials, *parts))  # pyright: ignore[reportArgumentType]
-
-
-def has_sharp(tables: ir.Tables) -> bool:
-    """Whether some highlight may be specular."""
-    m = tables.materials
-    flat = (m.values[:, ROUGHNESS, 0] ** 2 < microfacet.SHARP) | (m.textures[:, ROUGHNESS] >= 0)
-    return bool((ir.is_in(m.model, MODELS) & flat).any())
 
 
 def at(tables: Tables, surface: Surface) -> Lobes | None:

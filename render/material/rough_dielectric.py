@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ...compiler.plan import scene_facts
+from ...materials import traits
 from ..jit.kernel import helper, specialize_if_present
 from ..jit.packed_struct import HandleType
 from ..lanes import ops, row_gather
@@ -67,7 +67,7 @@ def tables_of(tables: ir.Tables, general: bool = False) -> AlbedoTables | Clear:
     """Return the tables of a scene's rough glass; without any Clear, with `general` a table that no material uses."""
     m = tables.materials
     rough = (m.model == GLASS) & ((m.values[:, ROUGHNESS, 0] > 0.0) | (m.textures[:, ROUGHNESS] >= 0))
-    if not (rough & scene_facts.used_materials(tables)).any():
+    if not (rough & traits.used(tables)).any():
         unused = np.zeros((2 * ROWS * COLUMNS, 4)), np.zeros((2 * ROWS, 4))
         return AlbedoTables(np.zeros(len(m.model), np.int64), *unused) if general else Clear()
     indices, of = np.unique(np.where(rough, m.values[:, IOR, 0], 1.5), return_inverse=True)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ...compiler.plan import scene_facts
+from ...materials import traits
 from ..jit.kernel import helper, specialize_if_present
 from ..lanes import ops, row_gather
 from ..surface.material_inputs import color_of, number_of
@@ -50,7 +50,7 @@ class Sheen(NamedTuple):
 
 def tables_of(tables: ir.Tables, general: bool = False) -> Albedo | NoSheen:
     """The table if a material of an instance has sheen, or with `general`."""
-    has = tables.materials.values[:, COLOR].any(axis=1) & scene_facts.used_materials(tables)
+    has = tables.materials.values[:, COLOR].any(axis=1) & traits.used(tables)
     return table() if general or has.any() else NoSheen()
 
 

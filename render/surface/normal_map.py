@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ...compiler.plan import scene_facts
+from ...materials import traits
 from ..geometry import analytic_shapes, instance_transform
 from ..jit.kernel import helper, make_replace, noinline_helper
 from ..jit.packed_struct import HandleType
@@ -53,7 +53,7 @@ class Tangents(NamedTuple):
 def build_tangents(tables: ir.Tables, general: bool = False) -> Tangents | NoMaps:
     """The tangents of a scene for kernels; without normal and bump maps NoMaps, with `general` an empty record."""
     maps = tables.materials.textures[:, [NORMAL, BUMP]]
-    if not (maps[scene_facts.used_materials(tables)] >= 0).any():
+    if not (maps[traits.used(tables)] >= 0).any():
         return Tangents(np.full(len(tables.geometries.kind), -1, np.int64), np.zeros((0, 4), np.float32), 0) if general else NoMaps()
     used = tables.instances.material
     blended = tables.materials.model == blend.BLEND

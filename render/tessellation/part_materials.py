@@ -10,11 +10,11 @@ from ...compiler.formula import numpy_interpreter
 from ...compiler.formula.tape import load_tape
 from ...compiler.mesh.parts import Material
 from ...compiler.scene.row_records import DEFAULT_MATERIAL
+from ...materials import traits
+from ...materials.contract import Lobes
 from ..image.srgb import encode_srgb
 
-_MODEL, _SLOT = ir.MaterialModel, ir.Slot
-_COLORS = {_MODEL.METAL: _SLOT.SPECULAR, _MODEL.MIRROR: _SLOT.REFLECTION, _MODEL.GLASS: _SLOT.TRANSMISSION, _MODEL.EMISSIVE: _SLOT.EMISSION}
-"""The input that shows a material's color, where it is not DIFFUSE."""
+_SLOT = ir.Slot
 
 
 def triangle_materials(tables: ir.Tables, i: int, centers: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -23,7 +23,8 @@ def triangle_materials(tables: ir.Tables, i: int, centers: NDArray[np.float64]) 
     rows = np.full(len(centers), int(tables.instances.material[i]), np.int64)
     inverse = tables.transforms.inverse[tables.instances.transform[i]]
     local = centers @ inverse[:, :3].T + inverse[:, 3]
-    while (blends := np.unique(rows[materials.model[rows] == _MODEL.BLEND])).size:
+    blended = traits.has(tables, Lobes.PARTS)
+    while (blends := np.unique(rows[blended[rows]])).size:
         for row in blends.tolist():
             here = np.flatnonzero(rows == row)
             second = _weights(tables, row, local[here]) > 0.5
@@ -44,8 +45,7 @@ def _weights(tables: ir.Tables, row: int, local: NDArray[np.float64]) -> NDArray
 def material_of(scene: ir.Scene, row: int) -> Material:
     """Name and color of a material; textures are left out."""
     tables, names = scene.tables, scene.names.materials
-    model = _MODEL(int(tables.materials.model[row]))
-    linear = tables.materials.values[row, _COLORS.get(model, _SLOT.DIFFUSE)]
+    linear = tables.materials.values[row, traits.color_slots(tables)[row]]
     linear = linear / max(float(linear.max()), 1.0)  # emission may exceed 1
     name = names[row] if row < len(names) else ""
     return Material(name or f"material{row}", tuple(encode_srgb(linear).tolist()), name == DEFAULT_MATERIAL)

@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from ....materials import traits
 from ... import ir
 from ...plan import light_shapes
 from ...plan.plan import Plan
-from ...plan.scene_facts import specular_materials
 from .. import camera_frames, placement, texture_values
 from ..export import Export
 from ..lights import ExportedLight, LightFormat, exported
@@ -91,7 +91,7 @@ def _directional(out: Export, plan: Plan, shapes: Shapes, row: int) -> Node:
     direction, angle = tables.lights.direction[row], float(tables.lights.angle[row])
     if tables.lights.kind[row] == ir.LightKind.DIRECTIONAL or angle <= 0.0:
         return node("emitter", "directional").with_(vector("direction", -direction), rgb("irradiance", tables.lights.color[row]))
-    if specular_materials(out.scene)[np.unique(tables.instances.material)].any() and plan["bounces"] > 0:
+    if traits.specular(out.scene.tables)[np.unique(tables.instances.material)].any() and plan["bounces"] > 0:
         out.cannot("a sun's disk is seen in mirrors and glass in Mitsuba, and not here", "lights", row, "angle: 0deg")
     if _in_view(camera_frames.eye(out.scene, plan["camera"], plan["size"]), direction, angle):
         out.cannot("the sun's disk is in the picture in Mitsuba, and not here", "lights", row, "angle: 0deg")

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from ....materials import traits
+from ....materials.contract import Lobes
 from ... import ir
 from ...mesh import shells
 from ...plan.plan import Plan
@@ -54,10 +56,8 @@ def _check_plan(out: Export, plan: Plan) -> None:
     out.without_opacity()
     out.without_links()
     used = np.unique(tables.instances.material)
-    values = tables.materials.values
-    specular = np.isin(tables.materials.model[used], (ir.MaterialModel.MIRROR, ir.MaterialModel.GLASS))
-    specular |= values[used][:, [ir.Slot.REFLECTION, ir.Slot.TRANSMISSION]].max(axis=(1, 2), initial=0.0) > 0
-    matt = values[used, ir.Slot.DIFFUSE].max(axis=1, initial=0.0) > 0
+    specular = (traits.clear(tables) | traits.mirrors(tables))[used]
+    matt = tables.materials.values[used, ir.Slot.DIFFUSE].max(axis=1, initial=0.0) > 0
     if specular.any() and plan["bounces"] == 0:
         out.cannot("mirrors and glass are black without bounces here, and not in Mitsuba", "materials", int(used[specular][0]))
     elif matt.any() and plan["bounces"] > 0 and not plan["interreflection"]:
@@ -76,7 +76,7 @@ def _check_inside_glass(out: Export, plan: Plan) -> None:
     Mitsuba scales radiance by the squared index at entry, ours does not. Both agree if light enters from outside and leaves again.
     """
     tables = out.scene.tables
-    glass = tables.materials.model[tables.instances.material] == ir.MaterialModel.GLASS
+    glass = traits.has(tables, Lobes.GLASS)[tables.instances.material]
     places = [("cameras", plan["camera"], tables.transforms.matrix[tables.cameras.transform[plan["camera"]], :, 3])]
     for row in range(len(tables.lights.kind)):
         if tables.lights.kind[row] in (ir.LightKind.POINT, ir.LightKind.SPOT):

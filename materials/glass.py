@@ -1,0 +1,91 @@
+"""Glass: reflects and refracts by Fresnel's equations; ABSORPTION holds inside of it, PRIORITY decides where glasses overlap."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from ..compiler import ir
+from ..compiler.scene.metallic_roughness import NOTHING
+from ..compiler.scene.row_records import BLACK, Color, Input, MaterialData, as_color
+from ..lang.schema.argument_types import Arg, Entry
+from . import losses
+from .arguments import SURFACE, roughness
+from .contract import Arguments, Element, Exported, Finish, Lobes, MitsubaRow, PovrayRow, SurfaceRow
+
+MODEL = ir.MaterialModel.GLASS
+DARKEST = 1e-6  # least component of a colour inside glass: 0 has infinite absorption
+DEPTH = 0.1  # metres, that the colour inside refers to by default
+
+
+def _lower(given: Arguments) -> MaterialData:
+    inputs = {ir.Slot.TRANSMISSION: given.color("color"), ir.Slot.IOR: given.number("ior"), ir.Slot.ROUGHNESS: given.number("roughness")}
+    inputs[ir.Slot.PRIORITY] = Input.number(given.args["priority"])
+    inputs[ir.Slot.ABSORPTION] = Input(_absorption(given))
+    return MaterialData(MODEL, inputs)
+
+
+def _absorption(given: Arguments) -> Color:
+    """The absorption coefficient per metre: white light has the colour `inside` after `depth`."""
+    color, depth = given.args["inside"], given.args["depth"]
+    if color is None:
+        if depth is not None:
+            given.error("`depth` is given without `inside`", "give `inside`, the colour at that depth, or leave it out")
+        return BLACK
+    r, g, b = (-math.log(max(c, DARKEST)) / (DEPTH if depth is None else depth) + 0.0 for c in color)
+    return (max(r, 0.0), max(g, 0.0), max(b, 0.0))
+
+
+ELEMENTS = (
+    Element(
+        Entry(
+            "glass",
+            "material",
+            "glass: reflects and refracts by Fresnel's and Snell's laws, polished or rough",
+            (
+                Arg("color", "color_map", (1.0, 1.0, 1.0), "its transmittance"),
+                Arg("ior", "number_map", 1.5, "index of refraction", above=0.0, keyword=True),
+                roughness(0.0),
+                Arg("inside", "color", None, "transmittance of the length `depth` inside of it (Beer-Lambert law)", keyword=True),
+                Arg("depth", "length", None, "length that `inside` refers to; default 10 cm", above=0.0, keyword=True),
+                Arg("priority", "number", 0.0, "where glasses overlap, the one of the highest priority counts", minimum=0.0, keyword=True),
+                *SURFACE,
+            ),
+        ),
+        _lower,
+    ),
+)
+LOBES, COLOR, REFLECTANCE, HALF_VECTOR = Lobes.GLASS, ir.Slot.TRANSMISSION, None, False
+SLOTS = (ir.Slot.TRANSMISSION, ir.Slot.IOR, ir.Slot.ROUGHNESS, ir.Slot.ABSORPTION, ir.Slot.PRIORITY)
+facets = None
+
+
+def surface(row: SurfaceRow) -> Exported:
+    made = row.surface(row.input(ir.Slot.TRANSMISSION), NOTHING, row.input(ir.Slot.ROUGHNESS), row.ior)
+    return Exported(made, 1.0, as_color(row.value(ir.Slot.ABSORPTION)))
+
+
+def mitsuba(row: MitsubaRow) -> Any:
+    row.reports_colors()
+    if row.texture(ir.Slot.IOR) >= 0:
+        row.cannot(losses.texture(ir.Slot.IOR))
+    if row.value(ir.Slot.ABSORPTION).max() > 0:
+        row.cannot(losses.ABSORPTION)
+    color, ior = row.color("specular_transmittance", ir.Slot.TRANSMISSION), float(row.value(ir.Slot.IOR)[0])
+    if row.value(ir.Slot.ROUGHNESS)[0] > 0:
+        return row.bsdf("roughdielectric", row.alpha(), color, distribution="ggx", int_ior=ior, ext_ior=1.0)
+    if ior == 1.0:
+        row.cannot(losses.CLEAR_GLASS)
+        ior = 1.000001
+    return row.bsdf("dielectric", color, int_ior=ior, ext_ior=1.0)
+
+
+def povray(row: PovrayRow) -> Finish:
+    if row.texture(ir.Slot.TRANSMISSION) >= 0:
+        row.cannot(losses.texture(ir.Slot.TRANSMISSION))
+    if row.value(ir.Slot.ROUGHNESS)[0] > 0:
+        row.cannot(losses.ROUGH_GLASS)
+    if row.value(ir.Slot.ABSORPTION).max() > 0:
+        row.cannot(losses.ABSORPTION)
+    words = "ambient 0 diffuse 0 reflection { rgb 0, rgb 1 fresnel on } conserve_energy"
+    return Finish(ir.Slot.TRANSMISSION, words, f"ior {row.numeral(float(row.value(ir.Slot.IOR)[0]))}", filters=True)

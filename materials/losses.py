@@ -1,0 +1,41 @@
+"""What formats lack of materials, in one wording for all of them."""
+
+from __future__ import annotations
+
+from ..compiler import ir
+
+HIGHLIGHT = "a Phong highlight is carried as one of microfacets of the same width"
+HIGHLIGHT_OF_MIRROR = "a highlight beside k_r is not carried"
+NORMALIZED = "a normalized highlight is not carried"
+HIGHLIGHT_COLOR = "a highlight's colour is not carried"
+MIRROR = "k_r is not carried"
+TRANSMISSION = "k_t is not carried"
+BOTH = "k_d and k_r at once are not carried"
+EMISSION = "emission beside k_d is not carried"
+AMBIENT = "k_a is carried as a share of k_d only"
+EDGE = "a metal's colour at grazing angles is carried as white"
+FACETS = "microfacets are not carried"
+INTERREFLECTION = "light that bounces between facets is not carried: rough surfaces are darker"
+COAT = "a clear coat is not carried"
+SHEEN = "sheen is not carried"
+ROUGH_GLASS = "roughness of glass is not carried"
+ABSORPTION = "what glass absorbs inside is not carried"
+REFRACTION = "refraction is not carried: glass is a surface that light passes straight"
+CLEAR_GLASS = "glass of index 1 is not carried"
+AT_VERTICES = "light at vertices (gouraud) is not carried: it is computed at every point"
+NORMAL_STRENGTH = "the strength of a normal map is not carried"
+NORMAL_MAP = "a normal map is not carried"
+BUMP_MAP = "a bump map is not carried"
+BLEND = "a blend is not carried: the material that counts more is"
+COLORS = "the mesh's colours are carried only where they stand alone, or times a constant"
+TOO_BRIGHT = "no more light is reflected than arrives: colours above 1 are cut"
+_NAMES = {
+    ir.Slot.AMBIENT: "k_a", ir.Slot.DIFFUSE: "the diffuse colour", ir.Slot.SPECULAR: "the specular colour", ir.Slot.SHININESS: "shininess",
+    ir.Slot.REFLECTION: "k_r", ir.Slot.TRANSMISSION: "the transmittance", ir.Slot.IOR: "the index of refraction",
+    ir.Slot.COAT: "the clear coat", ir.Slot.COAT_ROUGHNESS: "the clear coat's roughness", ir.Slot.SHEEN_ROUGHNESS: "the sheen's roughness",
+}  # fmt: skip
+
+
+def texture(slot: ir.Slot) -> str:
+    """The loss of an input's texture."""
+    return f"a texture of {_NAMES.get(slot, slot.name.lower())} is not carried"

@@ -1,0 +1,223 @@
+"""Traits of materials, as columns of a scene's tables: how they scatter light, by their lobes and inputs.
+
+The plan, backends, channels and exporters read these. Kernels decide likewise at points, with the same thresholds. An input with a texture
+may have any value; a constant of 0 times a texture is 0 where a function says so.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..compiler import ir
+from . import MATERIALS, thresholds
+from .contract import Lobes
+
+Slot = ir.Slot
+_LOBES = np.array([MATERIALS[model].LOBES.value for model in ir.MaterialModel])
+_BY_SLOT = np.array([MATERIALS[model].REFLECTANCE is not None for model in ir.MaterialModel])
+_COLORS = np.array([-1 if (slot := MATERIALS[model].COLOR) is None else int(slot) for model in ir.MaterialModel])
+FOCUSING = Lobes.MIRROR | Lobes.GLASS
+PATTERN = 0.8  # albedo of a surface with a texture, relative to its factor
+
+
+def has(tables: ir.Tables, lobes: Lobes) -> np.ndarray:
+    """(materials,) bool: materials whose model has some of these lobes."""
+    return (_LOBES[tables.materials.model] & lobes.value) != 0
+
+
+def color_slots(tables: ir.Tables) -> np.ndarray:
+    """(materials,) the input that shows a material's colour; -1 of blends, whose parts have one each."""
+    return _COLORS[tables.materials.model]
+
+
+# --- blends --------------------------------------------------------------------------------------------------------------
+
+
+def blends(tables: ir.Tables) -> list[int]:
+    """The rows of blends; parts have lower rows than their blends."""
+    return np.flatnonzero(has(tables, Lobes.PARTS)).tolist()
+
+
+def used(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: materials of instances, and the parts of their blends."""
+    m = tables.materials
+    found = np.zeros(len(m.model), bool)
+    found[tables.instances.material] = True
+    for row in reversed(blends(tables)):
+        if found[row]:
+            found[[m.first[row], m.second[row]]] = True
+    return found
+
+
+def with_parts(tables: ir.Tables, trait: np.ndarray) -> np.ndarray:
+    """(materials,) bool: materials with a trait, and blends of which a part has it."""
+    m, whole = tables.materials, trait.copy()
+    for row in blends(tables):
+        whole[row] |= whole[m.first[row]] | whole[m.second[row]]
+    return whole
+
+
+# --- inputs --------------------------------------------------------------------------------------------------------------
+
+
+def _textured(tables: ir.Tables, *slots: ir.Slot) -> np.ndarray:
+    return np.any(tables.materials.textures[:, list(slots)] >= 0, axis=1)
+
+
+def _positive(tables: ir.Tables, *slots: ir.Slot) -> np.ndarray:
+    """Whether the constant of one of these inputs is above 0."""
+    return tables.materials.values[:, list(slots)].max(axis=(1, 2), initial=0.0) > 0.0
+
+
+def _most(tables: ir.Tables, slot: ir.Slot, textured: float) -> np.ndarray:
+    """The largest component of an input; `textured` where it has a texture."""
+    return np.where(_textured(tables, slot), textured, tables.materials.values[:, slot].max(axis=1, initial=0.0))
+
+
+def _least(tables: ir.Tables, slot: ir.Slot) -> np.ndarray:
+    """The least value of a number: 0 where it has a texture."""
+    return np.where(_textured(tables, slot), 0.0, tables.materials.values[:, slot, 0])
+
+
+def _may_exceed(tables: ir.Tables, slot: ir.Slot, bound: float = 0.0) -> np.ndarray:
+    return (tables.materials.values[:, slot, 0] > bound) | _textured(tables, slot)
+
+
+def _may_be_below(tables: ir.Tables, slot: ir.Slot, bound: float) -> np.ndarray:
+    return (tables.materials.values[:, slot, 0] < bound) | _textured(tables, slot)
+
+
+# --- opacity and emission ------------------------------------------------------------------------------------------------
+
+
+def partial(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: materials with an opacity below 1 anywhere."""
+    return _may_be_below(tables, Slot.OPACITY, 1.0)
+
+
+def emissive(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: emissive materials."""
+    return _positive(tables, Slot.EMISSION)  # a texture multiplies it
+
+
+def clear(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: materials that transmit light, as glass and those with k_t do."""
+    return has(tables, Lobes.GLASS) | _positive(tables, Slot.TRANSMISSION)
+
+
+def passes_light(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: materials that light passes somewhere, straight or refracted."""
+    return clear(tables) | partial(tables) | _textured(tables, Slot.TRANSMISSION)
+
+
+# --- lobes ---------------------------------------------------------------------------------------------------------------
+
+
+def facets(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: materials of microfacets."""
+    return has(tables, Lobes.FACETS)
+
+
+def rough_glass(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: glass that is not polished everywhere."""
+    return has(tables, Lobes.GLASS) & _may_exceed(tables, Slot.ROUGHNESS)
+
+
+def mirrors(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: mirrors, and materials with k_r."""
+    return has(tables, Lobes.MIRROR) | _positive(tables, Slot.REFLECTION)
+
+
+def glossy(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: microfacet materials with recognizable reflections: metals, polished dielectrics, rough glass."""
+    bound = thresholds.MAX_REFLECTION_ROUGHNESS
+    polish = _may_be_below(tables, Slot.ROUGHNESS, bound) | _may_exceed(tables, Slot.METALLIC)
+    polish |= _may_exceed(tables, Slot.COAT) & _may_be_below(tables, Slot.COAT_ROUGHNESS, bound)
+    based = has(tables, Lobes.BASE)
+    return (facets(tables) & ~based) | (based & polish) | rough_glass(tables)
+
+
+def specular(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: materials that reflect or refract specularly, or show recognizable reflections."""
+    return _positive(tables, Slot.REFLECTION, Slot.TRANSMISSION) | glossy(tables) | has(tables, FOCUSING)
+
+
+def lit(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: materials with direct light: diffuse, with a highlight, or rough glass."""
+    plain = _positive(tables, Slot.DIFFUSE, Slot.SPECULAR) | _textured(tables, Slot.DIFFUSE, Slot.SPECULAR)
+    return plain | has(tables, Lobes.FACETS | Lobes.PARTS) | rough_glass(tables)
+
+
+def flat_facets(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: materials whose microfacets are somewhere a perfect mirror."""
+    flat = (tables.materials.values[:, Slot.ROUGHNESS, 0] ** 2 < thresholds.SHARP) | _textured(tables, Slot.ROUGHNESS)
+    return facets(tables) & flat
+
+
+def sharp(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: materials with perfect specular reflection or transmission; a blend has that of its parts."""
+    flat = (tables.materials.values[:, Slot.ROUGHNESS, 0] ** 2 < thresholds.SHARP) | _textured(tables, Slot.ROUGHNESS)
+    glass = has(tables, Lobes.GLASS)
+    passing = (_positive(tables, Slot.TRANSMISSION) | _textured(tables, Slot.TRANSMISSION)) & ~glass
+    reflecting = _positive(tables, Slot.REFLECTION) | _textured(tables, Slot.REFLECTION)
+    return with_parts(tables, reflecting | passing | flat_facets(tables) | (glass & flat))
+
+
+def polished(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: polished metals and frosted glass; a blend counts as its parts."""
+    smooth = (tables.materials.values[:, Slot.ROUGHNESS, 0] <= thresholds.MAX_CAUSTIC_ROUGHNESS) | _textured(tables, Slot.ROUGHNESS)
+    metallic = (tables.materials.values[:, Slot.METALLIC, 0] >= 1.0) | _textured(tables, Slot.METALLIC) | ~has(tables, Lobes.BASE)
+    return with_parts(tables, (facets(tables) & smooth & metallic) | (rough_glass(tables) & smooth))
+
+
+def narrow_highlights(tables: ir.Tables) -> np.ndarray:
+    """(materials,) largest reflectance of bright, narrow highlights over a diffuse base; 0 without. A blend has that of its parts."""
+    m = tables.materials
+
+    def reflects(f0: np.ndarray, rough: np.ndarray) -> np.ndarray:
+        return np.where((rough <= thresholds.MAX_CAUSTIC_ROUGHNESS) & (4.0 * rough**4 <= f0), f0, 0.0)
+
+    ior = np.maximum(m.values[:, Slot.IOR, 0], thresholds.LEAST_IOR)
+    boundary = np.where(_textured(tables, Slot.IOR), 1.0, ((ior - 1.0) / (ior + 1.0)) ** 2)
+    metallic = np.clip(_most(tables, Slot.METALLIC, 1.0), 0.0, 1.0)
+    f0 = np.maximum(boundary, np.minimum(_most(tables, Slot.DIFFUSE, 1.0), 1.0) * metallic)
+    f0 = np.where(_BY_SLOT[m.model], _most(tables, Slot.SPECULAR, 1.0), f0)
+    coat = reflects(thresholds.COAT * _most(tables, Slot.COAT, 1.0), _least(tables, Slot.COAT_ROUGHNESS))
+    based = has(tables, Lobes.BASE)
+    highlights = np.where(based, np.maximum(reflects(f0, _least(tables, Slot.ROUGHNESS)), coat), 0.0)
+    phong = _most(tables, Slot.SPECULAR, 1.0)
+    least = np.where(phong >= thresholds.BRIGHT, thresholds.PEAK, thresholds.FAINT_PEAK)
+    narrow = m.normalized & (phong * (_most(tables, Slot.SHININESS, np.inf) + 2.0) >= least)
+    highlights = np.where(narrow & ~based, phong, highlights)
+    for row in blends(tables):
+        highlights[row] = max(highlights[m.first[row]], highlights[m.second[row]])
+    return np.clip(highlights, 0.0, 1.0)
+
+
+def receives_caustics(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: materials that are not perfectly specular."""
+    diffuse = _positive(tables, Slot.DIFFUSE, Slot.SPECULAR) | _textured(tables, Slot.DIFFUSE)
+    return (diffuse | has(tables, Lobes.FACETS | Lobes.PARTS)) & ~has(tables, Lobes.MIRROR)
+
+
+def diffuse(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: materials with a diffuse part; a blend has that of its parts."""
+    return with_parts(tables, _positive(tables, Slot.DIFFUSE, Slot.SHEEN))
+
+
+def mostly_diffuse(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: materials whose diffuse lobe outweighs metal, mirror and transmission; blends count as such."""
+    other = tables.materials.values[:, [Slot.METALLIC, Slot.TRANSMISSION, Slot.REFLECTION]].max(axis=(1, 2), initial=0.0)
+    based = has(tables, Lobes.CLASSIC | Lobes.BASE) & (_positive(tables, Slot.DIFFUSE) | _textured(tables, Slot.DIFFUSE))
+    return (based | has(tables, Lobes.PARTS)) & (other < 0.5)
+
+
+def albedo(tables: ir.Tables) -> np.ndarray:
+    """(materials,) about the share of light that a material reflects."""
+    m, slots = tables.materials, [Slot.DIFFUSE, Slot.REFLECTION, Slot.SPECULAR]
+    parts = m.values[:, slots].mean(axis=2)
+    parts = np.where(m.textures[:, slots] >= 0, PATTERN * parts, parts)
+    share = np.clip(parts.max(axis=1), 0.0, 1.0)
+    for row in blends(tables):
+        share[row] = 0.5 * (share[m.first[row]] + share[m.second[row]])
+    return share

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from .. import load
 from ..compiler import ir
 from ..compiler.plan import plan
+from ..lights import SURFACES
 from ..render.backends import prepare, ray
 from ..render.film import film
 from ..render.image import metrics
@@ -205,7 +206,7 @@ def exported_renderer(setting: path_scenes.Setting, folder: Path) -> Renderer:
     """Mitsuba's LLVM mode on our exported scene. Raises Missing for a scene with lamps that are not carried."""
     mi = mitsuba.load()
     lit = setting.scene.tables.lights
-    if (ir.is_in(lit.kind, (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)) & (lit.instance < 0)).any():
+    if (ir.is_in(lit.kind, SURFACES) & (lit.instance < 0)).any():
         raise Missing(f"Mitsuba has no area lights that are not seen: not measured on “{setting.title}”")
 
     @functools.cache

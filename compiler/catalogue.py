@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ..lang.schema import elements
 from ..lang.schema.argument_types import Catalogue, catalogue
+from ..lights import catalogue as lights
 from ..shapes import catalogue as shapes
 
-CATALOGUE: Catalogue = catalogue(shapes.ENTRIES, elements.ENTRIES)
+CATALOGUE: Catalogue = catalogue(shapes.ENTRIES, lights.ENTRIES, elements.ENTRIES)

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 import uharfbuzz  # noqa: F401  (before all else: loaded after some other libraries of the tests, it crashes when it draws a glyph)
 from maquette.render.simd import target
-from maquette.shapes import catalogue  # noqa: F401 - which adds the shapes to the language's schema, as compiler/load.py does
 
 os.environ["MAQUETTE_PROGRESS"] = "off"  # stderr does not depend on how long kernels compile
 # Tests run the kernels that users run, which `make kernels` compiles. No test starts a process that compiles kernels for later.

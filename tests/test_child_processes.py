@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-PACKAGES = ("lang", "compiler", "shapes", "render", "live", "measure", "stdlib", "cli")
+PACKAGES = ("lang", "compiler", "shapes", "lights", "render", "live", "measure", "stdlib", "cli")
 STARTER = "compiler/io/child_process.py"
 FORKS = "cli/process/supervisor.py"  # forks the command itself, which runs no other program
 # Calls that start processes, by module. Names of other kinds in these modules, such as subprocess.PIPE, start none.

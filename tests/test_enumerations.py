@@ -26,7 +26,7 @@ NOT_ALL = {  # the module of a table and its enumeration: why some kinds are not
 def modules() -> list[ModuleType]:
     """The modules of the IR's readers and writers, of plan and renderer."""
     names = []
-    for package in ("compiler", "render", "shapes", "materials"):
+    for package in ("compiler", "render", "shapes", "lights", "materials"):
         for path in sorted((ROOT / package).rglob("*.py")):
             names.append("maquette." + ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"))
     return [importlib.import_module(name) for name in names if ".cluster" not in name]  # which needs an extra

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-PACKAGES = ("lang", "compiler", "shapes", "materials", "render", "live", "measure", "stdlib", "cli")
+PACKAGES = ("lang", "compiler", "shapes", "lights", "materials", "render", "live", "measure", "stdlib", "cli")
 MAX_LINES = 450
 MAX_MODULES = 25  # in a folder
 MAX_FUNCTION_LINES = 60
@@ -33,7 +33,8 @@ MAY_IMPORT = {
     "render.jit": "compiler.io render.simd",
     "render.lanes": "render.types render.jit",
     "shapes": "lang.schema compiler.formula render.lanes",
-    "compiler.scene": "compiler.io shapes",
+    "lights": "shapes",
+    "compiler.scene": "compiler.io lights",
     "materials": "compiler.scene",
     "compiler.catalogue": "materials",
     "lang.reference_page": "lang.eval compiler.catalogue",

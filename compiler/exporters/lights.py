@@ -7,10 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...lights import AMBIENT, LIGHTS, SKIES, SURFACES
+from ...lights.contract import ExportedLight, Form
 from .. import ir
 from ..plan import scene_facts
 from .export import Export
-from .placement import F64
+from .placement import F64, square
 
 
 class LightFormat(NamedTuple):
@@ -26,27 +28,13 @@ class LightFormat(NamedTuple):
     lacking: str = ""  # why it has no skies, or no extent
 
 
-class ExportedLight(NamedTuple):
-    """A light in world space, scene-linear: cd, lx or nit by its kind."""
-
-    row: int
-    kind: ir.LightKind
-    name: str
-    color: F64  # (3,) above 0; of a point or spot light at 1 m
-    position: F64
-    direction: F64  # unit: of a spot to what it lights, of a sun to where its light comes from
-    cone: float  # radians: half angle of a spot
-    full: float  # radians: half angle of the part of a spot that does not fade
-    angle: float  # radians: half angle of a sun
-    fades: bool  # by 1/d²; False: not at all
-
-
 def exported(out: Export, rows: Iterable[int], form: LightFormat) -> Iterator[ExportedLight]:
     """The lights in `rows` that a format holds. Reports the others, and what these lose."""
     lights, names = out.scene.tables.lights, out.scene.names.lights
     profiled = scene_facts.profiled(out.scene.tables)
     for row in rows:
         kind = ir.LightKind(int(lights.kind[row]))
+        of = LIGHTS[kind]
         name = (names[row] if row < len(names) else "") or kind.name.lower()
         if not _is_held(out, row, kind, form):
             continue
@@ -55,29 +43,31 @@ def exported(out: Export, rows: Iterable[int], form: LightFormat) -> Iterator[Ex
             if not form.profiled:
                 continue
         color, fades = lights.color[row], True
-        if kind in (ir.LightKind.POINT, ir.LightKind.SPOT):
+        if of.FORM == Form.POINT:
             color, fades = _at_a_metre(out, row, form)
-        if kind == ir.LightKind.SUN and lights.angle[row] > 0 and not form.extent:
+        if of.HAS_ANGLE and lights.angle[row] > 0 and not form.extent:
             out.cannot(f"a sun's size is not carried: {form.lacking}", "lights", row, "angle: 0deg")
         cone, full = (float(np.arccos(np.clip(cosine[row], -1.0, 1.0))) for cosine in (lights.cos_cone, lights.cos_full))
+        angle = float(lights.angle[row]) if of.HAS_ANGLE else 0.0
+        matrix = square(out.scene.tables.transforms.matrix[lights.transform[row]]) if of.FORM >= Form.RECTANGLE else np.eye(4)
         yield ExportedLight(
-            row, kind, name, color, lights.position[row], lights.direction[row], cone, full, float(lights.angle[row]), fades
+            row, kind, name, color, lights.position[row], lights.direction[row], cone, full, angle, fades, matrix, lights.size[row]
         )
 
 
 def _is_held(out: Export, row: int, kind: ir.LightKind, form: LightFormat) -> bool:
     """Whether a format holds a light of this kind at all; reports it if not."""
     lights = out.scene.tables.lights
-    if kind == ir.LightKind.AMBIENT:
+    if kind in AMBIENT:
         if not form.ambient:
             out.cannot(f"ambient light is not carried: {form.program} has none", "lights", row)
         return form.ambient
     if not lights.shadows[row] and not form.unshadowed:
         out.cannot("a light without shadows is not carried", "lights", row)
-    if kind in (ir.LightKind.SKY, ir.LightKind.DOME) and not form.skies:
+    if kind in SKIES and not form.skies:
         out.cannot(f"a {kind.name.lower()} is not carried: {form.lacking}", "lights", row)
         return False
-    if kind in (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE) and not form.extent:
+    if kind in SURFACES and not form.extent:
         out.cannot(f"an area light is not carried: {form.lacking}", "lights", row)
         return False
     return True

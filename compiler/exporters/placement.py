@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...lights import LIGHTS, POINTS
+from ...lights.contract import ExportedLight, Form
 from .. import ir
 
 F64 = NDArray[np.float64]
@@ -33,6 +35,18 @@ def frame_along(axis: F64) -> F64:
     return np.stack([x, np.cross(axis, x), axis], axis=1)
 
 
+def light_frame(light: ExportedLight) -> F64:
+    """(4, 4) frame of a light by its form: at its position with +z against its direction, +z to a distant light, or its own frame."""
+    kind, frame = LIGHTS[light.kind], light.frame.copy()
+    if kind.FORM == Form.POINT:
+        frame[:3, 3] = light.position
+        if kind.profile is not None:
+            frame[:3, :3] = frame_along(-light.direction)
+    elif kind.FORM == Form.DISTANT:
+        frame[:3, :3] = frame_along(light.direction)
+    return frame
+
+
 def even_scale(matrix: F64) -> float | None:
     """The scale factor of a uniformly scaling transform (4, 4) or (3, 4); else None."""
     linear = matrix[:3, :3]
@@ -56,7 +70,7 @@ def reach(tables: ir.Tables) -> tuple[F64, float]:
         if np.isfinite([low, high]).all():
             corners = np.array([[x, y, z, 1.0] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
             points += list((corners @ world(tables, i).T)[:, :3])
-    lamps = np.isin(tables.lights.kind, (ir.LightKind.POINT, ir.LightKind.SPOT))
+    lamps = ir.is_in(tables.lights.kind, POINTS)
     points += list(tables.lights.position[lamps])
     cloud = np.array(points)
     low, high = cloud.min(axis=0), cloud.max(axis=0)

@@ -1,43 +1,94 @@
-"""Lowers lights: photometric or unitless strengths become scene-referred colours; area lights get a shape."""
+"""Lowers elements that are lights, as their modules in lights/ say; area lights get a shape."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...lang.elements import Element
+from ...lang.formula_graph import Formula
+from ...lights import DISKS, LIGHTS, RECTANGLES, SURFACES
+from ...lights.catalogue import ELEMENTS
+from ...lights.contract import Form, LightError, Row
+from ...lights.rectangle import EVEN
 from .. import ir
-from ..formula import numpy_interpreter
+from ..formula.tape import Tape
 from ..scene import link_sets, transforms
 from ..scene.row_records import ALL_RAYS, NO_SHADOW, Color, Input, InstanceData, LightData, MaterialData
-from . import daylight_sky
 from .context import Context
 
-Kind = ir.LightKind
-_DOME = 512  # texels from pole to pole of a pattern on a dome
-EVEN = 1e-6  # relative difference of scales, or skew, that still counts as uniform
+KINDS = frozenset(ELEMENTS)
 
 
 def light(lowering: Context, element: Element, block: np.ndarray) -> None:
     """Add a light in a block with the matrix `block`."""
     lowering.photometric |= element.photometric
-    _LIGHTS[element.kind](lowering, element, block)
+    try:
+        row = ELEMENTS[element.kind].lower(element.args, _Lowering(lowering, element, block))
+    except LightError as error:
+        lowering.refuse(element, error.message, error.hint)
+        return
+    if row is not None:
+        _add(lowering, element, row)
 
 
-def spot_share(cos_cone: float, cos_full: float) -> float:
-    """Flux over axial intensity of a spot that fades by smoothstep of the cosine: 2π((1 − cos θ_full) + (cos θ_full − cos θ_cone)/2).
+class _Lowering:
+    """What the functions of lights.contract.Element use; see lights.contract.Lowering."""
 
-    Source: Pharr, Jakob, Humphreys, Physically Based Rendering, 4th ed., 12.2.1.
-    """
-    return 2 * math.pi * ((1 - cos_full) + (cos_full - cos_cone) / 2)
+    def __init__(self, lowering: Context, element: Element, block: np.ndarray) -> None:
+        self._lowering, self._element, self.block = lowering, element, block
+
+    unit, facing, rotation = staticmethod(transforms.unit), staticmethod(transforms.facing), staticmethod(transforms.rotation)
+
+    def rigid(self, matrix: np.ndarray, /) -> tuple[np.ndarray, np.ndarray, bool]:
+        return rigid(matrix)
+
+    def is_given(self, name: str) -> bool:
+        return name in self._element.given
+
+    def error(self, message: str, hint: str = "") -> None:
+        self._lowering.error(self._element, message, hint)
+
+    def warn(self, message: str, hint: str = "") -> None:
+        self._lowering.warn(self._element, message, hint)
+
+    def point(self, point: Any) -> Color:
+        return _tuple((self.block[:3, :3] @ np.array(point, dtype=np.float64) + self.block[:3, 3]).tolist())
+
+    def direction(self, vector: Any) -> np.ndarray | None:
+        return transforms.unit(self.block[:3, :3] @ np.array(vector, dtype=np.float64))
+
+    def image_file(self, name: str) -> int:
+        return self._lowering.materials.image(self._element, name, "auto", True)
+
+    def image(self, key: Any, name: str, make: Callable[[], NDArray[np.float32]]) -> int:
+        builder = self._lowering.builder
+        return builder.shared(key, lambda: builder.image(make(), name))
+
+    def pattern(self, formula: Formula) -> Tape | None:
+        return self._lowering.materials.pattern_tape(self._element, formula, color=True, unit=1.0)
 
 
-def _color(element: Element, strength: float) -> Color:
-    r, g, b = element.args["color"]
-    return (r * strength, g * strength, b * strength)
+def _add(lowering: Context, element: Element, row: Row) -> None:
+    """Add the row of a light, and the shape of an area light without a profile."""
+    r, g, b = (c * row.strength * tint for c, tint in zip(element.args["color"], row.tint, strict=True))
+    kind = LIGHTS[row.kind]
+    if row.kind in SURFACES and kind.profile is None and row.frame is not None:
+        add_area_light(lowering, element, row.kind, row.frame, row.size, (r, g, b))
+        return
+    builder = lowering.builder
+    transform = {} if row.frame is None else {"transform": builder.transform(row.frame, element.place)}
+    common = _common(lowering, element) | _falloff(element)
+    if kind.FORM == Form.AMBIENT:
+        common["shadows"] = False
+    data = LightData(
+        row.kind, (r, g, b), _tuple(row.position), _tuple(row.direction), size=row.size, cos_cone=row.cos_cone, cos_full=row.cos_full,
+        angle=row.angle, image=row.image, **transform, **common,
+    )  # fmt: skip
+    builder.light(data, element.place)
 
 
 def _common(lowering: Context, element: Element) -> dict[str, Any]:
@@ -58,135 +109,11 @@ def _links(lowering: Context, element: Element) -> link_sets.Links | None:
 
 
 def _falloff(element: Element) -> dict[str, Any]:
-    given = element.args["falloff"]
+    given = element.args.get("falloff")
     if given is None:
         return {}
     kind = ir.FalloffKind.RAMP if given.kind == "ramp" else ir.FalloffKind.POLYNOMIAL
     return {"falloff": kind, "coefficients": given.coefficients}
-
-
-def _point(lowering: Context, element: Element, block: np.ndarray) -> None:
-    args = element.args
-    intensity = args["intensity"] if args["flux"] is None else args["flux"] / (4 * math.pi)
-    position = _moved(block, args["position"])
-    data = LightData(Kind.POINT, _color(element, intensity), position, **_falloff(element), **_common(lowering, element))
-    lowering.builder.light(data, element.place)
-
-
-def _spot(lowering: Context, element: Element, block: np.ndarray) -> None:
-    args = element.args
-    position, target = _moved(block, args["position"]), _moved(block, args["look_at"])
-    direction = transforms.unit(np.subtract(target, position))
-    if direction is None:
-        lowering.refuse(element, "the spot looks at where it is: it has no direction", "give it another look_at")
-        return
-    cone, soft = args["cone"], args["soft"]
-    if soft > cone:
-        if "soft" in element.given:
-            wide = f"the spot fades over {math.degrees(soft):.4g}deg, more than its cone of {math.degrees(cone):.4g}deg"
-            lowering.error(element, wide, "make soft less")
-        soft = cone
-    cos_cone, cos_full = math.cos(cone), math.cos(cone - soft)
-    if cos_cone >= 1.0:
-        lowering.refuse(element, f"the spot's cone of {math.degrees(cone):.4g}deg is too narrow to be told from none")
-        return
-    intensity = args["intensity"] if args["flux"] is None else args["flux"] / spot_share(cos_cone, cos_full)
-    data = LightData(
-        Kind.SPOT, _color(element, intensity), position, _tuple(direction), cos_cone=cos_cone, cos_full=cos_full,
-        **_falloff(element), **_common(lowering, element),
-    )  # fmt: skip
-    lowering.builder.light(data, element.place)
-
-
-def _directional(lowering: Context, element: Element, block: np.ndarray) -> None:
-    args = element.args
-    direction = transforms.unit(block[:3, :3] @ np.array(args["from"], dtype=np.float64))
-    if direction is None:
-        lowering.refuse(element, f"the {element.kind}'s direction is 0", "give it a direction, like from: [1, 2, 1]")
-        return
-    angle = args["angle"] / 2 if element.kind == "sun" else 0.0
-    kind = Kind.SUN if angle > 0 else Kind.DIRECTIONAL
-    data = LightData(kind, _color(element, args["illuminance"]), direction=_tuple(direction), angle=angle, **_common(lowering, element))
-    lowering.builder.light(data, element.place)
-
-
-def _sky(lowering: Context, element: Element, block: np.ndarray) -> None:
-    args = element.args
-    color = _color(element, args["luminance"])
-    if args["turbidity"] is None:
-        for name in ("sun", "ground"):
-            if name in element.given:
-                lowering.error(element, f"an even sky has no `{name}`", "give it a turbidity, like turbidity: 3, for the sky of a day")
-        lowering.builder.light(LightData(Kind.SKY, color, **_common(lowering, element)), element.place)
-        return
-    sun = transforms.unit(block[:3, :3] @ np.array(args["sun"], dtype=np.float64))
-    if sun is None or sun[1] < 0.0:
-        lowering.refuse(element, "the sun of this sky stands below the horizon", "give it a direction that goes up: sun: [1, 0.5, 0.5]")
-        return
-    turbidity, ground = float(args["turbidity"]), tuple(args["ground"])
-    key = ("daylight", turbidity, *sun.tolist(), *ground)
-    builder = lowering.builder
-    image = builder.shared(key, lambda: builder.image(daylight_sky.picture(sun, turbidity, ground), "daylight"))
-    row = builder.transform(np.eye(4), element.place)
-    builder.light(LightData(Kind.DOME, color, transform=row, image=image, **_common(lowering, element)), element.place)
-
-
-def _dome(lowering: Context, element: Element, block: np.ndarray) -> None:
-    args = element.args
-    if (args["file"] is None) == (args["pattern"] is None):
-        lowering.refuse(element, "a dome has a picture or a pattern", 'write dome("sky.exr") or dome(pattern: |x, y, z| …)')
-        return
-    image = _patterned(lowering, element) if args["file"] is None else lowering.materials.image(element, args["file"], "auto", True)
-    turn = block if args["rotate"] is None else block @ transforms.rotation(args["rotate"])
-    frame, _, _ = rigid(turn)
-    frame[:3, 3] = 0.0
-    if image >= 0:
-        row = lowering.builder.transform(frame, element.place)
-        data = LightData(Kind.DOME, _color(element, args["luminance"]), transform=row, image=image, **_common(lowering, element))
-        lowering.builder.light(data, element.place)
-
-
-def _patterned(lowering: Context, element: Element) -> int:
-    """The image of a pattern on a dome; -1 after a diagnostic. Negative and undefined values are 0."""
-    tape = lowering.materials.pattern_tape(element, element.args["pattern"], color=True, unit=1.0)
-    if tape is None:
-        return -1
-    latitude = np.pi * (0.5 - (np.arange(_DOME) + 0.5) / _DOME)[:, None]
-    turn = 2.0 * np.pi * (0.5 - (np.arange(2 * _DOME) + 0.5) / (2 * _DOME))[None]
-    x, y, z = np.cos(latitude) * np.sin(turn), np.sin(latitude) + 0.0 * turn, np.cos(latitude) * np.cos(turn)
-    values = [np.broadcast_to(v, x.size).reshape(x.shape) for v in numpy_interpreter.points(tape, x.ravel(), y.ravel(), z.ravel())]
-    rgba = np.stack([*(values if len(values) == 3 else values * 3), np.ones(x.shape)], axis=-1)
-    picture = np.where(np.isfinite(rgba), np.maximum(rgba, 0.0), 0.0).astype(np.float32)
-    key = ("pattern of a dome", tape.structure(), tape.constants.tobytes())
-    return lowering.builder.shared(key, lambda: lowering.builder.image(picture, "pattern"))
-
-
-def _ambient(lowering: Context, element: Element, block: np.ndarray) -> None:
-    data = LightData(Kind.AMBIENT, _color(element, element.args["luminance"]), **{**_common(lowering, element), "shadows": False})
-    lowering.builder.light(data, element.place)
-
-
-def _area(lowering: Context, element: Element, block: np.ndarray) -> None:
-    args = element.args
-    position = np.array(args["position"])
-    towards = (0.0, -1.0, 0.0) if args["look_at"] is None else tuple(np.array(args["look_at"]) - position)
-    frame = transforms.facing(tuple(position), towards, args["up"])
-    if frame is None:
-        lowering.refuse(element, "the area light looks at where it is: it has no direction", "give it another look_at")
-        return
-    disk = args["shape"] == "disk"
-    if disk and args["size"][0] != args["size"][1]:
-        lowering.refuse(element, "a disk has one diameter, got two sizes", 'write size: 1m, or shape: "rectangle"')
-        return
-    frame, scale, even = rigid(block @ frame)
-    half = (args["size"][0] / 2 * scale[0], args["size"][1] / 2 * scale[2])
-    if not even or (disk and abs(half[0] - half[1]) > EVEN * half[0]):
-        lowering.warn(element, "the block around it skews or squeezes this area light: it is drawn even", "use an even scale")
-    if disk:
-        half = (math.sqrt(half[0] * half[1]), 0.0)
-    area = math.pi * half[0] ** 2 if disk else 4 * half[0] * half[1]
-    radiance = args["luminance"] if args["flux"] is None else args["flux"] / (math.pi * area)
-    add_area_light(lowering, element, Kind.DISK if disk else Kind.RECTANGLE, frame, half, _color(element, radiance))
 
 
 def add_area_light(
@@ -194,12 +121,13 @@ def add_area_light(
 ) -> None:
     """Add an area light and its visible instance. A light without shadows blocks no light; others: plan/light_shapes.py."""
     builder = lowering.builder
-    shape = {Kind.RECTANGLE: ir.GeometryKind.RECTANGLE, Kind.DISK: ir.GeometryKind.DISK, Kind.SPHERE: ir.GeometryKind.SPHERE}[kind]
+    flat = ir.GeometryKind.RECTANGLE if kind in RECTANGLES else ir.GeometryKind.DISK
+    shape = flat if kind in RECTANGLES + DISKS else ir.GeometryKind.SPHERE
     transform = builder.transform(frame, element.place)
     name = element.args["name"] or element.scope or element.kind
     data = LightData(kind, radiance, transform=transform, size=size, **{**_common(lowering, element), "name": name})
     row = builder.light(data, element.place)
-    geometry = builder.geometry(shape, size if kind == Kind.RECTANGLE else size[:1], element.place)
+    geometry = builder.geometry(shape, size if kind in RECTANGLES else size[:1], element.place)
     material = builder.material(MaterialData(ir.MaterialModel.EMISSIVE, {ir.Slot.EMISSION: Input(radiance)}), element.place)
     visible = ALL_RAYS if data.shadows else NO_SHADOW
     builder.instance(InstanceData(geometry, transform, material, row, visible, name), element.place)
@@ -226,23 +154,6 @@ def rigid(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
     return made, scale, even
 
 
-def _moved(block: np.ndarray, at: Any) -> Color:
-    return _tuple(block[:3, :3] @ np.array(at, dtype=np.float64) + block[:3, 3])
-
-
-def _tuple(v: np.ndarray) -> Color:
-    x, y, z = v.tolist()
-    return (x, y, z)
-
-
-_LIGHTS: dict[str, Callable[[Context, Element, np.ndarray], None]] = {
-    "point": _point,
-    "spot": _spot,
-    "directional": _directional,
-    "sun": _directional,
-    "sky": _sky,
-    "dome": _dome,
-    "ambient": _ambient,
-    "area": _area,
-}
-KINDS = frozenset(_LIGHTS)
+def _tuple(v: Sequence[float]) -> Color:
+    x, y, z = v
+    return (float(x), float(y), float(z))

@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from ...lights import DISTANT, PLACED, SUNS, SURFACES
 from ...materials import traits
 from .. import ir
 from ..ir import light_links
@@ -18,11 +19,6 @@ from . import dome_spots, scene_facts
 SMALL = 0.3  # steradians as seen from a caster, below which paths hit a light too seldom (one in twenty of a hemisphere)
 FAINT = 0.1  # least reflectance that photons are aimed by: highlights reflect more at grazing angles
 CARRIERS = ("photons", "paths")
-LAMPS = (
-    ir.LightKind.POINT, ir.LightKind.SPOT, ir.LightKind.DIRECTIONAL, ir.LightKind.SUN, ir.LightKind.RECTANGLE, ir.LightKind.DISK,
-    ir.LightKind.SPHERE,
-)  # fmt: skip
-FAR = (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN)
 
 
 def gains(tables: ir.Tables) -> np.ndarray:
@@ -69,13 +65,13 @@ def caustic_lights(tables: ir.Tables, all_sizes: bool = False) -> tuple[np.ndarr
     centre, radius = bounding_spheres(tables)
     mirrors = gathering(tables)
     small = math.inf if all_sizes else SMALL
-    chosen = ir.is_in(lit.kind, LAMPS) & lit.shadows & (lit.color.max(axis=1, initial=0.0) > 0.0)
+    chosen = ir.is_in(lit.kind, PLACED + DISTANT) & lit.shadows & (lit.color.max(axis=1, initial=0.0) > 0.0)
     chosen &= lit.falloff == ir.FalloffKind.INVERSE_SQUARE
     for k in np.flatnonzero(chosen):
         kind = lit.kind[k]
-        if kind == ir.LightKind.SUN:
+        if kind in SUNS:
             chosen[k] = 2.0 * math.pi * (1.0 - math.cos(float(lit.angle[k]))) < small
-        elif kind in (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE):
+        elif kind in SURFACES:
             matrix = tables.transforms.matrix[lit.transform[k]]
             size = float(np.linalg.norm(matrix[:, :3], 2)) * float(np.max(lit.size[k]))
             near = _fills(matrix[:, 3], size, centre[mirrors], radius[mirrors])
@@ -136,7 +132,7 @@ def carrier(tables: ir.Tables, transport: str, backend: str, moves: bool) -> tup
         return "paths", "a light's emission depends on the direction: photons are not emitted by profiles", chance
     small, shining = caustic_lights(tables)
     endless = ~np.isfinite(bounding_spheres(tables)[1][mirrors])
-    if endless.any() and (ir.is_in(tables.lights.kind, FAR) & small).any():
+    if endless.any() and (ir.is_in(tables.lights.kind, DISTANT) & small).any():
         return "paths", "an unbounded shape reflects a light at infinity: photons cannot be aimed at it", chance
     spots = bright_spots(tables)
     count = int(small.sum() + shining.sum())

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...lang.colors import LUMINANCE
+from ...lights import PICTURED, SKIES
 from .. import ir
 
 CELLS = 1024  # greatest width of the grid
@@ -34,8 +35,8 @@ class Spots(NamedTuple):
 def find(tables: ir.Tables) -> Spots | None:
     """Return the spots of a scene's only sky, an image without links that casts shadows; else None."""
     lit = tables.lights
-    skies = np.flatnonzero(ir.is_in(lit.kind, (ir.LightKind.SKY, ir.LightKind.DOME)) & lit.color.any(axis=1))
-    if len(skies) != 1 or lit.kind[skies[0]] != ir.LightKind.DOME or lit.image[skies[0]] < 0 or not lit.shadows[skies[0]]:
+    skies = np.flatnonzero(ir.is_in(lit.kind, SKIES) & lit.color.any(axis=1))
+    if len(skies) != 1 or lit.kind[skies[0]] not in PICTURED or lit.image[skies[0]] < 0 or not lit.shadows[skies[0]]:
         return None
     light = int(skies[0])
     bright = _grid(tables, light)

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from ...lang.diagnostics import Diagnostics
+from ...lights import PLACED, POINTS, RECTANGLES, SPHERES
 from ...materials import traits
 from ...materials.contract import Lobes
 from ...shapes import SHAPES
@@ -16,7 +17,6 @@ from ..formula.builder import Builder
 from ..formula.tape import load_tape
 from ..ir import light_links
 
-PLACED = (ir.LightKind.POINT, ir.LightKind.SPOT, ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)
 AHEAD = 1e-6  # distance in front of the eye, relative to that from the origin and in metres, where enclosure is tested
 MOST_LAMPS = 64  # lights that are tested
 MOST_TRIANGLES = 1 << 20  # times points, of all meshes: a fifth of a second
@@ -65,9 +65,9 @@ def corners(tables: ir.Tables, row: int) -> np.ndarray:
     """Points (n, 3) of a light in the world, which stand for all of it; one for a light without extent."""
     lights = tables.lights
     kind, (x, z) = lights.kind[row], lights.size[row].tolist()
-    if kind in PLACED[:2]:
+    if kind in POINTS:
         return lights.position[row][None]
-    local = _SQUARE * [x, 0.0, z] if kind == ir.LightKind.RECTANGLE else _AROUND * [x, x if kind == ir.LightKind.SPHERE else 0.0, x]
+    local = _SQUARE * [x, 0.0, z] if kind in RECTANGLES else _AROUND * [x, x if kind in SPHERES else 0.0, x]
     matrix = tables.transforms.matrix[lights.transform[row]]
     return local @ matrix[:, :3].T + matrix[:, 3]
 

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from ...lang.schema.picture_settings import MAX_BOUNCES
+from ...lights import AMBIENT
 from ...materials import traits
 from .. import ir
 from . import sky_visibility
@@ -27,7 +28,7 @@ def bounces(scene: ir.Scene, camera: int) -> tuple[int, str]:
     matt = traits.diffuse(tables)
     if not matt[tables.instances.material].any():
         return 0, "no surface is diffuse"
-    if (tables.lights.kind == ir.LightKind.AMBIENT).any():
+    if ir.is_in(tables.lights.kind, AMBIENT).any():
         return 0, "ambient light stands for light that bounces"
     if len(tables.instances.geometry) > sky_visibility.MOST_OBJECTS:
         return 0, f"more than {sky_visibility.MOST_OBJECTS:,} objects are not searched for walls around the camera"

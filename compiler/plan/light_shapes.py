@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...lights import AMBIENT, PLACED, SPHERES, SURFACES
 from ...materials import traits
 from .. import ir
 from ..ir import light_links
-
-_AREAS = (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)
-_PLACED = (ir.LightKind.POINT, ir.LightKind.SPOT, *_AREAS)
 
 
 def blocking(tables: ir.Tables) -> np.ndarray:
@@ -21,9 +19,9 @@ def blocking(tables: ir.Tables) -> np.ndarray:
     lights, instances = tables.lights, tables.instances
     blocks = (instances.light >= 0) & (instances.visible & ir.Visibility.SHADOW != 0)
     others = bool(traits.emissive(tables)[instances.material[instances.light < 0]].any())
-    if int(np.sum(lights.shadows & (lights.kind != ir.LightKind.AMBIENT))) + others < 2:
+    if int(np.sum(lights.shadows & ~ir.is_in(lights.kind, AMBIENT))) + others < 2:
         return np.zeros(len(blocks), bool)
-    for row in np.flatnonzero((lights.kind == ir.LightKind.SPHERE) & (lights.instance >= 0)).tolist():
+    for row in np.flatnonzero(ir.is_in(lights.kind, SPHERES) & (lights.instance >= 0)).tolist():
         if _holds_another(tables, row):
             blocks[lights.instance[row]] = False
     return blocks
@@ -32,11 +30,11 @@ def blocking(tables: ir.Tables) -> np.ndarray:
 def _holds_another(tables: ir.Tables, row: int) -> bool:
     """Whether the sphere light `row` contains another light."""
     lights, transforms = tables.lights, tables.transforms
-    area = ir.is_in(lights.kind, _AREAS)
+    area = ir.is_in(lights.kind, SURFACES)
     places = np.where(area[:, None], transforms.matrix[lights.transform, :, 3], lights.position)
     matrix = transforms.matrix[lights.transform[row]]
     radius = lights.size[row, 0] * np.linalg.norm(matrix[:, 0])
-    inside = ir.is_in(lights.kind, _PLACED) & (np.linalg.norm(places - matrix[:, 3], axis=1) < radius)
+    inside = ir.is_in(lights.kind, PLACED) & (np.linalg.norm(places - matrix[:, 3], axis=1) < radius)
     inside[row] = False
     return bool(inside.any())
 

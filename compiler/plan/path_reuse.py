@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...lights import SKIES
 from ...materials import traits
 from .. import ir
 from ..ir import light_links
@@ -12,7 +13,6 @@ from .decision import Plan
 SHARED = ("groups", "none")
 LEAST_DIFFUSE = 0.5  # share of the surface area with a diffuse lobe, from which on paths are shared
 MANY = 64  # lights, from which on most noise comes from the choice of a light at the first surface
-_SKIES = (ir.LightKind.SKY, ir.LightKind.DOME)
 
 
 def by_groups(tables: ir.Tables, plan: Plan) -> tuple[str, str, tuple[str, ...]]:
@@ -30,7 +30,7 @@ def by_groups(tables: ir.Tables, plan: Plan) -> tuple[str, str, tuple[str, ...]]
         why = f"{100.0 * share:.2g} % of the surface area has a diffuse lobe: other light depends on the direction"
     elif light_links.are_there(tables):
         why = "some light lights some surfaces only: paths count for the surface that they leave"
-    elif ir.is_in(tables.lights.kind, _SKIES).any() and not plan["indoors"]:
+    elif ir.is_in(tables.lights.kind, SKIES).any() and not plan["indoors"]:
         why = "outdoors most noise comes from the light samples of first surfaces"
     elif len(tables.lights.kind) > MANY:
         why = "there are many lights: most noise comes from the choice of one at the first surface"

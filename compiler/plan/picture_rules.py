@@ -9,6 +9,7 @@ from ...lang.diagnostics import suggest
 from ...lang.distribution import install_command
 from ...lang.schema.picture_channels import CHANNELS, CRYPTOMATTES, LIGHT
 from ...lang.schema.picture_settings import FILTERS, MAX_SAMPLES
+from ...lights import SKIES
 from .. import ir
 from .channels import REST, is_channel
 from .decision import DEFAULT_ERROR, Decision, Plan, PlanError, Rule, by_default
@@ -131,7 +132,7 @@ def _seed(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
 def _background(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     if asked.background is not None:
         return Decision("background", asked.background, "asked for", fixed="--background")
-    if ir.is_in(scene.tables.lights.kind, (ir.LightKind.SKY, ir.LightKind.DOME)).any():
+    if ir.is_in(scene.tables.lights.kind, SKIES).any():
         return Decision("background", "sky", "the scene has a sky", fixed="--background")
     return Decision("background", "transparent", "the scene has no sky", fixed="--background")
 

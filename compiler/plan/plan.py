@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from ...lang.diagnostics import Diagnostic, suggest
+from ...lights import AMBIENT
 from .. import ir
 from . import emissive_shapes, picture_rules, raster_rules, scene_rules, transport_rules
 from .decision import Decision, Plan, PlanError, Rule, override
@@ -82,6 +83,6 @@ def default_notes(scene: ir.Scene) -> list[Diagnostic]:
 def warnings(scene: ir.Scene, plan: Plan) -> list[str]:
     """Contradictions between the scene and the plan."""
     found = []
-    if plan["interreflection"] and (scene.tables.lights.kind == ir.LightKind.AMBIENT).any():
+    if plan["interreflection"] and ir.is_in(scene.tables.lights.kind, AMBIENT).any():
         found.append("ambient light stands for interreflection, and bounces compute it: it is counted twice; leave out one")
     return found

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from ...lights import SOFT
 from ...materials import traits
 from ...materials.contract import Lobes
 from .. import ir
 from ..ir import light_links
 from . import scene_facts
 from .decision import Decision, Plan, Rule
-from .transport_rules import AREA_LIGHTS, PRECISIONS
+from .transport_rules import PRECISIONS
 
 TOLERANCE = 0.05  # pixels
 BAND_SAMPLES = 16  # sample positions of a pixel that bands hold at a time
@@ -86,7 +87,7 @@ def _needs_float64(scene: ir.Scene, plan: Plan) -> str:
     instances, materials = scene.tables.instances, scene.tables.materials
     shown = instances.visible & ir.Visibility.CAMERA != 0
     used = scene_facts.used_rows(instances.material[shown])
-    if plan["raster.shadows"] != "none" or ir.is_in(scene.tables.lights.kind, AREA_LIGHTS).any():
+    if plan["raster.shadows"] != "none" or ir.is_in(scene.tables.lights.kind, SOFT).any():
         return "lights are sampled by rays"
     if light_links.are_there(scene.tables):
         return "some light lights some surfaces only"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...lights import PICTURED
 from ...materials import traits
 from .. import ir
 
@@ -38,7 +39,7 @@ def used_rows(rows: np.ndarray) -> np.ndarray:
 
 def profiled(tables: ir.Tables) -> np.ndarray:
     """(lights,) bool: lights whose emission depends on the direction by an image."""
-    return (tables.lights.image >= 0) & (tables.lights.kind != ir.LightKind.DOME)
+    return (tables.lights.image >= 0) & ~ir.is_in(tables.lights.kind, PICTURED)
 
 
 def moving(tables: ir.Tables, camera: int) -> bool:

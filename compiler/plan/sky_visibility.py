@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...lights import DISTANT, SKIES
 from ...materials import traits
 from ...shapes import SHAPES
 from .. import ir
@@ -30,8 +31,6 @@ _BOXES = (ir.GeometryKind.MESH, *(kind for kind, shape in SHAPES.items() if shap
 """Kinds that are about their boxes, or that have triangles."""
 _STEPS = 96  # along a ray through a shape's box, in search of its surface
 _FAR = 1e3  # metres that such a ray goes in a surface without bounds
-_SUNS = (ir.LightKind.SUN, ir.LightKind.DIRECTIONAL)
-_SKIES = (ir.LightKind.SKY, ir.LightKind.DOME)
 
 
 class Room(NamedTuple):
@@ -56,7 +55,7 @@ def indoors(scene: ir.Scene, plan: Plan) -> tuple[bool, str]:
 
 def _has_sky(tables: ir.Tables) -> bool:
     lit = tables.lights
-    return bool((ir.is_in(lit.kind, _SKIES) & lit.shadows & lit.color.any(axis=1)).any())
+    return bool((ir.is_in(lit.kind, SKIES) & lit.shadows & lit.color.any(axis=1)).any())
 
 
 def learnt(scene: ir.Scene, plan: Plan) -> tuple[str, str, tuple[str, ...]]:
@@ -68,7 +67,7 @@ def learnt(scene: ir.Scene, plan: Plan) -> tuple[str, str, tuple[str, ...]]:
         why = f"the camera is not in a room: {plan.decisions['indoors'].reason}"
     elif plan["backend"] != "ray":
         why = "the reference backend samples the whole sky"
-    elif (ir.is_in(lit.kind, _SUNS) & lit.color.any(axis=1)).any():
+    elif (ir.is_in(lit.kind, DISTANT) & lit.color.any(axis=1)).any():
         why = "a sun lights the scene: what its patches of light send on has most of the noise"
     elif plan["motion_blur"]:
         why = "objects move"

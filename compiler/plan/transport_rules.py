@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ...lights import SKIES, SOFT
 from ...materials import traits
 from ...materials.contract import Lobes
 from .. import ir
@@ -20,17 +21,16 @@ TRANSPORTS = ("path", "whitted")
 HEURISTICS = ("power", "balance", "light", "bsdf")  # of multiple importance sampling; in the order of render/integrator/path.py
 PRECISIONS = ("float32", "float64")
 FLOAT32_RATIO = 5000.0  # of the largest coordinate over the smallest instance, up to which float32 is precise enough
-AREA_LIGHTS = (ir.LightKind.SUN, ir.LightKind.SKY, ir.LightKind.DOME, ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)
 
 
 def _area_lights(scene: ir.Scene, *_: Any) -> Decision:
     lights = scene.tables.lights
-    area = [k for k in AREA_LIGHTS if np.any((lights.kind == k) & np.any(lights.color > 0, axis=1))]
+    area = [k for k in SOFT if np.any((lights.kind == k) & np.any(lights.color > 0, axis=1))]
     if area and not traits.lit(scene.tables).any():
         reason = "no surface is lit: all materials emit, reflect or transmit"
         area = []
     elif area:
-        reason = f"{', '.join(k.name.lower() for k in area)}: sampled with random numbers"
+        reason = f"{', '.join(ir.LightKind(k).name.lower() for k in area)}: sampled with random numbers"
     else:
         reason = "only lights without area: one exact shadow ray each, no random numbers"
     return Decision("area_lights", bool(area), reason, fixed="the scene's lights")
@@ -130,7 +130,7 @@ def _light_shapes(scene: ir.Scene, *_: Any) -> Decision:
 
 def _ground_plane(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     lights = scene.tables.lights
-    if not (ir.is_in(lights.kind, (ir.LightKind.SKY, ir.LightKind.DOME)) & lights.shadows).any():
+    if not (ir.is_in(lights.kind, SKIES) & lights.shadows).any():
         return Decision("ground_plane", False, "no sky casts shadows")
     if light_links.selective(scene.tables).any():
         return Decision("ground_plane", False, "some shadow casters do not block every light", fixed="the scene's lights")

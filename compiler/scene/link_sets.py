@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...lang.diagnostics import Diagnostics, Span
+from ...lights import SKIES
 from .. import ir
 from ..ir.light_links import CASTERS, EVERYTHING, FIRST_SET, MOST_SETS
 from ..ir.single_sided import SINGLE_SIDED
@@ -70,7 +71,7 @@ def linked(
             receivers[row] = bit(members, EVERYTHING)
         if link.blockers is not None and not ((members := link.blockers(names)) | ~casters).all():
             blockers[row] = bit(members & casters, CASTERS)
-    skies = np.flatnonzero(ir.is_in(lights.kind, (ir.LightKind.SKY, ir.LightKind.DOME)) & lights.shadows)
+    skies = np.flatnonzero(ir.is_in(lights.kind, SKIES) & lights.shadows)
     if len(set(blockers[skies].tolist())) > 1:
         diagnostics.warning("all skies of a scene have the same blockers: those of the first count")
         blockers[skies] = blockers[skies[0]]

@@ -13,6 +13,7 @@ import numpy as np
 
 from ...lang.diagnostics import Diagnostics
 from ...lang.schema.setting_values import MAX_SIDE
+from ...lights import DIRECTED, PICTURED, PLACED, PROFILED, RECTANGLES, SURFACES
 from ...shapes import SHAPES
 from ...shapes.contract import Measure
 from .. import ir
@@ -21,7 +22,6 @@ from . import transforms, validate_meshes, validate_tapes
 from .check import Check
 
 Kind = ir.GeometryKind
-Light = ir.LightKind
 ALL_VISIBLE = 7 | ALL_SETS
 _REFERENCES = (  # table, column, table it points into, whether -1 is allowed
     ("geometries", "normals", "attributes", True),
@@ -293,16 +293,16 @@ def _lights(check: Check) -> None:
     kind = t["kind"]
     if not len(kind):
         return
-    area = ir.is_in(kind, (Light.RECTANGLE, Light.DISK, Light.SPHERE))
+    area = ir.is_in(kind, SURFACES)
     check.bad("lights", (t["color"] < 0).any(axis=1), "its strength is negative")
-    directed = ir.is_in(kind, (Light.SPOT, Light.DIRECTIONAL, Light.SUN))
+    directed = ir.is_in(kind, DIRECTED)
     lengths = np.linalg.norm(t["direction"], axis=1)
     check.bad("lights", directed & ~(np.abs(lengths - 1) < 1e-6), "its direction is not of length 1")
-    check.bad("lights", (kind == Light.DOME) & (t["image"] < 0), "a dome has a picture")
-    profiled = (t["image"] >= 0) & (kind != Light.DOME)
-    check.bad("lights", profiled & ~(area | ir.is_in(kind, (Light.POINT, Light.SPOT))), "it is far away and has a factor by direction")
-    check.bad("lights", profiled & (t["instance"] >= 0), "it has a factor by direction and a visible shape")
-    extent = np.where(kind == Light.RECTANGLE, t["size"].min(axis=1, initial=np.inf), t["size"][:, 0])
+    check.bad("lights", ir.is_in(kind, PICTURED) & (t["image"] < 0), "a dome has a picture")
+    profiled = (t["image"] >= 0) & ~ir.is_in(kind, PICTURED)
+    check.bad("lights", profiled & ~ir.is_in(kind, PLACED), "it is far away and has a factor by direction")
+    check.bad("lights", (profiled | ir.is_in(kind, PROFILED)) & (t["instance"] >= 0), "it has a factor by direction and a visible shape")
+    extent = np.where(ir.is_in(kind, RECTANGLES), t["size"].min(axis=1, initial=np.inf), t["size"][:, 0])
     check.bad("lights", area & ~(extent > 0), "it has no area: it gives no light", "error", "make its size more than 0")
     check.bad("lights", (t["cos_cone"] > t["cos_full"]) | (np.abs(t["cos_cone"]) > 1) | (np.abs(t["cos_full"]) > 1), "its cone is none")
     check.bad("lights", (t["angle"] < 0) | (t["angle"] > np.pi / 2), "its disk is wider than half of the sky")

@@ -9,13 +9,14 @@ import numpy as np
 
 from ...compiler import ir
 from ...compiler.plan.plan import Plan
+from ...lights import AMBIENT, DISTANT, SUNS
 from ...materials import traits
 from ...materials.contract import Lobes
 from ...render import camera
 from ...render.types import View
 
 MARGIN = 2.0  # pixels: the largest reach of a filter beyond the picture
-CONSTANT_LIGHTS = {ir.LightKind.DIRECTIONAL, ir.LightKind.AMBIENT}  # their irradiance is constant over a plane
+CONSTANT_LIGHTS = {*DISTANT, *AMBIENT} - {*SUNS}  # their irradiance is constant over a plane
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +64,7 @@ def _single_plane(scene: ir.Scene, plan: Plan) -> ConstantPicture | None:
         return None
     up = tables.transforms.inverse[instances.transform[0], 1, :3] * seen  # rows of the inverse are normals of the frame's coordinate planes
     normal = up / np.linalg.norm(up)
-    distant = lights.kind == ir.LightKind.DIRECTIONAL
+    distant = ir.is_in(lights.kind, DISTANT)
     facing = np.maximum(lights.direction[distant] @ normal, 0.0)
     irradiance = facing @ lights.color[distant]
     ambient = lights.color[~distant].sum(axis=0)

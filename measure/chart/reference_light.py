@@ -15,6 +15,7 @@ import numpy as np
 
 from ...compiler import ir
 from ...compiler.plan import plan as planner
+from ...lights import AMBIENT
 from ...materials import traits
 from ...materials.contract import Lobes
 
@@ -60,7 +61,7 @@ def _light(scene: ir.Scene, settings: ir.Settings) -> tuple[int | None, dict[str
     specular = bool(traits.specular(scene.tables).any())
     lit = ~traits.has(scene.tables, Lobes.EMISSION)
     matt = float(materials.values[lit, ir.Slot.DIFFUSE].max(initial=0.0))
-    if (scene.tables.lights.kind == ir.LightKind.AMBIENT).any():
+    if ir.is_in(scene.tables.lights.kind, AMBIENT).any():
         alone = {"interreflection": "off"} if own["interreflection"] else {}
         how = "none between matt surfaces: ambient light stands for it"
         if not specular:

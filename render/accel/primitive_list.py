@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...compiler.ir import light_links
+from ...lights import DISKS, POINTS, SPHERES, SURFACES
 from ...materials import traits
 from ..geometry.bounds import world_bounds
 from ..surface import triangle_records
@@ -178,7 +179,7 @@ def _hull_points(tables: ir.Tables, inside: NDArray[np.bool_], listed: list[tupl
         if piece.corners is None:
             return None
         found.append(piece.corners)
-    found.append(tables.lights.position[ir.is_in(tables.lights.kind, (ir.LightKind.POINT, ir.LightKind.SPOT))])
+    found.append(tables.lights.position[ir.is_in(tables.lights.kind, POINTS)])
     found.append(light_corners(tables))
     return np.concatenate(found)
 
@@ -186,12 +187,12 @@ def _hull_points(tables: ir.Tables, inside: NDArray[np.bool_], listed: list[tupl
 def light_corners(tables: ir.Tables) -> Rows:
     """Corners of the bounds of area lights, (n, 3)."""
     lit = tables.lights
-    wide = ir.is_in(lit.kind, (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE))
+    wide = ir.is_in(lit.kind, SURFACES)
     kind, matrix, size = lit.kind[wide], tables.transforms.matrix[lit.transform[wide]], lit.size[wide]
     sides = np.array([[x, z] for x in (-1.0, 1.0) for z in (-1.0, 1.0)])
-    half = np.where((kind == ir.LightKind.DISK)[:, None], size[:, :1], size)
+    half = np.where(ir.is_in(kind, DISKS)[:, None], size[:, :1], size)
     flat = matrix[:, None, :, 3] + np.einsum("kj,nj,nij->nki", sides, half, matrix[:, :, [0, 2]])
-    ball = kind == ir.LightKind.SPHERE
+    ball = ir.is_in(kind, SPHERES)
     reach = np.linalg.norm(matrix[ball, :, 0], axis=1) * size[ball, 0]
     around = matrix[ball, None, :, 3] + reach[:, None, None] * (2.0 * _CORNERS - 1.0)
     return np.concatenate([flat[~ball].reshape(-1, 3), around.reshape(-1, 3)])

@@ -11,6 +11,7 @@ import numpy as np
 from ...compiler import ir
 from ...compiler.plan import caustic_casters, light_shapes, scene_facts
 from ...compiler.plan.plan import Plan
+from ...lights import DISTANT, PICTURED
 from ...materials import traits
 from .. import camera
 from ..accel import intersect, scene_bvh
@@ -142,7 +143,7 @@ def _prepare_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame
     threads = int(plan["threads"])
     kind = np.float32 if plan["precision"] == "float32" else np.float64
     lit = tables.lights.kind
-    near = not ir.is_in(lit, (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN, ir.LightKind.DOME)).any() and not plan["motion_blur"]
+    near = not ir.is_in(lit, (*DISTANT, *PICTURED)).any() and not plan["motion_blur"]
     primitives, inside = primitive_list.build(tables, near, plan["motion_blur"], general)
     accel = Handle(wave_memory.NoBvh())
     if general or not inside.all():

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...compiler.plan.plan import Plan
+from ...lights import SUNS
 from ...materials import traits
 from ...materials.contract import Lobes
 from .. import camera
@@ -148,7 +149,7 @@ def notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
             found.append(("raster draws highlights of lights and the sky only: objects are not reflected", "materials", row))
     if plan["raster.shadows"] == "map":
         lights = tables.lights
-        for row in np.flatnonzero((lights.kind == ir.LightKind.SUN) & (lights.angle > 0.0) & lights.shadows).tolist():
+        for row in np.flatnonzero(ir.is_in(lights.kind, SUNS) & (lights.angle > 0.0) & lights.shadows).tolist():
             found.append(("raster draws the sun's shadows from a map, without their penumbra", "lights", row))
     return found
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from ...compiler import ir
+from ...lights import AMBIENT, SKIES
 from ...materials import traits
 from ...materials.contract import Lobes
 from ..jit.kernel import helper
@@ -95,7 +96,7 @@ def uses_of(tables: ir.Tables) -> Uses:
     """Return which features the materials and lights of a scene use."""
     values, slot = tables.materials.values, ir.Slot
 
-    sky = ir.is_in(tables.lights.kind, (ir.LightKind.SKY, ir.LightKind.DOME))
+    sky = ir.is_in(tables.lights.kind, SKIES)
 
     def any_of(*slots: int) -> bool:
         return bool(values[:, list(slots)].max(initial=0.0) > 0.0)
@@ -104,7 +105,7 @@ def uses_of(tables: ir.Tables) -> Uses:
         glossy=any_of(slot.SPECULAR) or bool(traits.facets(tables).any()) or rough_dielectric.is_rough(tables),
         sharp=any_of(slot.REFLECTION, slot.TRANSMISSION) or bool((traits.has(tables, Lobes.GLASS) | traits.flat_facets(tables)).any()),
         shines=any_of(slot.EMISSION),
-        ambient=bool((tables.lights.kind == ir.LightKind.AMBIENT).any()),
+        ambient=bool(ir.is_in(tables.lights.kind, AMBIENT).any()),
         sky=bool((sky & tables.lights.shadows).any()),
         open_sky=bool((sky & ~tables.lights.shadows).any()),
     )

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...compiler import ir
+from ...lights import SOFT
 from ..jit.kernel import helper, kernel
 from ..jit.packed_struct import Handle
 from ..lanes import affine, crosslane, ops
@@ -18,7 +19,6 @@ from . import direct_light
 from .records import SampleIndex, Scene, ShadingContext
 
 SOFT_SAMPLES = 64  # of lights with an extent, at each vertex
-SOFT = [int(ir.LightKind[name]) for name in ("SUN", "SKY", "DOME", "RECTANGLE", "DISK", "SPHERE")]
 MESH = int(ir.GeometryKind.MESH)
 ORTHOGRAPHIC = int(ir.Projection.ORTHOGRAPHIC)
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...compiler.ir import light_links
+from ...lights import PICTURED, SKIES
 from ..image import metrics
 from ..jit.kernel import helper, noinline_helper, specialize_if_present
 from ..lanes import affine, ops
@@ -65,8 +66,8 @@ def build(
 
 def _build(tables: ir.Tables, row: int, horizon: NDArray[np.float64] | None, learns: bool) -> SkyMap | Even:
     lit = tables.lights
-    kinds = np.isin(lit.kind, (ir.LightKind.SKY, ir.LightKind.DOME)) & lit.shadows
-    domes = np.flatnonzero(kinds & (lit.kind == ir.LightKind.DOME) & (lit.image >= 0) & lit.color.any(axis=1))
+    kinds = ir.is_in(lit.kind, SKIES) & lit.shadows
+    domes = np.flatnonzero(kinds & ir.is_in(lit.kind, PICTURED) & (lit.image >= 0) & lit.color.any(axis=1))
     alone = learns or is_sampled_alone(tables)
     if not len(domes) and not (alone and lit.color[kinds].any()):
         return Even()
@@ -78,7 +79,7 @@ def _build(tables: ir.Tables, row: int, horizon: NDArray[np.float64] | None, lea
     else:
         bright = _image_luminance(tables, int(domes[0])) if len(domes) == 1 else _sky_luminance(tables, matrix[0])
     if alone and len(domes) == 1:
-        bright = bright + float((lit.color[kinds & (lit.kind == ir.LightKind.SKY)] @ metrics.LUMINANCE).sum())
+        bright = bright + float((lit.color[kinds & ~ir.is_in(lit.kind, PICTURED)] @ metrics.LUMINANCE).sum())
     height, width = bright.shape
     edges = np.cos(np.pi * np.arange(height + 1) / height)
     solid = (2.0 * np.pi / width) * (edges[:-1] - edges[1:])[:, None]
@@ -100,7 +101,7 @@ def _build(tables: ir.Tables, row: int, horizon: NDArray[np.float64] | None, lea
 def is_sampled_alone(tables: ir.Tables) -> bool:
     """Whether light samples alone find the sky, as not every shadow caster blocks it: the objects that BSDF samples meet do."""
     lit = tables.lights
-    skies = ir.is_in(lit.kind, (ir.LightKind.SKY, ir.LightKind.DOME)) & lit.shadows
+    skies = ir.is_in(lit.kind, SKIES) & lit.shadows
     return bool((skies & light_links.selective(tables)).any())
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
+from ...lights import DISTANT, LIGHTS, POINTS
 from ..geometry.bounds import world_bounds
 from ..jit import packed_struct
 from ..light.shadow_map import Maps
@@ -23,7 +24,6 @@ ROWS = 64  # of a band
 SPOT_ANGLE = 1.2  # radians, half angle: wider spots use six maps
 BORDER = 3.0  # texels around a map, for the filter
 TOLERANCE = 0.5  # texels, of tessellation
-MAPPED = (ir.LightKind.POINT, ir.LightKind.SPOT, ir.LightKind.DIRECTIONAL, ir.LightKind.SUN)
 
 
 def build(tables: ir.Tables, accel: packed_struct.Handle) -> Maps | ShadowRays:
@@ -31,7 +31,7 @@ def build(tables: ir.Tables, accel: packed_struct.Handle) -> Maps | ShadowRays:
     lights = tables.lights
     first, count, made = np.full(len(lights.kind), -1), np.zeros(len(lights.kind), np.int64), []
     for light in range(len(lights.kind)):
-        if lights.kind[light] in MAPPED and lights.shadows[light] and (lights.color[light] > 0.0).any():
+        if lights.kind[light] in POINTS + DISTANT and lights.shadows[light] and (lights.color[light] > 0.0).any():
             first[light] = len(made)
             made += _cameras_of(tables, light)
             count[light] = len(made) - first[light]
@@ -62,11 +62,12 @@ class _ShadowCamera(NamedTuple):
 def _cameras_of(tables: ir.Tables, light: int) -> list[_ShadowCamera]:
     """The cameras whose views hold all that a light illuminates: one, or six around it."""
     lights = tables.lights
-    kind, position, direction = lights.kind[light], lights.position[light], lights.direction[light]
-    if kind in (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN):
+    kind, position, direction = int(lights.kind[light]), lights.position[light], lights.direction[light]
+    if kind in DISTANT:
         return [_parallel_camera(tables, direction)]
-    if kind == ir.LightKind.SPOT and lights.cos_cone[light] > math.cos(SPOT_ANGLE):
-        extent = math.tan(math.acos(float(lights.cos_cone[light]))) * (1.0 + 2.0 * BORDER / SIZE)
+    widest = LIGHTS[kind].widest
+    if widest is not None and (angle := widest(lights, light)) < SPOT_ANGLE:
+        extent = math.tan(angle) * (1.0 + 2.0 * BORDER / SIZE)
         return [_ShadowCamera(_frame(-direction, position), extent, False, SIZE)]
     sides = [sign * axis for axis in np.eye(3) for sign in (-1.0, 1.0)]
     return [_ShadowCamera(_frame(-side, position), 1.0 + 2.0 * BORDER / FACE, False, FACE) for side in sides]

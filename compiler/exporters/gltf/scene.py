@@ -12,13 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ....lights import LIGHTS
+from ....lights.contract import ExportedLight
 from ... import ir
 from ...plan.plan import Plan
 from .. import camera_frames, placement
 from ..bodies import Bodies, Body, Converters, compact, part_of
 from ..export import Export
 from ..export_job import ExportJob
-from ..lights import ExportedLight, LightFormat, exported
+from ..lights import LightFormat, exported
 from ..placement import F64
 from .container import Container
 from .materials import Materials
@@ -122,24 +124,16 @@ class _Writer:
         self._place({"name": placed.name, "camera": self.container.add("cameras", made)}, placed.frame)
 
     def _light(self, light: ExportedLight) -> None:
-        strength = float(light.color.max())
-        entry: dict[str, Any] = {"name": light.name}
-        frame = np.eye(4)
-        if light.kind in (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN):
-            entry["type"], frame[:3, :3] = "directional", placement.frame_along(light.direction)
-            if light.angle > 0:
-                self.out.note("the size of a sun is not carried: its shadows are sharp", "lights", light.row)
-        elif light.kind in (ir.LightKind.POINT, ir.LightKind.SPOT):
-            entry["type"], frame[:3, 3] = "point", light.position
-            if light.kind == ir.LightKind.SPOT:
-                outer = min(light.cone, math.pi / 2)
-                entry |= {"type": "spot", "spot": {"innerConeAngle": min(light.full, 0.999999 * outer), "outerConeAngle": outer}}
-                frame[:3, :3] = placement.frame_along(-light.direction)
-        else:
+        strength, describe = float(light.color.max()), LIGHTS[light.kind].gltf
+        if describe is None:
             self.out.cannot("an area light that is not seen is not carried", "lights", light.row)
             return
+        described = describe(light)
+        if described.note:
+            self.out.note(described.note, "lights", light.row)
+        entry: dict[str, Any] = {"name": light.name, **described.entry}
         entry |= {"color": (light.color / strength).tolist(), "intensity": strength}
         self.container.use(_PUNCTUAL)
         listed = self.container.document.setdefault("extensions", {}).setdefault(_PUNCTUAL, {"lights": []})["lights"]
         listed.append(entry)
-        self._place({"name": entry["name"], "extensions": {_PUNCTUAL: {"light": len(listed) - 1}}}, frame)
+        self._place({"name": entry["name"], "extensions": {_PUNCTUAL: {"light": len(listed) - 1}}}, placement.light_frame(light))

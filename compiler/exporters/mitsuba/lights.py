@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
+from ....lights import LIGHTS, PICTURED, SKIES, SURFACES
+from ....lights.contract import ExportedLight
 from ....materials import traits
 from ... import ir
 from ...plan import light_shapes
 from ...plan.plan import Plan
 from .. import camera_frames, placement, texture_values
 from ..export import Export
-from ..lights import ExportedLight, LightFormat, exported
+from ..lights import LightFormat, exported
 from ..placement import F64
 from .materials import pfm
 from .shapes import Shapes
 from .xml import Node, node, rgb, value, vector
 
 SUN_DISTANCE = 1e4  # radii of the scene
-SPOT_PIXELS = 1024  # width of the image that shapes a spot's falloff
-WIDEST_SPOT = np.radians(80.0)
-_AREA = (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)
 
 
 def lights(out: Export, plan: Plan, shapes: Shapes) -> list[Node]:
@@ -33,12 +30,12 @@ def lights(out: Export, plan: Plan, shapes: Shapes) -> list[Node]:
     nodes: list[Node] = []
     form = LightFormat("Mitsuba", unshadowed=not plan["shadows"], profiled=False)
     for light in exported(out, shining, form):
-        if light.kind in _AREA:
+        if light.kind in SURFACES:
             nodes += _area(out, shapes, light.row, blocks)
-        elif light.kind in (ir.LightKind.POINT, ir.LightKind.SPOT):
-            nodes.append(_point_light(out, shapes.name, light))
-        elif light.kind in (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN):
-            nodes.append(_directional(out, plan, shapes, light.row))
+        elif light.angle > 0.0:
+            nodes.append(_sun(out, plan, shapes, light))
+        elif light.kind not in SKIES and (emitter := _light(out, shapes.name, light)) is not None:
+            nodes.append(emitter)
     nodes += _sky(out, plan, shapes.name, shining)
     return nodes
 
@@ -55,43 +52,33 @@ def _area(out: Export, shapes: Shapes, row: int, blocks: NDArray[np.bool_]) -> l
     return shapes.of_light(instance, rgb("radiance", tables.lights.color[row]))
 
 
-def _point_light(out: Export, name: str, light: ExportedLight) -> Node:
-    if light.kind == ir.LightKind.POINT:
-        position = Node("point", vector("position", light.position).attributes)
-        return node("emitter", "point").with_(position, rgb("intensity", light.color))
-    return _spot(out, name, light)
-
-
-def _spot(out: Export, name: str, light: ExportedLight) -> Node:
-    """A spot light with its falloff as a texture: Mitsuba's is linear in the angle, ours is smoothstep of the cosine."""
-    cone = light.cone
-    if cone > WIDEST_SPOT:
-        out.cannot(f"a spot wider than {np.degrees(WIDEST_SPOT):.0f}° is not carried", "lights", light.row)
-        cone = WIDEST_SPOT
-    frame = np.eye(4)
-    frame[:3, :3], frame[:3, 3] = placement.frame_along(light.direction), light.position
-    degrees = float(np.degrees(cone))
-    emitter = node("emitter", "spot", cutoff_angle=degrees, beam_width=degrees, to_world=frame).with_(rgb("intensity", light.color))
+def _light(out: Export, name: str, light: ExportedLight) -> Node | None:
+    """The emitter of a light without an extent; None after a report."""
+    describe = LIGHTS[light.kind].mitsuba
+    if describe is None:
+        out.cannot(f"a {light.kind.name.lower()} light is not carried: Mitsuba has none", "lights", light.row)
+        return None
+    described = describe(light)
+    if described.loss:
+        out.cannot(described.loss, "lights", light.row)
+    parameters = dict(described.parameters)
+    if described.is_turned:
+        frame = np.eye(4)
+        frame[:3, :3], frame[:3, 3] = placement.frame_along(light.direction), light.position
+        parameters["to_world"] = frame
+    vectors = [Node(tag, vector(key, given).attributes) for key, (tag, given) in described.vectors.items()]
+    emitter = node("emitter", described.plugin, **parameters).with_(*vectors, rgb(described.color, light.color))
+    if described.texture is None:
+        return emitter
     file = f"{name}.{len(out.files)}.pfm"
-    out.files[file] = pfm(spot_picture(cone, math.cos(light.cone), math.cos(light.full)))
+    out.files[file] = pfm(described.texture)
     return emitter.with_(value("texture", node("texture", "bitmap", filename=file, raw=True, wrap_mode="clamp")))
 
 
-def spot_picture(cone: float, cos_cone: float, cos_full: float) -> np.ndarray:
-    """(n, n, 3) relative intensity of a spot over the square about its cone, on a plane perpendicular to its axis."""
-    place = ((np.arange(SPOT_PIXELS) + 0.5) / SPOT_PIXELS * 2.0 - 1.0) * np.tan(cone)
-    cosine = 1.0 / np.sqrt(1.0 + place[:, None] ** 2 + place[None] ** 2)
-    t = np.clip((cosine - cos_cone) / max(cos_full - cos_cone, 1e-12), 0.0, 1.0)
-    return np.repeat((t * t * (3.0 - 2.0 * t))[..., None], 3, axis=2).astype(np.float32)
-
-
-def _directional(out: Export, plan: Plan, shapes: Shapes, row: int) -> Node:
-    """A directional light. A sun with angular size is a bright, distant disk, which must not be visible to the camera."""
-    tables = out.scene.tables
-    direction, angle = tables.lights.direction[row], float(tables.lights.angle[row])
-    if tables.lights.kind[row] == ir.LightKind.DIRECTIONAL or angle <= 0.0:
-        return node("emitter", "directional").with_(vector("direction", -direction), rgb("irradiance", tables.lights.color[row]))
-    if traits.specular(out.scene.tables)[np.unique(tables.instances.material)].any() and plan["bounces"] > 0:
+def _sun(out: Export, plan: Plan, shapes: Shapes, light: ExportedLight) -> Node:
+    """A sun with an angular size: a bright, distant disk, which must not be visible to the camera."""
+    tables, row, direction, angle = out.scene.tables, light.row, light.direction, light.angle
+    if traits.specular(tables)[np.unique(tables.instances.material)].any() and plan["bounces"] > 0:
         out.cannot("a sun's disk is seen in mirrors and glass in Mitsuba, and not here", "lights", row, "angle: 0deg")
     if _in_view(camera_frames.eye(out.scene, plan["camera"], plan["size"]), direction, angle):
         out.cannot("the sun's disk is in the picture in Mitsuba, and not here", "lights", row, "angle: 0deg")
@@ -121,8 +108,8 @@ def _in_view(seen: camera_frames.Eye, direction: F64, angle: float) -> bool:
 def _sky(out: Export, plan: Plan, name: str, shining: list[int]) -> list[Node]:
     """The environment emitter, of which Mitsuba supports one: the sum of the skies as a constant, or a dome as an envmap."""
     tables = out.scene.tables
-    skies = [row for row in shining if tables.lights.kind[row] in (ir.LightKind.SKY, ir.LightKind.DOME)]
-    pictures = [row for row in skies if tables.lights.kind[row] == ir.LightKind.DOME and tables.lights.image[row] >= 0]
+    skies = [row for row in shining if tables.lights.kind[row] in SKIES]
+    pictures = [row for row in skies if tables.lights.kind[row] in PICTURED and tables.lights.image[row] >= 0]
     if not pictures:
         total = tables.lights.color[skies].sum(axis=0)
         return [node("emitter", "constant").with_(rgb("radiance", total))] if skies else []

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ....lights import POINTS, SKIES
 from ....materials import traits
 from ....materials.contract import Lobes
 from ... import ir
@@ -79,7 +80,7 @@ def _check_inside_glass(out: Export, plan: Plan) -> None:
     glass = traits.has(tables, Lobes.GLASS)[tables.instances.material]
     places = [("cameras", plan["camera"], tables.transforms.matrix[tables.cameras.transform[plan["camera"]], :, 3])]
     for row in range(len(tables.lights.kind)):
-        if tables.lights.kind[row] in (ir.LightKind.POINT, ir.LightKind.SPOT):
+        if tables.lights.kind[row] in POINTS:
             places.append(("lights", row, tables.lights.position[row]))
         elif tables.lights.instance[row] >= 0:
             places.append(("lights", row, placement.world(tables, int(tables.lights.instance[row]))[:3, 3]))
@@ -94,7 +95,7 @@ def _check_inside_glass(out: Export, plan: Plan) -> None:
 
 def _integrator(out: Export, plan: Plan) -> Node:
     """The path integrator. Mitsuba's max_depth counts edges: the camera's, one for each bounce, and the last to a light."""
-    sky = np.isin(out.scene.tables.lights.kind, (ir.LightKind.SKY, ir.LightKind.DOME)).any()
+    sky = ir.is_in(out.scene.tables.lights.kind, SKIES).any()
     hidden = bool(sky) and plan["background"] == "transparent"
     if hidden and (out.scene.tables.instances.light >= 0).any():
         out.cannot("a transparent background is not carried: Mitsuba would hide the area lights with the sky", hint="--background sky")

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ....lights import AMBIENT
 from ... import ir
 from ...plan.plan import Plan
 from .. import number_text, texture_values
@@ -31,7 +32,7 @@ class Finishes:
     def __init__(self, out: Export, plan: Plan, name: str) -> None:
         self.out, self.plan, self.name, self.tables = out, plan, name, out.scene.tables
         lights = self.tables.lights
-        self.ambient = lights.color[lights.kind == ir.LightKind.AMBIENT].sum(axis=0) if len(lights.kind) else np.zeros(3)
+        self.ambient = lights.color[ir.is_in(lights.kind, AMBIENT)].sum(axis=0) if len(lights.kind) else np.zeros(3)
         self._pictures: dict[tuple[int, bytes], str] = {}
 
     def texture_of(self, material: int) -> int:

@@ -10,16 +10,18 @@ from __future__ import annotations
 
 import numpy as np
 
+from ....lights import AMBIENT, LIGHTS, SKIES
+from ....lights.contract import ExportedLight, Form
 from ... import ir
 from ...mesh import shells
 from ...plan.plan import Plan
 from .. import camera_frames, number_text, placement
 from ..export import Export
 from ..export_job import ExportJob
-from ..lights import ExportedLight, LightFormat, exported
+from ..lights import LightFormat, exported
 from ..placement import F64
 from .materials import Finishes
-from .shapes import bracket, objects
+from .shapes import PovrayText, bracket, objects
 
 FADE = 1e-4  # metres: POV-Ray's 2 / (1 + (d / fade)²) is 1/d² to (fade / d)²
 FAR = 1e5  # radii of the scene: distance of directional lights
@@ -88,16 +90,14 @@ def _lights(out: Export, plan: Plan) -> list[str]:
     made, sky = [], np.zeros(3)
     diffuse = tables.materials.values[np.unique(tables.instances.material)][:, [ir.Slot.DIFFUSE, ir.Slot.SPECULAR]].max(initial=0.0) > 0
     for light in exported(out, np.flatnonzero(lights.color.max(axis=1, initial=0.0) > 0).tolist(), _LIGHTS):
-        if light.kind in (ir.LightKind.SKY, ir.LightKind.DOME):
+        if light.kind in SKIES:
             plain = lights.image[light.row] < 0
             if plain:
                 sky = sky + light.color
             if diffuse or not plain:
                 out.cannot(f"a {light.kind.name.lower()} lights nothing in POV-Ray: it draws lights without extent", "lights", light.row)
-        elif light.kind in (ir.LightKind.POINT, ir.LightKind.SPOT):
-            made.append(_point_light(out, light))
-        elif light.kind in (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN):
-            made.append(_directional(out, light))
+        elif light.kind not in AMBIENT and (source := _light(out, light)) is not None:
+            made.append(source)
     background = plan["background"] if not isinstance(plan["background"], str) else sky
     if plan["background"] == "transparent" and sky.any():
         out.cannot("a transparent background is not carried where a sky is seen in mirrors", hint="--background sky")
@@ -106,22 +106,21 @@ def _lights(out: Export, plan: Plan) -> list[str]:
     return [f"background {{ rgb {bracket(background)} }}", *made]
 
 
-def _point_light(out: Export, light: ExportedLight) -> str:
-    color, fade = light.color / np.pi, ""
-    if light.fades:
-        color, fade = color / (2.0 * FADE * FADE), f" fade_power 2 fade_distance {number_text.number(FADE)}"
-    spot = ""
-    if light.kind == ir.LightKind.SPOT:
-        full, cone = (float(np.degrees(angle)) for angle in (light.full, light.cone))
-        at = bracket(light.position + light.direction)
-        spot = f" spotlight point_at {at} radius {number_text.number(full)} falloff {number_text.number(cone)} tightness 0"
-    return _light_source(out, light.row, light.position, color, fade + spot)
-
-
-def _directional(out: Export, light: ExportedLight) -> str:
-    middle, radius = placement.reach(out.scene.tables)
-    at = middle + light.direction * radius * FAR
-    return _light_source(out, light.row, at, light.color / np.pi, f" parallel point_at {bracket(middle)}")
+def _light(out: Export, light: ExportedLight) -> str | None:
+    """The source of a light at a point or far away; None after a report."""
+    kind, color, place, more = LIGHTS[light.kind], light.color / np.pi, light.position, ""
+    if kind.povray is None:
+        out.cannot(f"a {light.kind.name.lower()} light is not carried: POV-Ray has none", "lights", light.row)
+        return None
+    if kind.FORM == Form.DISTANT:
+        middle, radius = placement.reach(out.scene.tables)
+        place, more = middle + light.direction * radius * FAR, f" parallel point_at {bracket(middle)}"
+    elif light.fades:
+        color, more = color / (2.0 * FADE * FADE), f" fade_power 2 fade_distance {number_text.number(FADE)}"
+    described = kind.povray(light, PovrayText())
+    if described.loss:
+        out.cannot(described.loss, "lights", light.row)
+    return _light_source(out, light.row, place, color, more + described.more)
 
 
 def _light_source(out: Export, row: int, at: F64, color: F64, more: str) -> str:

@@ -89,7 +89,7 @@ class _Object:
 
     def _native(self, kind: ir.GeometryKind, p: list[float]) -> tuple[str, list[str]] | None:
         shape = SHAPES.get(kind)
-        return self._meshed(-1) if shape is None or shape.povray is None else shape.povray(p, _Text())
+        return self._meshed(-1) if shape is None or shape.povray is None else shape.povray(p, PovrayText())
 
     def _meshed(self, texture: int) -> tuple[str, list[str]] | None:
         if self.out.is_endless(self.i, "a texture on " if texture >= 0 else ""):
@@ -145,7 +145,7 @@ def pattern_matrix(frame: F64) -> str:
     return f"matrix <{', '.join(f'{v + 0.0:.17g}' for v in back[:3].T.ravel())}>"  # all digits: POV-Ray inverts the matrix again
 
 
-class _Text:
+class PovrayText:
     """Numbers and vectors of POV-Ray."""
 
     number = staticmethod(number)

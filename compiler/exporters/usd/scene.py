@@ -10,12 +10,15 @@ from __future__ import annotations
 
 import math
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux, UsdShade, UsdUtils, Vt
 
+from ....lights import LIGHTS
+from ....lights.contract import ExportedLight, Form, UsdLight
 from ... import ir
 from ...ir.light_links import CASTERS, EVERYTHING
 from ...mesh.shells import Shell
@@ -24,7 +27,7 @@ from .. import camera_frames, placement, texture_values
 from ..bodies import Bodies, Body, Converters, compact, part_of
 from ..export import Export
 from ..export_job import ExportJob
-from ..lights import ExportedLight, LightFormat, exported
+from ..lights import LightFormat, exported
 from ..placement import F64
 from .materials import Materials, set_name
 
@@ -33,7 +36,6 @@ MAIN_CAMERA = "main_cam"  # the name that usdrecord looks for
 FOCAL = 50.0  # tenths of a metre: any focal length makes the same picture with its aperture
 _TURNED = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # USD's plates shine along −z, ours along +y
 _LIGHTS = LightFormat("USD")
-_AREA = (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE)
 
 
 def export(job: ExportJob) -> Export:
@@ -183,8 +185,12 @@ class _Writer:
 
     def _light(self, light: ExportedLight) -> None:
         row, strength = light.row, float(light.color.max())
+        describe = LIGHTS[light.kind].usd
+        if describe is None:
+            self.out.cannot(f"a {light.kind.name.lower()} light is not carried: USD has none", "lights", row)
+            return
         path = self._path(light.name.strip("/").replace("/", "_"))
-        prim, factor, frame = self._kind_of_light(path, light)
+        prim, factor, frame = self._define_light(path, light, describe)
         prim.CreateIntensityAttr(strength * factor)
         prim.CreateColorAttr(Gf.Vec3f(*(light.color / strength).tolist()))
         if not self.tables.lights.shadows[row]:
@@ -202,55 +208,31 @@ class _Writer:
                 members = np.flatnonzero(visible & mask != 0).tolist()
                 collection.CreateIncludesRel().SetTargets([self._placed[i] for i in members if i in self._placed])
 
-    def _kind_of_light(self, path: str, light: ExportedLight) -> tuple[Any, float, F64]:
+    def _define_light(self, path: str, light: ExportedLight, describe: Callable[[ExportedLight], UsdLight]) -> tuple[Any, float, F64]:
         """(the light, its intensity over our color, its frame)"""
-        row, kind, lights, frame = light.row, light.kind, self.tables.lights, np.eye(4)
-        if kind in _AREA:
-            return self._area(path, row, kind)
-        if kind in (ir.LightKind.DIRECTIONAL, ir.LightKind.SUN):
-            made = UsdLux.DistantLight.Define(self.stage, path)
-            made.CreateAngleAttr(2.0 * math.degrees(light.angle))
-            made.CreateNormalizeAttr(True)
-            frame[:3, :3] = placement.frame_along(light.direction)
-            return made, 1.0, frame
-        if kind in (ir.LightKind.SKY, ir.LightKind.DOME):
-            made = UsdLux.DomeLight.Define(self.stage, path)
-            if kind == ir.LightKind.DOME and lights.image[row] >= 0:
-                name = f"{self.name}.{len(self.out.files)}.exr"
-                self.out.files[name] = self.converters.exr(texture_values.pixels(self.tables.images, int(lights.image[row]))[..., :3])
-                made.CreateTextureFileAttr(f"./{name}")
-                made.CreateTextureFormatAttr(UsdLux.Tokens.latlong)
-                frame = placement.square(self.tables.transforms.matrix[lights.transform[row]])
-            return made, 1.0, frame
-        made = UsdLux.SphereLight.Define(self.stage, path)
-        made.CreateTreatAsPointAttr(True)
-        made.CreateNormalizeAttr(True)
-        frame[:3, 3] = light.position
-        if kind == ir.LightKind.SPOT:
+        kind, lights, row = LIGHTS[light.kind], self.tables.lights, light.row
+        described = describe(light)
+        if described.loss:
+            self.out.cannot(described.loss, "lights", row)
+        made, frame = getattr(UsdLux, described.prim).Define(self.stage, path), placement.light_frame(light)
+        for name, value in described.attributes.items():
+            getattr(made, f"Create{name}Attr")(value)
+        if described.shaping:
             shaping = UsdLux.ShapingAPI.Apply(made.GetPrim())
-            shaping.CreateShapingConeAngleAttr(math.degrees(light.cone))
-            shaping.CreateShapingConeSoftnessAttr(1.0 - light.full / light.cone if light.cone > 0 else 0.0)
-            frame[:3, :3] = placement.frame_along(-light.direction)
-        return made, 4.0, frame  # a ball's intensity is a quarter of its normalized one
-
-    def _area(self, path: str, row: int, kind: ir.LightKind) -> tuple[Any, float, F64]:
-        lights, size = self.tables.lights, self.tables.lights.size[row]
-        frame = placement.square(self.tables.transforms.matrix[lights.transform[row]])
+            for name, value in described.shaping.items():
+                getattr(shaping, f"Create{name}Attr")(value)
+        if kind.FORM == Form.SKY:
+            if lights.image[row] < 0:
+                return made, described.intensity, np.eye(4)
+            name = f"{self.name}.{len(self.out.files)}.exr"
+            self.out.files[name] = self.converters.exr(texture_values.pixels(self.tables.images, int(lights.image[row]))[..., :3])
+            made.CreateTextureFileAttr(f"./{name}")
+            made.CreateTextureFormatAttr(UsdLux.Tokens.latlong)
         if lights.instance[row] >= 0:
             self.out.cannot("the shape of an area light is not carried: USD's lights light what is there, and are not seen", "lights", row)
-        if kind == ir.LightKind.SPHERE:
-            made = UsdLux.SphereLight.Define(self.stage, path)
-            made.CreateRadiusAttr(float(size[0]))
-            return made, 1.0, frame
-        frame[:3, :3] = frame[:3, :3] @ _TURNED.T
-        if kind == ir.LightKind.DISK:
-            made = UsdLux.DiskLight.Define(self.stage, path)
-            made.CreateRadiusAttr(float(size[0]))
-            return made, 1.0, frame
-        made = UsdLux.RectLight.Define(self.stage, path)
-        made.CreateWidthAttr(2.0 * float(size[0]))
-        made.CreateHeightAttr(2.0 * float(size[1]))
-        return made, 1.0, frame
+        if kind.FORM in (Form.RECTANGLE, Form.DISK):
+            frame[:3, :3] = frame[:3, :3] @ _TURNED.T
+        return made, described.intensity, frame
 
 
 def _vectors(values: F64) -> Any:

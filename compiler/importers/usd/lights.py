@@ -14,6 +14,7 @@ import numpy as np
 from pxr import UsdGeom, UsdLux
 
 from ....lang.diagnostics import Span
+from ....lights import RECTANGLES, SURFACES
 from ... import ir
 from ...scene.builder import SceneBuilder
 from ...scene.row_records import Color, LightData, as_color
@@ -90,7 +91,7 @@ def light(
 
 def _is_sound(light: LightData) -> bool:
     """Whether a light's numbers are finite and it has the area of its kind."""
-    sides = {ir.LightKind.RECTANGLE: 2, ir.LightKind.DISK: 1, ir.LightKind.SPHERE: 1}.get(light.kind, 0)
+    sides = 2 if light.kind in RECTANGLES else int(light.kind in SURFACES)
     numbers = (*light.color, *light.position, *light.direction, *light.size, light.angle)
     return all(map(math.isfinite, numbers)) and min(light.color) >= 0 and all(side > 0 for side in light.size[:sides])
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from maquette.compiler import ir
-from maquette.compiler.lower import daylight_sky
+from maquette.lights import daylight_sky
 
 LUMINANCE = np.array([0.2126729, 0.7151522, 0.0721750])
 

@@ -12,6 +12,7 @@ from maquette.compiler.plan import light_shapes
 from maquette.compiler.scene import transforms
 from maquette.compiler.scene.row_records import ALL_RAYS, NO_SHADOW
 from maquette.lang.elements import Euler
+from maquette.lights import spot
 
 Kind = ir.LightKind
 BALL = "\nsphere(1)\ncamera([0, 1, 5])\n"
@@ -61,7 +62,7 @@ def test_spot_flux_is_the_integral_of_its_fading() -> None:
     edges = np.linspace(cos_cone, cos_full, 100_001)
     x = ((edges[1:] + edges[:-1]) / 2 - cos_cone) / (cos_full - cos_cone)
     fading = float((x * x * (3 - 2 * x)).sum() * (edges[1] - edges[0]))
-    assert lights_module.spot_share(cos_cone, cos_full) == pytest.approx(2 * math.pi * ((1 - cos_full) + fading), rel=1e-9)
+    assert spot.flux_share(cos_cone, cos_full) == pytest.approx(2 * math.pi * ((1 - cos_full) + fading), rel=1e-9)
 
 
 def test_a_spot_of_a_flux(compiled) -> None:

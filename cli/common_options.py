@@ -114,6 +114,7 @@ scene_options = options(
         help=f"Axis of a mesh file that points up. Default: as the file says; {file_types.assumed('up')}.",
     ),
     click.option("--animation", metavar="NAME", help="Animation of a glTF file: its name or number. Default: the first."),
+    click.option("--repair", is_flag=True, default=None, help="Repair mesh files: merge vertices, wind faces one way, fill holes."),
     click.option("--session-layer", type=LAYER, help="USD layer whose values go over those of the stage."),
     click.option(
         "--max-elements", type=click.IntRange(1), help=f"Limit of the elements that a scene makes and places. Default: {MAX_ELEMENTS:,}."
@@ -160,7 +161,7 @@ def source_of(scene: Path, given: dict[str, Any]) -> jobs.Source:
         **of_stage, mask=given.pop("mask") or (), complexity=given.pop("complexity") or 0, default_light=not given.pop("no_default_light"),
         size=given.get("size"),
     )  # fmt: skip
-    mesh = MeshOptions(*(given.pop(name) for name in ("unit", "up", "animation")))
+    mesh = MeshOptions(*(given.pop(name) for name in ("unit", "up", "animation", "repair")))
     return jobs.Source(scene, given.pop("sets"), given.pop("at"), given.pop("allow"), stage, mesh, given.pop("max_elements"))
 
 

@@ -62,6 +62,13 @@ cloud, or less where it has more than 22,500 points. At most 500,000 points are 
 Colours of vertices and faces are sRGB, from 0 to 1 or to 255 or 65535. All values of a file show which: they are counted to 255 or more
 if most of those above 0 are above 1, or if all are whole numbers and one is above 16.
 
+## Repair
+
+`--repair`, or `mesh("scan.ply", repair: true)`, repairs a mesh file. It merges vertices that are nearer to each other than a
+millionth of the extent, removes doubled faces and faces without area, winds faces as most of their neighbours, turns closed bodies outwards and fills holes
+of up to half of the area of the mesh. A note names each repair, and a warning what stays. A repaired mesh has triangles for its polygons.
+Meshes that cross themselves are not cut. `maquette check` tells whether a mesh is closed and wound one way.
+
 ## Formats, unit and up axis
 
 {formats}

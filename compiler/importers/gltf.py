@@ -47,7 +47,7 @@ def parts(file: MeshFile) -> list[Part]:
         return []
     moment = file.time, None if options is None else options.animation
     container = open_container(file.data, file.folder, file.files)
-    reader = _Reader(container, file.name, file.builder, file.diagnostics, file.as_scene, moment)
+    reader = _Reader(container, file.name, file.builder, file.diagnostics, file.as_scene, file.repaired, moment=moment)
     try:
         return reader.parts()
     except WRONG as failure:
@@ -64,6 +64,8 @@ class _Reader:
     builder: SceneBuilder
     diagnostics: Diagnostics
     as_scene: bool
+    repaired: Callable[..., Any]  # MeshFile.repaired
+    alone: bool = True  # whether the mesh has one primitive: holes between several are not filled
     moment: tuple[float | None, str | None] = (None, None)
     warned: set[str] = field(default_factory=set)
     meshes: dict[Any, list[Part]] = field(default_factory=dict)
@@ -189,6 +191,7 @@ class _Reader:
         key = (index, weights, None if skin is None else skin.joints.tobytes())
         if key not in self.meshes:
             name, made = mesh.get("name") or f"mesh {index}", []
+            self.alone = len(mesh["primitives"]) == 1
             for k, p in enumerate(mesh["primitives"]):
                 made += self.attempt(f"primitive {k} of `{name}`", lambda p=p: self.primitive(p, name, weights, skin), [])
             self.meshes[key] = made
@@ -237,7 +240,8 @@ class _Reader:
         made = []
         for part, fit in parts:
             row = None if material is None else self.material(material, fit)
-            made.append(add(part, row, name, self.builder, self.diagnostics, Span(self.name)))
+            whole, _ = self.repaired(part, name, self.alone)
+            made.append(add(whole, row, name, self.builder, self.diagnostics, Span(self.name)))
         parts_named = [self.named(part, primitive) for part in made if part is not None]
         if material is None or not self.materials.is_double_sided(material):
             self.builder.single_sided.update(part.geometry for part in parts_named)

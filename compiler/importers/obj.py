@@ -224,7 +224,8 @@ def parts(file: MeshFile) -> list[Part]:
         return []
     library = _libraries(groups, file.folder, file.files, diagnostics)
     parts = []
-    for k, mesh in polygon_mesh.split(groups.mesh, groups.material):
+    whole, source = file.repaired(groups.mesh)
+    for k, mesh in polygon_mesh.split(whole, groups.material if source is None else groups.material[source]):
         asked = groups.materials[k]
         row = _material(asked, groups, library, builder, file.files, diagnostics)
         part = add(mesh, row, asked or file.stem, builder, diagnostics, file.span, frame)

@@ -63,7 +63,7 @@ class _Data:
 def parts(file: MeshFile) -> list[Part]:
     """The mesh of the file, with the picture that it names. Raises PlyError."""
     span, builder, diagnostics = file.span, file.builder, file.diagnostics
-    mesh = file.cached(lambda found: read(file.data, found, span))
+    mesh, _ = file.repaired(file.cached(lambda found: read(file.data, found, span)))
     pictures = texture_files(file.data)
     material = None
     if len(pictures) > 1:

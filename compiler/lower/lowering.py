@@ -221,9 +221,9 @@ class Lowering:
             return []
         args = element.args
         scaled = args["height"] is not None  # then the unit is of no account
-        key = path, args["unit"], args["up"], scaled
+        key = path, args["unit"], args["up"], scaled, args["repair"]
         if key not in self._meshes:
-            options = MeshOptions(args["unit"] or ("m" if scaled else None), args["up"])
+            options = MeshOptions(args["unit"] or ("m" if scaled else None), args["up"], repair=args["repair"] or None)
             with self._within(element):
                 parts = mesh_files.read(
                     path, self._shown(path), self.builder, self.builder.diagnostics, element.place, self.files, options=options

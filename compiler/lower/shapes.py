@@ -12,7 +12,7 @@ from ...lang.elements import Element
 from ...shapes.catalogue import ELEMENTS
 from ...shapes.contract import ShapeError
 from ..importers.common.replacements import NONE, Replacements
-from ..mesh import built_geometry, polygon_mesh, triangulate
+from ..mesh import built_geometry, polygon_mesh, repair, triangulate
 from ..scene import fit_height, transforms
 from ..scene.row_records import MeshAttribute, MeshData, Outlines, Piece
 from . import formulas, heightfields, solids, sweeps, texts
@@ -158,6 +158,9 @@ def _written_mesh(lowering: Context, element: Element) -> list[Piece]:
     counts = np.array([len(face) for face in args["faces"]], dtype=np.int64)
     indices = np.array([vertex for face in args["faces"] for vertex in face], dtype=np.int64)
     mesh = polygon_mesh.PolyMesh(points, counts, indices, _vertex(args["normals"]), _vertex(args["uv"]), _vertex(args["colors"]))
+    if args["repair"]:
+        mesh, _, said = repair.repaired(mesh)
+        said.tell("the mesh", lowering.builder.diagnostics, element.place)
     data, dropped = polygon_mesh.assemble(mesh)
     if dropped:
         lowering.warn(element, f"{dropped} of the mesh's {len(counts)} faces {'has' if dropped == 1 else 'have'} no area and are left out")

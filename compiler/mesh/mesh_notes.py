@@ -45,7 +45,7 @@ def _of_file(tables: ir.Tables, file: str, rows: list[list[int]]) -> list[Diagno
     for wrong, what in ((against, "faces that are wound against their neighbours"), (inwards, "faces that all point inwards")):
         if wrong:
             which = "the mesh has" if len(rows) == 1 else f"{wrong} of {len(rows)} meshes {'has' if wrong == 1 else 'have'}"
-            found.append(Diagnostic("warning", f"{which} {what}", span, "write the faces counter-clockwise, as seen from outside"))
+            found.append(Diagnostic("warning", f"{which} {what}", span, "--repair, in a scene mesh(…, repair: true), turns them round"))
     return found
 
 

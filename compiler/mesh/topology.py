@@ -71,12 +71,15 @@ def moments(positions: F64, triangles: I64) -> Moments:
 
 
 def connected_vertices(count: int, triangles: np.ndarray) -> I64:
-    """(count,) the least vertex of each vertex's connected part, by label propagation with shortcuts."""
+    """(count,) the least vertex of each vertex's connected part, by label propagation with shortcuts.
+
+    The vertices of a row of `triangles` are connected; it may have another number of columns than three.
+    """
     label = np.arange(count)
     while True:
         least = label[triangles].min(axis=1)
         new = label.copy()
-        for k in range(3):
+        for k in range(triangles.shape[1]):
             np.minimum.at(new, triangles[:, k], least)
         while not np.array_equal(new, new[new]):
             new = new[new]

@@ -89,6 +89,7 @@ SHAPES = (
             "up", "choice", None, f"the axis of the file that points up; by default as the file says, {file_types.assumed('up')}",
             choices=file_types.AXES, keyword=True,
         ),
+        Arg("repair", "bool", False, "merge vertices of the file, wind its faces one way and outwards, fill its holes", keyword=True),
         exclusive=(("file", "points"),),
         example='mesh("bunny.obj", height: 35cm)',
     ),

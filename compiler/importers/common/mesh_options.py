@@ -12,12 +12,14 @@ class MeshOptions:
     unit: str | None = None  # key of file_types.UNITS: what 1 is in a file
     up: str | None = None  # one of file_types.AXES: the axis of a file that points up
     animation: str | None = None  # name or number of an animation of a file
+    repair: bool | None = None  # merge vertices, wind faces one way and outwards, fill holes
     deviation: float | None = None  # metres: greatest distance of generated triangles from the true surface
 
     def given(self) -> list[str]:
         """Names on the command line of the options about files that are not at their default."""
-        return [name for name in ("unit", "up", "animation") if getattr(self, name) is not None]
+        return [name for name in ("unit", "up", "animation", "repair") if getattr(self, name) is not None]
 
     def words(self) -> list[str]:
         """The same options as words of a command line."""
-        return [word for name in self.given() for word in (f"--{name}", str(getattr(self, name)))]
+        given = {name: getattr(self, name) for name in self.given()}
+        return [word for name, value in given.items() for word in ((f"--{name}",) if value is True else (f"--{name}", str(value)))]

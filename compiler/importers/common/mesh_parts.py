@@ -13,7 +13,7 @@ from ....lang import file_types
 from ....lang.diagnostics import Diagnostics, Span
 from ...io import stage_cache
 from ...io.sandbox import Files
-from ...mesh import polygon_mesh
+from ...mesh import polygon_mesh, repair
 from ...scene.builder import NONE, SceneBuilder
 from ...scene.row_records import MeshAttribute
 from .mesh_options import MeshOptions
@@ -118,9 +118,20 @@ class MeshFile:
         """read(diagnostics), or its result of the last compilation of the same data."""
         return stage_cache.cached_read("meshes read", (self.data, self.name), self.diagnostics, read)
 
+    def repaired(self, mesh: polygon_mesh.PolyMesh, name: str = "", fill: bool = True) -> tuple[polygon_mesh.PolyMesh, np.ndarray | None]:
+        """(the mesh, repaired if the options ask for it, with notes of what was repaired; the face of the file for each of its faces)
+
+        The faces are None if they are as they were. Without `fill` holes stay.
+        """
+        if self.options is None or not self.options.repair:
+            return mesh, None
+        made, source, said = stage_cache.cached("meshes repaired", (mesh, fill), lambda: repair.repaired(mesh, fill))
+        said.tell(f"`{name}`" if name else "the mesh", self.diagnostics, self.span)
+        return made, source
+
     def single(self, read: Callable[[bytes, Diagnostics, Span], polygon_mesh.PolyMesh]) -> list[Part]:
         """The only part of a file without materials, whose mesh `read` makes. Raises what it raises."""
-        mesh = self.cached(lambda diagnostics: read(self.data, diagnostics, self.span))
+        mesh, _ = self.repaired(self.cached(lambda diagnostics: read(self.data, diagnostics, self.span)))
         part = add(mesh, None, self.stem, self.builder, self.diagnostics, self.span, self.frame)
         return [] if part is None else [part]
 

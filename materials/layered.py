@@ -24,7 +24,7 @@ def surface(row: SurfaceRow, metallic: Input, specular: Input | None = None) -> 
         row.input(ir.Slot.DIFFUSE), metallic, row.input(ir.Slot.ROUGHNESS), row.ior, specular=specular,
         emissive=row.input(ir.Slot.EMISSION), coat=row.input(ir.Slot.COAT), coat_roughness=row.input(ir.Slot.COAT_ROUGHNESS),
         sheen=row.input(ir.Slot.SHEEN), sheen_roughness=row.input(ir.Slot.SHEEN_ROUGHNESS), occlusion=row.input(ir.Slot.AMBIENT),
-        **({"opacity": 1.0 - through} if through > 0.0 else {}),
+        transmission=through,
     )  # fmt: skip
     return Exported(made)
 

@@ -74,9 +74,6 @@ def surface(row: SurfaceRow) -> Exported:
     return Exported(row.surface(row.input(ir.Slot.SPECULAR), ALL, row.input(ir.Slot.ROUGHNESS), GLASS))
 
 
-ROUGH = 0.3  # roughness from which interreflection between microfacets exceeds 1 % of a metal's reflectance
-
-
 def mitsuba(row: MitsubaRow) -> Any:
     if row.texture(ir.Slot.SPECULAR) >= 0:
         row.cannot(losses.texture(ir.Slot.SPECULAR))

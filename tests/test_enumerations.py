@@ -15,8 +15,6 @@ NOT_ALL = {  # the module of a table and its enumeration: why some kinds are not
     "shapes: GeometryKind": "meshes and formulas are no analytic shapes",
     "compiler.exporters.gltf.materials: Wrap": "glTF's samplers do not end in black: it is reported",
     "compiler.exporters.mitsuba.materials: Wrap": "Mitsuba's bitmaps do not end in black: it is reported",
-    "compiler.exporters.mitsuba.materials: MaterialModel": "materials of the course have the inputs of diffuse surfaces",
-    "compiler.exporters.povray.materials: MaterialModel": "materials with a highlight of POV-Ray's",
     "compiler.scene.builder: Interpolation": "a constant has one value",
     "materials.losses: Slot": "other inputs bear the names of the enumeration",
     "compiler.scene.validate: GeometryKind": "measures of a mesh are those of its triangles",

@@ -14,7 +14,7 @@ import numpy as np
 from ...lang.diagnostics import Span
 from .. import ir
 from ..io.sandbox import FileError
-from ..scene import metallic_roughness
+from ..scene import metallic_roughness, partial_coverage
 from ..scene.builder import NONE, SceneBuilder
 from ..scene.row_records import BLACK, WHITE, Input, MaterialData, TextureData, as_color, scale_color
 from . import images
@@ -92,9 +92,8 @@ class Materials:
         base = Input((color[0], color[1], color[2]), picture)
         title = written.get("name", "")
         if "KHR_materials_unlit" in extensions:
-            holes, threshold = self._holes(written, base, float(color[3]))
-            inputs = {ir.Slot.DIFFUSE: Input(BLACK), ir.Slot.EMISSION: base} | ({} if holes is None else {ir.Slot.OPACITY: holes})
-            return MaterialData(ir.MaterialModel.LAMBERT, inputs, name=title, threshold=threshold)
+            inputs = {ir.Slot.DIFFUSE: Input(BLACK), ir.Slot.EMISSION: base}
+            return partial_coverage.with_opacity(MaterialData(inputs=inputs, name=title), *self._opacity(written, base, float(color[3])))
         share, tinted = _transmission(extensions), _is_colored(pbr)
         if self._is_glass(written):
             ior = float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5))
@@ -112,16 +111,16 @@ class Materials:
                 self.warn("light passes the holes alone of a surface with the alphaMode MASK: without KHR_materials_transmission")
             else:
                 metallic = surface.metallic.value[0] if surface.metallic.texture == NONE else 0.0  # metals transmit nothing
-                surface = replace(surface, opacity=1.0 - share * (1.0 - min(max(metallic, 0.0), 1.0)))
+                surface = replace(surface, transmission=share * (1.0 - min(max(metallic, 0.0), 1.0)))
         return metallic_roughness.material(surface)
 
-    def _holes(self, written: dict[str, Any], base: Input, alpha: float) -> tuple[Input | None, float]:
-        """(opacity of a surface with the modes BLEND and MASK, None where it is 1; its threshold, 0 for none)."""
+    def _opacity(self, written: dict[str, Any], base: Input, alpha: float) -> tuple[Input, float]:
+        """(opacity of a surface, below 1 with the modes BLEND and MASK; its threshold, 0 for none)."""
         mode = written.get("alphaMode", "OPAQUE")
         alpha *= self._fit.alpha
         through = vertex_numbers.texture(self.builder, Span(self.name)) if self._fit.ramp else self.builder.alpha_of(base.texture)
         if mode == "OPAQUE" or (alpha >= 1.0 and through == NONE):
-            return None, 0.0
+            return partial_coverage.OPAQUE, 0.0
         return Input.number(alpha, through), max(float(written.get("alphaCutoff", 0.5)), _LEAST_CUTOFF) if mode == "MASK" else 0.0
 
     def _absorption(self, extensions: dict[str, Any]) -> dict[ir.Slot, Input]:
@@ -173,7 +172,7 @@ class Materials:
     def _surface(self, written: dict[str, Any], base: Input, alpha: float, extensions: dict[str, Any]) -> metallic_roughness.Surface:
         """Base colour, metallic, roughness, emission and, for BLEND and MASK, opacity (§3.9)."""
         pbr = written.get("pbrMetallicRoughness", {})
-        packed, (holes, threshold) = pbr.get("metallicRoughnessTexture"), self._holes(written, base, alpha)
+        packed, (opacity, threshold) = pbr.get("metallicRoughnessTexture"), self._opacity(written, base, alpha)
         strength = float(extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0))
         r, g, b = written.get("emissiveFactor", (0.0, 0.0, 0.0))
         coat, sheen = (extensions.get(f"KHR_materials_{name}", {}) for name in ("clearcoat", "sheen"))
@@ -195,7 +194,7 @@ class Materials:
                 float(sheen.get("sheenRoughnessFactor", 0.0)), self._texture(sheen.get("sheenRoughnessTexture"), 3)
             ),
             occlusion=self._occlusion(written.get("occlusionTexture")),
-            normal=self._normal(written.get("normalTexture")), holes=holes,
+            normal=self._normal(written.get("normalTexture")), opacity=opacity,
             threshold=threshold, name=written.get("name", ""),
         )  # fmt: skip
 

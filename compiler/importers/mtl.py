@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ...lang import text_encoding
@@ -220,23 +220,25 @@ def _tell_filter(m: MtlMaterial, made: MaterialData, diagnostics: Diagnostics) -
 def _data(m: MtlMaterial, texture: Callable[..., int], builder: SceneBuilder) -> MaterialData:
     inputs = _maps(m, texture, builder)
     illum = int(m.numbers.get("illum", 2))
-    opacity, ior = m.opacity, m.numbers.get("Ni", 1.0)
+    opacity, ior = Input.number(m.opacity), m.numbers.get("Ni", 1.0)
     if "d" in m.maps:
         map_d = texture("d", color=False)
         channel = builder.alpha_of(map_d) if m.maps["d"].channel < 0 else NONE
-        inputs[ir.Slot.OPACITY] = Input.number(1.0, channel if channel != NONE else map_d)
+        opacity = Input.number(m.opacity, channel if channel != NONE else map_d)
     map_kd = texture("Kd")
     kd = m.colors.get("Kd", WHITE if map_kd >= 0 else DEFAULT_KD)
     if map_kd >= 0 and kd == BLACK:
         kd = WHITE
+    holes = Input.number(1.0, opacity.texture)  # of glass and mirrors, whose `d` is another thing
     ka = m.colors.get("Ka", kd)
     ks = m.colors.get("Ks", BLACK)
     tint = m.colors.get("Tf", WHITE)
-    if illum in REFRACTING and ior > 1.0 and (kd == BLACK or "Tf" in m.colors) and (opacity < 1.0 or kd == BLACK):
+    if illum in REFRACTING and ior > 1.0 and (kd == BLACK or "Tf" in m.colors) and (m.opacity < 1.0 or kd == BLACK):
         inputs |= {ir.Slot.TRANSMISSION: Input(tint), ir.Slot.IOR: Input.number(ior)}
-        return MaterialData(ir.MaterialModel.GLASS, inputs, name=m.name)
+        return partial_coverage.with_opacity(MaterialData(ir.MaterialModel.GLASS, inputs, name=m.name), holes)
     if illum in REFLECTING and kd == BLACK and ks != BLACK:
-        return MaterialData(ir.MaterialModel.MIRROR, inputs | {ir.Slot.REFLECTION: Input(ks, texture("Ks"))}, name=m.name)
+        mirror = MaterialData(ir.MaterialModel.MIRROR, inputs | {ir.Slot.REFLECTION: Input(ks, texture("Ks"))}, name=m.name)
+        return partial_coverage.with_opacity(mirror, holes)
     emissive = metallic_roughness.DARK
     if "Ke" in m.colors or "Ke" in m.maps:
         map_ke = texture("Ke")
@@ -257,15 +259,12 @@ def _data(m: MtlMaterial, texture: Callable[..., int], builder: SceneBuilder) ->
     if illum in REFLECTING and ks != BLACK:
         model = ir.MaterialModel.BLINN_PHONG
         inputs[ir.Slot.REFLECTION] = Input(ks, texture("Ks"))
-    if opacity < 1.0:
-        inputs = partial_coverage.passing(inputs, opacity, tint)
-        if ir.Slot.TRANSMISSION in inputs:
-            model = ir.MaterialModel.BLINN_PHONG
-    return MaterialData(model, inputs, name=m.name)
+    made = partial_coverage.passing(MaterialData(model, inputs, name=m.name), opacity, tint)
+    return replace(made, model=ir.MaterialModel.BLINN_PHONG) if ir.Slot.TRANSMISSION in made.inputs else made
 
 
 def _principled(
-    m: MtlMaterial, texture: Callable[..., int], diffuse: Input, emissive: Input, opacity: float, inputs: dict[ir.Slot, Input]
+    m: MtlMaterial, texture: Callable[..., int], diffuse: Input, emissive: Input, opacity: Input, inputs: dict[ir.Slot, Input]
 ) -> MaterialData:
     """A material with keys of the PBR extension."""
 
@@ -277,7 +276,7 @@ def _principled(
     sheen = min(max(m.numbers.get("Ps", 0.0), 0.0), 1.0)
     surface = metallic_roughness.Surface(
         diffuse, number("Pm", 0.0), number("Pr", 0.5), Input.number(m.numbers.get("Ni", 1.5)), None, emissive, number("Pc", 0.0),
-        number("Pcr", 0.01), opacity=opacity, holes=inputs.get(ir.Slot.OPACITY), normal=inputs.get(ir.Slot.NORMAL),
+        number("Pcr", 0.01), opacity=opacity, highlights_stay=True, normal=inputs.get(ir.Slot.NORMAL),
         bump=inputs.get(ir.Slot.BUMP), sheen=Input(scale_color(WHITE, sheen)), sheen_roughness=_SHEEN_ROUGHNESS, name=m.name,
     )  # fmt: skip
     return metallic_roughness.material(surface)

@@ -8,6 +8,8 @@ from typing import Any
 
 from ...lang.elements import Element
 from ...lang.formula_graph import Formula
+from ...materials.catalogue import ELEMENTS
+from ...materials.contract import Lobes
 from .. import ir
 from ..formula.builder import Builder
 from ..formula.from_formula import NotASurface, add_formula
@@ -16,12 +18,11 @@ from ..formula.tape import Tape
 from ..importers import images
 from ..importers.images import ImageError
 from ..io.sandbox import FileError
-from ..scene import metals
-from ..scene.row_records import BLACK, WHITE, Color, Input, MaterialData, TextureData, multiply_colors, scale_color
+from ..scene import partial_coverage
+from ..scene.row_records import BLACK, WHITE, Input, MaterialData, TextureData, scale_color
 from .context import Context
 
 Slot = ir.Slot
-DARKEST = 1e-6  # least component of a colour inside glass: 0 has infinite absorption
 MOST_PATTERN = 509  # operations of a pattern, the limit of the kernels (render/texture/procedural.py)
 _SHADING = {"phong": ir.Shading.SMOOTH, "gouraud": ir.Shading.GOURAUD, "flat": ir.Shading.FLAT}
 _MAPPINGS = {m.name.lower(): m for m in ir.TextureMapping}
@@ -48,7 +49,7 @@ class Materials:
     def _warn_of_bright_color(self, element: Element) -> None:
         """Warn of a colour that reflects more light than arrives, as of channels from 0 to 255."""
         color = element.args.get("color")
-        if element.kind == "emissive" or not isinstance(color, tuple) or max(color) <= 1.0:
+        if Lobes.EMISSION in ELEMENTS[element.kind][0].LOBES or not isinstance(color, tuple) or max(color) <= 1.0:
             return
         bytes_of_it = all(c == int(c) and c <= 255 for c in color) and max(color) > 15
         hint = "write #" + "".join(f"{int(c):02x}" for c in color) if bytes_of_it else "channels of a material's colour are 0 to 1"
@@ -56,15 +57,9 @@ class Materials:
         self._lowering.warn(element, message, hint)
 
     def _data(self, element: Element) -> MaterialData:
-        if element.kind == "blend":
-            plain = self._blend(element)
-        else:
-            plain = self._plain(element)
+        plain = ELEMENTS[element.kind][1].lower(_Arguments(self, element))
         plain = replace(plain, inputs={**plain.inputs, **self._maps(element)})
-        opacity = self._opacity(element.args["opacity"])
-        if opacity == Input.number(1.0):
-            return plain
-        return replace(plain, inputs={**plain.inputs, Slot.OPACITY: opacity}, threshold=element.args["opacity_threshold"])
+        return partial_coverage.with_opacity(plain, self._opacity(element.args["opacity"]), element.args["opacity_threshold"])
 
     def _maps(self, element: Element) -> dict[ir.Slot, Input]:
         """Normal and bump maps of a material."""
@@ -90,108 +85,19 @@ class Materials:
     def _opacity(self, value: Any) -> Input:
         if isinstance(value, Element) and value.kind == "image":
             return Input.number(1.0, self.texture(value, color=False, alpha=True))
-        return self._number(value)
+        return self.number(value)
 
-    def _plain(self, element: Element) -> MaterialData:
-        """A material, without its opacity."""
-        kind, args = element.kind, element.args
-        if kind == "mirror":
-            return MaterialData(ir.MaterialModel.MIRROR, {Slot.REFLECTION: self._color(args["color"])})
-        if kind == "glass":
-            inputs = {Slot.TRANSMISSION: self._color(args["color"]), Slot.IOR: self._number(args["ior"])}
-            inputs[Slot.ROUGHNESS] = self._number(args["roughness"])
-            inputs[Slot.PRIORITY] = Input.number(args["priority"])
-            inputs[Slot.ABSORPTION] = Input(self._absorption(element))
-            return MaterialData(ir.MaterialModel.GLASS, inputs)
-        if kind == "emissive":
-            color = self._color(args["color"])
-            shining = Input(scale_color(color.value, args["luminance"]), color.texture)
-            return MaterialData(ir.MaterialModel.EMISSIVE, {Slot.EMISSION: shining})
-        shading = _SHADING[args["shading"]]
-        if kind == "principled":
-            return self._principled(args, shading)
-        if kind == "metal":
-            return self._metal(args, shading)
-        diffuse = self._color(args["color"])
-        if kind == "lambert":
-            return MaterialData(ir.MaterialModel.LAMBERT, {Slot.AMBIENT: diffuse, Slot.DIFFUSE: diffuse}, shading)
-        model = {"phong": ir.MaterialModel.PHONG, "blinn_phong": ir.MaterialModel.BLINN_PHONG}[kind]
-        return MaterialData(model, self._course_inputs(args, diffuse), shading, args["normalized"])
+    def error(self, element: Element, message: str, hint: str = "") -> None:
+        """Report an error at an element."""
+        self._lowering.error(element, message, hint)
 
-    def _blend(self, element: Element) -> MaterialData:
-        """A blend of two opaque materials, shaded at points."""
-        parts = [element.args["first"], element.args["second"]]
-        for part in parts:
-            if part.args["opacity"] != 1.0:
-                message = "a blend's materials have no opacity of their own"
-                self._lowering.error(part, message, "give the blend the opacity")
-            if part.args.get("shading") == "gouraud":
-                message = "light of a blend is computed at points, not at vertices"
-                self._lowering.error(part, message, 'leave out `shading: "gouraud"`')
-        rows = [self.row(part) for part in parts]
-        flat = all(part.args.get("shading") == "flat" for part in parts)
-        shading = ir.Shading.FLAT if flat else ir.Shading.SMOOTH
-        weight = {Slot.WEIGHT: self._number(element.args["weight"])}
-        return MaterialData(ir.MaterialModel.BLEND, weight, shading, first=rows[0], second=rows[1])
-
-    def _absorption(self, element: Element) -> Color:
-        """The absorption coefficient of glass per metre: white light has the colour `inside` after `depth`."""
-        color, depth = element.args["inside"], element.args["depth"]
-        if color is None:
-            if depth is not None:
-                message = "`depth` is given without `inside`"
-                self._lowering.error(element, message, "give `inside`, the colour at that depth, or leave it out")
-            return BLACK
-        r, g, b = (-math.log(max(c, DARKEST)) / (0.1 if depth is None else depth) + 0.0 for c in color)
-        return (max(r, 0.0), max(g, 0.0), max(b, 0.0))
-
-    def _principled(self, args: Any, shading: ir.Shading) -> MaterialData:
-        color = self._color(args["emission"])
-        inputs = {
-            Slot.AMBIENT: self._number(args["occlusion"]),
-            Slot.DIFFUSE: self._color(args["color"]),
-            Slot.ROUGHNESS: self._number(args["roughness"]),
-            Slot.IOR: self._number(args["ior"]),
-            Slot.METALLIC: self._number(args["metallic"]),
-            Slot.COAT: self._number(args["clearcoat"]),
-            Slot.COAT_ROUGHNESS: self._number(args["clearcoat_roughness"]),
-            Slot.SHEEN: self._color(args["sheen"]),
-            Slot.SHEEN_ROUGHNESS: self._number(args["sheen_roughness"]),
-            Slot.EMISSION: Input(scale_color(color.value, args["luminance"]), color.texture),
-        }
-        if args["specular"] is None:
-            return MaterialData(ir.MaterialModel.PRINCIPLED, inputs, shading)
-        inputs[Slot.SPECULAR] = self._color(args["specular"])
-        return MaterialData(ir.MaterialModel.PRINCIPLED_SPECULAR, inputs, shading)
-
-    def _metal(self, args: Any, shading: ir.Shading) -> MaterialData:
-        f0, edge = metals.reflectance(args["kind"])
-        color = self._color(args["color"])
-        inputs = {
-            Slot.SPECULAR: Input(multiply_colors(f0, color.value), color.texture),
-            Slot.EDGE: Input(edge),
-            Slot.ROUGHNESS: self._number(args["roughness"]),
-        }
-        return MaterialData(ir.MaterialModel.METAL, inputs, shading)
-
-    def _course_inputs(self, args: Any, diffuse: Input) -> dict[ir.Slot, Input]:
-        return {
-            Slot.AMBIENT: diffuse if args["ambient"] is None else self._color(args["ambient"]),
-            Slot.DIFFUSE: diffuse,
-            Slot.SPECULAR: self._color(args["specular"]),
-            Slot.SHININESS: self._number(args["shininess"]),
-            Slot.REFLECTION: self._color(args["reflection"]),
-            Slot.TRANSMISSION: self._color(args["transmission"]),
-            Slot.IOR: self._number(args["ior"]),
-        }
-
-    def _color(self, value: Any) -> Input:
+    def color(self, value: Any) -> Input:
         if isinstance(value, Element):
             return Input(WHITE, self.texture(value, color=True))
         r, g, b = value
         return Input((r, g, b))
 
-    def _number(self, value: Any) -> Input:
+    def number(self, value: Any) -> Input:
         return Input.number(1.0, self.texture(value, color=False)) if isinstance(value, Element) else Input.number(value)
 
     def texture(self, element: Element, color: bool, alpha: bool = False, directions: bool = False) -> int:
@@ -260,6 +166,35 @@ class Materials:
         except (FileError, ImageError) as failure:
             lowering.error(element, failure.message, failure.hint)
             return -1
+
+
+class _Arguments:
+    """The arguments of an element, as materials/contract.py describes them."""
+
+    def __init__(self, materials: Materials, element: Element) -> None:
+        self._materials, self._element, self.args = materials, element, element.args
+
+    @property
+    def shading(self) -> ir.Shading:
+        return _SHADING[self.args["shading"]]
+
+    def color(self, name: str) -> Input:
+        return self._materials.color(self.args[name])
+
+    def number(self, name: str) -> Input:
+        return self._materials.number(self.args[name])
+
+    def error(self, message: str, hint: str = "") -> None:
+        self._materials.error(self._element, message, hint)
+
+    def part(self, name: str) -> int:
+        part = self.args[name]
+        if part.args["opacity"] != 1.0:
+            self._materials.error(part, "a blend's materials have no opacity of their own", "give the blend the opacity")
+        if part.args.get("shading") == "gouraud":
+            message = "light of a blend is computed at points, not at vertices"
+            self._materials.error(part, message, 'leave out `shading: "gouraud"`')
+        return self._materials.row(part)
 
 
 def _frame(args: Any) -> tuple[tuple[float, float, float], tuple[float, float, float]]:

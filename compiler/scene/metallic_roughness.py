@@ -34,19 +34,20 @@ class Surface:
     occlusion: Input = ALL
     normal: Input | None = None  # normal map, its factor the strength
     bump: Input | None = None  # height map, its factor in metres
-    opacity: float = 1.0  # of the surface under its highlights, which stay
-    holes: Input | None = None  # opacity of the whole surface, or a cut-out at `threshold`
+    opacity: Input = ALL  # of the whole surface, or a cut-out at `threshold`
     threshold: float = 0.0
+    highlights_stay: bool = False  # where the constant of the opacity is below 1
+    transmission: float = 0.0  # share of the light that passes straight under highlights, which stay
     name: str = ""
 
 
 def material(surface: Surface) -> MaterialData:
     """The `principled` material of a surface.
 
-    With opacity below 1, light passes straight through. Highlights stay, as on glass, but where the surface is metallic or its index of
-    refraction has a texture (see partial_coverage). Where `holes` is 0, the whole surface vanishes, highlights too.
+    Where highlights stay, as on glass, they are stronger the more light passes, but not where the surface is metallic or its index of
+    refraction has a texture (see partial_coverage). Where the texture of the opacity is 0, the whole surface vanishes, highlights too.
     """
-    s = _dissolved(surface) if surface.opacity < 1.0 else surface
+    s = _dissolved(surface)
     inputs = {
         ir.Slot.AMBIENT: s.occlusion,
         ir.Slot.DIFFUSE: s.diffuse,
@@ -67,22 +68,24 @@ def material(surface: Surface) -> MaterialData:
         inputs[ir.Slot.NORMAL] = s.normal
     if s.bump is not None:
         inputs[ir.Slot.BUMP] = s.bump
-    if s.holes is not None:
-        inputs[ir.Slot.OPACITY] = s.holes
     model = ir.MaterialModel.PRINCIPLED if s.specular is None else ir.MaterialModel.PRINCIPLED_SPECULAR
-    return MaterialData(model, inputs, name=s.name, threshold=s.threshold)
+    return partial_coverage.with_opacity(MaterialData(model, inputs, name=s.name), _share(s.opacity), s.threshold)
 
 
 def _dissolved(s: Surface) -> Surface:
-    """A surface whose `holes` hold its opacity, with stronger highlights and emission."""
+    """A surface without transmission, whose highlights fade with its opacity: they and the emission are stronger where they stay."""
+    under, whole = (s.opacity.value[0], 1.0) if s.highlights_stay else (1.0, s.opacity.value[0])
+    under *= 1.0 - s.transmission
+    if under >= 1.0:
+        return s
     f0 = s.specular
     if f0 is None and s.metallic == NOTHING and s.ior.texture < 0:
         n = s.ior.value[0] if s.ior.value[0] > 0 else GLASS.value[0]
         f0 = Input(scale_color(WHITE, ((n - 1.0) / (n + 1.0)) ** 2))
-    share = partial_coverage.cover(s.opacity, 0.0 if f0 is None else max(f0.value))
-    holes = Input.number(share) if s.holes is None else Input.number(share * s.holes.value[0], s.holes.texture)
+    share = partial_coverage.cover(under, 0.0 if f0 is None else max(f0.value))
     return replace(
-        s, opacity=1.0, holes=holes, specular=None if f0 is None else partial_coverage.stronger(f0, share),
+        s, opacity=Input.number(share * whole, s.opacity.texture), transmission=0.0,
+        specular=None if f0 is None else partial_coverage.stronger(f0, share),
         coat=partial_coverage.stronger(s.coat, share), emissive=partial_coverage.stronger(s.emissive, share, float("inf")),
     )  # fmt: skip
 

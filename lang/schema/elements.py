@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 from .argument_types import REQUIRED, Arg, Entry
-from .materials import MATERIALS
 from .picture_settings import RENDER_ARGUMENTS
 from .shapes import BLOCKS, SHAPES, SOLIDS
 
@@ -137,5 +136,5 @@ SETTINGS = (
     ),
 )
 
-ENTRIES = (*SHAPES, *SOLIDS, *BLOCKS, *MATERIALS, *TEXTURES, CAMERA, *SETTINGS)
+ENTRIES = (*SHAPES, *SOLIDS, *BLOCKS, *TEXTURES, CAMERA, *SETTINGS)
 """The elements that have no module of their own."""

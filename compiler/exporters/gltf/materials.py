@@ -8,11 +8,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ....materials import losses
+from ....materials.contract import Exported
 from ... import ir
 from ...scene.row_records import Input
 from ..export import Export
 from ..placement import F64
-from ..surfaces import Exported, Surfaces
+from ..surfaces import surface_of
 from ..texture_sets import TextureSets
 from .container import Container
 
@@ -33,7 +35,6 @@ class Materials:
 
     def __init__(self, out: Export, container: Container, png: Callable[..., bytes]) -> None:
         self.out, self.container, self.tables, self._png = out, container, out.scene.tables, png
-        self._surfaces = Surfaces(out)
         self._written: dict[tuple[int, bytes], Written] = {}
         self._images: dict[bytes, int] = {}
         self._sets = TextureSets(self.tables)  # of the material that is being written
@@ -43,7 +44,7 @@ class Materials:
         key = (row, b"" if radiance is None else radiance.tobytes())
         if key not in self._written:
             self._sets = TextureSets(self.tables)
-            exported = self._surfaces.of(row)
+            exported = surface_of(self.out, row)
             document = self._document(exported) if radiance is None else self._shining(f"light{len(self._written)}", radiance)
             document["doubleSided"] = True
             self._written[key] = Written(self.container.add("materials", document), self._sets)
@@ -58,11 +59,11 @@ class Materials:
 
     def _document(self, exported: Exported) -> dict[str, Any]:
         s = exported.surface
-        if s.diffuse.texture < 0 and s.holes is not None and s.holes.texture >= 0:
-            base = self._reference(s.holes.texture, self._alpha_picture(s.holes.texture))
+        if s.diffuse.texture < 0 and s.opacity.texture >= 0:
+            base = self._reference(s.opacity.texture, self._alpha_picture(s.opacity.texture))
         else:
-            base = self._base(s.diffuse, s.holes)
-        alpha = s.opacity if s.holes is None else s.holes.value[0]
+            base = self._base(s.diffuse, s.opacity.texture)
+        alpha = s.opacity.value[0] * (1.0 - s.transmission)
         factor = self._below_one(s.diffuse.value)
         pbr: dict[str, Any] = {"baseColorFactor": [*factor, min(max(alpha, 0.0), 1.0)]}
         if base is not None:
@@ -74,7 +75,7 @@ class Materials:
         document: dict[str, Any] = {"name": s.name, "pbrMetallicRoughness": pbr}
         if s.threshold > 0:
             document |= {"alphaMode": "MASK", "alphaCutoff": s.threshold}
-        elif alpha < 1.0 or s.holes is not None:
+        elif alpha < 1.0 or s.opacity.texture >= 0:
             document["alphaMode"] = "BLEND"
         if s.normal is not None:
             document["normalTexture"] = {**self._picture(s.normal.texture, levels=True), "scale": s.normal.value[0]}
@@ -108,7 +109,7 @@ class Materials:
             found["KHR_materials_ior"] = {"ior": (1.0 + root) / (1.0 - root)}
             found["KHR_materials_specular"] = {"specularColorFactor": [c / largest for c in s.specular.value]}
             if s.specular.texture >= 0:
-                self.out.cannot("a texture of `specular` is not carried", "textures", s.specular.texture)
+                self.out.cannot(losses.texture(ir.Slot.SPECULAR), "textures", s.specular.texture)
         if exported.transmission > 0:
             found["KHR_materials_transmission"] = {"transmissionFactor": exported.transmission}
             volume: dict[str, Any] = {"thicknessFactor": 1.0}
@@ -124,27 +125,27 @@ class Materials:
         if any(s.sheen.value):
             for given in (s.sheen, s.sheen_roughness):
                 if given.texture >= 0:
-                    self.out.cannot("a texture of sheen is not carried", "textures", given.texture)
+                    self.out.cannot(losses.texture(ir.Slot.SHEEN), "textures", given.texture)
             found["KHR_materials_sheen"] = {"sheenColorFactor": list(s.sheen.value), "sheenRoughnessFactor": s.sheen_roughness.value[0]}
         return found
 
     def _below_one(self, color: tuple[float, ...]) -> list[float]:
         if max(color) > 1.0 + 1e-9:
-            self.out.cannot("glTF reflects no more light than arrives: colours above 1 are cut")
+            self.out.cannot(losses.TOO_BRIGHT)
         return [min(max(c, 0.0), 1.0) for c in color]
 
     # --- pictures ---
 
-    def _base(self, diffuse: Input, holes: Input | None) -> dict[str, Any] | None:
+    def _base(self, diffuse: Input, opacity: int) -> dict[str, Any] | None:
         """The reference of a base colour, with the picture of its opacity as alpha."""
         row = diffuse.texture
         if row < 0:
             return None
         alpha = None
-        if holes is not None and holes.texture >= 0:
-            alpha = self._sets.pixels(holes.texture)[..., 0]
-            if alpha.shape != self._sets.pixels(row).shape[:2] or self._place(holes.texture) != self._place(row):
-                self.out.cannot("an opacity that lies differently from the colour's picture is not carried", "textures", holes.texture)
+        if opacity >= 0:
+            alpha = self._sets.pixels(opacity)[..., 0]
+            if alpha.shape != self._sets.pixels(row).shape[:2] or self._place(opacity) != self._place(row):
+                self.out.cannot("an opacity that lies differently from the colour's picture is not carried", "textures", opacity)
                 alpha = None
         return self._reference(row, self._png(self._sets.pixels(row), color=True, alpha=alpha))
 

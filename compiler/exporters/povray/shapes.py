@@ -44,8 +44,8 @@ class _Object:
         self.matrix = placement.world(self.tables, i)
 
     def text(self) -> list[str]:
-        texture = self.finishes.texture_of(self.material)
-        look = self.finishes.look(self.material, self.i)
+        look = self.finishes.look(self.material)
+        texture = look.texture
         if texture >= 0 and not texture_values.follows_uv(self.tables, texture, self.kind):
             name = ir.TextureMapping(int(self.tables.textures.mapping[texture])).name.lower()
             self.out.cannot(f"the mapping {name} is not carried: only a surface's own coordinates are", "textures", texture)
@@ -53,9 +53,7 @@ class _Object:
         if shape is None:
             return []
         head, body = shape
-        pigment = self.finishes.pigment(self.material)
-        if texture >= 0:
-            pigment = pigment.replace("PLACE", self._place(texture))
+        pigment = look.pigment if texture < 0 else look.pigment.replace("PLACE", self._place(texture))
         mapping = "uv_mapping " if texture >= 0 and self.kind != ir.GeometryKind.PLANE else ""
         flags = self._flags(look.glass)
         place = f"  matrix <{number_text.numbers(self.matrix[:3].T)}>"

@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, UsdShade
 
+from ....materials import losses
+from ....materials.contract import Exported
 from ... import ir
 from ...scene.row_records import DEFAULT_MATERIAL, Color, Input, as_color
 from ..export import Export
-from ..surfaces import Exported, Surfaces
+from ..surfaces import surface_of
 from ..texture_sets import TextureSets
 
 _WRAPS = {ir.Wrap.REPEAT: "repeat", ir.Wrap.CLAMP: "clamp", ir.Wrap.MIRROR: "mirror", ir.Wrap.BLACK: "black"}
@@ -38,7 +40,6 @@ class Materials:
     def __init__(self, out: Export, stage: Any, parent: str, name: str, png: Callable[..., bytes]) -> None:
         self.out, self.stage, self.tables, self._png = out, stage, out.scene.tables, png
         self._parent, self._name = parent, name
-        self._surfaces = Surfaces(out)
         self._written: dict[tuple[int, bool], Written] = {}
         self._files: dict[tuple[int, str], str] = {}
 
@@ -46,7 +47,7 @@ class Materials:
         """The material of a row; if `tinted`, for meshes with colours, which are in their primvar displayColor."""
         key = (row, tinted)
         if key not in self._written:
-            sets, exported = TextureSets(self.tables), self._surfaces.of(row)
+            sets, exported = TextureSets(self.tables), surface_of(self.out, row)
             diffuse = exported.surface.diffuse
             if tinted and diffuse.texture >= 0:
                 self.out.cannot("the mesh's colours are carried beside its material, which has a texture", "materials", row)
@@ -72,16 +73,17 @@ class Materials:
         if s.coat.value[0] > 0:
             inputs += [("clearcoat", "number", s.coat), ("clearcoatRoughness", "number", s.coat_roughness)]
         if any(s.sheen.value):
-            self.out.cannot("sheen is not carried: UsdPreviewSurface has none", "materials", row)
+            self.out.cannot(losses.SHEEN, "materials", row)
         if s.specular is not None:
             shader.CreateInput("useSpecularWorkflow", Sdf.ValueTypeNames.Int).Set(1)
         if exported.transmission > 0:
-            self.out.cannot("refraction is not carried: glass is a surface that light passes straight", "materials", row)
-        holes = s.holes if s.holes is not None else Input.number(min(s.opacity, 1.0 - exported.transmission))
-        inputs.append(("opacity", "number", holes))
+            self.out.cannot(losses.REFRACTION, "materials", row)
+        presence = s.opacity != Input.number(1.0)
+        passing = Input.number(min(1.0 - s.transmission, 1.0 - exported.transmission))
+        inputs.append(("opacity", "number", s.opacity if presence else passing))
         if s.threshold > 0:
             shader.CreateInput("opacityThreshold", Sdf.ValueTypeNames.Float).Set(s.threshold)
-        elif s.holes is not None:
+        elif presence:
             shader.CreateInput("opacityMode", Sdf.ValueTypeNames.Token).Set("presence")
         for name, kind, given in inputs:
             if by_colors and name == "diffuseColor":
@@ -121,7 +123,7 @@ class Materials:
         if kind == "normal":
             picture.CreateInput("bias", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(-1.0, -1.0, -1.0, 0.0))
             if given.value[0] != 1.0:
-                self.out.cannot("the strength of a normal map is not carried", "textures", given.texture)
+                self.out.cannot(losses.NORMAL_STRENGTH, "textures", given.texture)
         slot.ConnectToSource(picture.ConnectableAPI(), output)
 
     def _file(self, row: int, kind: str, colored: bool, sets: TextureSets) -> str:

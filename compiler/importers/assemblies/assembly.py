@@ -9,11 +9,11 @@ import numpy as np
 
 from ....lang import file_types
 from ....lang.diagnostics import Span
-from ... import ir
 from ...mesh import polygon_mesh
 from ...mesh.polygon_mesh import PolyMesh
+from ...scene import partial_coverage
 from ...scene.builder import SceneBuilder
-from ...scene.row_records import Input, MaterialData, as_color
+from ...scene.row_records import Input, as_color, lambert
 from ..common import vertex_colors
 from ..common.mesh_options import MeshOptions
 from ..common.mesh_parts import Frame, MeshFile, MeshFileError, Part, add
@@ -89,7 +89,5 @@ def parts_of(file: MeshFile, read: Callable[[bytes, Callable[[str], None]], Asse
 def _base_row(material: BaseMaterial, builder: SceneBuilder, span: Span) -> int:
     """The row of a matt material of a colour."""
     color = as_color(vertex_colors.linear(np.array(material.color)))
-    inputs = {ir.Slot.DIFFUSE: Input(color), ir.Slot.AMBIENT: Input(color)}
-    if material.opacity < 1.0:
-        inputs[ir.Slot.OPACITY] = Input.number(material.opacity)
-    return builder.material(MaterialData(inputs=inputs, name=material.name), span)
+    plain = lambert(color, name=material.name)
+    return builder.material(partial_coverage.with_opacity(plain, Input.number(material.opacity)), span)

@@ -173,7 +173,7 @@ def _material(file: Asset | None, color: Color, materials: Materials, span: Span
         for channel in (-1, 3)
     )
     surface = metallic_roughness.Surface(
-        Input(WHITE, picture), roughness=metallic_roughness.ALL, holes=Input.number(1.0, alpha), threshold=_THRESHOLD, name="card"
+        Input(WHITE, picture), roughness=metallic_roughness.ALL, opacity=Input.number(1.0, alpha), threshold=_THRESHOLD, name="card"
     )  # fmt: skip
     return builder.material(metallic_roughness.material(surface))
 

@@ -18,7 +18,7 @@ from pxr import UsdShade
 
 from ....lang.diagnostics import Span
 from ... import ir
-from ...scene import metallic_roughness
+from ...scene import metallic_roughness, partial_coverage
 from ...scene.builder import NONE, SceneBuilder
 from ...scene.row_records import BLACK, WHITE, Color, Input, MaterialData, TextureData, lambert, nonnegative
 from .. import images
@@ -224,14 +224,8 @@ class Materials:
 
     def plain(self, color: Color, opacity: float, name: str, ramp: bool = False) -> int:
         """The row for a prim without a material: diffuse, in its displayColor. With `ramp`, its opacity is its u."""
-        if ramp:
-            matt, holes = Input(color), Input.number(1.0, vertex_numbers.texture(self.builder))
-            inputs = {ir.Slot.AMBIENT: matt, ir.Slot.DIFFUSE: matt, ir.Slot.OPACITY: holes}
-            return self.builder.material(MaterialData(ir.MaterialModel.LAMBERT, inputs, name=name))
-        if opacity < 1.0:
-            inputs = {ir.Slot.AMBIENT: Input(color), ir.Slot.DIFFUSE: Input(color), ir.Slot.OPACITY: Input.number(opacity)}
-            return self.builder.material(MaterialData(ir.MaterialModel.LAMBERT, inputs, name=name))
-        return self.builder.material(lambert(color, name=name))
+        share = Input.number(1.0, vertex_numbers.texture(self.builder)) if ramp else Input.number(opacity)
+        return self.builder.material(partial_coverage.with_opacity(lambert(color, name=name), share))
 
     def row(self, network: Network, prim: Any, fit: Fit) -> int:
         """The row of a network for a part of a prim, whose primvars it may read."""
@@ -252,13 +246,13 @@ class Materials:
         if int(self._mean_of(i["useSpecularWorkflow"], 0.0, prim)):
             specular = self._color(i["specularColor"], (0.0, 0.0, 0.0), prim)
         threshold = min(max(self._mean_of(i["opacityThreshold"], 0.0, prim), 0.0), 1.0)
-        opacity, holes = self._opacity(i["opacity"], threshold > 0 or str(i["opacityMode"]) == "presence", prim)
         numbers = {name: self._number(i[key], float(_FALLBACKS[key]), prim) for name, key in _NUMBERS.items()}
         surface = metallic_roughness.Surface(
             diffuse, specular=specular, emissive=self._color(i["emissiveColor"], (0.0, 0.0, 0.0), prim),
-            opacity=opacity, holes=holes, threshold=threshold, normal=self._normal(i["normal"], prim),
+            opacity=self._opacity(i["opacity"], prim), threshold=threshold,
+            highlights_stay=threshold <= 0 and str(i["opacityMode"]) != "presence", normal=self._normal(i["normal"], prim),
             sheen=self._color(i.get("sheenColor", BLACK), BLACK, prim),
-            sheen_roughness=self._number(i.get("sheenRoughness", 0.0), 0.0, prim), name=network.name, **numbers,
+            sheen_roughness=self._number(i.get("sheenRoughness", 0.0), 0.0, prim), transmission=0.0, name=network.name, **numbers,
         )  # fmt: skip
         return self.builder.material(metallic_roughness.material(surface), Span(f"{self.opened.name}<{network.path}>"))
 
@@ -296,21 +290,15 @@ class Materials:
         image = self.builder.shared(("normal", texel.tobytes()), lambda: self.builder.image(texel, "normal"))
         return Input((1.0, 1.0, 1.0), self.builder.texture(TextureData(ir.TextureKind.IMAGE, image)))
 
-    def _opacity(self, source: Any, presence: bool, prim: Any) -> tuple[float, Input | None]:
-        """(opacity of the diffuse part, opacity of the whole surface): the latter for `presence`, and where it varies."""
+    def _opacity(self, source: Any, prim: Any) -> Input:
+        """The opacity: of a texture whose image is missing, its node's fallback."""
         if isinstance(source, Picture):
-            return 1.0, self._holes(source)
+            texture, _ = self._texture(source)
+            fallback = self._levels(source)[2][_CHANNELS.get(source.output, 0)]
+            return Input.number(1.0, texture) if texture != NONE else Input.number(fallback)
         if isinstance(source, Primvar) and source.name == self._fit.number:
-            return 1.0, Input.number(1.0, vertex_numbers.texture(self.builder))
-        value = self._mean_of(source, 1.0, prim)
-        return (1.0, Input.number(value)) if presence else (value, None)
-
-    def _holes(self, picture: Picture) -> Input:
-        """Opacity from a texture; its node's fallback if the image is missing."""
-        texture, _ = self._texture(picture)
-        if texture != NONE:
-            return Input.number(1.0, texture)
-        return Input.number(self._levels(picture)[2][_CHANNELS.get(picture.output, 0)])
+            return Input.number(1.0, vertex_numbers.texture(self.builder))
+        return Input.number(self._mean_of(source, 1.0, prim))
 
     def _number(self, source: Any, fallback: float, prim: Any) -> Input:
         """A number, the channel of a connected texture, or the primvar that is the mesh's u."""

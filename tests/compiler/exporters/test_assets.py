@@ -216,7 +216,7 @@ def test_clipping_planes_are_written_or_named(tmp_path, ending):
 def test_sheen_is_written_or_named(tmp_path, ending):
     text = "sphere(1, material: principled(#808080, sheen: rgb(0.5, 0.25, 0), sheen_roughness: 0.75))\n" + CAMERA
     out, told = convert(tmp_path, text, ending)
-    assert ("sheen is not carried: UsdPreviewSurface has none" in told) == (ending == ".usda")
+    assert ("sheen is not carried" in told) == (ending == ".usda")
     if ending == ".glb":
         found = next(m for m in document(out)["materials"] if "KHR_materials_sheen" in m.get("extensions", {}))
         assert found["extensions"]["KHR_materials_sheen"] == {"sheenColorFactor": [0.5, 0.25, 0], "sheenRoughnessFactor": 0.75}

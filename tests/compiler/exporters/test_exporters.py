@@ -18,6 +18,7 @@ from maquette.compiler.exporters.povray import scene as povray_scene
 from maquette.compiler.exporters.povray import shapes as povray_shapes
 from maquette.compiler.mesh import shells
 from maquette.compiler.scene import metals
+from maquette.materials import metal
 from maquette.measure.peers import registry
 from maquette.render.tessellation import scene_meshes
 
@@ -170,7 +171,7 @@ def test_a_pattern_lies_where_its_matrix_says() -> None:
         ("mitsuba", "sphere(1, material: phong(#808080))", "3:21: a Phong highlight is carried as one of microfacets of the same width"),
         (
             "mitsuba", 'sphere(1, material: phong(#808080, specular: 0, shading: "gouraud"))',
-            "3:21: light at vertices (gouraud) is not carried: Mitsuba shades at every point",
+            "3:21: light at vertices (gouraud) is not carried: it is computed at every point",
         ),
         ("mitsuba", "ambient(#808080)", "3:1: ambient light is not carried: Mitsuba has none"),
         ("mitsuba", "point(position: [0, 2, 0], falloff: [1, 0, 1])", "3:1: a fall-off other than 1/d² is not carried"),
@@ -197,13 +198,13 @@ def test_a_pattern_lies_where_its_matrix_says() -> None:
         ("povray", "sphere(1)\nsky()", "4:1: a sky lights nothing in POV-Ray: it draws lights without extent"),
         (
             "povray", "sphere(1, material: phong(#808080, specular: #ff0000))",
-            "3:21: a highlight's colour is not carried: POV-Ray's has the light's",
+            "3:21: a highlight's colour is not carried",
         ),
         ("povray", "sphere(1, material: phong(#808080, normalized: true))", "3:21: a normalized highlight is not carried"),
-        ("povray", 'sphere(1, material: metal("gold"))', "3:21: `metal` is not carried: POV-Ray has no microfacets: its colour alone is"),
+        ("povray", 'sphere(1, material: metal("gold"))', "3:21: microfacets are not carried"),
         ("mitsuba", 'sphere(1, material: metal("gold", roughness: 0.5))',
-            "3:21: light that bounces between facets is not carried: rough surfaces are darker in Mitsuba"),
-        ("povray", "sphere(1, material: phong(#808080, transmission: 0.5))", "3:21: k_t is not carried: in POV-Ray it weakens k_d"),
+            "3:21: light that bounces between facets is not carried: rough surfaces are darker"),
+        ("povray", "sphere(1, material: phong(#808080, transmission: 0.5))", "3:21: k_t is not carried"),
     ],
 )  # fmt: skip
 def test_what_is_not_carried_is_said_with_its_place(name: str, line: str, said: str, tmp_path: Path) -> None:
@@ -216,7 +217,7 @@ def test_metals_keep_what_they_reflect_along_the_normal_and_at_grazing_angles() 
     """Indices for Mitsuba's conductor, from the two reflectances of a row: the measured metals' own come out again, nearly."""
     for name in ("gold", "copper", "titanium"):
         f0, edge = (np.array(c) for c in metals.reflectance(name))
-        n, k = materials.indices_of(f0, edge)
+        n, k = metal.indices_of(f0, edge)
         assert metals.conductor(n, k, 1.0) == pytest.approx(np.minimum(f0, 0.9999), abs=1e-9)
         schlick = (f0 + (1 - f0) * (1 - metals.LOWEST) ** 5) * edge
         assert metals.conductor(n, k, metals.LOWEST) == pytest.approx(schlick, abs=0.02)

@@ -95,7 +95,8 @@ def test_specular_workflow_emission_and_opacity(tmp_path):
 
 
 def test_numbers_beyond_their_ends_are_held():
-    made = metallic_roughness.material(metallic_roughness.Surface(metallic=Input.number(-3), roughness=Input.number(7), opacity=7)).inputs
+    surface = metallic_roughness.Surface(metallic=Input.number(-3), roughness=Input.number(7), opacity=Input.number(7))
+    made = metallic_roughness.material(surface).inputs
     assert (made[ir.Slot.METALLIC].value[0], made[ir.Slot.ROUGHNESS].value[0]) == (0, 1)
     assert ir.Slot.OPACITY not in made
 
@@ -103,12 +104,12 @@ def test_numbers_beyond_their_ends_are_held():
 @pytest.mark.parametrize(
     ("surface", "opacity", "specular"),
     [
-        (metallic_roughness.Surface(opacity=0.5), 0.5, 0.08),  # of 0.04
-        (metallic_roughness.Surface(opacity=0.0), 0.04, 1.0),
-        (metallic_roughness.Surface(opacity=0.0, ior=Input.number(1.0)), 0.0, 0.0),
-        (metallic_roughness.Surface(opacity=0.5, metallic=Input.number(1)), 0.5, None),  # fades
-        (metallic_roughness.Surface(opacity=0.5, holes=Input.number(0.5, 3)), 0.25, 0.08),
-        (metallic_roughness.Surface(opacity=0.0, specular=Input((0.9, 0.9, 0.9))), 0.08, 1.0),
+        (metallic_roughness.Surface(opacity=Input.number(0.5), highlights_stay=True), 0.5, 0.08),  # of 0.04
+        (metallic_roughness.Surface(opacity=Input.number(0.0), highlights_stay=True), 0.04, 1.0),
+        (metallic_roughness.Surface(opacity=Input.number(0.0), highlights_stay=True, ior=Input.number(1.0)), 0.0, 0.0),
+        (metallic_roughness.Surface(opacity=Input.number(0.5), highlights_stay=True, metallic=Input.number(1)), 0.5, None),  # fades
+        (metallic_roughness.Surface(opacity=Input.number(0.5, 3), transmission=0.5), 0.25, 0.08),
+        (metallic_roughness.Surface(opacity=Input.number(0.0), highlights_stay=True, specular=Input((0.9, 0.9, 0.9))), 0.08, 1.0),
     ],
     ids=["half", "clear", "without a highlight", "metal", "holes", "mirror"],
 )

@@ -9,7 +9,7 @@ import numpy as np
 from ..formula.dual_contouring import open_edges
 from ..ir import F64, I64
 
-MOST_CROSSED = 2_000_000  # triangles of a mesh that is searched for crossings
+MOST_CROSSED = 500_000  # triangles of a mesh that is searched for crossings
 _MOST_PAIRS = 40_000_000
 _MARGIN = 1e-6  # of the extent: a vertex nearer to a plane is on it; positions are in single precision
 _MOST_BODIES = 256  # that are searched for others in them

@@ -178,12 +178,13 @@ def _compile_tiles(threads: int, accel: Handle, packed: Handle, frames: Handle, 
     none, film = np.zeros((0, 0), np.int64), Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64))
     made = wavefront.draw_tile_in_groups if reuses else wavefront.draw_tile
     compile_process.compile_in_background(
-        threads, made, accel, packed, frames, Tile(0, 0, 0, 0), none, none, 1, film, _workspace_type(kind, reuses)
+        threads, made, accel, packed, frames, Tile(0, 0, 0, 0), none, none, 1, film, workspace_type(kind, reuses)
     )
 
 
 @functools.cache
-def _workspace_type(kind: type, reuses: bool) -> HandleType:
+def workspace_type(kind: type, reuses: bool) -> HandleType:
+    """The type of a thread's memory of waves."""
     from ..integrator import wave_memory
 
     return Handle(wave_memory.WaveMemory.of(kind, reuses)).type

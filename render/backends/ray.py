@@ -16,10 +16,11 @@ from .. import camera
 from ..accel import intersect, ray_queries
 from ..accel.formula_packets import hits
 from ..accel.formula_packets.hits import REST, closer_hit, first_samples, is_used, load_pixels, load_slots, slot_of
-from ..film import aov
+from ..film import aov, tile_queue
 from ..film.accumulate import LARGEST, clamp
 from ..film.deadline import Deadline
 from ..film.film import TILE
+from ..film.tile_queue import TileKernel
 from ..integrator import background, ray_stack, whitted
 from ..jit.kernel import helper, kernel, noinline_helper
 from ..jit.packed_struct import Handle
@@ -73,11 +74,33 @@ class Renderer:
             self._draw_single(nothing, np.zeros((0, 0, 4), np.float32))
         else:
             self.sample(nothing, none, none, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
+        if not self.primes:
+            tile_queue.load(self._link(), self.side)
 
     @property
     def single(self) -> Callable[[Tile, NDArray[np.float32]], int] | None:
         """See film.Renderer. Not stored: a stored bound method would keep the renderer alive."""
         return self._draw_single if self.has_single else None
+
+    @property
+    def tile_kernel(self) -> TileKernel | None:
+        """See film.Renderer. None in scenes with ray packets, which Python traces."""
+        if self.primes:
+            return None
+        self._learn()
+        return self._link()
+
+    def _link(self) -> TileKernel:
+        """The kernel of `sample`."""
+        p = self.prepared
+        if p.paths is None:
+            inputs = [p.packed, p.accel, p.vertex_light, self.frame]
+            return TileKernel.link(draw_tile, inputs, lambda: Handle(Workspace.of(p.options)), Handle(Workspace.of(p.options)).type)
+        from ..integrator import wave_memory, wavefront
+
+        drawn = wavefront.draw_tile_in_groups if self.reuses else wavefront.draw_tile
+        inputs, kind = [p.accel, self.packed, self.frame], prepare.workspace_type(p.paths, self.reuses)
+        return TileKernel.link(drawn, inputs, lambda: Handle(wave_memory.WaveMemory.of(p.paths, self.reuses)), kind)
 
     @property
     def round(self) -> int | None:

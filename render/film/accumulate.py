@@ -37,18 +37,30 @@ class PixelSums(NamedTuple):
 
 
 @kernel
-def add_samples(film, count, sums, differences, rgba, least, shown):
-    """Add a film's batch of `count` (h, w) samples to the sums of a tile, and update picture and differences; `count` may be 0.
+def add_samples(film, count, sums, differences, rgba, least, shown, tile):
+    """Add a film's batch of `count` (h, w) samples to the sums of a tile, and update picture and differences; see `add_batch`.
+
+    Adds to shown[tile].
+    """
+    add_batch(film, count, count.shape, sums, (0, 0), differences, rgba, (0, 0), least, shown, tile)
+
+
+@helper
+def add_batch(film, count, shape, sums, first, differences, rgba, place, least, shown, tile):
+    """Add a film's batch of `count` samples to the sums of a tile of a `shape`, and update picture and differences; `count` may be 0.
+
+    The tile begins at row and column `first` of the sums, and at `place` of `differences` and `rgba`.
 
     The old samples and the new ones have means m₁, m₂ of n₁, n₂ samples. For independent batches whose variance falls as 1/n, the mean of
     all has the variance d² of d = (m₁ - m₂) √(n₁ n₂) / (n₁ + n₂); adaptive_sampling.Decline corrects it for Sobol points. `differences`
-    (h, w, 3) hold d, inf after one batch. Adds to `shown` (levels, 2), at pixels that are doubled, d² / (value² + `least`) before and
+    (h, w, 3) hold d, inf after one batch. Adds to shown[tile] (levels, 2), at pixels that are doubled, d² / (value² + `least`) before and
     after, at the level of their samples. The value is the geometric mean of both batches, at least half of the mean, as one may be black.
     """
     known_whole, at = 0.0, 0  # neighbors mostly have equal counts
-    for y in range(count.shape[0]):
-        for x in range(count.shape[1]):
-            new, old = count[y, x], sums.samples[y, x]
+    for row in range(shape[0]):
+        for column in range(shape[1]):
+            y, x, v, u = first[0] + row, first[1] + column, place[0] + row, place[1] + column
+            new, old = count[row, column], sums.samples[y, x]
             if new == 0:
                 continue
             whole = float(old + new)
@@ -57,25 +69,25 @@ def add_samples(film, count, sums, differences, rgba, least, shown):
             beyond = False
             weight = math.sqrt(float(old) * float(new)) / whole
             for k in range(3):
-                total = sums.color[y, x, k] + film.color[y, x, k]
+                total = sums.color[y, x, k] + film.color[row, column, k]
                 mean = total / whole
                 if old > 0:
-                    one, other = sums.color[y, x, k] / old, film.color[y, x, k] / new
-                    before, now = np.float64(differences[y, x, k]), (one - other) * weight
+                    one, other = sums.color[y, x, k] / old, film.color[row, column, k] / new
+                    before, now = np.float64(differences[v, u, k]), (one - other) * weight
                     value = math.sqrt(max(one * other, 0.25 * mean * mean))
                     if old == new and before < np.inf:
                         below = value * value + least
                         if below > 0.0:
-                            shown[at, 0] += before * before / below
-                            shown[at, 1] += now * now / below
-                    differences[y, x, k] = now
+                            shown[tile, at, 0] += before * before / below
+                            shown[tile, at, 1] += now * now / below
+                    differences[v, u, k] = now
                 sums.color[y, x, k] = total
-                rgba[y, x, k] = min(max(mean, -LARGEST), LARGEST)
+                rgba[v, u, k] = min(max(mean, -LARGEST), LARGEST)
                 beyond = beyond or not abs(mean) <= LARGEST
-            sums.alpha[y, x] += film.alpha[y, x]
-            sums.issues[y, x] += film.issues[y, x] + (1 if beyond else 0)
+            sums.alpha[y, x] += film.alpha[row, column]
+            sums.issues[y, x] += film.issues[row, column] + (1 if beyond else 0)
             sums.samples[y, x] = old + new
-            rgba[y, x, 3] = sums.alpha[y, x] / whole
+            rgba[v, u, 3] = sums.alpha[y, x] / whole
 
 
 @helper
@@ -87,17 +99,33 @@ def clamp(value):
 @kernel
 def set_first(film, rgba):
     """Set the picture of a tile from a film's one sample of each pixel, and clear the film; return how many samples are not finite."""
+    return put_first(film, rgba.shape, rgba, (0, 0))
+
+
+@helper
+def put_first(film, shape, rgba, place):
+    """`set_first` for a tile of a `shape` that begins at row and column `place` of the picture."""
     issues = 0
-    for y in range(rgba.shape[0]):
-        for x in range(rgba.shape[1]):
-            red, green, blue = film.color[y, x, 0], film.color[y, x, 1], film.color[y, x, 2]
+    for row in range(shape[0]):
+        for column in range(shape[1]):
+            y, x = place[0] + row, place[1] + column
+            red, green, blue = film.color[row, column, 0], film.color[row, column, 1], film.color[row, column, 2]
             if not (abs(red) <= LARGEST and abs(green) <= LARGEST and abs(blue) <= LARGEST):
                 red, green, blue = clamp(red), clamp(green), clamp(blue)
                 issues += 1
-            rgba[y, x, 0], rgba[y, x, 1], rgba[y, x, 2], rgba[y, x, 3] = red, green, blue, film.alpha[y, x]
-            issues += film.issues[y, x]
-    film.color[...], film.alpha[...], film.issues[...] = 0.0, 0.0, 0
+            rgba[y, x, 0], rgba[y, x, 1], rgba[y, x, 2], rgba[y, x, 3] = red, green, blue, film.alpha[row, column]
+            issues += film.issues[row, column]
+    clear(film, shape)
     return issues
+
+
+@helper
+def clear(film, shape):
+    """Set the sums of a film of a `shape` to 0."""
+    for row in range(shape[0]):
+        for column in range(shape[1]):
+            film.color[row, column, 0], film.color[row, column, 1], film.color[row, column, 2] = 0.0, 0.0, 0.0
+            film.alpha[row, column], film.issues[row, column] = 0.0, 0
 
 
 @helper

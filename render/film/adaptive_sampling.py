@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..sampling.pixel_groups import GROUP
+from ..types import Tile
 
 Map = NDArray[np.float64]
 Counts = NDArray[np.int64]
@@ -160,18 +161,16 @@ class Decline:
     BELIEVED = 0.5
     LEVELS = 32  # octaves of the number of samples
 
-    def __init__(self, chosen_from: int = 0) -> None:
+    def __init__(self, tiles: Sequence[Tile], chosen_from: int = 0) -> None:
         """`chosen_from`: first level of samples whose excess over 1 counts half; 0 for pictures of fixed samples."""
         self._believed = np.where(np.arange(self.LEVELS) < chosen_from, 1.0, self.BELIEVED)
-        self._shown: dict[Any, Map] = {}
-
-    def of(self, tile: Any) -> Map:
-        """Return (levels, 2) of a tile, for accumulate.add_samples: errors before and after doublings, by level; for one thread."""
-        return self._shown.setdefault(tile, np.zeros((self.LEVELS, 2)))
+        self._order = sorted(range(len(tiles)), key=lambda k: tiles[k])
+        self.shown = np.zeros((len(tiles), self.LEVELS, 2))
+        """(tiles, levels, 2) for accumulate.add_batch: errors before and after doublings, by level."""
 
     def shares(self) -> Map:
         """Return (levels,) variance of the means over the estimate from halves: 1 for independent samples, less for nets."""
-        before, after = np.sum([np.zeros((self.LEVELS, 2)), *(self._shown[tile] for tile in sorted(self._shown))], axis=0).T
+        before, after = self.shown[self._order].sum(axis=0).T
         known = (after > 0.0) & (before > after)
         slope = np.log2(np.divide(before, after, out=np.ones_like(before), where=known), where=known, out=np.ones_like(before))
         return 1.0 / (2.0 ** (1.0 + self._believed * (np.clip(slope, 1.0, self.STEEPEST) - 1.0)) - 1.0)

@@ -6,6 +6,7 @@ import math
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from typing import Any
 
 import numpy as np
@@ -25,9 +26,9 @@ from .checkpoint import Keeper, State
 from .deadline import Deadline, Pace
 from .progress import Picture, Progress, Report
 from .remote import Remote
+from .tile_queue import CALL, Batches, Target, TileKernel, TileQueue
 
 TILE = 32  # pixels
-CALL = 64  # samples a pixel of a tile between checks for cancellation and deadline
 
 KNOWN = 0.5  # of the pixels, whose variance tells that of the others
 ESTIMATE = 2.0  # seconds between estimates of the error for callers
@@ -114,12 +115,12 @@ class Canvas:
         self.samples = np.zeros((self.height, self.width), np.int64 if self.most > 1 else np.int8)
         self.first = min(adaptive_sampling.first_samples(plan["error"]), self.most)
         adaptive = decision.adaptive(plan)
-        self.decline = adaptive_sampling.Decline(self.first.bit_length() if adaptive else 0)
         self.least = 0.0  # ε², after the first round
         self.tiles = tiles(self.crop, renderer.side)
-        self.issues = dict.fromkeys(self.tiles, 0)
-        self.drawn = dict.fromkeys(self.tiles, 0)  # samples of all pixels
-        self.spent = 0  # samples of all finished tiles
+        self.rows = {tile: k for k, tile in enumerate(self.tiles)}
+        self.boxes = np.array(self.tiles, np.int64).reshape(-1, 4)
+        self.issues, self.drawn = np.zeros((2, len(self.tiles)), np.int64)  # by tile: not finite, and samples of all pixels
+        self.decline = adaptive_sampling.Decline(self.tiles, self.first.bit_length() if adaptive else 0)
         self._local = threading.local()
         self.settled = not adaptive
         self.reuses = renderer.cell > 1
@@ -129,6 +130,7 @@ class Canvas:
         self.sums: PixelSums | None = None  # of the whole picture, where it is drawn in rounds
         self.round: dict[str, Any] = {}  # what a checkpoint needs to go on with the round
         self.deadline, self.pace, self.grants = Deadline(), Pace(), False
+        self.queue = TileQueue(renderer.side, self.threads, self.pace, lambda: self.deadline.clock())
         self.with_extras: set[Tile] = set()  # tiles with their channels, where a budget may leave some out
         self.lock = threading.Lock()  # a checkpoint is made between two batches
         self.resumed = keeper.found if keeper is not None and self.most > 1 else None
@@ -141,80 +143,136 @@ class Canvas:
         if self.renderer.round is not None:
             self._in_rounds(sorted({*goals, *range(self.renderer.round, self.most, self.renderer.round)}))
             return
+        pixels = self.width * self.height
         if self.most == 1:
-            self.work(self._draw_single, self.tiles, lambda: self.spent / (self.width * self.height))
-            return
-        if self.progressive:
+            self.draw(self.tiles, Batches((1,)), lambda: self.spent / pixels)
+        elif self.progressive:
             self.preview(min(goals))
             self._in_rounds(list(goals))
             return
+        else:
+            left = [tile for tile in self.tiles if not self._is_finished(tile)]
+            self.draw(left, Batches(tuple(goals)), lambda: self.spent / (self.most * pixels))
+        self.work(self.draw_extras, self.tiles if self.names else (), lambda: 1.0)
 
-        def draw(tile: Tile) -> None:
-            if not self._is_finished(tile):
-                part = PixelSums.zeros(tile.y1 - tile.y0, tile.x1 - tile.x0)
-                for goal in goals:
-                    self.draw_tile(tile, part, np.full(part.samples.shape, goal))
-                    if part.samples.min() < goal:
-                        break  # cancelled: all samples in one batch would tell no error
-            self.draw_extras(tile)
-
-        whole = self.most * self.width * self.height
-        self.work(draw, self.tiles, lambda: self.spent / whole)
+    @property
+    def spent(self) -> int:
+        """Samples of all pixels, of finished batches."""
+        return int(self.drawn.sum())
 
     def _is_finished(self, tile: Tile) -> bool:
         """Whether a tile of fixed samples is whole."""
-        return self.drawn[tile] == self.most * (tile.y1 - tile.y0) * (tile.x1 - tile.x0)
+        return bool(self.drawn[self.rows[tile]] == self.most * (tile.y1 - tile.y0) * (tile.x1 - tile.x0))
 
     def _draw_single(self, tile: Tile) -> None:
         """Render a tile of one sample a pixel, with memory of the thread."""
         shape = tile.y1 - tile.y0, tile.x1 - tile.x0
         window = self.window(tile)
         if self.renderer.single is not None:
-            self.issues[tile] = self.renderer.single(tile, self.channels["rgba"][window])
+            self.issues[self.rows[tile]] = self.renderer.single(tile, self.channels["rgba"][window])
         else:
             if getattr(self._local, "shape", None) != shape:
                 self._local.shape, self._local.film = shape, blank_film(tile)
                 self._local.counts = np.zeros(shape, np.int64), np.ones(shape, np.int64)
             first, count = self._local.counts
             self.renderer.sample(tile, first, count, 1, self._local.film)
-            self.issues[tile] = accumulate.set_first(self._local.film, self.channels["rgba"][window])
+            self.issues[self.rows[tile]] = accumulate.set_first(self._local.film, self.channels["rgba"][window])
         self.samples[window] = 1
-        self.drawn[tile] = shape[0] * shape[1]
-        self.draw_extras(tile)
+        self.drawn[self.rows[tile]] = shape[0] * shape[1]
 
     def preview(self, first: int) -> None:
         """Render all tiles with 1/4ᵏ of the `first` samples, in pictures of rising quality that the work begins anew after."""
         shares = [4**k for k in range(1, 16) if first >= 2 * 4**k]
         for goal in (-(-first // share) for share in reversed(shares)):
-
-            def draw(tile: Tile, goal: int = goal) -> None:
-                part = PixelSums.zeros(tile.y1 - tile.y0, tile.x1 - tile.x0)
-                self.draw_tile(tile, part, np.full(part.samples.shape, goal))
-
-            self.work(draw, self.tiles, lambda: 0.0)
-            self.drawn, self.spent = dict.fromkeys(self.tiles, 0), 0
+            self.draw(self.tiles, Batches((goal,)), lambda: 0.0)
+            self.drawn[:] = 0
 
     def _in_rounds(self, goals: Sequence[int]) -> None:
         """Render all tiles up to each of the `goals`, samples of every pixel, with `Renderer.refresh` before each."""
-        whole_sums = self.sums = self.sums or PixelSums.zeros(self.height, self.width)
+        self.sums = self.sums or PixelSums.zeros(self.height, self.width)
         pixels, before = self.width * self.height, 0
         for goal in goals:
             if self.round and goal < self.round["goal"]:  # done before the checkpoint
                 before = goal
                 continue
             self.refresh((goal - before) * pixels, goal=goal)
-
-            def draw(tile: Tile, goal: int = goal) -> None:
-                part = whole_sums.window(self.window(tile))
-                if self.drawn[tile] < goal * part.samples.size:
-                    self.draw_tile(tile, part, np.full(part.samples.shape, goal))
-
-            self.work(draw, self.tiles, lambda: self.spent / (self.most * pixels))
+            self.draw(self.tiles, Batches((goal,)), lambda: self.spent / (self.most * pixels), self.sums)
             if self.cancel.is_set():
                 return
             before = goal
         self.round = {"goal": self.most + 1}
         self.work(self.draw_extras, self.tiles, lambda: 1.0)
+
+    def draw(
+        self, jobs: Sequence[Tile], batches: Batches, fraction: Callable[[], float], sums: PixelSums | None = None
+    ) -> None:  # fmt: skip
+        """Render batches of samples of tiles on all threads, added to `sums` of the whole picture, and report the `fraction` done.
+
+        Without `sums` the tiles begin with no samples.
+        """
+        timed, fresh = self.deadline.is_finite, not self.drawn.any()
+
+        def by_python(tile: Tile) -> None:
+            if self.most == 1:
+                self._draw_single(tile)
+                return
+            shape = tile.y1 - tile.y0, tile.x1 - tile.x0
+            self._draw_batches(tile, PixelSums.zeros(*shape) if sums is None else sums.window(self.window(tile)), batches)
+
+        drawing: TileKernel | None = None if isinstance(self.renderer, Remote) or not jobs else self.renderer.tile_kernel
+        if drawing is not None and timed and self.pace.seconds == 0.0:
+            self.work(by_python, jobs[:1], fraction)
+            jobs = jobs[1:]
+        if drawing is None or (timed and self.pace.samples() < self.queue.side**2):  # slow: by rows, see _blocks
+            self.work(by_python, jobs, fraction)
+        elif jobs:
+            self._draw_queue(jobs, batches, fraction, sums, drawing, fresh)
+
+    def _draw_queue(
+        self, jobs: Sequence[Tile], batches: Batches, fraction: Callable[[], float], sums: PixelSums | None, drawing: TileKernel, fresh: bool
+    ) -> None:  # fmt: skip
+        """`draw` by a kernel; `fresh`: no tile but the one in the middle has samples."""
+        alone, none = self.most == 1, np.zeros((0, 0), np.int64)
+        target = Target(
+            np.zeros(1, np.int64), np.array([self.rows[tile] for tile in jobs], np.int64), self.boxes, np.array(batches.steps, np.int64),
+            batches.goals, sums or PixelSums.zeros(0, 0), self.channels["rgba"], self.differences, none if alone else self.samples,
+            self.samples if alone else none.astype(np.int8), self.drawn, self.issues, self.decline.shown, self.least, *self.crop[:2], self.most,
+        )  # fmt: skip
+
+        def is_stopped(row: int) -> bool:
+            if self.cancel.is_set():
+                return True
+            granted = fresh and self.grants and (row < 0 or not self.drawn[row])
+            return self.deadline.is_over() and not granted
+
+        def report() -> None:
+            self._report(fraction())
+            if self.keeper is not None and self.keeper.due():
+                self.keep()
+
+        def keeps() -> bool:
+            return not (self.keeper is not None and self.cancel.is_set())  # a checkpoint holds whole batches
+
+        self.pace.limits = self.deadline.is_finite
+        self.queue.run(drawing, target, is_stopped, keeps, report)
+
+    def _draw_batches(self, tile: Tile, part: PixelSums, batches: Batches) -> None:
+        """Render the batches of a tile."""
+        row = self.rows[tile]
+        if not batches.steps:
+            goals = batches.goals[self.window(tile)]
+            for _ in range(adaptive_sampling.MOST_DOUBLINGS):
+                step = np.minimum(goals, 2 * part.samples)
+                if self.deadline.is_over() or np.array_equal(step, part.samples):
+                    break
+                self.draw_tile(tile, part, step)
+        for goal in batches.steps:
+            if self.deadline.is_over() and (self.drawn[row] or not self.is_granted(tile)):
+                return
+            if self.drawn[row] < goal * part.samples.size:
+                self.draw_tile(tile, part, np.full(part.samples.shape, goal))
+            if part.samples.min() < goal:
+                break  # cancelled: all samples in one batch would tell no error
 
     def draw_tile(self, tile: Tile, part: PixelSums, goals: Counts) -> None:
         """Render the pixels of a tile up to their goals as one batch; less if cancelled or after the deadline."""
@@ -260,10 +318,10 @@ class Canvas:
             if start < most and self.keeper is not None and self.cancel.is_set():
                 return  # a checkpoint holds whole batches
             rgba, differences = self.channels["rgba"][window], self.differences[window]
-            accumulate.add_samples(film, count, part, differences, rgba, self.least, self.decline.of(tile))
+            row = self.rows[tile]
+            accumulate.add_samples(film, count, part, differences, rgba, self.least, self.decline.shown, row)
             self.samples[window] = part.samples
-            self.drawn[tile] = int(part.samples.sum())
-            self.issues[tile] = int(part.issues.sum())
+            self.drawn[row], self.issues[row] = int(part.samples.sum()), int(part.issues.sum())
 
     def draw_extras(self, tile: Tile) -> None:
         if self.names:
@@ -292,10 +350,8 @@ class Canvas:
 
     def work(self, draw: Callable[[Tile], None], jobs: Sequence[Tile], fraction: Callable[[], float]) -> None:
         """Render tiles on all threads, and report the `fraction` done after each; the first exception is raised here."""
-        known = dict(self.drawn)
 
         def count(tile: Tile, _: None) -> None:
-            self.spent += self.drawn[tile] - known[tile]
             self._report(fraction())
             if self.keeper is not None and self.keeper.due():
                 self.keep()
@@ -319,14 +375,16 @@ class Canvas:
     def keep(self) -> None:
         """Write a checkpoint, if there is a keeper and anything to keep."""
         if self.keeper is not None and self.most > 1 and (self.spent if self.sums is not None else any(map(self._is_finished, self.tiles))):
-            with self.lock:  # without copies: threads wait at the end of their batches
+            with ExitStack() as held:  # without copies: threads wait at the end of their batches, and of their calls
+                for lock in (self.lock, *(worker.lock for worker in self.queue.workers.values())):
+                    held.enter_context(lock)
                 self.keeper.save(self._state())
 
     def _state(self) -> State:
         arrays = {"rgba": self.channels["rgba"], "differences": self.differences, "samples": self.samples}
-        arrays["decline"] = np.stack([self.decline.of(tile) for tile in self.tiles])
+        arrays["decline"] = self.decline.shown
         arrays["finished"] = np.array([self.sums is not None or self._is_finished(tile) for tile in self.tiles])
-        arrays["issues"] = np.array([self.issues[tile] for tile in self.tiles])
+        arrays["issues"] = self.issues
         if self.sums is not None:
             arrays |= {f"sums.{name}": array for name, array in self.sums._asdict().items()}
         numbers = {name: value for name, value in self.round.items() if name != "goals"}
@@ -337,14 +395,13 @@ class Canvas:
     def _restore(self, state: State) -> None:
         """Go on from a checkpoint. Tiles of fixed samples that were not finished begin anew."""
         found = state.arrays
-        for tile, finished, issues, decline in zip(self.tiles, found["finished"], found["issues"], found["decline"], strict=True):
-            if finished:
+        for row, tile in enumerate(self.tiles):
+            if found["finished"][row]:
                 window = self.window(tile)
                 self.channels["rgba"][window], self.samples[window] = found["rgba"][window], found["samples"][window]
                 self.differences[window] = found["differences"][window]
-                self.decline.of(tile)[...] = decline
-                self.issues[tile], self.drawn[tile] = int(issues), int(found["samples"][window].sum())
-        self.spent = sum(self.drawn.values())
+                self.decline.shown[row], self.issues[row] = found["decline"][row], found["issues"][row]
+                self.drawn[row] = found["samples"][window].sum()
         self.least, self.error = state.numbers["least"], state.numbers["error"]
         if "sums.color" in found:
             self.sums = PixelSums(*(found[f"sums.{name}"] for name in PixelSums._fields))
@@ -402,7 +459,7 @@ class Canvas:
             "samples_mean": rays / self.samples.size, "error": error, "partial": partial, "error_in_few": sparse,
             "variance": variance, "half_difference": self.differences if self.most > 1 else None,
             "variance_share": float(np.mean(self._shares())) if self.most > 1 else 1.0,
-            "rays": rays, "issues": sum(self.issues.values()), "threads": self.threads, "pace": self.pace.warm,
+            "rays": rays, "issues": int(self.issues.sum()), "threads": self.threads, "pace": self.pace.warm,
             "undrawn": self.samples == 0 if self.samples.min() == 0 and not partial else None,
             "without_channels": len(self.tiles) - len(self.with_extras) if self.names and self.deadline.is_finite else 0,
         }  # fmt: skip

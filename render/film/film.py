@@ -28,6 +28,7 @@ from .deadline import Deadline
 from .progress import Progress, Report
 from .refinement import Refinement
 from .remote import Remote
+from .tile_queue import TileKernel
 
 Counts = NDArray[np.int64]
 
@@ -57,6 +58,11 @@ class Renderer(Protocol):
     @property
     def single(self) -> Callable[[Tile, NDArray[np.float32]], int] | None:
         """Renders a tile of one sample a pixel into (h, w, 4) zeros, and returns the samples left out; None: `sample` does it."""
+        ...
+
+    @property
+    def tile_kernel(self) -> TileKernel | None:
+        """A kernel that does the work of `sample` for a round, with the same result; None: `sample` is called for each tile."""
         ...
 
     def limit_time(self, deadline: Deadline) -> None:
@@ -96,6 +102,7 @@ class Unshared:
     """Base of renderers whose samples share nothing."""
 
     round: int | None = None
+    tile_kernel: TileKernel | None = None
     single: Callable[[Tile, NDArray[np.float32]], int] | None = None
 
     def limit_time(self, deadline: Deadline) -> None:

@@ -8,7 +8,6 @@ mean of its own number of samples, which time decides and not their light.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +17,7 @@ from . import adaptive_sampling
 from .accumulate import PixelSums
 from .canvas import Canvas, Counts
 from .deadline import Deadline
+from .tile_queue import Batches
 
 
 class Refinement:
@@ -68,13 +68,10 @@ class Refinement:
             if not more:
                 break
 
-            def draw(tile: Tile, goals: Counts = goals) -> None:
-                self._double(tile, whole_sums.window(canvas.window(tile)), goals[canvas.window(tile)])
-
             if error > 0.0:
                 expected = adaptive_sampling.expected_samples(rounds, excess)
                 self.whole = max(int(goals.sum()), min(expected, canvas.most * canvas.samples.size))
-            canvas.work(draw, more, self._share)
+            canvas.draw(more, Batches(goals=goals), self._share, whole_sums)
 
     def _share(self) -> float:
         """The share of the work that is done."""
@@ -93,20 +90,9 @@ class Refinement:
                 canvas.preview(goals[0])
             passes = [[goal] for goal in goals] if canvas.progressive else [goals]
         for some in passes:
-
-            def draw(tile: Tile, some: Sequence[int] = some) -> None:
-                part = self.sums.window(canvas.window(tile))
-                for goal in some:
-                    if timed and self.deadline.is_over() and (canvas.drawn[tile] or not canvas.is_granted(tile)):
-                        return
-                    if canvas.drawn[tile] < goal * part.samples.size:
-                        canvas.draw_tile(tile, part, np.full(part.samples.shape, goal))
-                    if part.samples.min() < goal:
-                        break
-                if first in some and not timed:
-                    canvas.draw_extras(tile)
-
-            canvas.work(draw, canvas.tiles, self._share)
+            canvas.draw(canvas.tiles, Batches(tuple(some)), self._share, self.sums)
+        if not timed:
+            canvas.work(canvas.draw_extras, canvas.tiles if canvas.names else (), self._share)
 
     def draw_channels(self) -> None:
         """Draw the channels of all tiles, until the budget is spent."""
@@ -118,14 +104,6 @@ class Refinement:
         if not self.deadline.is_over():
             self.canvas.draw_extras(tile)
             self.canvas.with_extras.add(tile)
-
-    def _double(self, tile: Tile, part: PixelSums, goals: Counts) -> None:
-        """Render a tile's pixels up to their goals, by doublings."""
-        for _ in range(adaptive_sampling.MOST_DOUBLINGS):
-            step = np.minimum(goals, 2 * part.samples)
-            if self.deadline.is_over() or np.array_equal(step, part.samples):
-                break
-            self.canvas.draw_tile(tile, part, step)
 
     def _goals(self, relative: NDArray[np.float64], samples: Counts, excess: float, affordable: float) -> Counts:
         """Return (h, w) samples of each pixel after the next round, so that `relative` falls by the share `excess`."""

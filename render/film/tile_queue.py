@@ -1,0 +1,310 @@
+"""Queue of tiles: threads draw tiles after tiles in a kernel, and return to Python a few times a second.
+
+Python's lock lets one thread at a time run Python. A millisecond of Python in each tile limits sixteen threads to the speed of six.
+The order of samples, batches and sums is that of canvas.draw_batch, so pictures are equal bit for bit.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit import thread_pool
+from ..jit.function_pointer import DeclaredPointer, compiled_address
+from ..jit.kernel import Kernel, helper, kernel
+from ..jit.packed_struct import Handle
+from ..jit.value_types import INT64, NONE, ValueType, array_type, tuple_type
+from ..simd.atomics import fetch_add
+from ..types import Film, Tile
+from .accumulate import PixelSums, add_batch, clear, put_first
+from .adaptive_sampling import Decline
+from .deadline import UNLIMITED, Pace
+
+CALL = 64  # samples a pixel of a tile between checks for cancellation and deadline
+CALL_SECONDS = 0.02  # length of a kernel call, after which a thread checks for cancellation, unless a batch takes longer
+TILE, START, END, STEP, LAST = range(5)  # of TileMemory.state
+NONE_LEFT = -1  # in state[TILE]
+
+_call = DeclaredPointer(NONE).call
+_COUNTS = array_type(np.int64, 2)
+_FILM = tuple_type(Film, (array_type(np.float64, 3), array_type(np.float64, 2), _COUNTS))
+_TILE = tuple_type(Tile, (INT64,) * 4)
+
+
+class TileKernel(NamedTuple):
+    """A kernel that adds samples to a film: f(*inputs, tile, first, count, total, film, memory); see film.Renderer.sample."""
+
+    address: int
+    inputs: tuple[int, ...]  # addresses of the handles of its first arguments
+    kept: Any  # what owns them
+    memory: Callable[[], Handle]  # allocates the memory of a thread
+
+    @classmethod
+    def link(cls, function: Kernel, inputs: Sequence[Handle], memory: Callable[[], Handle], kind: ValueType) -> TileKernel:
+        """Load or compile a kernel; `kind` is the type of `memory`."""
+        address = compiled_address(function, *(each.type for each in inputs), _TILE, _COUNTS, _COUNTS, INT64, _FILM, kind)
+        return cls(address, tuple(each.address for each in inputs), inputs, memory)
+
+
+class Batches(NamedTuple):
+    """The batches of samples that a tile takes, one after the other."""
+
+    steps: tuple[int, ...] = ()  # samples of all pixels after each batch
+    goals: NDArray[np.int64] = np.zeros((0, 0), np.int64)  # (h, w) without steps: samples of pixels in the end; batches double them
+
+
+class Target(NamedTuple):
+    """A picture that threads draw. Arrays are those of its crop, which begins at `left`, `top`."""
+
+    next_tile: NDArray[np.int64]  # (1,) counter that all threads share
+    order: NDArray[np.int64]  # (n,) rows of `boxes` to draw
+    boxes: NDArray[np.int64]  # (tiles, 4) x0, y0, x1, y1
+    steps: NDArray[np.int64]
+    goals: NDArray[np.int64]
+    sums: PixelSums  # of the whole picture; empty where a tile's sums end with its batches
+    rgba: NDArray[np.float32]
+    differences: NDArray[np.float32]
+    samples: NDArray[np.int64]  # (h, w); empty for pictures of one sample
+    sampled: NDArray[np.int8]  # (h, w) of pictures of one sample, otherwise empty
+    drawn: NDArray[np.int64]  # (tiles,) samples of all pixels
+    issues: NDArray[np.int64]  # (tiles,)
+    shown: NDArray[np.float64]  # see adaptive_sampling.Decline
+    least: float
+    left: int
+    top: int
+    total: int  # samples of a pixel in the end
+
+
+class TileMemory(NamedTuple):
+    """A thread's tile in work."""
+
+    state: NDArray[np.int64]  # (5,) row of the tile, samples drawn of its batch, samples of the batch, number of its step, those of the last call
+    first: NDArray[np.int64]  # (side, side) samples before a call
+    part: NDArray[np.int64]  # of a call
+    count: NDArray[np.int64]  # of the batch
+    film: Film
+    sums: PixelSums
+
+    @classmethod
+    def of(cls, side: int) -> TileMemory:
+        """Memory for tiles of `side` × `side` pixels."""
+        counts = [np.zeros((side, side), np.int64) for _ in range(3)]
+        film = Film(np.zeros((side, side, 3)), np.zeros((side, side)), np.zeros((side, side), np.int64))
+        return cls(np.array([NONE_LEFT, 0, 0, 0, 0]), *counts, film, PixelSums.zeros(side, side))
+
+
+class _Worker:
+    """A thread's memory, and the lock that it holds in kernels."""
+
+    def __init__(self, side: int, memory: Handle) -> None:
+        self.tile, self.memory, self.lock = Handle(TileMemory.of(side)), memory, threading.Lock()
+
+    @property
+    def row(self) -> int:
+        """The row of the tile in work, or NONE_LEFT."""
+        return int(self.tile.tables.state[TILE])
+
+
+class TileQueue:
+    """Draws tiles of a picture on several threads."""
+
+    def __init__(self, side: int, threads: int, pace: Pace, clock: Callable[[], float]) -> None:
+        self.side, self.threads, self.pace, self.clock = side, threads, pace, clock
+        self.workers: dict[int, _Worker] = {}
+
+    def run(
+        self, drawing: TileKernel, target: Target, is_stopped: Callable[[int], bool], keeps: Callable[[], bool], report: Callable[[], None]
+    ) -> None:  # fmt: skip
+        """Draw the tiles of target.order.
+
+        `is_stopped(row)` says whether a thread stops that has this tile in work; after all threads the batch that it has is added, as far
+        as it was drawn, if `keeps()`. `report` is called by this thread, after each of its calls.
+        """
+        here, failed = threading.get_ident(), threading.Event()
+        limit = self.pace.samples() if self.pace.limits else UNLIMITED
+
+        def draw(k: int) -> None:
+            try:
+                worker = self._worker(k, drawing)
+                more = True
+                while more and not failed.is_set() and not is_stopped(worker.row):
+                    more = self._call(worker, drawing, target, limit)
+                    if threading.get_ident() == here:
+                        report()
+            except BaseException:
+                failed.set()
+                raise
+
+        try:
+            thread_pool.parallel_for(draw, range(min(self.threads, len(target.order))), self.threads, None, lambda *_: report())
+        finally:
+            for worker in self.workers.values():
+                if worker.row != NONE_LEFT and not failed.is_set() and keeps():
+                    draw_tiles(drawing.address, drawing.inputs, worker.memory.address, target, worker.tile, 0, limit, True)
+                worker.tile.tables.state[TILE] = NONE_LEFT
+
+    def _worker(self, k: int, drawing: TileKernel) -> _Worker:
+        if k not in self.workers:
+            self.workers[k] = _Worker(self.side, drawing.memory())
+        return self.workers[k]
+
+    def _call(self, worker: _Worker, drawing: TileKernel, target: Target, limit: int) -> bool:
+        """Draw for CALL_SECONDS, as far as the pace is known; False where nothing is left to do."""
+        quota = int(CALL_SECONDS / self.pace.seconds) if self.pace.seconds > 0.0 else 1
+        with worker.lock:
+            began = self.clock()
+            used, more = draw_tiles(drawing.address, drawing.inputs, worker.memory.address, target, worker.tile, quota, limit, False)
+            self.pace.add(used, self.clock() - began)
+        return more
+
+
+def load(drawing: TileKernel, side: int) -> None:
+    """Load or compile the kernel that draws tiles."""
+    none, empty, sums = np.zeros(0, np.int64), np.zeros((0, 0), np.int64), PixelSums.zeros(0, 0)
+    picture = np.zeros((0, 0, 4), np.float32), np.zeros((0, 0, 3), np.float32), empty, np.zeros((0, 0), np.int8)
+    tiles = none, none, Decline(()).shown
+    target = Target(np.zeros(1, np.int64), none, np.zeros((0, 4), np.int64), none, empty, sums, *picture, *tiles, 0.0, 0, 0, 0)
+    draw_tiles(drawing.address, drawing.inputs, 0, target, Handle(TileMemory.of(side)), 0, 0, False)
+
+
+@kernel
+def draw_tiles(draw, inputs, memory, target, work, quota, limit, ends):
+    """Draw tiles until `quota` samples are drawn or none is left; returns (samples, whether there is more to do).
+
+    `draw`, `inputs` and `memory` are those of TileKernel. A call of it takes at most `limit` samples, and one of each pixel at least.
+    The tile in work remains for the next call. `ends`: add the samples of the batch in work that were drawn, and draw no others.
+    """
+    state, used = work.state, 0
+    while True:
+        if state[TILE] < 0:
+            if used >= quota or ends:
+                return used, True
+            k = fetch_add(target.next_tile, 0, 1)
+            if k >= len(target.order):
+                return used, False
+            _begin_tile(target, work, target.order[k])
+            if not _begin_batch(target, work):
+                state[TILE] = NONE_LEFT
+                continue
+        tile = _box(target, state[TILE])
+        film = Film(work.film.color, work.film.alpha, work.film.issues)
+        while state[START] < state[END] and not ends:
+            if used >= quota:
+                return used, True
+            used += _set_part(work, tile, limit)
+            _call(draw, inputs + (tile, work.first, work.part, target.total, film, memory))
+        _end_batch(target, work, film, tile)
+        if ends or not _begin_batch(target, work):
+            state[TILE] = NONE_LEFT
+
+
+@helper
+def _box(target: Any, row: int) -> Tile:
+    return Tile(target.boxes[row, 0], target.boxes[row, 1], target.boxes[row, 2], target.boxes[row, 3])
+
+
+@helper
+def _begin_tile(target: Any, work: Any, row: int) -> None:
+    """Take a tile into work."""
+    work.state[TILE], work.state[STEP] = row, 0
+    tile = _box(target, row)
+    shape = tile.y1 - tile.y0, tile.x1 - tile.x0
+    clear(work.film, shape)
+    if len(target.sums.samples) == 0:
+        clear(work.sums, shape)
+        for y in range(shape[0]):
+            for x in range(shape[1]):
+                work.sums.samples[y, x] = 0
+
+
+@helper
+def _begin_batch(target: Any, work: Any) -> bool:
+    """Set the counts of the next batch of the tile in work; False if there is none."""
+    state, row = work.state, work.state[TILE]
+    tile = _box(target, row)
+    pixels = (tile.y1 - tile.y0) * (tile.x1 - tile.x0)
+    doubles, goal = len(target.steps) == 0, 0
+    if not doubles:
+        while state[STEP] < len(target.steps) and target.drawn[row] >= target.steps[state[STEP]] * pixels:
+            state[STEP] += 1
+        if state[STEP] == len(target.steps):
+            return False
+        goal = target.steps[state[STEP]]
+        state[STEP] += 1
+    most = 0
+    for y in range(tile.y1 - tile.y0):
+        for x in range(tile.x1 - tile.x0):
+            v, u = tile.y0 - target.top + y, tile.x0 - target.left + x
+            before = target.sums.samples[v, u] if len(target.sums.samples) > 0 else work.sums.samples[y, x]
+            if doubles:
+                goal = min(target.goals[v, u], 2 * before)
+            work.first[y, x], work.count[y, x] = before, max(goal - before, 0)
+            most = max(most, work.count[y, x])
+    state[START], state[END], state[LAST] = 0, most, 0
+    return most > 0
+
+
+@helper
+def _set_part(work: Any, tile: Tile, limit: int) -> int:
+    """Set the samples of the next call, and move `state[START]` behind them; returns their number."""
+    start, rows, columns, active = work.state[START], tile.y1 - tile.y0, tile.x1 - tile.x0, 0
+    for y in range(rows):
+        for x in range(columns):
+            active += 1 if work.count[y, x] > start else 0
+    call = min(CALL * max(1, rows * columns // active), max(limit // active, 1))
+    return _set_counts(work, rows, columns, start, call)
+
+
+@helper
+def _set_counts(work: Any, rows: int, columns: int, start: int, call: int) -> int:
+    used, last = 0, work.state[LAST]
+    for y in range(rows):
+        for x in range(columns):
+            work.first[y, x] += last
+            part = min(max(work.count[y, x] - start, 0), call)
+            work.part[y, x] = part
+            used += part
+    work.state[START], work.state[LAST] = start + call, call
+    return used
+
+
+@helper
+def _end_batch(target: Any, work: Any, film: Film, tile: Tile) -> None:
+    """Add the batch of the tile in work to sums and picture, as far as it was drawn."""
+    state, row = work.state, work.state[TILE]
+    shape, place = (tile.y1 - tile.y0, tile.x1 - tile.x0), (tile.y0 - target.top, tile.x0 - target.left)
+    if state[START] < state[END]:
+        for y in range(shape[0]):
+            for x in range(shape[1]):
+                work.count[y, x] = min(work.count[y, x], state[START])
+    if target.total == 1:
+        if state[START] > 0:
+            target.issues[row] = put_first(film, shape, target.rgba, place)
+            target.drawn[row] = shape[0] * shape[1]
+            for y in range(shape[0]):
+                for x in range(shape[1]):
+                    target.sampled[place[0] + y, place[1] + x] = 1
+        return
+    if len(target.sums.samples) > 0:
+        _add(target, work, film, shape, target.sums, place, place)
+    else:
+        _add(target, work, film, shape, work.sums, (0, 0), place)
+
+
+@helper
+def _add(target: Any, work: Any, film: Film, shape: Any, sums: Any, first: Any, place: Any) -> None:
+    row = work.state[TILE]
+    add_batch(film, work.count, shape, sums, first, target.differences, target.rgba, place, target.least, target.shown, row)
+    drawn, issues = 0, 0
+    for y in range(shape[0]):
+        for x in range(shape[1]):
+            samples = sums.samples[first[0] + y, first[1] + x]
+            target.samples[place[0] + y, place[1] + x] = samples
+            drawn += samples
+            issues += sums.issues[first[0] + y, first[1] + x]
+    target.drawn[row], target.issues[row] = drawn, issues
+    clear(film, shape)

@@ -30,6 +30,7 @@ from .tile_queue import CALL, Batches, Target, TileKernel, TileQueue
 
 TILE = 32  # pixels
 
+EXTRAS = 8  # tiles for each thread, after which their channels are drawn
 KNOWN = 0.5  # of the pixels, whose variance tells that of the others
 ESTIMATE = 2.0  # seconds between estimates of the error for callers
 
@@ -144,16 +145,14 @@ class Canvas:
             self._in_rounds(sorted({*goals, *range(self.renderer.round, self.most, self.renderer.round)}))
             return
         pixels = self.width * self.height
-        if self.most == 1:
-            self.draw(self.tiles, Batches((1,)), lambda: self.spent / pixels)
-        elif self.progressive:
+        if self.progressive and self.most > 1:
             self.preview(min(goals))
             self._in_rounds(list(goals))
             return
-        else:
-            left = [tile for tile in self.tiles if not self._is_finished(tile)]
-            self.draw(left, Batches(tuple(goals)), lambda: self.spent / (self.most * pixels))
-        self.work(self.draw_extras, self.tiles if self.names else (), lambda: 1.0)
+        finished = [tile for tile in self.tiles if self._is_finished(tile)]
+        left = [tile for tile in self.tiles if not self._is_finished(tile)]
+        self.draw(left, Batches(tuple(goals), extras=bool(self.names)), lambda: self.spent / (self.most * pixels))
+        self.work(self.draw_extras, finished, lambda: 1.0)
 
     @property
     def spent(self) -> int:
@@ -201,7 +200,7 @@ class Canvas:
                 return
             before = goal
         self.round = {"goal": self.most + 1}
-        self.work(self.draw_extras, self.tiles, lambda: 1.0)
+        self.work(self.draw_extras, self.tiles if self.names else (), lambda: 1.0)
 
     def draw(
         self, jobs: Sequence[Tile], batches: Batches, fraction: Callable[[], float], sums: PixelSums | None = None
@@ -215,9 +214,12 @@ class Canvas:
         def by_python(tile: Tile) -> None:
             if self.most == 1:
                 self._draw_single(tile)
-                return
-            shape = tile.y1 - tile.y0, tile.x1 - tile.x0
-            self._draw_batches(tile, PixelSums.zeros(*shape) if sums is None else sums.window(self.window(tile)), batches)
+            elif sums is not None:
+                self._draw_batches(tile, sums.window(self.window(tile)), batches)
+            else:
+                self._draw_batches(tile, PixelSums.zeros(tile.y1 - tile.y0, tile.x1 - tile.x0), batches)
+            if batches.extras:
+                self.draw_extras(tile)
 
         drawing: TileKernel | None = None if isinstance(self.renderer, Remote) or not jobs else self.renderer.tile_kernel
         if drawing is not None and timed and self.pace.seconds == 0.0:
@@ -225,8 +227,12 @@ class Canvas:
             jobs = jobs[1:]
         if drawing is None or (timed and self.pace.samples() < self.queue.side**2):  # slow: by rows, see _blocks
             self.work(by_python, jobs, fraction)
-        elif jobs:
-            self._draw_queue(jobs, batches, fraction, sums, drawing, fresh)
+            return
+        size = EXTRAS * self.threads if batches.extras else max(len(jobs), 1)
+        for some in (jobs[k : k + size] for k in range(0, len(jobs), size)):
+            self._draw_queue(some, batches, fraction, sums, drawing, fresh)
+            if batches.extras:
+                self.work(self.draw_extras, some, fraction)
 
     def _draw_queue(
         self, jobs: Sequence[Tile], batches: Batches, fraction: Callable[[], float], sums: PixelSums | None, drawing: TileKernel, fresh: bool

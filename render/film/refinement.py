@@ -90,9 +90,8 @@ class Refinement:
                 canvas.preview(goals[0])
             passes = [[goal] for goal in goals] if canvas.progressive else [goals]
         for some in passes:
-            canvas.draw(canvas.tiles, Batches(tuple(some)), self._share, self.sums)
-        if not timed:
-            canvas.work(canvas.draw_extras, canvas.tiles if canvas.names else (), self._share)
+            extras = bool(canvas.names) and first in some and not timed
+            canvas.draw(canvas.tiles, Batches(tuple(some), extras=extras), self._share, self.sums)
 
     def draw_channels(self) -> None:
         """Draw the channels of all tiles, until the budget is spent."""

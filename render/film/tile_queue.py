@@ -55,6 +55,7 @@ class Batches(NamedTuple):
 
     steps: tuple[int, ...] = ()  # samples of all pixels after each batch
     goals: NDArray[np.int64] = np.zeros((0, 0), np.int64)  # (h, w) without steps: samples of pixels in the end; batches double them
+    extras: bool = False  # draw the channels of tiles after their samples
 
 
 class Target(NamedTuple):

@@ -25,8 +25,9 @@ from ...materials import traits
 from ...materials.contract import Lobes
 from .. import camera
 from ..accel import ray_queries
-from ..film import aov
+from ..film import aov, tile_queue
 from ..film.film import TILE, Unshared
+from ..film.tile_queue import TileKernel
 from ..integrator import ray_stack, whitted
 from ..jit.kernel import helper, kernel
 from ..jit.packed_struct import Handle
@@ -35,6 +36,7 @@ from ..raster import band_renderer, coverage, sample_hits, scalar_raster
 from ..raster.alternative_fills import ClusterRasterizer
 from ..sampling import sobol
 from ..types import Film, FirstHits, Hit, Lane, Ray, Tile, View
+from . import raster_tiles
 from .prepare import Prepared, build_bvh
 
 BATCH = 1 << 16  # samples of a tile held in the z-buffer at a time
@@ -55,6 +57,8 @@ class Renderer(Unshared):
         nothing = Tile(0, 0, 0, 0)
         if self.whole is None:
             self._add(nothing, 0, 1, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
+            if self.tile_kernel is not None:
+                tile_queue.load(self.tile_kernel, self.side)
         if plan["aov"]:
             self.centres(nothing)
 
@@ -68,6 +72,14 @@ class Renderer(Unshared):
         p, margin = self.prepared, -(-self.reach // coverage.ONE)
         assert p.raster is not None
         return ClusterRasterizer(p.tables, p.packed, self.view, p.raster.model, p.raster.ranges, self.how, margin)
+
+    @functools.cached_property
+    def tile_kernel(self) -> TileKernel | None:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """See film.Renderer; None for pictures in bands."""
+        if self.whole is not None:
+            return None
+        kernels = place_samples, draw_untessellated, shade
+        return raster_tiles.TileDrawing(self.prepared, self.view, self._rasterizer, self.reach, BATCH, kernels).link()
 
     def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
         """Add samples first … first + count - 1 of `total` of every pixel of a tile to the film; all pixels take the same."""

@@ -26,13 +26,13 @@ from .deadline import UNLIMITED, Pace
 
 CALL = 64  # samples a pixel of a tile between checks for cancellation and deadline
 CALL_SECONDS = 0.02  # length of a kernel call, after which a thread checks for cancellation, unless a batch takes longer
-TILE, START, END, STEP, LAST = range(5)  # of TileMemory.state
-NONE_LEFT = -1  # in state[TILE]
+ROW, START, END, STEP, LAST = range(5)  # of TileMemory.state
+NONE_LEFT = -1  # in state[ROW]
 
 _call = DeclaredPointer(NONE).call
-_COUNTS = array_type(np.int64, 2)
-_FILM = tuple_type(Film, (array_type(np.float64, 3), array_type(np.float64, 2), _COUNTS))
-_TILE = tuple_type(Tile, (INT64,) * 4)
+COUNTS = array_type(np.int64, 2)
+FILM = tuple_type(Film, (array_type(np.float64, 3), array_type(np.float64, 2), COUNTS))
+TILE = tuple_type(Tile, (INT64,) * 4)
 
 
 class TileKernel(NamedTuple):
@@ -46,7 +46,7 @@ class TileKernel(NamedTuple):
     @classmethod
     def link(cls, function: Kernel, inputs: Sequence[Handle], memory: Callable[[], Handle], kind: ValueType) -> TileKernel:
         """Load or compile a kernel; `kind` is the type of `memory`."""
-        address = compiled_address(function, *(each.type for each in inputs), _TILE, _COUNTS, _COUNTS, INT64, _FILM, kind)
+        address = compiled_address(function, *(each.type for each in inputs), TILE, COUNTS, COUNTS, INT64, FILM, kind)
         return cls(address, tuple(each.address for each in inputs), inputs, memory)
 
 
@@ -107,7 +107,7 @@ class _Worker:
     @property
     def row(self) -> int:
         """The row of the tile in work, or NONE_LEFT."""
-        return int(self.tile.tables.state[TILE])
+        return int(self.tile.tables.state[ROW])
 
 
 class TileQueue:
@@ -146,7 +146,7 @@ class TileQueue:
             for worker in self.workers.values():
                 if worker.row != NONE_LEFT and not failed.is_set() and keeps():
                     draw_tiles(drawing.address, drawing.inputs, worker.memory.address, target, worker.tile, 0, limit, True)
-                worker.tile.tables.state[TILE] = NONE_LEFT
+                worker.tile.tables.state[ROW] = NONE_LEFT
 
     def _worker(self, k: int, drawing: TileKernel) -> _Worker:
         if k not in self.workers:
@@ -181,7 +181,7 @@ def draw_tiles(draw, inputs, memory, target, work, quota, limit, ends):
     """
     state, used = work.state, 0
     while True:
-        if state[TILE] < 0:
+        if state[ROW] < 0:
             if used >= quota or ends:
                 return used, True
             k = fetch_add(target.next_tile, 0, 1)
@@ -189,9 +189,9 @@ def draw_tiles(draw, inputs, memory, target, work, quota, limit, ends):
                 return used, False
             _begin_tile(target, work, target.order[k])
             if not _begin_batch(target, work):
-                state[TILE] = NONE_LEFT
+                state[ROW] = NONE_LEFT
                 continue
-        tile = _box(target, state[TILE])
+        tile = _box(target, state[ROW])
         film = Film(work.film.color, work.film.alpha, work.film.issues)
         while state[START] < state[END] and not ends:
             if used >= quota:
@@ -200,7 +200,7 @@ def draw_tiles(draw, inputs, memory, target, work, quota, limit, ends):
             _call(draw, inputs + (tile, work.first, work.part, target.total, film, memory))
         _end_batch(target, work, film, tile)
         if ends or not _begin_batch(target, work):
-            state[TILE] = NONE_LEFT
+            state[ROW] = NONE_LEFT
 
 
 @helper
@@ -211,7 +211,7 @@ def _box(target: Any, row: int) -> Tile:
 @helper
 def _begin_tile(target: Any, work: Any, row: int) -> None:
     """Take a tile into work."""
-    work.state[TILE], work.state[STEP] = row, 0
+    work.state[ROW], work.state[STEP] = row, 0
     tile = _box(target, row)
     shape = tile.y1 - tile.y0, tile.x1 - tile.x0
     clear(work.film, shape)
@@ -225,7 +225,7 @@ def _begin_tile(target: Any, work: Any, row: int) -> None:
 @helper
 def _begin_batch(target: Any, work: Any) -> bool:
     """Set the counts of the next batch of the tile in work; False if there is none."""
-    state, row = work.state, work.state[TILE]
+    state, row = work.state, work.state[ROW]
     tile = _box(target, row)
     pixels = (tile.y1 - tile.y0) * (tile.x1 - tile.x0)
     doubles, goal = len(target.steps) == 0, 0
@@ -276,7 +276,7 @@ def _set_counts(work: Any, rows: int, columns: int, start: int, call: int) -> in
 @helper
 def _end_batch(target: Any, work: Any, film: Film, tile: Tile) -> None:
     """Add the batch of the tile in work to sums and picture, as far as it was drawn."""
-    state, row = work.state, work.state[TILE]
+    state, row = work.state, work.state[ROW]
     shape, place = (tile.y1 - tile.y0, tile.x1 - tile.x0), (tile.y0 - target.top, tile.x0 - target.left)
     if state[START] < state[END]:
         for y in range(shape[0]):
@@ -298,7 +298,7 @@ def _end_batch(target: Any, work: Any, film: Film, tile: Tile) -> None:
 
 @helper
 def _add(target: Any, work: Any, film: Film, shape: Any, sums: Any, first: Any, place: Any) -> None:
-    row = work.state[TILE]
+    row = work.state[ROW]
     add_batch(film, work.count, shape, sums, first, target.differences, target.rgba, place, target.least, target.shown, row)
     drawn, issues = 0, 0
     for y in range(shape[0]):

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..simd.registration import overload
 from .value_types import TYPE_OF, HandleType, Layout, ValueType, address, field_type, handle_type
@@ -37,11 +38,23 @@ class Handle:
         self.address = int(self._block.ctypes.data)
         self.type: HandleType = handle_type(layout)
 
+    @property
+    def words(self) -> NDArray[np.int64]:
+        """The packed block, of which kernels may change integers and lengths of arrays before others read it."""
+        return self._block
+
     def part(self, name: str) -> ValueType:
         """Type of a field in kernels."""
         field = self.type.field(name)
         assert field is not None, name
         return field_type(field[1])
+
+    def place(self, name: str) -> int:
+        """The number of a field's first word; that of an array's length follows. Raises ValueError for an unknown field."""
+        field = self.type.field(name)
+        if field is None:
+            raise ValueError(f"this tuple has no field {name}")
+        return field[0]
 
     def put(self, name: str, number: int) -> None:
         """Set an integer field of the packed tuple, or of a nested one ("inner.name"), before kernels read it.

@@ -31,6 +31,7 @@ Python, so n threads take at least serial + max((kernels + Python) / n, Python).
 time on the cores of this machine, medians of the rounds in turns. The pictures are equal, bit for bit.
 """
 THREADS = 4, 16, 64
+TILE = 32  # pixels
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 
 
@@ -45,7 +46,7 @@ class Picture(NamedTuple):
 class Division(NamedTuple):
     """The CPU seconds of a picture on one thread."""
 
-    tiles: int
+    tiles: float  # of 32 × 32 pixels
     kernels: float  # inside of tiles
     python: float  # inside of tiles and between them
     serial: float
@@ -73,7 +74,7 @@ def section(quick: bool, effort: Effort) -> report.Section:
                 result.refused.append(f"{picture.name}: one and {most} threads made different pictures")
         total = division.serial + division.kernels + division.python
         rows.append((
-            picture.name, str(division.tiles), f"{1e6 * division.python / max(division.tiles, 1):.0f}", f"{total:.2f}",
+            picture.name, f"{division.tiles:.0f}", f"{1e6 * division.python / max(division.tiles, 1):.0f}", f"{total:.2f}",
             f"{division.serial:.2f}", f"{100 * division.serial / total:.1f}", *(f"{division.gain(n):.1f}" for n in THREADS),
             f"{division.gain(most):.2f}", f"{statistics.median(single) / statistics.median(several):.2f}",
         ))  # fmt: skip
@@ -84,13 +85,14 @@ def section(quick: bool, effort: Effort) -> report.Section:
 
 
 def pictures(quick: bool) -> Sequence[Picture]:
-    """hello by both backends, and a path-traced box."""
+    """hello by both backends, a solid of formulas, and a path-traced box."""
     size, samples = ((64, 48), 2) if quick else ((1600, 1200), 16)
     hello, box = load(EXAMPLES / "hello.scene"), load(Path(__file__).with_name("scenes") / "cornell.scene")
     side = (32, 32) if quick else (512, 512)
     return (
         Picture("hello, ray", hello, ir.Settings(size=size, samples=samples, backend="ray", denoise=False)),
         Picture("hello, raster", hello, ir.Settings(size=size, samples=samples, backend="raster", denoise=False)),
+        Picture("gear, ray", load(EXAMPLES / "gear.scene"), ir.Settings(size=size, samples=samples, backend="ray", denoise=False)),
         Picture("Cornell box, ray", box, ir.Settings(size=side, samples=4 * samples, backend="ray", denoise=False)),
     )
 
@@ -113,7 +115,9 @@ def divide(picture: Picture) -> Division:
         began = time.thread_time()
         draw(picture, 1)
         total = time.thread_time() - began
-    return Division(jobs.count, jobs.kernels, jobs.python, total - jobs.kernels - jobs.python)
+    assert picture.settings.size is not None
+    tiles = picture.settings.size[0] * picture.settings.size[1] / TILE**2
+    return Division(tiles, jobs.kernels, jobs.python, total - jobs.kernels - jobs.python)
 
 
 class _Kernels(threading.local):
@@ -126,6 +130,7 @@ class _Kernels(threading.local):
 def _counted_kernels() -> Iterator[_Kernels]:
     """Count the time of all kernels that are loaded."""
     counted = _Kernels()
+    gc.unfreeze()  # after a compilation, collections leave out what there was
     loaded = [each for each in gc.get_objects() if isinstance(each, loader.Loaded)]
     entries = [each._entry for each in loaded]
     for each, entry in zip(loaded, entries, strict=True):
@@ -148,9 +153,9 @@ def _counting(entry: Callable[[int], int], counted: _Kernels) -> Any:
 
 
 class _Jobs:
-    """The jobs of thread_pool.parallel_for: their number and CPU seconds."""
+    """CPU seconds of the jobs of thread_pool.parallel_for."""
 
-    count, kernels, python = 0, 0.0, 0.0
+    kernels, python = 0.0, 0.0
 
 
 @contextmanager
@@ -168,7 +173,6 @@ def _counted_jobs(kernels: _Kernels) -> Iterator[_Jobs]:
             return result
 
         def job(item: Any) -> Any:
-            jobs.count += 1
             return call(item, function=draw)
 
         after = None if on_done is None else lambda item, result: call(item, result, function=on_done)

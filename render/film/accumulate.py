@@ -135,8 +135,8 @@ def level(samples):
 
 
 @kernel
-def relative_error(differences, rgba, samples, share, least, out):
-    """Write (h, w) d² / (light² + `least`), the mean of three channels, times the `share` (levels,) for the pixel's samples.
+def relative_error(differences, rgba, samples, share, least, out, top=0, bottom=1 << 62):
+    """Write rows `top` to `bottom` of (h, w) d² / (light² + `least`), the mean of three channels, times the `share` (levels,) for the pixel's samples.
 
     d are the `differences` of add_samples.
 
@@ -151,8 +151,8 @@ def relative_error(differences, rgba, samples, share, least, out):
     light, noise, known = np.zeros((rows, width, 3)), np.zeros((rows, width, 3)), np.zeros((rows, width))
     columns = np.zeros((width, 3, 3))  # sums over the window's rows: light, its square, noise
     counts = np.zeros(width)
-    ready, known_samples, scale = 0, 0, share[0] / 3.0
-    for y in range(height):
+    ready, known_samples, scale = max(top - REACH, 0), 0, share[0] / 3.0
+    for y in range(top, min(bottom, height)):
         while ready < min(y + REACH + 1, height):
             row = ready % rows
             without_strays(differences, rgba, ready, light[row], noise[row], known[row])

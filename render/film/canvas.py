@@ -31,6 +31,7 @@ from .tile_queue import CALL, Batches, Target, TileKernel, TileQueue
 TILE = 32  # pixels
 
 EXTRAS = 8  # tiles for each thread, after which their channels are drawn
+ROWS = 64  # of pixels, whose errors a thread computes at a time
 KNOWN = 0.5  # of the pixels, whose variance tells that of the others
 ESTIMATE = 2.0  # seconds between estimates of the error for callers
 
@@ -347,7 +348,12 @@ class Canvas:
         if not passing:
             self.least = least
         out = np.empty(self.samples.shape)
-        accumulate.relative_error(self.differences, rgba, self.samples, self.decline.shares(), least, out)
+        shares = self.decline.shares()
+
+        def some(top: int) -> None:
+            accumulate.relative_error(self.differences, rgba, self.samples, shares, least, out, top, top + ROWS)
+
+        thread_pool.parallel_for(some, range(0, len(out), ROWS), self.threads)
         return out
 
     def _shares(self) -> NDArray[np.float64]:

@@ -23,14 +23,18 @@ def share_of_error(relative: NDArray[np.float64], rgba: NDArray[np.float32], dif
     if total <= 0.0 or finite.size < FEW:
         return 0.0
     few = finite.size // FEW
-    stray = 0.0
-    for index in np.argpartition(finite, -few, axis=None)[-few:].tolist():
-        y, x = divmod(index, width)
-        around = np.abs(rgba[max(y - 1, 0) : y + 2, max(x - 1, 0) : x + 2, :3]).sum(axis=2, dtype=np.float64)
-        center = around[min(y, 1), min(x, 1)]
-        around[min(y, 1), min(x, 1)] = 0.0
-        second = float(np.nan_to_num(around).max())
-        halves = float(np.abs(differences[y, x]).sum(dtype=np.float64))
-        if center > BRIGHTER * second and halves > DECIDES * (center - second):
-            stray += float(finite[y, x])
-    return stray / total
+    y, x = np.divmod(np.argpartition(finite, -few, axis=None)[-few:], width)
+    center, second = _light(rgba, y, x), np.zeros(few)
+    for down, right in ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1)):
+        v, u = y + down, x + right
+        inside = (v >= 0) & (v < len(rgba)) & (u >= 0) & (u < width)
+        light = np.nan_to_num(_light(rgba, np.where(inside, v, y), np.where(inside, u, x)))
+        second = np.maximum(second, np.where(inside, light, 0.0))
+    halves = np.abs(differences[y, x]).sum(axis=1, dtype=np.float64)
+    stray = (center > BRIGHTER * second) & (halves > DECIDES * (center - second))
+    return float(finite[y, x][stray].sum()) / total
+
+
+def _light(rgba: NDArray[np.float32], y: NDArray[np.intp], x: NDArray[np.intp]) -> NDArray[np.float64]:
+    """(n,) sums of red, green and blue of pixels."""
+    return np.abs(rgba[y, x, :3]).sum(axis=1, dtype=np.float64)

@@ -25,8 +25,8 @@ from .adaptive_sampling import Decline
 from .deadline import UNLIMITED, Pace
 
 CALL = 64  # samples a pixel of a tile between checks for cancellation and deadline
-CALL_SECONDS = 0.02  # length of a kernel call, after which a thread checks for cancellation, unless a batch takes longer
-ROW, START, END, STEP, LAST = range(5)  # of TileMemory.state
+CALL_SECONDS = 0.03  # length of a kernel call, after which a thread checks for cancellation, unless a batch takes longer
+ROW, START, END, STEP, LAST, QUOTA, ENDS = range(7)  # of TileMemory.state
 NONE_LEFT = -1  # in state[ROW]
 
 _call = DeclaredPointer(NONE).call
@@ -83,7 +83,8 @@ class Target(NamedTuple):
 class TileMemory(NamedTuple):
     """A thread's tile in work."""
 
-    state: NDArray[np.int64]  # (5,) row of the tile, samples drawn of its batch, samples of the batch, number of its step, those of the last call
+    state: NDArray[np.int64]  # (7,) of the tile in work its row, samples drawn of the batch, samples of the batch, number of its step,
+    # samples of the last call; and samples until the return, whether to end the batch
     first: NDArray[np.int64]  # (side, side) samples before a call
     part: NDArray[np.int64]  # of a call
     count: NDArray[np.int64]  # of the batch
@@ -95,7 +96,7 @@ class TileMemory(NamedTuple):
         """Memory for tiles of `side` × `side` pixels."""
         counts = [np.zeros((side, side), np.int64) for _ in range(3)]
         film = Film(np.zeros((side, side, 3)), np.zeros((side, side)), np.zeros((side, side), np.int64))
-        return cls(np.array([NONE_LEFT, 0, 0, 0, 0]), *counts, film, PixelSums.zeros(side, side))
+        return cls(np.array([NONE_LEFT, 0, 0, 0, 0, 0, 0]), *counts, film, PixelSums.zeros(side, side))
 
 
 class _Worker:
@@ -103,11 +104,12 @@ class _Worker:
 
     def __init__(self, side: int, memory: Handle) -> None:
         self.tile, self.memory, self.lock = Handle(TileMemory.of(side)), memory, threading.Lock()
+        self.state = self.tile.tables.state
 
     @property
     def row(self) -> int:
         """The row of the tile in work, or NONE_LEFT."""
-        return int(self.tile.tables.state[ROW])
+        return int(self.state[ROW])
 
 
 class TileQueue:
@@ -128,12 +130,15 @@ class TileQueue:
         here, failed = threading.get_ident(), threading.Event()
         limit = self.pace.samples() if self.pace.limits else UNLIMITED
 
+        def bound(worker: _Worker) -> Callable[[], tuple[int, bool]]:
+            return draw_tiles.bind(drawing.address, drawing.inputs, worker.memory.address, target, worker.tile, limit)
+
         def draw(k: int) -> None:
             try:
-                worker = self._worker(k, drawing)
-                more = True
+                worker, more = self._worker(k, drawing), True
+                run = bound(worker)
                 while more and not failed.is_set() and not is_stopped(worker.row):
-                    more = self._call(worker, drawing, target, limit)
+                    more = self._call(worker, run)
                     if threading.get_ident() == here:
                         report()
             except BaseException:
@@ -145,20 +150,21 @@ class TileQueue:
         finally:
             for worker in self.workers.values():
                 if worker.row != NONE_LEFT and not failed.is_set() and keeps():
-                    draw_tiles(drawing.address, drawing.inputs, worker.memory.address, target, worker.tile, 0, limit, True)
-                worker.tile.tables.state[ROW] = NONE_LEFT
+                    worker.state[ENDS] = 1
+                    bound(worker)()
+                worker.state[ROW], worker.state[ENDS] = NONE_LEFT, 0
 
     def _worker(self, k: int, drawing: TileKernel) -> _Worker:
         if k not in self.workers:
             self.workers[k] = _Worker(self.side, drawing.memory())
         return self.workers[k]
 
-    def _call(self, worker: _Worker, drawing: TileKernel, target: Target, limit: int) -> bool:
+    def _call(self, worker: _Worker, run: Callable[[], tuple[int, bool]]) -> bool:
         """Draw for CALL_SECONDS, as far as the pace is known; False where nothing is left to do."""
-        quota = int(CALL_SECONDS / self.pace.seconds) if self.pace.seconds > 0.0 else 1
+        worker.state[QUOTA] = int(CALL_SECONDS / self.pace.seconds) if self.pace.seconds > 0.0 else 1
         with worker.lock:
             began = self.clock()
-            used, more = draw_tiles(drawing.address, drawing.inputs, worker.memory.address, target, worker.tile, quota, limit, False)
+            used, more = run()
             self.pace.add(used, self.clock() - began)
         return more
 
@@ -169,17 +175,18 @@ def load(drawing: TileKernel, side: int) -> None:
     picture = np.zeros((0, 0, 4), np.float32), np.zeros((0, 0, 3), np.float32), empty, np.zeros((0, 0), np.int8)
     tiles = none, none, Decline(()).shown
     target = Target(np.zeros(1, np.int64), none, np.zeros((0, 4), np.int64), none, empty, sums, *picture, *tiles, 0.0, 0, 0, 0)
-    draw_tiles(drawing.address, drawing.inputs, 0, target, Handle(TileMemory.of(side)), 0, 0, False)
+    draw_tiles(drawing.address, drawing.inputs, 0, target, Handle(TileMemory.of(side)), 0)
 
 
 @kernel
-def draw_tiles(draw, inputs, memory, target, work, quota, limit, ends):
-    """Draw tiles until `quota` samples are drawn or none is left; returns (samples, whether there is more to do).
+def draw_tiles(draw, inputs, memory, target, work, limit):
+    """Draw tiles until state[QUOTA] samples are drawn or none is left; returns (samples, whether there is more to do).
 
     `draw`, `inputs` and `memory` are those of TileKernel. A call of it takes at most `limit` samples, and one of each pixel at least.
-    The tile in work remains for the next call. `ends`: add the samples of the batch in work that were drawn, and draw no others.
+    The tile in work remains for the next call. With state[ENDS], adds the samples of the batch in work that were drawn, and draws no others.
     """
     state, used = work.state, 0
+    quota, ends = state[QUOTA], state[ENDS] != 0
     while True:
         if state[ROW] < 0:
             if used >= quota or ends:

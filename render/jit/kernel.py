@@ -32,6 +32,10 @@ class Kernel:
         kinds = tuple(map(typeof, arguments))
         return (self.loaded.get(kinds) or self.load(kinds))(arguments)
 
+    def bind(self, *arguments: Any) -> Callable[[], Any]:
+        """A call with these arguments for many runs: it packs them once. Arrays and handles must outlive it."""
+        return self.load(tuple(map(typeof, arguments))).bind(arguments)
+
     def load(self, kinds: tuple[ValueType, ...]) -> kernel_cache.Loaded:
         """The code for arguments of these types: loaded from disk, or compiled."""
         return self.loaded.get(kinds) or kernel_cache.load(self, kinds)

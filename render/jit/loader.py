@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import struct
+from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -72,12 +73,20 @@ class Loaded:
 
     def __call__(self, arguments: tuple[Any, ...]) -> Any:
         """Run the kernel. Raises KernelError where it ends with an error."""
+        return self.bind(arguments)()
+
+    def bind(self, arguments: tuple[Any, ...]) -> Callable[[], Any]:
+        """A call with these arguments, packed once for many runs; arrays and handles must outlive it."""
         words: list[Any] = []
         for kind, value in zip(self.kinds, arguments, strict=True):
             kind.pack(value, words)
         size = self._arguments.size
         block = ctypes.create_string_buffer(self._arguments.pack(*words), max(size + self._returned.size, 1))
-        status = self._entry(ctypes.addressof(block))
-        if status:
-            raise KernelError(f"the kernel {self.name} ended with status {status}")
-        return self.result.unpack(iter(self._returned.unpack_from(block, size)))
+
+        def run() -> Any:
+            status = self._entry(ctypes.addressof(block))
+            if status:
+                raise KernelError(f"the kernel {self.name} ended with status {status}")
+            return self.result.unpack(iter(self._returned.unpack_from(block, size)))
+
+        return run

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -16,7 +17,7 @@ from .. import camera
 from ..accel import intersect, ray_queries
 from ..accel.formula_packets import hits
 from ..accel.formula_packets.hits import REST, closer_hit, first_samples, is_used, load_pixels, load_slots, slot_of
-from ..film import aov, tile_queue
+from ..film import aov, guide_kernels, tile_queue
 from ..film.accumulate import LARGEST, clamp
 from ..film.deadline import Deadline
 from ..film.film import TILE
@@ -228,9 +229,15 @@ class Renderer:
 
     def first(self, tile: Tile, samples: range, total: int) -> Iterator[FirstHits]:
         """The first hits of samples of each pixel, at the shutter's opening; all at once, for the calls of numpy take long."""
-        with np.errstate(all="ignore"):
-            ray = aov.sample_rays(self.prepared.tables, self.view, self.prepared.frame.tables, tile, samples, total)
-        yield FirstHits(self.prepared.tables, ray, Hit(*self._find_hits(ray)))
+        rays = self._camera_rays.trace(tile, samples, total)
+        hit = Hit(*ray_queries.closest(self._accel_of_channels(), *rays, CAMERA))
+        origin, direction = (tuple(np.ascontiguousarray(vector.T)) for vector in (rays.origin, rays.direction))
+        yield FirstHits(self.prepared.tables, Ray(origin, direction, rays.begin, rays.end), hit)
+
+    @functools.cached_property
+    def _camera_rays(self) -> guide_kernels.CameraRays:
+        frame = self.prepared.frame
+        return guide_kernels.CameraRays(self.prepared.tables, self.view, frame.tables if isinstance(frame, Handle) else frame)
 
     def _find_hits(self, ray: Ray) -> ray_queries.Hits:
         """The first hits of camera rays, among all instances."""

@@ -21,17 +21,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...compiler import ir
 from ...compiler.plan.plan import Plan
 from ..image import metrics
 from ..image.image import Image
 from ..jit import thread_pool
-from ..lanes import ops
 from ..simd import target
-from ..surface import interaction
-from ..surface.material_inputs import color_of
-from ..types import FirstHits, Hit, Ray, Tile
-from . import aov, film
+from ..types import Tile
+from . import film, guide_kernels
 from .remote import Remote
 
 Pixels = NDArray[np.float32]
@@ -41,9 +37,9 @@ MEMORY = 1000  # megabytes of the network: it denoises large pictures in overlap
 ROWS = 64  # of the picture, whose errors are summed at once
 SAMPLES = 16  # most samples of a pixel for the guides: 4 leave twice the error at texture edges
 FEW = 2  # of a preview
+SIDE = 64  # pixels of the tiles of guides
 MARGIN = 96  # pixels over which the network blurs
 DARK = 15  # pixels of the side of the least dark square: single samples without light are noise
-CLEAR = (int(ir.Slot.SPECULAR), int(ir.Slot.REFLECTION), int(ir.Slot.TRANSMISSION))  # colors of materials without a diffuse color
 
 
 def denoise(image: Image, renderer: film.Renderer | Remote, plan: Plan, most: int = SAMPLES, measures: bool = True) -> None:
@@ -196,43 +192,26 @@ def guides(
     """(albedo, normal) of first hits, (h, w, 3) each, averaged over at most so many samples."""
     x0, y0, x1, y1 = plan["crop"]
     found = np.zeros((2, y1 - y0, x1 - x0, 3), np.float32)
-    count = min(most, int(plan["samples"]))
+    count, surfaces = min(most, int(plan["samples"])), guide_kernels.Surfaces()
 
     def draw(tile: Tile) -> None:
         window = found[:, tile.y0 - y0 : tile.y1 - y0, tile.x0 - x0 : tile.x1 - x0]
-        window[...] = tile_guides(renderer, tile, count, int(plan["samples"]))
+        window[...] = tile_guides(renderer, tile, count, int(plan["samples"]), surfaces)
 
     threads = renderer.threads if isinstance(renderer, Remote) else int(plan["threads"]) or target.cores()
-    thread_pool.parallel_for(draw, film.tiles((x0, y0, x1, y1)), threads, cancel)
+    thread_pool.parallel_for(draw, film.tiles((x0, y0, x1, y1), SIDE), threads, cancel)
     albedo, normal = found
     return np.clip(albedo, 0.0, 1.0), normal
 
 
-def tile_guides(renderer: film.Renderer | Remote, tile: Tile, count: int, total: int) -> NDArray[np.float64]:
+def tile_guides(
+    renderer: film.Renderer | Remote, tile: Tile, count: int, total: int, surfaces: guide_kernels.Surfaces | None = None
+) -> NDArray[np.float64]:  # fmt: skip
     """(2, h, w, 3) albedo and normal of a tile, averaged over the first `count` of `total` samples."""
     if isinstance(renderer, Remote):
         return renderer.guides(tile, count, total)
-    found = np.zeros((2, tile.y1 - tile.y0, tile.x1 - tile.x0, 3))
+    rows, columns = tile.y1 - tile.y0, tile.x1 - tile.x0
+    found, surfaces = np.zeros((2, rows * columns, 3)), surfaces or guide_kernels.Surfaces()
     for first in renderer.first(tile, range(count), total):
-        for each in np.moveaxis(_seen(first).reshape(2, -1, *found.shape[1:]), 1, 0):
-            found += each / count
-    return found
-
-
-def _seen(first: FirstHits) -> NDArray[np.float64]:
-    """(2, n, 3) albedo and normal of hits; 0 for misses. The albedo of mirrors and glass is their specular color."""
-    tables, ray, hit = first
-    out = np.zeros((2, len(hit.t), 3))
-    here = np.flatnonzero(hit.instance >= 0)
-    if len(here) == 0:
-        return out
-    part = Ray(aov.take_lanes(ray.origin, here, len(hit.t)), aov.take_lanes(ray.direction, here, len(hit.t)), 0.0, np.inf)
-    with np.errstate(all="ignore"):
-        at = interaction.make_interaction(tables, part, Hit(*(column[here] for column in hit)))
-        albedo = ops.mul(color_of(tables, at, aov.DIFFUSE), at.color)
-        for slot in CLEAR:
-            albedo = ops.add(albedo, color_of(tables, at, slot))
-        shines = np.max(color_of(tables, at, int(ir.Slot.EMISSION)), axis=0) > 0.0
-    out[0, here] = np.where(shines[:, None], 1.0, np.stack(np.broadcast_arrays(*albedo), axis=1))
-    out[1, here] = np.stack(np.broadcast_arrays(*at.normal), axis=1)
-    return np.where(np.isfinite(out), out, 0.0)
+        surfaces.add(first, count, found)
+    return found.reshape(2, rows, columns, 3)

@@ -1,0 +1,152 @@
+"""Camera rays of the denoiser's guides, and the albedo and normals of what they hit, in kernels that all scenes share."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...compiler import ir
+from .. import camera
+from ..accel.ray_queries import Hits, load_vectors
+from ..jit.kernel import helper, kernel
+from ..jit.packed_struct import Handle
+from ..lanes import crosslane, ops
+from ..sampling import sobol
+from ..surface import interaction
+from ..surface.material_inputs import color_of
+from ..types import FirstHits, Frame, Hit, Lane, Lens, Ray, Tile, Vec, View
+
+DIFFUSE, SPECULAR, REFLECTION, TRANSMISSION, EMISSION = (
+    int(slot) for slot in (ir.Slot.DIFFUSE, ir.Slot.SPECULAR, ir.Slot.REFLECTION, ir.Slot.TRANSMISSION, ir.Slot.EMISSION)
+)
+
+
+def plain_tables(tables: ir.Tables) -> Handle:
+    """Tables without the parts that a scene adds to materials and images, so that one kernel serves all scenes."""
+    materials, images = (kind(*table[: len(kind._fields)]) for kind, table in ((ir.Materials, tables.materials), (ir.Images, tables.images)))
+    return Handle(tables._replace(materials=materials, images=images))
+
+
+class Rays(NamedTuple):
+    """Rays, (n, 3) and (n,) each."""
+
+    origin: NDArray[np.float64]
+    direction: NDArray[np.float64]
+    begin: NDArray[np.float64]
+    end: NDArray[np.float64]
+
+
+class _Sampling(NamedTuple):
+    """What numbers of samples become."""
+
+    picture: View
+    seed: int
+    order: int
+    filter: NDArray[np.float64]
+    lens: Lens
+    total: int
+
+
+class CameraRays:
+    """The camera rays of a scene, at shutter opening."""
+
+    def __init__(self, tables: ir.Tables, view: View, frame: Frame) -> None:
+        self.tables = plain_tables(tables)
+        self.of = view, int(frame.options.seed), int(frame.order), frame.filter, camera.lens_of(tables, view, general=True)
+
+    def trace(self, tile: Tile, samples: range, total: int) -> Rays:
+        """The rays of samples of each pixel of a tile, sample by sample."""
+        rows, columns = tile.y1 - tile.y0, tile.x1 - tile.x0
+        n = rows * columns * len(samples)
+        rays = Rays(np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.empty(n))
+        _generate(self.tables, Handle(_Sampling(*self.of, total)), tile, samples.start, rays)
+        return rays
+
+
+class Surfaces:
+    """Albedo and normals of first hits. Keeps the tables that it was given."""
+
+    def __init__(self) -> None:
+        self._tables: dict[int, tuple[ir.Tables, Handle]] = {}
+
+    def add(self, first: FirstHits, count: int, out: NDArray[np.float64]) -> None:
+        """Add albedo and normals over `count` to `out`, (2, pixels, 3), sample by sample; nothing for misses.
+
+        The albedo of mirrors and glass is their specular color.
+        """
+        ray, hit = first.ray, first.hit
+        if not len(hit.t) or not len(first.tables.instances.geometry):
+            return
+        known = self._tables.get(id(first.tables))
+        if known is None:
+            known = self._tables[id(first.tables)] = first.tables, plain_tables(first.tables)
+        n = len(hit.t)
+        origin, direction = (np.stack([np.broadcast_to(c, n) for c in vector], axis=1) for vector in (ray.origin, ray.direction))
+        _add(known[1], origin, direction, Hits(*map(np.ascontiguousarray, hit)), float(count), out)
+
+
+@kernel
+def _generate(tables, sampling, tile, first, rays):
+    """Write the camera rays of samples `first` on of a tile's pixels."""
+    n, columns = len(rays.begin), tile.x1 - tile.x0
+    pixels = columns * (tile.y1 - tile.y0)
+    for start in range(0, n, crosslane.WIDTH):
+        k = ops.minimum(crosslane.lane_indices(start), n - 1)
+        place = k % pixels
+        x, y = tile.x0 + place % columns, tile.y0 + place // columns
+        pixel, s = sobol.zorder_index(x, y, first + k // pixels, sampling.picture.width, sampling.order)
+        dx, dy = sobol.offset(pixel, s, sampling.total, sampling.seed, sampling.filter)
+        x, y = ops.to_float(x) + 0.5 + dx, ops.to_float(y) + 0.5 + dy
+        ray = camera.generate_ray(tables, sampling.picture, sampling.lens, x, y, pixel, s, sampling.seed, None)
+        zero = ops.full_like(dx, 0.0)
+        _store(rays.origin, start, n, ops.add(ray.origin, (zero, zero, zero)))
+        _store(rays.direction, start, n, ops.add(ray.direction, (zero, zero, zero)))
+        begin, end = ray.t_min + zero, ray.t_max + zero
+        for j in range(min(crosslane.WIDTH, n - start)):
+            rays.begin[start + j], rays.end[start + j] = crosslane.lane(begin, j), crosslane.lane(end, j)
+
+
+@helper
+def _store(rows: Any, start: int, n: int, vector: Vec) -> None:
+    for j in range(min(crosslane.WIDTH, n - start)):
+        for k in range(3):
+            rows[start + j, k] = crosslane.lane(vector[k], j)
+
+
+@kernel
+def _add(tables, origin, direction, hits, count, out):
+    """See Surfaces.add."""
+    n, pixels = len(hits.t), out.shape[1]
+    for start in range(0, n, crosslane.WIDTH):
+        k = ops.minimum(crosslane.lane_indices(start), n - 1)
+        here = ops.to_int(hits.instance[k]) >= 0
+        if not ops.any_lane(here):
+            continue
+        ray = Ray(load_vectors(origin, start, n), load_vectors(direction, start, n), 0.0, np.inf, None)
+        hit = Hit(hits.t[k], ops.to_int(hits.instance[k]), ops.to_int(hits.primitive[k]), hits.u[k], hits.v[k])
+        albedo, normal = _seen(tables, ray, hit)
+        for j in range(min(crosslane.WIDTH, n - start)):
+            if crosslane.lane(hit.instance, j) >= 0:
+                place = (start + j) % pixels
+                for c in range(3):
+                    out[0, place, c] += _finite(crosslane.lane(albedo[c], j)) / count
+                    out[1, place, c] += _finite(crosslane.lane(normal[c], j)) / count
+
+
+@helper
+def _seen(tables: Any, ray: Ray, hit: Hit) -> tuple[Vec, Vec]:
+    """Albedo and normal at hits."""
+    at = interaction.make_interaction(tables, ray, hit)
+    albedo = ops.mul(color_of(tables, at, DIFFUSE), at.color)
+    for slot in (SPECULAR, REFLECTION, TRANSMISSION):
+        albedo = ops.add(albedo, color_of(tables, at, slot))
+    shines = ops.largest(color_of(tables, at, EMISSION)) > 0.0
+    one = ops.full_like(hit.t, 1.0)
+    return ops.where3(shines, (one, one, one), albedo), at.normal
+
+
+@helper
+def _finite(value: Lane) -> Lane:
+    return value if abs(value) < np.inf else 0.0

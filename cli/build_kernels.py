@@ -86,7 +86,7 @@ VARIANTS = {
     "triangles with shadow maps": Variant(_FORMULA.format(_SHINY) + _SUN, {"backend": "raster"}, {"raster.shadows": "map"}),
     "triangles by tiles": Variant(_FORMULA.format(_MATT) + _AREA, {"backend": "raster", "error": 0.5}),
     "channels": Variant(_FORMULA.format(_MATT) + _SUN, {"aov": ("depth", "normal", "issues")}),
-    "channels of paths": Variant(_FORMULA.format(_SHINY) + _AREA, {"bounces": 2, "aov": ("depth",)}),  # denoising needs them, too
+    "channels of paths": Variant(_FORMULA.format(_SHINY) + _AREA, {"bounces": 2, "aov": ("depth",), "denoise": True}),
     "channels of triangles": Variant(_FORMULA.format(_MATT) + _SUN, {"backend": "raster", "aov": ("depth",)}),
 }
 

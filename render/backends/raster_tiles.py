@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..film.tile_queue import COUNTS, FILM, TILE, TileKernel
+from ..film.tile_queue import FILM, TILE, TileKernel
 from ..integrator import ray_stack
 from ..jit.function_pointer import DeclaredPointer, compiled_address
 from ..jit.kernel import Kernel, helper, kernel

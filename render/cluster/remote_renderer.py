@@ -15,7 +15,7 @@ from ...compiler.plan import channels, decision
 from ...compiler.plan.plan import Plan
 from .. import packing
 from ..backends import light_groups
-from ..film import canvas
+from ..film import tile_calls
 from ..film.remote import Remote
 from ..image.image import Image
 from ..jit.cancellation import Cancelled
@@ -87,7 +87,7 @@ class RemoteRenderer(Remote):
     def batch(self, tile: Tile, first: Counts, count: Counts, total: int, film: Film, deadline: float) -> int:
         """See Remote. Light groups add each call's samples by themselves, as one process does."""
         if self._sums is not None:
-            return canvas.draw_batch(self, tile, first, count, total, film, lambda: self._is_over(deadline))
+            return tile_calls.draw_batch(self, tile, first, count, total, film, lambda: self._is_over(deadline))
         begun = self._tile_by_tile and bool(first.any())
         answer = self._ask_samples("batch", tile, first, count, total, {"seconds": None}, deadline, begun).wait()
         if answer is None:

@@ -18,7 +18,7 @@ from ...compiler import ir
 from ...compiler.plan.plan import Plan
 from .. import packing, render_scene
 from ..backends import light_groups
-from ..film import canvas, denoise
+from ..film import denoise, tile_calls
 from ..image import cryptomatte, image
 from ..types import Tile, View
 from . import identity, messages
@@ -222,11 +222,11 @@ def _sample(picture: Picture, request: Mapping[str, Any], arrays: packing.Arrays
 
 
 def _batch(picture: Picture, request: Mapping[str, Any], arrays: packing.Arrays, began: float) -> Reply:
-    """One call of canvas.draw_batch."""
+    """One call of tile_calls.draw_batch."""
     tile, first, count, film = _asked(request, arrays)
     deadline = math.inf if request["seconds"] is None else began + request["seconds"]
     with picture.use(_setting(request)) as renderer:
-        reached = canvas.draw_batch(renderer, tile, first, count, request["total"], film, lambda: time.perf_counter() > deadline)
+        reached = tile_calls.draw_batch(renderer, tile, first, count, request["total"], film, lambda: time.perf_counter() > deadline)
     return {"reached": reached}, _film_arrays(film)
 
 
@@ -234,7 +234,7 @@ def _auxiliary(picture: Picture, request: Mapping[str, Any], arrays: packing.Arr
     tile = Tile(*request["tile"])
     out = image.blank(tile.x1 - tile.x0, tile.y1 - tile.y0, tuple(request["names"]))
     with picture.use(_setting(request)) as renderer:
-        canvas.draw_auxiliary(renderer, tile, out, request["samples"], picture.mattes)
+        tile_calls.draw_auxiliary(renderer, tile, out, request["samples"], picture.mattes)
     return {}, dict(out)
 
 
@@ -248,7 +248,7 @@ def _asked(request: Mapping[str, Any], arrays: packing.Arrays) -> tuple[Tile, ND
     tile = Tile(*request["tile"])
     shape = tile.y1 - tile.y0, tile.x1 - tile.x0
     first, count = (messages.counts_from(name, shape, request, arrays) for name in ("first", "samples"))
-    return tile, first, count, canvas.blank_film(tile)
+    return tile, first, count, tile_calls.blank_film(tile)
 
 
 def _setting(request: Mapping[str, Any]) -> Setting:

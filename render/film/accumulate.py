@@ -136,7 +136,9 @@ def level(samples):
 
 @kernel
 def relative_error(differences, rgba, samples, share, least, out, top=0, bottom=1 << 62):
-    """Write rows `top` to `bottom` of (h, w) d² / (light² + `least`), the mean of three channels, times the `share` (levels,) for the pixel's samples.
+    """Write rows `top` to `bottom` of (h, w) d² / (light² + `least`), means of three channels.
+
+    They are times the `share` (levels,) for the pixel's samples.
 
     d are the `differences` of add_samples.
 

@@ -14,83 +14,24 @@ from numpy.typing import NDArray
 
 from ...compiler.plan import decision
 from ...compiler.plan.plan import Plan
-from ...lang.schema.picture_channels import SEEN
-from ..image import cryptomatte, image, metrics
+from ..image import image, metrics
 from ..image.cryptomatte import Mattes
 from ..jit import thread_pool
 from ..simd import target
-from ..types import Film, Tile, View
+from ..types import Tile, View
 from . import accumulate, adaptive_sampling, stray_samples
 from .accumulate import PixelSums
 from .checkpoint import Keeper, State
 from .deadline import Deadline, Pace
 from .progress import Picture, Progress, Report
 from .remote import Remote
-from .tile_queue import CALL, Batches, Target, TileKernel, TileQueue
-
-TILE = 32  # pixels
+from .tile_calls import Counts, blank_film, draw_auxiliary, draw_batch, tiles
+from .tile_queue import Batches, Target, TileKernel, TileQueue
 
 EXTRAS = 8  # tiles for each thread, after which their channels are drawn
 ROWS = 64  # of pixels, whose errors a thread computes at a time
 KNOWN = 0.5  # of the pixels, whose variance tells that of the others
 ESTIMATE = 2.0  # seconds between estimates of the error for callers
-
-Counts = NDArray[np.int64]
-
-
-def tiles(crop: tuple[int, int, int, int], side: int = TILE) -> list[Tile]:
-    """Return the tiles of a crop, those of the picture's grid, from the center outwards."""
-    x0, y0, x1, y1 = crop
-    columns, rows = (range(start // side * side, end, side) for start, end in ((x0, x1), (y0, y1)))
-    every = [Tile(max(x, x0), max(y, y0), min(x + side, x1), min(y + side, y1)) for y in rows for x in columns]
-    corners = np.array(every)
-    away = (corners[:, 0] + corners[:, 2] - x0 - x1) ** 2 + (corners[:, 1] + corners[:, 3] - y0 - y1) ** 2
-    return [every[i] for i in np.argsort(away, kind="stable")]
-
-
-def draw_auxiliary(renderer: Any, tile: Tile, out: dict[str, NDArray[np.float32]], samples: int, mattes: Mattes | None) -> None:
-    """Write the auxiliary channels of a tile."""
-    if isinstance(renderer, Remote):
-        renderer.auxiliary(tile, out, samples)
-        return
-    names = tuple(name for name in out if name in SEEN)
-    if names:
-        renderer.channels(tile, names, {name: out[name] for name in names})
-    if mattes is not None:
-        count = min(samples, cryptomatte.SAMPLES)
-        found = [first.hit.instance for first in renderer.first(tile, range(count), samples)]
-        seen = np.concatenate(found).reshape(count, -1)
-        mattes.put(seen, {name: out[name] for name in mattes.channels})
-
-
-def draw_batch(
-    renderer: Any, tile: Tile, first: Counts, count: Counts, total: int, film: Film, stopped: Callable[[], bool],
-    pace: Pace | None = None, clock: Callable[[], float] = time.perf_counter,
-) -> int:  # fmt: skip
-    """Add samples first … first + count - 1 of every pixel of a tile to its film, until `stopped`.
-
-    With a `pace`, a call takes no longer than the pace expects of deadline.CALL seconds, and adds to it.
-    Returns the number up to which each pixel's samples were drawn: at least the greatest count, unless it was stopped.
-    """
-    start, most = 0, int(count.max(initial=0))
-    while start < most and not stopped():
-        active = int(np.count_nonzero(count > start))
-        call = CALL * max(1, count.size // active)
-        if pace is None:
-            renderer.sample(tile, first + start, np.clip(count - start, 0, call), total, film)
-        else:
-            call = min(call, max(pace.samples() // active, 1))
-            some, began = np.clip(count - start, 0, call), clock()
-            renderer.sample(tile, first + start, some, total, film)
-            pace.add(int(some.sum()), clock() - began)
-        start += call
-    return start
-
-
-def blank_film(tile: Tile) -> Film:
-    """Return the film of a tile, without samples."""
-    shape = (tile.y1 - tile.y0, tile.x1 - tile.x0)
-    return Film(np.zeros((*shape, 3)), np.zeros(shape), np.zeros(shape, np.int64))
 
 
 class Canvas:
@@ -203,9 +144,7 @@ class Canvas:
         self.round = {"goal": self.most + 1}
         self.work(self.draw_extras, self.tiles if self.names else (), lambda: 1.0)
 
-    def draw(
-        self, jobs: Sequence[Tile], batches: Batches, fraction: Callable[[], float], sums: PixelSums | None = None
-    ) -> None:  # fmt: skip
+    def draw(self, jobs: Sequence[Tile], batches: Batches, fraction: Callable[[], float], sums: PixelSums | None = None) -> None:
         """Render batches of samples of tiles on all threads, added to `sums` of the whole picture, and report the `fraction` done.
 
         Without `sums` the tiles begin with no samples.
@@ -236,14 +175,16 @@ class Canvas:
                 self.work(self.draw_extras, some, fraction)
 
     def _draw_queue(
-        self, jobs: Sequence[Tile], batches: Batches, fraction: Callable[[], float], sums: PixelSums | None, drawing: TileKernel, fresh: bool
+        self, jobs: Sequence[Tile], batches: Batches, fraction: Callable[[], float], sums: PixelSums | None, drawing: TileKernel,
+        fresh: bool,
     ) -> None:  # fmt: skip
         """`draw` by a kernel; `fresh`: no tile but the one in the middle has samples."""
         alone, none = self.most == 1, np.zeros((0, 0), np.int64)
         target = Target(
             np.zeros(1, np.int64), np.array([self.rows[tile] for tile in jobs], np.int64), self.boxes, np.array(batches.steps, np.int64),
             batches.goals, sums or PixelSums.zeros(0, 0), self.channels["rgba"], self.differences, none if alone else self.samples,
-            self.samples if alone else none.astype(np.int8), self.drawn, self.issues, self.decline.shown, self.least, *self.crop[:2], self.most,
+            self.samples if alone else none.astype(np.int8), self.drawn, self.issues, self.decline.shown, self.least, *self.crop[:2],
+            self.most,
         )  # fmt: skip
 
         def is_stopped(row: int) -> bool:

@@ -20,14 +20,15 @@ from ..image.cryptomatte import Mattes
 from ..jit import thread_pool
 from ..simd import target
 from ..types import Film, FirstHits, Tile, View
-from .canvas import TILE as TILE
-from .canvas import Canvas, draw_auxiliary
-from .canvas import tiles as tiles
+from .canvas import Canvas
 from .checkpoint import Keeper
 from .deadline import Deadline
 from .progress import Progress, Report
 from .refinement import Refinement
 from .remote import Remote
+from .tile_calls import TILE as TILE
+from .tile_calls import draw_auxiliary
+from .tile_calls import tiles as tiles
 from .tile_queue import TileKernel
 
 Counts = NDArray[np.int64]

@@ -25,8 +25,8 @@ DIFFUSE, SPECULAR, REFLECTION, TRANSMISSION, EMISSION = (
 
 def plain_tables(tables: ir.Tables) -> Handle:
     """Tables without the parts that a scene adds to materials and images, so that one kernel serves all scenes."""
-    materials, images = (kind(*table[: len(kind._fields)]) for kind, table in ((ir.Materials, tables.materials), (ir.Images, tables.images)))
-    return Handle(tables._replace(materials=materials, images=images))
+    materials = ir.Materials._make(tables.materials[: len(ir.Materials._fields)])
+    return Handle(tables._replace(materials=materials, images=ir.Images._make(tables.images[: len(ir.Images._fields)])))
 
 
 class Rays(NamedTuple):

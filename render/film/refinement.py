@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from ..types import Tile
 from . import adaptive_sampling
 from .accumulate import PixelSums
-from .canvas import Canvas, Counts
+from .canvas import Canvas
 from .deadline import Deadline
+from .tile_calls import Counts
 from .tile_queue import Batches
 
 

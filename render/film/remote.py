@@ -40,11 +40,11 @@ class Remote:
         return False
 
     def batch(self, tile: Tile, first: Counts, count: Counts, total: int, film: Film, deadline: float) -> int:
-        """Add samples as canvas.draw_batch does. `deadline` is a time of time.perf_counter."""
+        """Add samples as tile_calls.draw_batch does. `deadline` is a time of time.perf_counter."""
         raise NotImplementedError
 
     def auxiliary(self, tile: Tile, out: dict[str, NDArray[np.float32]], samples: int) -> None:
-        """Write the channels of a tile, as canvas.draw_auxiliary does."""
+        """Write the channels of a tile, as tile_calls.draw_auxiliary does."""
         raise NotImplementedError
 
     def guides(self, tile: Tile, count: int, total: int) -> NDArray[Any]:

@@ -1,7 +1,7 @@
 """Queue of tiles: threads draw tiles after tiles in a kernel, and return to Python a few times a second.
 
 Python's lock lets one thread at a time run Python. A millisecond of Python in each tile limits sixteen threads to the speed of six.
-The order of samples, batches and sums is that of canvas.draw_batch, so pictures are equal bit for bit.
+The order of samples, batches and sums is that of tile_calls.draw_batch, so pictures are equal bit for bit.
 """
 
 from __future__ import annotations
@@ -94,9 +94,9 @@ class TileMemory(NamedTuple):
     @classmethod
     def of(cls, side: int) -> TileMemory:
         """Memory for tiles of `side` × `side` pixels."""
-        counts = [np.zeros((side, side), np.int64) for _ in range(3)]
+        first, part, count = np.zeros((3, side, side), np.int64)
         film = Film(np.zeros((side, side, 3)), np.zeros((side, side)), np.zeros((side, side), np.int64))
-        return cls(np.array([NONE_LEFT, 0, 0, 0, 0, 0, 0]), *counts, film, PixelSums.zeros(side, side))
+        return cls(np.array([NONE_LEFT, 0, 0, 0, 0, 0, 0]), first, part, count, film, PixelSums.zeros(side, side))
 
 
 class _Worker:
@@ -183,7 +183,7 @@ def draw_tiles(draw, inputs, memory, target, work, limit):
     """Draw tiles until state[QUOTA] samples are drawn or none is left; returns (samples, whether there is more to do).
 
     `draw`, `inputs` and `memory` are those of TileKernel. A call of it takes at most `limit` samples, and one of each pixel at least.
-    The tile in work remains for the next call. With state[ENDS], adds the samples of the batch in work that were drawn, and draws no others.
+    The tile in work remains for the next call. With state[ENDS], it adds the samples of the batch in work that were drawn, and no others.
     """
     state, used = work.state, 0
     quota, ends = state[QUOTA], state[ENDS] != 0

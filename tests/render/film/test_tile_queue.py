@@ -131,7 +131,7 @@ def test_a_cancelled_picture_goes_on_from_its_checkpoint_with_the_same_bits(tmp_
     for _ in range(4):
         cancel = threading.Event()
         keeper = checkpoint.Keeper(path, lambda: "key", 0.0, 0.0, resume=True)  # one is due after every call
-        image = film.run(renderer, plan, view, lambda _: cancel.set(), cancel, keeper=keeper)
+        image = film.run(renderer, plan, view, lambda _, cancel=cancel: cancel.set(), cancel, keeper=keeper)
         if not image.metadata["partial"]:
             break
     keeper = checkpoint.Keeper(path, lambda: "key", math.inf, math.inf, resume=True)

@@ -8,7 +8,7 @@ from maquette.compiler import ir, load
 from maquette.compiler.plan import plan as planner
 from maquette.render import render_scene
 from maquette.render.accel.formula_packets import camera_rays, shadow_rays
-from maquette.render.backends import prepare, ray
+from maquette.render.backends import prepare, ray_samples
 from maquette.render.image import image
 
 VIEW = "camera(position: [0.3, 1.4, 3], look_at: [0, -0.1, 0], fov: 42deg)\nplane(y: -0.9)\n"
@@ -88,6 +88,6 @@ def test_hidden_bits_of_a_light(tmp_path, monkeypatch):
 @pytest.mark.parametrize("lamps", [False, True])
 def test_tile_hits_have_one_type_for_any_number_of_samples(lamps: bool) -> None:
     """Otherwise each number of samples would compile the tile kernel again."""
-    room = ray.Workspace(np.zeros((3, 8), np.int64), np.zeros((5, 8)), np.zeros((1, 1, 8)))
+    room = ray_samples.Workspace(np.zeros((3, 8), np.int64), np.zeros((5, 8)), np.zeros((1, 1, 8)))
     kinds = {camera_rays.allocate_packets(np.full((2, 3), count), room, lamps, False).workspace.type for count in (0, 1, 2)}
     assert len(kinds) == 1

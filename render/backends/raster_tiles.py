@@ -114,7 +114,9 @@ class TileDrawing:
         scratch = self._scratch(self.batch)
         places = np.array([scratch.place(name) for name in _SIZES] + [scratch.place(name) + 1 for name in _SAMPLED])
         count = len(self.rasterizer.box) + len(self.prepared.raster.untessellated)
-        return Handle(TileMemory(scratch, scratch.words, places, *scratch.tables.depth, np.zeros(count, np.int64), self._stack()))
+        depth: scalar_raster.DepthBuffer = scratch.tables.depth
+        chosen = np.zeros(count, np.int64)
+        return Handle(TileMemory(scratch, scratch.words, places, depth.key, depth.instance, depth.triangle, chosen, self._stack()))
 
     def link(self) -> TileKernel:
         """The kernel of tiles."""

@@ -55,7 +55,7 @@ class Canvas:
         self.channels = image.blank(self.width, self.height, ("rgba", *self.names))
         several = (self.height, self.width, 3) if self.most > 1 else (0, 0, 3)  # one sample has no error estimate
         self.differences = np.full(several, np.inf, np.float32)  # of halves, their squares the variance of means; inf after one batch
-        self.samples = np.zeros((self.height, self.width), np.int64 if self.most > 1 else np.int8)
+        self.samples: NDArray[Any] = np.zeros((self.height, self.width), np.int64 if self.most > 1 else np.int8)
         self.first = min(adaptive_sampling.first_samples(plan["error"]), self.most)
         adaptive = decision.adaptive(plan)
         self.least = 0.0  # ε², after the first round
@@ -183,8 +183,8 @@ class Canvas:
         target = Target(
             np.zeros(1, np.int64), np.array([self.rows[tile] for tile in jobs], np.int64), self.boxes, np.array(batches.steps, np.int64),
             batches.goals, sums or PixelSums.zeros(0, 0), self.channels["rgba"], self.differences, none if alone else self.samples,
-            self.samples if alone else none.astype(np.int8), self.drawn, self.issues, self.decline.shown, self.least, *self.crop[:2],
-            self.most,
+            self.samples if alone else none.astype(np.int8), self.drawn, self.issues, self.decline.shown, self.least, self.crop[0],
+            self.crop[1], self.most,
         )  # fmt: skip
 
         def is_stopped(row: int) -> bool:

@@ -36,20 +36,29 @@ class PixelSums(NamedTuple):
         return PixelSums(self.color[window], self.alpha[window], self.issues[window], self.samples[window])
 
 
+class Window(NamedTuple):
+    """Where a tile lies in larger arrays: its size, and its first row and column in PixelSums and in the picture."""
+
+    rows: int
+    columns: int
+    sums_row: int
+    sums_column: int
+    row: int
+    column: int
+
+
 @kernel
 def add_samples(film, count, sums, differences, rgba, least, shown, tile):
     """Add a film's batch of `count` (h, w) samples to the sums of a tile, and update picture and differences; see `add_batch`.
 
     Adds to shown[tile].
     """
-    add_batch(film, count, count.shape, sums, (0, 0), differences, rgba, (0, 0), least, shown, tile)
+    add_batch(film, count, Window(count.shape[0], count.shape[1], 0, 0, 0, 0), sums, differences, rgba, least, shown, tile)
 
 
 @helper
-def add_batch(film, count, shape, sums, first, differences, rgba, place, least, shown, tile):
-    """Add a film's batch of `count` samples to the sums of a tile of a `shape`, and update picture and differences; `count` may be 0.
-
-    The tile begins at row and column `first` of the sums, and at `place` of `differences` and `rgba`.
+def add_batch(film, count, window, sums, differences, rgba, least, shown, tile):
+    """Add a film's batch of `count` samples to the sums of a tile, and update picture and differences; `count` may be 0.
 
     The old samples and the new ones have means m₁, m₂ of n₁, n₂ samples. For independent batches whose variance falls as 1/n, the mean of
     all has the variance d² of d = (m₁ - m₂) √(n₁ n₂) / (n₁ + n₂); adaptive_sampling.Decline corrects it for Sobol points. `differences`
@@ -57,9 +66,9 @@ def add_batch(film, count, shape, sums, first, differences, rgba, place, least, 
     after, at the level of their samples. The value is the geometric mean of both batches, at least half of the mean, as one may be black.
     """
     known_whole, at = 0.0, 0  # neighbors mostly have equal counts
-    for row in range(shape[0]):
-        for column in range(shape[1]):
-            y, x, v, u = first[0] + row, first[1] + column, place[0] + row, place[1] + column
+    for row in range(window.rows):
+        for column in range(window.columns):
+            y, x, v, u = window.sums_row + row, window.sums_column + column, window.row + row, window.column + column
             new, old = count[row, column], sums.samples[y, x]
             if new == 0:
                 continue
@@ -99,31 +108,31 @@ def clamp(value):
 @kernel
 def set_first(film, rgba):
     """Set the picture of a tile from a film's one sample of each pixel, and clear the film; return how many samples are not finite."""
-    return put_first(film, rgba.shape, rgba, (0, 0))
+    return put_first(film, Window(rgba.shape[0], rgba.shape[1], 0, 0, 0, 0), rgba)
 
 
 @helper
-def put_first(film, shape, rgba, place):
-    """`set_first` for a tile of a `shape` that begins at row and column `place` of the picture."""
+def put_first(film, window, rgba):
+    """`set_first` for a tile of a picture."""
     issues = 0
-    for row in range(shape[0]):
-        for column in range(shape[1]):
-            y, x = place[0] + row, place[1] + column
+    for row in range(window.rows):
+        for column in range(window.columns):
+            y, x = window.row + row, window.column + column
             red, green, blue = film.color[row, column, 0], film.color[row, column, 1], film.color[row, column, 2]
             if not (abs(red) <= LARGEST and abs(green) <= LARGEST and abs(blue) <= LARGEST):
                 red, green, blue = clamp(red), clamp(green), clamp(blue)
                 issues += 1
             rgba[y, x, 0], rgba[y, x, 1], rgba[y, x, 2], rgba[y, x, 3] = red, green, blue, film.alpha[row, column]
             issues += film.issues[row, column]
-    clear(film, shape)
+    clear(film, window.rows, window.columns)
     return issues
 
 
 @helper
-def clear(film, shape):
-    """Set the sums of a film of a `shape` to 0."""
-    for row in range(shape[0]):
-        for column in range(shape[1]):
+def clear(film, rows, columns):
+    """Set the sums of a film of this size to 0."""
+    for row in range(rows):
+        for column in range(columns):
             film.color[row, column, 0], film.color[row, column, 1], film.color[row, column, 2] = 0.0, 0.0, 0.0
             film.alpha[row, column], film.issues[row, column] = 0.0, 0
 

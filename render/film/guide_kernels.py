@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from .. import camera
-from ..accel.ray_queries import Hits, load_vectors
 from ..jit.kernel import helper, kernel
 from ..jit.packed_struct import Handle
 from ..lanes import crosslane, ops
@@ -84,7 +83,7 @@ class Surfaces:
             known = self._tables[id(first.tables)] = first.tables, plain_tables(first.tables)
         n = len(hit.t)
         origin, direction = (np.stack([np.broadcast_to(c, n) for c in vector], axis=1) for vector in (ray.origin, ray.direction))
-        _add(known[1], origin, direction, Hits(*map(np.ascontiguousarray, hit)), float(count), out)
+        _add(known[1], origin, direction, Hit(*map(np.ascontiguousarray, hit)), float(count), out)
 
 
 @kernel
@@ -124,7 +123,7 @@ def _add(tables, origin, direction, hits, count, out):
         here = ops.to_int(hits.instance[k]) >= 0
         if not ops.any_lane(here):
             continue
-        ray = Ray(load_vectors(origin, start, n), load_vectors(direction, start, n), 0.0, np.inf, None)
+        ray = Ray(_load(origin, k), _load(direction, k), 0.0, np.inf, None)
         hit = Hit(hits.t[k], ops.to_int(hits.instance[k]), ops.to_int(hits.primitive[k]), hits.u[k], hits.v[k])
         albedo, normal = _seen(tables, ray, hit)
         for j in range(min(crosslane.WIDTH, n - start)):
@@ -133,6 +132,11 @@ def _add(tables, origin, direction, hits, count, out):
                 for c in range(3):
                     out[0, place, c] += _finite(crosslane.lane(albedo[c], j)) / count
                     out[1, place, c] += _finite(crosslane.lane(normal[c], j)) / count
+
+
+@helper
+def _load(rows: Any, k: Lane) -> Vec:
+    return rows[k, 0], rows[k, 1], rows[k, 2]
 
 
 @helper

@@ -20,7 +20,7 @@ from ..jit.packed_struct import Handle
 from ..jit.value_types import INT64, NONE, ValueType, array_type, tuple_type
 from ..simd.atomics import fetch_add
 from ..types import Film, Tile
-from .accumulate import PixelSums, add_batch, clear, put_first
+from .accumulate import PixelSums, Window, add_batch, clear, put_first
 from .adaptive_sampling import Decline
 from .deadline import UNLIMITED, Pace
 
@@ -220,12 +220,12 @@ def _begin_tile(target: Any, work: Any, row: int) -> None:
     """Take a tile into work."""
     work.state[ROW], work.state[STEP] = row, 0
     tile = _box(target, row)
-    shape = tile.y1 - tile.y0, tile.x1 - tile.x0
-    clear(work.film, shape)
+    rows, columns = tile.y1 - tile.y0, tile.x1 - tile.x0
+    clear(work.film, rows, columns)
     if len(target.sums.samples) == 0:
-        clear(work.sums, shape)
-        for y in range(shape[0]):
-            for x in range(shape[1]):
+        clear(work.sums, rows, columns)
+        for y in range(rows):
+            for x in range(columns):
                 work.sums.samples[y, x] = 0
 
 
@@ -283,36 +283,40 @@ def _set_counts(work: Any, rows: int, columns: int, start: int, call: int) -> in
 @helper
 def _end_batch(target: Any, work: Any, film: Film, tile: Tile) -> None:
     """Add the batch of the tile in work to sums and picture, as far as it was drawn."""
-    state, row = work.state, work.state[ROW]
-    shape, place = (tile.y1 - tile.y0, tile.x1 - tile.x0), (tile.y0 - target.top, tile.x0 - target.left)
+    state, top, left = work.state, tile.y0 - target.top, tile.x0 - target.left
+    window = Window(tile.y1 - tile.y0, tile.x1 - tile.x0, top, left, top, left)
     if state[START] < state[END]:
-        for y in range(shape[0]):
-            for x in range(shape[1]):
+        for y in range(window.rows):
+            for x in range(window.columns):
                 work.count[y, x] = min(work.count[y, x], state[START])
     if target.total == 1:
         if state[START] > 0:
-            target.issues[row] = put_first(film, shape, target.rgba, place)
-            target.drawn[row] = shape[0] * shape[1]
-            for y in range(shape[0]):
-                for x in range(shape[1]):
-                    target.sampled[place[0] + y, place[1] + x] = 1
-        return
-    if len(target.sums.samples) > 0:
-        _add(target, work, film, shape, target.sums, place, place)
+            _end_single(target, state[ROW], film, window)
+    elif len(target.sums.samples) > 0:
+        _add(target, work, film, target.sums, window)
     else:
-        _add(target, work, film, shape, work.sums, (0, 0), place)
+        _add(target, work, film, work.sums, Window(window.rows, window.columns, 0, 0, top, left))
 
 
 @helper
-def _add(target: Any, work: Any, film: Film, shape: Any, sums: Any, first: Any, place: Any) -> None:
-    row = work.state[ROW]
-    add_batch(film, work.count, shape, sums, first, target.differences, target.rgba, place, target.least, target.shown, row)
-    drawn, issues = 0, 0
-    for y in range(shape[0]):
-        for x in range(shape[1]):
-            samples = sums.samples[first[0] + y, first[1] + x]
-            target.samples[place[0] + y, place[1] + x] = samples
+def _end_single(target: Any, row: int, film: Film, window: Window) -> None:
+    """Set the picture of a tile of one sample a pixel."""
+    target.issues[row], target.drawn[row] = put_first(film, window, target.rgba), window.rows * window.columns
+    for y in range(window.rows):
+        for x in range(window.columns):
+            target.sampled[window.row + y, window.column + x] = 1
+
+
+@helper
+def _add(target: Any, work: Any, film: Film, sums: Any, window: Window) -> None:
+    """Add the batch of the tile in work to its sums."""
+    row, drawn, issues = work.state[ROW], 0, 0
+    add_batch(film, work.count, window, sums, target.differences, target.rgba, target.least, target.shown, row)
+    for y in range(window.rows):
+        for x in range(window.columns):
+            samples = sums.samples[window.sums_row + y, window.sums_column + x]
+            target.samples[window.row + y, window.column + x] = samples
             drawn += samples
-            issues += sums.issues[first[0] + y, first[1] + x]
+            issues += sums.issues[window.sums_row + y, window.sums_column + x]
     target.drawn[row], target.issues[row] = drawn, issues
-    clear(film, shape)
+    clear(film, window.rows, window.columns)

@@ -68,8 +68,8 @@ $(foreach folder,$(DEMO) examples,$(foreach kind,$(KINDS),$(eval $(call rule,$(f
 wheel: $(DEVELOP)  ## build a wheel with compiled kernels for three instruction sets into dist: about 20 minutes on two cores, fewer after small changes
 	@$(BIN)/python tools/wheel.py
 
-reference: $(DEVELOP)  ## write docs/reference.md from the schema again, and the pages of file formats from the readers' tables
-	@mkdir -p build && $(BIN)/python -m maquette.lang.reference_page > build/reference.md && mv build/reference.md docs/reference.md
+reference: $(DEVELOP)  ## write docs/reference.md and docs/reference/ from the schema again, and the pages of file formats from the readers' tables
+	@mkdir -p build && $(BIN)/python -m maquette.lang.reference_page docs
 	@for name in usd gltf meshes; do \
 	  $(BIN)/python -m maquette.compiler.format_pages $$name > build/$$name.md && mv build/$$name.md docs/$$name.md || exit; \
 	done

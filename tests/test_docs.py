@@ -12,7 +12,10 @@ import pytest
 from maquette.cli.main import COMMANDS, cli
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGES = [*ROOT.glob("*.md"), *sorted((ROOT / "docs").glob("*.md")), ROOT / "examples" / "README.md"]
+PAGES = [
+    *ROOT.glob("*.md"), *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs" / "reference").glob("*.md")),
+    ROOT / "examples" / "README.md",
+]  # fmt: skip
 FENCED = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
 IN_BLOCKS = re.compile(r"^(?:\.venv/bin/)?((?:maquette|make) .+)$", re.MULTILINE)
 IN_PROSE = re.compile(r"`((?:maquette|make) [^`\n]+)`")

@@ -116,7 +116,8 @@ assert "`annulus` cannot be a part of a solid: an annulus has no inside" in said
 assert "its measures are not finite, or not above 0" in run("check wrong.scene", 1)
 export_to_all("a.scene")
 from maquette.lang.reference_page import reference
-assert "### annulus" in reference({}) and "annulus(1, 0.5)" in reference({})
+page = reference({})["reference/shapes.md"]
+assert "## annulus" in page and "annulus(1, 0.5)" in page
 run("render a.scene -o a.exr --size 32x24 --samples 1 --bounces 1 --backend reference -q")
 alpha = picture("a.exr")["rgba"][12, :, 3]
 assert alpha[16] == 0.0 and alpha[16 + 6] == 1.0, alpha

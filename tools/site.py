@@ -53,7 +53,7 @@ def linked(page: Path) -> list[Path]:
 def sections() -> dict[str, list[str]]:
     """The pages of each section: those of NAV, and the other pages of docs/."""
     named = {page for pages in NAV.values() for page in pages}
-    others = sorted(f"docs/{path.name}" for path in (ROOT / "docs").glob("*.md"))
+    others = sorted(path.relative_to(ROOT).as_posix() for path in [*(ROOT / "docs").glob("*.md"), *(ROOT / "docs/reference").glob("*.md")])
     return {title: pages + [page for page in others if page not in named] * (title == OTHERS) for title, pages in NAV.items()}
 
 

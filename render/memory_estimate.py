@@ -14,12 +14,16 @@ import numpy as np
 from ..compiler import ir
 from ..compiler.plan import decision
 from ..compiler.plan.plan import Plan
-from .film import denoise
+from .film import denoise, tile_queue
 from .image import image
+from .simd import target
 
 MB = 1_000_000
 COMPILER = 300 * MB  # bytes of Numba and LLVM
 WHITTED, PATHS, RASTER, FORMULAS = 30 * MB, 50 * MB, 65 * MB, 60 * MB  # bytes of modules, kernels and memory of threads
+THREAD, THREADS = 3 * MB, 2  # bytes of a thread, and the threads whose bytes are in the figures above
+PACKET, GUIDE = 216, 104  # bytes of a sample in packets against formulas, and in the guides of denoising
+PIXELS, FEWEST = 64**2, 8  # of a tile in packets, and the samples of each whose memory there is at least
 SCENE = 3.0  # bytes of trees, records and tables, over those of tables
 MESHES = 6.0  # the same of meshes
 PYRAMIDS = 1.65  # bytes of smaller copies of pictures and of their parts, over those of pictures
@@ -71,12 +75,24 @@ def _fixed(scene: ir.Scene, plan: Plan) -> int:
     if plan["texture_filter"] == "footprint" and not (paths and plan["backend"] == "ray"):
         made += PYRAMIDS * texels
     made += RASTER if plan["backend"] == "raster" else PATHS if paths else WHITTED
-    if (tables.geometries.kind == ir.GeometryKind.FORMULA).any():
+    formulas = bool((tables.geometries.kind == ir.GeometryKind.FORMULA).any())
+    if formulas:
         made += FORMULAS
+    made += _of_more_threads(plan, formulas)
     if plan["denoise"] != "off":
         x0, y0, x1, y1 = plan["crop"]
         made += min(NETWORK * (x1 - x0) * (y1 - y0), MB * denoise.MEMORY)
     return int(made)
+
+
+def _of_more_threads(plan: Plan, formulas: bool) -> int:
+    """Bytes of the threads beyond THREADS."""
+    packets = guides = 0
+    if formulas and plan["backend"] == "ray" and plan["transport"] != "path":
+        packets = PACKET * PIXELS * min(max(int(plan["samples"]), FEWEST), tile_queue.CALL)
+    if plan["denoise"] != "off":  # after the samples
+        guides = GUIDE * denoise.SIDE**2 * min(int(plan["samples"]), denoise.SAMPLES)
+    return (THREAD + max(packets, guides)) * max((int(plan["threads"]) or target.cores()) - THREADS, 0)
 
 
 def _arrays(value: Any) -> Iterator[np.ndarray]:

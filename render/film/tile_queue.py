@@ -25,7 +25,8 @@ from .adaptive_sampling import Decline
 from .deadline import UNLIMITED, Pace
 
 CALL = 64  # samples a pixel of a tile between checks for cancellation and deadline
-CALL_SECONDS = 0.03  # length of a kernel call, after which a thread checks for cancellation, unless a batch takes longer
+SHORTEST, LONGEST = 0.03, 0.2  # seconds of a kernel call, after which a thread looks for cancellation, unless a batch takes longer
+SHARE = 0.02  # of the time since the queue began, that a call takes between these limits
 ROW, START, END, STEP, LAST, QUOTA, ENDS = range(7)  # of TileMemory.state
 NONE_LEFT = -1  # in state[ROW]
 
@@ -127,7 +128,7 @@ class TileQueue:
         `is_stopped(row)` says whether a thread stops that has this tile in work; after all threads the batch that it has is added, as far
         as it was drawn, if `keeps()`. `report` is called by this thread, after each of its calls.
         """
-        here, failed = threading.get_ident(), threading.Event()
+        here, failed, began = threading.get_ident(), threading.Event(), self.clock()
         limit = self.pace.samples() if self.pace.limits else UNLIMITED
 
         def bound(worker: _Worker) -> Callable[[], tuple[int, bool]]:
@@ -138,7 +139,7 @@ class TileQueue:
                 worker, more = self._worker(k, drawing), True
                 run = bound(worker)
                 while more and not failed.is_set() and not is_stopped(worker.row):
-                    more = self._call(worker, run)
+                    more = self._call(worker, run, began)
                     if threading.get_ident() == here:
                         report()
             except BaseException:
@@ -159,11 +160,13 @@ class TileQueue:
             self.workers[k] = _Worker(self.side, drawing.memory())
         return self.workers[k]
 
-    def _call(self, worker: _Worker, run: Callable[[], tuple[int, bool]]) -> bool:
-        """Draw for CALL_SECONDS, as far as the pace is known; False where nothing is left to do."""
-        worker.state[QUOTA] = int(CALL_SECONDS / self.pace.seconds) if self.pace.seconds > 0.0 else 1
+    def _call(self, worker: _Worker, run: Callable[[], tuple[int, bool]], queue_began: float) -> bool:
+        """Draw for some time, as far as the pace is known; False where nothing is left to do."""
+        each = self.pace.seconds
         with worker.lock:
             began = self.clock()
+            seconds = min(max(SHARE * (began - queue_began), SHORTEST), LONGEST)
+            worker.state[QUOTA] = int(seconds / each) if each > 0.0 else 1
             used, more = run()
             self.pace.add(used, self.clock() - began)
         return more

@@ -36,6 +36,15 @@ def test_more_work_takes_more_memory(ball: ir.Scene) -> None:
     assert several.most_pixels(several.total(1000)) == 1000
 
 
+def test_threads_count(ball: ir.Scene, tmp_path: Path) -> None:
+    """64 threads take less than half a gigabyte more than two; with packets of rays against formulas 1.1."""
+    (tmp_path / "c.scene").write_text(BALL + "implicit(|x, y, z| x * x + y * y + z * z * z * z <= 1)\n", encoding="utf-8")
+    formula = maquette.load(tmp_path / "c.scene")
+    for scene, most, settings in ((ball, 0.5e9, {}), (ball, 0.5e9, {"backend": "raster"}), (formula, 1.1e9, {"samples": 16})):
+        two, many = (needs(scene, size=(3840, 2160), threads=threads, **settings).fixed for threads in (2, 64))
+        assert 0.1e9 < many - two < most
+
+
 def test_a_mesh_counts(ball: ir.Scene, tmp_path: Path) -> None:
     mesh = "mesh(points: [[k, mod(k, 7), 0] for k in 0..2999], faces: [[3 * k, 3 * k + 1, 3 * k + 2] for k in 0..999])"
     (tmp_path / "b.scene").write_text(BALL.replace("sphere(1)", mesh), encoding="utf-8")

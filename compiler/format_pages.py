@@ -66,8 +66,8 @@ if most of those above 0 are above 1, or if all are whole numbers and one is abo
 
 `--repair`, or `mesh("scan.ply", repair: true)`, repairs a mesh file. It merges vertices that are nearer to each other than a millionth of
 the extent, removes doubled faces and faces without area, winds faces as most of their neighbours, turns closed bodies outwards and fills
-holes of up to half of the area of the mesh. A note names each repair, and a warning what stays. A repaired mesh has triangles for its
-polygons. Meshes that cross themselves are not cut. `maquette check` tells whether a mesh is closed and wound one way.
+holes of up to half of the area of the surface that they are in. A note names each repair, and a warning what stays. A repaired mesh has
+triangles for its polygons. Meshes that cross themselves are not cut. `maquette check` tells whether a mesh is closed and wound one way.
 
 ## Formats, unit and up axis
 

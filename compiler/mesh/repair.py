@@ -18,7 +18,7 @@ from .polygon_mesh import PolyMesh
 from .topology import connected_vertices, winding_number
 
 NEAR = 1e-6  # of the extent: vertices nearer to each other are merged
-LARGEST_HOLE = 0.5  # of the area of the mesh
+LARGEST_HOLE = 0.5  # of the area of the connected surface that it is in
 MOST_SIDES = 10_000  # of a hole
 MOST_BODIES = 64  # whose places in each other are looked at
 _Kind = ir.Interpolation
@@ -52,7 +52,7 @@ class Repair:
 def repaired(mesh: PolyMesh, fill: bool = True) -> tuple[PolyMesh, I64 | None, Repair]:
     """(the repaired mesh of triangles, the face of the file that each stands for, what was done). Without repairs: the mesh, None.
 
-    A hole is filled if its boundary is closed, and its area is at most LARGEST_HOLE of that of the mesh.
+    A hole is filled if its boundary is closed, and its area is at most LARGEST_HOLE of that of the connected surface that it is in.
     """
     said = Repair()
     cut = triangulate.faces(mesh.points, mesh.indices, mesh.counts)
@@ -178,13 +178,14 @@ def _holes(points: F64, faces: I64, said: Repair) -> tuple[I64, I64]:
     said.could_not(astray, "edge stays open: it is on no closed boundary", "edges stay open: they are on no closed boundary")
     said.could_not(int((count > 2).sum()), "side is at an edge with more than two faces", "sides are at edges with more than two faces")
     a, b, c = (points[faces[:, k]] for k in range(3))
-    most = LARGEST_HOLE * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    label = connected_vertices(len(points), faces) if len(faces) else np.arange(len(points))
+    twice = np.bincount(label[faces[:, 0]], np.linalg.norm(np.cross(b - a, c - a), axis=1), len(points))
     made, beside, wide, hard = [faces[:0]], [border[:0]], 0, 0
     for loop, near in loops:
         corners = points[loop]
         normal = triangulate.newell((corners - corners[0])[None])[0]
         size = float(np.linalg.norm(normal))
-        if size > most:
+        if size > LARGEST_HOLE * twice[label[loop[0]]]:
             wide += 1
             continue
         triangles = _flat(corners, normal / size) if size > 0.0 and len(loop) <= MOST_SIDES else np.zeros((0, 3), np.int64)
@@ -194,7 +195,7 @@ def _holes(points: F64, faces: I64, said: Repair) -> tuple[I64, I64]:
         made.append(loop[triangles])
         beside.append(np.full(len(triangles), near))
     said.did(len(made) - 1, "hole filled", "holes filled")
-    said.could_not(wide, "hole is left: it is larger than half of the mesh", "holes are left: they are larger than half of the mesh")
+    said.could_not(wide, "hole is left: it is larger than half of the surface", "holes are left: they are larger than half of the surface")
     said.could_not(hard, "hole is left: no flat faces fill it", "holes are left: no flat faces fill them")
     return np.concatenate(made), np.concatenate(beside)
 

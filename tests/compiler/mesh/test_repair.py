@@ -73,7 +73,7 @@ def test_any_triangles_are_taken(faces: list[tuple[int, int, int]], random: obje
         (BOX.faces[:, ::-1], ["12 faces turned outwards"], []),
         (BOX.faces[1:], ["1 hole filled"], []),
         (np.concatenate([BOX.faces, BOX.faces[:1]]), ["1 doubled face removed"], []),
-        (BOX.faces[:1], [], ["1 hole is left: it is larger than half of the mesh"]),
+        (BOX.faces[:1], [], ["1 hole is left: it is larger than half of the surface"]),
         (np.concatenate([BOX.faces[:1, ::-1], BOX.faces[1:]]), ["1 face turned round to match its neighbours"], []),
     ],
     ids=["sound", "inwards", "hole", "doubled", "alone", "turned"],
@@ -114,6 +114,13 @@ def test_holes_that_meet_in_a_point_are_filled_each() -> None:
     made, said = repaired(BALL.vertices, np.delete(BALL.faces, at, axis=0))
     assert said.done == ["2 holes filled"]
     assert volume(made) == pytest.approx(BALL.volume)
+
+
+def test_sheets_beside_each_other_stay_open() -> None:
+    """Leaves of a tree: the outline of each is no hole, however small it is beside the whole."""
+    offsets = np.repeat(np.arange(50.0) * 3.0, 3)[:, None] * [1.0, 0.0, 0.0]
+    _, said = repaired(np.tile([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]], (50, 1)) + offsets, np.arange(150).reshape(-1, 3))
+    assert (said.done, said.left) == ([], ["50 holes are left: they are larger than half of the surface"])
 
 
 def test_attributes_follow_their_corners() -> None:

@@ -5,6 +5,7 @@ trimesh does the same face by face and needs networkx; this is done on arrays. N
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -181,10 +182,8 @@ def _holes(points: F64, faces: I64, said: Repair) -> tuple[I64, I64]:
     label = connected_vertices(len(points), faces) if len(faces) else np.arange(len(points))
     twice = np.bincount(label[faces[:, 0]], np.linalg.norm(np.cross(b - a, c - a), axis=1), len(points))
     made, beside, wide, hard = [faces[:0]], [border[:0]], 0, 0
-    for loop, near in loops:
-        corners = points[loop]
-        normal = triangulate.newell((corners - corners[0])[None])[0]
-        size = float(np.linalg.norm(normal))
+    for (loop, near), normal in zip(loops, _normals(points, [loop for loop, _ in loops]), strict=True):
+        corners, size = points[loop], math.sqrt(normal @ normal)
         if size > LARGEST_HOLE * twice[label[loop[0]]]:
             wide += 1
             continue
@@ -198,6 +197,18 @@ def _holes(points: F64, faces: I64, said: Repair) -> tuple[I64, I64]:
     said.could_not(wide, "hole is left: it is larger than half of the surface", "holes are left: they are larger than half of the surface")
     said.could_not(hard, "hole is left: no flat faces fill it", "holes are left: no flat faces fill them")
     return np.concatenate(made), np.concatenate(beside)
+
+
+def _normals(points: F64, loops: list[I64]) -> F64:
+    """(n, 3) Newell normals of loops, twice as long as their area."""
+    if not loops:
+        return np.zeros((0, 3))
+    counts = np.array([len(loop) for loop in loops])
+    starts = np.cumsum(counts) - counts
+    corners = points[np.concatenate(loops)] - np.repeat(points[[loop[0] for loop in loops]], counts, axis=0)
+    following = np.arange(1, len(corners) + 1)
+    following[starts + counts - 1] = starts
+    return np.add.reduceat(np.cross(corners, corners[following]), starts)
 
 
 def _loops(edges: I64, face: I64) -> tuple[list[tuple[I64, int]], int]:

@@ -26,9 +26,10 @@ from .harness import OURS, Effort
 
 TEXT = """
 Pictures without denoising, kernels on disk, preparation included. One thread draws. Its CPU time is divided into that of kernels inside
-of tiles, that of Python inside of tiles and between them, and the rest, which is *serial*. Python's lock lets one thread at a time run
-Python, so n threads take at least serial + max((kernels + Python) / n, Python). From this come the *predicted* gains. *Measured* is by wall
-time on the cores of this machine, medians of the rounds in turns. The pictures are equal, bit for bit.
+of jobs of the thread pool, that of Python inside of jobs and between them, and the rest, which is *serial*. A tile has 32 × 32 pixels.
+Python's lock lets one thread at a time run Python, so n threads take at least serial + max((kernels + Python) / n, Python). From this come
+the *predicted* gains. *Measured* is by wall time on the cores of this machine, medians of the rounds in turns. The pictures are equal, bit
+for bit.
 """
 THREADS = 4, 16, 64
 TILE = 32  # pixels

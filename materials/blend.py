@@ -39,7 +39,7 @@ ELEMENTS = (
     ),
 )
 LOBES, SLOTS, COLOR, REFLECTANCE, HALF_VECTOR = Lobes.PARTS, (ir.Slot.WEIGHT,), None, None, False
-facets = surface = povray = None
+LOBE = facets = surface = povray = None
 
 
 def mitsuba(row: MitsubaRow) -> Any:

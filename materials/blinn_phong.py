@@ -11,7 +11,7 @@ from .contract import Exported, Finish, Lobes, MitsubaRow, PovrayRow, SurfaceRow
 MODEL = ir.MaterialModel.BLINN_PHONG
 ELEMENTS = (classic.element("blinn_phong", "Blinn-Phong model (lobe N·H)", MODEL),)
 LOBES, SLOTS, COLOR, REFLECTANCE, HALF_VECTOR = Lobes.CLASSIC, classic.SLOTS, ir.Slot.DIFFUSE, None, True
-facets = None
+LOBE = facets = None
 _SCALE = 1.0
 
 

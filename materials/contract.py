@@ -197,6 +197,32 @@ class Finish(NamedTuple):
     filters: bool = False  # whether light that passes has the colour of the pigment
 
 
+class Lobe(Protocol):
+    """The module of a lobe, beside those of materials. Its functions are lane helpers.
+
+    `inputs` are the colours of SLOTS; numbers are in the first component. Directions are unit vectors away from
+    the surface. Test the albedo and the density as tests/render/material does.
+    """
+
+    SLOTS: tuple[ir.Slot, ...]
+
+    def value(self, inputs: Any, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec:
+        """π f cos; 0 where the light is below the surface."""
+        ...
+
+    def density(self, inputs: Any, normal: Vec, to_light: Vec, to_viewer: Vec) -> Lane:
+        """The solid angle density of `sample`."""
+        ...
+
+    def sample(self, inputs: Any, normal: Vec, to_viewer: Vec, u: Lane, v: Lane) -> Vec:
+        """A direction to the light, by two numbers from 0 to 1."""
+        ...
+
+    def albedo(self, inputs: Any, normal: Vec, to_viewer: Vec) -> Vec:
+        """About the share of light that it reflects: how many samples it gets beside other lobes."""
+        ...
+
+
 class Material(Protocol):
     """The module of a material. What is None stands for "it has none"; each name must be there."""
 
@@ -210,6 +236,8 @@ class Material(Protocol):
     REFLECTANCE: ir.Slot | None
     """Of microfacets, the input that is their reflectance at normal incidence; None: it follows from IOR and METALLIC."""
     HALF_VECTOR: bool  # its Phong lobe is about the half vector, not about the mirrored direction
+    LOBE: Lobe | None
+    """A module of the contract `Lobe`: a lobe beside its classic ones."""
     facets: Callable[[FacetInputs], Facets] | None
     """Its microfacets. A lane helper: kernels compile it."""
     surface: Callable[[SurfaceRow], Exported] | None

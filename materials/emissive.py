@@ -38,7 +38,7 @@ ELEMENTS = (
     ),
 )
 LOBES, SLOTS, COLOR, REFLECTANCE, HALF_VECTOR = Lobes.EMISSION, (ir.Slot.EMISSION,), ir.Slot.EMISSION, None, False
-facets = None
+LOBE = facets = None
 
 
 def surface(row: SurfaceRow) -> Exported:

@@ -57,7 +57,7 @@ ELEMENTS = (
 )
 LOBES, COLOR, REFLECTANCE, HALF_VECTOR = Lobes.GLASS, ir.Slot.TRANSMISSION, None, False
 SLOTS = (ir.Slot.TRANSMISSION, ir.Slot.IOR, ir.Slot.ROUGHNESS, ir.Slot.ABSORPTION, ir.Slot.PRIORITY)
-facets = None
+LOBE = facets = None
 
 
 def surface(row: SurfaceRow) -> Exported:

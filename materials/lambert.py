@@ -33,4 +33,4 @@ ELEMENTS = (
     ),
 )
 LOBES, SLOTS, COLOR, REFLECTANCE, HALF_VECTOR = Lobes.CLASSIC, classic.SLOTS, ir.Slot.DIFFUSE, None, False
-facets = None
+LOBE = facets = None

@@ -53,6 +53,7 @@ ELEMENTS = (
 )
 LOBES, COLOR, REFLECTANCE, HALF_VECTOR = Lobes.FACETS, ir.Slot.SPECULAR, ir.Slot.SPECULAR, False
 SLOTS = (ir.Slot.SPECULAR, ir.Slot.EDGE, ir.Slot.ROUGHNESS)
+LOBE = None
 
 
 @helper

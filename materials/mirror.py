@@ -25,7 +25,7 @@ ELEMENTS = (
     ),
 )
 LOBES, SLOTS, COLOR, REFLECTANCE, HALF_VECTOR = Lobes.MIRROR, (ir.Slot.REFLECTION,), ir.Slot.REFLECTION, None, False
-facets = None
+LOBE = facets = None
 
 
 def surface(row: SurfaceRow) -> Exported:

@@ -11,7 +11,7 @@ from .contract import Exported, Finish, Lobes, MitsubaRow, PovrayRow, SurfaceRow
 MODEL = ir.MaterialModel.PHONG
 ELEMENTS = (classic.element("phong", "Phong model (lobe R·V)", MODEL),)
 LOBES, SLOTS, COLOR, REFLECTANCE, HALF_VECTOR = Lobes.CLASSIC, classic.SLOTS, ir.Slot.DIFFUSE, None, False
-facets = None
+LOBE = facets = None
 _SCALE = 4.0  # the angle to the half vector is half that to the mirrored direction: its cosine has four times the exponent
 
 

@@ -65,6 +65,7 @@ ELEMENTS = (
     ),
 )
 LOBES, SLOTS, COLOR, REFLECTANCE, HALF_VECTOR = Lobes.FACETS | Lobes.BASE, layered.SLOTS, ir.Slot.DIFFUSE, None, False
+LOBE = None
 
 
 @helper

@@ -15,6 +15,7 @@ MODEL = ir.MaterialModel.PRINCIPLED_SPECULAR
 ELEMENTS: tuple[Element, ...] = ()
 LOBES, COLOR, REFLECTANCE, HALF_VECTOR = Lobes.FACETS | Lobes.BASE, ir.Slot.DIFFUSE, ir.Slot.SPECULAR, False
 SLOTS = (*layered.SLOTS, ir.Slot.SPECULAR)
+LOBE = None
 
 
 @helper

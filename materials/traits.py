@@ -13,9 +13,11 @@ from . import MATERIALS, thresholds
 from .contract import Lobes
 
 Slot = ir.Slot
-_LOBES = np.array([MATERIALS[model].LOBES.value for model in ir.MaterialModel])
-_BY_SLOT = np.array([MATERIALS[model].REFLECTANCE is not None for model in ir.MaterialModel])
-_COLORS = np.array([-1 if (slot := MATERIALS[model].COLOR) is None else int(slot) for model in ir.MaterialModel])
+_ROWS = [MATERIALS[model] for model in sorted(ir.MaterialModel)]  # by the numbers of the models, which begin at 0
+_LOBES = np.array([material.LOBES.value for material in _ROWS])
+_BY_SLOT = np.array([material.REFLECTANCE is not None for material in _ROWS])
+_ADDED = np.array([material.LOBE is not None for material in _ROWS])
+_COLORS = np.array([-1 if material.COLOR is None else int(material.COLOR) for material in _ROWS])
 FOCUSING = Lobes.MIRROR | Lobes.GLASS
 PATTERN = 0.8  # albedo of a surface with a texture, relative to its factor
 
@@ -118,6 +120,11 @@ def facets(tables: ir.Tables) -> np.ndarray:
     return has(tables, Lobes.FACETS)
 
 
+def added(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: materials with a lobe beside the classic ones."""
+    return _ADDED[tables.materials.model]
+
+
 def rough_glass(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: glass that is not polished everywhere."""
     return has(tables, Lobes.GLASS) & _may_exceed(tables, Slot.ROUGHNESS)
@@ -145,7 +152,7 @@ def specular(tables: ir.Tables) -> np.ndarray:
 def lit(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: materials with direct light: diffuse, with a highlight, or rough glass."""
     plain = _positive(tables, Slot.DIFFUSE, Slot.SPECULAR) | _textured(tables, Slot.DIFFUSE, Slot.SPECULAR)
-    return plain | has(tables, Lobes.FACETS | Lobes.PARTS) | rough_glass(tables)
+    return plain | has(tables, Lobes.FACETS | Lobes.PARTS) | rough_glass(tables) | added(tables)
 
 
 def flat_facets(tables: ir.Tables) -> np.ndarray:
@@ -197,18 +204,18 @@ def narrow_highlights(tables: ir.Tables) -> np.ndarray:
 def receives_caustics(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: materials that are not perfectly specular."""
     diffuse = _positive(tables, Slot.DIFFUSE, Slot.SPECULAR) | _textured(tables, Slot.DIFFUSE)
-    return (diffuse | has(tables, Lobes.FACETS | Lobes.PARTS)) & ~has(tables, Lobes.MIRROR)
+    return (diffuse | added(tables) | has(tables, Lobes.FACETS | Lobes.PARTS)) & ~has(tables, Lobes.MIRROR)
 
 
 def diffuse(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: materials with a diffuse part; a blend has that of its parts."""
-    return with_parts(tables, _positive(tables, Slot.DIFFUSE, Slot.SHEEN))
+    return with_parts(tables, _positive(tables, Slot.DIFFUSE, Slot.SHEEN) | added(tables))
 
 
 def mostly_diffuse(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: materials whose diffuse lobe outweighs metal, mirror and transmission; blends count as such."""
     other = tables.materials.values[:, [Slot.METALLIC, Slot.TRANSMISSION, Slot.REFLECTION]].max(axis=(1, 2), initial=0.0)
-    based = has(tables, Lobes.CLASSIC | Lobes.BASE) & (_positive(tables, Slot.DIFFUSE) | _textured(tables, Slot.DIFFUSE))
+    based = has(tables, Lobes.CLASSIC | Lobes.BASE) & (_positive(tables, Slot.DIFFUSE) | _textured(tables, Slot.DIFFUSE) | added(tables))
     return (based | has(tables, Lobes.PARTS)) & (other < 0.5)
 
 

@@ -41,9 +41,32 @@ def export_to_all(scene):
 """
 CHECKS = {
     "material": """
-draw_with_all("a.scene")
 export_to_all("a.scene")
 assert "clay" in run("check bad.scene", 1)
+from maquette.lang.reference_page import reference
+page = reference({})["reference/materials.md"]
+assert "# clay" in page and "clay(#9a6b52)" in page
+run("render a.scene -o a.exr --size 8x6 --samples 1 --backend reference --aov albedo -q")
+assert abs(picture("a.exr")["albedo"][3, 4, 0] - 0.5) < 1e-3
+r = picture("a.exr")["rgba"][3, 4, 0]
+assert 0.05 < r < 0.5, r
+""",
+    "lobe": """
+export_to_all("a.scene")
+run("render a.scene -o a.exr --size 8x6 --samples 1 --bounces 0 --backend reference --aov albedo -q")
+run("render lambert.scene -o b.exr --size 8x6 --samples 1 --bounces 0 --backend reference -q")
+ratio = picture("a.exr")["rgba"][3, 4, 0] / picture("b.exr")["rgba"][3, 4, 0]
+assert abs(ratio - 1 / 8) < 1e-3, ratio
+assert abs(picture("a.exr")["albedo"][3, 4, 0] - 0.8) < 1e-3
+import numpy as np
+from maquette.materials import lommel_seeliger as lobe
+rng = np.random.default_rng(1)
+n, out, (u, v) = tuple(np.eye(3)[2][:, None] + np.zeros((3, 200000))), (0.6, 0.0, 0.8), rng.random((2, 200000))
+out = tuple(np.full(200000, x) for x in out)
+into = lobe.sample(((1.0, 1.0, 1.0),), n, out, u, v)
+share = lobe.value(((1.0, 1.0, 1.0),), n, into, out)[0] / (np.pi * lobe.density(None, n, into, out))
+expected = 0.5 * (1 - 0.8 * np.log(1.8 / 0.8))
+assert abs(share.mean() - expected) < 4 * share.std() / 447, (share.mean(), expected)
 """,
     "light": """
 draw_with_all("a.scene")
@@ -127,6 +150,15 @@ assert "no errors" in run("check a.scene")
 """,
 }  # fmt: skip
 LONG = {
+    "material": """
+draw_with_all("a.scene")
+run("compare a.scene --backends ray:samples=16,reference:samples=16 --size 16x12 --threshold 0.02 -q")
+""",
+    "lobe": """
+draw_with_all("a.scene")
+run("compare a.scene --backends ray:samples=1:bounces=0,reference:samples=1:bounces=0 --size 16x12 --threshold 0.001 -q")
+run("compare b.scene --backends ray:samples=64,reference:samples=64 --size 8x6 --threshold 0.1 -q")
+""",
     "solid_shape": """
 export_to_all("a.scene")
 assert "do not have one triangle on each side" not in run("convert a.scene a.stl")
@@ -164,6 +196,12 @@ sun(from: [0, 1, 1])
 {BALL}"""
 TRI = "-1 -1 0 1 -1 0 0 1 0\n"
 SCENES = {
+    "lobe": {
+        "a.scene": "camera(position: [0, 0, 4], look_at: [0, 0, 0])\nbox(2, material: regolith(0.8))\ndirectional(from: [0, 0, 1])\n",
+        "lambert.scene": "camera(position: [0, 0, 4], look_at: [0, 0, 0])\nbox(2, material: lambert(0.8))\ndirectional(from: [0, 0, 1])\n",
+        "b.scene": f"{BALL}sphere(1, material: regolith(0.8))\nplane(y: -1, material: regolith(0.9))\n"
+        "sky(luminance: 1)\nrender(bounces: 3)\n",
+    },
     "material": {"a.scene": f"{BALL}sphere(1, material: clay(0.5))\n", "bad.scene": "sphere(1, material: cley(0.5))\n"},
     "light": {"a.scene": f"{BALL}sphere(1, material: lambert(0.5))\ncandle([0, 0, 4])\n"},
     "reader": {"a.scene": f'{BALL}mesh("a.tri")\n', "a.tri": TRI, "bad.tri": "1 2\n", "bad.scene": 'mesh("a.foo")\n', "a.foo": "\n"},

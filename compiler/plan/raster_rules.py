@@ -103,6 +103,8 @@ def _needs_float64(scene: ir.Scene, plan: Plan) -> str:
         return "some material has a normal or bump map"
     if traits.facets(scene.tables)[used].any():
         return "some material has a microfacet BSDF"
+    if traits.added(scene.tables)[used].any():
+        return "some material has a lobe of its own"
     if traits.has(scene.tables, Lobes.PARTS)[used].any():
         return "some material is a blend"
     if traits.specular(scene.tables)[used].any() or (materials.shading[used] == ir.Shading.GOURAUD).any():

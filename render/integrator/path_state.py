@@ -102,7 +102,7 @@ def uses_of(tables: ir.Tables) -> Uses:
         return bool(values[:, list(slots)].max(initial=0.0) > 0.0)
 
     return Uses(
-        glossy=any_of(slot.SPECULAR) or bool(traits.facets(tables).any()) or rough_dielectric.is_rough(tables),
+        glossy=any_of(slot.SPECULAR) or bool((traits.facets(tables) | traits.added(tables)).any()) or rough_dielectric.is_rough(tables),
         sharp=any_of(slot.REFLECTION, slot.TRANSMISSION) or bool((traits.has(tables, Lobes.GLASS) | traits.flat_facets(tables)).any()),
         shines=any_of(slot.EMISSION),
         ambient=bool(ir.is_in(tables.lights.kind, AMBIENT).any()),

@@ -8,16 +8,15 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from ...materials.thresholds import BRIGHT, FAINT_PEAK, PEAK
+from ...materials.thresholds import BRIGHT, FAINT_PEAK, MAX_CAUSTIC_ALPHA, PEAK
 from ..jit.kernel import helper, specialize_if_present
 from ..lanes import ops
 from ..light import lights
 from ..simd.registration import overload, types
 from ..types import Lane, Surface, Vec
-from . import fresnel, microfacet, phong, rough_dielectric, sheen
+from . import added_lobes, fresnel, microfacet, phong, rough_dielectric, sheen
 from .shader import ONLY, Shader, Uses
 
-MAX_CAUSTIC_ALPHA = 0.3  # greatest α of a metal that casts caustics
 NARROW = 0.04  # greatest α of a lobe that paths follow where photons light the diffuse base under it; at 0.06 neither is better
 
 
@@ -25,6 +24,7 @@ NARROW = 0.04  # greatest α of a lobe that paths follow where photons light the
 def reflected(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec:
     """Return the share π f cos of a light's I = E⊥/π that goes to the viewer; directions are unit and away from the surface."""
     light = phong.reflected_classic(shader, normal, to_light, to_viewer)
+    light = added_lobes.value(shader.added, light, normal, to_light, to_viewer)
     light = microfacet.reflected(shader.lobes, light, normal, to_light, to_viewer)
     return rough_dielectric.reflected(shader.frost, light, normal, to_light, to_viewer)
 
@@ -33,7 +33,8 @@ def reflected(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec
 def eval_lobes_pdf(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Vec, Lane]:
     """`reflected` as (share of diffuse and classic lobes, share of glossy lobes, solid angle density of `sample_lobe`)."""
     none = 0.0 * normal[0]
-    plain = phong.reflected_classic(shader, normal, to_light, to_viewer), (none, none, none), none
+    light = added_lobes.value(shader.added, phong.reflected_classic(shader, normal, to_light, to_viewer), normal, to_light, to_viewer)
+    plain = light, (none, none, none), none
     found = microfacet.eval_lobes_pdf(shader.lobes, plain, normal, to_light, to_viewer)
     return rough_dielectric.eval_lobes_pdf(shader.frost, found, normal, to_light, to_viewer)
 
@@ -41,13 +42,14 @@ def eval_lobes_pdf(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -
 @helper
 def is_lit(shader: Shader) -> Lane:
     """Whether it reflects or transmits the light of lights: not only specular."""
-    return rough_dielectric.or_rough(shader.frost, reflects(shader.lobes, ops.largest(shader.diffuse) + ops.largest(shader.specular) > 0.0))
+    plain = added_lobes.or_has(shader.added, ops.largest(shader.diffuse) + ops.largest(shader.specular) > 0.0)
+    return rough_dielectric.or_rough(shader.frost, reflects(shader.lobes, plain))
 
 
 @helper
 def has_matt(shader: Shader) -> Lane:
     """Whether it has a diffuse lobe."""
-    return has_base(shader.lobes, ops.largest(shader.diffuse) > 0.0)
+    return has_base(shader.lobes, added_lobes.or_has(shader.added, ops.largest(shader.diffuse) > 0.0))
 
 
 @helper
@@ -117,7 +119,8 @@ _have_narrow_lobe = specialize_if_present(_narrow_over_base)
 def eval_diffuse(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec:
     """Return the diffuse part of `reflected`."""
     cosine = ops.maximum(ops.dot(normal, to_light), 0.0)
-    return ops.scale(microfacet.matt_share(shader.lobes, shader.diffuse, normal, to_light, to_viewer), cosine)
+    plain = ops.scale(microfacet.matt_share(shader.lobes, shader.diffuse, normal, to_light, to_viewer), cosine)
+    return added_lobes.value(shader.added, plain, normal, to_light, to_viewer)
 
 
 @helper
@@ -146,8 +149,9 @@ def sample_glossy_or_diffuse(
     shader: Shader, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane, interreflection: bool
 ) -> tuple[Vec, Vec]:
     """(direction, weight) of one ray for all lobes that are not specular; the diffuse lobe only with interreflection."""
-    matt = ops.scale(shader.diffuse, 1.0 if interreflection else 0.0)
-    plain = lights.cosine_sample(normal, u, v)[0], matt
+    factor = 1.0 if interreflection else 0.0
+    matt, direction = ops.scale(shader.diffuse, factor), lights.cosine_sample(normal, u, v)[0]
+    plain = direction, added_lobes.over_cosine(shader.added, matt, normal, direction, to_viewer, factor)
     plain = microfacet.sample_all(shader.lobes, plain, normal, to_viewer, u, v, which, interreflection)
     return rough_dielectric.sample(shader.frost, plain, normal, to_viewer, u, v, which)
 
@@ -220,7 +224,7 @@ def diffuse_part(shader: Shader, uses: Uses, normal: Vec, to_viewer: Vec) -> tup
         sharp = 0.0 * matt
         if uses.sharp:
             sharp = ops.mean3(shader.reflection) + ops.mean3(shader.transmission)
-        chance = matt / ops.maximum(matt + shiny + sharp, lights.TINY)
+        chance = matt / ops.maximum(added_lobes.chance(shader.added, matt + shiny + sharp, normal, to_viewer), lights.TINY)
         albedo, chance = microfacet.diffuse_part(shader.lobes, (albedo, chance), normal, to_viewer, sharp)
         glass, zero = is_rough_glass(shader, ops.bool_like(shader.ior, False)), 0.0 * shader.ior
         albedo, chance = ops.where3(glass, (zero, zero, zero), albedo), ops.where(glass, zero, chance)
@@ -238,10 +242,11 @@ def eval_bsdf_pdf(shader: Shader, uses: Uses, normal: Vec, to_light: Vec, to_vie
         density = density * matt
         if uses.glossy:
             density = density + shiny * ops.where(cosine > 0.0, phong.lobe_density(shader, normal, to_light, to_viewer), 0.0)
+        density = added_lobes.density(shader.added, density, normal, to_light, to_viewer)
         sharp = 0.0 * matt
         if uses.sharp:
             sharp = ops.mean3(shader.reflection) + ops.mean3(shader.transmission)
-        density = density / ops.maximum(matt + shiny + sharp, lights.TINY)
+        density = density / ops.maximum(added_lobes.chance(shader.added, matt + shiny + sharp, normal, to_viewer), lights.TINY)
         share, density = microfacet.eval_pdf(shader.lobes, (share, density), normal, to_light, to_viewer, sharp)
         share, density = rough_dielectric.eval_pdf(shader.frost, (share, density), normal, to_light, to_viewer)
     return share, density
@@ -260,13 +265,15 @@ def sample_bsdf(shader: Shader, uses: Uses, point: Surface, to_viewer: Vec, u: L
         mirror, clear = zero, zero
         if uses.sharp:
             mirror, clear = ops.mean3(shader.reflection), ops.mean3(shader.transmission)
-        blunt = rough_dielectric.one(shader.frost, microfacet.whole(shader.lobes, matt + shiny, normal, to_viewer))
+        classic = added_lobes.chance(shader.added, matt + shiny, normal, to_viewer)
+        blunt = rough_dielectric.one(shader.frost, microfacet.whole(shader.lobes, classic, normal, to_viewer))
         whole = ops.maximum(blunt + mirror + clear, lights.TINY)
         which = which * whole
         if uses.glossy:
             lobed = (which >= matt) & (which < matt + shiny)
             if ops.any_lane(lobed):
                 direction = ops.where3(lobed, phong.sample_classic_lobe(shader, normal, to_viewer, u, v)[0], direction)
+        direction = added_lobes.draw(shader.added, direction, normal, to_viewer, u, v, which - matt - shiny)
         direction = microfacet.draw(shader.lobes, direction, normal, to_viewer, u, v, which)
         direction, meant = rough_dielectric.draw(shader.frost, (direction, ops.bool_like(zero, True)), normal, to_viewer, u, v, which)
         share, density = eval_bsdf_pdf(shader, uses, normal, direction, to_viewer)

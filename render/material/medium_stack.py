@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...materials import traits
+from ...materials.contract import Lobes
 from ..jit.kernel import helper, specialize_if_present
 from ..jit.packed_struct import HandleType
 from ..lanes import ops, row_gather
 from ..simd.registration import overload
 from ..types import Lane, Surface, Tables, Vec
 
-GLASS = int(ir.MaterialModel.GLASS)
 IOR, ABSORPTION, PRIORITY = int(ir.Slot.IOR), int(ir.Slot.ABSORPTION), int(ir.Slot.PRIORITY)
 BITS = 7
 MASK = (1 << BITS) - 1  # also the most media of a scene
@@ -48,7 +48,7 @@ def media(tables: ir.Tables, general: bool = False) -> Media | Air:
     If there are more than MASK, those of lowest priority become air.
     """
     values = tables.materials.values
-    glass = tables.materials.model == GLASS
+    glass = traits.has(tables, Lobes.GLASS)
     used = traits.used(tables)
     special = (values[:, ABSORPTION].max(axis=1, initial=0.0) > 0.0) | (values[:, PRIORITY, 0] > 0.0)
     if not (glass & used & special).any():

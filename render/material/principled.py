@@ -1,9 +1,8 @@
-"""Principled BSDF parameters: metallic and specular workflow (UsdPreviewSurface 2.6, glTF 2.0) and metals.
+"""Microfacets of materials at points, made from the functions `facets` of the modules in materials/.
 
-`PRINCIPLED`: base = colour (1 − metallic), f0 = ((ior − 1) / (ior + 1))² (1 − metallic) + colour metallic. `PRINCIPLED_SPECULAR`: base =
-colour, f0 = SPECULAR. `METAL`: f0 = SPECULAR, and EDGE is the factor of Schlick's reflectance at 81.8°, where a metal reflects least
-(Kutz, Hašan, Edmondson 2021, Novel aspects of the Adobe Standard Material). TRANSMISSION is the share of the base that
-transmits straight through, AMBIENT the ambient occlusion of the base. α is roughness squared (Burley 2012).
+TRANSMISSION is the share of the base that transmits straight through, AMBIENT the ambient occlusion of the base. EDGE is the factor of
+Schlick's reflectance at 81.8°, where a metal reflects least (Kutz, Hašan, Edmondson 2021, Novel aspects of the Adobe Standard Material).
+α is roughness squared (Burley 2012).
 """
 
 from __future__ import annotations
@@ -11,26 +10,22 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from ...compiler import ir
-from ...materials import traits
+from ...materials import MATERIALS, traits
+from ...materials.contract import FacetInputs, Facets
 from ..jit.kernel import helper
 from ..jit.packed_struct import HandleType
 from ..lanes import ops
 from ..simd.registration import overload
-from ..surface import blend, normal_map
+from ..surface import blend, model_tests, normal_map
 from ..surface.material_inputs import color_of, number_of
-from ..types import Lane, Surface, Tables, Vec
-from . import energy_compensation, medium_stack, microfacet, rough_dielectric, sheen
+from ..types import Surface, Tables
+from . import added_lobes, energy_compensation, medium_stack, microfacet, rough_dielectric, sheen
 from .microfacet import Lobes
 
-PRINCIPLED = int(ir.MaterialModel.PRINCIPLED)
-SPECULAR_WORKFLOW = int(ir.MaterialModel.PRINCIPLED_SPECULAR)
-METAL = int(ir.MaterialModel.METAL)
 DIFFUSE, SPECULAR, IOR = int(ir.Slot.DIFFUSE), int(ir.Slot.SPECULAR), int(ir.Slot.IOR)
 TRANSMISSION, EDGE = int(ir.Slot.TRANSMISSION), int(ir.Slot.EDGE)
 ROUGHNESS, METALLIC = int(ir.Slot.ROUGHNESS), int(ir.Slot.METALLIC)
 COAT, COAT_ROUGHNESS = int(ir.Slot.COAT), int(ir.Slot.COAT_ROUGHNESS)
-LOWEST = 1.0 / 7.0  # cosine at which EDGE counts
-_DIP = LOWEST * (1.0 - LOWEST) ** 6
 
 
 class Layered(NamedTuple):
@@ -51,6 +46,7 @@ class Layered(NamedTuple):
     rough_glass: Any  # rough_dielectric.Tabled or Clear
     media: Any  # medium_stack.Media or Air
     blended: Any  # blend.Blended or Plain
+    added: Any  # added_lobes.Added or NotAdded
 
 
 class Smooth(NamedTuple):
@@ -66,8 +62,9 @@ def tables_for(tables: ir.Tables, general: bool = False) -> ir.Tables:
     parts = (
         energy_compensation.table() if facets else Smooth(), sheen.tables_of(tables, general), normal_map.build_tangents(tables, general),
         rough_dielectric.tables_of(tables, general), medium_stack.media(tables, general), blend.find_blends(tables, general),
+        added_lobes.tables_of(tables, general),
     )  # fmt: skip
-    absent = Smooth, sheen.NoSheen, normal_map.NoMaps, rough_dielectric.Clear, medium_stack.Air, blend.Unblended
+    absent = Smooth, sheen.NoSheen, normal_map.NoMaps, rough_dielectric.Clear, medium_stack.Air, blend.Unblended, added_lobes.NotAdded
     if all(isinstance(part, absent) for part in parts):
         return tables
     return tables._replace(materials=Layered(*tables.materials, *parts))  # pyright: ignore[reportArgumentType]
@@ -86,14 +83,35 @@ def _at_in_kernels(tables, surface):
     return lambda tables, surface: None
 
 
+def _make_facets() -> Any:
+    """A helper with a branch for each function `facets` of materials/: `own` is the mask of its lanes."""
+    models: dict[Any, list[str]] = {}
+    for model, material in MATERIALS.items():
+        if material.facets is not None:
+            models.setdefault(material.facets, []).append(f"(model == {int(model)})")
+    scope: dict[str, Any] = {"ops": ops, "Facets": Facets}
+    lines = ["def any_facets(no, model, zero, p):", "base = f0 = bend = (zero, zero, zero)", "coat = zero"]
+    for n, (function, tests) in enumerate(models.items()):
+        scope[f"facets_{n}"] = function
+        lines += [
+            f"own = no | {' | '.join(tests)}", "if ops.any_lane(own):", f"    q = facets_{n}(p)",
+            "    base, f0 = ops.where3(own, q.base, base), ops.where3(own, q.f0, f0)",
+            "    bend, coat = ops.where3(own, q.bend, bend), ops.where(own, q.coat, coat)",
+        ]  # fmt: skip
+    exec("\n    ".join([*lines, "return Facets(base, f0, bend, coat)"]), scope)
+    return helper(scope["any_facets"])
+
+
+_any_facets = _make_facets()
+
+
 @helper
 def _at(tables: Tables, surface: Surface) -> Lobes:
     materials: Any = tables.materials
     model = materials.model[surface.material]
     zero = ops.full_like(surface.offset, 0.0)
     no = ops.bool_like(zero, False)
-    metal, given = no | (model == METAL), no | (model == SPECULAR_WORKFLOW)
-    here = metal | given | (model == PRINCIPLED)
+    here = no | model_tests.has_facets(model)
     if ops.not_(ops.any_lane(here)):
         black, rough = (zero, zero, zero), zero + 1.0
         return Lobes(here, no, black, black, zero, black, rough, zero, rough, materials.albedo, sheen.without(materials.sheen, None, zero))
@@ -101,37 +119,16 @@ def _at(tables: Tables, surface: Surface) -> Lobes:
     specular = color_of(tables, surface, SPECULAR)
     ior = ops.maximum(number_of(tables, surface, IOR), 1e-3)
     metallic = ops.clip(number_of(tables, surface, METALLIC), 0.0, 1.0)
-    boundary = (ior - 1.0) / (ior + 1.0)
-    along = ops.lerp3(_grey(boundary * boundary), color, metallic)
-    f0 = _clipped(ops.where3(given | metal, specular, along))
-    opaque = (1.0 - metallic) * (1.0 - ops.clip(number_of(tables, surface, TRANSMISSION), 0.0, 1.0))
-    base = ops.scale(_clipped(color), ops.where(metal, zero, opaque))
-    f90 = ops.minimum(microfacet.GRAZING * ops.largest(f0), 1.0)
+    coat = ops.clip(number_of(tables, surface, COAT), 0.0, 1.0)
+    transmission = ops.clip(number_of(tables, surface, TRANSMISSION), 0.0, 1.0)
     edge = color_of(tables, surface, EDGE)
-    bend = (_bend(f0[0], edge[0]), _bend(f0[1], edge[1]), _bend(f0[2], edge[2]))
-    bend = ops.where3(metal, bend, (zero, zero, zero))
+    facets = _any_facets(no, model, zero, FacetInputs(color, specular, edge, ior, metallic, transmission, coat))
+    f90 = ops.minimum(microfacet.GRAZING * ops.largest(facets.f0), 1.0)
     roughness = ops.clip(number_of(tables, surface, ROUGHNESS), 0.0, 1.0)
     alpha = roughness * roughness
-    coat = ops.clip(number_of(tables, surface, COAT), 0.0, 1.0)
     coat_roughness = ops.clip(number_of(tables, surface, COAT_ROUGHNESS), 0.0, 1.0)
     return Lobes(
-        here, here & (alpha < microfacet.SHARP), base, f0, f90, bend, ops.maximum(alpha, microfacet.SHARP),
-        ops.where(metal, zero, coat), ops.maximum(coat_roughness * coat_roughness, microfacet.SHARP), materials.albedo,
+        here, here & (alpha < microfacet.SHARP), facets.base, facets.f0, f90, facets.bend, ops.maximum(alpha, microfacet.SHARP),
+        facets.coat, ops.maximum(coat_roughness * coat_roughness, microfacet.SHARP), materials.albedo,
         sheen.at(materials.sheen, None, tables, surface),
     )  # fmt: skip
-
-
-@helper
-def _grey(x: Lane) -> Vec:
-    return x, x, x
-
-
-@helper
-def _clipped(color: Vec) -> Vec:
-    return ops.clip(color[0], 0.0, 1.0), ops.clip(color[1], 0.0, 1.0), ops.clip(color[2], 0.0, 1.0)
-
-
-@helper
-def _bend(f0: Lane, edge: Lane) -> Lane:
-    """The coefficient of the dip that leaves `edge` of Schlick's reflectance at LOWEST."""
-    return (f0 + (1.0 - f0) * (1.0 - LOWEST) ** 5) * (1.0 - ops.clip(edge, 0.0, 1.0)) * (1.0 / _DIP)

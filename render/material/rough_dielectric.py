@@ -22,12 +22,12 @@ from ..jit.kernel import helper, specialize_if_present
 from ..jit.packed_struct import HandleType
 from ..lanes import ops, row_gather
 from ..simd.registration import overload
+from ..surface import model_tests
 from ..surface.material_inputs import number_of
 from ..types import Lane, Surface, Tables, Vec
 from . import energy_compensation, microfacet
 from .microfacet import LEAST
 
-GLASS = int(ir.MaterialModel.GLASS)
 ROUGHNESS, IOR = int(ir.Slot.ROUGHNESS), int(ir.Slot.IOR)
 COLUMNS, ROWS = 32, 20  # of the tables, as in energy_compensation
 NODES = (377, 233), (987, 610)  # of each integral, consecutive Fibonacci numbers: from outside, from inside
@@ -66,7 +66,7 @@ class RoughGlass(NamedTuple):
 def tables_of(tables: ir.Tables, general: bool = False) -> AlbedoTables | Clear:
     """Return the tables of a scene's rough glass; without any Clear, with `general` a table that no material uses."""
     m = tables.materials
-    rough = (m.model == GLASS) & ((m.values[:, ROUGHNESS, 0] > 0.0) | (m.textures[:, ROUGHNESS] >= 0))
+    rough = traits.rough_glass(tables)
     if not (rough & traits.used(tables)).any():
         unused = np.zeros((2 * ROWS * COLUMNS, 4)), np.zeros((2 * ROWS, 4))
         return AlbedoTables(np.zeros(len(m.model), np.int64), *unused) if general else Clear()
@@ -97,12 +97,12 @@ def _at_in_kernels(tables, surface, ior, tint):
 def _at(tables: Tables, surface: Surface, ior: Lane, tint: Vec) -> RoughGlass:
     materials: Any = tables.materials
     zero, nowhere = 0.0 * ior, ops.int_like(surface.offset, 0)
-    if ops.not_(ops.any_lane(ops.bool_like(zero, False) | (materials.model[surface.material] == GLASS))):
+    if ops.not_(ops.any_lane(ops.bool_like(zero, False) | model_tests.is_glass(materials.model[surface.material]))):
         return RoughGlass(ops.bool_like(zero, False), zero + 1.0, zero + 1.5, tint, nowhere, nowhere, materials.rough_glass)
     roughness = ops.clip(number_of(tables, surface, ROUGHNESS), 0.0, 1.0)
     alpha = roughness * roughness
     ratio = ops.where(surface.front, ior, 1.0 / ior)
-    here = (materials.model[surface.material] == GLASS) & (alpha >= microfacet.SHARP) & (ops.absolute(ratio - 1.0) > SAME)
+    here = model_tests.is_glass(materials.model[surface.material]) & (alpha >= microfacet.SHARP) & (ops.absolute(ratio - 1.0) > SAME)
     first = nowhere + ops.to_int(materials.rough_glass.of[surface.material]) * (2 * ROWS)
     inner = ops.where(surface.front, 0, ROWS)
     alpha = ops.maximum(alpha, microfacet.SHARP)

@@ -8,9 +8,10 @@ from ...compiler import ir
 from ..jit.kernel import helper, specialize_if_present
 from ..lanes import ops
 from ..light import lights
+from ..surface import model_tests
 from ..surface.material_inputs import color_of
 from ..types import Lane, Surface, Tables, Vec
-from . import medium_stack, microfacet, principled, rough_dielectric
+from . import added_lobes, medium_stack, microfacet, principled, rough_dielectric
 
 AMBIENT = int(ir.Slot.AMBIENT)
 DIFFUSE = int(ir.Slot.DIFFUSE)
@@ -20,9 +21,6 @@ REFLECTION = int(ir.Slot.REFLECTION)
 TRANSMISSION = int(ir.Slot.TRANSMISSION)
 IOR = int(ir.Slot.IOR)
 EMISSION = int(ir.Slot.EMISSION)
-PHONG = int(ir.MaterialModel.PHONG)
-BLINN_PHONG = int(ir.MaterialModel.BLINN_PHONG)
-GLASS = int(ir.MaterialModel.GLASS)
 ONLY = 1e18  # density of a direction without alternative: of mirrors, smooth glass and the camera
 
 
@@ -54,6 +52,7 @@ class Shader(NamedTuple):
     glass: Lane  # bool: reflection and transmission by Fresnel's equations
     lobes: Any  # microfacet.Lobes (the classic lobes of their lanes are 0); None in scenes without
     frost: Any  # rough_dielectric.Frost; None in scenes without
+    added: Any  # a tuple of added_lobes.AddedLobe; None in scenes without
 
 
 @helper
@@ -81,7 +80,7 @@ def evaluate_shader_filtered(tables: Tables, surface: Surface, uses: Uses, insid
     if uses.glossy:
         specular = color_of(tables, surface, SPECULAR)
         shininess = shininess + color_of(tables, surface, SHININESS)[0]
-        blinn = no | (tables.materials.model[surface.material] == BLINN_PHONG)
+        blinn = no | model_tests.has_half_vector(tables.materials.model[surface.material])
         normalized = no | tables.materials.normalized[surface.material]
         if ops.any_lane(normalized):
             strength = ops.where(normalized, lobe_scale(blinn, shininess), strength)
@@ -89,7 +88,7 @@ def evaluate_shader_filtered(tables: Tables, surface: Surface, uses: Uses, insid
         reflection = color_of(tables, surface, REFLECTION)
         transmission = color_of(tables, surface, TRANSMISSION)
         ior = zero + ops.maximum(color_of(tables, surface, IOR)[0], 1e-3)
-        glass = no | (tables.materials.model[surface.material] == GLASS)
+        glass = no | model_tests.is_glass(tables.materials.model[surface.material])
         ior = medium_stack.relative_ior(inside, ior, tables, surface)
         hidden = medium_stack.is_ignored(inside, no, tables, surface)
         transmission = ops.where3(hidden, (zero + 1.0, zero + 1.0, zero + 1.0), transmission)
@@ -97,8 +96,9 @@ def evaluate_shader_filtered(tables: Tables, surface: Surface, uses: Uses, insid
         emission = color_of(tables, surface, EMISSION)
     diffuse = ops.mul(color_of(tables, surface, DIFFUSE), surface.color)
     plain = Shader(
-        ambient, diffuse, specular, shininess, reflection, transmission, ior, emission, blinn, normalized, strength, glass, None, None
-    )
+        ambient, diffuse, specular, shininess, reflection, transmission, ior, emission, blinn, normalized, strength, glass, None, None,
+        added_lobes.at(tables, surface),
+    )  # fmt: skip
     plain = _with_lobes(principled.at(tables, surface), plain)
     return _with_frost(rough_dielectric.at(tables, surface, plain.ior, plain.transmission), plain)
 
@@ -114,6 +114,7 @@ def _replace_lobes(lobes: microfacet.Lobes, plain: Shader) -> Shader:
         ops.where3(here, ops.mul(plain.ambient, lobes.base), plain.ambient), ops.where3(here, black, plain.diffuse),
         ops.where3(here, black, plain.specular), plain.shininess, ops.where3(here, reflection, plain.reflection), plain.transmission,
         ops.where(here, zero + 1.0, plain.ior), plain.emission, plain.blinn, plain.normalized, plain.strength, plain.glass, lobes, None,
+        plain.added,
     )  # fmt: skip
 
 
@@ -129,6 +130,7 @@ def _replace_glass(frost: rough_dielectric.RoughGlass, plain: Shader) -> Shader:
         plain.ambient, plain.diffuse, plain.specular, plain.shininess, ops.where3(here, black, plain.reflection),
         ops.where3(here, black, plain.transmission), ops.where(here, zero + 1.0, plain.ior), plain.emission, plain.blinn,
         plain.normalized, plain.strength, plain.glass & ops.not_(here), plain.lobes, frost,
+        plain.added,
     )  # fmt: skip
 
 

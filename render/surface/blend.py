@@ -12,14 +12,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...compiler import ir
+from ...materials import traits
 from ..jit.kernel import helper, make_replace
 from ..jit.packed_struct import HandleType
 from ..lanes import ops
 from ..simd.registration import overload
 from ..types import Lane, Surface, Tables
+from . import model_tests
 from .material_inputs import number_of
 
-BLEND, WEIGHT = int(ir.MaterialModel.BLEND), int(ir.Slot.WEIGHT)
+WEIGHT = int(ir.Slot.WEIGHT)
 with_material = make_replace(Surface, "material")
 
 
@@ -37,7 +39,7 @@ def find_blends(tables: ir.Tables, general: bool = False) -> Blends | Unblended:
     """The blends of a scene for kernels; without any Unblended, with `general` Blends(0)."""
     m = tables.materials
     deep = np.zeros(len(m.model), np.int64)
-    for row in np.flatnonzero(m.model == BLEND):  # parts stand before their blends
+    for row in traits.blends(tables):
         deep[row] = 1 + max(deep[m.first[row]], deep[m.second[row]])
     most = int(deep[tables.instances.material].max(initial=0))
     return Blends(most) if most or general else Unblended()
@@ -77,7 +79,7 @@ def choose_part(tables: Tables, point: Surface, u: Lane) -> Surface:
     point = with_material(point, ops.int_like(point.offset, 0) + point.material)
     for _ in range(materials.blended.deep):
         row = point.material
-        mixed = materials.model[row] == BLEND
+        mixed = model_tests.is_blend(materials.model[row])
         weight = ops.clip(number_of(tables, point, WEIGHT), 0.0, 1.0)
         second = u < weight
         u = ops.where(mixed, ops.where(second, u / ops.maximum(weight, 1e-9), (u - weight) / ops.maximum(1.0 - weight, 1e-9)), u)

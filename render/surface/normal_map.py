@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...materials import traits
+from ...materials.contract import Lobes
 from ..geometry import analytic_shapes, instance_transform
 from ..jit.kernel import helper, make_replace, noinline_helper
 from ..jit.packed_struct import HandleType
@@ -26,7 +27,7 @@ from ..lanes import affine, ops
 from ..simd.registration import overload
 from ..texture import textures
 from ..types import Hit, Lane, Surface, Tables, Vec
-from . import blend, interaction
+from . import interaction
 from .material_inputs import color_of
 
 NORMAL, BUMP = int(ir.Slot.NORMAL), int(ir.Slot.BUMP)
@@ -56,7 +57,7 @@ def build_tangents(tables: ir.Tables, general: bool = False) -> Tangents | NoMap
     if not (maps[traits.used(tables)] >= 0).any():
         return Tangents(np.full(len(tables.geometries.kind), -1, np.int64), np.zeros((0, 4), np.float32), 0) if general else NoMaps()
     used = tables.instances.material
-    blended = tables.materials.model == blend.BLEND
+    blended = traits.has(tables, Lobes.PARTS)
     kinds, uvs = tables.geometries.kind, tables.geometries.uvs
     turned = np.unique(tables.instances.geometry[(maps[used, 0] >= 0) | blended[used]])
     first, found, count = np.full(len(kinds), -1, np.int64), [np.zeros((0, 4), np.float32)], 0

@@ -96,6 +96,8 @@ def report_missing(
     if absent:
         examples = [f"{name}: {_EXAMPLES.get(args[name].type, '')}" for name in absent] if args else []
         hint = f"such as {callee}({', '.join(examples)})" if examples and not any(e.endswith(": ") for e in examples) else ""
+        if args and any("gold" in args[name].choices for name in absent):
+            hint = f'such as {callee}("gold"); {suggestions.METAL}'
         report(f"{callee} needs {' and '.join(f'`{name}`' for name in absent)}", span, hint)
     return bool(absent)
 

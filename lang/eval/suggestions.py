@@ -82,6 +82,8 @@ _NEAR_HINTS: dict[str, dict[str, str]] = {  # by suggestion, then by the word in
     "did you mean `from`?": dict.fromkeys(("sun_elevation", "elevation", "azimuth"), _ANGLE),
 }
 
+METAL = "a metal of any colour is principled(color, metallic: 1)"
+
 AXES = {"x": "[1, 0, 0]", "y": "[0, 1, 0]", "z": "[0, 0, 1]"}
 
 # Replacements of names that are not in the language.

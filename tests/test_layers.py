@@ -59,7 +59,7 @@ MAY_IMPORT = {
     "render.packing": "compiler.plan",
     "render.image": "compiler.ir compiler.io",
     "render.sampling": "render.lanes",
-    "render.geometry": "shapes",
+    "render.geometry": "lights",
     "render.camera": "render.sampling render.geometry",
     "render.formula": "compiler.formula render.geometry",
     "render.texture": "render.formula",

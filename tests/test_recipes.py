@@ -69,6 +69,18 @@ expected = 0.5 * (1 - 0.8 * np.log(1.8 / 0.8))
 assert abs(share.mean() - expected) < 4 * share.std() / 447, (share.mean(), expected)
 """,
     "light": """
+assert "no errors" in run("check a.scene")
+export_to_all("a.scene")
+assert "the beam of a panel is not carried: it shines evenly" in run("convert a.scene a.usda")
+assert "an area light is not carried: POV-Ray draws lights without extent" in run("convert a.scene a.pov")
+assert "an area light that is not seen is not carried" in run("convert a.scene a.xml")
+from maquette.lang.reference_page import reference
+assert "### panel" in reference({})
+run("render a.scene -o a.exr --size 41x1 --samples 1 --bounces 0 --backend reference -q")
+row = picture("a.exr")["rgba"][0, :, 0]
+assert abs(row[40] / row[20] - 0.5 ** 3.5) < 0.01, row  # at 45 degrees: cos of the ground, cos / d² of the panel, and cos³
+""",
+    "light_element": """
 draw_with_all("a.scene")
 export_to_all("a.scene")
 r, g, b = picture("ray.exr")["rgba"][3, 4, :3].tolist()
@@ -159,6 +171,13 @@ draw_with_all("a.scene")
 run("compare a.scene --backends ray:samples=1:bounces=0,reference:samples=1:bounces=0 --size 16x12 --threshold 0.001 -q")
 run("compare b.scene --backends ray:samples=64,reference:samples=64 --size 8x6 --threshold 0.1 -q")
 """,
+    "light": """
+for backend in ("ray", "raster", "reference"):
+    for bounces in (0, 2):
+        run(f"render a.scene -o a.exr --size 41x1 --samples 1 --bounces {bounces} --backend {backend} -q")
+        row = picture("a.exr")["rgba"][0, :, 0]
+        assert abs(row[40] / row[20] - 0.5 ** 3.5) < 0.01, (backend, bounces, row)
+""",
     "solid_shape": """
 export_to_all("a.scene")
 assert "do not have one triangle on each side" not in run("convert a.scene a.stl")
@@ -184,6 +203,11 @@ annulus(0.4, 0.2, rotate: [90deg, 0, 0], material: emissive(luminance: 2))
 annulus(0.5, 0.2, center: [0, 1, 0], rotate: [90deg, 0, 0], material: lambert(0.5))
 sun(from: [0, 1, 1])
 {BALL}"""
+PANEL = """\
+camera([0, 2, 0], look_at: [0, 0, 0], up: [0, 0, 1], width: 2.05)
+box([4, 1, 4], center: [0, -0.5, 0], material: lambert(0.5))
+panel([0, 1, 0], size: 1mm, luminance: 1000000)
+"""
 OCTAHEDRA = f"""\
 difference {{ octahedron(1); sphere(0.6) }}
 octahedron(0.4, center: [2, 0, 0], material: glass())
@@ -203,7 +227,8 @@ SCENES = {
         "sky(luminance: 1)\nrender(bounces: 3)\n",
     },
     "material": {"a.scene": f"{BALL}sphere(1, material: clay(0.5))\n", "bad.scene": "sphere(1, material: cley(0.5))\n"},
-    "light": {"a.scene": f"{BALL}sphere(1, material: lambert(0.5))\ncandle([0, 0, 4])\n"},
+    "light": {"a.scene": PANEL},
+    "light_element": {"a.scene": f"{BALL}sphere(1, material: lambert(0.5))\ncandle([0, 0, 4])\n"},
     "reader": {"a.scene": f'{BALL}mesh("a.tri")\n', "a.tri": TRI, "bad.tri": "1 2\n", "bad.scene": 'mesh("a.foo")\n', "a.foo": "\n"},
     "writer": {"a.scene": "sphere(1)\n", "textured.scene": "sphere(1, material: lambert(checker(#333333, #cccccc)))\n"},
     "setting": {"a.scene": f"{BALL}plane(y: -1)\nsphere(1)\nsun(from: [1, 4, 1])\n"},

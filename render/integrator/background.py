@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from ...compiler import ir
+from ...lights import SKIES
 from ..jit.kernel import helper, specialize_if_present
 from ..lanes import ops
 from ..light import lights, links
@@ -26,7 +28,7 @@ def camera_background(tables: Tables, options: Options, direction: Vec) -> Vec:
 
 def is_black(tables: Tables, options: Options) -> bool:
     """Whether camera rays that hit nothing carry no light."""
-    skies = bool(((tables.lights.kind == lights.SKY) | (tables.lights.kind == lights.DOME)).any())
+    skies = bool(ir.is_in(tables.lights.kind, SKIES).any())
     return not (skies if options.background == 0 else options.background == 2 and any(options.color))
 
 

@@ -10,7 +10,7 @@ from ..accel import intersect
 from ..accel.formula_packets import shadow_rays
 from ..jit.kernel import helper, specialize_either, specialize_if_present
 from ..lanes import ops
-from ..light import lights, links, shadow_map
+from ..light import light_kinds, light_samples, lights, links, shadow_map
 from ..material import bsdf, medium_stack, microfacet
 from ..material.shader import Shader
 from ..sampling import sobol
@@ -34,7 +34,7 @@ def local_light(scene: Scene, shading: ShadingContext, hit: Hit, active: Lane, s
     light = tables.instances.light[point.instance]
     shines = ops.bool_like(zero, True)
     if ops.any_lane(light >= 0):
-        both_sides = tables.lights.kind[ops.maximum(light, 0)] == lights.SPHERE  # sampled from inside, too
+        both_sides = light_kinds.is_sphere(tables.lights.kind[ops.maximum(light, 0)])  # sampled from inside, too
         shown = links.receives_lamp(scene.options.links, (point.front | both_sides) & specular, light, bits)
         shines = ops.where(light >= 0, shown, shines)
     total = ops.where3(shines, shading.shader.emission, (zero, zero, zero))
@@ -58,10 +58,10 @@ def direct_light(scene: Scene, shading: ShadingContext, active: Lane, sampler: S
     active = active & bsdf.is_lit(shader)
     for light in range(len(tables.lights.kind)):
         kind = tables.lights.kind[light]
-        if kind == lights.AMBIENT:
+        if light_kinds.is_ambient(kind):
             continue
         here = links.receives(linked, active, light, bits)
-        if kind in (lights.SKY, lights.DOME):
+        if light_kinds.is_sky(kind):
             total = _add_sky(total, scene, shading, light, here, sampler)
         else:
             total = _add_light(total, scene, shading, light, here, sampler)
@@ -115,7 +115,7 @@ def _add_light(total: Vec, scene: Scene, shading: ShadingContext, light: int, ac
     tables, options, point, shader = scene.tables, scene.options, shading.point, shading.shader
     u, v = _sample_numbers(scene, point, light, sampler)
     origin = _light_origin(scene, point, shader, light)
-    arriving = lights.sample(tables, light, origin, u, v)
+    arriving = light_samples.sample(tables, light, origin, u, v)
     share = glossy_lights.reflected(options.glossy_lights, shader, tables, light, point.normal, arriving, shading.viewer, active)
     given = ops.scale(ops.mul(share, arriving.irradiance), 1.0 / np.pi)
     medium = medium_stack.cross_boundary(shading.inside, None, tables, point, arriving.direction)
@@ -152,7 +152,7 @@ def _add_hit_lights(
         light = sources.rows[k]
         here = links.receives(scene.options.links, visible, light, bits)
         origin = _light_origin(scene, point, shader, light)
-        distance, solid, bright = glossy_lights.intersect_lights(tables, light, origin, direction)
+        distance, solid, bright = light_samples.intersect(tables, light, origin, direction)
         color = (tables.lights.color[light, 0], tables.lights.color[light, 1], tables.lights.color[light, 2])
         given = ops.mul(ops.scale(share, bright * glossy_lights.weight(density, solid)), color)
         given = medium_stack.attenuate(medium_stack.cross_boundary(shading.inside, None, tables, point, direction), given, tables, distance)

@@ -8,8 +8,8 @@ from typing import Any
 from ..jit.kernel import helper, noinline_helper, specialize_if_present
 from ..lanes import ops
 from ..light import dome_spots, emitters, light_tree, lights, links
-from ..light.emitter_table import DOME
 from ..light.emitters import Arriving
+from ..light.form_samples import SKY
 from ..material import bsdf, medium_stack
 from ..material.shader import Shader
 from ..surface import interaction, normal_map
@@ -75,7 +75,7 @@ def _sample_linked(
     table, zero = inputs.emitters, ops.full_like(point.offset, 0.0)
     bits = links.bits_of(linked, None, tables, point)
     lamp = ops.int_like(zero, 0) + table.light[row]
-    sky = ops.bool_like(zero, False) | (table.kind[row] == DOME)
+    sky = ops.bool_like(zero, False) | (table.kind[row] == SKY)
     light = arriving.light
     if ops.any_lane(sky):
         radiance = links.background(linked, light, tables, arriving.direction, lights.SHADOWED, bits)

@@ -15,6 +15,7 @@ from ...compiler import ir
 from ...compiler.plan import caustic_casters
 from ..light import dome_spots, emitter_table
 from ..light.emitter_table import Emitters
+from ..light.form_samples import DISK, DISTANT, RECTANGLE, SKY, TRIANGLE
 
 F64 = NDArray[np.float64]
 TARGETS = 32  # most balls; further ones are merged
@@ -38,7 +39,7 @@ def carried_by_photons(tables: ir.Tables, table: Emitters, spots: Any, all_sizes
     lamps, shining = caustic_casters.caustic_lights(tables, all_sizes)
     found = np.zeros(len(table.kind), bool)
     light = table.light >= 0
-    found[light] = lamps[table.light[light]] & (table.kind[light] != emitter_table.DOME)
+    found[light] = lamps[table.light[light]] & (table.kind[light] != SKY)
     if isinstance(spots, dome_spots.Spots):
         found[spots.row] = True
     for i in np.flatnonzero(shining & (table.first >= 0)):
@@ -109,13 +110,12 @@ def _flux(tables: ir.Tables, table: Emitters, centre: F64, radius: F64) -> F64:
     solid = np.where(inside, 4.0 * math.pi, 2.0 * math.pi * (1.0 - np.sqrt(np.maximum(1.0 - sine * sine, 0.0))))
     color = table.color.mean(axis=1)
     found = color[:, None] * np.where(table.area > 0, table.area, 1.0)[:, None] * solid
-    flat = np.isin(table.kind, (emitter_table.RECTANGLE, emitter_table.DISK, emitter_table.TRIANGLE)) & ~table.both
+    flat = np.isin(table.kind, (RECTANGLE, DISK, TRIANGLE)) & ~table.both
     height = np.sum(way * table.normal[:, None], axis=2)
     found = np.where(flat[:, None] & (height <= -grown), 0.0, found)
-    spot = np.flatnonzero(table.kind == emitter_table.SPOT)
-    for e in spot:
-        edge = math.acos(float(np.clip(tables.lights.cos_cone[table.light[e]], -1.0, 1.0)))
-        off = np.arccos(np.clip(-height[e] / np.maximum(away[e], 1e-300), -1.0, 1.0))
+    for e in np.flatnonzero(table.profile >= 0):
+        edge = emitter_table.widest_angle(tables, int(table.light[e]))
+        off = np.arccos(np.clip(height[e] / np.maximum(away[e], 1e-300), -1.0, 1.0))
         found[e] = np.where(inside[e] | (off - np.arcsin(np.minimum(sine[e], 1.0)) < edge), found[e], 0.0)
-    far = np.isin(table.kind, (emitter_table.DIRECTIONAL, emitter_table.SUN, emitter_table.DOME))
+    far = np.isin(table.kind, (DISTANT, SKY))
     return np.where(far[:, None], color[:, None] * math.pi * radius[None] ** 2, found)

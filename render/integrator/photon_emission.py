@@ -9,8 +9,9 @@ import numpy as np
 
 from ..jit.kernel import helper
 from ..lanes import ops
-from ..light import dome_spots, emitter_points, emitter_table, emitters, lights, round_emitters
+from ..light import dome_spots, emitter_points, emitters, lights, round_emitters
 from ..light.emitter_table import Emitters
+from ..light.form_samples import DISTANT, SKY, SPHERE
 from ..sampling import sobol
 from ..types import Lane, Ray, Tables, Vec
 from .photon_aims import Aims
@@ -40,9 +41,9 @@ def emit(tables: Tables, table: Emitters, spots: Any, aims: Aims, number: Lane, 
         t = ops.where(b >= aims.within[e * aims.targets + k], k + 1, t)
     kind = table.kind[e]
     groups = EmitterKind(
-        (kind == emitter_table.DIRECTIONAL) | (kind == emitter_table.SUN) | (kind == emitter_table.DOME),
+        (kind == DISTANT) | (kind == SKY),
         emitter_points.is_plate(kind),
-        (kind == emitter_table.SPHERE) | round_emitters.is_round(kind),
+        (kind == SPHERE) | round_emitters.is_round(kind),
     )
     start, normal = emitter_points.surface_point(table, e, *place_numbers)
     color = (table.color[e, 0], table.color[e, 1], table.color[e, 2])
@@ -51,19 +52,16 @@ def emit(tables: Tables, table: Emitters, spots: Any, aims: Aims, number: Lane, 
     row = ops.maximum(ops.to_int(table.light[e]), 0)
     zero = 0.0 * a
     half = zero
-    if ops.any_lane(kind == emitter_table.SUN):  # a scene with shapes alone has no table of lights
+    if ops.any_lane(kind == DISTANT):  # a scene with shapes alone has no table of lights
         half = ops.sin(0.5 * (tables.lights.angle[row] + zero))
-        half = ops.where(kind == emitter_table.SUN, half * half, zero)
+        half = ops.where(kind == DISTANT, half * half, zero)
     start, direction = _sample_direction(aims, t, groups, start, normal, half, place_numbers, aim_numbers)
     density = _density(aims, e, t, groups.far, start, direction)
     cosine = ops.dot(normal, direction)
     shines = ops.where(table.both[e], ops.absolute(cosine), ops.maximum(cosine, 0.0))
     shines = shines * round_emitters.area_of(table, e, ops.sub(start, (table.place[e, 0], table.place[e, 1], table.place[e, 2])))
-    strength = zero + 1.0
-    if ops.any_lane(kind == emitter_table.SPOT):
-        cone = lights.spot_share(-cosine, tables.lights.cos_cone[row] + zero, tables.lights.cos_full[row] + zero)
-        strength = ops.where(kind == emitter_table.SPOT, cone, strength)
-    strength = ops.where(groups.flat | groups.ball, shines, strength)
+    strength = ops.where(groups.flat | groups.ball, shines, zero + 1.0)
+    strength = emitters.apply_profile(tables, table, e, cosine, strength)
     strength = ops.where(groups.far, 1.0 / (1.0 - half), strength)
     wide = ops.absolute(start[0]) + ops.absolute(start[1]) + ops.absolute(start[2]) + ops.sqrt(table.area[e])
     step = OFFSET * ops.roundoff(zero) * wide

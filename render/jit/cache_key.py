@@ -31,8 +31,11 @@ _RUNTIME = (
 )  # fmt: skip
 """Modules that find, keep and load kernels: the decorators of kernels refer to them, but no kernel is compiled from them."""
 _PACKAGE = __name__.partition(".")[0]
-_FAMILY, _LANES = ("shapes", "SHAPES"), ("FLAT", "hit", "normal", "uv")
-"""A table of modules, and the functions of each that kernels over all of them are made from."""
+_FAMILIES = {
+    ("shapes", "SHAPES"): ("FLAT", "hit", "normal", "uv"),
+    ("lights", "LIGHTS"): ("FORM", "HAS_ANGLE", "HAS_IMAGE", "profile"),
+}
+"""Tables of modules, and the definitions of each module that kernels over all of them are made from."""
 _FORMAT = 2  # of the file of keys
 _CHECKOUTS = 8  # whose keys are kept
 
@@ -134,9 +137,9 @@ class Keys:
             first, _, rest = dotted.partition(".")
             source = self.sources.module(module)
             local = [(module, first)] if first in source.definitions else []
-            if (module, first) == _FAMILY:
+            if (module, first) in _FAMILIES:
                 members = (name for name in self.sources.files if name.startswith(f"{module}."))
-                local += [each for member in members for name in _LANES for each in self._resolve(member, name)]
+                local += [each for member in members for name in _FAMILIES[module, first] for each in self._resolve(member, name)]
             imported = [each for base, name in source.imports.get(first, ()) for each in self._imported(base, name, rest)]
             self._resolved[place] = (*local, *imported)
         return self._resolved[place]

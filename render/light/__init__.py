@@ -1,5 +1,5 @@
 """Lights and emitters: sampling, pdf, light tree, environment map.
 
-May import: render.image, sampling, surface, compiler.plan.
+May import: lights, render.image, sampling, surface, compiler.plan.
 Begin with `emitters.py`.
 """

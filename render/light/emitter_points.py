@@ -14,9 +14,9 @@ from ..lanes import ops
 from ..surface import interaction
 from ..surface.material_inputs import color_of
 from ..types import Hit, Lane, Ray, Tables, Vec
-from . import lights, round_emitters
+from . import form_samples, lights, round_emitters
+from .form_samples import DISK, RECTANGLE, SPHERE, TRIANGLE
 
-TRIANGLE = 20  # kind of a triangle of an emissive mesh; other kinds are those of ir.LightKind and round_emitters
 EMISSION = int(ir.Slot.EMISSION)
 GRID = 16  # points along each coordinate for the mean of a texture over an emitter; fewer for many emitters
 MOST_POINTS = 1 << 20  # of all emitters
@@ -29,8 +29,8 @@ def surface_point(emitters: Any, e: Lane, u: Lane, v: Lane) -> tuple[Vec, Vec]:
     place = (emitters.place[e, 0], emitters.place[e, 1], emitters.place[e, 2])
     normal = (emitters.normal[e, 0], emitters.normal[e, 1], emitters.normal[e, 2])
     flat, round_ = is_plate(kind), round_emitters.is_round(kind)
-    ball = (kind == lights.SPHERE) | round_
-    x, y = plate_coordinates(kind, u, v)
+    ball = (kind == SPHERE) | round_
+    x, y = form_samples.plate_coordinates(kind, u, v)
     side_u = (emitters.side_u[e, 0], emitters.side_u[e, 1], emitters.side_u[e, 2])
     side_v = (emitters.side_v[e, 0], emitters.side_v[e, 1], emitters.side_v[e, 2])
     on_plate = ops.add(place, ops.add(ops.scale(side_u, x), ops.scale(side_v, y)))
@@ -46,22 +46,7 @@ def surface_point(emitters: Any, e: Lane, u: Lane, v: Lane) -> tuple[Vec, Vec]:
 @helper
 def is_plate(kind: Lane) -> Lane:
     """Whether an emitter is a rectangle, disk or triangle."""
-    return (kind == lights.RECTANGLE) | (kind == lights.DISK) | (kind == TRIANGLE)
-
-
-@helper
-def plate_coordinates(kind: Lane, u: Lane, v: Lane) -> tuple[Lane, Lane]:
-    """Map u, v uniformly over the area of a plate, in units of its half edges, radii or a triangle's edges."""
-    a, b = 2.0 * u - 1.0, 2.0 * v - 1.0
-    if ops.any_lane(kind == lights.DISK):
-        radius, turn = ops.sqrt(u), 2.0 * math.pi * v
-        a = ops.where(kind == lights.DISK, radius * ops.cos(turn), a)
-        b = ops.where(kind == lights.DISK, radius * ops.sin(turn), b)
-    if ops.any_lane(kind == TRIANGLE):
-        root = ops.sqrt(u)
-        a = ops.where(kind == TRIANGLE, root * (1.0 - v), a)
-        b = ops.where(kind == TRIANGLE, root * v, b)
-    return a, b
+    return (kind == RECTANGLE) | (kind == DISK) | (kind == TRIANGLE)
 
 
 @helper

@@ -11,19 +11,18 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...compiler.ir.light_links import CASTERS
+from ...lights import AMBIENT, DISKS, LIGHTS, PICTURED, PROFILED, RECTANGLES, SKIES, SURFACES
+from ...lights import DISTANT as DISTANT_KINDS
 from ...materials import traits
 from ...shapes import SHAPES
 from ...shapes.contract import Emitting
 from ..lanes import ops
-from . import emitter_points, environment_map, light_tree, lights, round_emitters, shape_solid_angle
-from .emitter_points import TRIANGLE
+from . import emitter_points, environment_map, light_tree, round_emitters, shape_solid_angle
+from .form_samples import DISK, DISTANT, POINT, RECTANGLE, SKY, SPHERE, TRIANGLE
 from .round_emitters import CAPSULE, CONE, ELLIPSOID, TORUS, TUBE
 
-POINT, SPOT, DIRECTIONAL, SUN = lights.POINT, lights.SPOT, lights.DIRECTIONAL, lights.SUN
-SKY, DOME, RECTANGLE, DISK, SPHERE = lights.SKY, lights.DOME, lights.RECTANGLE, lights.DISK, lights.SPHERE
 MOST_TRIANGLES = 1 << 17  # of a mesh whose triangles are sampled; paths still hit larger ones
-_AREAS = (RECTANGLE, DISK, SPHERE)
-_FAR = (DIRECTIONAL, SUN, DOME)
+_FAR = (DISTANT, SKY)
 _PLAIN = {"rectangle": RECTANGLE, "disk": DISK, "sphere": SPHERE}
 _ROUND = {"tube": TUBE, "cone": CONE, "torus": TORUS, "capsule": CAPSULE}  # by form of shapes.contract.Emitting
 
@@ -47,6 +46,7 @@ class Emitters(NamedTuple):
     weighed: NDArray[np.bool_]  # BSDF samples can hit it, too: MIS weights apply
     textured: NDArray[np.bool_]  # its radiance has a texture
     instance: NDArray[np.int32]  # of an emissive shape, or -1
+    profile: NDArray[np.int32]  # kind of a light whose emission depends on the angle from its normal, or -1
     first: NDArray[np.int32]  # (instances,) first row of an instance, or -1
     parts: NDArray[np.int32]  # (instances,) the primitive of a hit that belongs to the row `first`
     tree: light_tree.Tree  # for light selection
@@ -67,27 +67,26 @@ def build(
     sky = environment_map.build(tables, 0, horizon, general, learns)
     if isinstance(sky, environment_map.SkyMap) and sky.row >= 0:
         alone = environment_map.is_sampled_alone(tables)
-        kinds = (ir.LightKind.SKY, ir.LightKind.DOME) if alone or learns else (ir.LightKind.DOME,)
+        kinds = SKIES if alone or learns else PICTURED
         skies = np.flatnonzero(ir.is_in(tables.lights.kind, kinds) & (tables.lights.shadows | (not alone)))
-        rows.append(_row(kind=DOME, color=np.full(3, sky.power), light=int(skies[0]), weighed=not alone))
+        rows.append(_row(kind=SKY, color=np.full(3, sky.power), light=int(skies[0]), weighed=not alone))
     instances = tables.instances
     first = np.full(len(instances.geometry), -1, np.int32)
     parts = np.zeros(len(instances.geometry), np.int32)
-    order = sorted(range(len(tables.lights.kind)), key=lambda k: tables.lights.kind[k] not in _FAR)
+    order = sorted(range(len(tables.lights.kind)), key=lambda k: tables.lights.kind[k] not in DISTANT_KINDS + PICTURED)
     for k in order:
         kind = tables.lights.kind[k]
-        if kind in (ir.LightKind.AMBIENT, ir.LightKind.SKY, ir.LightKind.DOME) or not tables.lights.color[k].any():
+        if kind in AMBIENT + SKIES or not tables.lights.color[k].any():
             continue
-        if kind in _AREAS:
+        if kind in SURFACES:
             i = int(tables.lights.instance[k])
             if i >= 0:
                 first[i] = len(rows)
             rows.append(_light_row(tables, k, i))
         else:
-            axis = -tables.lights.direction[k] if kind == ir.LightKind.SPOT else tables.lights.direction[k]
             rows.append(
-                _row(kind=kind, place=tables.lights.position[k], normal=axis, color=tables.lights.color[k], light=k,
-                     shadows=tables.lights.shadows[k])
+                _row(kind=int(LIGHTS[kind].FORM), place=tables.lights.position[k], normal=tables.lights.direction[k],
+                     color=tables.lights.color[k], light=k, shadows=tables.lights.shadows[k], profile=_profile(kind))
             )  # fmt: skip
     still = ~moves | (tables.transforms.first_key[instances.transform] < 0)
     for i in np.flatnonzero(_is_emissive(tables) & still & (instances.light < 0)):
@@ -101,8 +100,13 @@ def build(
 def _row(**values: Any) -> dict[str, Any]:
     nothing = np.zeros(3)
     base = {"place": nothing, "side_u": nothing, "side_v": nothing, "normal": np.array([0.0, 1.0, 0.0]), "area": 0.0, "both": False,
-            "square": False, "light": -1, "shadows": True, "weighed": False, "textured": False, "instance": -1}  # fmt: skip
+            "square": False, "light": -1, "shadows": True, "weighed": False, "textured": False, "instance": -1, "profile": -1}  # fmt: skip
     return base | values
+
+
+def _profile(kind: int) -> int:
+    """A kind of light with a profile, else -1."""
+    return int(kind) if kind in PROFILED else -1
 
 
 def _light_row(tables: ir.Tables, k: int, instance: int) -> dict[str, Any]:
@@ -111,8 +115,10 @@ def _light_row(tables: ir.Tables, k: int, instance: int) -> dict[str, Any]:
     weighed = bool(lit.shadows[k]) and seen and lit.blockers[k] == CASTERS
     matrix = tables.transforms.matrix[lit.transform[k]]
     flips = bool(tables.transforms.flips[lit.transform[k]])
-    both = lit.kind[k] == ir.LightKind.SPHERE
-    return _surface_row(int(lit.kind[k]), matrix, flips, lit.size[k], lit.color[k], both, light=k, shadows=lit.shadows[k], weighed=weighed)
+    form = int(LIGHTS[int(lit.kind[k])].FORM)
+    both, profile = form == SPHERE, _profile(lit.kind[k])
+    return _surface_row(form, matrix, flips, lit.size[k], lit.color[k], both, light=k, shadows=lit.shadows[k], weighed=weighed,
+                        profile=profile)  # fmt: skip
 
 
 def _surface_row(kind: int, matrix: Any, flips: bool, size: Any, color: Any, both: bool, **more: Any) -> dict[str, Any]:
@@ -231,13 +237,13 @@ def _table(tables: ir.Tables, rows: list[dict[str, Any]], first: Any, parts: Any
     columns: dict[str, Any] = {}
     shapes: dict[str, Any] = dict.fromkeys(("place", "side_u", "side_v", "normal", "color"), (3,))
     types: dict[str, Any] = {"kind": np.int32, "light": np.int32, "both": bool, "square": bool, "shadows": bool, "weighed": bool,
-                             "textured": bool, "instance": np.int32}  # fmt: skip
+                             "textured": bool, "instance": np.int32, "profile": np.int32}  # fmt: skip
     for name in ("kind", "place", "side_u", "side_v", "normal", "area", "color", "both", "square", "light", "shadows", "weighed",
-                 "textured", "instance"):  # fmt: skip
+                 "textured", "instance", "profile"):  # fmt: skip
         values = [row[name] for row in rows]
         columns[name] = np.array(values, types.get(name, np.float64)).reshape(-1, *shapes.get(name, ()))
     kind = columns["kind"]
-    shaped = (columns["light"] >= 0) & (kind != DOME) & (np.append(tables.lights.image, -1)[columns["light"]] >= 0)
+    shaped = (columns["light"] >= 0) & (kind != SKY) & (np.append(tables.lights.image, -1)[columns["light"]] >= 0)
     marks = (
         shape_solid_angle.HasLights(int(here.sum())) if here.any() or general else shape_solid_angle.NoLights()
         for here in (
@@ -250,10 +256,18 @@ def _table(tables: ir.Tables, rows: list[dict[str, Any]], first: Any, parts: Any
     return Emitters(**columns, first=first, parts=parts, tree=_build_tree(tables, columns, general), sky=sky, wide=wide)
 
 
+def widest_angle(tables: ir.Tables, light: int) -> float:
+    """The angle in radians from the axis of a light beyond which it emits nothing."""
+    kind = LIGHTS[int(tables.lights.kind[light])]
+    if kind.widest is not None:
+        return kind.widest(tables.lights, light)
+    return 0.5 * math.pi if kind.KIND in RECTANGLES + DISKS else math.pi
+
+
 def _peaks(tables: ir.Tables, light: Any, kind: Any) -> NDArray[np.float64]:
     """(n,) the largest factor by direction of each emitter, the mean of its channels; 1 without an image."""
     made, images = np.ones(len(light)), tables.images
-    for row in np.flatnonzero((light >= 0) & (kind != DOME)).tolist():
+    for row in np.flatnonzero((light >= 0) & (kind != SKY)).tolist():
         image = int(tables.lights.image[light[row]])
         if image >= 0:
             first, count = int(images.first[image]), int(images.width[image]) * int(images.height[image])
@@ -278,11 +292,10 @@ def _build_tree(tables: ir.Tables, of: dict[str, Any], general: bool) -> light_t
     corners = np.stack([place, place + u, place + v])
     low = np.where((kind == TRIANGLE)[:, None], corners.min(axis=0), low)
     high = np.where((kind == TRIANGLE)[:, None], corners.max(axis=0), high)
-    spot = kind == SPOT
-    axis = np.where(spot[:, None], -of["normal"], np.where((kind == ELLIPSOID)[:, None], [0.0, 1.0, 0.0], of["normal"]))
-    around = of["both"] | (kind == POINT) | round_
+    axis = np.where((kind == ELLIPSOID)[:, None], [0.0, 1.0, 0.0], of["normal"])
+    around = of["both"] | ((kind == POINT) & (of["profile"] < 0)) | round_
     edge = np.full(len(kind), 0.5 * math.pi)
-    if spot.any():
-        edge[spot] = np.arccos(np.clip(tables.lights.cos_cone[of["light"][spot]], -1.0, 1.0))
+    for row in np.flatnonzero(of["profile"] >= 0).tolist():
+        edge[row] = widest_angle(tables, int(of["light"][row]))
     bounds = light_tree.Bounds(low, high, axis, np.where(around, math.pi, 0.0), edge, power)
     return light_tree.build(power[far], light_tree.Bounds(*(column[~far] for column in bounds)), general)

@@ -1,79 +1,26 @@
-"""Light sampling for direct illumination, and the radiance of skies and domes."""
+"""Directions to lights: cones, cosine lobes and balls; fall-off, factors by direction, and the radiance of skies and domes."""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 from ...compiler import ir
 from ..jit.kernel import helper
 from ..lanes import affine, ops
 from ..types import Lane, Tables, Vec
+from . import light_kinds
 
-POINT = int(ir.LightKind.POINT)
-SPOT = int(ir.LightKind.SPOT)
-DIRECTIONAL = int(ir.LightKind.DIRECTIONAL)
-SUN = int(ir.LightKind.SUN)
-SKY = int(ir.LightKind.SKY)
-DOME = int(ir.LightKind.DOME)
-AMBIENT = int(ir.LightKind.AMBIENT)
-RECTANGLE = int(ir.LightKind.RECTANGLE)
-DISK = int(ir.LightKind.DISK)
-SPHERE = int(ir.LightKind.SPHERE)
 POLYNOMIAL = int(ir.FalloffKind.POLYNOMIAL)
 RAMP = int(ir.FalloffKind.RAMP)
 FAR = math.inf
 ALL, SHADOWED, OPEN = 0, 1, 2  # selects skies: all, with shadows, without shadows
 TINY = 1e-30  # lower bound of lengths, angles and weights; a float32 number
-SHORT = 1.0 - 1e-9  # of the distance to a light, so that its own shape does not block it
-
-
-class Arriving(NamedTuple):
-    """A light sample."""
-
-    direction: Vec  # unit, to the light
-    distance: Lane  # metres, the length of the shadow ray; inf for distant lights
-    irradiance: Vec  # of a surface that faces it; samples of area lights average to the integral
-
-
-@helper
-def sample(tables: Tables, light: int, position: Vec, u: Lane, v: Lane) -> Arriving:
-    """Sample a light from a point; u, v in [0, 1) choose a point of one with an extent.
-
-    Skies and domes are sampled by `cosine_sample` and `sky_radiance`; ambient light has no direction.
-    """
-    kind = tables.lights.kind[light]
-    if kind in (POINT, SPOT):
-        return _shaped(tables, light, _sample_point(tables, light, position))
-    if kind in (DIRECTIONAL, SUN):
-        return _sample_distant(tables, light, u, v)
-    if kind == SPHERE:
-        return _shaped(tables, light, _sample_sphere(tables, light, position, u, v))
-    return _shaped(tables, light, _sample_plate(tables, light, position, u, v))
-
-
-@helper
-def sample_sharp(tables: Tables, light: int, position: Vec) -> Arriving:
-    """`sample` for lights without an extent, except ambient ones."""
-    if tables.lights.kind[light] in (POINT, SPOT):
-        return _shaped(tables, light, _sample_point(tables, light, position))
-    middle = ops.full_like(position[0], 0.5)
-    return _sample_distant(tables, light, middle, middle)
-
-
-@helper
-def _shaped(tables: Tables, light: int, arriving: Arriving) -> Arriving:
-    """The sample of a light with its factor by direction."""
-    if has_profile(tables, light):
-        factor = profile(tables, light, arriving.direction)
-        return Arriving(arriving.direction, arriving.distance, ops.mul(arriving.irradiance, factor))
-    return arriving
 
 
 @helper
 def has_profile(tables: Tables, light: int) -> bool:
     """Whether a light's emission depends on the direction by an image."""
-    return tables.lights.image[light] >= 0 and tables.lights.kind[light] != DOME
+    return tables.lights.image[light] >= 0 and not light_kinds.is_pictured(tables.lights.kind[light])
 
 
 @helper
@@ -95,9 +42,7 @@ def profile(tables: Tables, light: Lane, towards: Vec) -> Vec:
 def is_soft(tables: Tables, light: int) -> bool:
     """Whether a light has an extent and needs random numbers."""
     kind = tables.lights.kind[light]
-    if kind in (POINT, SPOT, DIRECTIONAL, AMBIENT):
-        return False
-    return kind != SUN or tables.lights.angle[light] > 0.0
+    return light_kinds.is_soft(kind) and (not light_kinds.is_sun(kind) or tables.lights.angle[light] > 0.0)
 
 
 @helper
@@ -110,43 +55,9 @@ def falloff(kind: Lane, a: Lane, b: Lane, c: Lane, distance: Lane) -> Lane:
 
 
 @helper
-def spot_share(cosine: Lane, cos_cone: Lane, cos_full: Lane) -> Lane:
-    """Return a spotlight's falloff: smoothstep of the cosine, from cos_cone to cos_full (pbrt-v4 §12.2.3)."""
-    t = ops.clip((cosine - cos_cone) / ops.maximum(cos_full - cos_cone, 1e-12), 0.0, 1.0)
-    return t * t * (3.0 - 2.0 * t)
-
-
-@helper
-def _color(tables: Tables, light: int, s: Lane) -> Vec:
+def color_of(tables: Tables, light: int, s: Lane) -> Vec:
     color = tables.lights.color
     return (color[light, 0] * s, color[light, 1] * s, color[light, 2] * s)
-
-
-@helper
-def _sample_point(tables: Tables, light: int, position: Vec) -> Arriving:
-    lights = tables.lights
-    way = ops.sub((lights.position[light, 0], lights.position[light, 1], lights.position[light, 2]), position)
-    distance = ops.length(way)
-    direction = ops.scale(way, 1.0 / ops.maximum(distance, TINY))
-    c = lights.coefficients
-    strength = falloff(lights.falloff[light], c[light, 0], c[light, 1], c[light, 2], distance)
-    if lights.kind[light] == SPOT:
-        axis = (lights.direction[light, 0], lights.direction[light, 1], lights.direction[light, 2])
-        strength = strength * spot_share(-ops.dot(direction, axis), lights.cos_cone[light], lights.cos_full[light])
-    return Arriving(direction, distance * SHORT, _color(tables, light, strength))
-
-
-@helper
-def _sample_distant(tables: Tables, light: int, u: Lane, v: Lane) -> Arriving:
-    lights = tables.lights
-    zero = 0.0 * u
-    axis = (lights.direction[light, 0] + zero, lights.direction[light, 1] + zero, lights.direction[light, 2] + zero)
-    mean = 1.0  # cosine over the sun's disk: `color` is the irradiance of a surface that faces it
-    if lights.angle[light] > 0.0:
-        half = math.sin(0.5 * lights.angle[light])
-        axis = cone_direction(axis, u * 2.0 * half * half, v)
-        mean = 1.0 - half * half
-    return Arriving(axis, zero + FAR, _color(tables, light, zero + 1.0 / mean))
 
 
 @helper
@@ -192,50 +103,6 @@ def cosine_sample_above(normal: Vec, horizon: Vec, bounded: Lane, u: Lane, v: La
 
 
 @helper
-def _sample_plate(tables: Tables, light: int, position: Vec, u: Lane, v: Lane) -> Arriving:
-    lights, row = tables.lights, tables.lights.transform[light]
-    half_x, half_z = lights.size[light, 0], lights.size[light, 1]
-    face, area = face_of(tables, light)
-    if lights.kind[light] == DISK:
-        radius, turn = half_x * ops.sqrt(u), 2.0 * math.pi * v
-        x, z = radius * ops.cos(turn), radius * ops.sin(turn)
-    else:
-        x, z = (2.0 * u - 1.0) * half_x, (2.0 * v - 1.0) * half_z
-    way = ops.sub(affine.transform_point(tables.transforms.matrix, row, (x, 0.0, z)), position)
-    squared = ops.maximum(ops.dot(way, way), TINY)
-    distance = ops.sqrt(squared)
-    direction = ops.scale(way, 1.0 / distance)
-    cosine = ops.maximum(-ops.dot(direction, face), 0.0)
-    return Arriving(direction, distance * SHORT, _color(tables, light, cosine * area / squared))
-
-
-@helper
-def face_of(tables: Tables, light: int) -> tuple[tuple[float, float, float], float]:
-    """(unit normal, area) of the emitting side of a rectangle or disk."""
-    matrix, row = tables.transforms.matrix, tables.lights.transform[light]
-    half_x, half_z = tables.lights.size[light, 0], tables.lights.size[light, 1]
-    side_x = affine.transform_vector(matrix, row, (1.0, 0.0, 0.0))
-    side_z = affine.transform_vector(matrix, row, (0.0, 0.0, 1.0))
-    face = ops.cross(side_z, side_x)
-    stretch = ops.length(face)
-    if tables.transforms.flips[row]:
-        face = ops.negate(face)
-    area = (math.pi * half_x * half_x if tables.lights.kind[light] == DISK else 4.0 * half_x * half_z) * stretch
-    return ops.scale(face, 1.0 / max(stretch, TINY)), area
-
-
-@helper
-def _sample_sphere(tables: Tables, light: int, position: Vec, u: Lane, v: Lane) -> Arriving:
-    """Sample the cone of directions to a sphere; all directions from inside (pbrt-v4 §6.2.4)."""
-    row = tables.lights.transform[light]
-    matrix = tables.transforms.matrix
-    centre = affine.transform_point(matrix, row, (0.0, 0.0, 0.0))
-    radius = tables.lights.size[light, 0] * ops.length(affine.transform_vector(matrix, row, (1.0, 0.0, 0.0)))
-    direction, distance, solid = sample_ball(ops.sub(centre, position), radius + 0.0 * u, u, v)
-    return Arriving(direction, distance * SHORT, _color(tables, light, solid))
-
-
-@helper
 def ball_height(squared: Lane, radius: Lane) -> Lane:
     """Return 1 - cos of a ball's half angle at a squared distance, without cancellation; 2 (all directions) from inside."""
     inside = squared <= radius * radius
@@ -267,13 +134,13 @@ def sky_radiance(tables: Tables, light: int, direction: Vec) -> Vec:
     Seen from inside, +x is left of the center.
     """
     lights = tables.lights
-    if lights.kind[light] == SKY:
-        return _color(tables, light, 0.0 * direction[0] + 1.0)
+    if not light_kinds.is_pictured(lights.kind[light]):
+        return color_of(tables, light, 0.0 * direction[0] + 1.0)
     x, y, z = ops.normalize(affine.transform_vector(tables.transforms.inverse, lights.transform[light], direction))
     if lights.image[light] < 0:
-        return _color(tables, light, 0.0 * x + 1.0)
+        return color_of(tables, light, 0.0 * x + 1.0)
     s, t = 0.5 - ops.atan2(x, z) / (2.0 * math.pi), 0.5 + ops.asin(y) / math.pi
-    return ops.mul(_color(tables, light, 1.0), _look_up(tables, lights.image[light], s, t))
+    return ops.mul(color_of(tables, light, 1.0), _look_up(tables, lights.image[light], s, t))
 
 
 @helper
@@ -308,7 +175,7 @@ def background(tables: Tables, direction: Vec, which: int = ALL) -> tuple[Vec, b
     there = False
     for light in range(len(tables.lights.kind)):
         kind = tables.lights.kind[light]
-        if kind in (SKY, DOME) and (which == ALL or tables.lights.shadows[light] == (which == SHADOWED)):
+        if light_kinds.is_sky(kind) and (which == ALL or tables.lights.shadows[light] == (which == SHADOWED)):
             total = ops.add(total, sky_radiance(tables, light, direction))
             there = True
     return total, there
@@ -319,7 +186,7 @@ def has_ambient(tables: Tables) -> bool:
     """Whether any light is ambient."""
     found = False
     for light in range(len(tables.lights.kind)):
-        found = found or tables.lights.kind[light] == AMBIENT
+        found = found or light_kinds.is_ambient(tables.lights.kind[light])
     return found
 
 
@@ -328,6 +195,6 @@ def ambient(tables: Tables) -> tuple[float, float, float]:
     """Return L_a: the sum of all ambient lights."""
     total = (0.0, 0.0, 0.0)
     for light in range(len(tables.lights.kind)):
-        if tables.lights.kind[light] == AMBIENT:
-            total = ops.add(total, _color(tables, light, 1.0))
+        if light_kinds.is_ambient(tables.lights.kind[light]):
+            total = ops.add(total, color_of(tables, light, 1.0))
     return total

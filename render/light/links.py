@@ -16,7 +16,7 @@ from ...compiler.ir import light_links
 from ..jit.kernel import helper, specialize_if_present
 from ..lanes import ops
 from ..types import Lane, Surface, Tables, Unlinked, Vec
-from . import lights
+from . import light_kinds, lights
 
 ALL = -1  # bits of the eye, which sees all lights
 CASTS = int(ir.Visibility.SHADOW)
@@ -70,7 +70,7 @@ def _background(links: Any, plain: Vec, tables: Tables, direction: Vec, which: i
     total = (zero, zero, zero)
     for light in range(len(tables.lights.kind)):
         kind = tables.lights.kind[light]
-        if kind in (lights.SKY, lights.DOME) and (which == lights.ALL or tables.lights.shadows[light] == (which == lights.SHADOWED)):
+        if light_kinds.is_sky(kind) and (which == lights.ALL or tables.lights.shadows[light] == (which == lights.SHADOWED)):
             here = _receives(links, ops.bool_like(zero, True), light, bits)
             total = ops.where3(here, ops.add(total, lights.sky_radiance(tables, light, direction)), total)
     return total
@@ -81,7 +81,7 @@ def _ambient(links: Any, plain: Vec, tables: Tables, like: Lane, bits: Lane) -> 
     zero = 0.0 * like
     total = (zero, zero, zero)
     for light in range(len(tables.lights.kind)):
-        if tables.lights.kind[light] == lights.AMBIENT:
+        if light_kinds.is_ambient(tables.lights.kind[light]):
             here = _receives(links, ops.bool_like(zero, True), light, bits)
             color = tables.lights.color
             given = (total[0] + color[light, 0], total[1] + color[light, 1], total[2] + color[light, 2])

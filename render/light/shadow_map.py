@@ -14,13 +14,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...compiler import ir
 from ..jit.kernel import helper
 from ..lanes import affine, ops
 from ..surface import interaction
 from ..types import Lane, Surface, Tables, Vec
+from . import light_kinds
 
-DIRECTIONAL, SUN = int(ir.LightKind.DIRECTIONAL), int(ir.LightKind.SUN)
 ROUNDING = 2.0**-21  # relative, of keys: float32 has 2⁻²⁴, and keys are rounded a few times
 REACH = 2.0  # texels from a point to the farthest texel of its filter, minus half a texel
 
@@ -49,7 +48,7 @@ def lit(maps: Any, tables: Tables, light: int, point: Surface) -> Lane:
     p, zero = interaction.shadow_origin(point), 0.0 * point.offset
     row = ops.int_like(zero, maps.first[light])
     cube = maps.count[light] == 6
-    parallel = tables.lights.kind[light] in (DIRECTIONAL, SUN)
+    parallel = light_kinds.is_distant(tables.lights.kind[light])
     if cube:
         lamp = tables.lights.position
         row = row + _side(ops.sub(p, (lamp[light, 0] + zero, lamp[light, 1] + zero, lamp[light, 2] + zero)))

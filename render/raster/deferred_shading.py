@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
+from ...lights import AMBIENT, POINTS
 from .. import simd
 from ..jit.kernel import helper, kernel, noinline_helper
 from ..jit.packed_struct import Handle
 from ..lanes import affine, crosslane, ops
-from ..light import lights
+from ..light import light_samples, lights
 from ..material import bsdf, principled
 from ..material.shader import Shader, evaluate_shader
 from ..surface import texture_footprint
@@ -76,11 +77,11 @@ class LightSources(NamedTuple):
 
 def light_sources(tables: ir.Tables) -> LightSources:
     """The light sources of tables."""
-    rows = np.flatnonzero(tables.lights.kind != lights.AMBIENT).astype(np.int32)
-    near = np.isin(tables.lights.kind[rows], (lights.POINT, lights.SPOT))
+    rows = np.flatnonzero(~ir.is_in(tables.lights.kind, AMBIENT)).astype(np.int32)
+    near = ir.is_in(tables.lights.kind[rows], POINTS)
     direction, color = np.zeros((len(rows), 3), np.float32), np.zeros((len(rows), 3), np.float32)
     for k in np.flatnonzero(~near).tolist():
-        arriving = lights.sample_sharp(tables, int(rows[k]), (np.zeros(1), np.zeros(1), np.zeros(1)))
+        arriving = light_samples.sample_sharp(tables, int(rows[k]), (np.zeros(1), np.zeros(1), np.zeros(1)))
         direction[k] = [c[0] for c in arriving.direction]
         color[k] = [c[0] / np.pi for c in arriving.irradiance]
     bare = not near.any() and bool((tables.instances.light < 0).all())
@@ -257,7 +258,7 @@ def direct_light(shading: Any, shader: Shader, i: int, first: int, last: int) ->
         far = sources.far[source]
         for k in range(first, last):
             if not far:
-                arriving = lights.sample_sharp(shading.tables, sources.row[source], get3(points, k, POSITION))
+                arriving = light_samples.sample_sharp(shading.tables, sources.row[source], get3(points, k, POSITION))
                 direction, color = arriving.direction, ops.scale(arriving.irradiance, np.float32(1.0 / np.pi))
             share = bsdf.reflected(shader, get3(points, k, NORMAL), direction, get3(points, k, VIEWER))
             before = glow

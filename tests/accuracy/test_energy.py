@@ -11,7 +11,7 @@ import pytest
 from maquette.compiler import ir
 from maquette.compiler.scene.row_records import LightData
 from maquette.render.lanes import ops
-from maquette.render.light import lights
+from maquette.render.light import light_samples, lights
 from maquette.render.material import bsdf, microfacet
 from maquette.render.material import energy_compensation as table
 from maquette.render.sampling import sobol
@@ -321,7 +321,7 @@ def lobe(model: ir.MaterialModel, n: float, tilt: float) -> tuple[Array, Array]:
 def lamp(light: LightData, frame: Any, position: Any = (0, 0, 0)) -> Any:
     """(direction, distance, irradiance) of samples of a light at a place."""
     with np.errstate(all="ignore"):
-        return lights.sample(make.scene(lights=[light], frame=frame), 0, as_lanes(position), *numbers(10 + int(light.kind)))
+        return light_samples.sample(make.scene(lights=[light], frame=frame), 0, as_lanes(position), *numbers(10 + int(light.kind)))
 
 
 def sphere_from_outside() -> tuple[Array, Array]:

@@ -15,7 +15,7 @@ from ....compiler import ir
 from ....compiler.ir import light_links
 from ...jit.kernel import helper, kernel
 from ...lanes import crosslane, ops, ray_soa
-from ...light import lights
+from ...light import light_kinds, light_samples, lights
 from ...simd.registration import overload, types
 from ...surface import interaction
 from ...types import Hit, Lane, Options, Ray, Surface, Tables, Vec
@@ -37,7 +37,7 @@ def select_lights(bvh: scene_layout.Bvh, tables: ir.Tables, options: Options) ->
 @helper
 def is_selected(tables: Tables, light: int) -> bool:
     """Whether packets test a light."""
-    sharp = tables.lights.kind[light] != lights.AMBIENT and not lights.is_soft(tables, light)
+    sharp = not light_kinds.is_ambient(tables.lights.kind[light]) and not lights.is_soft(tables, light)
     return sharp and tables.lights.shadows[light] and light < MAX_LIGHTS
 
 
@@ -57,7 +57,7 @@ def generate_rays(tables, light, rays, found, out):
             u, v = load_slots(found.u, start), load_slots(found.v, start)
             hit = Hit(load_slots(found.t, start), instance, load_slots(found.spacing, start), u, v)
             position, geometric, offset = _formula_points(tables, Ray(origin, direction, 0.0, np.inf, None), hit, hit_mask)
-            arriving = lights.sample_sharp(tables, light, position)
+            arriving = light_samples.sample_sharp(tables, light, position)
             lit = hit_mask & (ops.dot(arriving.direction, geometric) > 0.0) & (ops.largest(arriving.irradiance) > 0.0)
             ends = ops.where(lit, arriving.distance, ends)
             origin, direction = ops.along(position, geometric, offset), arriving.direction

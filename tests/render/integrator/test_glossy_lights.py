@@ -13,7 +13,7 @@ from maquette.compiler.plan import plan
 from maquette.render import camera, types
 from maquette.render.backends import prepare
 from maquette.render.integrator import glossy_lights
-from maquette.render.light import lights
+from maquette.render.light import light_samples
 from maquette.render.material import bsdf, principled
 from maquette.render.material.shader import evaluate_shader
 from maquette.render.types import NoGlossyLights, Surface, View
@@ -67,11 +67,11 @@ def test_samples_of_lamps_are_met(lit):
     rng = np.random.default_rng(3)
     u, v = rng.uniform(0.001, 0.999, (2, 500))
     place = place_of(500)
-    arriving = lights.sample(tables, row, place, u, v)
-    distance, solid, bright = (np.broadcast_to(x, 500) for x in glossy_lights.intersect_lights(tables, row, place, arriving.direction))
+    arriving = light_samples.sample(tables, row, place, u, v)
+    distance, solid, bright = (np.broadcast_to(x, 500) for x in light_samples.intersect(tables, row, place, arriving.direction))
     assert np.all(solid > 0.0)
     assert distance == pytest.approx(np.broadcast_to(arriving.distance, 500), rel=1e-9)
-    assert solid == pytest.approx(np.broadcast_to(glossy_lights.solid_angle(tables, row, arriving), 500), rel=1e-6)
+    assert solid == pytest.approx(np.broadcast_to(arriving.angle, 500), rel=1e-6)
     color = tables.lights.color[row]
     assert color[1] * bright * solid == pytest.approx(np.broadcast_to(arriving.irradiance[1], 500), rel=1e-6)
 
@@ -83,7 +83,7 @@ def test_directions_that_meet_a_lamp_fill_its_solid_angle(lit):
     n = 400_000
     direction = rng.normal(size=(3, n))
     direction /= np.linalg.norm(direction, axis=0)
-    _, solid, _ = glossy_lights.intersect_lights(tables, row, place_of(n), tuple(direction))
+    _, solid, _ = light_samples.intersect(tables, row, place_of(n), tuple(direction))
     met = solid > 0.0
     density = np.where(met, 1.0 / np.where(met, solid, 1.0), 0.0) * 4.0 * np.pi
     assert density.mean() == pytest.approx(1.0, abs=5.0 * density.std() / np.sqrt(n))

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from maquette.compiler import ir
 from maquette.compiler.scene.row_records import LightData
 from maquette.render.lanes import ops
-from maquette.render.light import lights
+from maquette.render.light import light_samples, lights
 from maquette.render.sampling import sobol
 
 from .. import tables as make
@@ -28,7 +28,7 @@ def arriving(light, position, u: Any = 0.5, v: Any = 0.5, frame=None):
     u, v = np.broadcast_arrays(np.asarray(u, float), np.asarray(v, float))
     place = tuple(np.broadcast_to(np.asarray(c, float), u.shape) for c in position)
     with np.errstate(all="ignore"):
-        return lights.sample(tables, 0, place, u, v)
+        return light_samples.sample(tables, 0, place, u, v)
 
 
 def irradiance(light, position, normal, frame=None, n=400):

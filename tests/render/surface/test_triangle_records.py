@@ -12,7 +12,7 @@ from maquette.compiler import ir
 from maquette.render.accel import primitive_list
 from maquette.render.integrator import wave_intersection
 from maquette.render.lanes import ops
-from maquette.render.light import lights
+from maquette.render.light import light_samples
 from maquette.render.surface import interaction, triangle_records
 from maquette.render.types import Hit, Ray
 
@@ -153,7 +153,7 @@ def test_lights_lie_between_their_corners(tmp_path: Path) -> None:
     origin = tuple(np.full(4000, x) for x in (0.1, 0.4, 2.5))
     met = []
     for row in np.flatnonzero(np.isin(tables.lights.kind, (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE))):
-        arriving = lights.sample(tables, int(row), origin, u, v)
+        arriving = light_samples.sample(tables, int(row), origin, u, v)
         met.append(np.stack([o + arriving.distance * d for o, d in zip(origin, arriving.direction, strict=True)], axis=1))
     points = np.concatenate(met)
     assert len(met) == 4

@@ -75,7 +75,7 @@ assert "the beam of a panel is not carried: it shines evenly" in run("convert a.
 assert "an area light is not carried: POV-Ray draws lights without extent" in run("convert a.scene a.pov")
 assert "an area light that is not seen is not carried" in run("convert a.scene a.xml")
 from maquette.lang.reference_page import reference
-assert "### panel" in reference({})["reference/lights.md"]
+assert "## panel" in reference({})["reference/lights.md"]
 run("render a.scene -o a.exr --size 41x1 --samples 1 --bounces 0 --backend reference -q")
 row = picture("a.exr")["rgba"][0, :, 0]
 assert abs(row[40] / row[20] - 0.5 ** 3.5) < 0.01, row  # at 45 degrees: cos of the ground, cos / d² of the panel, and cos³

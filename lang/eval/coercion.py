@@ -312,9 +312,8 @@ def _string(value: Value, place: Place, arg: Arg) -> str:
 def _choice(value: Value, place: Place, arg: Arg) -> str:
     listed = ", ".join(f'"{c}"' for c in arg.choices)
     if not isinstance(value, str):
-        named = next((c for c in arg.choices if describe(value).endswith(f" `{c}`")), "")
-        colored = suggestions.METAL if isinstance(value, Color) and "gold" in arg.choices else ""
-        raise _type_error(value, f"one of {listed}", f'write it in quotes: "{named}"' if named else colored)
+        named = next((f'write it in quotes: "{c}"' for c in arg.choices if describe(value).endswith(f" `{c}`")), "")
+        raise _type_error(value, f"one of {listed}", suggestions.METAL if isinstance(value, Color) and "gold" in arg.choices else named)
     if value not in arg.choices:
         near = suggest(value, arg.choices).replace("`", '"')
         raise Mistake(

@@ -34,6 +34,8 @@ _PACKAGE = __name__.partition(".")[0]
 _FAMILIES = {
     ("shapes", "SHAPES"): ("FLAT", "hit", "normal", "uv"),
     ("lights", "LIGHTS"): ("FORM", "HAS_ANGLE", "HAS_IMAGE", "profile"),
+    ("materials", "MATERIALS"): ("facets", "LOBES", "HALF_VECTOR"),
+    ("materials", "ADDED"): ("LOBE",),
 }
 """Tables of modules, and the definitions of each module that kernels over all of them are made from."""
 _FORMAT = 2  # of the file of keys

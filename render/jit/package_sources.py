@@ -18,7 +18,7 @@ from ...compiler.io.replace_file import replace_file
 from . import definitions
 from .definitions import Definition, Module
 
-PACKAGES = ("compiler", "lang", "lights", "render", "shapes")
+PACKAGES = ("compiler", "lang", "lights", "materials", "render", "shapes")
 _FORMAT = 2  # of the file of definitions
 _CONTENTS = 4  # of one module whose definitions are kept
 _SETTLED = 2_000_000_000  # nanoseconds after which a change of a file changes its times

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from maquette.render.jit import cache_key
-from maquette.render.jit.package_sources import Sources
+from maquette.render.jit.package_sources import PACKAGES, Sources
 
 ROOT = Path(__file__).resolve().parents[3]
 KERNEL = '''"""Kernels of a test."""
@@ -194,3 +194,24 @@ def test_overloads_stand_beside_their_functions() -> None:
                 if isinstance(each, ast.Call) and getattr(each.func, "id", "") == "overload" and not isinstance(each.args[0], ast.Name):
                     problems.append(f"{path.name}:{each.lineno}: overloads a function of another module")
     assert not problems
+
+
+def test_kernels_depend_on_the_modules_of_shapes_lights_and_materials() -> None:
+    """They are made from all of these, which no import names."""
+    reached = cache_key.Keys(Sources(ROOT, ROOT / "none.json")).reach("render.integrator.wavefront", "draw_tile")
+    assert {("shapes.torus", "hit"), ("shapes.torus", "normal"), ("lights.spot", "profile"), ("lights.sun", "FORM")} <= reached
+    assert {("materials.metal", "facets"), ("materials.principled", "facets"), ("materials.blinn_phong", "HALF_VECTOR")} <= reached
+    assert {("materials.glass", "LOBES"), ("materials.glass", "LOBE")} <= reached
+
+
+def test_keys_know_every_package_that_kernels_import() -> None:
+    """An edit of a file that keys do not read would leave old kernels in use."""
+    unread = set()
+    for path in (path for name in PACKAGES for path in (ROOT / name).rglob("*.py")):
+        depth = len(path.relative_to(ROOT).parts)
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.level == depth and node.module:
+                first = node.module.partition(".")[0]
+                if (ROOT / first).is_dir() and first not in PACKAGES:
+                    unread.add(f"{path.relative_to(ROOT)}: {first}")
+    assert not unread

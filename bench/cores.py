@@ -89,11 +89,11 @@ def pictures(quick: bool) -> Sequence[Picture]:
     """hello by both backends, a solid of formulas, and a path-traced box."""
     size, samples = ((64, 48), 2) if quick else ((1600, 1200), 16)
     hello, box = load(EXAMPLES / "hello.scene"), load(Path(__file__).with_name("scenes") / "cornell.scene")
-    side = (32, 32) if quick else (512, 512)
+    side, small = ((32, 32), (64, 48)) if quick else ((512, 512), (640, 480))
     return (
         Picture("hello, ray", hello, ir.Settings(size=size, samples=samples, backend="ray", denoise=False)),
         Picture("hello, raster", hello, ir.Settings(size=size, samples=samples, backend="raster", denoise=False)),
-        Picture("gear, ray", load(EXAMPLES / "gear.scene"), ir.Settings(size=size, samples=samples, backend="ray", denoise=False)),
+        Picture("gear, ray", load(EXAMPLES / "gear.scene"), ir.Settings(size=small, samples=samples, backend="ray", denoise=False)),
         Picture("Cornell box, ray", box, ir.Settings(size=side, samples=4 * samples, backend="ray", denoise=False)),
     )
 

@@ -57,8 +57,7 @@ class Renderer(Unshared):
         nothing = Tile(0, 0, 0, 0)
         if self.whole is None:
             self._add(nothing, 0, 1, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
-            if self.tile_kernel is not None:
-                tile_queue.load(self.tile_kernel, self.side)
+            tile_queue.load(self._linked, self.side)
         if plan["aov"]:
             self.centres(nothing)
 
@@ -73,11 +72,13 @@ class Renderer(Unshared):
         assert p.raster is not None
         return ClusterRasterizer(p.tables, p.packed, self.view, p.raster.model, p.raster.ranges, self.how, margin)
 
-    @functools.cached_property
+    @property
     def tile_kernel(self) -> TileKernel | None:  # pyright: ignore[reportIncompatibleVariableOverride]
         """See film.Renderer; None for pictures in bands."""
-        if self.whole is not None:
-            return None
+        return None if self.whole is not None else self._linked
+
+    @functools.cached_property
+    def _linked(self) -> TileKernel:
         kernels = place_samples, draw_untessellated, shade
         return raster_tiles.TileDrawing(self.prepared, self.view, self._rasterizer, self.reach, BATCH, kernels).link()
 

@@ -73,7 +73,7 @@ class Canvas:
         self.sums: PixelSums | None = None  # of the whole picture, where it is drawn in rounds
         self.round: dict[str, Any] = {}  # what a checkpoint needs to go on with the round
         self.deadline, self.pace, self.grants = Deadline(), Pace(), False
-        self.queue = TileQueue(renderer.side, self.threads, self.pace, lambda: self.deadline.clock())
+        self.queue = TileQueue(renderer.side, self.threads, self.pace)
         self.with_extras: set[Tile] = set()  # tiles with their channels, where a budget may leave some out
         self.lock = threading.Lock()  # a checkpoint is made between two batches
         self.resumed = keeper.found if keeper is not None and self.most > 1 else None
@@ -201,7 +201,7 @@ class Canvas:
         def keeps() -> bool:
             return not (self.keeper is not None and self.cancel.is_set())  # a checkpoint holds whole batches
 
-        self.pace.limits = self.deadline.is_finite
+        self.pace.limits, self.queue.clock = self.deadline.is_finite, self.deadline.clock
         self.queue.run(drawing, target, is_stopped, keeps, report)
 
     def _draw_batches(self, tile: Tile, part: PixelSums, batches: Batches) -> None:

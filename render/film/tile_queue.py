@@ -7,6 +7,7 @@ The order of samples, batches and sums is that of tile_calls.draw_batch, so pict
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -116,8 +117,10 @@ class _Worker:
 class TileQueue:
     """Draws tiles of a picture on several threads."""
 
-    def __init__(self, side: int, threads: int, pace: Pace, clock: Callable[[], float]) -> None:
-        self.side, self.threads, self.pace, self.clock = side, threads, pace, clock
+    clock: Callable[[], float] = staticmethod(time.perf_counter)
+
+    def __init__(self, side: int, threads: int, pace: Pace) -> None:
+        self.side, self.threads, self.pace = side, threads, pace
         self.workers: dict[int, _Worker] = {}
 
     def run(

@@ -299,9 +299,9 @@ class Canvas:
 
     def _shares(self) -> NDArray[np.float64]:
         """(h, w) variance of pixels over the square of their differences."""
-        shares, least, most = self.decline.shares(), int(self.samples.min(initial=1)), int(self.samples.max(initial=1))
-        if least == most:
-            return np.broadcast_to(shares[max(most, 1).bit_length() - 1], self.samples.shape)
+        shares = self.decline.shares()
+        if self.samples.size and self.samples.min() == self.samples.max():
+            return np.broadcast_to(shares[max(int(self.samples.flat[0]), 1).bit_length() - 1], self.samples.shape)
         return shares[np.log2(np.maximum(self.samples, 1)).astype(int)]
 
     def work(self, draw: Callable[[Tile], None], jobs: Sequence[Tile], fraction: Callable[[], float]) -> None:

@@ -100,5 +100,8 @@ class Image:
 
 def blank(width: int, height: int, names: tuple[str, ...]) -> dict[str, NDArray[np.float32]]:
     """Return the channels of an empty picture."""
-    empty = {name: channel.empty for name, channel in CHANNELS.items()}
-    return {name: np.full((height, width, WIDTHS.get(name, LIGHT)), empty.get(name, 0.0), np.float32) for name in names}
+    channels: dict[str, NDArray[np.float32]] = {}
+    for name in names:
+        shape, empty = (height, width, WIDTHS.get(name, LIGHT)), CHANNELS[name].empty if name in CHANNELS else 0.0
+        channels[name] = np.full(shape, empty, np.float32) if empty else np.zeros(shape, np.float32)  # zeros take no time before their use
+    return channels

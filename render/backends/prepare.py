@@ -17,7 +17,7 @@ from .. import camera
 from ..accel import intersect, scene_bvh
 from ..accel.formula_packets import shadow_rays
 from ..accel.traverse import motion_alpha
-from ..film import adaptive_sampling
+from ..film import adaptive_sampling, tile_calls, tile_queue
 from ..geometry.bounds import swept_bounds, world_bounds
 from ..integrator import glossy_lights, no_ray_environment, vertex_lighting, whitted
 from ..jit import compile_process
@@ -33,6 +33,7 @@ from ..texture import procedural
 from ..types import Film, Float3, Frame, Lens, NoGlossyLights, Options, Shutter, StillScene, Tile, VertexLight, View
 
 ALPHA_LAYERS = 8  # partly transparent surfaces along a ray that each spawn secondary rays
+INPUTS = 4  # handles that the kernel of tiles of the ray backend takes
 _BACKGROUNDS = {"sky": 0, "transparent": 1}
 
 
@@ -121,6 +122,8 @@ def _link_whitted(
         if _compiles_slowly(accel):
             kinds = whitted.kinds(frames, packed, accel, vertex_lighting.none(), bool(lights))
             compile_process.compile_in_background(int(plan["threads"]), whitted.linked.kernel, *kinds)
+        elif plan["backend"] == "ray":
+            tile_queue.compile_in_background(int(plan["threads"]), INPUTS, tile_calls.TILE)
         motion_alpha.link(accel, general)
     light = Handle(vertex_lighting.vertex_light(tables, packed, accel, frames))
     whitted.link(frames, packed, accel, light, bool(lights))

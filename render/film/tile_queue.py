@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import thread_pool
+from ..jit import compile_process, thread_pool
 from ..jit.function_pointer import DeclaredPointer, compiled_address
 from ..jit.kernel import Kernel, helper, kernel
 from ..jit.packed_struct import Handle
@@ -177,11 +177,21 @@ class TileQueue:
 
 def load(drawing: TileKernel, side: int) -> None:
     """Load or compile the kernel that draws tiles."""
+    draw_tiles(*_nothing(drawing.address, len(drawing.inputs), side))
+
+
+def compile_in_background(threads: int, inputs: int, side: int) -> None:
+    """Compile the kernel that draws tiles by a TileKernel with so many inputs, beside other kernels."""
+    compile_process.compile_in_background(threads, draw_tiles, *_nothing(0, inputs, side))
+
+
+def _nothing(draw: int, inputs: int, side: int) -> tuple[Any, ...]:
+    """Arguments of `draw_tiles` for a picture without tiles."""
     none, empty, sums = np.zeros(0, np.int64), np.zeros((0, 0), np.int64), PixelSums.zeros(0, 0)
     picture = np.zeros((0, 0, 4), np.float32), np.zeros((0, 0, 3), np.float32), empty, np.zeros((0, 0), np.int8)
     tiles = none, none, Decline(()).shown
     target = Target(np.zeros(1, np.int64), none, np.zeros((0, 4), np.int64), none, empty, sums, *picture, *tiles, 0.0, 0, 0, 0)
-    draw_tiles(drawing.address, drawing.inputs, 0, target, Handle(TileMemory.of(side)), 0)
+    return draw, (0,) * inputs, 0, target, Handle(TileMemory.of(side)), 0
 
 
 @kernel

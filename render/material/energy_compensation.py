@@ -131,6 +131,11 @@ def table() -> Albedo:
     return made._replace(mean=np.ascontiguousarray(np.stack([mean_e, mean_b, deviation, 0.0 * deviation], axis=-1)))
 
 
+def unused_table() -> Albedo:
+    """A table of zeros, for kernels of scenes without microfacets."""
+    return Albedo(np.zeros((ROWS * COLUMNS, 4)), np.zeros((ROWS, 4)), np.zeros((ROWS * COLUMNS, 4)))
+
+
 def _scaling(alpha: F64, cosine: F64, lost: F64) -> F64:
     """Return (ROWS · COLUMNS, 4) `Albedo.again`."""
     sent = np.zeros((ROWS, COLUMNS, COLUMNS))  # what the lobe sends from a column to each

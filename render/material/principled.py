@@ -58,9 +58,10 @@ def tables_for(tables: ir.Tables, general: bool = False) -> ir.Tables:
 
     With `general`, every part is there: those that the scene does not use are empty.
     """
-    facets = general or bool((traits.facets(tables) & traits.used(tables)).any())
+    facets = bool((traits.facets(tables) & traits.used(tables)).any())
     parts = (
-        energy_compensation.table() if facets else Smooth(), sheen.tables_of(tables, general), normal_map.build_tangents(tables, general),
+        energy_compensation.table() if facets else energy_compensation.unused_table() if general else Smooth(),
+        sheen.tables_of(tables, general), normal_map.build_tangents(tables, general),
         rough_dielectric.tables_of(tables, general), medium_stack.media(tables, general), blend.find_blends(tables, general),
         added_lobes.tables_of(tables, general),
     )  # fmt: skip

@@ -49,9 +49,9 @@ class Sheen(NamedTuple):
 
 
 def tables_of(tables: ir.Tables, general: bool = False) -> Albedo | NoSheen:
-    """The table if a material of an instance has sheen, or with `general`."""
+    """The table if a material of an instance has sheen; otherwise with `general` one of zeros, which no material uses."""
     has = tables.materials.values[:, COLOR].any(axis=1) & traits.used(tables)
-    return table() if general or has.any() else NoSheen()
+    return table() if has.any() else Albedo(np.zeros((SIZE * SIZE, 4))) if general else NoSheen()
 
 
 @helper

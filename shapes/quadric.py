@@ -1,4 +1,4 @@
-"""Quadrics: A x² + B y² + C z² + D xy + E yz + F xz + G x + H y + I z + J = 0, clipped to a box about the origin."""
+"""Quadric surface: the zeros of a polynomial of degree 2 in x, y and z, clipped to a box about the origin."""
 
 from __future__ import annotations
 

@@ -78,11 +78,11 @@ class TileDrawing:
     def __init__(self, prepared: Any, view: View, rasterizer: ClusterRasterizer, reach: int, batch: int, kernels: Sequence[Kernel]) -> None:
         """`kernels` are the backend's place_samples, draw_untessellated and shade; `batch` samples fit the z-buffer."""
         self.prepared, self.rasterizer, self.batch = prepared, rasterizer, batch
-        p, made = prepared, prepared.raster
+        p, raster = prepared, prepared.raster
         self.scene = Handle(TileScene(
             self._steps(*kernels), rasterizer.model.address, rasterizer.clusters.address, p.packed.address, p.accel.address,
             p.vertex_light.address, p.frame.address, view, rasterizer.how, reach, batch, rasterizer.box, rasterizer.whole,
-            rasterizer.flat, np.ascontiguousarray(made.untessellated, np.int64), np.ascontiguousarray(made.boxes, np.int32),
+            rasterizer.flat, np.ascontiguousarray(raster.untessellated, np.int64), np.ascontiguousarray(raster.boxes, np.int32),
         ))  # fmt: skip
 
     def _steps(self, placing: Kernel, entering: Kernel, shading: Kernel) -> Steps:

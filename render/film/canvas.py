@@ -92,8 +92,8 @@ class Canvas:
             self._in_rounds(list(goals))
             return
         finished = [tile for tile in self.tiles if self._is_finished(tile)]
-        left = [tile for tile in self.tiles if not self._is_finished(tile)]
-        self.draw(left, Batches(tuple(goals), extras=bool(self.names)), lambda: self.spent / (self.most * pixels))
+        unfinished = [tile for tile in self.tiles if not self._is_finished(tile)]
+        self.draw(unfinished, Batches(tuple(goals), extras=bool(self.names)), lambda: self.spent / (self.most * pixels))
         self.work(self.draw_extras, finished, lambda: 1.0)
 
     @property

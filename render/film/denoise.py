@@ -211,7 +211,7 @@ def tile_guides(
     if isinstance(renderer, Remote):
         return renderer.guides(tile, count, total)
     rows, columns = tile.y1 - tile.y0, tile.x1 - tile.x0
-    found, surfaces = np.zeros((2, rows * columns, 3)), surfaces or guide_kernels.Surfaces()
+    sums, surfaces = np.zeros((2, rows * columns, 3)), surfaces or guide_kernels.Surfaces()
     for first in renderer.first(tile, range(count), total):
-        surfaces.add(first, count, found)
-    return found.reshape(2, rows, columns, 3)
+        surfaces.add(first, count, sums)
+    return sums.reshape(2, rows, columns, 3)

@@ -1,4 +1,4 @@
-"""Camera rays of the denoiser's guides, and the albedo and normals of what they hit, in kernels that all scenes share."""
+"""Denoiser guides: kernels that trace camera rays, and add the albedo and normals of first hits."""
 
 from __future__ import annotations
 
@@ -78,12 +78,12 @@ class Surfaces:
         ray, hit = first.ray, first.hit
         if not len(hit.t) or not len(first.tables.instances.geometry):
             return
-        known = self._tables.get(id(first.tables))
-        if known is None:
-            known = self._tables[id(first.tables)] = first.tables, plain_tables(first.tables)
+        entry = self._tables.get(id(first.tables))
+        if entry is None:
+            entry = self._tables[id(first.tables)] = first.tables, plain_tables(first.tables)
         n = len(hit.t)
         origin, direction = (np.stack([np.broadcast_to(c, n) for c in vector], axis=1) for vector in (ray.origin, ray.direction))
-        _add(known[1], origin, direction, Hit(*map(np.ascontiguousarray, hit)), float(count), out)
+        _add(entry[1], origin, direction, Hit(*map(np.ascontiguousarray, hit)), float(count), out)
 
 
 @kernel

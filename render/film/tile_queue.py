@@ -131,7 +131,7 @@ class TileQueue:
         `is_stopped(row)` says whether a thread stops that has this tile in work; after all threads the batch that it has is added, as far
         as it was drawn, if `keeps()`. `report` is called by this thread, after each of its calls.
         """
-        here, failed, began = threading.get_ident(), threading.Event(), self.clock()
+        caller, failed, began = threading.get_ident(), threading.Event(), self.clock()
         limit = self.pace.samples() if self.pace.limits else UNLIMITED
 
         def bound(worker: _Worker) -> Callable[[], tuple[int, bool]]:
@@ -143,7 +143,7 @@ class TileQueue:
                 run = bound(worker)
                 while more and not failed.is_set() and not is_stopped(worker.row):
                     more = self._call(worker, run, began)
-                    if threading.get_ident() == here:
+                    if threading.get_ident() == caller:
                         report()
             except BaseException:
                 failed.set()

@@ -79,7 +79,7 @@ def test_pictures_are_those_of_single_tiles_on_any_number_of_threads(name: str, 
         assert (error, issues) == (image.metadata["error"], image.metadata["issues"])
 
 
-def cancel_at_random(scene: Any, plan: Any, whole: np.ndarray, times: int) -> int:
+def cancel_at_random(scene: Any, plan: Any, reference: np.ndarray, times: int) -> int:
     """Cancel a picture at random moments; returns how many pictures were partial."""
     view, chance, partial = View(0, *SIZE), random.Random(1), 0
     renderer = render_scene.choose_renderer(scene, plan, view)
@@ -101,7 +101,7 @@ def cancel_at_random(scene: Any, plan: Any, whole: np.ndarray, times: int) -> in
         partial += image.metadata["partial"]
         samples = image.channels["samples"][..., 0]
         assert (rgba[samples == 0] == 0.0).all()
-        assert np.array_equal(rgba[samples == plan["samples"]], whole[samples == plan["samples"]])
+        assert np.array_equal(rgba[samples == plan["samples"]], reference[samples == plan["samples"]])
     return partial
 
 
@@ -110,9 +110,9 @@ def test_cancelling_at_random_moments_leaves_whole_calls(name: str, tmp_path: Pa
     text, asked, overrides = KINDS[name]
     scene = scene_of(tmp_path, text)
     plan = planned(scene, {**asked, "threads": 3, "aov": ("samples",)}, overrides)
-    whole = render_scene.draw(scene, plan).channels["rgba"]
-    assert cancel_at_random(scene, plan, whole, 25) > 0
-    assert np.array_equal(render_scene.draw(scene, plan).channels["rgba"], whole)
+    reference = render_scene.draw(scene, plan).channels["rgba"]
+    assert cancel_at_random(scene, plan, reference, 25) > 0
+    assert np.array_equal(render_scene.draw(scene, plan).channels["rgba"], reference)
 
 
 @pytest.mark.long
@@ -120,16 +120,16 @@ def test_a_picture_is_cancelled_a_thousand_times(tmp_path: Path) -> None:
     text, asked, overrides = KINDS["rays"]
     scene = scene_of(tmp_path, text)
     plan = planned(scene, {**asked, "threads": 4, "aov": ("samples",)}, overrides)
-    whole = render_scene.draw(scene, plan).channels["rgba"]
-    assert cancel_at_random(scene, plan, whole, 1000) > 100
-    assert np.array_equal(render_scene.draw(scene, plan).channels["rgba"], whole)
+    reference = render_scene.draw(scene, plan).channels["rgba"]
+    assert cancel_at_random(scene, plan, reference, 1000) > 100
+    assert np.array_equal(render_scene.draw(scene, plan).channels["rgba"], reference)
 
 
 def test_a_cancelled_picture_goes_on_from_its_checkpoint_with_the_same_bits(tmp_path: Path) -> None:
     text, asked, overrides = KINDS["rays"]
     scene = scene_of(tmp_path, text)
     plan, view, path = planned(scene, {**asked, "threads": 2}, overrides), View(0, *SIZE), tmp_path / "checkpoint"
-    whole = render_scene.draw(scene, plan).channels["rgba"]
+    reference = render_scene.draw(scene, plan).channels["rgba"]
     renderer = render_scene.choose_renderer(scene, plan, view)
     for _ in range(4):
         cancel = threading.Event()
@@ -139,7 +139,7 @@ def test_a_cancelled_picture_goes_on_from_its_checkpoint_with_the_same_bits(tmp_
             break
     keeper = checkpoint.Keeper(path, lambda: "key", math.inf, math.inf, resume=True)
     image = film.run(renderer, plan, view, keeper=keeper)
-    assert np.array_equal(image.channels["rgba"], whole)
+    assert np.array_equal(image.channels["rgba"], reference)
 
 
 def test_a_budget_ends_a_picture_and_each_pixel_has_a_mean(tmp_path: Path) -> None:
@@ -148,9 +148,9 @@ def test_a_budget_ends_a_picture_and_each_pixel_has_a_mean(tmp_path: Path) -> No
     plan = planned(scene, {"backend": "ray", "samples": 1 << 20, "budget": 1.0, "threads": 2, "size": (96, 64)}, {})
     image = render_scene.draw(scene, plan)
     assert time.perf_counter() - began < 30.0  # a machine may be busy; without an end it takes hours
-    whole = render_scene.draw(scene, planned(scene, {"backend": "ray", "samples": 64, "size": (96, 64)}, {}))
+    reference = render_scene.draw(scene, planned(scene, {"backend": "ray", "samples": 64, "size": (96, 64)}, {}))
     assert image.metadata["samples"] > 1
-    assert image.channels["rgba"][..., :3].mean() == pytest.approx(whole.channels["rgba"][..., :3].mean(), rel=0.02)
+    assert image.channels["rgba"][..., :3].mean() == pytest.approx(reference.channels["rgba"][..., :3].mean(), rel=0.02)
 
 
 class Calls(NamedTuple):

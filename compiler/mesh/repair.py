@@ -65,7 +65,7 @@ def repaired(mesh: PolyMesh, fill: bool = True) -> tuple[PolyMesh, I64 | None, R
     faces, corners, owner = faces[kept], corners[kept], owner[kept]
     turned = _turned(faces, said)
     faces[turned], corners[turned] = faces[turned][:, ::-1], corners[turned][:, ::-1]
-    new, beside = _holes(points, faces, said) if fill else (faces[:0], owner[:0])
+    new, beside = _filled(points, faces, said) if fill else (faces[:0], owner[:0])
     inwards = _inwards(points, np.concatenate([faces, new]), said)
     old = inwards[: len(faces)]
     faces[old], corners[old] = faces[old][:, ::-1], corners[old][:, ::-1]
@@ -171,8 +171,26 @@ def _closed_parts(faces: I64) -> I64:
     return np.where(faults[part] == 0, part, -1)
 
 
-def _holes(points: F64, faces: I64, said: Repair) -> tuple[I64, I64]:
-    """(triangles of the holes that are filled, for each the face beside it whose attributes it gets)"""
+def _filled(points: F64, faces: I64, said: Repair) -> tuple[I64, I64]:
+    """(triangles of the holes that are filled, for each the face whose attributes it gets).
+
+    A filled hole makes its surface larger, and another of its holes may be small enough then: repeated until none is.
+    """
+    holes, new, beside = 0, faces[:0], np.arange(len(faces))
+    while True:
+        last = Repair()
+        triangles, near, count = _holes(points, np.concatenate([faces, new]), last)
+        if not count:
+            break
+        holes += count
+        new, beside = np.concatenate([new, triangles]), np.concatenate([beside, beside[near]])
+    said.did(holes, "hole filled", "holes filled")
+    said.left += last.left
+    return new, beside[len(faces) :]
+
+
+def _holes(points: F64, faces: I64, said: Repair) -> tuple[I64, I64, int]:
+    """(triangles of the holes that are filled, for each the face beside it, number of holes)"""
     sides, order, count = _sides(faces)
     border = order[count == 1]
     loops, astray = _loops(sides[border][:, ::-1], border // 3)
@@ -181,6 +199,9 @@ def _holes(points: F64, faces: I64, said: Repair) -> tuple[I64, I64]:
     a, b, c = (points[faces[:, k]] for k in range(3))
     label = connected_vertices(len(points), faces) if len(faces) else np.arange(len(points))
     twice = np.bincount(label[faces[:, 0]], np.linalg.norm(np.cross(b - a, c - a), axis=1), len(points))
+    at_border = np.zeros(len(points), bool)
+    at_border[sides[border]] = True
+    present = set(map(tuple, np.sort(faces[at_border[faces].all(axis=1)], axis=1).tolist()))
     made, beside, wide, hard = [faces[:0]], [border[:0]], 0, 0
     for (loop, near), normal in zip(loops, _normals(points, [loop for loop, _ in loops]), strict=True):
         corners, size = points[loop], math.sqrt(normal @ normal)
@@ -188,15 +209,22 @@ def _holes(points: F64, faces: I64, said: Repair) -> tuple[I64, I64]:
             wide += 1
             continue
         triangles = _flat(corners, normal / size) if size > 0.0 and len(loop) <= MOST_SIDES else np.zeros((0, 3), np.int64)
-        if len(triangles) != len(loop) - 2:
+        rows = set(map(tuple, np.sort(loop[triangles], axis=1).tolist()))
+        if len(triangles) != len(loop) - 2 or len(rows) < len(triangles) or rows & present or not _has_area(corners[triangles]):
             hard += 1
             continue
+        present |= rows
         made.append(loop[triangles])
         beside.append(np.full(len(triangles), near))
-    said.did(len(made) - 1, "hole filled", "holes filled")
     said.could_not(wide, "hole is left: it is larger than half of the surface", "holes are left: they are larger than half of the surface")
     said.could_not(hard, "hole is left: no flat faces fill it", "holes are left: no flat faces fill them")
-    return np.concatenate(made), np.concatenate(beside)
+    return np.concatenate(made), np.concatenate(beside), len(made) - 1
+
+
+def _has_area(corners: F64) -> bool:
+    """Whether each triangle (n, 3, 3) has an area."""
+    a, b, c = corners.transpose(1, 0, 2)
+    return bool(np.any(np.cross(b - a, c - a) != 0.0, axis=1).all())
 
 
 def _normals(points: F64, loops: list[I64]) -> F64:

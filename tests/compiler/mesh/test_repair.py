@@ -61,9 +61,8 @@ def test_any_triangles_are_taken(faces: list[tuple[int, int, int]], random: obje
     made, said = repaired(points, np.array(faces, np.int64).reshape(-1, 3))
     assert np.isfinite(made.points).all()
     assert len(made.indices) == 0 or made.indices.max() < len(made.points)
-    again, _, more = repair.repaired(made)
-    assert not [word for word in more.done if "turned" in word], (said.done, more.done)
-    assert len(again.counts) <= len(made.counts) + sum("hole" in word for word in more.done) * len(made.counts)
+    _, _, more = repair.repaired(made)
+    assert not more.done, (said.done, more.done)
 
 
 @pytest.mark.parametrize(

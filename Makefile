@@ -123,7 +123,7 @@ test-all: check kernels  ## also what takes long: statistics, soak, packaging; t
 	@$(BIN)/python tools/matrix.py --all
 
 bounds: $(DEVELOP)  ## a million boxes for each operation of formulas: bounds must hold (half an hour)
-	@MAQUETTE_BOXES=1000000 $(BIN)/python -m pytest -q -n $(WORKERS) tests/render/formula/test_single_precision.py
+	@MAQUETTE_BOXES=1000000 $(BIN)/python -m pytest -q -n $(WORKERS) --long tests/render/formula/test_single_precision.py
 
 bench: $(PEERS)  ## measure against Embree, Mitsuba, llvmpipe and POV-Ray: bench/RESULTS.md (bench-rays and the like: one of them)
 	@$(BIN)/python -m maquette.bench

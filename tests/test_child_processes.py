@@ -61,6 +61,7 @@ def starts(text: str) -> list[str]:
     return found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("package", PACKAGES)
 def test_one_file_starts_processes(package: str) -> None:
     files = [*ROOT.glob("*.py"), *(ROOT / package).rglob("*.py")]

@@ -71,6 +71,7 @@ def test_an_audit_tells_what_it_looked_up(tmp_path: Path, packages: list[dict[st
     assert audit(tmp_path, json.dumps({"dependencies": packages, "fixes": []}), 0) == (code, told)
 
 
+@pytest.mark.long
 def test_an_audit_without_the_network_says_so() -> None:
     environment = {**os.environ, "HTTPS_PROXY": "http://127.0.0.1:1", "https_proxy": "http://127.0.0.1:1"}
     command = [sys.executable, str(ROOT / "tools" / "audit.py"), str(ROOT / "requirements" / "run.txt")]
@@ -85,6 +86,7 @@ def test_another_failure_of_the_audit_is_an_error(tmp_path: Path) -> None:
     assert audit(tmp_path, "error: requirement has no hash", 2) == (1, "")
 
 
+@pytest.mark.long
 def test_the_bill_of_materials_names_what_comes_along() -> None:
     made = [subprocess.run([sys.executable, str(ROOT / "tools" / "sbom.py")], capture_output=True, check=True).stdout for _ in range(2)]
     assert made[0] == made[1]

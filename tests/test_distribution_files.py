@@ -57,6 +57,7 @@ def installed_packages() -> set[str]:
     return set(subprocess.run([sys.executable, "-P", "-c", code], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split())
 
 
+@pytest.mark.long
 def test_what_the_container_copies_is_there() -> None:
     ignored = (ROOT / ".dockerignore").read_text(encoding="utf-8").split()
     packages = {name.split(".")[1] for name in installed_packages() if "." in name}
@@ -65,6 +66,7 @@ def test_what_the_container_copies_is_there() -> None:
         assert not any(fnmatch.fnmatch(name, pattern) for pattern in ignored)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("command", [rest for word, rest in instructions() if word == "RUN"])
 def test_the_steps_of_the_container_are_shell(command: str) -> None:
     subprocess.run(["bash", "-n", "-c", command], check=True)
@@ -140,6 +142,7 @@ def run_action(folder: Path, base: str, **inputs: str) -> tuple[int, str, str]:
     return done.returncode, done.stdout + done.stderr, summary.read_text(encoding="utf-8")
 
 
+@pytest.mark.long
 def test_a_pull_request_without_changes_renders_nothing(repository: Path) -> None:
     code, out, summary = run_action(repository, git(repository, "rev-parse", "HEAD"))
     assert (code, out, summary) == (0, "", "| scene | result |\n|---|---|\n")
@@ -167,6 +170,7 @@ def test_changed_scenes_are_compared_with_their_base(repository: Path) -> None:
     assert run_action(repository, base, threshold="50%", scenes="rooms/*\nuses.scene")[0] == 0
 
 
+@pytest.mark.long
 def test_every_package_is_installed() -> None:
     """setup.py finds each folder of modules, and no tests or benchmarks."""
     found = {

@@ -132,6 +132,7 @@ def test_an_image_is_saved_by_its_name(path: Path, tmp_path: Path) -> None:
         image.save("a.what")
 
 
+@pytest.mark.long
 def test_the_page_on_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     root = Path(maquette.__file__).resolve().parent
     (tmp_path / "examples").symlink_to(root / "examples")

@@ -32,12 +32,14 @@ def test_there_are_examples():
     assert len(FILES) >= 15
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("path", FILES, ids=NAMES)
 def test_an_example_loads_without_a_diagnostic(path):
     _, found = _load(path)
     assert [d.message for d in found.items] == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("backend", ["ray", "raster"])
 @pytest.mark.parametrize("path", FILES, ids=NAMES)
 def test_an_example_is_drawn(path, backend):
@@ -121,6 +123,7 @@ def test_a_scene_in_the_pages_works(page, k, text, tmp_path):
     assert [render_text(d, lambda _: path.read_text(encoding="utf-8")) for d in found.items] == []
 
 
+@pytest.mark.long
 def test_the_blocks_of_the_language_page_make_one_scene(tmp_path):
     """What is written into one file, block after block, is a scene; only the first ball, of which a fuller one follows, is left out."""
     blocks = _blocks(ROOT / "docs" / "language.md")

@@ -264,6 +264,7 @@ def allowed(package: str) -> set[str]:
     return {package}.union(*(allowed(each) for each in MAY_IMPORT[package].split()))
 
 
+@pytest.mark.long
 def test_packages_import_what_the_table_allows() -> None:
     found = {
         (package_of(module_of(i.file)), package_of(i.target)): f"{i.file}:{i.line} {package_of(module_of(i.file))} imports {i.target}"
@@ -373,6 +374,7 @@ def test_each_file_says_its_job_and_is_one_idea(path: Path) -> None:
     assert text.count("\n") <= MAX_LINES, f"{name_of(path)} has more than {MAX_LINES} lines"
 
 
+@pytest.mark.long
 def test_functions_are_short_and_take_few_parameters() -> None:
     found = []
     for path in FILES:

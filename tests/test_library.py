@@ -17,15 +17,18 @@ FILES = library()
 ENTRIES = {file: entries(file, text) for file, text in FILES.items()}
 
 
+@pytest.mark.long
 def test_the_page_is_up_to_date() -> None:
     assert (DOCS / "library.md").read_text(encoding="utf-8") == page(FILES), "run: make library"
 
 
+@pytest.mark.long
 def test_the_command_prints_the_page() -> None:
     command = [sys.executable, "-m", "maquette.lang.stdlib_page"]
     assert subprocess.run(command, capture_output=True, check=True, encoding="utf-8").stdout == page(FILES)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("file", FILES)
 def test_a_file_has_its_sheet_of_pictures(file: str) -> None:
     assert (DOCS / "library" / f"{file}.jpg").read_bytes()[:2] == b"\xff\xd8"
@@ -49,6 +52,7 @@ def test_materials_with_measured_values_name_their_source() -> None:
     assert len(measured) >= 50
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("file", FILES)
 def test_each_entry_is_drawn(file: str) -> None:
     """Small and coarse, by the backend that compiles nothing: no warning, all numbers finite, something seen and lit."""

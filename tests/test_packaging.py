@@ -28,6 +28,7 @@ def folders() -> set[str]:
     }
 
 
+@pytest.mark.long
 def test_setuptools_finds_the_folders_and_says_nothing(tmp_path: Path) -> None:
     """It runs on an overlay of links, as it writes beside setup.py."""
     for path in ROOT.iterdir():
@@ -64,6 +65,7 @@ def test_every_dependency_is_pinned() -> None:
         assert name in pinned, f"{requirement} has no version in constraints.txt"
 
 
+@pytest.mark.long
 def test_the_distribution_has_one_name() -> None:
     assert PROJECT["project"]["name"] == distribution.NAME
     assert PROJECT["project"]["scripts"] == {"maquette": "maquette.__main__:start"}

@@ -46,6 +46,7 @@ def test_the_tutorial_has_ten_steps_with_pictures() -> None:
     assert [f"tutorial/{k}.jpg" in PICTURES.blocks() for k in range(1, 11)] == [True] * 10
 
 
+@pytest.mark.long
 def test_the_site_builds_without_a_warning(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """Also: pages load nothing from elsewhere."""
     pytest.importorskip("mkdocs", reason="no mkdocs: pip install maquette-render[docs]")
@@ -72,6 +73,7 @@ def test_a_scene_of_the_gallery_is_short_and_has_its_picture(path: Path) -> None
     assert f"](../examples/gallery/{path.name})" in page
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("path", GALLERY, ids=lambda path: path.stem)
 def test_a_scene_of_the_gallery_loads_without_a_diagnostic(path: Path) -> None:
     found = Diagnostics()

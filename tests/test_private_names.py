@@ -66,6 +66,7 @@ def test_other_names_are_allowed(text: str) -> None:
     assert not private_names(text)
 
 
+@pytest.mark.long
 def test_tests_use_public_names() -> None:
     found = [f"{path.relative_to(ROOT)}:{name}" for path in sorted(ROOT.rglob("*.py")) if path != Path(__file__).resolve()
              for name in private_names(path.read_text(encoding="utf-8"))]  # fmt: skip

@@ -250,6 +250,7 @@ def test_the_page_quotes_the_recipe_or_names_its_file(recipe: Path) -> None:
     assert f"```python\n{recipe.read_text(encoding='utf-8')}```\n" in page or f"`tests/recipes/{recipe.name}`" in page
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("recipe", RECIPES, ids=lambda path: path.stem)
 def test_a_recipe_works(recipe: Path, tmp_path: Path) -> None:
     check(recipe, tmp_path, CHECKS[recipe.stem])

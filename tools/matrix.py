@@ -27,7 +27,7 @@ UNWRITABLE = Path("/proc")  # for root too
 SETS = ("avx512", "avx2", "sse", "scalar")
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 
-PICTURES = ("tests/backends/test_determinism.py", "-k", "not (test_determinism and (area or asked))")
+PICTURES = ("tests/backends/test_determinism.py", "--long", "-k", "not (test_determinism and (area or asked))")
 TEXT = (
     "tests/lang/syntax", "tests/compiler/io", "tests/compiler/importers/test_mesh_files.py", "tests/compiler/importers/usd/layers",
     "tests/cli/test_check.py", "tests/cli/test_new.py",

@@ -153,6 +153,7 @@ def test_where_samples_of_a_filter_lie(measured, filter_):
     measured.answer(4, f"half-plane under the {filter_} filter", "functions", off, 0.5 / sobol.TABLE + 1e-6, note="of the pixel")
 
 
+@pytest.mark.long
 @every
 @pytest.mark.parametrize("filter_", FILTERS)
 @pytest.mark.parametrize("a", [77.5 / 256, -100.5 / 256, 10.5 / 256])
@@ -221,6 +222,7 @@ def lost(backend: str, radius: float) -> float:
     return 4 / 3 * 0.05 / radius if backend == "raster" else 0.0
 
 
+@pytest.mark.long
 @every
 def test_coverage_adds_up_to_the_area_of_a_disk(tmp_path, measured, backend):
     text = LIT + "camera(position: [0, 0, 5], width: 48)\ndisk(20, center: [0.3, -0.2, 0], normal: [0, 0, 1])\n"
@@ -232,6 +234,7 @@ def test_coverage_adds_up_to_the_area_of_a_disk(tmp_path, measured, backend):
 # --- 6: a ball off the axis ----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @every
 @pytest.mark.parametrize(("degrees", "distance", "radius"), [(24, 5.0, 0.6), (0, 4.0, 1.2), (33, 3.0, 0.3)])
 def test_an_off_axis_ball_is_the_ellipse_it_should_be(tmp_path, measured, backend, degrees, distance, radius):
@@ -307,6 +310,7 @@ def test_texture_coordinates_are_perspective_correct(tmp_path, measured, backend
 # --- 39: what is out of focus --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("backend", ["ray", "reference"])
 @pytest.mark.parametrize("z", [2.0, 9.0])
 def test_the_blur_of_an_edge_out_of_focus(tmp_path, measured, backend, z):
@@ -332,6 +336,7 @@ def test_the_blur_of_an_edge_out_of_focus(tmp_path, measured, backend, z):
     assert np.all(covered[:, : 48 - gone] == 1.0)
 
 
+@pytest.mark.long
 def test_raster_draws_what_is_out_of_focus_from_points_of_the_lens(tmp_path):
     """Sixteen of them: an edge's blur has sixteen steps; what is in focus is as sharp as through a pinhole."""
     def text(aperture: str, z: float) -> str:

@@ -33,6 +33,7 @@ def fine_checker(folder: Path, backend: str, samples: int, textures: str = "foot
     return rm.grey(rm.picture(folder, text, backend, samples=samples, plan={"texture_filter": textures}))
 
 
+@pytest.mark.long
 @every
 @pytest.mark.parametrize("samples", [1, 64])
 def test_a_pixel_that_sees_thousands_of_cells(tmp_path, measured, backend, samples):
@@ -40,6 +41,7 @@ def test_a_pixel_that_sees_thousands_of_cells(tmp_path, measured, backend, sampl
     measured.answer(32, "checker finer than a pixel: ½ in every pixel", backend, off * 255, 1.0, "of 255", "of 1 and 64 samples")
 
 
+@pytest.mark.long
 @every
 def test_the_mean_of_a_fine_checker(tmp_path, measured, backend):
     """Samples that look at points: only noise, no bias."""
@@ -47,6 +49,7 @@ def test_the_mean_of_a_fine_checker(tmp_path, measured, backend):
     rm.within_error(measured, 32, "checker finer than a pixel: ½ in the mean", backend, values, 0.5, note="relative")
 
 
+@pytest.mark.long
 @every
 @pytest.mark.parametrize("width", [366, 300, 197])
 def test_the_mean_of_stripes_over_a_pixel(tmp_path, measured, backend, width):

@@ -117,6 +117,7 @@ def test_the_albedo_of_ggx(measured):
     measured.answer(22, "GGX's weak furnace, both sides", "quadrature", off, 1e-4)
 
 
+@pytest.mark.long
 @every
 def test_rough_metal_in_a_furnace(tmp_path, measured, backend):
     """A metal that reflects all, α = 1, under a sky of 1."""
@@ -191,6 +192,7 @@ def test_a_lobe_under_an_even_sky(tmp_path, measured, backend, model, normalized
     rm.within_error(measured, 23, "lobe under a constant sky", backend, values, 0.8 * answer)
 
 
+@pytest.mark.long
 def test_the_albedo_of_a_preview_surface(measured):
     """∫ f cos dω of both workflows, with and without a coat, of all roughnesses and tilts: at most 1, but for what tables are off."""
     most = 0.0
@@ -378,6 +380,7 @@ SAMPLERS.update({
 })  # fmt: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", SAMPLERS)
 def test_a_sampler_against_its_density(measured, name):
     """χ² of a million samples over some hundred bins: p above 1 % for all samplers together (Šidák 1967: 1 − 0.99^(1/m) for each)."""
@@ -387,6 +390,7 @@ def test_a_sampler_against_its_density(measured, name):
     measured.answer(34, f"χ² of the sampler: {name}", "functions", strain, -math.log10(least), "−log₁₀ p", "of 10⁶ samples")
 
 
+@pytest.mark.long
 def test_the_test_of_samplers_finds_a_wrong_one():
     """One sample in fifty drawn even over the hemisphere, not by the cosine: found out."""
     way, _ = lights.cosine_sample(as_lanes(UP), *numbers(1))
@@ -407,6 +411,7 @@ def test_a_hemisphere_of_directions_is_whole():
 # --- 38: a moving box ---------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("backend", rm.EVERY)
 def test_a_moving_box(tmp_path, measured, backend):
     """A box w = 1 m wide that moves s = 2 m while the shutter is open: half covered at the most, along w + s = 3 m, 1 m in all."""
@@ -448,6 +453,7 @@ LAMPS = {
 PAIRS = (("light", "bsdf"), ("light", "balance"), ("bsdf", "power"), ("balance", "power"))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("lamp", "ways"), [*((", a rectangle", ways) for ways in PAIRS), *((lamp, PAIRS[0]) for lamp in list(LAMPS)[1:])])
 def test_multiple_importance_sampling(tmp_path, measured, lamp, ways):
     """A matt floor under what shines: the means of two estimators, apart by less than four standard errors of 8 runs each."""

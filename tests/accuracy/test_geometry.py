@@ -90,6 +90,7 @@ def area_and_chord(folder: Path, solid: str, backend: str, seed: int) -> tuple[f
     return hits / 100, total / hits
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("backend", ["ray", "raster", pytest.param("reference", marks=pytest.mark.long)])
 @pytest.mark.parametrize("solid", ["box", pytest.param("tetrahedron", marks=pytest.mark.long)])
 def test_silhouettes_and_chords_of_solids_turned_at_random(tmp_path, measured, backend, solid):
@@ -107,6 +108,7 @@ TORUS = 2 * math.pi**2 * RING * TUBE**2
 ROUND = {"ball": ("sphere(0.9)", 4 / 3 * math.pi * 0.9**3), "torus": (f"torus({RING}, {TUBE}, rotate: [90deg, 0, 0])", TORUS)}
 
 
+@pytest.mark.long
 @every
 @pytest.mark.parametrize("name", ROUND)
 def test_the_volume_between_front_and_back(tmp_path, measured, backend, name):
@@ -118,6 +120,7 @@ def test_the_volume_between_front_and_back(tmp_path, measured, backend, name):
     measured.answer(8, f"volume of a {name} by its depths", backend, abs(found / volume - 1), 1e-3, note="relative, at 512²")
 
 
+@pytest.mark.long
 def test_the_volume_of_a_torus_from_any_side(measured):
     """The sum of the intervals that rays are inside, two at most: 2π²Rr², whatever the way they go."""
     worst = 0.0
@@ -204,6 +207,7 @@ def test_roots_of_a_sphere_by_vieta(measured):
 # --- 11: barycentrics, patches, subdivision ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_barycentrics_of_rays(measured):
     """A ray to w a + u b + v c finds these weights, in double precision; its corners are numbers that meshes hold, in single."""
     random = np.random.default_rng(11)
@@ -242,6 +246,7 @@ def test_barycentrics_in_pictures(tmp_path, measured, backend):
     measured.answer(11, name, backend, off, rm.SINGLE, note="relative to its size, the worst pixel")
 
 
+@pytest.mark.long
 def test_patches(measured, tmp_path):
     """Places of a NURBS surface on a circle of radius 1, relative to it: as the mesh holds them, in single precision."""
     scene = rm.load(tmp_path, 'use "std/surfaces"\nsurfaces.revolved([[1, 0], [1, 1]], steps: 24)\n')

@@ -52,6 +52,7 @@ def test_parallel_light_on_a_floor(tmp_path, measured, backend, way):
 # --- 13: the flux of a spot ----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @every
 @pytest.mark.parametrize(("cone", "soft", "width"), [(40, 15, 2), (60, 60, 4), (25, 5, 1), (35, 0, 1.6)])
 def test_the_flux_of_a_spot(tmp_path, measured, backend, cone, soft, width):
@@ -67,6 +68,7 @@ def test_the_flux_of_a_spot(tmp_path, measured, backend, cone, soft, width):
     rm.within_error(measured, 13, "flux of a spot", backend, found, answer)
 
 
+@pytest.mark.long
 @every
 @pytest.mark.parametrize(("cone", "soft"), [(40, 15), (20, 0), (58, 50)])
 def test_a_spot_given_in_lumen_sends_that_flux(tmp_path, measured, backend, cone, soft):
@@ -81,6 +83,7 @@ def test_a_spot_given_in_lumen_sends_that_flux(tmp_path, measured, backend, cone
 # --- 14: the phases of a matt ball ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @every
 @pytest.mark.parametrize(("albedo", "radius"), [(0.4, 2.5)])
 def test_the_light_of_a_matt_ball_by_its_phase(tmp_path, measured, backend, albedo, radius):
@@ -193,6 +196,7 @@ def under_part_of_disk(radius: float, height: float, chord: float) -> float:
     return float(np.sum(inner * y * weight))
 
 
+@pytest.mark.long
 @every
 @pytest.mark.parametrize("t", [-0.6, 0.0, 0.35, 0.9])
 @pytest.mark.parametrize(("radius", "height"), [(0.02, 1.0), (1.0, 1.0)])

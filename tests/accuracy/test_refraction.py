@@ -283,6 +283,7 @@ def test_a_ball_brings_rays_together_in_pictures(tmp_path, measured, backend, he
     measured.answer(27, name, backend, off, rm.SINGLE, "R")
 
 
+@pytest.mark.long
 def test_the_angle_of_the_rainbow(measured):
     """The least deviation after one reflection inside, π + 2i − 4r where sin²i = (4 − n²)/3 (Descartes 1637): 137.9219° for n = 1.333."""
     n = 1.333

@@ -40,6 +40,7 @@ def between(corners: list[list[float]], low: float, high: float, side: float) ->
     return float(total) / math.pi / ((high - low) * side)
 
 
+@pytest.mark.long
 @every
 @pytest.mark.parametrize(("gap", "size"), [(1.0, 1.0), (0.4, 0.7)])
 def test_facing_squares(tmp_path, measured, backend, gap, size):
@@ -57,6 +58,7 @@ def upright(height: float, side: float) -> list[list[float]]:
     return [[0, 0, side / 2], [0, 0, -side / 2], [0, height, -side / 2], [0, height, side / 2]]
 
 
+@pytest.mark.long
 @every
 @pytest.mark.parametrize(("start", "height"), [(0.25, 1.0), pytest.param(0.1, 0.6, marks=pytest.mark.long)])
 def test_squares_at_a_right_angle_with_a_gap(tmp_path, measured, backend, start, height):
@@ -72,6 +74,7 @@ def test_squares_at_a_right_angle_with_a_gap(tmp_path, measured, backend, start,
     rm.within_error(measured, 18, "squares at a right angle, apart", backend, found, answer)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("backend", ["ray", pytest.param("reference", marks=pytest.mark.long)])
 def test_squares_at_a_right_angle_that_touch(tmp_path, measured, backend):
     """0.200044, by diffuse rays that meet a glowing wall."""
@@ -82,6 +85,7 @@ def test_squares_at_a_right_angle_that_touch(tmp_path, measured, backend):
     rm.within_error(measured, 18, "squares at a right angle that touch", backend, found, 0.200044)
 
 
+@pytest.mark.long
 @every
 @pytest.mark.parametrize(("radius", "other", "height"), [(1.0, 1.0, 1.0), (0.5, 1.5, 0.8)])
 def test_facing_disks(tmp_path, measured, backend, radius, other, height):
@@ -220,6 +224,7 @@ def test_facing_plates_of_wide_triangles(tmp_path, measured, backend):
     measured.answer(30, "facing plates, wide triangles", backend, error, rm.SINGLE, note="relative, the worst pixel")
 
 
+@pytest.mark.long
 @tracers
 @pytest.mark.parametrize(("share", "last"), [(0.9, 6), (0.5, 8)])
 def test_facing_mirrors(tmp_path, measured, backend, share, last):
@@ -259,6 +264,7 @@ def environment(folder: Path, value: Any, size: int = 512) -> str:
     return 'dome("sky.exr", luminance: 1)\n'
 
 
+@pytest.mark.long
 @every
 @pytest.mark.parametrize(("axis", "a", "b"), [("up", 1.0, 0.8), ("+z", 1.0, 0.8), ("+x", 2.0, -1.5)])
 def test_an_environment_linear_in_a_direction(tmp_path, measured, backend, axis, a, b):
@@ -271,6 +277,7 @@ def test_an_environment_linear_in_a_direction(tmp_path, measured, backend, axis,
         rm.within_error(measured, 31, "environment a + b ω·z", backend, values, answer, scale=a)
 
 
+@pytest.mark.long
 @every
 @pytest.mark.parametrize("axis", ["up", "+x"])
 def test_an_environment_quadratic_in_a_direction(tmp_path, measured, backend, axis):

@@ -53,6 +53,7 @@ def test_raster_agrees_with_ray(draw_on, name):
     assert ids.mean() < 0.02  # outlines within 0.05 pixels
 
 
+@pytest.mark.long
 def test_raster_says_what_it_does_not_draw(draw_on):
     for name, messages in (
         ("glass", {"raster draws glass without refraction: the sky and the ground's mean light show"}),

@@ -77,6 +77,7 @@ def test_the_raster_draws_it(written: Path, name: str) -> None:
         draw(written, SCENES[name], "raster", bounces)
 
 
+@pytest.mark.long
 def test_an_emitter_lights_a_floor(written: Path) -> None:
     """A shining shape as the only light: the floor beside it is lit."""
     for kind in alone.SHAPES:
@@ -103,6 +104,7 @@ def _present(scene: Any) -> dict[type[IntEnum], Any]:
     }
 
 
+@pytest.mark.long
 def test_every_member_has_a_scene(written: Path) -> None:
     """A member that is new needs a row in alone.py."""
     cases = {

@@ -102,6 +102,7 @@ def apart(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.abs(a - b).max(axis=-1) > SAME * scale
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("holes", [False, True])
 @example(seed=956)  # a mesh's shadow on itself, in vectors with pixels of the background
 @given(seed=st.integers(0, 2**32 - 1))

@@ -94,6 +94,7 @@ def test_of_a_hundred_seeds_ninety_are_within_the_error_asked_for(tmp_path: Path
     assert np.mean(errors) > 0.02  # and not by taking many times the samples
 
 
+@pytest.mark.long
 def test_a_few_seeds_are_within_the_error_asked_for(tmp_path: Path) -> None:
     """The same for six seeds of one scene; one may exceed the error by chance."""
     assert within(tmp_path, "edges", 0.08, 6)[0] >= 5

@@ -97,6 +97,7 @@ def test_rough_errors_begin_with_few_samples(tmp_path: Path, error: float, sampl
     assert image.metadata["samples_mean"] == samples
 
 
+@pytest.mark.long
 def test_noise_as_large_as_the_light_is_told(tmp_path: Path) -> None:
     """In a window's room, pixels that are dark by chance once made the error told twice the true one."""
     assert quotients(tmp_path, SUN, {"samples": 16}, 1024, SEEDS) == pytest.approx(np.full(SEEDS, 0.9), abs=0.15)

@@ -29,6 +29,7 @@ BELOW = {"in front": "[-2.6, -1.4, 3.1]", "edge-on": "[-3.2, -0.2, 2.8]"}
 SUN = "directional([1, 2.165, 1])\n"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("eye", EYES)
 @pytest.mark.parametrize("name", FACES)
 def test_faces_have_normals_of_their_own(tmp_path: Path, backend: str, name: str, eye: str) -> None:
@@ -45,6 +46,7 @@ def test_faces_have_normals_of_their_own(tmp_path: Path, backend: str, name: str
     assert (face & ~right).sum() <= max(0.03 * face.sum(), 1)  # at edges
 
 
+@pytest.mark.long
 def test_what_leaves_a_face_leaves_it_whichever_side_rounding_put_it_on(tmp_path: Path, backend: str) -> None:
     """Cubes in a checkerboard, visible faces lit up to the box's edge: no pixel is in its own shadow."""
     text = "mod(floor(5 * x) + floor(5 * y) + floor(5 * z), 2) < 1"

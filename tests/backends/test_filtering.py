@@ -191,6 +191,7 @@ def test_a_mirror_shows_what_an_eye_behind_it_would_see(draw_on, texture: str):
     assert np.ptp(mirrored[rows][-3:]) > 0.2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("texture", TILES)
 @pytest.mark.parametrize(
     "what",

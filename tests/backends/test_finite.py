@@ -18,6 +18,7 @@ CASES = {  # light that overflows, or a lamp in a surface
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize(("backend", "bounces"), [("reference", None), ("ray", None), ("raster", None), ("ray", 2), ("reference", 2)])
 def test_pictures_are_finite(tmp_path, name, backend, bounces):

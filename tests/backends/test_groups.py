@@ -19,6 +19,7 @@ def lit(*lights: str) -> str:
     return THINGS + "".join(lights).replace("KEY", ', group: "key"').replace("FILL", ', group: "fill"')
 
 
+@pytest.mark.long
 def test_groups_add_up_to_the_picture_exactly(draw_on, backend):
     image = draw_on(backend, lit(KEY, FILL, REST), samples=4, aov=("lights", "depth"))
     names = sorted(name for name in image.channels if name.startswith("light:"))
@@ -32,6 +33,7 @@ def test_groups_add_up_to_the_picture_exactly(draw_on, backend):
     assert rgb(image) == pytest.approx(rgb(whole), abs=1e-5)
 
 
+@pytest.mark.long
 def test_a_group_is_the_picture_of_its_lamps(draw_on, backend):
     """Without random numbers, pictures are equal except for rounding."""
     image = draw_on(backend, lit(KEY, FILL, REST), samples=4, aov=("lights",), plan={"noise": "white"})
@@ -39,6 +41,7 @@ def test_a_group_is_the_picture_of_its_lamps(draw_on, backend):
     assert image.channels["light:fill"] == pytest.approx(alone.channels["rgba"][..., :3], abs=1e-6)
 
 
+@pytest.mark.long
 def test_one_group_alone_and_shapes_that_shine(draw_on, tracer):
     """Emissive objects belong to the rest; an area light's shape belongs to its group."""
     text = scenes.CAMERA + scenes.FLOOR + "sphere(0.4, center: [1, 0.5, 0], material: emissive(#ff8040))\n"
@@ -53,6 +56,7 @@ def test_one_group_alone_and_shapes_that_shine(draw_on, tracer):
     assert rest[..., 1].max() < 1.0
 
 
+@pytest.mark.long
 def test_variance_and_samples(draw_on, backend):
     """With many samples the mean variance equals that across seeds; sample counts are as requested."""
     text = scenes.CAMERA + scenes.FLOOR + "box([0.8, 1.5, 0.8], center: [0, 0.75, 0])\n"

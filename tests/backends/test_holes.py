@@ -39,6 +39,7 @@ def test_what_is_there_in_half_of_its_points_covers_half_of_far_pixels(tmp_path:
     assert abs(rows.mean() - 0.5) < 0.05
 
 
+@pytest.mark.long
 def test_channels_tell_what_stands_behind_holes(tmp_path: Path, backend: str) -> None:
     """A box under the floor is visible through it; a half-transparent ball does not hide itself."""
     things = "box(0.5, translate: [0, -0.4, 0])\nsphere(1, center: [0, 1, 0], material: lambert(opacity: 0.5))\n"
@@ -48,6 +49,7 @@ def test_channels_tell_what_stands_behind_holes(tmp_path: Path, backend: str) ->
     assert np.allclose(found["depth"], reference["depth"], rtol=1e-5)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["reference", "ray"])
 def test_a_formula_lets_as_much_pass_as_the_shape_that_it_is(tmp_path: Path, name: str) -> None:
     """Stochastic alpha on implicit surfaces: a path must not hit the same approximate root again."""

@@ -15,6 +15,7 @@ GLOW = "sphere(0.3, center: [0, 1, 0], material: emissive(luminance: 1e-9))\n"
 PLATE = 'area([0, 1, 0], size: 0.6, shape: "disk", luminance: 1e-9{})\n'
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("bounces", [0, 1])
 @pytest.mark.parametrize(
     ("lamp", "shadow"), [(GLOW, 0.6 / math.sqrt(1 - 0.09)), (PLATE.format(""), 0.6), (PLATE.format(", shadows: false"), 0.0)]
@@ -59,6 +60,7 @@ def test_a_ball_around_a_lamp_shows_it(draw):
     assert grey(shown)[2, 2] > 0.1
 
 
+@pytest.mark.long
 def test_groups_of_lights_cast_the_same_shadows(draw_on):
     """The shapes of each light block the other; the picture is the sum of both."""
     text = ABOVE.format(3) + FLOOR

@@ -91,6 +91,7 @@ def test_the_shadow_of_a_disk_under_a_point_light(draw):
     assert np.count_nonzero(floor & (radius < 0.6)) > 50
 
 
+@pytest.mark.long
 def test_a_light_without_shadows_shines_beside_one_that_casts_them(draw):
     """With interreflection: each path samples one of two lights of equal power."""
     text = ABOVE.format(1).replace("10", "0.9") + FLOOR + "disk(3, center: [0, 1, 0], material: lambert(0))\n"
@@ -114,6 +115,7 @@ def test_no_surface_shades_itself(draw):
         assert np.allclose(grey(image)[lit], cosine[lit], rtol=1e-4)
 
 
+@pytest.mark.long
 def test_light_scales_exactly(draw):
     """Scaling all lights by 2^±40 scales the picture, to the last bit."""
     text = ABOVE.format(3) + (

@@ -50,17 +50,20 @@ def sums(draw: Draw, light: str, materials: tuple[str, str], **settings) -> None
     assert np.abs(rgb(one) + rgb(other) - rgb(whole))[solid].max() < 2e-6 * rgb(whole)[solid].max()
 
 
+@pytest.mark.long
 @each_light
 def test_complementary_receivers_sum_to_the_whole(draw, light):
     sums(draw, light, SHARP)
 
 
+@pytest.mark.long
 @each_light
 def test_complementary_receivers_of_paths_sum_to_the_whole(trace, tracer, light):
     """Light and BSDF samples of one light keep their weights: their sum over both sets is exact, sample by sample."""
     sums(trace, light, ROUGH, bounces=3, plan=ALONE if tracer == "ray" else None)
 
 
+@pytest.mark.long
 @each_light
 def test_paths_of_ray_and_reference_agree(draw_on, light):
     links = f'{SOME}, blockers: ["right", "floor"]'
@@ -69,6 +72,7 @@ def test_paths_of_ray_and_reference_agree(draw_on, light):
     assert np.abs(ray - reference).max() < 2e-3 * reference.max()
 
 
+@pytest.mark.long
 @each_light
 def test_blockers_that_are_all_casters_change_nothing(draw, light):
     every, plain = (rgb(draw(scene(light, links), samples=4, size=(20, 15))) for links in (', blockers: ["*"]', ""))
@@ -98,6 +102,7 @@ def test_what_is_no_blocker_casts_no_shadow(draw, blockers):
     assert floor(draw, light.format('["ball"]')) == 0.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("bounces", [None, 2])
 def test_a_sky_without_blockers_lights_as_the_open_sky(trace, bounces):
     """L = ρ: paths find the sky by light samples alone, as the ball would block BSDF samples."""
@@ -106,6 +111,7 @@ def test_a_sky_without_blockers_lights_as_the_open_sky(trace, bounces):
     assert floor(trace, "sky(luminance: 1)", **settings) < 0.4
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("bounces", [None, 2])
 def test_an_area_light_without_blockers(trace, bounces):
     """A small distant disk: E = L A / h²."""

@@ -117,6 +117,7 @@ def test_a_thin_cylinder_shines_by_its_projected_area(tmp_path: Path, backend: s
     assert middle == pytest.approx(99 / np.pi * 2 * 0.01 * 0.1 / HEIGHT**2, rel=0.03)
 
 
+@pytest.mark.long
 def test_a_shaped_cylinder_shines_along_its_minus_z(tmp_path: Path, backend: str) -> None:
     """A thin and short cylinder with a focus, along the line under its middle across it: E = L 2 r l cosⁿ θ · cos θ / d²."""
     inputs = "float inputs:radius = 0.01\n float inputs:length = 0.05\n float inputs:intensity = 99\n"
@@ -127,6 +128,7 @@ def test_a_shaped_cylinder_shines_along_its_minus_z(tmp_path: Path, backend: str
     assert np.abs(found[..., 0] - expected)[across].max() < 0.06 * expected.max()
 
 
+@pytest.mark.long
 def test_paths_choose_lamps_by_their_largest_factor(tmp_path: Path) -> None:
     """Forty lamps at one place, one of them a thousand times as bright by its profile: choice in proportion leaves no noise."""
     (tmp_path / "a.ies").write_text(IES.format("\n".join(["1000 1000 1000"] * 5)))

@@ -104,6 +104,7 @@ def test_inside_a_lamp_all_is_as_bright_as_the_lamp(draw):
     assert abs(values.mean() - 5) <= 4 * values.std(ddof=1) / math.sqrt(len(values))
 
 
+@pytest.mark.long
 def test_mirrors_that_face_each_other_end(trace):
     """A closed room of mirrors: the bounce limit ends paths, whose weight is then below one percent of the light's."""
     text = (
@@ -116,6 +117,7 @@ def test_mirrors_that_face_each_other_end(trace):
     assert levels.max() > 10
 
 
+@pytest.mark.long
 def test_a_thousand_instances_of_nothing_much(draw):
     """Ten balls at each of a hundred positions: ties and duplicates neither stall the BVH nor change the picture."""
     balls = "for (k in 0..999) { sphere(0.2, center: [mod(k, 10) - 4.5, 0, floor(mod(k, 100) / 10) - 4.5]) }\n"

@@ -24,6 +24,7 @@ def alpha(folder: Path, backend: str) -> np.ndarray:
     return image_reader.read(folder / f"{backend}.exr").channels["rgba"][..., 3].astype(float)
 
 
+@pytest.mark.long
 def test_a_face_of_many_corners_is_drawn_whole(tmp_path: Path) -> None:
     """The rasterizer wrote past its buffer of points where sixteen fragments belong to sixteen thin triangles."""
     x, y = RADIUS * np.cos(ANGLES), RADIUS * np.sin(ANGLES)

@@ -18,6 +18,7 @@ def _same(a, b) -> None:
         assert np.array_equal(a.channels[name], b.channels[name]), name
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["instances", "every shape", "near and far"])
 def test_a_tree_or_every_primitive(draw_on, name):
     """The BVH skips only what a ray cannot hit."""
@@ -42,6 +43,7 @@ def test_rays_along_the_faces_of_boxes(draw_on):
     assert alpha(tree).sum() > 60
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", [*scenes.DIRECT, "sun and sky"])
 def test_the_three_ways_to_fill(draw_on, name):
     """Edge functions, sub-areas and scanlines cover the same samples."""
@@ -74,6 +76,7 @@ def test_shadow_rays_that_no_light_asks_for(draw):
     _same(draw(text), draw(text, {"shadows": "on"}))
 
 
+@pytest.mark.long
 def test_a_finer_tolerance_comes_nearer_to_the_outline(draw_on):
     """The raster backend's coverage of a ball is short by at most 4/3 · tolerance / R of its area, and never larger."""
     text = "ambient(#ffffff)\ncamera(position: [0, 0, 9], width: 2.4)\nsphere(1)\n"
@@ -110,6 +113,7 @@ def test_a_plane_that_bounds_the_scene_from_below(draw_on, backend):
     assert np.allclose(rgb(picture)[ball], (1.0 + picture.channels["normal"][ball] @ up)[:, None], rtol=2e-6, atol=1e-6)
 
 
+@pytest.mark.long
 def test_sampling_only_the_sky_above_a_plane_is_right_in_the_mean(draw_on):
     """The picture is equal with and without the decision, except for noise; it is not taken with objects below the plane."""
     scene = "plane(y: 0)\nbox([1, 1, 1], center: [0, {}, 0], rotate: [0, 30deg, 0])\nsphere(0.6, center: [1.2, 0.6, 0.4])\n"

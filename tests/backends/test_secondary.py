@@ -19,6 +19,7 @@ GREY = ((0x80 / 255 + 0.055) / 1.055) ** 2.4
 VIEW = "camera(position: [0, 1, 4], look_at: [0, 1, 0], fov: 20deg)\n"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["glass", "formula of glass", "mirrors"])
 def test_traced_rays_find_what_the_ray_backend_finds(draw_on, name):
     a = draw_on("raster", scenes.RAYS[name], TRACE, aov=("id",))
@@ -29,6 +30,7 @@ def test_traced_rays_find_what_the_ray_backend_finds(draw_on, name):
     assert different.sum() <= 5, show(different, 5)  # a root of glass may fall to the other side of an edge seen through it
 
 
+@pytest.mark.long
 def test_light_between_surfaces_is_traced_too(draw_on):
     text = scenes.RAYS["interreflection"]
     a = draw_on("raster", text, TRACE, samples=16, size=(24, 24))
@@ -53,6 +55,7 @@ def test_above_is_the_sky_and_below_the_light_of_the_ground(draw_on, material):
     assert np.allclose(image[34, 24], GREY, atol=0.02)
 
 
+@pytest.mark.long
 def test_rough_glass_is_not_black(draw_on):
     text = VIEW + EVEN + "sphere(0.5, center: [0, 1, 0], material: glass(roughness: 0.4))\n"
     image = rgb(draw_on("raster", text, samples=16))

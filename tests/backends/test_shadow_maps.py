@@ -26,6 +26,7 @@ LAMPS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("lamp", LAMPS.values(), ids=list(LAMPS))
 def test_flat_and_round_things_do_not_shade_themselves(draw_on, lamp):
     """A tilted square, a floor and a ball on the lit side have no self-shadowing, to rounding."""
@@ -39,6 +40,7 @@ def test_flat_and_round_things_do_not_shade_themselves(draw_on, lamp):
     assert np.allclose(a, b, rtol=0.02, atol=0.01 * b.max())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("lamp", LAMPS.values(), ids=list(LAMPS))
 def test_shadows_are_where_rays_find_them(draw_on, lamp):
     """Every point has the light of traced shadows, except at edges, which are two texels soft; the means agree."""
@@ -80,6 +82,7 @@ def test_without_shadows_light_goes_through_everything(draw_on):
     assert bare.mean() > 1.02 * rgb(draw_on("raster", text)).mean()
 
 
+@pytest.mark.long
 def test_soft_lights_keep_rays_and_the_sun_loses_its_penumbra(draw_on):
     area = ABOVE + FLOOR + THINGS + "area([0, 3, 0], look_at: [0, 0, 0], size: [1, 1], luminance: 5)\n"
     assert np.array_equal(rgb(draw_on("raster", area, MAP, samples=4)), rgb(draw_on("raster", area, samples=4)))

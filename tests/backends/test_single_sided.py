@@ -109,6 +109,7 @@ def floors(draw: Draw, path: Path, shell: tuple[np.ndarray, dict[str, Any]], tex
     return found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("pane", ["", PANE])
 def test_a_back_that_is_not_seen_sends_light_on(trace: Draw, tmp_path: Path, pane: str) -> None:
     """A red wall whose back is to the camera lights the floor in front of it, whatever else is see-through."""
@@ -121,6 +122,7 @@ def test_a_back_that_is_not_seen_sends_light_on(trace: Draw, tmp_path: Path, pan
     assert single[:, 0].mean() > 1.02 * single[:, 1].mean()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("pane", ["", PANE])
 @pytest.mark.parametrize("triangles", [LID, LID[:, ::-1]])
 def test_a_lamp_seen_from_behind_shines_on(trace: Draw, tmp_path: Path, triangles: np.ndarray, pane: str) -> None:
@@ -140,6 +142,7 @@ def test_a_square_from_behind_that_moves(draw: Draw, tmp_path: Path, turned: boo
     assert alpha(image).max() == (0 if turned else 1)
 
 
+@pytest.mark.long
 def test_a_back_that_is_not_seen_blocks_photons(draw_on: Draw, tmp_path: Path) -> None:
     """A lid between a light and a glass ball, seen from below: no caustic on the floor."""
     ball = "sphere(0.6, center: [0, 0, 0], material: glass(ior: 1.5))\npoint([0, 5, 0], intensity: 100)\n"
@@ -151,6 +154,7 @@ def test_a_back_that_is_not_seen_blocks_photons(draw_on: Draw, tmp_path: Path) -
     assert rgb(draw_on("ray", text, **settings)).max() > 2 * single.max()
 
 
+@pytest.mark.long
 def test_glass_in_place_of_a_single_sided_material_has_both_its_sides(draw: Draw, tmp_path: Path) -> None:
     pictures = []
     for double in (True, False):
@@ -160,6 +164,7 @@ def test_glass_in_place_of_a_single_sided_material_has_both_its_sides(draw: Draw
     assert np.array_equal(*pictures)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("turned", [False, True])
 @pytest.mark.parametrize("opacity", [1.0, 0.5])
 def test_backends_agree_on_an_open_box(draw_on: Draw, tmp_path: Path, turned: bool, opacity: float) -> None:

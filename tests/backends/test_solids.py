@@ -41,6 +41,7 @@ SOLIDS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", SOLIDS)
 def test_glass_of_formulas_is_glass_of_balls(draw_on, name):
     """Equal except for pixels at a floor tile's edge, or where rounding changes a random choice."""

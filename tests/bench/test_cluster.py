@@ -19,6 +19,7 @@ def test_without_costs_all_workers_are_busy(workers: int) -> None:
     assert 200.0 / workers < found.seconds < 1.1 * 200.0 / workers + dispatcher.AIM
 
 
+@pytest.mark.long
 def test_many_workers_wait_for_the_client() -> None:
     """It takes `cost` seconds for each message, and the scheduler as long beside it."""
     found = simulate(500, 0.02, EQUAL)
@@ -26,6 +27,7 @@ def test_many_workers_wait_for_the_client() -> None:
     assert found.seconds > 10 * 200.0 / 500
 
 
+@pytest.mark.long
 def test_messages_of_several_requests_cost_less() -> None:
     together = simulate(20, 0.02, EQUAL)
     with mock.patch.object(dispatcher, "AIM", 0.0):
@@ -35,6 +37,7 @@ def test_messages_of_several_requests_cost_less() -> None:
     assert together.seconds < 0.5 * single.seconds
 
 
+@pytest.mark.long
 def test_the_table_has_a_row_for_each_number_of_workers() -> None:
     about, table = cluster.simulation(500, 0.002)
     assert "500 requests" in about

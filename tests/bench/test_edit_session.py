@@ -19,6 +19,7 @@ def environment(tmp_path: Path) -> Environment:
     return Environment(tmp_path, dict(os.environ), sys.executable)
 
 
+@pytest.mark.long
 def test_thirty_scenes_have_no_errors(tmp_path: Path) -> None:
     texts = edit_session.scenes()
     assert len(texts) == len(set(texts.values())) == 30
@@ -30,6 +31,7 @@ def test_thirty_scenes_have_no_errors(tmp_path: Path) -> None:
         assert not found.items, name
 
 
+@pytest.mark.long
 def test_each_edit_of_a_session_has_a_picture(environment: Environment) -> None:
     texts = {"one": "sphere(1)\nrender(size: [8, 8], samples: 1, backend: \"reference\")\n"}
     texts["two"] = texts["one"].replace("sphere(1)", "sphere(0.5)")

@@ -104,6 +104,7 @@ def test_seconds_end_a_case_but_not_before_the_fewest_rounds() -> None:
     assert len(harness.measure(long, Effort(rounds=7, fewest=3, seconds=1e9), time.now).times[0].runs) == 7
 
 
+@pytest.mark.long
 @given(st.lists(st.floats(0.001, 1000.0), min_size=1, max_size=12))
 def test_quartiles_lie_about_the_median(values: list[float]) -> None:
     spread = Spread.of(values)
@@ -111,6 +112,7 @@ def test_quartiles_lie_about_the_median(values: list[float]) -> None:
     assert sum(v <= spread.median for v in values) * 2 >= len(values)
 
 
+@pytest.mark.long
 def test_the_clock_counts_children() -> None:
     work = "import time\nend = time.process_time() + 0.2\nwhile time.process_time() < end: pass"
     spent = harness.timed(lambda: subprocess.run([sys.executable, "-c", work], check=True))[1]

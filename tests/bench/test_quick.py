@@ -35,6 +35,7 @@ def installed(peer: str) -> bool:
     return bool(shutil.which(peer)) if peer in ("povray", "fidget-once", "chromium") else importlib.util.find_spec(peer) is not None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.long] * (name in LONG)) for name in command.NAMES])
 def test_a_benchmark_runs_and_its_answers_agree(name: str, tmp_path: Path) -> None:
     missing = [peer for peer in PEERS[name] if not installed(peer)]
@@ -52,6 +53,7 @@ def test_a_benchmark_runs_and_its_answers_agree(name: str, tmp_path: Path) -> No
             assert row in text or f"Not measured: {peer}" in text.lower(), f"{row} is neither measured nor said to be missing:\n{text}"
 
 
+@pytest.mark.long
 def test_without_peers_ours_is_measured_alone(tmp_path: Path) -> None:
     """As where nothing is installed: the import of every peer fails."""
     code = (
@@ -70,6 +72,7 @@ def test_without_peers_ours_is_measured_alone(tmp_path: Path) -> None:
     assert "| 2k triangles | maquette |" in text
 
 
+@pytest.mark.long
 def test_vectors_can_be_limited_for_all(tmp_path: Path) -> None:
     """Those that cannot be are left out, and the section stands beside the one without limits."""
     results = tmp_path / "R.md"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from maquette.bench import __main__ as command
 from maquette.bench import formulas, live, paths, report, start
 from maquette.bench.harness import Case, Contender, Result, Seconds, Times
@@ -59,6 +60,7 @@ def test_a_section_says_where_and_with_what_it_was_measured() -> None:
     assert text[7] == "Not measured: x is not installed (pip install x)."
 
 
+@pytest.mark.long
 def test_sections_are_replaced_and_keep_their_order(tmp_path: Path) -> None:
     path = tmp_path / "RESULTS.md"
     for key in ("start", "zebra", "rays", "raster"):

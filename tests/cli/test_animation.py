@@ -93,6 +93,7 @@ def test_resuming_keeps_the_frames_that_are_there(scene: Path) -> None:
     assert Path("f.00.png").stat().st_mtime_ns == before
 
 
+@pytest.mark.long
 def test_resuming_draws_frames_of_another_scene_again(scene: Path) -> None:
     assert run(scene, "-o", "f.##.png", "--frames", "0..3", "-q")[0] == 0
     scene.write_text(SCENE.replace("[moment, 0, 0]", "[min(moment, 0.25), 0, 0]"), encoding="utf-8")  # frames 0 and 1 stay the same

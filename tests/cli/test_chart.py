@@ -60,6 +60,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     return found
 
 
+@pytest.mark.long
 def test_a_chart_its_numbers_and_the_table(folder: Path, asked: list[Any]) -> None:
     code, out, err = run("chart", "a.scene", "-o", "a.svg")
     assert (code, err) == (0, "in a.svg, a.json\n")
@@ -84,6 +85,7 @@ not charted: povray: not installed: apt install povray
     )
 
 
+@pytest.mark.long
 def test_options_reach_the_engine(folder: Path, asked: list[Any]) -> None:
     options = "--set radius=0.5 --size 24x16 --backends raster,ray --peers povray --metric flip --budget 5min --seeds 4 --repeats 2"
     more = "--threads 1 --bounces 2 --keep raw --json n.json --camera default -q"
@@ -99,6 +101,7 @@ def test_options_reach_the_engine(folder: Path, asked: list[Any]) -> None:
     assert not (folder / "c.json").exists()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("options", "bounces"), [([], 4), (["--vary", "bounces"], None), (["--bounces", "2"], 2)])
 def test_the_bounces_of_the_scene_are_held(folder: Path, asked: list[Any], options: list[str], bounces: int | None) -> None:
     (folder / "a.scene").write_text(SCENE + "render(bounces: 4)\n", encoding="utf-8")
@@ -112,6 +115,7 @@ def test_bounces_are_fixed_or_varied(folder: Path, asked: list[Any]) -> None:
     assert "--bounces fixes the number of bounces and --vary bounces varies it: give one of them" in err
 
 
+@pytest.mark.long
 def test_without_options_all_backends_are_measured_for_a_minute(folder: Path, asked: list[Any]) -> None:
     assert run("chart", "a.scene", "-q")[0] == 0
     everything = Wanted("a.scene", ir.Settings(), ("ray", "raster", "reference"), (), "relmse", 60.0, None, None, None, 0.02, asked=False)
@@ -119,12 +123,14 @@ def test_without_options_all_backends_are_measured_for_a_minute(folder: Path, as
     assert sorted(p.name for p in folder.iterdir()) == ["a.chart.json", "a.chart.svg", "a.scene"]
 
 
+@pytest.mark.long
 def test_one_measurement_several_files(folder: Path, asked: list[Any]) -> None:
     code, _, err = run("chart", "a.scene", "-o", "a.html", "-o", "a.svg")
     assert (code, err) == (0, "in a.html, a.svg, a.json\n")
     assert "<svg" in (folder / "a.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.long
 def test_a_chart_is_drawn_again_from_its_numbers(folder: Path) -> None:
     (folder / "room.json").write_text(json_format.dump(charts.room()), encoding="utf-8")
     code, out, err = run("chart", "room.json", "-o", "again.svg")
@@ -160,6 +166,7 @@ def test_wrong_usage(folder: Path, options: tuple[str, ...], message: str) -> No
     assert err.endswith(f"\nError: {message}\n")
 
 
+@pytest.mark.long
 def test_a_json_that_is_no_chart_is_not_overwritten(folder: Path, asked: list[Any]) -> None:
     (folder / "a.json").write_text('{"mine": 1}', encoding="utf-8")
     code, _, err = run("chart", "a.scene", "-o", "a.svg")
@@ -210,6 +217,7 @@ def test_what_is_known_without_measuring_is_the_first_line(folder: Path, monkeyp
     assert found == (1, "5 %: ray, about 80 samples\n", "Error: the least chart takes about 40 s: give a longer --budget\n")
 
 
+@pytest.mark.long
 def test_ctrl_c_draws_the_measurements_so_far(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def measure(scene: ir.Scene, wanted: Wanted, progress: Any, cancel: threading.Event) -> Chart:
         cancel.set()  # as the first Ctrl-C
@@ -231,6 +239,7 @@ def test_ctrl_c_before_the_first_measurement_writes_nothing(folder: Path, monkey
     assert not (folder / "a.svg").exists()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "arguments", [("--help",), ("chart", "--help"), ("check", "a.scene"), ("explain", "a.scene"), ("inspect", "a.scene")]
 )
@@ -244,6 +253,7 @@ def test_matplotlib_is_loaded_by_no_other_command(folder: Path, arguments: tuple
 # --- with the engine, end to end ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_a_small_scene_is_measured(folder: Path) -> None:
     code, out, err = run("chart", "a.scene", "-o", "a.svg", "-o", "a.html", "--size", "24x16", "--budget", "8s", "--keep", "raw")
     assert (code, err.splitlines()[:1]) == (0, ["in a.svg, a.html, a.json"])  # on a busy machine a warning tells that it is late

@@ -36,6 +36,7 @@ def test_inspect_sums_up_a_stage(tmp_path):
     ]
 
 
+@pytest.mark.long
 def test_of_many_diagnostics_the_first_are_shown(tmp_path):
     scene = tmp_path / "x.scene"
     unused, unknown = (f"let a{k} = {k}\n" for k in range(103)), (f"sphere(b{k})\n" for k in range(1200))

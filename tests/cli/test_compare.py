@@ -60,12 +60,14 @@ def test_it_is_relative_to_the_second_picture() -> None:
     assert metrics.root_relmse(flat(2.0), flat(1.0)) == pytest.approx(1.0, rel=1e-3)
 
 
+@pytest.mark.long
 @given(PIXELS)
 def test_a_picture_is_no_distance_from_itself(image: np.ndarray) -> None:
     found = metrics.difference(image, image)
     assert (found.error, found.maximum, found.differing) == (0.0, 0.0, 0)
 
 
+@pytest.mark.long
 @given(PIXELS, PIXELS, st.integers(-40, 40))
 def test_scaling_both_changes_nothing(image: np.ndarray, reference: np.ndarray, power: int) -> None:
     a, b = image.astype(float), reference.astype(float)

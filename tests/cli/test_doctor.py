@@ -28,6 +28,7 @@ def findings() -> dict[str, dict[str, Any]]:
     return {row["name"]: row for row in json.loads(run("--json")[1])["findings"]}
 
 
+@pytest.mark.long
 def test_each_part_has_a_line() -> None:
     code, out = run()
     lines = {line.split("  ")[0]: line for line in out.splitlines()}
@@ -39,6 +40,7 @@ def test_each_part_has_a_line() -> None:
     assert str(kernel_cache.CACHE) in lines["kernel cache"]
 
 
+@pytest.mark.long
 def test_json_has_the_same() -> None:
     found = json.loads(run("--json")[1])
     assert found["ready"] is True
@@ -46,6 +48,7 @@ def test_json_has_the_same() -> None:
     assert {row["state"] for row in found["findings"]} <= {"ok", "missing"}
 
 
+@pytest.mark.long
 def test_what_is_missing_is_named_with_its_command(monkeypatch: pytest.MonkeyPatch) -> None:
     version = metadata.version
 
@@ -59,6 +62,7 @@ def test_what_is_missing_is_named_with_its_command(monkeypatch: pytest.MonkeyPat
     assert run()[0] == 0
 
 
+@pytest.mark.long
 def test_a_package_that_rendering_needs_prevents_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(installation, "required_packages", lambda: {"numpy": "99.1", "no-such-package": "2.0"})
     code, out = run()
@@ -71,6 +75,7 @@ def test_every_dependency_is_checked() -> None:
     assert {"numpy", "numba", "click"} <= set(installation.required_packages())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("variable", "value", "name", "state", "text", "code"), [
     ("MAQUETTE_SIMD", "mmx", "instruction set", "error", "MAQUETTE_SIMD=mmx is not an instruction set; choose from:", 1),
     ("MAQUETTE_CACHE", "/proc/none", "kernel cache", "missing", "not writable, so that each run compiles what is not prebuilt", 0),
@@ -97,6 +102,7 @@ def test_the_cache_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     assert "; open to other users, so that each run compiles" in findings()["kernel cache"]["text"]
 
 
+@pytest.mark.long
 def test_prebuilt_kernels_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def told() -> tuple[str, str]:
         prebuilt.folder.cache_clear()

@@ -118,6 +118,7 @@ def command(*arguments: object) -> tuple[int, str]:
     return done.exit_code, done.stderr
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("arguments", "link"),
     [
@@ -286,6 +287,7 @@ def test_resume_reads_a_checkpoint_though_none_is_written(monkeypatch: pytest.Mo
     assert not Path("a.exr.checkpoint").exists()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["maquette", "kernels", "target", "numpy"])
 def test_a_checkpoint_of_another_installation_is_told(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its kernels or libraries may draw other bits."""

@@ -105,6 +105,7 @@ def test_the_frames_of_a_gltf_animation(seen: list[list[float]], options: list[A
     assert seen == places
 
 
+@pytest.mark.long
 def test_a_gltf_animation_has_24_pictures_a_second(seen: list[list[float]]) -> None:
     Path("a.gltf").write_text(moving((None, TURN)), encoding="utf-8")
     assert run("render", "a.gltf", "-o", "f.####.exr", "--frames", "all", "-q")[0] == 0

@@ -115,6 +115,7 @@ def test_format_skips_scenes_with_errors(scene: Path) -> None:
     assert sorted(p.name for p in Path().iterdir()) == ["a.scene", "b.scene"]
 
 
+@pytest.mark.long
 def test_format_reads_stdin(scene: Path) -> None:
     done = shell("format", "-", input="sphere( 1 )")
     assert (done.returncode, done.stdout, done.stderr) == (0, "sphere(1)\n", "")
@@ -454,6 +455,7 @@ def test_stats_replace_neither_scene_nor_picture(scene: Path, command: str, file
     assert scene.read_bytes() == before
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_ctrl_c_and_its_like_write_the_partial_picture(scene: Path, number: int) -> None:
     tell = "p.Display.__call__ = lambda self, reached: reached.share > 0 and print('begun', flush=True)"
@@ -560,6 +562,7 @@ def test_a_picture_whose_file_cannot_be_written_is_rescued(scene: Path, monkeypa
     assert image_reader.read(rescued).channels["rgba"].any()
 
 
+@pytest.mark.long
 def test_a_closed_output_is_no_error(scene: Path) -> None:
     command = f"{sys.executable} -m maquette render a.scene -o a.png --size 8x6 --quiet >&-"
     done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=120)
@@ -585,6 +588,7 @@ HEAVY = (
 )  # fmt: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("arguments", "banned"),
     [
@@ -605,6 +609,7 @@ def test_commands_load_no_more_than_they_need(scene: Path, arguments: tuple[str,
     assert not loaded & set(banned)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("backend", ["ray", "raster"])
 def test_drawing_again_loads_no_numba(scene: Path, backend: str) -> None:
     """Once its kernels are compiled, which the first run does if nobody did."""
@@ -622,6 +627,7 @@ def test_import_maquette_is_light() -> None:
     assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
 
 
+@pytest.mark.long
 def test_no_colours_without_a_terminal(scene: Path) -> None:
     Path("wrong.scene").write_text(WRONG, encoding="utf-8")
     done = shell("check", "wrong.scene", env={**os.environ, "FORCE_COLOR": ""})
@@ -629,6 +635,7 @@ def test_no_colours_without_a_terminal(scene: Path) -> None:
     assert "\x1b" not in done.stderr + done.stdout
 
 
+@pytest.mark.long
 def test_a_file_name_that_the_locale_lacks(scene: Path) -> None:
     Path("named.scene").write_text('mesh("b\u00e9.obj")\n', encoding="utf-8")
     ascii_names = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
@@ -657,6 +664,7 @@ def test_a_fault_of_our_own_is_no_traceback(scene: Path, monkeypatch: pytest.Mon
 # --- checkpoints -----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_a_killed_render_goes_on(scene: Path) -> None:
     """From its last checkpoint, with the same bits; the checkpoint is removed at the end."""
     options = ("--backend", "reference", "--size", "96x64", "--samples", "32", "--threads", "1")
@@ -690,6 +698,7 @@ def test_a_checkpoint_of_another_picture_is_told(scene: Path) -> None:
 # --- memory ------------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_a_picture_is_drawn_in_strips_where_memory_is_short(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With the same pixels; a picture that does not fit in strips is refused before it is drawn."""
     monkeypatch.setattr(memory, "resident_memory", lambda: 129_700_000)  # without what the tests have loaded
@@ -713,6 +722,7 @@ def test_a_picture_is_drawn_in_strips_where_memory_is_short(scene: Path, monkeyp
 # --- sandbox -----------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not landlock.version(), reason="this system has no Landlock")
 def test_a_sandboxed_render_draws_and_reads_nothing_else(scene: Path, tmp_path: Path) -> None:
     """The picture is the same; code in the process cannot read the home folder of the test."""
@@ -731,6 +741,7 @@ def test_a_sandboxed_render_draws_and_reads_nothing_else(scene: Path, tmp_path: 
     assert sorted(path.name for path in inside.iterdir()) == ["a.png", "a.scene"]
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not landlock.version() or bool(seccomp.missing()), reason="this system confines no processes")
 @pytest.mark.parametrize(
     ("arguments", "returned", "told"),
@@ -844,6 +855,7 @@ def test_a_folder_that_takes_no_files_is_told_before_drawing(scene: Path) -> Non
     assert run("render", scene, "-o", "/proc/x.png") == (1, "", message)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(memory.resource is None, reason="this system has no limits of processes")
 def test_a_small_address_space_is_told() -> None:
     command = f"ulimit -v 500000 && exec {sys.executable} -P -m maquette doctor"

@@ -44,6 +44,7 @@ CLOSED_FORMS = {  # (volume, area, inertia of density 1 about y)
 }  # fmt: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("shape", CLOSED_FORMS)
 def test_closed_forms_lie_within_the_errors(tmp_path: Path, shape: str) -> None:
     volume, area, inertia = CLOSED_FORMS[shape]
@@ -59,6 +60,7 @@ def test_closed_forms_lie_within_the_errors(tmp_path: Path, shape: str) -> None:
         assert is_within(at, inertia)
 
 
+@pytest.mark.long
 @settings(deadline=None, max_examples=20)
 @given(st.tuples(*[st.floats(0.1, 3.0)] * 3), st.tuples(*[st.floats(-5.0, 5.0)] * 3), st.floats(0.0, 360.0))
 def test_a_box_anywhere(tmp_path_factory: pytest.TempPathFactory, size: tuple[float, ...], at: tuple[float, ...], turn: float) -> None:

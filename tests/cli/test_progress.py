@@ -135,6 +135,7 @@ def test_compiling_is_shown_and_takes_none_of_the_stages_time(clock: Clock) -> N
     assert compile_events.LISTENERS == []
 
 
+@pytest.mark.long
 def test_quick_work_shows_nothing_and_slow_work_a_line_at_times(capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("MAQUETTE_PROGRESS")
     with Display(quiet=False) as display:
@@ -158,6 +159,7 @@ def test_quick_work_shows_nothing_and_slow_work_a_line_at_times(capsys: pytest.C
     assert capsys.readouterr().err == ""
 
 
+@pytest.mark.long
 def test_a_terminal_has_one_line_that_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     standing_by(tmp_path, monkeypatch, SCENE)
     code = "from maquette.cli import progress; progress.FIRST = progress.TICK = 0.01; from maquette.cli.main import main; main()"

@@ -223,6 +223,7 @@ SOLIDS = {
 }  # fmt: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("solid", SOLIDS)
 @pytest.mark.parametrize("deviation", [None, "0.004mm"])
 def test_solids_have_the_size_that_is_told(tmp_path: Path, solid: str, deviation: str | None) -> None:
@@ -284,6 +285,7 @@ def random_solids(draw: st.DrawFn) -> tuple[str, np.ndarray, np.ndarray]:
     return solid, low, high
 
 
+@pytest.mark.long
 @settings(max_examples=5, deadline=None, derandomize=True)
 @given(random_solids(), st.sampled_from(["stl", "3mf", "obj", "ply", "glb", "usda"]))
 def test_random_solids_keep_their_size(solid: tuple[str, np.ndarray, np.ndarray], ending: str) -> None:

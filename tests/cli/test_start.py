@@ -79,6 +79,7 @@ def test_a_limit_of_threads_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     assert memory.refused_limits() == ""
 
 
+@pytest.mark.long
 def test_a_limit_of_file_sizes_is_told() -> None:
     code, out, told = shell(f"ulimit -f 1; exec {MAQUETTE} render a.scene -q -o a.exr --size 64")
     assert (code, out) == (1, "")
@@ -89,21 +90,25 @@ def test_a_limit_of_file_sizes_is_told() -> None:
     assert not Path("a.exr").exists()
 
 
+@pytest.mark.long
 def test_closed_streams() -> None:
     """No file takes their numbers."""
     assert shell(f"{MAQUETTE} render a.scene -o a.png <&- >&- 2>&-; echo $?") == (0, "0\n", "")
     assert Path("a.png").is_file()
 
 
+@pytest.mark.long
 def test_a_reader_that_ends_is_no_error() -> None:
     assert shell(f"{{ {MAQUETTE} inspect a.scene --ir; echo ${{PIPESTATUS[0]}} >&2; }} | true") == (0, "", "1\n")
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="Linux has it")
 def test_a_full_disk_behind_stdout() -> None:
     assert shell(f"{MAQUETTE} inspect a.scene > /dev/full") == (1, "", "error: cannot print: No space left on device\n")
 
 
+@pytest.mark.long
 def test_stdin_that_does_not_end() -> None:
     why = "stdin: error: stdin is too big\n  the limit is 16 MB\n"
     assert shell(f"yes 'let a = 1' | {MAQUETTE} format -") == (1, "", why)

@@ -30,6 +30,7 @@ print(time.perf_counter() - start_time.take().began, time.perf_counter() - start
 """
 
 
+@pytest.mark.long
 def test_the_first_picture_begins_with_the_process_and_others_when_they_are_read() -> None:
     began = time.monotonic()
     said = subprocess.run([sys.executable, "-P", "-c", PROGRAM], capture_output=True, text=True, check=True).stdout

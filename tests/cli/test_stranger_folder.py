@@ -64,24 +64,28 @@ def stranger(tmp_path: Path) -> Path:
     return tmp_path / "stranger"
 
 
+@pytest.mark.long
 def test_the_command(script: Path, stranger: Path) -> None:
     mark = traps(stranger)
     assert told([sys.executable, script, "check", "a.scene"], stranger) == "a.scene: no errors\n"
     assert not mark.exists()
 
 
+@pytest.mark.long
 def test_python_m_maquette(stranger: Path) -> None:
     mark = traps(stranger)
     assert told([sys.executable, "-m", "maquette", "check", "a.scene"], stranger) == "a.scene: no errors\n"
     assert not mark.exists()
 
 
+@pytest.mark.long
 def test_python_p_m_maquette(stranger: Path) -> None:
     mark = traps(stranger)
     assert told([sys.executable, "-P", "-m", "maquette", "check", "a.scene"], stranger) == "a.scene: no errors\n"
     assert not mark.exists()
 
 
+@pytest.mark.long
 def test_a_child_of_a_program(stranger: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The import path of a program has the current folder, as that of a notebook; its children do not."""
     mark = traps(stranger)

@@ -99,6 +99,7 @@ def test_exit_codes(code: int) -> None:
     assert process.returncode == code
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_a_signal_ends_a_call_that_hears_nothing(number: int) -> None:
     process = start(STUCK, "supervisor.GRACE = 0.5")
@@ -120,6 +121,7 @@ def test_a_library_that_aborts_at_an_interrupt_is_no_crash() -> None:
     assert process.returncode == 130
 
 
+@pytest.mark.long
 def test_a_second_signal_ends_it_sooner() -> None:
     process = start(STUCK, "supervisor.GRACE = 60.0; supervisor.AGAIN = 0.2")
     assert process.stdout is not None
@@ -130,6 +132,7 @@ def test_a_second_signal_ends_it_sooner() -> None:
     assert process.wait(timeout=30) == 130
 
 
+@pytest.mark.long
 def test_what_is_being_written_is_finished() -> None:
     text = "with terminal.catch_interrupt() as event:\n    print('ready', flush=True)\n    event.wait()\n"
     process = start(f"{text}supervisor.finishing()\ntime.sleep(1.5)\nprint('written', flush=True)\nos._exit(130)", "supervisor.GRACE = 0.3")
@@ -140,6 +143,7 @@ def test_what_is_being_written_is_finished() -> None:
     assert process.returncode == 130
 
 
+@pytest.mark.long
 def test_a_signal_to_the_group_counts_once() -> None:
     """As `timeout` sends it: to the process, and to its group."""
     text = (

@@ -68,6 +68,7 @@ class Follower:
         assert not self._thread.is_alive()
 
 
+@pytest.mark.long
 def test_a_save_builds_again_once(tmp_path: Path) -> None:
     file = tmp_path / "a.scene"
     file.write_text("1", encoding="utf-8")
@@ -79,6 +80,7 @@ def test_a_save_builds_again_once(tmp_path: Path) -> None:
         assert follower.count == 2
 
 
+@pytest.mark.long
 def test_editors_that_rename_over_the_file(tmp_path: Path) -> None:
     file, new = tmp_path / "a.scene", tmp_path / ".a.scene.new"
     file.write_text("1", encoding="utf-8")
@@ -88,6 +90,7 @@ def test_editors_that_rename_over_the_file(tmp_path: Path) -> None:
         wait(lambda: follower.count == 2)
 
 
+@pytest.mark.long
 def test_other_files_do_not_build(tmp_path: Path) -> None:
     file = tmp_path / "a.scene"
     file.write_text("1", encoding="utf-8")
@@ -97,6 +100,7 @@ def test_other_files_do_not_build(tmp_path: Path) -> None:
         assert follower.count == 1
 
 
+@pytest.mark.long
 def test_files_that_come_later_are_watched(tmp_path: Path) -> None:
     (tmp_path / "parts").mkdir()
     file, part = tmp_path / "a.scene", tmp_path / "parts" / "b.scene"
@@ -117,6 +121,7 @@ def test_files_that_come_later_are_watched(tmp_path: Path) -> None:
         wait(lambda: follower.count == 3)
 
 
+@pytest.mark.long
 def test_a_save_during_the_build_is_not_lost(tmp_path: Path) -> None:
     file = tmp_path / "a.scene"
     file.write_text("1", encoding="utf-8")
@@ -134,6 +139,7 @@ def test_a_save_during_the_build_is_not_lost(tmp_path: Path) -> None:
         wait(lambda: seen[-1] == "2")
 
 
+@pytest.mark.long
 def test_a_save_during_a_later_build_builds_once_more(tmp_path: Path) -> None:
     file = tmp_path / "a.scene"
     file.write_text("1", encoding="utf-8")
@@ -154,6 +160,7 @@ def test_a_save_during_a_later_build_builds_once_more(tmp_path: Path) -> None:
     assert seen == ["1", "2", "3"]
 
 
+@pytest.mark.long
 def test_an_unchanged_save_and_a_removed_file(tmp_path: Path) -> None:
     """A file renamed over another can have its time and size. Removal and creation are changes."""
     file, new = tmp_path / "a.scene", tmp_path / "b"
@@ -172,6 +179,7 @@ def test_an_unchanged_save_and_a_removed_file(tmp_path: Path) -> None:
         assert follower.count == 4
 
 
+@pytest.mark.long
 def test_files_are_polled_without_events(tmp_path: Path) -> None:
     """A folder created later is not watched, and network disks send no events."""
     file, part = tmp_path / "a.scene", tmp_path / "later" / "b.scene"
@@ -184,6 +192,7 @@ def test_files_are_polled_without_events(tmp_path: Path) -> None:
         wait(lambda: follower.count == 3)
 
 
+@pytest.mark.long
 def test_the_command_follows_a_part_through_an_error(tmp_path: Path) -> None:
     scene, part, picture = tmp_path / "a.scene", tmp_path / "part.scene", tmp_path / "a.png"
     scene.write_text(SCENE, encoding="utf-8")
@@ -217,6 +226,7 @@ EDITS = [f"x^2 + y^2 + z^2 < {0.3 + 0.05 * k:.2f}" for k in range(10)] + [
 ]  # fmt: skip
 
 
+@pytest.mark.long
 def test_stats_hold_the_cost_of_each_redraw(tmp_path: Path) -> None:
     scene, stats, picture = tmp_path / "a.scene", tmp_path / "cost.json", tmp_path / "a.png"
 
@@ -258,6 +268,7 @@ def test_stats_hold_the_cost_of_each_redraw(tmp_path: Path) -> None:
     assert not any("Traceback" in line for line in lines)
 
 
+@pytest.mark.long
 def test_the_window_serves_and_writes_the_saved_scene(tmp_path: Path) -> None:
     scene, picture = tmp_path / "a.scene", tmp_path / "a.png"
     text = SCENE.replace('use "part.scene"\npart()', "sphere(1)").replace("samples: 1", 'samples: 1, backend: "reference"')

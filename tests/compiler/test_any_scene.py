@@ -77,6 +77,7 @@ def element(rng: random.Random) -> str:
     return f"{call} {{ {rng.choice(INSIDE)} }}" if entry.children else call
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(8))
 def test_any_scene_is_answered(tmp_path: Path, seed: int) -> None:
     rng = random.Random(seed)

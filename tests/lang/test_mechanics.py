@@ -56,6 +56,7 @@ def thread_mesh(call: str) -> tuple[np.ndarray, list[tuple[int, ...]]]:
     return np.array(element.args["points"]) * 1000, [tuple(int(i) for i in face) for face in element.args["faces"]]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("size", "length", "pitch"), [(8, 30, 1.25), (3, 10, 0.5), (10, 7.3, 1.5), (6, 2.2, 1)])
 def test_a_thread_is_closed_and_has_the_volume_of_its_profile(size: float, length: float, pitch: float) -> None:
     """Crest P/8 and root P/4 wide, flanks between: the volume of a turn is the integral of pi r^2 (ISO 68-1)."""

@@ -33,6 +33,7 @@ def test_0_at_every_point_of_the_lattice():
     assert not at(points).any()
 
 
+@pytest.mark.long
 def test_within_its_bounds():
     """|noise| ≤ 1.0363537 (by search over the gradients of all corners); a random million stays within -1..1."""
     values = at(RANDOM.uniform(-128, 128, (1_000_000, 3)))
@@ -60,6 +61,7 @@ def test_first_and_second_derivatives_are_continuous():
         assert np.abs(difference - noise(m, *inside.T)[1 + axis]).max() < 1e-7
 
 
+@pytest.mark.long
 def test_its_statistics():
     """Mean 0, and nearly all power in one band, of waves between five cells and two thirds of one."""
     values = at(RANDOM.uniform(0, 256, (400_000, 3)))

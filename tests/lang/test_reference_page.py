@@ -18,6 +18,7 @@ def made():
     return reference(library)
 
 
+@pytest.mark.long
 def test_the_pages_in_docs_are_up_to_date():
     pages = {f"reference/{path.name}" for path in (ROOT / "docs" / "reference").glob("*.md")} | {"reference.md"}
     assert pages == {*made()}
@@ -25,6 +26,7 @@ def test_the_pages_in_docs_are_up_to_date():
         assert (ROOT / "docs" / path).read_text(encoding="utf-8") == text, "run: make reference"
 
 
+@pytest.mark.long
 def test_the_command_writes_the_pages(tmp_path):
     subprocess.run([sys.executable, "-m", "maquette.lang.reference_page", str(tmp_path)], check=True)
     assert {path: (tmp_path / path).read_text(encoding="utf-8") for path in made()} == made()
@@ -41,6 +43,7 @@ def test_every_implemented_element_is_on_one_page():
         assert f"| `{name}(" in page
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "line",
     [

@@ -96,6 +96,7 @@ def test_every_part_evaluates_with_its_defaults(name, call, helper):
         assert len(document.elements) == 1
 
 
+@pytest.mark.long
 def test_every_part_has_a_line_of_documentation():
     for file in FILES:
         items = parser.parse(file.read_text(encoding="utf-8"), file.name, Diagnostics()).items
@@ -306,6 +307,7 @@ def test_an_even_cubic_spline_at_its_knots_is_a_sixth_of_one_four_and_one():
         assert points[k] == pytest.approx((k + 1, 0, wanted), abs=1e-12)
 
 
+@pytest.mark.long
 def test_a_surface_of_revolution_is_exactly_round():
     points = mesh("surfaces.revolved([[2, 0], [2, 1], [2, 5]], steps: 12)")
     assert [math.hypot(x, z) for x, _, z in points] == pytest.approx([2] * len(points), abs=1e-12)

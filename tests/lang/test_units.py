@@ -138,6 +138,7 @@ DIMENSIONS = st.tuples(*[st.integers(-3, 3)] * 4)
 QUANTITIES = st.builds(units.quantity, NUMBERS, DIMENSIONS)
 
 
+@pytest.mark.long
 @unhurried
 @given(QUANTITIES, QUANTITIES)
 def test_products_commute_and_add_exponents(a: float | Quantity, b: float | Quantity) -> None:
@@ -147,6 +148,7 @@ def test_products_commute_and_add_exponents(a: float | Quantity, b: float | Quan
     assert operators.split(product) == (operators.split(a)[0] * operators.split(b)[0], expected)
 
 
+@pytest.mark.long
 @unhurried
 @given(QUANTITIES, QUANTITIES.filter(lambda q: abs(operators.split(q)[0]) > 1e-3))
 def test_division_undoes_multiplication(a: float | Quantity, b: float | Quantity) -> None:

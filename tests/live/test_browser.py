@@ -78,6 +78,7 @@ def close(tab: Tab) -> None:
     tab.close()
 
 
+@pytest.mark.long
 def test_edit_break_and_mend(tmp_path: Path, chromium: Browser) -> None:
     scene = windows.write(tmp_path)
     with served(scene) as shown:
@@ -103,6 +104,7 @@ def test_edit_break_and_mend(tmp_path: Path, chromium: Browser) -> None:
     assert scene.read_text(encoding="utf-8") == SCENE
 
 
+@pytest.mark.long
 def test_saving_writes_the_file_and_a_save_elsewhere_comes_in(tmp_path: Path, chromium: Browser) -> None:
     scene = windows.write(tmp_path)
     with served(scene) as shown:
@@ -136,6 +138,7 @@ def test_saving_writes_the_file_and_a_save_elsewhere_comes_in(tmp_path: Path, ch
         close(tab)
 
 
+@pytest.mark.long
 def test_a_slider_redraws_and_its_value_is_written(tmp_path: Path, chromium: Browser) -> None:
     scene = windows.write(tmp_path)
     with served(scene) as shown:
@@ -153,6 +156,7 @@ def test_a_slider_redraws_and_its_value_is_written(tmp_path: Path, chromium: Bro
         close(tab)
 
 
+@pytest.mark.long
 def test_orbit_pan_zoom_and_click(tmp_path: Path, chromium: Browser) -> None:
     scene = windows.write(tmp_path)
     with served(scene) as shown:
@@ -196,6 +200,7 @@ def test_the_line_of_the_cursor_is_outlined(tmp_path: Path, chromium: Browser) -
         close(tab)
 
 
+@pytest.mark.long
 def test_two_pages_show_the_same(tmp_path: Path, chromium: Browser) -> None:
     scene = windows.write(tmp_path)
     with served(scene) as shown:
@@ -209,6 +214,7 @@ def test_two_pages_show_the_same(tmp_path: Path, chromium: Browser) -> None:
         close(two)
 
 
+@pytest.mark.long
 def test_a_page_reconnects_to_a_restarted_server_with_its_state(tmp_path: Path, chromium: Browser) -> None:
     scene = windows.write(tmp_path)
     green = SCENE.replace("#203040", "#00ff00")
@@ -229,6 +235,7 @@ def test_a_page_reconnects_to_a_restarted_server_with_its_state(tmp_path: Path, 
     assert scene.read_text(encoding="utf-8") == SCENE
 
 
+@pytest.mark.long
 def test_a_slow_picture_is_cancelled_at_once(tmp_path: Path, chromium: Browser) -> None:
     scene = windows.write(tmp_path)
     slow = SCENE.replace("size: [32, 24], samples: 2", "size: [32, 24], samples: 1000000")
@@ -250,6 +257,7 @@ def test_a_slow_picture_is_cancelled_at_once(tmp_path: Path, chromium: Browser) 
         close(tab)
 
 
+@pytest.mark.long
 def test_files_of_the_scene_have_tabs(tmp_path: Path, chromium: Browser) -> None:
     scene = windows.write(tmp_path)
     with served(scene) as shown:
@@ -264,6 +272,7 @@ def test_files_of_the_scene_have_tabs(tmp_path: Path, chromium: Browser) -> None
         close(tab)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("width", "height"), [(1600, 1000), (1280, 720), (390, 844)])
 def test_the_page_fits_its_window(tmp_path: Path, chromium: Browser, width: int, height: int) -> None:
     scene = windows.write(tmp_path)
@@ -281,6 +290,7 @@ def test_the_page_fits_its_window(tmp_path: Path, chromium: Browser, width: int,
         close(tab)
 
 
+@pytest.mark.long
 def test_dark_and_light(tmp_path: Path, chromium: Browser) -> None:
     scene = windows.write(tmp_path)
     with served(scene) as shown:
@@ -295,6 +305,7 @@ def test_dark_and_light(tmp_path: Path, chromium: Browser) -> None:
         close(tab)
 
 
+@pytest.mark.long
 def test_a_folder_shows_its_scenes(tmp_path: Path, chromium: Browser) -> None:
     folder = tmp_path / "scenes"
     (folder / "more").mkdir(parents=True)

@@ -73,6 +73,7 @@ def first(made: Shown) -> None:
     windows.until(lambda: bool(made.edits), 120)
 
 
+@pytest.mark.long
 def test_an_edit_redoes_only_what_it_touches(tmp_path: Path) -> None:
     with shown(tmp_path) as made:
         first(made)
@@ -110,6 +111,7 @@ def test_another_mesh_is_read_and_built(tmp_path: Path) -> None:
         assert (work["meshes read"], work["mesh BVHs built"]) == (1, 1)
 
 
+@pytest.mark.long
 def test_a_long_compilation_is_cancelled_by_the_next_edit(tmp_path: Path) -> None:
     with shown(tmp_path) as made:
         first(made)
@@ -126,6 +128,7 @@ def test_a_long_compilation_is_cancelled_by_the_next_edit(tmp_path: Path) -> Non
         assert not any(message["type"] == "diagnostics" and message["failed"] for message in made.messages)
 
 
+@pytest.mark.long
 def test_the_bvhs_of_many_meshes_are_cancelled_by_the_next_edit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     build, built = wide_bvh.build, []
 

@@ -11,6 +11,7 @@ from maquette.live.interrupts import Interrupted, Interruptible
 from . import windows
 
 
+@pytest.mark.long
 def test_a_loop_is_interrupted_and_what_follows_is_not() -> None:
     block, states = Interruptible(), []
 

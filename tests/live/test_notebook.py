@@ -51,6 +51,7 @@ class Front:
         return self.pictures[-1][0]["version"]
 
 
+@pytest.mark.long
 def test_a_widget_shows_edits_params_and_errors(tmp_path: Path) -> None:
     scene = windows.write(tmp_path)
     front = Front(scene, size=(40, 30))
@@ -108,6 +109,7 @@ def test_a_file_that_is_missing(tmp_path: Path) -> None:
         maquette.show(tmp_path / "b.scene")
 
 
+@pytest.mark.long
 def test_without_anywidget_the_fix_is_named() -> None:
     code = (
         "import sys; sys.modules['anywidget'] = None\nimport maquette\n"
@@ -117,6 +119,7 @@ def test_without_anywidget_the_fix_is_named() -> None:
     assert done.stdout == "the widget of notebooks needs anywidget: pip install maquette-render[notebook]\n", done.stderr
 
 
+@pytest.mark.long
 @pytest.mark.skipif(shutil.which("node") is None, reason="no node: the script of the widget is not parsed")
 def test_the_script_is_one_module(tmp_path: Path) -> None:
     file = tmp_path / "widget.mjs"

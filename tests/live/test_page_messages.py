@@ -23,6 +23,7 @@ MESSAGES = st.builds(
 )  # fmt: skip
 
 
+@pytest.mark.long
 @settings(max_examples=300, deadline=None)
 @given(MESSAGES | VALUES)
 def test_messages_are_sound_or_refused(message: Any) -> None:

@@ -74,6 +74,7 @@ def test_a_cancelled_denoiser_and_a_failing_one_leave_the_noise() -> None:
         assert not previews.shown
 
 
+@pytest.mark.long
 def test_the_window_shows_previews_and_then_what_render_writes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("pyoidn")
     monkeypatch.setattr("maquette.live.previews.RESTED", 0.0)

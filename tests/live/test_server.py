@@ -100,6 +100,7 @@ def test_a_page_gets_the_picture_and_all_about_it(tmp_path: Path) -> None:
         assert {row["name"] for row in page.last["plan"]["rows"]} >= {"backend", "samples", "size"}
 
 
+@pytest.mark.long
 def test_the_window_shows_what_render_writes(tmp_path: Path) -> None:
     scene = windows.write(tmp_path)
     with served(scene) as shown, client(shown) as page:
@@ -118,6 +119,7 @@ def test_the_window_shows_what_render_writes(tmp_path: Path) -> None:
         assert server.encoded(current, "png") == data
 
 
+@pytest.mark.long
 def test_an_unsaved_text_is_drawn_and_a_broken_one_keeps_the_picture(tmp_path: Path) -> None:
     scene = windows.write(tmp_path)
     part = str(tmp_path / "part.scene")
@@ -145,6 +147,7 @@ def test_an_unsaved_text_is_drawn_and_a_broken_one_keeps_the_picture(tmp_path: P
     assert (tmp_path / "part.scene").read_text(encoding="utf-8") == PART
 
 
+@pytest.mark.long
 def test_saves_of_every_file_are_followed(tmp_path: Path) -> None:
     scene = windows.write(tmp_path)
     part = tmp_path / "part.scene"
@@ -163,6 +166,7 @@ def test_saves_of_every_file_are_followed(tmp_path: Path) -> None:
         page.wait(lambda: not page.errors() and page.center()[0] > 20)
 
 
+@pytest.mark.long
 def test_a_page_saves_files_of_the_scene_alone(tmp_path: Path) -> None:
     scene = windows.write(tmp_path)
     other = tmp_path / "other.scene"
@@ -186,6 +190,7 @@ def test_a_page_saves_files_of_the_scene_alone(tmp_path: Path) -> None:
         assert scene.read_text(encoding="utf-8") == text
 
 
+@pytest.mark.long
 def test_a_saved_text_is_not_drawn_again(tmp_path: Path) -> None:
     scene = windows.write(tmp_path)
     with served(scene) as shown, client(shown) as page:
@@ -200,6 +205,7 @@ def test_a_saved_text_is_not_drawn_again(tmp_path: Path) -> None:
         assert page.version == version
 
 
+@pytest.mark.long
 def test_values_of_params_are_drawn_and_written_into_the_source(tmp_path: Path) -> None:
     scene = windows.write(tmp_path)
     with served(scene) as shown, client(shown) as page, client(shown) as other:
@@ -215,6 +221,7 @@ def test_values_of_params_are_drawn_and_written_into_the_source(tmp_path: Path) 
         other.wait(lambda: "radius = 1.8" in other.last["files"]["items"][0]["text"])
 
 
+@pytest.mark.long
 def test_values_go_into_an_unsaved_text(tmp_path: Path) -> None:
     scene = windows.write(tmp_path)
     with served(scene) as shown, client(shown) as page:
@@ -226,6 +233,7 @@ def test_values_go_into_an_unsaved_text(tmp_path: Path) -> None:
     assert scene.read_text(encoding="utf-8") == SCENE
 
 
+@pytest.mark.long
 def test_the_camera_moves_and_is_copied_as_source(tmp_path: Path) -> None:
     scene = windows.write(tmp_path)
     with served(scene) as shown, client(shown) as page:
@@ -242,6 +250,7 @@ def test_the_camera_moves_and_is_copied_as_source(tmp_path: Path) -> None:
         page.wait(lambda: page.pictures[-1]["finished"] and (page.pixels == moved).all())
 
 
+@pytest.mark.long
 def test_a_click_names_what_is_there(tmp_path: Path) -> None:
     scene = windows.write(tmp_path)
     with served(scene) as shown, client(shown) as page:
@@ -255,6 +264,7 @@ def test_a_click_names_what_is_there(tmp_path: Path) -> None:
         assert page.ask("pick", "refused", x="a", y=0)["message"] == "a click has x and y"
 
 
+@pytest.mark.long
 def test_a_line_outlines_what_it_makes(tmp_path: Path) -> None:
     scene = windows.write(tmp_path)
     scene.write_text(SCENE + "sphere(0.3,\n  center: [-1, 1, 1])\n", encoding="utf-8")
@@ -277,6 +287,7 @@ def test_a_line_outlines_what_it_makes(tmp_path: Path) -> None:
         assert page.ask("outline", "refused", path=str(scene), line="a")["message"] == "an outline has a line"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("channel", ["depth", "normal", "albedo", "uv", "id", "samples"])
 def test_channels(tmp_path: Path, channel: str) -> None:
     scene = windows.write(tmp_path)
@@ -292,6 +303,7 @@ def test_channels(tmp_path: Path, channel: str) -> None:
         assert (center == corner) == (channel == "samples")
 
 
+@pytest.mark.long
 def test_exposure_changes_the_picture_without_drawing_it_again(tmp_path: Path) -> None:
     scene = windows.write(tmp_path)
     with served(scene) as shown, client(shown) as page:
@@ -335,6 +347,7 @@ BAD = [
 ]
 
 
+@pytest.mark.long
 def test_each_bad_message_has_an_answer(tmp_path: Path) -> None:
     """The connection stays."""
     with served(windows.write(tmp_path)) as shown, client(shown) as page:
@@ -347,6 +360,7 @@ def test_each_bad_message_has_an_answer(tmp_path: Path) -> None:
         assert page.ask("pick", "pick", x=0.5, y=0.5)["hit"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("text", ["{", '{"type": "outline", "path": "x", "line": 1}', '{"type": "camera"}'])
 def test_a_flood_leaves_other_messages_their_answer(tmp_path: Path, text: str) -> None:
     with served(windows.write(tmp_path)) as shown, client(shown) as page, client(shown) as other:
@@ -356,6 +370,7 @@ def test_a_flood_leaves_other_messages_their_answer(tmp_path: Path, text: str) -
         assert other.ask("pick", "pick", x=0.5, y=0.5)["hit"]
         assert page.ask("pick", "pick", x=0.5, y=0.5)["hit"]
 
+@pytest.mark.long
 def test_a_restarted_server_takes_the_state_of_a_page(tmp_path: Path) -> None:
     scene = windows.write(tmp_path)
     with served(scene) as shown, client(shown) as page:
@@ -377,6 +392,7 @@ def test_a_restarted_server_takes_the_state_of_a_page(tmp_path: Path) -> None:
     assert scene.read_text(encoding="utf-8") == SCENE
 
 
+@pytest.mark.long
 def test_a_scene_with_an_animation_has_a_timeline(tmp_path: Path) -> None:
     scene = windows.write(tmp_path)
     ball = "sphere(radius, center: [time / 1s, 0, 0], material: lambert(#ff0000))\nanimate(duration: 4s)"
@@ -411,6 +427,7 @@ def SphereLight "lamp" {
 """
 
 
+@pytest.mark.long
 def test_a_stage_opens_without_a_source_and_moves(tmp_path: Path) -> None:
     stage = tmp_path / "a.usda"
     stage.write_text(STAGE, encoding="utf-8")
@@ -431,6 +448,7 @@ def test_a_stage_opens_without_a_source_and_moves(tmp_path: Path) -> None:
     assert stage.read_text(encoding="utf-8") == STAGE
 
 
+@pytest.mark.long
 def test_the_end_does_not_wait_for_a_thumbnail(tmp_path: Path) -> None:
     folder = tmp_path / "scenes"
     folder.mkdir()

@@ -209,6 +209,7 @@ def clipped(planes, **camera_):
     return scene(planes=(*planes, *NO_PLANES[len(planes) :]), near=0.1, far=9.0, **camera_)
 
 
+@pytest.mark.long
 @settings(max_examples=60, deadline=None)
 @given(st.lists(plane, max_size=ir.CLIP_PLANES), st.sampled_from([ir.Projection.PERSPECTIVE, ORTHO, ir.Projection.PANORAMIC]))
 def test_rays_see_the_positive_side_of_all_clipping_planes(planes, projection):

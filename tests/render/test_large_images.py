@@ -52,6 +52,7 @@ def pixels(path: str) -> tuple[np.ndarray, tuple[str, ...]]:
     return found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("backend", ["ray", "raster"])
 @pytest.mark.parametrize(
     ("name", "more"),
@@ -75,6 +76,7 @@ def test_strips_make_the_file_that_the_whole_makes(folder, monkeypatch, backend,
     assert not list(folder.glob(".*"))
 
 
+@pytest.mark.long
 def test_an_error_is_that_of_all_strips(folder, small):
     assert run("--error", "5%", "-o", "a.exr")[0] == 0
     source = oiio.ImageInput.open("a.exr")

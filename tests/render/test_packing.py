@@ -23,6 +23,7 @@ KINDS = st.sampled_from([np.float64, np.float32, np.int64, np.int32, np.uint8, n
 ARRAY = arrays.arrays(KINDS, arrays.array_shapes(min_dims=0, min_side=0, max_side=5))
 
 
+@pytest.mark.long
 @settings(suppress_health_check=[HealthCheck.too_slow], deadline=None)
 @given(st.dictionaries(st.text(max_size=5), PLAIN, max_size=3), st.dictionaries(st.text(max_size=5), ARRAY, max_size=3))
 def test_a_message_keeps_data_and_arrays(about: dict[str, Any], given_arrays: dict[str, np.ndarray]) -> None:

@@ -71,6 +71,7 @@ render(bounces: 6)
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [0, 1, 2, 3])
 def test_stray_bright_samples_are_told_where_they_are(tmp_path: Path, seed: int) -> None:
     """Few paths find a caustic of a small lamp. Some seeds have a pixel with most of the true error, others have none."""

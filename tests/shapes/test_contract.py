@@ -71,6 +71,7 @@ def test_an_element_has_one_shape() -> None:
         catalogue(CATALOGUE.values(), [CATALOGUE["torus"]])
 
 
+@pytest.mark.long
 def test_the_compiler_loads_shapes_without_llvm() -> None:
     code = "import sys, maquette.compiler.load; print(sorted({'numba', 'llvmlite'} & sys.modules.keys()))"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"

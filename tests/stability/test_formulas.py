@@ -152,6 +152,7 @@ def test_poles_of_a_tangent(load):
     assert np.allclose(o[:, 0] + t, math.atan(4.5) / 3, rtol=0, atol=1e-9)
 
 
+@pytest.mark.long
 def test_far_from_the_origin(load):
     """A formula's digits at 10⁵: what it loses there is known, and rays meet it within that."""
     text = "implicit(|x, y, z| (hypot(x - 1e5, y, z) - 0.7)^3 <= 0.01 * (y - 0.2), within: box([3, 3, 3], center: [1e5, 0, 0]))"
@@ -176,6 +177,7 @@ def test_zero_in_a_whole_region(load):
     assert int(np.isfinite(solid).sum()) + unproved >= 300
 
 
+@pytest.mark.long
 def test_a_thousand_operations(load):
     """A hundred and fifty balls as one minimum: each ray meets the nearest of them."""
     random = np.random.default_rng(8)

@@ -90,6 +90,7 @@ def terminator(segments: int, angle: float, backend: str, size: int = 96) -> Ter
     )  # fmt: skip
 
 
+@pytest.mark.long
 def test_the_terminator_of_a_smooth_ball(measured):
     """Rays to light start off the facets (Hanika 2021): what shadows add to the error of interpolated normals is gone.
 
@@ -110,6 +111,7 @@ def test_the_terminator_of_a_smooth_ball(measured):
     assert all(f.ours <= f.free + 1e-4 for f in found)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("backend", ["ray", "raster"])
 def test_the_terminator_gets_better_with_segments(backend):
     """Four times the segments, less than half of the error."""
@@ -143,6 +145,7 @@ def test_about_the_critical_angle(measured):
     assert np.abs(reflected + transmitted - 1).max() < 1e-6
 
 
+@pytest.mark.long
 @given(st.floats(1.0001, 4.0), st.floats(-1e-7, 1e-7))
 @settings(max_examples=200, deadline=None)
 def test_reflected_and_transmitted_add_up(n, off):
@@ -153,6 +156,7 @@ def test_reflected_and_transmitted_add_up(n, off):
     assert ((reflected == 1) | ~total).all()
 
 
+@pytest.mark.long
 def test_a_ball_of_glass_full_of_critical_angles_is_finite(draw):
     """From inside of glass and through it, at every angle; `draw` sees that all is finite."""
     text = "sky(color: #a0c0ff, luminance: 1)\nsphere(1, material: glass(ior: {0}))\nrender(bounces: 8)\n"
@@ -179,6 +183,7 @@ def under_a_square(side: float, height: float) -> float:
     return 4 * a / (slant * math.pi) * math.atan(a / slant)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("side", "height"), [(0.2, 1.0), (0.6, 1.0), (1.5, 2.0)])
 def test_fireflies_from_a_lamp_behind_glass(measured, draw, side, height):
     """Matt, then glass, then a small lamp: seen only by diffuse rays that happen to meet it. Nothing is clamped, so the mean is right."""
@@ -285,6 +290,7 @@ render(bounces: 6)
 """
 
 
+@pytest.mark.long
 def test_a_caustic_of_a_point_light(measured, load, draw):
     """Under the ball light is gathered; a path that starts at the eye can never find the lamp."""
     below = "camera(position: [0, 0.2, 0], look_at: [0, 0, 0], up: [0, 0, -1], width: 0.1, near: 0.01)\n"

@@ -221,6 +221,7 @@ def test_of_a_hundred_thousand_rays_none(load, name):
     held(load, FORMULAS[name], 100_000, 2000)
 
 
+@pytest.mark.long
 def test_a_model_of_a_thousand_operations_written_as_one_sum(load):
     random, axes = np.random.default_rng(11), ("x", "y", "z")
     numbers = random.uniform([0.01, 1.0, 0.0], [0.06, 14.0, 6.0], (250, 3))
@@ -316,6 +317,7 @@ def test_what_is_undefined_at_a_place_alone_is_no_surface(load):
     assert unproved == 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("text", ["exp(800 * x) / exp(800 * y) >= z + 0.5", "exp(720 * x) - exp(720 * y) <= z"])
 def test_where_numbers_overflow_and_vanish_no_root_is_missed_in_silence(load, text):
     """Beyond 1e308 there is ∞ − ∞ and ∞ / ∞, below 1e-308 there is 0 / 0; each ray by itself, so that it is known which one is counted."""

@@ -54,6 +54,7 @@ def summed(color: float, samples: int, backend: str) -> float:
     return float(film.color[0, 0, 0])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("backend", ["ray", "raster"])
 def test_a_sum_of_large_and_small_samples(measured, backend):
     """Half of 4096 samples are 2²⁵ or, in the other picture, 0: what differs is the sum of the small ones, to the last of them."""
@@ -97,6 +98,7 @@ def lit(draw, backend: str, factor: float, bounces: int, **how: object) -> image
     return draw(text, backend, size=(20, 20), **how)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("power", [60, -60, 17])
 @pytest.mark.parametrize(("backend", "bounces"), [("ray", 0), ("ray", 2), ("raster", 0), ("reference", 2)])
 def test_lights_by_powers_of_two(measured, draw, backend, bounces, power):

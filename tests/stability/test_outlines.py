@@ -39,6 +39,7 @@ def covered(backend: str, angle: float, distance: float, size: int, tolerance: f
     return float(image.channels["rgba"][..., 3].sum(dtype=np.float64))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("angle", "distance", "size"), [(0.5, 4.0, 128), (0.0, 3.0, 96), (0.3, 12.0, 200)])
 def test_the_outline_of_a_ball(measured, angle, distance, size):
     """Short by a share of 4/3 · tolerance / R at most; what 64 samples a pixel leave of noise is below a thousandth."""

@@ -93,6 +93,7 @@ def wrong(load, seeds: range) -> list[str]:
     return [found for seed in seeds if seed not in NOT_ASKED and (found := held(load, relation(seed)))]
 
 
+@pytest.mark.long
 def test_relations_made_at_random(load):
     assert wrong(load, range(120)) == []
 

@@ -79,6 +79,7 @@ def test_a_triangle_from_behind_the_eye_to_before_it(measured):
     assert ours == 0
 
 
+@pytest.mark.long
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=40, deadline=None)
 def test_any_triangle_across_the_eye(seed):
@@ -114,6 +115,7 @@ def far_out(pixels: float, seed: int, size: int = 40) -> tuple[float, int, int, 
     return float(np.mean(plain != true)), int(np.sum(seen != true)), int(true.sum()), float(np.max(distance[seen != true], initial=0))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("pixels", [1e9, 1e7, 1e12, 1e15])
 def test_a_corner_a_thousand_million_pixels_away(measured, pixels):
     found = [far_out(pixels, seed) for seed in range(8)]
@@ -182,6 +184,7 @@ def holes(pixels: int, edge: float, samples: int) -> tuple[float, float, int]:
     return float(np.mean(~plain.any(axis=0))), float(np.abs(covered_ - 1).max()), len(triangles)
 
 
+@pytest.mark.long
 def test_triangles_of_a_hundredth_of_a_pixel(measured):
     plain, off, count = holes(4, 0.01, 16)
     measured.place(
@@ -192,11 +195,13 @@ def test_triangles_of_a_hundredth_of_a_pixel(measured):
     assert off == 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("edge", [0.04, 0.3, 0.9])
 def test_small_triangles_leave_no_hole(edge):
     assert holes(12, edge, 16)[1] == 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("edge", [0.3, 0.1])
 def test_a_small_triangle_alone_has_its_area(edge):
     """Two triangles of an `edge` pixels wide square, wherever it lies: the mean coverage is the area, within 4 standard errors."""
@@ -220,6 +225,7 @@ def fan(corners: int, radius: float) -> np.ndarray:
     return np.stack([np.zeros_like(rim), rim, np.roll(rim, -1, axis=0)], axis=1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("corners", "radius"), [(24, 8.0), (4, 8.0), (7, 11.3), (360, 20.0)])
 def test_a_fan_covers_each_sample_once(measured, corners, radius):
     triangles = fan(corners, radius)
@@ -240,6 +246,7 @@ def test_a_fan_covers_each_sample_once(measured, corners, radius):
     assert all((c == 1).all() for c in counts)
 
 
+@pytest.mark.long
 def test_a_fan_drawn_piece_by_piece_adds_up():
     """By the public way: the coverages of its triangles, each drawn alone, add up to that of the whole in every pixel."""
     turn = np.linspace(0, 2 * np.pi, 12, endpoint=False)
@@ -272,6 +279,7 @@ def confused(z: float, step: float, backend: str) -> int:
     return wrong
 
 
+@pytest.mark.long
 def test_depth_from_a_tenth_to_a_hundred_thousand(measured):
     distances = np.geomspace(1, 9e4, 60)
     one_more = distances * (1 + 1e-6)
@@ -289,6 +297,7 @@ def test_depth_from_a_tenth_to_a_hundred_thousand(measured):
     assert wrong == 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("backend", BACKENDS)
 @given(st.floats(0.2, 9e4), st.floats(1e-7, 1e-2))
 @settings(max_examples=10, deadline=None)
@@ -359,6 +368,7 @@ def ten_thousand():
     return triangles, samples, np.array([[exactly(t, s) for s in row] for t, row in pairs])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", raster_coverage.NAMES)
 def test_every_sample_of_ten_thousand_triangles(name, ten_thousand):
     triangles, samples, expected = ten_thousand
@@ -366,6 +376,7 @@ def test_every_sample_of_ten_thousand_triangles(name, ten_thousand):
     assert np.array_equal(covered(raster_coverage.NAMES[name], triangles, samples), expected)
 
 
+@pytest.mark.long
 def test_lines_with_slopes(measured, ten_thousand):
     triangles, samples, expected = ten_thousand
     some = zip(triangles[:2000].reshape(-1, 3, 2) / raster_coverage.ONE, samples[:2000] / raster_coverage.ONE, strict=True)
@@ -395,6 +406,7 @@ def test_areas_that_must_be_equal(measured, ten_thousand):
     assert ours == 0
 
 
+@pytest.mark.long
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=20, deadline=None)
 def test_the_three_fills_agree_on_any_triangles(seed):
@@ -445,6 +457,7 @@ def by_scanline(loops: list[np.ndarray], samples: np.ndarray) -> np.ndarray:
     return out
 
 
+@pytest.mark.long
 def test_scanlines_through_corners(measured):
     """Concave polygons with holes, on the level lines through their corners: the samples of their triangulation."""
     plain = ours = total = 0

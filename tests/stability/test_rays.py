@@ -80,6 +80,7 @@ def naive_leaks(n: int, middle: np.ndarray, seed: int, kind: type) -> int:
     return sum(not np.isfinite(naive.triangle(a, b, c, o[k], d[k], kind)).any() for k in range(n))
 
 
+@pytest.mark.long
 def test_edges_of_a_closed_mesh_far_away(measured):
     plain = {kind: naive_leaks(1500, FAR, 1, kind) for kind in (np.float32, np.float64)}
     ours = sum(leaks(by, 100_000, FAR, 2) for by in ("transform", "corners"))
@@ -159,6 +160,7 @@ def slivers(aspect: float, far: float, seed: int, count: int = 150) -> tuple[int
     return ours, plain, rays_
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("aspect", "far"), [(1e6, 0.0), (1e6, 1e5), (1e9, 0.0), (1e3, 1e4)])
 def test_slivers(measured, aspect, far):
     ours, plain, count = slivers(aspect, far, seed=5)
@@ -218,6 +220,7 @@ def test_a_triangle_without_area_is_never_met(name):
 # --- 10: duplicates ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("count", [1000, 100_000])
 def test_duplicate_triangles(measured, count):
     tables = scene(meshes=[(MeshData(np.eye(3), np.tile([0, 1, 2], (count, 1))), np.eye(4), 0)])
@@ -241,6 +244,7 @@ def test_duplicate_triangles(measured, count):
     assert set(primitive[instance >= 0].tolist()) == {0}
 
 
+@pytest.mark.long
 def test_backends_agree_on_duplicates(draw):
     """Ten thousand triangles and twelve boxes in one place: the same one is seen, bit for bit."""
     text = (
@@ -283,6 +287,7 @@ def test_an_orthographic_grid_in_the_faces_of_boxes(measured, half, n, step):
     assert missed == 0
 
 
+@pytest.mark.long
 def test_rays_in_faces_of_the_nodes_of_a_tree():
     """The boxes of the tree itself: a flat grid of triangles seen along their edges, where nodes are flat and rays lie in their faces."""
     line = np.arange(17.0)
@@ -297,6 +302,7 @@ def test_rays_in_faces_of_the_nodes_of_a_tree():
         assert (t == 5).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", SHAPES)
 def test_directions_along_the_axes(measured, name):
     """Each axis, both ways, with every sign of the zeros: trees, a loop and numpy agree bit for bit, and so do the zeros."""
@@ -475,6 +481,7 @@ def test_a_corner_an_ulp_beside_an_edge(measured, load):
     assert leaked == 0 or said
 
 
+@pytest.mark.long
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=30, deadline=None)
 def test_a_corner_exactly_on_an_edge_does_not_leak(seed):

@@ -182,6 +182,7 @@ def test_roots_that_differ_by_sixteen_digits(measured):
     assert ulps <= 4
 
 
+@pytest.mark.long
 @given(st.floats(1e-3, 10), st.floats(1e2, 1e12), st.floats(1e-3, 10), st.sampled_from([1.0, -1.0]), st.sampled_from([1.0, -1.0]))
 @settings(max_examples=200, deadline=None)
 def test_roots_far_apart_keep_their_digits(a, b, c, of_b, of_c):
@@ -250,6 +251,7 @@ def test_only_a_ray_along_a_plane_misses_it():
     assert (t[2:] == INF).all()
 
 
+@pytest.mark.long
 @given(st.integers(0, 2**32 - 1), st.floats(-12, -2))
 @settings(max_examples=100, deadline=None)
 def test_a_tilted_plane_seen_edge_on(seed, power):
@@ -313,6 +315,7 @@ def test_a_thin_ring_from_afar(measured, ring, tube, distance):
     assert found["residual"] < 1e-10
 
 
+@pytest.mark.long
 @given(st.integers(0, 2**32 - 1), st.floats(0.05, 20), st.floats(0.001, 20), st.floats(0, 5))
 @settings(max_examples=60, deadline=None)
 def test_rays_leave_every_ring_they_enter(seed, ring, tube, power):

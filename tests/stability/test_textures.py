@@ -38,6 +38,7 @@ def test_just_left_of_zero(measured):
     assert 0 <= ours[3] <= 15
 
 
+@pytest.mark.long
 @given(st.floats(-1e6, 1e6), st.integers(0, 40))
 @settings(max_examples=200, deadline=None)
 def test_any_coordinate_has_a_column(u, power):
@@ -54,6 +55,7 @@ SHAPES = ["sphere(1", "torus(0.8, 0.3", "cylinder(1, 1.5", "cone(1, 1.5", "capsu
 VIEWS = {"seam": ("[0, 0, -5]", "[0, 1, 0]"), "north pole": ("[0, 5, 0]", "[0, 0, 1]"), "south pole": ("[0, -5, 0]", "[0, 0, 1]")}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("view", VIEWS)
 @pytest.mark.parametrize("mapping", ["uv", "latlong", "projected"])
 def test_seams_and_poles_are_finite(draw, tmp_path, view, mapping):

@@ -237,6 +237,7 @@ def test_ten_thousand_turns(measured, axis, angle):
     assert off < 2e-11
 
 
+@pytest.mark.long
 @fails("a rotation's matrix is rounded by up to 10⁻¹⁵ of volume, so that 10⁴ of them may drift by 10⁻¹¹")
 def test_ten_thousand_turns_about_any_axis(measured):
     random = np.random.default_rng(28)
@@ -302,6 +303,7 @@ def wide_stage(path: Path, levels: int) -> Path:
     return path
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("depth", [100, 2500])
 def test_frames_inside_frames(measured, tmp_path, depth):
     loaded = maquette.load(deep_stage(tmp_path / "a.usda", depth))

@@ -83,6 +83,7 @@ def test_there_are_scenes_with_formulas() -> None:
     assert any(name.startswith("docs/language.md") for name in scenes())
 
 
+@pytest.mark.long
 def test_three_variations_have_no_unproved_ray(tmp_path: Path) -> None:
     numbers = range(1000, 1003)
     assert [found for found in (unproved(number, (80, 60), tmp_path) for number in numbers) if found[1]] == []

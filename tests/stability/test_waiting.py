@@ -31,6 +31,7 @@ WAITING: list[tuple[int, str, Callable[[], str], str, str]] = [
 ]
 
 
+@pytest.mark.long
 def test_repeated_knots(measured, load):
     """Quarters of a circle joined at double knots, with triple ones at the ends, along a profile that a triple knot breaks."""
     profile = [[1, k, 0.3 * k] for k in range(7)]

@@ -66,6 +66,7 @@ def same(a: Path | str, b: Path | str) -> None:
     np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.long
 def test_a_picture_and_frames_equal_those_of_one_process(address: str) -> None:
     assert run("render", "a.scene", "-o", "here.exr")[0] == 0
     code, out, err = run("render", "a.scene", "-o", "there.exr", "--cluster", address)
@@ -80,6 +81,7 @@ def test_a_picture_and_frames_equal_those_of_one_process(address: str) -> None:
         same(f"here.0{k}.exr", f"there.0{k}.exr")
 
 
+@pytest.mark.long
 def test_a_sheet_equals_that_of_one_process(address: str) -> None:
     Path("b.scene").write_text(f"param size = 0.5 in 0..1\n{SCENE.replace('sphere(0.5', 'sphere(size')}", encoding="utf-8")
     assert run("sweep", "b.scene", "--set", "size=0.2..0.6/3", "-o", "here.png")[0] == 0
@@ -90,6 +92,7 @@ def test_a_sheet_equals_that_of_one_process(address: str) -> None:
     assert (code, err.splitlines()[-1].split(":")[1]) == (2, " --cluster and --threads exclude each other")
 
 
+@pytest.mark.long
 def test_frames_that_are_there_are_kept(address: str) -> None:
     assert run("render", "a.scene", "-o", "f.##.exr", "--frames", "0..3", "--cluster", address)[0] == 0
     before = {path.name: path.stat().st_mtime_ns for path in Path().glob("f.*.exr")}
@@ -99,6 +102,7 @@ def test_frames_that_are_there_are_kept(address: str) -> None:
     assert {name: Path(name).stat().st_mtime_ns for name in before} == before
 
 
+@pytest.mark.long
 def test_a_worker_that_is_killed_loses_no_frame(processes: Processes, address: str) -> None:
     """It is killed when the first frame is there."""
     options = ("--frames", "0..6", "--samples", 100, "--size", "160x120")
@@ -118,6 +122,7 @@ def test_a_worker_that_is_killed_loses_no_frame(processes: Processes, address: s
         same(f"here.0{k}.exr", f"there.0{k}.exr")
 
 
+@pytest.mark.long
 def test_the_old_picture_stays_if_no_worker_is_left(processes: Processes, address: str, monkeypatch: pytest.MonkeyPatch) -> None:
     assert run("render", "a.scene", "-o", "a.png")[0] == 0
     before = Path("a.png").read_bytes()
@@ -131,6 +136,7 @@ def test_the_old_picture_stays_if_no_worker_is_left(processes: Processes, addres
     assert sorted(path.name for path in Path().iterdir()) == ["a.png", "a.scene"]
 
 
+@pytest.mark.long
 def test_another_version_is_told_and_the_render_goes_on(processes: Processes, address: str) -> None:
     (name,) = processes.start(1, "from maquette.lang import distribution; distribution.VERSION = '0.0.1'")
     processes.wait(3)
@@ -143,6 +149,7 @@ def test_another_version_is_told_and_the_render_goes_on(processes: Processes, ad
         processes.send(name, signal.SIGKILL)
 
 
+@pytest.mark.long
 def test_a_worker_that_answers_something_else_is_told(processes: Processes, address: str) -> None:
     code = "import importlib; importlib.import_module('maquette.render.cluster.worker').serve = lambda message: b'rubbish'"
     (name,) = processes.start(1, code)
@@ -157,6 +164,7 @@ def test_a_worker_that_answers_something_else_is_told(processes: Processes, addr
         processes.send(name, signal.SIGKILL)
 
 
+@pytest.mark.long
 def test_a_scheduler_that_is_killed_ends_the_render(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its workers are not blamed."""
     monkeypatch.setattr(dispatcher, "PATIENCE", 3.0)
@@ -189,6 +197,7 @@ MESSAGES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", MESSAGES)
 def test_a_cluster_that_is_not_there(case: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dask_cluster, "CONNECT", 1.0)
@@ -199,6 +208,7 @@ def test_a_cluster_that_is_not_there(case: str, monkeypatch: pytest.MonkeyPatch)
     assert err.count("\n") == 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("answer", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n" + b"x" * 1000, None])
 def test_another_server_is_no_scheduler(answer: bytes | None, monkeypatch: pytest.MonkeyPatch) -> None:
     """It says nothing, something else, or closes the connection."""
@@ -262,6 +272,7 @@ def processes_of(group: int) -> list[str]:
     return found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_a_local_cluster_ends_with_its_command(number: int) -> None:
     """Ctrl-C, which a terminal sends to the workers too, leaves a partial picture; nothing leaves processes."""

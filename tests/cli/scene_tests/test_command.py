@@ -32,6 +32,7 @@ def run(*arguments: str | Path) -> tuple[int, list[str], list[str]]:
     return done.exit_code, done.stdout.splitlines(), done.stderr.splitlines()
 
 
+@pytest.mark.long
 def test_a_new_scene_fails_until_its_picture_is_kept(scene: Path) -> None:
     code, out, err = run(".")
     assert (code, out) == (1, ["new     ball.scene: there is no kept/ball.exr", "1 scenes: 1 new"])
@@ -41,6 +42,7 @@ def test_a_new_scene_fails_until_its_picture_is_kept(scene: Path) -> None:
     assert run(".", "-q") == (0, ["1 scenes: 1 passed"], [])
 
 
+@pytest.mark.long
 def test_another_seed_is_within_the_noise_and_another_color_is_not(scene: Path) -> None:
     run(scene, "--update")
     assert run(scene, "--seed", "7")[0] == 0
@@ -54,6 +56,7 @@ def test_another_seed_is_within_the_noise_and_another_color_is_not(scene: Path) 
     assert run(scene)[0] == 0
 
 
+@pytest.mark.long
 def test_a_failing_assert_and_a_damaged_picture_are_errors(scene: Path) -> None:
     run(scene, "--update")
     code, out, err = run(scene, "--set", "r=0.4")
@@ -65,6 +68,7 @@ def test_a_failing_assert_and_a_damaged_picture_are_errors(scene: Path) -> None:
     assert out[0].startswith("error   ball.scene: ")
 
 
+@pytest.mark.long
 def test_a_report_shows_the_difference(scene: Path) -> None:
     run(scene, "--update")
     Path("box.scene").write_text(BALL, encoding="utf-8")
@@ -78,12 +82,14 @@ def test_a_report_shows_the_difference(scene: Path) -> None:
     assert Path("report/ball.scene.png").is_file()
 
 
+@pytest.mark.long
 def test_records_are_json(scene: Path) -> None:
     done = CliRunner().invoke(cli, ["test", str(scene), "--json", "--update", "-q", *OPTIONS])
     (record,) = json.loads(done.stdout)
     assert (record["name"], record["status"], record["text"]) == ("ball.scene", "updated", "kept kept/ball.exr")
 
 
+@pytest.mark.long
 def test_a_kept_picture_decides_the_size(scene: Path) -> None:
     run(scene, "--update")
     done = CliRunner().invoke(cli, ["test", str(scene), "--backend", "reference"])

@@ -27,6 +27,7 @@ def test_smaller_blocks_at_the_edges_count_their_own_pixels() -> None:
     assert relative[1, 2] == pytest.approx(0.5)
 
 
+@pytest.mark.long
 def test_noise_alone_stays_below_the_limit() -> None:
     """Of 10,000 blocks of normal noise none differs by DEVIATIONS standard errors, and some by 3."""
     random = np.random.default_rng(1)

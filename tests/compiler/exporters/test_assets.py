@@ -54,6 +54,7 @@ def document(path: Path) -> dict:
     return json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_a_picture_of_the_file_is_that_of_the_scene(tmp_path, ending):
     """Shapes, textures, lights and the camera; the spot's falloff and the edges of cells differ a little."""
@@ -65,6 +66,7 @@ def test_a_picture_of_the_file_is_that_of_the_scene(tmp_path, ending):
     np.testing.assert_allclose(b.mean(axis=(0, 1)), a.mean(axis=(0, 1)), rtol=0.02)
 
 
+@pytest.mark.long
 def test_another_program_reads_the_solids_of_a_glb(tmp_path):
     """Volumes of trimesh: a box, and a box without the part of a ball (closed forms)."""
     text = 'box([1, 2, 3], name: "block")\ndifference(name: "bowl") { box(2); sphere(0.8, center: [0, 1, 0]) }\n' + CAMERA
@@ -76,6 +78,7 @@ def test_another_program_reads_the_solids_of_a_glb(tmp_path):
     assert "distance from the true surface" in told.splitlines()[-1]
 
 
+@pytest.mark.long
 def test_parts_keep_their_materials(tmp_path):
     """A union of two materials: two primitives of glTF, two meshes of USD."""
     out, _ = convert(tmp_path, PARTS, ".glb")
@@ -94,6 +97,7 @@ def test_parts_keep_their_materials(tmp_path):
     np.testing.assert_allclose([box.GetMin(), box.GetMax()], [[-0.02, 0, -0.02], [0.02, 0.03, 0.02]], atol=1e-5)
 
 
+@pytest.mark.long
 def test_edges_of_solids_are_sharp(tmp_path):
     """Each normal of a box with a hole is that of its face: along an axis, or away from the hole's axis."""
     out, _ = convert(tmp_path, "difference { box(2); cylinder(0.5, 4) }\n" + CAMERA, ".usda")

@@ -106,6 +106,7 @@ def test_far_from_a_seam_nothing_moves(tmp_path):
     assert abs(rounded(at) - expected)[far].max() < 1e-12
 
 
+@pytest.mark.long
 def test_three_parts_do_not_depend_on_their_order(tmp_path):
     parts, at = (*WALLS, "sphere(3, center: [3, 1, 0])", "cylinder(4, 20, center: [3, 0, 3])"), scattered(22)
     orders = list(itertools.permutations(parts))[::23]

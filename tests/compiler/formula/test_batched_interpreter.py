@@ -56,6 +56,7 @@ def test_more_places_than_are_gone_through_at_a_time() -> None:
     assert np.array_equal(batched_interpreter.Batches(tape).points(low), numpy_interpreter.points(tape, *low)[0])
 
 
+@pytest.mark.long
 @settings(max_examples=60, deadline=None)
 @given(tapes(but=PARTIAL), st.integers(0, 2**32 - 1))
 def test_tapes_that_are_defined_everywhere(tape: Tape, seed: int) -> None:
@@ -63,6 +64,7 @@ def test_tapes_that_are_defined_everywhere(tape: Tape, seed: int) -> None:
     check_same(tape, low, high)
 
 
+@pytest.mark.long
 @settings(max_examples=60, deadline=None)
 @given(tapes(but=(Op.POWER,)), st.integers(0, 2**32 - 1))
 def test_any_tape(tape: Tape, seed: int) -> None:
@@ -76,6 +78,7 @@ def test_any_tape(tape: Tape, seed: int) -> None:
         assert np.array_equal(one[~maybe], other[~maybe], equal_nan=True)
 
 
+@pytest.mark.long
 @settings(max_examples=60, deadline=None)
 @given(tapes(but=(Op.ANGLE, Op.MOD, Op.POWER)), st.integers(0, 2**32 - 1))
 def test_values_lie_in_their_bounds(tape: Tape, seed: int) -> None:

@@ -77,6 +77,7 @@ def test_a_sheet_that_only_touches_0_has_no_sides():
     assert closed_form_solids.solid(twice, sheet=True) is None
 
 
+@pytest.mark.long
 @settings(max_examples=120, deadline=None)
 @given(st.data())
 def test_whatever_is_recognised_holds_at_the_same_points(data):
@@ -99,6 +100,7 @@ def test_whatever_is_recognised_holds_at_the_same_points(data):
     assert (closed_form_solids.holds(found, points) == (field <= 0))[clear & ~np.isnan(field)].all()
 
 
+@pytest.mark.long
 def test_long_chains_of_operations():
     """Half of the space: 30,000 sums of x and y are at most 0; and a union of as many spheres has too many relations."""
     builder = Builder()

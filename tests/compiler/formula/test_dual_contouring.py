@@ -82,6 +82,7 @@ def formula(tmp_path: Path, text: str) -> tuple[Tape, np.ndarray]:
     return load_tape(tables, int(tables.geometries.tape[row])), tables.geometries.bounds[row]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("count", [21, 32])
 @pytest.mark.parametrize(
     "text",
@@ -110,6 +111,7 @@ def test_a_jump_is_no_deviation(tmp_path):
     assert made.furthest < 2 / 48  # a cell
 
 
+@pytest.mark.long
 def test_volumes_between_where_rays_enter_and_leave(tmp_path):
     """∫(z_back − z_front) is the volume, by rays through the formula and by its triangles."""
     steps = (np.arange(240) + 0.5) / 240 * 2 - 1
@@ -132,6 +134,7 @@ def test_volumes_between_where_rays_enter_and_leave(tmp_path):
         assert total * (2 / 240) ** 2 == pytest.approx(size, rel=1e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("tape", "euler_number", "size"),
     [
@@ -173,6 +176,7 @@ def test_triangles_as_near_as_asked():
         assert np.abs(np.hypot(ring, made.positions[:, 1]) - 0.25).max() <= tolerance
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("tape", "flat", "size"),
     [(drilled(), True, 1.0 * 1.2 * 0.8 - math.pi * 0.25**2 * 1.2), (shape(8, 0.6, 0.25), False, 2 * math.pi**2 * 0.6 * 0.25**2)],

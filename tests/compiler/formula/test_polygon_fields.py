@@ -60,6 +60,7 @@ def distance(loop: np.ndarray, points: np.ndarray) -> np.ndarray:
     return np.linalg.norm(points[:, None] - a - share[..., None] * way, axis=2).min(axis=1)
 
 
+@pytest.mark.long
 @settings(deadline=None, max_examples=100)
 @given(polygons)
 def test_the_field_is_negative_inside_alone(points):
@@ -74,6 +75,7 @@ def test_the_field_is_negative_inside_alone(points):
     assert (np.abs(found) <= near + 1e-9).all()
 
 
+@pytest.mark.long
 @settings(deadline=None, max_examples=50)
 @given(polygons)
 def test_each_edge_occurs_once(points):
@@ -85,6 +87,7 @@ def test_each_edge_occurs_once(points):
     assert sorted(edges(polygon_fields.formula(loop))) == list(range(len(loop)))
 
 
+@pytest.mark.long
 @settings(deadline=None, max_examples=40)
 @given(polygons, st.sampled_from([2 * math.pi, math.pi, 1.0, 4.5]))
 def test_a_revolved_field(points, angle):
@@ -105,6 +108,7 @@ def test_a_revolved_field(points, angle):
     assert (found != 0)[clear].all()
 
 
+@pytest.mark.long
 @settings(deadline=None, max_examples=25)
 @given(polygons, st.sampled_from([0.0, 1.3]), st.sampled_from([0.5, 1.0, 2.0]))
 def test_a_prism(points, twist, taper):

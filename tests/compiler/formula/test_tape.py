@@ -286,6 +286,7 @@ def tapes(draw: st.DrawFn) -> Tape:
     return builder.finish(names[-1])
 
 
+@pytest.mark.long
 @settings(max_examples=60, deadline=None)
 @given(tapes(), st.integers(0, 2**32 - 1))
 def test_bounds_of_whole_tapes_hold(tape, seed):

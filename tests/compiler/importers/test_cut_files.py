@@ -38,6 +38,7 @@ def test_an_stl_text_that_ends_early(data, line, message, drawn):
     assert triangles(scene) == drawn
 
 
+@pytest.mark.long
 def test_each_cut_of_an_stl_text_is_told():
     whole = len(b"solid a\n" + TEXT.split(b"endloop")[0])
     for end in range(whole, TEXT.index(b"endsolid") + len(b"endsolid") - 1):

@@ -58,6 +58,7 @@ def test_two_triangles_with_two_maps_are_two_parts(tmp_path):
     assert found == {np.round(second[[rows]], 5).tobytes() for rows in ([0, 1, 2], [0, 2, 3])}
 
 
+@pytest.mark.long
 @given(st.lists(st.lists(st.floats(-4, 4), min_size=6, max_size=6), min_size=1, max_size=6), st.integers(1, 9))
 def test_split_gives_every_face_maps_that_hold_at_its_corners(maps, count):
     rng = np.random.default_rng(count)

@@ -427,6 +427,7 @@ def test_broken_glb(change, expected):
     assert read(glb(*square(**change)), "a.glb")[2] == [f"a.glb: error: {expected}"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("change", "expected"),
     [

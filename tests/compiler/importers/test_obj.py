@@ -184,6 +184,7 @@ def test_binary_rubbish_is_one_error():
     assert messages[0].startswith("x.obj")
 
 
+@pytest.mark.long
 def test_a_very_long_line():
     count = 20_000
     turn = np.linspace(0, 2 * np.pi, count, endpoint=False)

@@ -283,6 +283,7 @@ def test_one_point_and_points_that_are_not_finite() -> None:
     assert read(cloud("a.ply", 0), "a.ply")[2] == ["a.ply: error: the PLY file has neither faces nor points"]
 
 
+@pytest.mark.long
 def test_points_have_their_colours_and_are_thin_where_they_are_many() -> None:
     rng = np.random.default_rng(3)
     lines = [f"v {x} {y} 0 255 0 0" for x, y in rng.random((40_000, 2))]

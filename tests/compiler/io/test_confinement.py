@@ -180,10 +180,12 @@ def test_a_shell_does_not_run(outcomes: dict[str, str]) -> None:
     assert outcomes["os.system('true')"] != "0"
 
 
+@pytest.mark.long
 def test_memory_is_limited(folders: Path) -> None:
     assert confined(folders, "bytes(2 << 30)", memory="100_000_000") == "MemoryError"
 
 
+@pytest.mark.long
 def test_a_process_with_threads_is_not_confined(folders: Path) -> None:
     """Landlock holds for the thread that asks for it, and for those that it starts."""
     before = "threading.Thread(target=threading.Event().wait, daemon=True).start()\n"
@@ -191,6 +193,7 @@ def test_a_process_with_threads_is_not_confined(folders: Path) -> None:
     assert done.stderr.strip().endswith("OSError: a process is confined before it starts threads")
 
 
+@pytest.mark.long
 def test_a_terminal_is_for_writing_alone(folders: Path) -> None:
     outer, inner = os.openpty()
     program = f"""{BEGIN}{CONFINE.replace('MEMORY', 'None')}
@@ -210,6 +213,7 @@ for number in (0, 1, 2):
     assert (folders / "write" / "results").read_text(encoding="utf-8") == "[True, True, True, 2, b'', 9, 9]"
 
 
+@pytest.mark.long
 def test_a_folder_that_becomes_a_link_leads_nowhere(folders: Path) -> None:
     """Rights are those of the folder that was opened, and not of its name."""
     (folders / "late").mkdir()
@@ -225,6 +229,7 @@ def test_a_folder_that_becomes_a_link_leads_nowhere(folders: Path) -> None:
     assert sorted(os.listdir(folders / "other")) == ["a.txt"]
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.uname().machine != "x86_64", reason="for the interface of 32 bits")
 def test_calls_of_32_bits_end_the_process(folders: Path) -> None:
     """They have other numbers."""

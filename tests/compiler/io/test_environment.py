@@ -27,6 +27,7 @@ def test_other_values_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
         environment.read_choice("MAQUETTE_A", ("x", "y"))
 
 
+@pytest.mark.long
 def test_the_page_lists_every_variable() -> None:
     files = [file for folder in SOURCES for file in (ROOT / folder).rglob("*.py")]
     used = {name for file in files for name in re.findall(r"\bMAQUETTE_[A-Z_]+\b", file.read_text("utf-8"))}

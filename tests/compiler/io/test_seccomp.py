@@ -84,6 +84,7 @@ def test_other_interfaces_of_the_processor() -> None:
     assert verdict("aarch64", 20, audit=0x40000028) == KILLED
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not Path("/usr/include/asm-generic/unistd.h").is_file(), reason="this system has no headers of Linux")
 def test_no_call_of_another_name_is_allowed() -> None:
     """By the kernel's header for aarch64."""

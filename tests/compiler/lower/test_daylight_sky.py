@@ -32,6 +32,7 @@ def test_the_zenith_is_the_formulas():
     assert [float(v[0]) for v in found] == pytest.approx([luminance, x, y])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("turbidity", [1.8, 3.0, 6.0, 10.0])
 @pytest.mark.parametrize("height", [0.02, 0.3, 1.0])
 def test_level_ground_gets_pi(turbidity, height):

@@ -47,6 +47,7 @@ def bounds(scene: ir.Scene) -> np.ndarray:
 # --- implicit ---
 
 
+@pytest.mark.long
 def test_values_that_wait_for_others_are_few(tmp_path):
     """All of a long minimum's operands could be computed before the first comparison; they are not."""
     balls = ", ".join(f"hypot(x - {0.1 * k}, y + {0.1 * k}, z - {k}) - 0.5" for k in range(300))
@@ -55,6 +56,7 @@ def test_values_that_wait_for_others_are_few(tmp_path):
     assert most_live(tape) < 12
 
 
+@pytest.mark.long
 def test_more_values_at_a_time_than_there_is_room_for(tmp_path):
     waves = [[f"sin({k} * x + y)" for k in range(first, first + 20)] for first in range(1, 300, 20)]
     one, other = (" + ".join(f"({sign.join(row)})" for row in waves) for sign in (" + ", " - "))
@@ -144,6 +146,7 @@ def test_squares_in_a_solids_product_are_no_part_of_what_has_an_inside(tmp_path,
     assert said == (["where a squared factor is 0 this holds on a sheet, too, of which nothing is drawn"] if left_out else [])
 
 
+@pytest.mark.long
 def test_truths_compared_again_and_again_are_read_once_each(tmp_path):
     text = "(x > 0)"
     for k in range(30):  # each of which is used twice: 2³⁰ ways to the first

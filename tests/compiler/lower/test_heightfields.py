@@ -97,6 +97,7 @@ def test_a_base_makes_a_solid(compiled):
     assert made.bounds[0, 1] == pytest.approx(-0.25)
 
 
+@pytest.mark.long
 def test_the_volume_of_a_smooth_hill(compiled):
     """∫ cos(πx/2) cos(πz/2) over [-1, 1]² is (4/π)²."""
     made = of_scene(compiled("heightfield(|x, z| cos(pi * x / 2) * cos(pi * z / 2), size: 2, base: 1)" + REST))

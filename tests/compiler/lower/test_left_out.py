@@ -90,6 +90,7 @@ def test_a_lamp_in_a_box_that_stands_for_a_text_is_no_mistake(tmp_path: Path) ->
     assert read(tmp_path, text, left_out=True)[1] == read(tmp_path, text, left_out=False)[1]
 
 
+@pytest.mark.long
 def test_an_edit_makes_again_what_it_touches(tmp_path: Path) -> None:
     """A text is edited in a solid of a box, a ball and a rounded part: neither of these is made again, and nothing by a new colour."""
     cache = stage_cache.StageCache()
@@ -113,6 +114,7 @@ def test_an_edit_makes_again_what_it_touches(tmp_path: Path) -> None:
     assert again["texts outlined"] == again["solids combined"] == 1
 
 
+@pytest.mark.long
 def test_the_seconds_of_shapes_are_noted(tmp_path: Path) -> None:
     with built_geometry.recorded() as costs:
         read(tmp_path, f"difference() {{ union(round: 0.05) {{ box(0.4); sphere(0.3) }}; {TEXT} }}\nsphere(1)", left_out=False)

@@ -11,6 +11,7 @@ from maquette.lang.diagnostics import Diagnostics, SceneError, render_text
 REST = "\ncamera(position: [0, 0, 9], look_at: [0, 0, 0])\n"
 
 
+@pytest.mark.long
 def test_an_error_inside_of_the_library_points_at_the_call(tmp_path: Path) -> None:
     scene = tmp_path / "a.scene"
     scene.write_text('use "std/room"\nroom.table(at: [1e40, 0, 0])' + REST, encoding="utf-8")

@@ -180,6 +180,7 @@ def opacity_of(scene: ir.Scene) -> tuple[float, float, int]:
     return float(m.values[row, Slot.OPACITY, 0]), float(m.threshold[row]), int(t.channel[texture]) if texture >= 0 else -2
 
 
+@pytest.mark.long
 def test_opacity_is_a_number_or_a_picture_of_it(compiled, tmp_path) -> None:
     write_image(tmp_path / "rgb.png", np.full((2, 2, 3), 128, np.uint8))
     write_image(tmp_path / "leaf.png", np.array([[[9, 9, 9, 255], [9, 9, 9, 0]]], np.uint8))

@@ -131,6 +131,7 @@ def test_a_font_of_a_file(compiled, tmp_path):
     assert str(tmp_path / "own.ttf") in scene.files
 
 
+@pytest.mark.long
 @settings(deadline=None, max_examples=60)
 @given(st.text(st.characters(codec="utf-8"), max_size=8), st.sampled_from(sorted(fonts.SHIPPED.values())))
 def test_any_text_is_closed(text, file):
@@ -172,6 +173,7 @@ def test_a_number_is_no_text(said):
     assert said("text(5)" + REST).splitlines()[0] == "a.scene:1:6: error: expected string, got the bare number 5"
 
 
+@pytest.mark.long
 def test_long_texts_are_cut_into_letters(monkeypatch):
     """Letters apart have the outlines and the volume that all of them at once have."""
     text = "\n".join(["The quick brown fox", "jumps % over ß & @", "8 lazy dögs. " * 3] * 2)

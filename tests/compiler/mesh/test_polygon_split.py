@@ -73,6 +73,7 @@ def test_small_polygons_are_whole():
     assert rows.tolist() == list(range(polygon_split.LARGE))
 
 
+@pytest.mark.long
 def test_a_large_polygon_that_crosses_itself_ends():
     loop = np.random.default_rng(1).random((40_000, 2))
     found = polygon_split.pieces(loop)

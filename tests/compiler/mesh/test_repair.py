@@ -37,6 +37,7 @@ def volume(mesh: PolyMesh) -> float:
     return float(topology.moments(places, faces).volume)
 
 
+@pytest.mark.long
 @settings(deadline=None, max_examples=25)
 @given(st.randoms(use_true_random=False))
 def test_a_damaged_ball_is_mended(random: object) -> None:
@@ -54,6 +55,7 @@ def test_a_damaged_ball_is_mended(random: object) -> None:
     assert said.done or not turned.any()
 
 
+@pytest.mark.long
 @settings(deadline=None, max_examples=60)
 @given(st.lists(st.tuples(*[st.integers(0, 6)] * 3), max_size=14), st.randoms(use_true_random=False))
 def test_any_triangles_are_taken(faces: list[tuple[int, int, int]], random: object) -> None:

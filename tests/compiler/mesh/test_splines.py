@@ -72,6 +72,7 @@ def test_a_curve_turns_by_about_what_is_asked():
 coordinates = st.floats(-10, 10).map(lambda x: round(x, 3))
 
 
+@pytest.mark.long
 @given(st.lists(st.tuples(coordinates, coordinates), min_size=4, max_size=4), st.floats(1e-3, 1))
 def test_the_polyline_is_within_the_tolerance(points, tolerance):
     control = np.array(points)

@@ -77,6 +77,7 @@ def test_points_in_one_place_make_no_broken_numbers():
     assert np.isfinite(mesh.points).all()
 
 
+@pytest.mark.long
 def test_tubes_do_not_twist():
     """The corners of a tube about a plane curve keep their heights above the plane, also over 100,000 points."""
     t = np.linspace(0, 300, 100_001)
@@ -85,6 +86,7 @@ def test_tubes_do_not_twist():
     assert np.ptp(heights, axis=0).max() < 1e-9
 
 
+@pytest.mark.long
 def test_very_many_points_have_open_tubes_of_four_sides():
     t = np.linspace(0, 1000, 500_001)
     mesh = strands.tubes(line(*np.stack([t, 0 * t, 0 * t], axis=1), radius=0.1))

@@ -150,6 +150,7 @@ def test_a_twist_turns_as_the_element_twist_does(compiled):
 radii = st.integers(0, 40).map(lambda k: k / 10)
 
 
+@pytest.mark.long
 @settings(deadline=None, max_examples=60)
 @given(st.lists(st.tuples(radii, radii), min_size=3, max_size=9, unique=True), st.sampled_from([2 * math.pi, 2.0]))
 def test_every_simple_profile_is_closed(points, angle):

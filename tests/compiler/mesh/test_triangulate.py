@@ -105,6 +105,7 @@ def placed_polygons(draw):
     return flat, flat @ np.stack([u, np.cross(normal, u)]) + draw(st.floats(-100, 100)), normal
 
 
+@pytest.mark.long
 @given(placed_polygons(), st.integers(0, 23))
 def test_a_simple_polygon_is_covered_once(polygon, turn):
     """The signed areas add up to the polygon's, and so do the unsigned ones: nothing is covered twice or the wrong way round."""
@@ -117,6 +118,7 @@ def test_a_simple_polygon_is_covered_once(polygon, turn):
     assert total == pytest.approx(expected, rel=1e-6)
 
 
+@pytest.mark.long
 @given(st.lists(st.floats(2, 10), min_size=3, max_size=12), st.lists(st.floats(0.1, 0.9), min_size=3, max_size=12))
 def test_a_polygon_with_a_hole_is_covered_once(outer, inner):
     outline, hole = star(outer), star(inner)

@@ -104,6 +104,7 @@ def test_a_closed_tube_has_no_seam():
 numbers = st.integers(-20, 20).map(lambda k: k / 4)
 
 
+@pytest.mark.long
 @settings(deadline=None, max_examples=50)
 @given(
     st.lists(st.tuples(numbers, numbers, numbers), min_size=3, max_size=8, unique=True), st.booleans(), st.sampled_from(["flat", "round"])

@@ -40,6 +40,7 @@ def test_a_sun_in_an_even_sky(found):
     assert 2 * math.pi * (0.5 - (column + 0.5) / width) == pytest.approx(math.atan2(0.6, 0.0), abs=0.05)
 
 
+@pytest.mark.long
 def test_spots_are_counted_across_the_seam(found):
     spots = found(f"dome(pattern: |x, y, z| 1 + {disk(0, 0, -1)} + {disk(0.6, 0.8, 0)})\n")
     assert spots is not None

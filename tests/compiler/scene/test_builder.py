@@ -58,6 +58,7 @@ def test_a_mesh_is_a_range_about_an_origin() -> None:
     assert tables.geometries.bounds[1].tolist() == [[1e7, 1e7, 1e7], [1e7 + 1, 1e7 + 1, 1e7]]
 
 
+@pytest.mark.long
 def test_ten_thousand_copies_of_a_mesh_cost_one() -> None:
     side = 224  # 2 · 223² = 99 458 triangles
     grid = np.arange(side * side).reshape(side, side)

@@ -17,6 +17,7 @@ boxes = st.tuples(st.tuples(*[st.floats(-100, 100)] * 3), st.tuples(extents, ext
 )
 
 
+@pytest.mark.long
 @given(boxes, st.floats(0.1, 2.5), st.floats(0.2, 5))
 def test_a_framed_box_fills_the_picture_to_the_margin(bounds: np.ndarray, fov: float, aspect: float) -> None:
     eye, target = defaults.framing(bounds, fov, aspect)

@@ -148,6 +148,7 @@ def test_nothing_is_unpickled(saved: tuple[ir.Scene, Path]) -> None:
     assert reason(rewritten(saved[1], instances__geometry=np.array([print, None], dtype=object))) == DAMAGED
 
 
+@pytest.mark.long
 def test_a_file_that_grows_when_it_is_read(saved: tuple[ir.Scene, Path]) -> None:
     """50 kB of zeros, compressed: read, they would take 50 MB."""
     np.savez_compressed(saved[1], about=np.zeros(50 << 20, np.uint8))

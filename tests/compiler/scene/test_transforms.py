@@ -74,6 +74,7 @@ def test_ten_thousand_rotations_keep_volume() -> None:
     assert np.abs(made - transforms.rotation(AxisAngle((1.0, 2.0, 3.0), 1000.0))).max() < 1e-11
 
 
+@pytest.mark.long
 @given(vectors, axes, angles, st.tuples(*[st.floats(1e-6, 1e6)] * 3))
 def test_an_inverse_inverts(move: tuple, axis: tuple, angle: float, scale: tuple) -> None:
     matrix = transforms.place(move, AxisAngle(axis, angle), scale)
@@ -120,6 +121,7 @@ def test_a_tiny_axis_is_an_axis() -> None:
     assert turn(math.pi, 0, 1e-200, 0) @ [1, 0, 0] == pytest.approx([-1, 0, 0], abs=1e-15)
 
 
+@pytest.mark.long
 @given(vectors, vectors, axes)
 def test_looking_is_a_frame_with_minus_z_to_the_target(position: tuple, target: tuple, up: tuple) -> None:
     made = transforms.looking(position, target, up)

@@ -268,6 +268,7 @@ COLUMNS = [(table, column) for table, made in ir.TABLES.items() for column in ma
 NUMBERS = [0, 1, -1, 2, 3, 7, 100, 2**31 - 1, -(2**31), 0.5, 1e-30, 1e30, 1e300, -1e300, np.nan, np.inf, -np.inf]
 
 
+@pytest.mark.long
 @settings(max_examples=250, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(st.tuples(st.sampled_from(COLUMNS), st.integers(0, 50), st.sampled_from(NUMBERS)), min_size=1, max_size=6))
 def test_whatever_stands_in_the_tables_the_validator_answers(changes: list) -> None:
@@ -287,6 +288,7 @@ def test_whatever_stands_in_the_tables_the_validator_answers(changes: list) -> N
         assert dump.text(checked)
 
 
+@pytest.mark.long
 @settings(max_examples=60, deadline=None)
 @given(st.sampled_from(COLUMNS), st.sampled_from(["short", "long", "empty", "float16", "object", "flat", "strided"]))
 def test_whatever_shape_the_tables_have_the_validator_answers(where: tuple[str, str], how: str) -> None:

@@ -159,6 +159,7 @@ def test_limits_of_an_argument_are_its_own(probe: Any) -> None:
 NUMBERS = st.lists(st.floats(-1e3, 1e3).map(lambda x: round(x, 4)), min_size=3, max_size=3)
 
 
+@pytest.mark.long
 @unhurried
 @given(NUMBERS, st.sampled_from(["m", "cm", "mm", "km", "ft"]))
 def test_bare_points_are_points_with_the_unit_of_the_file_written_out(numbers: list[float], unit: str) -> None:

@@ -256,6 +256,7 @@ def test_equal_operations_of_a_formula_are_shared() -> None:
     assert [n.op for n in recorded("|x| sin(x) * sin(x)").nodes] == ["parameter", "sin", "multiply"]
 
 
+@pytest.mark.long
 def test_lengths_in_a_formula_become_numbers_in_the_unit_of_the_file() -> None:
     f = recorded("|x| x - r + a + 90deg * 0", "unit mm\nlet r = 2cm\nlet a = 0")
     assert f.unit == 0.001

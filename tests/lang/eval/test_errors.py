@@ -27,6 +27,7 @@ def test_message(case: str) -> None:
     assert "\n".join(line.rstrip() for line in "\n".join(messages).split("\n")) == expected
 
 
+@pytest.mark.long
 @unhurried
 @given(st.data())
 def test_any_word_in_place_of_any_other_gives_a_document_and_messages(data: st.DataObject) -> None:

@@ -254,6 +254,7 @@ def _operations(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
     return pairs | powers | inner.map(lambda t: f"({t})") | inner.map(lambda t: f"-({t})")
 
 
+@pytest.mark.long
 @unhurried
 @given(st.recursive(NUMBERS, _operations, max_leaves=12))
 def test_arithmetic_is_that_of_python(text: str) -> None:
@@ -267,6 +268,7 @@ def test_arithmetic_is_that_of_python(text: str) -> None:
 COMPARISONS = st.tuples(st.integers(-5, 5), st.sampled_from(["<", "<=", ">", ">=", "==", "!="]), st.integers(-5, 5))
 
 
+@pytest.mark.long
 @unhurried
 @given(st.lists(COMPARISONS, min_size=1, max_size=5), st.data())
 def test_logic_is_that_of_python(parts: list[tuple[int, str, int]], data: st.DataObject) -> None:

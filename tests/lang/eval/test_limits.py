@@ -42,6 +42,7 @@ CASES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("scene", "message"), CASES.values(), ids=CASES.keys())
 def test_a_limit_is_one_message_with_its_place_in_time(scene: str, message: str) -> None:
     start = time.process_time()
@@ -80,6 +81,7 @@ USES = ["sphere(name: string(a))", "let f() = a\nf(scale: 2)"]
 USES += [pytest.param(use, marks=pytest.mark.long) for use in ("param p: shape = a\np", "sphere(-a)", "sphere(a == a)")]  # ten seconds each
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("use", USES)
 def test_lists_that_share_or_nest_are_answered(use: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(limits, "MAX_STEPS", 200_000)
@@ -203,6 +205,7 @@ def test_a_small_thread_is_enough() -> None:
     assert results == [1]
 
 
+@pytest.mark.long
 def test_the_language_imports_no_numpy() -> None:
     code = "import sys, maquette.lang.eval.evaluator; sys.exit('numpy' in sys.modules or 'numba' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -36,6 +36,7 @@ def check(incremental: IncrementalParser, text: str) -> ast.File:
     return file
 
 
+@pytest.mark.long
 @settings(max_examples=150, deadline=20_000)
 @given(
     st.one_of(st.sampled_from(SCENES), st.lists(st.sampled_from(LINES), max_size=25).map("\n".join)),
@@ -53,6 +54,7 @@ def test_any_edits(text, edits):
     check(incremental, before)
 
 
+@pytest.mark.long
 @settings(max_examples=150, deadline=20_000)
 @given(st.lists(st.lists(st.sampled_from(LINES), max_size=12), min_size=2, max_size=6))
 def test_any_texts(texts):
@@ -104,6 +106,7 @@ def test_a_file_that_was_parsed_stays_as_it_is():
     assert before == answer("let a = 1\nsphere(a)\n")[0]
 
 
+@pytest.mark.long
 def test_a_keystroke_takes_a_fraction_of_a_parse():
     lines = [f"sphere({k % 7}, at: [{k}, {k % 13}, 0.5], material: metal)" for k in range(300)]
     incremental = IncrementalParser("t")

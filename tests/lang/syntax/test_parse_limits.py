@@ -70,12 +70,14 @@ def test_depth_within_the_limit_is_fine():
         assert answer(text)[1] == []
 
 
+@pytest.mark.long
 def test_many_errors_are_cut():
     _, messages = answer("let a 1\n" * 5000)
     assert len(messages) == 101
     assert messages[-1] == "t: more than 100 syntax errors; the rest is not shown"
 
 
+@pytest.mark.long
 def test_many_mistakes_are_cut():
     for text in ("!\n" * 100_000, '"\n' * 100_000, "# x\n" * 100_000, ")\n" * 5_000, "f(\n1 2)\n" * 2000):
         assert len(answer(text)[1]) == 101

@@ -4,6 +4,7 @@ import re
 import string
 from pathlib import Path
 
+import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from maquette.lang.diagnostics import Diagnostics
@@ -19,6 +20,7 @@ WORDS = [
 ]  # fmt: skip
 
 
+@pytest.mark.long
 @settings(max_examples=400, deadline=20_000)
 @given(st.lists(st.sampled_from(WORDS), max_size=60), st.sampled_from(["", " "]))
 @example(["50%", "group() {", "}", "{"], "")
@@ -39,6 +41,7 @@ def test_token_soup_never_raises(words, between):
     assert places == sorted(places)
 
 
+@pytest.mark.long
 @settings(max_examples=100, deadline=20_000)
 @given(st.text(max_size=200))
 def test_any_text_never_raises(text):
@@ -52,6 +55,7 @@ def test_any_bytes_never_raise(data):
     assert (parser.decode(data, "t", diagnostics) is None) == diagnostics.failed
 
 
+@pytest.mark.long
 @settings(max_examples=80, deadline=20_000)
 @given(st.sampled_from(SCENES), st.integers(0, 2000), st.integers(0, 12))
 def test_a_hole_in_a_scene_never_raises(text, start, size):
@@ -177,6 +181,7 @@ def written_item(node) -> str:
     return f"unit {node.name.id}"
 
 
+@pytest.mark.long
 @settings(max_examples=100, deadline=20_000)
 @given(scenes)
 def test_trees_come_back_from_their_text(read, shown, text):
@@ -185,6 +190,7 @@ def test_trees_come_back_from_their_text(read, shown, text):
     assert shown(again.items) == shown(file.items)
 
 
+@pytest.mark.long
 @settings(max_examples=100, deadline=20_000)
 @given(scenes, st.randoms(use_true_random=False))
 def test_layout_changes_no_tree_and_loses_no_comment(read, shown, text, chance):
@@ -203,6 +209,7 @@ def test_layout_changes_no_tree_and_loses_no_comment(read, shown, text, chance):
     assert format_text(done, "t", Diagnostics()) == done
 
 
+@pytest.mark.long
 @settings(max_examples=300, deadline=20_000)
 @example(["/", "/", "# "], "")
 @given(st.lists(st.sampled_from(WORDS), max_size=40), st.sampled_from(["", " "]))
@@ -230,6 +237,7 @@ def comments_of(node: ast.Node) -> list[str]:
     return sorted(found)
 
 
+@pytest.mark.long
 @settings(max_examples=80, deadline=20_000)
 @given(st.one_of(scenes, st.sampled_from(SCENES)), st.data())
 def test_every_comment_is_in_the_tree_once(read, text, data):

@@ -35,6 +35,7 @@ def test_pieces_of_a_scene_parse_as_the_whole_does(path: Path) -> None:
     assert ([type(item).__name__ for _, part in parts for item in piece(part).file.items], False) == shapes(text)
 
 
+@pytest.mark.long
 @given(st.lists(LINES, max_size=12))
 def test_pieces_of_any_text_are_the_text(lines: list[str]) -> None:
     text = "\n".join(lines)

@@ -55,6 +55,7 @@ def labels(found: list[dict[str, Any]]) -> list[str]:
 # --- diagnostics ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_errors_come_with_each_change_and_go_when_they_are_mended(editor: Editor) -> None:
     editor.open("a.scene", 'sphre(1)\nsphere(1, material: lambert("😀", #ff0000), raduis: 2)\n')
     found = editor.checked("a.scene")
@@ -72,6 +73,7 @@ def test_an_unused_name_is_a_warning_that_editors_fade(editor: Editor) -> None:
     assert found == {"range": span(0, 4, 5), "message": "`a` is never used", "severity": 2, "source": "maquette", "tags": [1]}
 
 
+@pytest.mark.long
 def test_errors_of_a_used_file_stand_in_that_file(editor: Editor) -> None:
     editor.open("a.scene", 'use "parts.scene"\nparts.post()\n')
     assert editor.checked("a.scene") == []
@@ -126,6 +128,7 @@ def test_a_text_that_is_no_scene_is_ignored(editor: Editor) -> None:
     assert document["uri"] not in editor.diagnostics
 
 
+@pytest.mark.long
 def test_columns_are_in_the_encoding_that_the_editor_asks_for(tmp_path: Path) -> None:
     text = 'text("ä😀")\r\ntext("ä😀", sise: 1)\r\n'
     other = tmp_path / "other"
@@ -143,6 +146,7 @@ def test_columns_are_in_the_encoding_that_the_editor_asks_for(tmp_path: Path) ->
         assert editor.end() == 0
 
 
+@pytest.mark.long
 def test_the_server_ends_with_its_editor(tmp_path: Path) -> None:
     editor = Editor(tmp_path)
     assert editor.process.stdin is not None
@@ -271,6 +275,7 @@ def test_definition(editor: Editor, text: str, file: str, where: dict[str, Any])
     assert editor.at("a.scene", "definition", HEAD + text) == {"uri": editor.uri(file), "range": where}
 
 
+@pytest.mark.long
 def test_definition_in_the_library(editor: Editor) -> None:
     found = editor.at("a.scene", "definition", 'use "std/room"\nroom.b‸ox()')
     assert found["uri"].endswith("/stdlib/room.scene")
@@ -392,6 +397,7 @@ def test_colors_have_swatches(editor: Editor) -> None:
     assert labels(written) == ["#ff8800", "rgb(1, 0.246, 0)"]
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
 def test_files_that_are_no_ordinary_files_are_left_out(tmp_path: Path) -> None:
     """A pipe that nobody writes to, an endless device and a link out of the folder: in the workspace, and as the open file."""

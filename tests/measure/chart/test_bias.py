@@ -47,6 +47,7 @@ def rms(difference: np.ndarray, truth: np.ndarray) -> float:
     return math.sqrt(float(np.mean(difference**2 * bias.weights(truth))))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("noise", [0.01, 0.3, 2.0])
 @pytest.mark.parametrize("of_reference", [0.0, 0.3])
 def test_an_unbiased_estimator_has_none(noise: float, of_reference: float) -> None:
@@ -127,6 +128,7 @@ def test_of_a_black_reference_nothing_is_weighed() -> None:
     assert split(runs_of(black, 0.0, 3, 0), reference_of(black)).bias == 0.0
 
 
+@pytest.mark.long
 @given(st.integers(1, 6), st.integers(1, 6), st.floats(0.0, 1e3))
 def test_sums_of_two_parts_are_those_of_all(a: int, b: int, offset: float) -> None:
     pictures = np.random.default_rng(a * 10 + b).standard_normal((a + b, 2, 3, 4)) + offset

@@ -101,6 +101,7 @@ def weigh(squares: np.ndarray, truth: np.ndarray) -> float:
     return float((squares / (truth**2 + epsilon**2)).mean())
 
 
+@pytest.mark.long
 def test_every_number_comes_out_of_the_kept_images(made: Chart, folder: Path) -> None:
     index = json.loads((folder / "index.json").read_text(encoding="utf-8"))
     truth, doubt = read(folder / "reference.exr"), read(folder / "reference-variance.exr")
@@ -137,6 +138,7 @@ def test_no_two_renders_share_a_seed(made: Chart, folder: Path) -> None:
     assert min(index["reference"]["seeds"]) >= reference.FIRST_SEED > max(r["seed"] for r in index["runs"])
 
 
+@pytest.mark.long
 def test_a_missing_interreflection_is_a_floor_and_no_noise(scene: ir.Scene, made: Chart) -> None:
     """As large as long renders with and without it are apart."""
     full, shallow = (
@@ -196,6 +198,7 @@ def measured(scene: ir.Scene, budget: float = DAY, **more: Any) -> Chart:
     return engine.measure(scene, Wanted("a.scene", budget=budget, **more))
 
 
+@pytest.mark.long
 def test_the_budget_bounds_the_whole(scene: ir.Scene, made: Chart) -> None:  # which has loaded the kernels
     began = time.perf_counter()
     told: list[tuple[float, float]] = []
@@ -215,11 +218,13 @@ def test_too_little_time_is_said(tmp_path: Path) -> None:
         measured(scene, budget=1e-4)
 
 
+@pytest.mark.long
 def test_as_many_renders_as_asked_for(scene: ir.Scene) -> None:
     assert {p.error.count for p in measured(scene, seeds=3).points} == {3}
     assert {p.error.count for p in measured(scene, seeds=2, repeats=4).points} == {4}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("metric", ["flip", "max", "silhouette"])
 def test_every_metric_can_be_charted(scene: ir.Scene, metric: str) -> None:
     found = measured(scene, metric=metric, seeds=6)
@@ -230,11 +235,13 @@ def test_every_metric_can_be_charted(scene: ir.Scene, metric: str) -> None:
         assert point.error.count == 6
 
 
+@pytest.mark.long
 def test_without_a_size_it_is_small(tmp_path: Path) -> None:
     scene = load(PLANE, tmp_path)
     assert measured(scene, settings=ir.Settings(threads=2), backends=("raster",), seeds=2).size == (160, 120)
 
 
+@pytest.mark.long
 def test_what_a_scene_says_of_samples_and_seeds_is_the_charts_to_turn(tmp_path: Path) -> None:
     scene = load(SCENE.replace("render(", "render(samples: 3, seed: 5, "), tmp_path)
     found = curve(measured(scene, seeds=2), "ray", "samples")
@@ -242,6 +249,7 @@ def test_what_a_scene_says_of_samples_and_seeds_is_the_charts_to_turn(tmp_path: 
     assert all(p.noise for p in found.points)
 
 
+@pytest.mark.long
 def test_a_closed_form_leaves_no_doubt(tmp_path: Path) -> None:
     scene = load(PLANE, tmp_path)
     found = measured(scene, backends=("ray", "raster"), seeds=2)
@@ -289,6 +297,7 @@ def last(made: Chart, backend: str) -> Point:
     return next(c for c in made.curves if c.backend == backend).points[-1]
 
 
+@pytest.mark.long
 def test_a_bias_hidden_on_purpose_shows(scene: ir.Scene, found: list[Tinted]) -> None:
     """Two per cent too bright, far below its noise at 16 samples; beside it the same without."""
     found += [Tinted("honest"), Tinted("bright", 1.02)]
@@ -305,6 +314,7 @@ def test_a_bias_hidden_on_purpose_shows(scene: ir.Scene, found: list[Tinted]) ->
     assert all(p.setting.plan["filter"] == "box" for p in made.points if p.setting.backend == "ray")
 
 
+@pytest.mark.long
 def test_peers_that_cannot_are_left_out_with_why(scene: ir.Scene, found: list[Tinted]) -> None:
     found += [Tinted("absent", missing="not installed"), Tinted("plain", lost=("no light", "no matter")), Tinted("broken", fails=True)]
     made = measured(scene, peers=("absent", "plain", "broken"), seeds=2)
@@ -313,6 +323,7 @@ def test_peers_that_cannot_are_left_out_with_why(scene: ir.Scene, found: list[Ti
     assert {c.backend for c in made.curves} == {"ray"}
 
 
+@pytest.mark.long
 def test_a_peer_without_coverage_has_no_silhouette(scene: ir.Scene, found: list[Tinted]) -> None:
     found.append(Tinted("flat"))
     made = measured(scene, peers=("flat",), metric="silhouette", seeds=2)
@@ -329,6 +340,7 @@ def test_interrupted_before_anything(scene: ir.Scene) -> None:
         engine.measure(scene, Wanted("a.scene", SETTINGS, ("ray",)), None, cancel)
 
 
+@pytest.mark.long
 def test_interrupted_on_the_way_charts_what_there_is(scene: ir.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     cancel, count = threading.Event(), [0]
     real = contestant.Step.add

@@ -123,6 +123,7 @@ def test_an_estimate_without_time_is_unknown(monkeypatch: pytest.MonkeyPatch, sc
     )
 
 
+@pytest.mark.long
 def test_a_run_at_the_end_of_the_budget_is_interrupted_and_the_question_answered(monkeypatch: pytest.MonkeyPatch, scene: ir.Scene) -> None:
     def run(scene: ir.Scene, plan: Plan, cancel: threading.Event) -> Any:
         while not cancel.is_set():

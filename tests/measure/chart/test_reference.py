@@ -42,6 +42,7 @@ def kept(folder: Path) -> list[Path]:
     return sorted((folder / "kept").iterdir())
 
 
+@pytest.mark.long
 def test_it_is_the_mean_of_its_seeds_and_their_variance(scene: ir.Scene, tmp_path: Path) -> None:
     found = made(scene, tmp_path)
     assert found.samples == 256 == 16 * len(found.seeds)
@@ -59,6 +60,7 @@ def test_it_is_the_mean_of_its_seeds_and_their_variance(scene: ir.Scene, tmp_pat
         np.testing.assert_allclose(half, pictures[first::2].mean(axis=0), rtol=1e-12)
 
 
+@pytest.mark.long
 def test_it_is_kept_and_a_longer_run_goes_on_where_it_ended(scene: ir.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn: list[int] = []
     real = runs.run
@@ -89,6 +91,7 @@ def damaged(data: bytes) -> list[bytes]:
     return [b"", data[:50], data[: len(data) // 2], bytes(flipped), b"no archive at all" * 100]
 
 
+@pytest.mark.long
 def test_a_damaged_file_is_made_anew(scene: ir.Scene, tmp_path: Path) -> None:
     sound = made(scene, tmp_path)
     (path,) = kept(tmp_path)
@@ -117,6 +120,7 @@ def test_what_shows_something_else_has_a_file_of_its_own(scene: ir.Scene, tmp_pa
     assert reference.cache_name(scene, alike.plan(scene, samples=9)) == keys[0]
 
 
+@pytest.mark.long
 def test_a_folder_that_cannot_be_written_to_is_done_without(scene: ir.Scene, tmp_path: Path) -> None:
     (tmp_path / "kept").write_text("a file stands where the folder should")
     assert made(scene, tmp_path).samples == 256
@@ -141,6 +145,7 @@ def test_little_time_makes_few_samples_and_too_little_is_said(scene: ir.Scene, t
         made(scene, tmp_path, seconds=1e-5)
 
 
+@pytest.mark.long
 def test_a_stop_keeps_what_there_is(scene: ir.Scene, tmp_path: Path) -> None:
     cancel = threading.Event()
     light = reference_light.choose(scene, SETTINGS)

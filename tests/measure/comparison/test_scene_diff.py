@@ -122,6 +122,7 @@ def test_plain_data(tmp_path: Path) -> None:
 SHAPE = st.sampled_from(["sphere(1)", "sphere(2)", "box(1)", 'box(1, name: "b")', "torus(1, 0.2)"])
 
 
+@pytest.mark.long
 @settings(max_examples=25, deadline=None)
 @given(st.lists(SHAPE, min_size=1, max_size=6), st.lists(SHAPE, min_size=1, max_size=6))
 def test_each_row_is_told_once(tmp_path_factory: pytest.TempPathFactory, first: list[str], second: list[str]) -> None:

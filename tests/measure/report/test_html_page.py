@@ -63,6 +63,7 @@ def test_each_point_is_on_the_drawing_in_a_row_and_in_the_data() -> None:
     }  # fmt: skip
 
 
+@pytest.mark.long
 def test_nothing_is_fetched() -> None:
     shown = Page(charts.room())
     for tag, attributes in shown.tags:
@@ -74,6 +75,7 @@ def test_nothing_is_fetched() -> None:
     assert policy == "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 
 
+@pytest.mark.long
 def test_every_colour_of_the_drawing_changes_with_the_paper() -> None:
     shown = Page(charts.room())
     drawing = shown.text[shown.text.index("<svg") : shown.text.index("</svg>") + 6]
@@ -85,6 +87,7 @@ def test_every_colour_of_the_drawing_changes_with_the_paper() -> None:
         assert shown.text.count(f"{name}:") == 3  # light, dark by the system, dark by the button
 
 
+@pytest.mark.long
 def test_names_of_strangers_stay_text() -> None:
     evil = "</script><script>alert(1)</script>&"
     chart = dataclasses.replace(charts.room(), scene=evil, machine=evil, left_out={evil: evil})
@@ -154,6 +157,7 @@ def node() -> str | None:
     return str(Path(executable.ROOT_DIR) / "bin" / "node")
 
 
+@pytest.mark.long
 @pytest.mark.skipif(node() is None, reason="Node.js runs the page's script, and there is none")
 def test_the_script_shows_and_copies(tmp_path: Path) -> None:
     data, script = Page(charts.room()).scripts

@@ -33,6 +33,7 @@ CHARTS = st.builds(
 )  # fmt: skip
 
 
+@pytest.mark.long
 @given(CHARTS)
 @settings(max_examples=60, deadline=None)
 def test_what_is_written_is_read_equal(chart: Chart) -> None:

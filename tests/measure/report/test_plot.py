@@ -47,6 +47,7 @@ def drawn(name: str, tree: ET.Element) -> list[tuple[float, float]]:
     return list(zip(numbers[::2], numbers[1::2], strict=True))
 
 
+@pytest.mark.long
 def test_every_point_is_where_its_logarithms_say() -> None:
     chart = charts.room()
     tree = parsed(chart)
@@ -58,6 +59,7 @@ def test_every_point_is_where_its_logarithms_say() -> None:
         assert (slope > 0) == (axis == 0)  # later is right, and a larger error is up, where y is less
 
 
+@pytest.mark.long
 def test_each_point_says_what_it_is() -> None:
     chart = charts.room()
     title = by_id(parsed(chart), "point-3").find(f"{SVG}title")
@@ -65,6 +67,7 @@ def test_each_point_says_what_it_is() -> None:
     assert title.text == "ray, 64 samples: 670 ms (600 ms to 740 ms), 3.9 % (3.7 % to 4.1 %)\n--backend ray --samples 64"
 
 
+@pytest.mark.long
 def test_curves_bars_front_knee_and_floors_are_there() -> None:
     chart = charts.room()
     tree = parsed(chart)
@@ -116,6 +119,7 @@ def drawn_box(name: str, tree: ET.Element) -> list[tuple[float, float]]:
     return list(zip(numbers[::2], numbers[1::2], strict=True))
 
 
+@pytest.mark.long
 def test_the_same_chart_is_the_same_file() -> None:
     assert plot.svg(charts.room()) == plot.svg(charts.room())
 
@@ -152,12 +156,14 @@ def test_all_exact_is_drawn() -> None:
     assert len([e for e in parsed(charts.chart(Curve("raster", "samples", (exact,)))).iter() if e.get("id") == "point-0"]) == 1
 
 
+@pytest.mark.long
 def test_png_is_a_picture_of_the_size_asked_for() -> None:
     image = Image.open(io.BytesIO(plot.png(charts.room(), dpi=100)))
     assert image.size == (960, 660)
     assert image.convert("RGB").getpixel((0, 0)) == (255, 255, 255)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("metric", list(METRICS))
 def test_each_metric_has_its_axis(metric: str) -> None:
     ray = Curve("ray", "samples", charts.sweep("ray", 0.03, 0.01, 0.31, 7))
@@ -166,6 +172,7 @@ def test_each_metric_has_its_axis(metric: str) -> None:
     assert any(text.endswith(" %") for text in said) == METRICS[metric].share
 
 
+@pytest.mark.long
 def test_labels_do_not_cover_each_other_or_leave_the_picture() -> None:
     picture = plot.ChartPlot(charts.room())
     for a, b in itertools.combinations(picture.layout.labels, 2):
@@ -174,6 +181,7 @@ def test_labels_do_not_cover_each_other_or_leave_the_picture() -> None:
     assert all(Box(0, 0, width, height).contains(label) for label in picture.layout.labels)
 
 
+@pytest.mark.long
 def test_long_words_stay_on_the_picture() -> None:
     long = "a reason that goes on and on, " * 12
     curve = Curve("raster", "samples", charts.sweep("raster", 0.1, 0.1, 0.2, 4, bias=0.1), f"{long}: bias 10 %")
@@ -191,6 +199,7 @@ def test_long_words_stay_on_the_picture() -> None:
     assert not any(box.y0 < axes.y1 and box.y1 > axes.y0 for box in boxes)
 
 
+@pytest.mark.long
 def test_points_are_not_hidden_by_names() -> None:
     picture = plot.ChartPlot(charts.room())
     assert max(label.overlap_area(point) for label in picture.layout.labels for point in picture.layout.points) < 5  # of 144 square pixels

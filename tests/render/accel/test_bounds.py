@@ -61,6 +61,7 @@ LONG = ("profiles",)
 DRAWN = [path for path in sorted(EXAMPLES.glob("*.scene")) if path.stem not in SLOW]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("path", [pytest.param(path, id=path.stem, marks=[pytest.mark.long] * (path.stem in LONG)) for path in DRAWN])
 def test_pictures_read_nothing_before_a_table(path, monkeypatch):
     """Every example by the reference backend, which shares its code with kernels."""

@@ -151,6 +151,7 @@ def test_the_instance_bvh_holds_each_instance_once_inside_its_boxes(n: int) -> N
     check_top(tree, moved)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("shape", "count"), [("sphere", 300), ("mesh", 200), ("sphere", 70), ("mesh", 70)])
 def test_thousands_of_rays_among_many_instances(shape: str, count: int) -> None:
     """Coherent, nearly coherent and incoherent rays, with inactive lanes."""
@@ -166,6 +167,7 @@ def test_thousands_of_rays_among_many_instances(shape: str, count: int) -> None:
         assert np.all(instance[t_max < 0] == -1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("spread", [0.0, 1e-4, 3e-3, 0.03])
 def test_packets_through_a_mesh_hit_what_single_rays_hit(spread: float) -> None:
     """Packets as narrow as a leaf and much wider, at edges and corners, with early ends, and for any hit."""
@@ -184,6 +186,7 @@ def test_packets_through_a_mesh_hit_what_single_rays_hit(spread: float) -> None:
     assert np.mean(instance >= 0) > 0.5
 
 
+@pytest.mark.long
 def test_axis_aligned_rays_from_one_point() -> None:
     """Directions with zeros of both signs, where 1 / 0 is infinite."""
     tables = scene([(K.BOX, [0.5, 0.5, 0.5], matrix((x, y, 0.0)), 0) for x in range(8) for y in range(8)])
@@ -234,6 +237,7 @@ def test_a_mesh_bvh_holds_each_triangle_once_inside_its_boxes() -> None:
     assert check_top(tree.top, world_bounds(tables)) == 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("what", ["duplicates", "coplanar", "a needle fan", "spread over 30 powers of two"])
 def test_bvhs_of_degenerate_triangles_are_shallow_and_quick(what: str) -> None:
     n = 50_000
@@ -259,6 +263,7 @@ def test_bvhs_of_degenerate_triangles_are_shallow_and_quick(what: str) -> None:
     assert tree.wide.nbytes < 64 * n
 
 
+@pytest.mark.long
 def test_the_bvh_is_the_same_on_any_number_of_threads() -> None:
     mesh = wavy(150)
     positions, triangles = mesh.positions.astype(np.float32), mesh.triangles.astype(np.int32)
@@ -294,6 +299,7 @@ def test_bvhs_of_two_meshes_share_a_pool() -> None:
     assert sorted(tree.wide.rows[tree.wide.rows >= 0]) == list(range(1000))
 
 
+@pytest.mark.long
 def test_ten_thousand_instances_share_a_bvh() -> None:
     builder = SceneBuilder()
     mesh = builder.mesh(wavy(224))

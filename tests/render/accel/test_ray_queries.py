@@ -87,6 +87,7 @@ def test_any_number_of_rays_to_one_mesh(n):
         np.testing.assert_array_equal(a, b[:n])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("n", [1, 255, 256, 257, 3000])
 def test_any_number_of_rays_among_many_instances(n):
     accel = crowd(np.eye(4))
@@ -111,6 +112,7 @@ def count_packets(accel, origin, direction, least, most):
     return found
 
 
+@pytest.mark.long
 @pytest.mark.skipif(crosslane.WIDTH < packet.MIN_RAYS, reason="there are no packets")
 def test_rays_near_each_other_are_one_packet():
     near, apart = (count_packets(single(np.eye(4)), *aimed(np.eye(4), spread, False)) for spread in (1e-3, 0.3))
@@ -153,6 +155,7 @@ def test_stretches_that_begin_and_end_in_triangles(gap, spread, towards):
         np.testing.assert_array_equal(ray_queries.occluded(accel, o, d, least, most), np.isfinite(expected))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("place", [np.eye(4), matrix((1e5, -3e4, 2e5)), np.diag([1e-3, 1e-3, 1e-3, 1.0])], ids=["as it is", "far", "tiny"])
 def test_rays_that_end_or_begin_about_where_they_hit_something(place):
     """What counts is t_min < t < t_max, however close t is to these, and at edges, where single precision tells nothing."""
@@ -180,6 +183,7 @@ def count_narrow(origin, direction):
     return found
 
 
+@pytest.mark.long
 @pytest.mark.skipif(crosslane.WIDTH < 4, reason="there are no packets")
 @pytest.mark.parametrize("spread", [1e-4, 0.01, 0.2])
 def test_rays_among_many_instances_of_all_kinds(spread):

@@ -75,6 +75,7 @@ def test_a_strip_cut_by_near_has_an_even_edge(samples):
     assert (found[(slope + 1 / 48 < 1 / 9) | (slope - 1 / 48 > 1 / 1.25)] == 0.0).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("camera", [FLAT, EYE], ids=["orthographic", "perspective"])
 def test_triangles_without_area_cover_nothing(camera):
     """Collinear and coincident corners, in front of and across the eye's plane, cover no sample at any size."""

@@ -30,6 +30,7 @@ def pictures() -> list[Any]:
     return [pytest.param(*one, id=f"{one[0].stem}-{one[1]}", marks=marks[(one[0].stem, one[1]) in QUICK]) for one in every]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("path", "backend"), pictures())
 def test_general_kernels_draw_the_same_picture(monkeypatch: pytest.MonkeyPatch, path: Path, backend: str) -> None:
     found = []

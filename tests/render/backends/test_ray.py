@@ -60,6 +60,7 @@ def same(a: Any, b: Any) -> None:
         np.testing.assert_array_equal(channel, b.channels[name])
 
 
+@pytest.mark.long
 def test_threads_and_trees_change_no_bit() -> None:
     tables = still_life()
     one = ray(tables, threads=1)
@@ -83,6 +84,7 @@ def test_a_crop_is_a_part_of_the_whole() -> None:
         np.testing.assert_array_equal(channel, whole.channels[name][5:41, 7:50])
 
 
+@pytest.mark.long
 def test_the_error_asked_for_is_reached() -> None:
     tables = still_life()
     truth = ray(tables, samples=512, aov=()).channels["rgba"][..., :3]

@@ -199,6 +199,7 @@ def test_a_stalled_worker_gets_nothing_until_it_is_heard_again(monkeypatch: pyte
     assert {worker for worker, _ in wire.drawn} == {"a", "b"}
 
 
+@pytest.mark.long
 def test_an_idle_worker_does_the_last_requests_of_a_slow_one_too(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dispatcher, "LEAST", 0.05)
     wire, made, asked = started({"a": 1, "b": 1}, 30)

@@ -100,6 +100,7 @@ def there(cluster: Cluster, scene: ir.Scene, plan: Plan, report: Callable[[Progr
     return draw.draw(cluster, scene, plan, report, more.pop("cancel", threading.Event()), **more)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", CASES)
 def test_a_picture_equals_that_of_one_process(cluster: Cluster, case: str) -> None:
     text, settings, overrides = CASES[case]
@@ -119,6 +120,7 @@ def test_the_guides_of_the_denoiser_equal_those_of_one_process(cluster: Cluster)
         np.testing.assert_array_equal(mine, theirs)
 
 
+@pytest.mark.long
 def test_several_pictures_are_drawn_at_a_time(cluster: Cluster) -> None:
     plans = [planned(BALLS, samples=2, seed=seed) for seed in range(6)]
     requests = [draw.begin(cluster, scene, plan, threading.Event()) for scene, plan in plans]
@@ -126,6 +128,7 @@ def test_several_pictures_are_drawn_at_a_time(cluster: Cluster) -> None:
         same(render_scene.draw(scene, plan), draw.finish(request))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", [{"samples": 256}, {"error": 0.03}])
 def test_a_checkpoint_goes_on_here_and_there(tmp_path: Path, cluster: Cluster, case: dict[str, Any]) -> None:
     """A picture begun on a cluster goes on in one process, and the other way round."""
@@ -150,6 +153,7 @@ def test_a_checkpoint_goes_on_here_and_there(tmp_path: Path, cluster: Cluster, c
         same(whole, drawing[not first](keeper=again))
 
 
+@pytest.mark.long
 def test_a_budget_is_held(cluster: Cluster) -> None:
     scene, plan = planned(BALLS, samples=1 << 20, budget=1.5)
     there(cluster, *planned(BALLS, samples=2))  # kernels are ready
@@ -182,12 +186,14 @@ def at(share: float, act: Callable[[], Any]) -> Callable[[Progress], None]:
     return report
 
 
+@pytest.mark.long
 def test_a_killed_worker_loses_nothing(processes: Processes, cluster: Cluster, long_picture: Image) -> None:
     victim = next(iter(processes.workers))
     same(long_picture, there(cluster, *planned(BALLS, **LONG), at(0.1, lambda: processes.send(victim, signal.SIGKILL))))
     assert victim not in processes.workers
 
 
+@pytest.mark.long
 def test_a_stopped_worker_loses_nothing(processes: Processes, cluster: Cluster, long_picture: Image) -> None:
     victim = next(iter(processes.workers))
     try:
@@ -196,6 +202,7 @@ def test_a_stopped_worker_loses_nothing(processes: Processes, cluster: Cluster, 
         processes.send(victim, signal.SIGCONT)
 
 
+@pytest.mark.long
 def test_a_stopped_worker_that_has_a_whole_picture_is_replaced(
     processes: Processes, cluster: Cluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -211,6 +218,7 @@ def test_a_stopped_worker_that_has_a_whole_picture_is_replaced(
         processes.send(names[0], signal.SIGCONT)
 
 
+@pytest.mark.long
 def test_a_worker_that_joins_draws(processes: Processes, cluster: Cluster, long_picture: Image) -> None:
     joined: list[str] = []
     same(long_picture, there(cluster, *planned(BALLS, **LONG), at(0.02, lambda: joined.extend(processes.start(1)))))
@@ -219,6 +227,7 @@ def test_a_worker_that_joins_draws(processes: Processes, cluster: Cluster, long_
     processes.send(joined[0], signal.SIGKILL)
 
 
+@pytest.mark.long
 def test_without_a_worker_left_the_render_ends(processes: Processes, cluster: Cluster, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dispatcher, "PATIENCE", 1.0)
 
@@ -250,6 +259,7 @@ REFUSED: dict[str, tuple[str, dict[str, str], str, str]] = {
 }  # fmt: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", REFUSED)
 def test_a_worker_that_would_draw_other_bits_is_refused(processes: Processes, cluster: Cluster, case: str) -> None:
     preload, environment, why, hint = REFUSED[case]

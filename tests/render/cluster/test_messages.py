@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import maquette
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
@@ -23,6 +24,7 @@ camera(position: [0, 1.6, 5], look_at: [0, 1, 0], fov: 35deg)
 """
 
 
+@pytest.mark.long
 @given(arrays.arrays(np.int64, (3, 4), elements=st.integers(0, 3)))
 def test_numbers_of_samples_are_one_number_if_they_are_equal(counts: np.ndarray) -> None:
     about, there = messages.counts_to("n", counts)

@@ -53,6 +53,7 @@ def test_darkness_loses_nothing(tmp_path):
     assert (cut.share, cut.error) == (0.0, 0.0)
 
 
+@pytest.mark.long
 def test_glass_and_mirrors_are_followed_further(tmp_path):
     """Of a tree more rays wait than the picture's own limit has room for. What is told is what the picture lacks in the same blocks."""
     text = INSIDE + "sphere(0.3, center: [-0.2, 0, -0.5], material: glass())\nbox([2, 4, 3], material: mirror(0.9))\n"
@@ -66,6 +67,7 @@ def test_glass_and_mirrors_are_followed_further(tmp_path):
     assert abs(short.metadata["cut"].share - true) < 0.1
 
 
+@pytest.mark.long
 def test_it_is_the_same_on_any_number_of_threads(tmp_path):
     one, three = (drawn(tmp_path, INSIDE + WALLS.format(0.7), bounces=2, threads=n).metadata["cut"] for n in (1, 3))
     assert one == three

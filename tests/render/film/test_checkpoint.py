@@ -93,6 +93,7 @@ def same(a: Any, b: Any) -> None:
     np.testing.assert_array_equal(a.metadata["variance"], b.metadata["variance"])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", CASES)
 def test_a_picture_goes_on_with_the_same_bits(tmp_path: Path, case: str) -> None:
     """From checkpoints all over the rendering, as after the process was killed."""
@@ -106,6 +107,7 @@ def test_a_picture_goes_on_with_the_same_bits(tmp_path: Path, case: str) -> None
         same(draw(case, keeper), expected)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("after", [1, 4])
 def test_an_interrupted_picture_goes_on(tmp_path: Path, case: str, after: int) -> None:

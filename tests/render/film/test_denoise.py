@@ -48,6 +48,7 @@ def scene(tmp_path: Path):
     return maquette.load(path)
 
 
+@pytest.mark.long
 @needs_package
 def test_it_halves_the_error_of_few_samples_and_is_off_unless_asked(scene) -> None:
     asked = {"size": (96, 72), "threads": 1}
@@ -153,6 +154,7 @@ def test_a_default_picture_keeps_noise_that_denoising_would_not_lessen(scene, mo
     assert (image.metadata["denoised"], image.metadata["denoised_error"]) == (False, 0.5)
 
 
+@pytest.mark.long
 @needs_package
 @pytest.mark.parametrize("columns", [16, 48, 80])
 def test_a_turned_panorama_is_the_denoised_one_turned(columns: int) -> None:

@@ -113,6 +113,7 @@ def test_a_fixed_number_of_samples_is_their_mean(samples: int) -> None:
     assert (about["error"] is None) == (samples == 1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("asked", [{}, {"error": 0.02, "samples": 4096}])
 def test_any_number_of_threads_gives_the_same_bits(asked: dict[str, Any]) -> None:
     one, *others = (draw(Painter(uneven), threads=threads, aov=("depth",), **asked) for threads in (1, 2, 5))
@@ -125,6 +126,7 @@ def test_any_number_of_threads_gives_the_same_bits(asked: dict[str, Any]) -> Non
         assert same == {k: other.metadata[k] for k in same}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("asked", [{"samples": 64}, {"samples": 5}, {"error": 0.02, "samples": 4096}])
 def test_a_progressive_picture_refines_all_tiles_together_to_the_same_bits(asked: dict[str, Any]) -> None:
     shown: list[np.ndarray] = []
@@ -229,6 +231,7 @@ def test_progress_is_told_in_the_callers_thread(asked: dict[str, Any]) -> None:
     assert threads == {threading.current_thread()}
 
 
+@pytest.mark.long
 def test_the_error_so_far_is_told_and_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(canvas, "ESTIMATE", 0.0)
     seen: list[Progress] = []
@@ -251,6 +254,7 @@ def root_relmse(picture: image.Image) -> float:
     return metrics.root_relmse(picture.channels["rgba"][..., :3], truth(x, y)[..., None] * np.array([1.0, 0.5, 0.25]))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("error", [0.05, 0.02, 0.01])
 def test_the_error_that_was_asked_for_is_reached(error: float) -> None:
     picture = draw(error=error, samples=4096)
@@ -260,6 +264,7 @@ def test_the_error_that_was_asked_for_is_reached(error: float) -> None:
     assert adaptive_sampling.first_samples(error) <= picture.metadata["samples"] < 4096
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("by_tile", [False, True])
 def test_only_where_there_is_error_are_more_samples_taken(by_tile: bool) -> None:
     painter = Painter(lambda x, y: np.where(x >= 64, 1.0, 0.02), by_tile=by_tile)
@@ -368,6 +373,7 @@ def timed(painter: Clockwork, seconds: float, *, grants: bool = False, **changed
     return film.run(painter, made, View(0, *SIZE), deadline=painter.until(seconds), grants=grants)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seconds", [0.5, 2.0])
 def test_a_budget_is_spent_to_a_tenth_and_where_the_noise_is(seconds: float) -> None:
     painter = Clockwork()

@@ -56,6 +56,7 @@ def planned(scene: Any, asked: dict[str, Any], overrides: dict[str, str]) -> Any
     return planner.make_plan(scene, settings, overrides)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", KINDS)
 def test_pictures_are_those_of_single_tiles_on_any_number_of_threads(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     text, asked, overrides = KINDS[name]
@@ -105,6 +106,7 @@ def cancel_at_random(scene: Any, plan: Any, reference: np.ndarray, times: int) -
     return partial
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["rays", "triangles", "shared paths"])
 def test_cancelling_at_random_moments_leaves_whole_calls(name: str, tmp_path: Path) -> None:
     text, asked, overrides = KINDS[name]
@@ -142,6 +144,7 @@ def test_a_cancelled_picture_goes_on_from_its_checkpoint_with_the_same_bits(tmp_
     assert np.array_equal(image.channels["rgba"], reference)
 
 
+@pytest.mark.long
 def test_a_budget_ends_a_picture_and_each_pixel_has_a_mean(tmp_path: Path) -> None:
     scene = scene_of(tmp_path, BALL)
     began = time.perf_counter()
@@ -167,6 +170,7 @@ def fail(inputs, tile, first, count, total, film, memory):
         raise ValueError("no memory is left")
 
 
+@pytest.mark.long
 def test_an_error_in_a_tile_is_raised_and_stops_all_threads(tmp_path: Path) -> None:
     scene = scene_of(tmp_path, BALL)
     plan, view = planned(scene, {"backend": "ray", "samples": 4, "threads": 3}, {}), View(0, *SIZE)

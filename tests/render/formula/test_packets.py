@@ -100,6 +100,7 @@ def test_packets_stop_at_t_max(tmp_path):
     assert np.array_equal(np.isfinite(t), everything < near)
 
 
+@pytest.mark.long
 def test_a_part_of_a_packet_has_the_same_hits(tmp_path):
     """The number of rays in a packet changes only rounding."""
     tables = scene_of(tmp_path, SURFACES["blend"]).tables
@@ -120,6 +121,7 @@ STEPPED = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", STEPPED)
 def test_roots_at_jumps_are_the_same_in_every_packet(tmp_path, name):
     tables = scene_of(tmp_path, f"implicit(|x, y, z| {STEPPED[name]}, within: 1)").tables
@@ -169,6 +171,7 @@ def test_packets_on_narrower_machines(isa):
     assert done.returncode == 0, done.stdout
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["heart", "teeth", "blend"])
 def test_a_packet_does_not_depend_on_the_packet_before(tmp_path, name):
     """A thread's memory is used again; packets of an adaptive picture have any number of rays."""

@@ -91,6 +91,7 @@ def hits(trees: Any, o: np.ndarray, d: np.ndarray, packet: bool) -> tuple[np.nda
     return alone.t, alone.primitive, alone.u, alone.v
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("packet", [True, False], ids=["packet", "single"])
 @pytest.mark.parametrize("name", SURFACES)
 def test_hits_lie_on_the_surface_have_its_normal_and_do_not_shadow_themselves(tmp_path, name, packet):
@@ -120,6 +121,7 @@ def test_hits_lie_on_the_surface_have_its_normal_and_do_not_shadow_themselves(tm
         assert not hidden[free].any()
 
 
+@pytest.mark.long
 def test_a_heart_does_not_shadow_itself_along_the_crease(tmp_path):
     """Lit from the front, each pixel is as bright as the smooth function's normal gives."""
     path = tmp_path / "heart.scene"

@@ -111,6 +111,7 @@ def some_rays(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     return o, d / np.linalg.norm(d, axis=1, keepdims=True)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", SURFACES)
 def test_hits_agree_with_the_reference(tmp_path, name):
     tables = scene_of(tmp_path, SURFACES[name]).tables
@@ -175,6 +176,7 @@ def different_tapes(count: int) -> list[Tape]:
                  (4,)) for k in range(count)]  # fmt: skip
 
 
+@pytest.mark.long
 def test_code_lives_as_long_as_a_table_with_its_address(monkeypatch):
     """Of many formulas, one after the other, only the recent ones stay loaded."""
     tapes = different_tapes(3 * tape_jit.RECENT)
@@ -210,6 +212,7 @@ def test_a_formula_changed_before_its_compilation_is_not_compiled(monkeypatch):
     assert table.all()
 
 
+@pytest.mark.long
 def test_code_in_use_stays_loaded_while_others_come_and_go(tmp_path):
     """Hits of one formula stay the same while another thread compiles many others."""
     tables = scene_of(tmp_path, SURFACES["blend"]).tables
@@ -248,6 +251,7 @@ def many_balls(count: int) -> str:
     return "union {" + "\n".join(f"sphere(0.1, center: [{x}, {y}, {z}])" for x, y, z in centers.tolist()) + "}"
 
 
+@pytest.mark.long
 def test_the_grid_does_not_depend_on_the_threads(tmp_path, monkeypatch):
     """Any thread may subdivide a block first; the contents are the same."""
     monkeypatch.setattr(scene_surfaces, "MAX_CACHED", 1)
@@ -265,6 +269,7 @@ def test_the_grid_does_not_depend_on_the_threads(tmp_path, monkeypatch):
             assert np.array_equal(a, b)
 
 
+@pytest.mark.long
 def test_occlusion_agrees_with_the_reference(tmp_path):
     tables = scene_of(tmp_path, SURFACES["blend"]).tables
     o, d = some_rays(400, 12)

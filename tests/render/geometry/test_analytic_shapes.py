@@ -161,6 +161,7 @@ def test_a_ray_leaves_what_it_enters(name: str) -> None:
     assert not np.any(count % 2), f"{np.sum(count % 2)} rays went in and never came out"
 
 
+@pytest.mark.long
 def test_numpy_and_kernels_agree_to_the_last_bit() -> None:
     names = list(SHAPES)
     parameters = table(*(SHAPES[n][1] for n in names))
@@ -186,6 +187,7 @@ special = st.sampled_from([0.0, -0.0, 1.0, -1.0, 0.5, 1.3, 0.7, 1e-300, -1e-12])
 number = st.one_of(coordinate, special)
 
 
+@pytest.mark.long
 @settings(max_examples=300, deadline=None)
 @given(st.sampled_from(sorted(SHAPES)), st.tuples(number, number, number), st.tuples(number, number, number))
 def test_any_ray_gives_a_hit_in_range_or_none_alike_in_both(name: str, origin, direction) -> None:

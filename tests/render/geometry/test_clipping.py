@@ -71,6 +71,7 @@ def test_attributes_are_carried_along():
 corner = st.tuples(st.floats(-10, 10), st.floats(-10, 10))
 
 
+@pytest.mark.long
 @given(corner, corner, corner, corner)
 def test_neighbours_get_the_same_crossing(a, b, c, d):
     """Two triangles with the edge a-b, in opposite directions, share bit-identical points after clipping."""

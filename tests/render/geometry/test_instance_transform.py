@@ -92,6 +92,7 @@ def trace_kernels(tables: ir.Tables, ray: Ray, brute: bool = False) -> tuple[np.
 # --- keys -----------------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=50, deadline=None)
 def test_decomposition_and_composition_are_inverse(seed):
@@ -146,6 +147,7 @@ def test_swept_bounds_hold_all_positions(seed):
 # --- rays -----------------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [0, 1])
 def test_bvh_and_brute_force_agree_on_moving_instances(seed):
     tables = everything(seed)
@@ -197,6 +199,7 @@ render(bounces: 1)
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("backend", ["ray", "reference", "raster"])
 @pytest.mark.parametrize(("width", "speed"), [(1.5, 20.0), (0.5, 30.0)])
 def test_a_bar_that_moves_past_is_a_trapezoid(tmp_path, backend, width, speed):
@@ -225,6 +228,7 @@ render(bounces: 1)
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("backend", ["ray", "raster"])
 def test_a_whole_turn_is_a_disk(tmp_path, backend):
     """A rotating bar covers radius r for 2 a · sin⁻¹(h/r)/π of the time: it neither shrinks nor stops between keys."""
@@ -250,6 +254,7 @@ def test_moving_the_camera_is_moving_everything(tmp_path):
     assert one[..., 3].std() > 0.01
 
 
+@pytest.mark.long
 def test_ray_and_reference_are_the_same_picture(tmp_path):
     text = """
     plane(y: -1, material: lambert(0.5))
@@ -283,6 +288,7 @@ def test_static_scenes_plan_no_motion(tmp_path):
     assert render_scene.draw(made, off).channels["rgba"].shape == (8, 8, 4)
 
 
+@pytest.mark.long
 def test_number_of_keys(tmp_path):
     """Straight motion has two keys; a rotation by 900° at most a third of a turn a key; a distant axis more."""
     path = tmp_path / "a.scene"

@@ -241,6 +241,7 @@ def test_far_from_one_the_numbers_stay(tmp_path: Path, gain: float) -> None:
     assert np.array_equal(image_reader.read(tmp_path / "x.exr").channels["rgba"], values * np.float32(gain))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["a.png", "a.tif", "a.exr", "a.jpg"])
 def test_a_file_cut_short_is_an_error_and_the_old_one_stays(tmp_path: Path, name: str) -> None:
     """As on a full disk: libraries that write pictures do not all tell of it."""
@@ -272,6 +273,7 @@ def test_names_and_commands_need_not_be_utf8(tmp_path: Path) -> None:
     assert image_reader.read(tmp_path / "a.exr").metadata["about"]["command"] == "render a\\xff.scene"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["a.png", "a.exr", "a.jpg"])
 def test_a_full_disk_is_the_reason(tmp_path: Path, name: str) -> None:
     """The messages of libraries do not say it: the free space does."""

@@ -16,6 +16,7 @@ def by_the_curve(rgb: NDArray[np.float32], stops: float) -> NDArray[np.uint8]:
     return np.rint(srgb.encode_srgb(rgb.astype(np.float64) * 2.0**stops) * 255).astype(np.uint8)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("stops", STOPS)
 def test_where_codes_begin(stops: float) -> None:
     begins = srgb.decode_srgb((np.arange(1, 256) - 0.5) / 255) / 2.0**stops
@@ -43,6 +44,7 @@ def test_odd_light_is_no_warning() -> None:
         assert srgb.codes(light, 0.0).tolist() == [0, 255, 0, 0, 0, 0, 255, 255, 0]
 
 
+@pytest.mark.long
 @given(st.lists(st.floats(0, 2, width=32), min_size=1), st.floats(-20, 20))
 def test_any_light_at_any_exposure(light: list[float], stops: float) -> None:
     given_light = np.array(light, np.float32)

@@ -145,6 +145,7 @@ BALLS = "".join(
 )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("lamp", LAMPS)
 def test_both_ways_to_lamps_find_the_same_light(tmp_path, lamp):
     """In the mean over each material's third of the picture, within four standard errors of both."""
@@ -161,6 +162,7 @@ def _thirds(picture: np.ndarray, view: View) -> list[np.ndarray]:
     return [rows[:, :, k].mean(axis=(1, 2, 3)) for k in range(3)]
 
 
+@pytest.mark.long
 def test_polish_under_a_lamp_has_less_noise(tmp_path):
     """Variance of α = 0.0025 under a rectangle: at least a tenth."""
     unseen = f"\nsphere(0.1, center: [0, -9, 0], material: {MATERIALS['rough glass']})"  # so that kernels are those of the tests above

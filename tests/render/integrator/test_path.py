@@ -58,6 +58,7 @@ def test_a_shining_room_looks_for_light_at_its_own_walls(draw, albedo, bounces):
     near(matt, 0.7 * albedo)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("precision", ["float32", "float64"])
 def test_no_light_leaks_into_a_ball(draw, precision):
     """Rays that graze its inside, surface after surface, stay in: of 160,000 samples none finds the light around it."""
@@ -73,6 +74,7 @@ def test_a_lamp_in_the_middle_of_a_ball(draw, radius, albedo, bounces):
     near(draw(INSIDE + text, 128)[..., 0], answer)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("lamp", LAMPS)
 def test_single_and_double_precision_and_the_reference_agree(draw, lamp):
     """The means of blocks of the picture, by z."""
@@ -116,6 +118,7 @@ FEATURES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("feature", FEATURES)
 @pytest.mark.parametrize(
     "other", [{"transport": "whitted"}, pytest.param({"backend": "reference"}, marks=pytest.mark.long)], ids=["whitted", "reference"]
@@ -147,6 +150,7 @@ def test_the_plan_chooses_transport_and_precision(tmp_path):
     assert decided('sphere(1, material: lambert(0.5, opacity: 0.5))\n', bounces=2)[0] == "path"
 
 
+@pytest.mark.long
 def test_any_number_of_threads_gives_the_same_picture(tmp_path):
     path = tmp_path / "a.scene"
     path.write_text(ROOM + LAMPS["rectangle"], encoding="utf-8")
@@ -162,6 +166,7 @@ def spectrum(error):
     return power[away < 1 / 16].mean(), power[away > 1 / 4].mean()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("transport", ["path", "whitted"])
 @pytest.mark.parametrize("backend", ["ray", "reference"])
 def test_the_error_of_a_soft_shadow_is_blue_noise(draw, backend, transport):

@@ -65,6 +65,7 @@ def compared(draw, text, seeds, **settings):
     return shared, alone, (a.mean(axis=0) - b.mean(axis=0)) / np.sqrt((a.var(axis=0, ddof=1) + b.var(axis=0, ddof=1)) / seeds)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("precision", ["float32", pytest.param("float64", marks=pytest.mark.long)])
 @pytest.mark.parametrize("more", ["", TORUS], ids=["pieces", "tree"])
 @pytest.mark.parametrize("lamp", LAMPS)
@@ -101,6 +102,7 @@ def test_surfaces_of_all_kinds_keep_their_light(draw):
     assert np.median(shared.var(axis=0)) < np.median(alone.var(axis=0))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("lamp", LAMPS)
 def test_single_pixels_are_nearer_to_the_answer(draw, lamp):
     text = ROOM + LAMPS[lamp] + "render(bounces: 3)\n"
@@ -110,6 +112,7 @@ def test_single_pixels_are_nearer_to_the_answer(draw, lamp):
     assert error[0] < 0.5 * error[1]
 
 
+@pytest.mark.long
 def test_errors_of_neighbors_are_independent(draw):
     """So neither squares nor the pattern of a group show, and means over pixels gain by path reuse as single pixels do."""
     text = ROOM + LAMPS["point"] + "render(bounces: 3)\n"
@@ -175,6 +178,7 @@ def test_the_plan_says_where(tmp_path):
     assert decided(text.replace("bounces: 3", "bounces: 0"))["transport.path_reuse"] == "none"
 
 
+@pytest.mark.long
 def test_under_a_sky_rooms_alone_share_paths(tmp_path):
     def decided(text):
         path = tmp_path / "d.scene"
@@ -206,6 +210,7 @@ def test_cells_are_the_pictures():
     assert np.array_equal(cells.means(spread), means)
 
 
+@pytest.mark.long
 def test_pixels_of_a_cell_take_the_same_samples_where_an_error_is_asked_for(tmp_path):
     path = tmp_path / "c.scene"
     path.write_text(ROOM + LAMPS["rectangle"] + "render(bounces: 3)\n", encoding="utf-8")

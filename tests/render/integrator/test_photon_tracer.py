@@ -46,6 +46,7 @@ def through_a_slab(x, height, thick, n, most=4):
     return found
 
 
+@pytest.mark.long
 def test_through_a_slab_below_a_point_light(draw):
     """Without photons nothing is there (ORACLES 24, 25, and failing place 41). What the slab's sides mirror lands farther out."""
     height, thick, n, intensity, width = 2.0, 0.4, 1.5, 7.0, 0.2
@@ -147,6 +148,7 @@ SCENES = {
 QUICK = ("ball", "gloss")  # each takes 20 seconds and more
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("lamp", [pytest.param(k, marks=[pytest.mark.long] * (k not in QUICK)) for k in (*list(LAMPS)[:3], *SCENES)])
 def test_photons_and_chance_find_the_same_light(draw, lamp):
     """Lamps large enough for paths to find them behind glass and in mirrors: means of blocks of the picture, by z."""
@@ -163,6 +165,7 @@ def test_photons_and_chance_find_the_same_light(draw, lamp):
     assert z2.mean() < 3.0, z2
 
 
+@pytest.mark.long
 def test_a_lamp_in_its_bulb_lights_the_floor(draw):
     """Paths find the bulb as seldom as the lamp; photons leave a tenth of their noise."""
     text = FLOOR.format(0.8) + "sphere(0.05, center: [0, 0.6, 0], material: glass())\n"
@@ -175,6 +178,7 @@ def test_a_lamp_in_its_bulb_lights_the_floor(draw):
     assert np.median(ours.std(axis=0)) < 0.4 * np.median(others.std(axis=0))  # which have 16 times the samples
 
 
+@pytest.mark.long
 def test_the_plan_has_photons_only_where_a_small_lamp_shines_on_what_gathers(tmp_path):
     def decided(text, **settings):
         path = tmp_path / "a.scene"
@@ -212,6 +216,7 @@ def test_the_plan_has_photons_only_where_a_small_lamp_shines_on_what_gathers(tmp
     assert decided(floor + ball + lamp.replace(")\n", ", shadows: false)\n"), bounces=6) == "paths"
 
 
+@pytest.mark.long
 def test_polished_plastic_leaves_no_sparks(tmp_path):
     """On what stands beside it, which paths light by way of its highlight far too seldom: an eighth of the variance is left, but for that
     of the pixel where the highlight itself is seen."""
@@ -241,6 +246,7 @@ def test_faint_light_takes_few_photons(tmp_path):
         assert aims.effort == pytest.approx(effort)
 
 
+@pytest.mark.long
 def test_any_number_of_threads_gives_the_same_photons(tmp_path):
     path = tmp_path / "a.scene"
     path.write_text(FLOOR.format(0.8) + BALL.format(matt="lambert(0.6)") + LAMPS["rectangle"], encoding="utf-8")
@@ -254,6 +260,7 @@ RIGHT = "box([4, 3, 4], center: [2.005, 1.5, 0], material: lambert(0.8))\n"
 BULB = "sphere(0.03, center: [-1.6, 1.2, 0], material: emissive(1, luminance: 3000))\n"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("denoise", [False, True])
 def test_no_photon_lights_a_closed_room_behind_a_thin_wall(tmp_path, denoise):
     """Disks of photons on the floor reach through the wall of 5 mm; the other room is dark, each pixel of it."""

@@ -68,6 +68,7 @@ def test_glass_in_a_furnace_is_one_but_for_what_the_bounces_cut(ior):
     assert found.min() > 1 - 2e-3
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("normalized", [True, False])
 def test_a_highlight_in_a_furnace_is_its_lobes_integral(normalized):
     """Seen straight from above, ∫ lobe (· cos · (n+2)/2) dω / π: 2/(n+1) for the course's, 1 normalized."""
@@ -183,6 +184,7 @@ def test_nothing_shadows_itself_near_or_far(scale):
         assert shown(tables, ray) == pytest.approx(shown(tables, ray, shadows=False), abs=1e-15)
 
 
+@pytest.mark.long
 def test_area_lights_are_seen_by_the_eye_and_counted_once_by_walls():
     """A wall under an area light in a closed room without albedo elsewhere: diffuse rays that meet the lamp add nothing again."""
     lamp = LightData(L.RECTANGLE, make.grey(4.0), transform=1, size=(0.5, 0.5))
@@ -231,6 +233,7 @@ def test_opacity_lets_the_background_through_and_lowers_alpha():
     assert alpha[0, 0] == pytest.approx(1 - 0.16)
 
 
+@pytest.mark.long
 def test_a_sphere_light_is_seen_from_inside_as_it_lights_there():
     lamp = LightData(L.SPHERE, make.grey(2.0), transform=1, size=(3.0, 0.0))
     shape = (K.SPHERE, (3.0,), make.matrix((0, 0, 0.5)), 1)
@@ -274,6 +277,7 @@ def everything():
     return make.scene([*shapes, (K.PLANE, (), make.matrix(), 5)], materials=materials, lights=lights, frame=frame)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("interreflection", [False, True])
 def test_kernels_and_numpy_agree_in_every_sample(interreflection):
     """One source: same numbers drawn, same branches; differences are those of rounding. No sample is lost."""
@@ -289,6 +293,7 @@ def test_kernels_and_numpy_agree_in_every_sample(interreflection):
     assert np.array_equal(alpha, alpha_other)
 
 
+@pytest.mark.long
 def test_numbers_come_from_pixel_sample_and_seed():
     tables = everything()
     ray = bundle(40)

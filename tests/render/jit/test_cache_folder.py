@@ -85,6 +85,7 @@ def test_what_is_no_size(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
     assert str(caught.value) == f"MAQUETTE_CACHE_SIZE is {text}, which is no size: write a number of bytes, or 500MB, or 2GB"
 
 
+@pytest.mark.long
 def test_a_wrong_size_is_an_error_of_the_command(tmp_path: Path) -> None:
     scene = tmp_path / "a.scene"
     scene.write_text("sphere()\n", encoding="utf-8")
@@ -136,6 +137,7 @@ for note in picture_notes.unkept_kernel_notes():
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("variables", "count", "told"),
     [
@@ -161,6 +163,7 @@ def test_kernels_that_cannot_be_kept_are_told(tmp_path: Path, variables: dict[st
     assert (done.stdout, done.stderr) == (told, "")
 
 
+@pytest.mark.long
 def test_a_render_tells_of_kernels_that_cannot_be_kept(tmp_path: Path) -> None:
     scene = tmp_path / "a.scene"
     scene.write_text("sphere()\nsun()\ncamera([0, 1, 5])\n", encoding="utf-8")

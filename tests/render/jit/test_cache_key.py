@@ -182,6 +182,7 @@ def test_checkouts_share_a_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert [each.key() for each in both] == [first, second]
 
 
+@pytest.mark.long
 def test_overloads_stand_beside_their_functions() -> None:
     """A key follows an overload from its function, within a module. Names of modules are imported one by one."""
     problems = []
@@ -204,6 +205,7 @@ def test_kernels_depend_on_the_modules_of_shapes_lights_and_materials() -> None:
     assert {("materials.glass", "LOBES"), ("materials.glass", "LOBE")} <= reached
 
 
+@pytest.mark.long
 def test_keys_know_every_package_that_kernels_import() -> None:
     """An edit of a file that keys do not read would leave old kernels in use."""
     unread = set()

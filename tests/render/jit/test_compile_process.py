@@ -51,16 +51,19 @@ def run(folder: Path, text: str) -> str:
     return done.stdout.strip()
 
 
+@pytest.mark.long
 def test_a_kernel_of_the_other_process_is_loaded(tmp_path: Path) -> None:
     assert run(tmp_path, START + "assert len(started) == 1" + END) == "1 0"
     again = START + "assert not started"  # a cached kernel starts no process
     assert run(tmp_path, again + END) == "1 0"
 
 
+@pytest.mark.long
 def test_a_kernel_is_compiled_here_if_the_other_process_ends(tmp_path: Path) -> None:
     assert run(tmp_path, START + "started[0].kill()" + END) == "0 1"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("threads", [1, 2])
 def test_processes_are_limited_by_threads(tmp_path: Path, threads: int) -> None:
     start = f"compile_process.compile_in_background({threads}, primed.reset, *given)\n"
@@ -68,6 +71,7 @@ def test_processes_are_limited_by_threads(tmp_path: Path, threads: int) -> None:
     assert run(tmp_path, text) == str(threads - 1)
 
 
+@pytest.mark.long
 def test_the_other_process_ends_with_this_one(tmp_path: Path) -> None:
     text = """
 import time
@@ -79,6 +83,7 @@ print(process.wait(60))
     assert run(tmp_path, text) == "1"
 
 
+@pytest.mark.long
 def test_interpreters_are_compiled_in_another_process(tmp_path: Path) -> None:
     text = """
 from maquette.render.formula import interpreter

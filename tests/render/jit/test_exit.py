@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 SCRIPT = """
 import sys, threading
 from llvmlite.binding import ExecutionEngine
@@ -23,6 +25,7 @@ print("compiling")
 """
 
 
+@pytest.mark.long
 def test_a_process_ends_while_a_formula_is_compiled(tmp_path: Path) -> None:
     waves = " + ".join(f"sin({1.1 * k + 1:.2f} * x + y) * z" for k in range(200))
     scene = tmp_path / "waves.scene"

@@ -111,6 +111,7 @@ def machine(tmp_path: Path) -> Machine:
 RIGHT = list(ANSWERS.values())
 
 
+@pytest.mark.long
 def test_a_second_process_compiles_no_helper_again(machine: Machine) -> None:
     result, compiled = machine.call(*KERNELS)
     assert result == RIGHT
@@ -123,6 +124,7 @@ def test_another_kernel_takes_the_helpers_that_it_shares(machine: Machine) -> No
     assert machine.call("tables") == ([ANSWERS["tables"]], ["mean"])
 
 
+@pytest.mark.long
 def test_an_edit_gives_the_new_result(machine: Machine) -> None:
     assert machine.call("squares")[0] == [90.0]
     result, compiled = machine.call("squares", factor=2.0)
@@ -136,6 +138,7 @@ DAMAGES: list[Callable[[bytes], bytes]] = [
 ]  # fmt: skip
 
 
+@pytest.mark.long
 def test_damaged_files_count_as_missing(machine: Machine) -> None:
     machine.call(*KERNELS)
     files = machine.files("fragments")
@@ -148,6 +151,7 @@ def test_damaged_files_count_as_missing(machine: Machine) -> None:
     assert machine.call(*KERNELS) == (RIGHT, [])
 
 
+@pytest.mark.long
 def test_fragments_whose_callees_are_gone_are_compiled_again(machine: Machine) -> None:
     machine.call("records")
     before = machine.files("fragments")
@@ -157,6 +161,7 @@ def test_fragments_whose_callees_are_gone_are_compiled_again(machine: Machine) -
     assert machine.call(*KERNELS)[0] == RIGHT
 
 
+@pytest.mark.long
 def test_processes_that_compile_at_once_agree(machine: Machine) -> None:
     processes = [machine.start(name) for name in KERNELS]
     assert [json.loads(process.communicate()[0])[0] for process in processes] == [[answer] for answer in RIGHT]

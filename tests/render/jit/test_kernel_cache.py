@@ -47,6 +47,7 @@ print("numba" in sys.modules)
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("example", ["gear", "fillets"])
 def test_a_second_process_loads_all_kernels_of_implicit_surfaces(example: str) -> None:
     scene = str(Path(__file__).resolve().parents[3] / "examples" / f"{example}.scene")
@@ -83,6 +84,7 @@ def run(folder: Path, what: str, program: str = PROGRAM) -> str:
     return subprocess.run([sys.executable, "-c", program, what], env=environment, capture_output=True, text=True, check=True).stdout
 
 
+@pytest.mark.long
 def test_cached_and_new_kernels_work_together(tmp_path: Path) -> None:
     """Only a process that compiles imports Numba."""
     assert run(tmp_path, "same") == f"0 1 True {VALUES}\n"
@@ -93,6 +95,7 @@ def test_cached_and_new_kernels_work_together(tmp_path: Path) -> None:
 CODE = Code("entry", "function", value_types.tuple_of(value_types.INT64, value_types.FLOAT64), ("sin",), b"code")
 
 
+@pytest.mark.long
 def test_processes_that_write_at_the_same_time_keep_their_code_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kernel_cache, "CACHE", tmp_path)
     turns, writers = 100, 4
@@ -163,6 +166,7 @@ def test_a_header_of_another_form_counts_as_missing(header: bytes) -> None:
     assert kernel_file.unpacked("n", with_header(header)) is None
 
 
+@pytest.mark.long
 def test_a_damaged_cache_is_compiled_again(tmp_path: Path) -> None:
     run(tmp_path, "same")
     for path in tmp_path.rglob("*.kernel"):
@@ -171,6 +175,7 @@ def test_a_damaged_cache_is_compiled_again(tmp_path: Path) -> None:
     assert run(tmp_path, "same") == f"1 1 False {VALUES}\n"
 
 
+@pytest.mark.long
 def test_a_full_disk_costs_the_cache_alone(tmp_path: Path) -> None:
     """As MAQUETTE_CACHE on a full disk: the kernel is compiled and runs, and nothing is kept."""
     limited = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (16, 16))\n{PROGRAM}"
@@ -192,6 +197,7 @@ print(loaded.from_disk, out.tolist())
 """
 
 
+@pytest.mark.long
 def test_two_processes_compile_a_kernel_once(tmp_path: Path) -> None:
     environment = {**os.environ, "MAQUETTE_CACHE": str(tmp_path)}
     command = [sys.executable, "-c", TWICE, str(tmp_path)]

@@ -177,6 +177,7 @@ def later(a: float) -> float:
     raise NotImplementedError
 
 
+@pytest.mark.long
 def test_a_function_registered_between_two_kernels_is_known_to_the_second() -> None:
     numba.njit(lambda a: abs(a))(1.0)  # whatever is known before
     extending.overload(later)(lambda a: lambda a: 2.0 * a)

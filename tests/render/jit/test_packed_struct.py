@@ -73,6 +73,7 @@ def read_row(table, loose, rows):
     return total
 
 
+@pytest.mark.long
 @pytest.mark.skipif(target.CHECKED, reason="bounds checks end the process")
 def test_a_row_of_a_table_without_rows_is_zero() -> None:
     """A kernel that reads row 0 of an empty table without asking for its length does not end the process."""
@@ -81,6 +82,7 @@ def test_a_row_of_a_table_without_rows_is_zero() -> None:
     assert read_row(table, np.zeros((0, 2)), np.array([100, 1000, 0])) == 0.0
 
 
+@pytest.mark.long
 def test_equal_layouts_share_a_type_for_any_lengths() -> None:
     assert Handle(make(3)).type == Handle(make(9)).type
     compiled = len(add_up.loaded)

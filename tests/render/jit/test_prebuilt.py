@@ -39,6 +39,7 @@ def run(cache: Path, shipped: Path) -> tuple[str, Path]:
     return told, Path(folder)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(prebuilt.folder_name() is None, reason="no package has kernels for this target")
 def test_kernels_of_the_package_are_loaded(tmp_path: Path) -> None:
     name = prebuilt.folder_name()

@@ -164,6 +164,7 @@ def allocates(n):
     return total
 
 
+@pytest.mark.long
 def test_kernels_allocate_and_free_memory() -> None:
     import resource
 

@@ -60,6 +60,7 @@ def test_numbers_agree():
     assert np.allclose(out, expected, rtol=1e-14, atol=0, equal_nan=True)
 
 
+@pytest.mark.long
 def test_vectors_agree():
     random = np.random.default_rng(0)
     v, w, matrix = random.normal(size=(20, 3)), random.normal(size=(20, 3)), random.normal(size=(1, 3, 4))
@@ -76,6 +77,7 @@ def test_vectors_agree():
     assert np.abs(out - np.moveaxis(np.array(expected), -1, 0)).max() < 1e-13
 
 
+@pytest.mark.long
 @given(unit)
 @settings(max_examples=200, deadline=None)
 def test_a_basis_is_orthonormal_and_right_handed(v):

@@ -111,6 +111,7 @@ def drawn(tables, table, place, count, seed=3):
     return emitters.sample(tables, table, int(table.first[0]), tuple(np.full(count, c) for c in place), *rng.random((2, count)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.long] * (name in LONG)) for name in PLACES])
 def test_directions_are_spread_as_their_density_says(scenes, name):
     """χ² (oracle 34) of the first row: the disk, the triangle, the cylinder's side; those that pass it count as none."""

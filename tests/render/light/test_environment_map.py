@@ -53,6 +53,7 @@ def test_densities_add_up_to_one(sky_of, text):
     assert np.mean(environment_map.density(sky, (0.0, 0.0, 0.0), directions(400_000))) * 4.0 * np.pi == pytest.approx(1.0, rel=0.015)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("size", [(32, 64), (75, 150), (1200, 2400)])
 def test_samples_have_the_density_that_is_told(sky_of, size):
     sky = sky_of(bright(*size))
@@ -89,6 +90,7 @@ def test_nothing_is_drawn_from_below_the_horizon(sky_of):
     assert environment_map.sample_map(sky, u, v)[0][1].min() > -0.2
 
 
+@pytest.mark.long
 def test_a_tilted_plate_gets_what_a_brute_force_integral_says(tmp_path):
     """A day's sky of turbidity 3 over a white disk that looks up and aside: ∫ L max(0, n·ω) dω over 400,000 even directions."""
     path = tmp_path / "a.scene"

@@ -30,6 +30,7 @@ def points(rng, n):
     return tuple(rng.uniform(-4.0, 4.0, (3, n)))
 
 
+@pytest.mark.long
 @settings(max_examples=40, deadline=None)
 @given(count=st.integers(0, 70), far=st.integers(0, 3), seed=st.integers(0, 1000))
 def test_chances_add_up_to_one(count, far, seed):
@@ -45,6 +46,7 @@ def test_chances_add_up_to_one(count, far, seed):
         assert whole[reached] == pytest.approx(1.0, abs=1e-9)
 
 
+@pytest.mark.long
 @settings(max_examples=30, deadline=None)
 @given(count=st.integers(1, 300), far=st.integers(0, 3), seed=st.integers(0, 1000), facing=st.booleans())
 def test_what_is_chosen_has_the_chance_that_is_told(count, far, seed, facing):
@@ -58,6 +60,7 @@ def test_what_is_chosen_has_the_chance_that_is_told(count, far, seed, facing):
     assert chance == pytest.approx(np.where(chance > 0, light_tree.chance(tree, row, position, normal), 0.0), rel=1e-9)
 
 
+@pytest.mark.long
 def test_lamps_are_chosen_as_often_as_is_told():
     """20 lamps, even steps of the number that chooses: each share to 1 in 100,000."""
     rng = np.random.default_rng(5)
@@ -70,6 +73,7 @@ def test_lamps_are_chosen_as_often_as_is_told():
     assert share == pytest.approx(told, abs=2e-5)
 
 
+@pytest.mark.long
 @settings(max_examples=40, deadline=None)
 @given(count=st.integers(1, 100), seed=st.integers(0, 1000))
 def test_what_gives_light_can_be_chosen(count, seed):

@@ -174,6 +174,7 @@ def test_inside_a_sphere_light_irradiance_is_pi(place):
     assert irradiance(light, place, UP, make.matrix()) == pytest.approx(math.pi, rel=1e-4)
 
 
+@pytest.mark.long
 @given(st.floats(-6, 6), st.floats(0, 0.999999), st.floats(0, 0.999999))
 @settings(max_examples=100, deadline=None)
 def test_a_sphere_light_is_met_at_the_distance_it_says(power, u, v):

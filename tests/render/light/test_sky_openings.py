@@ -35,6 +35,7 @@ def openings_of(rng):
     return sky_openings.make(np.array([-1.0, 0.0, -2.0]), np.array([2.0, 2.5, 1.0]), weights, 0.8)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("place", [(0.0, 1.0, 0.0), (-0.9, 2.4, 0.9)])
 def test_densities_are_those_of_samples(place):
     """The mean of 1 / density over samples is the solid angle of the cells; the mean of the density over the sphere is 1 / 4π."""
@@ -58,6 +59,7 @@ def test_no_sample_aims_from_outside_of_the_box():
     assert share.tolist() == [0.8, 0.0]
 
 
+@pytest.mark.long
 def test_the_room_is_found(tmp_path):
     room = sky_visibility.find_room(scene_of(tmp_path).tables, 0)
     assert room.low == pytest.approx([-2.0, 0.0, -2.5], abs=0.2)
@@ -81,6 +83,7 @@ def test_the_plan_decides_by_what_is_seen(tmp_path, change, value, reason):
     assert reason in decision.reason
 
 
+@pytest.mark.long
 def test_the_picture_keeps_its_mean_and_loses_noise(tmp_path):
     scene = scene_of(tmp_path)
 
@@ -96,6 +99,7 @@ def test_the_picture_keeps_its_mean_and_loses_noise(tmp_path):
     assert with_.var(axis=0).mean() < 0.4 * without.var(axis=0).mean()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", [pytest.param("special", marks=pytest.mark.long), "general"])
 def test_threads_and_kernels_do_not_change_the_picture(tmp_path, monkeypatch, kind):
     scene = scene_of(tmp_path)

@@ -101,6 +101,7 @@ def test_sampling_a_lobe_agrees_with_integrating_it(model, normalized):
 # --- boundaries between media ---
 
 
+@pytest.mark.long
 @given(st.floats(-1e-6, 1e-6), st.floats(1.01, 3.0))
 @settings(max_examples=200, deadline=None)
 def test_reflected_and_refracted_add_up_to_one_about_the_critical_angle(off, n):
@@ -115,6 +116,7 @@ def test_reflected_and_refracted_add_up_to_one_about_the_critical_angle(off, n):
         assert bool(total) == (off > 0)
 
 
+@pytest.mark.long
 @given(st.floats(0, 1.5), st.floats(0, 2 * math.pi), st.floats(0.4, 2.5))
 @settings(max_examples=200, deadline=None)
 def test_snells_law(theta, phi, n):

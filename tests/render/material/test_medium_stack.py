@@ -69,6 +69,7 @@ def test_plain_glass_needs_none():
     assert medium_stack.initial_stack(tables, np.zeros(3)) is None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("transport", ["whitted", "path"])
 @pytest.mark.parametrize("backend", ["ray", "reference"])
 def test_an_absorbing_slab_behind_another_that_it_overlaps(tmp_path, backend, transport):

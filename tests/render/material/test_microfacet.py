@@ -85,6 +85,7 @@ LOSSLESS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("roughness", [0.0, 0.1, 0.35, 0.7, 1.0])
 @pytest.mark.parametrize("name", LOSSLESS)
 def test_what_loses_nothing_is_white_in_a_white_room(name, roughness):
@@ -121,6 +122,7 @@ def whole(name, roughness, cosine):
     return coat + (1 - coat) * (highlight + again) + matt
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", LOSSLESS)
 def test_nothing_sends_on_more_than_it_gets(name):
     """By quadrature, at many roughnesses and cosines: tables are never more than the truth where they say what is lost."""
@@ -176,6 +178,7 @@ def test_light_may_go_either_way(slots):
         np.testing.assert_allclose(one[c] / a[1], other[c] / b[1], rtol=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("angle", [0.3, 1.3])
 @pytest.mark.parametrize(
     "slots",
@@ -207,6 +210,7 @@ def test_a_white_metal_as_rough_as_can_be_gives_back_1_less_ln_2_by_one_bounce()
     ) == pytest.approx(1.0 - math.log(2.0), abs=1e-3)
 
 
+@pytest.mark.long
 def test_the_tables_are_what_quadrature_says():
     cosine, alpha = np.meshgrid(np.linspace(0.02, 1.0, 25), np.linspace(0.08, 1.0, 20) ** 2)
     e, b = energy_compensation.integrals(cosine, alpha, 60, 40)
@@ -241,6 +245,7 @@ def test_what_is_half_metal_reflects_half_as_either():
     assert [float(c[0]) for c in lobes.base] == pytest.approx([0.45, 0.25, 0.05])
 
 
+@pytest.mark.long
 def test_every_draw_is_finite_where_it_grazes():
     for slots in LOSSLESS.values():
         for roughness in (0.0, 0.04, 1.0):
@@ -256,6 +261,7 @@ GLASS = {"model": Model.GLASS, "transmission": 1.0, "ior": 1.5}
 sides = pytest.mark.parametrize("inside", [False, True])
 
 
+@pytest.mark.long
 @sides
 @pytest.mark.parametrize("roughness", [0.0, 0.1, 0.35, 0.7, 1.0])
 def test_rough_glass_loses_nothing(roughness, inside):
@@ -264,6 +270,7 @@ def test_rough_glass_loses_nothing(roughness, inside):
         assert 0.98 <= found <= 1 + 3 * error, angle
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ratio", [1.33, 1.5, 2.4, 1 / 1.33, 1 / 1.5, 1 / 2.4])
 def test_rough_glass_sends_on_no_more_than_it_gets(ratio):
     """By quadrature: what one meeting sends on, and what is tabled as lost to further ones, which come back in full at the most."""
@@ -281,6 +288,7 @@ def test_rough_glass_sends_on_no_more_than_it_gets(ratio):
         assert mean <= float(rough_dielectric.mean_lost_shares(frost)[0])
 
 
+@pytest.mark.long
 @sides
 @pytest.mark.parametrize("angle", [0.3, 1.3])
 @pytest.mark.parametrize("roughness", [0.3, 0.9])

@@ -44,6 +44,7 @@ def diffuse_lobe(alpha, bins):
     return (found / found.sum())[None]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("alpha", [0.1, 0.3, 0.6, 1.0])
 @pytest.mark.parametrize("cosine", COSINES)
 def test_the_first_bounces_of_walks_are_the_tabled_integrals(alpha, cosine):
@@ -59,6 +60,7 @@ def test_the_first_bounces_of_walks_are_the_tabled_integrals(alpha, cosine):
         assert np.mean(glass.bounces == 1) == pytest.approx(one, abs=4.0 * error + 1.5e-2 * (alpha == 0.1))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("color", [GOLD, ALUMINIUM])
 @pytest.mark.parametrize(("alpha", "most"), [(0.1, 0.6), (0.3, 0.5), (0.6, 0.6), (1.0, 0.75)])
 def test_rough_metals_send_light_where_walks_do(alpha, most, color):
@@ -74,6 +76,7 @@ def test_rough_metals_send_light_where_walks_do(alpha, most, color):
     assert ours < most * diffuse
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("alpha", [0.3, 0.6, 1.0])
 def test_rough_glass_reflects_as_much_as_walks_do(alpha):
     """Both sides of an index of 1.5: the share of the light that is reflected within 0.04; at α = 1 within 0.13 from inside."""

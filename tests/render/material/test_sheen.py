@@ -52,6 +52,7 @@ def test_the_table_is_the_integral(roughness):
     assert found == pytest.approx(sheen.integrals(cosine, roughness, 200, 200), abs=2e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("roughness", [0.0, 0.3, 0.7, 1.0])
 @pytest.mark.parametrize("below", [{}, {"metallic": 1.0}, {"coat": 1.0, "coat_roughness": 0.3}])
 def test_white_cloth_gains_no_light(below, roughness):
@@ -60,6 +61,7 @@ def test_white_cloth_gains_no_light(below, roughness):
         assert 0.5 < np.mean(weight) <= 1 + 3 * np.std(weight) / 200, (angle, np.mean(weight))
 
 
+@pytest.mark.long
 def test_samples_have_the_mean_of_the_albedo():
     """Of samples of sheen alone; its own albedo is below 1 here."""
     for angle in (0.6, 1.1, 1.4):

@@ -72,6 +72,7 @@ def by_rule(corners: np.ndarray, samples: int) -> np.ndarray:
     return out
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("samples", SAMPLES)
 @pytest.mark.parametrize("reach", [0.6, 3.0, 25.0, 400.0, 60000.0])
 def test_triangles_of_every_size_cover_what_the_rule_says(reach: float, samples: int):
@@ -107,6 +108,7 @@ def test_fans_and_strips_share_their_samples_out(samples: int):
     assert np.array_equal(total, whole)
 
 
+@pytest.mark.long
 def test_the_nearest_is_seen_whatever_its_size_and_order():
     """Overlapping tiny, small and large triangles: the z-buffer agrees with depths computed for each."""
     rng = np.random.default_rng(5)
@@ -145,6 +147,7 @@ def test_more_samples_lie_at_other_places():
     assert np.array_equal(passes.passes(16, False, "box")[0].pattern.x, band_buffer.pattern(16).x)
 
 
+@pytest.mark.long
 def test_soft_light_is_drawn_in_bands_and_tells_its_error():
     """An area light over a floor: the estimated error is close to the error against a long run, as of other backends."""
     area = LightData(ir.LightKind.RECTANGLE, (5.0, 5.0, 5.0), transform=1, size=(0.8, 0.8))

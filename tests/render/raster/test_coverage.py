@@ -284,6 +284,7 @@ def test_like_instances_share_a_tessellation():
     assert len({id(s) for s in tessellations.values()}) <= 2
 
 
+@pytest.mark.long
 def test_shapes_shaded_at_vertices_become_meshes_in_every_backend():
     scene = still_life(shading=ir.Shading.GOURAUD)
     for backend in ("raster", "ray", "reference"):

@@ -136,6 +136,7 @@ CAMERAS = {
 }  # fmt: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=list(CAMERAS))
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
 def test_triangles_are_where_determinants_say(kind, camera):
@@ -163,6 +164,7 @@ def test_of_equal_depths_the_first_is_seen_in_either_order(reach, samples):
         assert np.array_equal(image.channels["rgba"], alone.channels["rgba"])
 
 
+@pytest.mark.long
 def test_closed_meshes_are_met_once_from_each_side():
     """Each pixel covered by a closed mesh is covered by as many front faces as back faces."""
     from maquette.render.tessellation import analytic_shapes

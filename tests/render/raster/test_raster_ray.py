@@ -135,6 +135,7 @@ def test_raster_sees_what_rays_see(name):
     assert light.mean() <= max(folds, 0.001)
 
 
+@pytest.mark.long
 def test_antialiased_pictures_agree():
     """Sixteen samples at fixed positions under a filter are closer to many random samples than sixteen random ones."""
     made = SCENES["spheres and a plane"]()

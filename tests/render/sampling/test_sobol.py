@@ -100,6 +100,7 @@ def _offsets(pixel, samples, total, seed, table, out):
         out[k, 0], out[k, 1] = sobol.offset(pixel[k], samples[k], total, seed, table)
 
 
+@pytest.mark.long
 def test_numpy_and_kernels_are_bit_identical():
     random = np.random.default_rng(2)
     pixel, samples, dimension = random.integers(0, 2**40, 500), random.integers(0, 5000, 500), random.integers(0, 2**45, 500)

@@ -47,6 +47,7 @@ def run(tmp_path: Path, command: list[str]) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("side", ["before", "beyond"])
 @pytest.mark.parametrize("name", ["gathered", "read", "indexed", "stored"])
 def test_an_access_outside_ends_the_process(tmp_path, name, side):

@@ -100,6 +100,7 @@ def test_special_pairs(name, dtype):
     assert_close(out, exact, LIMITS[name][dtype == np.float64], [x, y])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("dtype", FLOATS)
 def test_functions_of_numpy_and_math_are_overloaded(dtype):
     names = ["np.sin", "np.cos", "np.tan", "np.arcsin", "np.arccos", "np.arctan", "np.exp", "np.log", "np.abs"]

@@ -87,6 +87,7 @@ def _pairs(pixels, out, like):
         simd.store(out, n + i, v)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("dtype", "lanes_", "tolerance"), [(np.float64, simd.WIDTH64, 1e-14), (np.float32, simd.WIDTH, 1e-6)])
 def test_numbers_agree(dtype, lanes_, tolerance):
     x, y = (c.ravel().astype(dtype) for c in np.meshgrid(X, X[:8]))
@@ -97,6 +98,7 @@ def test_numbers_agree(dtype, lanes_, tolerance):
     assert np.allclose(out, expected.astype(dtype), rtol=tolerance, atol=0, equal_nan=True)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("dtype", "ints", "lanes_", "tolerance"), [(np.float64, np.int64, simd.WIDTH64, 1e-13), (np.float32, np.int32, simd.WIDTH, 2e-5)]
 )

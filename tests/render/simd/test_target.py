@@ -91,6 +91,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("kernels")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("isa", [target.ISA, *NARROWER])
 def test_each_width_uses_its_registers_and_compiles_once(isa, script, cache):
     expected = {"avx512": (16, 8), "avx2": (8, 4), "sse": (4, 2), "scalar": (1, 1)}[isa]
@@ -119,6 +120,7 @@ def test_this_folder_passes_on_every_narrower_width(isa, tmp_path):
     assert " passed" in done.stdout
 
 
+@pytest.mark.long
 def test_an_unsupported_instruction_set_is_rejected(script, tmp_path):
     done = run(script, "mmx", tmp_path)
     assert "MAQUETTE_SIMD=mmx is not an instruction set; choose from: avx512, avx2, sse, scalar, native" in done.stderr
@@ -160,6 +162,7 @@ def test_arm_has_one_level():
     assert target.choose("", "aarch64-unknown-linux-gnu", {"neon": True, "sve": True}) == ("sse", "generic", "+neon", True)
 
 
+@pytest.mark.long
 def test_other_code_of_numba_keeps_its_target(tmp_path):
     """Before and after a kernel is compiled for another instruction set, in one process."""
     path = tmp_path / "both.py"

@@ -52,6 +52,7 @@ def everything(seed: int) -> ir.Tables:
     return scene(shapes, meshes, prepare=textured)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [0, 1])
 def test_bvh_and_brute_force_agree_on_all_shapes(seed):
     """Bit for bit: both evaluate opacity at the same points, by the same function."""
@@ -59,6 +60,7 @@ def test_bvh_and_brute_force_agree_on_all_shapes(seed):
     assert 0.3 < np.mean(np.isfinite(t)) < 1
 
 
+@pytest.mark.long
 def test_transmittances_agree():
     tables, ray = everything(5), random_rays(2000, 6)
     active = np.ones(2000, bool)
@@ -111,6 +113,7 @@ def test_coverage_of_panes_before_nothing(count):
         assert alpha[0, 0] == pytest.approx(1 - 0.75**count, rel=1e-12)
 
 
+@pytest.mark.long
 def test_layers_beyond_the_queue_are_passed_at_random():
     """Forty mirroring panes: the mean of many samples equals the result with an unlimited ray queue."""
     count, samples = 40, 4000

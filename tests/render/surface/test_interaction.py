@@ -188,6 +188,7 @@ def test_new_rays_do_not_hit_their_surface(shape, place):
     assert not again.any()
 
 
+@pytest.mark.long
 @given(st.floats(-3, 6), st.floats(0.01, 1.5))
 @settings(max_examples=60, deadline=None)
 def test_offset_scales_with_the_coordinates(power, theta):

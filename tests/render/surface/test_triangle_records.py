@@ -60,6 +60,7 @@ MANY = "\n".join(
 )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("text", [MESH.format("flat", "flat"), MANY], ids=["one mesh", "many things"])
 def test_pictures_match_brute_force(tmp_path: Path, text: str) -> None:
     scene = scene_of(tmp_path, text)
@@ -125,6 +126,7 @@ def test_a_formulas_primitive_is_no_row():
     assert wave_intersection.row_of(scene, instance, primitive).tolist() == [-1, -1, -1, 1, 7, -1]
 
 
+@pytest.mark.long
 def test_large_instances_of_many_are_listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same list as with the primitives of all instances as candidates."""
     tables = scene_of(tmp_path, MANY + "\nbox([2, 2, 1], center: [0, 1, -2])\nbox(0.5)\nplane(translate: [0, -1, 0])").tables

@@ -35,6 +35,7 @@ def colors(model: xml.Element) -> list[str]:
     return [base.get("displaycolor", "") for base in model.iter(f"{NAMESPACE}base")]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seams", ["", ', seams: "blended"'])
 def test_a_triangle_has_the_material_of_its_part(tmp_path: Path, seams: str) -> None:
     model = model_of(tmp_path, PIN % seams)

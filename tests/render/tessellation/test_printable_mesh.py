@@ -55,6 +55,7 @@ def converted(tmp_path: Path, text: str, ending: str = "stl") -> tuple[trimesh.T
     return read, done.stderr
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ending", ["stl", "obj", "ply"])
 @pytest.mark.parametrize("name", SOLIDS)
 def test_solids_are_closed_as_another_program_reads_them(tmp_path, name, ending):
@@ -76,6 +77,7 @@ def test_lamps_are_no_things(tmp_path):
     assert len(read.faces) == 12
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("text", OPEN)
 def test_what_is_open_is_said_with_its_reason(tmp_path, text):
     read, said = converted(tmp_path, text)

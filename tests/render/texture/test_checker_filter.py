@@ -34,6 +34,7 @@ def places(seed: int, kind: type = np.float64) -> tuple[Array, Array]:
 width = st.floats(-3, 1.2).map(lambda e: round(10.0**e, 6))
 
 
+@pytest.mark.long
 @given(width, width, st.integers(0, 99), st.booleans(), st.booleans())
 @settings(max_examples=60, deadline=None)
 def test_axis_aligned_means_are_exact(wide: float, high: float, seed: int, checker: bool, turned: bool):
@@ -43,6 +44,7 @@ def test_axis_aligned_means_are_exact(wide: float, high: float, seed: int, check
     assert off < 1.6 / SIDE * (1 + max(wide, high) / 8)  # what the sum misses at two edges, or at the ends of many cells
 
 
+@pytest.mark.long
 @given(width, width, st.floats(0, 180), st.integers(0, 99), st.sampled_from([np.float32, np.float64]))
 @settings(max_examples=60, deadline=None)
 @example(0.01, 0.421697, 29.0, 71, np.float32)

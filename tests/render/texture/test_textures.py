@@ -85,6 +85,7 @@ def test_wraps_go_by_axis():
     assert at(texture, 0.5, 1.5)[0, 0] == 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("wrap", list(W))
 @given(u=st.floats(allow_nan=True, allow_infinity=True), v=st.sampled_from([0.0, -1e-9, 1.0, 1 - 2**-53, 1e308, -math.inf, math.nan]))
 @settings(max_examples=60, deadline=None)

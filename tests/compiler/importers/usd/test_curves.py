@@ -154,6 +154,7 @@ def test_points_are_spheres(tmp_path):
     assert corners(scene).reshape(-1, 3)[:, 0].max() == pytest.approx(6.5)
 
 
+@pytest.mark.long
 def test_a_hundred_thousand_strands_are_read(tmp_path):
     stage = Usd.Stage.CreateNew(str(tmp_path / "fur.usdc"))
     n = 100_000

@@ -57,6 +57,7 @@ def test_instancers_that_share_prototypes(tmp_path):
     assert set(scene.names.instances) == {"/I0a[0]", "/I0a[1]"}
 
 
+@pytest.mark.long
 def test_instancers_that_multiply_end_with_a_warning(tmp_path):
     scene, messages = read(tmp_path, doubling(30))
     assert len(scene.names.instances) == 0

@@ -152,12 +152,14 @@ def test_instances_that_multiply_are_left_out(tmp_path):
     assert messages == [f"x.usda</P0/a>: warning: {what}"]
 
 
+@pytest.mark.long
 def test_instances_below_the_limit_are_drawn(tmp_path):
     scene, messages = load(bomb(tmp_path, 12))
     assert (len(scene.names.instances), messages) == (4096, [])
     assert scene.names.instances[1] == "/P0" + "/a" * 11 + "/b/s"
 
 
+@pytest.mark.long
 def test_instances_that_nest_deeply(tmp_path):
     text = "#usda 1.0\n"
     for k in range(100):

@@ -122,6 +122,7 @@ def test_a_patch_of_many_spans_has_fewer_faces_for_each(tmp_path):
     assert np.abs(at[..., 2] - at[..., 0] - 2 * at[..., 1]).max() < 1e-2
 
 
+@pytest.mark.long
 def test_orders_have_a_limit(tmp_path):
     assert read(tmp_path, plane(70, 64))[1] == []
     messages = read(tmp_path, plane(70, 65) + '\ndef Cube "c" {}')[1]

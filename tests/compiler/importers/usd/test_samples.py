@@ -86,6 +86,7 @@ def test_time_codes_move_the_camera(assets):
     assert not np.allclose(eyes[1], eyes[2])
 
 
+@pytest.mark.long
 def test_variants_change_what_is_drawn(assets):
     path = assets / manifest(assets)["pub_vehicles"]["path"]
     from pxr import Usd

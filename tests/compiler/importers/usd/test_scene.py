@@ -571,6 +571,7 @@ def test_prims_of_one_layer_that_multiply_are_refused(tmp_path, arc, split):
     assert messages == [f"x.usda: error: the stage has about 268,435,374 prims, more than 4,000,000\n  {hint}"]
 
 
+@pytest.mark.long
 def test_prims_that_nest_by_references_are_refused(tmp_path):
     text = "#usda 1.0\n"
     for k in range(50):

@@ -55,6 +55,7 @@ def test_boxes_enclose_their_subtrees(seed):
         assert (planes[node, :, 1, i] >= high).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("how", [0.02, 0.2])
 def test_hits_match_brute_force(monkeypatch, how):
     """Bit for bit, with small and, where it would be rebuilt, large moves of vertices."""

@@ -50,6 +50,7 @@ def big_enough(tables: ir.Tables) -> None:
     assert len(scene_bvh.build(tables).top.links) > two_level.SMALL  # else all rays go together
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scale", [1e-9, 1e-3, 1.0, 1e6, 1e12])
 @pytest.mark.parametrize("away", [0.0, 1e3, 1e7])
 def test_hits_match_brute_force_at_any_scale_and_place(scale: float, away: float) -> None:

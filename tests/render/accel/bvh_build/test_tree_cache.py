@@ -89,6 +89,7 @@ def test_an_unwritable_folder_is_no_error(tmp_path: Path) -> None:
     assert_equal(tree_cache.cached_mesh_bvh(positions, triangles), wide_bvh.build(positions, triangles))
 
 
+@pytest.mark.long
 def test_folder_and_memory_are_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     sizes = [tree_cache.cached_mesh_bvh(*mesh(20, seed)).nbytes for seed in range(3)]
     tree_cache.clear()
@@ -106,6 +107,7 @@ def test_folder_and_memory_are_limited(tmp_path: Path, monkeypatch: pytest.Monke
     assert sum(part.nbytes for part in alive) <= 3 * max(sizes)  # two BVHs, and the one that is refitted
 
 
+@pytest.mark.long
 def test_scenes_share_bvhs_with_their_own_triangle_numbers() -> None:
     first, second = wavy(20, 1), wavy(20, 2)
     for meshes in ([first], [second, first], [first, second, first]):

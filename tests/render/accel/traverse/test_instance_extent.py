@@ -34,6 +34,7 @@ def boxes_of(made, places):
     return loose, close, np.einsum("nij,vj->nvi", places[:, :, :3], points) + places[:, None, :, 3]
 
 
+@pytest.mark.long
 def test_tight_bounds_hold_all_vertices_and_little_more(knots) -> None:
     loose, close, corners = boxes_of(*knots)
     low, high = corners.min(axis=1), corners.max(axis=1)

@@ -32,6 +32,7 @@ def leaving(positions, triangles, spread, seed=3):
     return np.einsum("nk,nkj->nj", weights, corners) + gap[:, None] * normal, towards
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("spread", [1e-4, 0.3], ids=["as packets", "each by itself"])
 @pytest.mark.parametrize("place", PLACES.values(), ids=PLACES.keys())
 @pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES.keys())

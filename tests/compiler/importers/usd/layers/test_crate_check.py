@@ -45,6 +45,7 @@ def chained(made: crates.Crate, count: int) -> crates.Crate:
     )  # fmt: skip
 
 
+@pytest.mark.long
 def test_paths_of_many_levels(tmp_path):
     path = tmp_path / "x.usdc"
     made = crate(path)

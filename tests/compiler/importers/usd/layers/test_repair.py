@@ -95,6 +95,7 @@ def nested(levels: int) -> str:
     return '#usda 1.0\n# {{{ "\n' + 'def "a" {\n' * levels + 'def Sphere "s" {\n}\n' + "}\n" * levels + 'def Cube "b" {\n}\n'
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("levels", [1001, 100_000])
 @pytest.mark.parametrize("packed", [False, True])
 def test_prims_that_nest_too_deep_are_left_out(tmp_path, levels, packed):

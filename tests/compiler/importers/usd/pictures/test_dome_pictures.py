@@ -36,6 +36,7 @@ def ways(layout: str, n: int) -> np.ndarray:
     return np.where(r[..., None] <= 1, made, 0.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("layout", ["angular", "mirroredBall", "cubeMapVerticalCross"])
 def test_every_direction_is_where_the_layout_shows_it(layout):
     texels = np.concatenate([ways(layout, 256), np.ones((*ways(layout, 256).shape[:2], 1))], axis=2)

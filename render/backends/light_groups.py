@@ -64,7 +64,7 @@ class Renderer:
         self.sums = Sums(plan)
         if not self.parts:
             self.parts = [("", make(scene, plan))]
-        self.single = self.tile_kernel = None  # each group needs a film of its own
+        self.tile_kernel = None  # each group needs a film of its own
         one = self.parts[0][1]
         self.by_tile, self.cell, self.side, self.prepared = one.by_tile, one.cell, one.side, getattr(one, "prepared", None)
 

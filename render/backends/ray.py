@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -26,7 +26,7 @@ from ..jit.packed_struct import Handle
 from ..simd import target
 from ..types import Film, FirstHits, Hit, Ray, Tile, View
 from . import prepare
-from .ray_samples import Workspace, draw_single, draw_tile
+from .ray_samples import Workspace, draw_tile
 
 CAMERA = int(ir.Visibility.CAMERA)
 
@@ -65,31 +65,27 @@ class Renderer:
         self._channel_accel, self._channel_lock = None, threading.Lock()
         if prepared.paths is None and (plan["denoise"] != "off" or plan["aov"]):
             ray_queries.load_closest(prepared.accel)
-        self.has_single = self.primes and plan["samples"] == 1
-        nothing, none = Tile(0, 0, 0, 0), np.zeros((0, 0), np.int64)  # an empty tile compiles the kernels
-        if self.has_single:
-            self._draw_single(nothing, np.zeros((0, 0, 4), np.float32))
-        else:
-            self.sample(nothing, none, none, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
-        if not self.primes:
-            tile_queue.load(self._link(), self.side)
-
-    @property
-    def single(self) -> Callable[[Tile, NDArray[np.float32]], int] | None:
-        """See film.Renderer. Not stored: a stored bound method would keep the renderer alive."""
-        return self._draw_single if self.has_single else None
-
-    @property
-    def tile_kernel(self) -> TileKernel | None:
-        """See film.Renderer. None in scenes with ray packets, which Python traces."""
+        self.packets: Any = None  # a ray_packets.TileDrawing, in scenes with formulas
         if self.primes:
-            return None
+            from . import ray_packets  # only scenes with implicit surfaces load it
+
+            self.packets = ray_packets.TileDrawing(prepared, self.black, self.side, int(plan["samples"]))
+        else:
+            nothing, none = Tile(0, 0, 0, 0), np.zeros((0, 0), np.int64)  # an empty tile compiles the kernels
+            self.sample(nothing, none, none, 1, Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)))
+        tile_queue.load(self._link(), self.side)
+
+    @property
+    def tile_kernel(self) -> TileKernel:
+        """See film.Renderer."""
         self._learn()
         return self._link()
 
     def _link(self) -> TileKernel:
         """The kernel of `sample`."""
         p = self.prepared
+        if self.packets is not None:
+            return self.packets.link()
         if p.paths is None:
             inputs = [p.packed, p.accel, p.vertex_light, self.frame]
             return TileKernel.link(draw_tile, inputs, lambda: Handle(Workspace.of(p.options)), Handle(Workspace.of(p.options)).type)
@@ -177,8 +173,8 @@ class Renderer:
         p = self.prepared
         self.frame.put("options.bounces", bounces)
         self.prepared = replace(p, options=p.options._replace(bounces=bounces))
-        if self.primes:
-            self._workspaces = threading.local()  # ray stacks depend on the limit
+        if self.packets is not None:
+            self.packets.prepared, self._workspaces = self.prepared, threading.local()  # ray stacks depend on the limit
 
     def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
         """Add samples first … first + count - 1, (h, w) each, of the pixels of a tile to the film."""
@@ -193,26 +189,11 @@ class Renderer:
             drawn = wavefront.draw_tile_in_groups if self.reuses else wavefront.draw_tile
             drawn(p.accel, self.packed, self.frame, tile, first, count, total, film, self._workspaces.wavefront)
             return
-        workspace = self._primed(tile, first, count, total) if self.primes else Handle(Workspace.of(p.options))
+        if self.packets is not None:
+            self.packets.sample(tile, first, count, total, film, self._workspaces)
+            return
+        workspace = Handle(Workspace.of(p.options))
         draw_tile(p.packed, p.accel, p.vertex_light, self.frame, tile, first, count, total, film, workspace)
-
-    def _primed(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int) -> Handle:
-        """The thread's workspace for a tile, with the implicit-surface hits of its samples."""
-        p = self.prepared
-        if not hasattr(self._workspaces, "packets"):
-            from ..accel.formula_packets import camera_rays  # only scenes with implicit surfaces load it
-
-            self._workspaces.packets = camera_rays.CameraPackets(p.accel, p.packed, Workspace.of(p.options), p.packet_lights, self.black)
-        return self._workspaces.packets.prime(p.packed, self.frame, tile, first, count, total)
-
-    def _draw_single(self, tile: Tile, rgba: NDArray[np.float32]) -> int:
-        """See film.Renderer.single; without film sums, which take a tenth of the time."""
-        p, shape = self.prepared, rgba.shape[:2]
-        if getattr(self._workspaces, "shape", None) != shape:
-            self._workspaces.shape, self._workspaces.counts = shape, (np.zeros(shape, np.int64), np.ones(shape, np.int64))
-        first, count = self._workspaces.counts
-        workspace = self._primed(tile, first, count, 1)
-        return draw_single(p.packed, p.accel, p.vertex_light, self.frame, rgba, workspace)
 
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
         """Write the named channels of a tile, (h, w, k) each."""

@@ -11,8 +11,7 @@ from ...compiler import ir
 from .. import camera
 from ..accel import intersect
 from ..accel.formula_packets import hits
-from ..accel.formula_packets.hits import REST, closer_hit, first_samples, is_used, load_pixels, load_slots, slot_of
-from ..film.accumulate import LARGEST, clamp
+from ..accel.formula_packets.hits import PACKET, REST, closer_hit, first_samples, is_used, load_pixels, load_slots, slot_of
 from ..integrator import ray_stack, whitted
 from ..jit.kernel import helper, kernel, noinline_helper
 from ..lanes import crosslane, ops, ray_soa
@@ -92,41 +91,26 @@ def _draw_primed(primed, tables, accel, vertex_light, frame, film, workspace):
         return lambda primed, tables, accel, vertex_light, frame, film, workspace: False
 
     def drawn(primed, tables, accel, vertex_light, frame, film, workspace):
-        if primed.rounds != 1:
+        if primed.extent[0] != 1:
             return False
-        n = len(primed.t)
+        n = primed.extent[3]
         for start in range(0, n, crosslane.WIDTH):
             if primed.black and not ops.any_lane(load_slots(primed.t, start) < np.inf):
                 continue
             if shade_primed(tables, accel, vertex_light, frame, start, workspace):
+                many, at = packet_place(n, start)
                 for k in range(min(crosslane.WIDTH, n - start)):
-                    _add_sample(film, workspace, k, primed.items[n + start + k], primed.items[start + k])
+                    _add_sample(film, workspace, k, primed.items[at + many + k], primed.items[at + k])
         return True
 
     return drawn
 
 
-@kernel
-def draw_single(tables, accel, vertex_light, frame, rgba, workspace):
-    """Write the pixels of a tile, (h, w, 4) zeros, from one sample each, whose implicit-surface hits are known.
-
-    Returns the number of samples that are not finite or too large for a picture.
-    """
-    found, light, issues = workspace.primed, workspace.light, 0
-    n = len(found.t)
-    for start in range(0, n, crosslane.WIDTH):
-        if found.black and not ops.any_lane(load_slots(found.t, start) < np.inf):
-            continue
-        if shade_primed(tables, accel, vertex_light, frame, start, workspace):
-            for k in range(min(crosslane.WIDTH, n - start)):
-                row, column = found.items[n + start + k], found.items[start + k]
-                red, green, blue = light[0, k] + 0.0, light[1, k] + 0.0, light[2, k] + 0.0
-                if not (abs(red) <= LARGEST and abs(green) <= LARGEST and abs(blue) <= LARGEST and light[4, k] > 0.5):
-                    red, green, blue = clamp(red), clamp(green), clamp(blue)
-                    issues += 1
-                rgba[row, column, 0], rgba[row, column, 1] = red, green
-                rgba[row, column, 2], rgba[row, column, 3] = blue, light[3, k]
-    return issues
+@helper
+def packet_place(samples: int, start: int) -> tuple[int, int]:
+    """(samples of the packet that holds sample `start` of so many, place of its column in TileHits.items)."""
+    packet = start // PACKET
+    return min(samples - packet * PACKET, PACKET), 3 * packet * PACKET + start % PACKET
 
 
 @noinline_helper
@@ -136,10 +120,12 @@ def shade_primed(tables, accel, vertex_light, frame, start, workspace):
     Returns whether any of it is not black.
     """
     view, options, found = frame.picture, frame.options, workspace.primed
-    x, y, _ = load_pixels(found.items, start)
-    s = first_samples(found.corner, found.first, found.columns, x, y)
+    many, place = packet_place(found.extent[3], start)
+    at = start % PACKET
+    x, y, _ = load_pixels(found.items[place - at : place - at + 3 * many], at)
+    s = first_samples(found.corner, found.first, found.extent[2], x, y)
     pixel, s = sobol.zorder_index(x + found.corner[0], y + found.corner[1], s, view.width, frame.order)
-    origin, direction, t_min, t_max = ray_soa.get_of(found.rays, len(found.rays) // 8, start)
+    origin, direction, t_min, t_max = ray_soa.get(found.rays[start // PACKET], at)
     ray = Ray(origin, direction, t_min, t_max, sobol.sample_time(pixel, s, options.seed, frame.shutter))
     hit, known = merge_first_hits(accel, tables, ray, found, start)
     return _store_light(workspace, whitted.linked_radiance(frame, tables, accel, vertex_light, ray, hit, pixel, s, workspace.stack, known))

@@ -109,15 +109,12 @@ class Canvas:
         """Render a tile of one sample a pixel, with memory of the thread."""
         shape = tile.y1 - tile.y0, tile.x1 - tile.x0
         window = self.window(tile)
-        if self.renderer.single is not None:
-            self.issues[self.rows[tile]] = self.renderer.single(tile, self.channels["rgba"][window])
-        else:
-            if getattr(self._local, "shape", None) != shape:
-                self._local.shape, self._local.film = shape, blank_film(tile)
-                self._local.counts = np.zeros(shape, np.int64), np.ones(shape, np.int64)
-            first, count = self._local.counts
-            self.renderer.sample(tile, first, count, 1, self._local.film)
-            self.issues[self.rows[tile]] = accumulate.set_first(self._local.film, self.channels["rgba"][window])
+        if getattr(self._local, "shape", None) != shape:
+            self._local.shape, self._local.film = shape, blank_film(tile)
+            self._local.counts = np.zeros(shape, np.int64), np.ones(shape, np.int64)
+        first, count = self._local.counts
+        self.renderer.sample(tile, first, count, 1, self._local.film)
+        self.issues[self.rows[tile]] = accumulate.set_first(self._local.film, self.channels["rgba"][window])
         self.samples[window] = 1
         self.drawn[self.rows[tile]] = shape[0] * shape[1]
 

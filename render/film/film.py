@@ -7,7 +7,7 @@ for any number of threads, except with a budget of seconds.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -57,11 +57,6 @@ class Renderer(Protocol):
         ...
 
     @property
-    def single(self) -> Callable[[Tile, NDArray[np.float32]], int] | None:
-        """Renders a tile of one sample a pixel into (h, w, 4) zeros, and returns the samples left out; None: `sample` does it."""
-        ...
-
-    @property
     def tile_kernel(self) -> TileKernel | None:
         """A kernel that does the work of `sample` for a round, with the same result; None: `sample` is called for each tile."""
         ...
@@ -104,7 +99,6 @@ class Unshared:
 
     round: int | None = None
     tile_kernel: TileKernel | None = None
-    single: Callable[[Tile, NDArray[np.float32]], int] | None = None
 
     def limit_time(self, deadline: Deadline) -> None:
         """Do nothing."""

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from maquette.render.accel import ray_queries
+from maquette.render.accel.formula_packets import packet_memory
 from maquette.render.formula import packet_state, packets
 from maquette.render.jit.packed_struct import Handle
 
@@ -172,7 +173,7 @@ def camera_rays(size: int) -> tuple[np.ndarray, np.ndarray]:
 def bundled(tables: Any, o: np.ndarray, d: np.ndarray) -> np.ndarray:
     """t of rays that go as bundles."""
     surface = int(tables.forms.of[int(tables.instance_rows[0, 2])])
-    room, columns, n = Handle(packet_state.allocate(tables.forms, surface)), packet_state.ray_columns(o, d, 0.0, np.inf), len(o)
+    room, columns, n = Handle(packet_memory.allocate(tables.forms, surface)), packet_state.ray_columns(o, d, 0.0, np.inf), len(o)
     out = np.full(n, np.inf), np.full(n, -1), np.zeros(n, np.int64), np.zeros(n), np.zeros(n)
     assert packets.trace(room, columns, 0, n, np.ascontiguousarray(tables.inverse[0, :3]), packets.HitColumns(*out, 0)) == n
     return out[0]

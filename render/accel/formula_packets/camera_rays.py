@@ -1,6 +1,8 @@
 """Traces the camera rays of a tile against formula surfaces as packets that share bounds (formula/packets.py).
 
-Rays through neighboring pixels are coherent: samples are ordered by squares of 4 × 4 pixels, these by squares of 16 × 16.
+Rays through neighboring pixels are coherent: samples are ordered by squares of 4 × 4 pixels, these by squares of 16 × 16. A packet holds
+samples of one number, of several numbers where few pixels take samples. Its hits are found in memory of its own, and go to those of the
+tile.
 """
 
 from __future__ import annotations
@@ -14,164 +16,279 @@ from numpy.typing import NDArray
 
 from ... import camera, simd
 from ...formula import intersect, packet_state, packets
-from ...jit.kernel import kernel
+from ...jit.function_pointer import DeclaredPointer, compiled_address
+from ...jit.kernel import helper, kernel, noinline_helper
 from ...jit.packed_struct import Handle
+from ...jit.value_types import INT64, NONE, TYPE_OF, array_type, tuple_type
 from ...lanes import crosslane, ops, ray_soa
 from ...sampling import sobol
 from ...types import Tile
-from . import hits, shadow_rays
-from .hits import Nothing, TileHits, packet_instances
+from . import hits, packet_memory, shadow_rays
+from .hits import PACKET, Nothing, TileHits, packet_instances
+
+_generate, _trace_single, _mark = (DeclaredPointer(NONE).call for _ in range(3))
+_trace, _send_to_light = (DeclaredPointer(INT64).call for _ in range(2))
+_INTEGERS, _FLOATS, _RAYS = array_type(np.int64, 1), array_type(np.float64, 1), array_type(np.float64, 2)
+_COLUMNS = tuple_type(packets.HitColumns, (_FLOATS, _INTEGERS, _INTEGERS, _FLOATS, _FLOATS, INT64))
+ANY = packet_state.ANY
 
 
-class TileBuffers(NamedTuple):
-    """Rays and hits of a tile, for a number of samples and a shape of tiles."""
+class Steps(NamedTuple):
+    """Addresses of the kernels of a packet; 0 for those that the scene does not need."""
 
-    onward: NDArray[np.float64]  # rays to a light, in the layout of ray_soa
-    shade: NDArray[np.float64]  # (n,) t of their hits
-    rays: NDArray[np.float64]  # those of `primed`, in the layout of ray_soa
-    primed: TileHits  # samples in the order of packets
-    workspace: Handle  # the thread's workspace with `primed`
+    generate: int
+    single: int
+    to_light: int
+    mark: int
 
 
-SPARE, SMALL = 4, 4 * packet_state.RAYS  # kinds of buffers reused by the next picture, and their samples at most
-_spare: dict[tuple[int, ...], list[TileBuffers]] = {}  # allocating memory for each picture would take as long as filling it
+class PacketScene(NamedTuple):
+    """The surfaces and lights of a picture that packets test; addresses are those of handles."""
+
+    steps: Steps
+    tables: int
+    accel: int
+    frame: int
+    order: NDArray[np.int64]  # (side², 2) rows and columns of a tile's pixels, in the order of packets
+    instance: NDArray[np.int64]  # (surfaces,)
+    geometry: NDArray[np.int64]  # (surfaces,)
+    trace: NDArray[np.int64]  # (surfaces,) addresses of packets.trace
+    inverse: NDArray[np.float64]  # (surfaces, 3, 4) transforms to the surfaces' frames
+    casting: NDArray[np.int64]  # the surfaces that cast shadows
+    lights: NDArray[np.int64]  # those of shadow_rays.select_lights
+
+
+class PacketMemory(NamedTuple):
+    """A thread's tile, and the packet in work."""
+
+    workspace: Handle  # with `found`
+    found: TileHits
+    states: NDArray[np.int64]  # (surfaces,) addresses of packet_memory.PacketState
+    pixels: NDArray[np.int64]  # (side²,) numbers of pixels that take further samples
+    hidden: NDArray[np.int64]  # of `found`, empty without lights
+    onward: NDArray[np.float64]  # (8, …) rays to a light, in the layout of ray_soa
+    shade: NDArray[np.float64]  # (PACKET,) t of their hits
+    t: NDArray[np.float64]  # (PACKET,) hits
+    instance: NDArray[np.int64]
+    spacing: NDArray[np.int64]
+    u: NDArray[np.float64]
+    v: NDArray[np.float64]
+    known: NDArray[np.int64]  # hidden lights
+
+
+class ThreadMemory(Handle):
+    """The packed PacketMemory of a thread, with the states of its surfaces."""
+
+    __slots__ = ("__weakref__", "surfaces")
+
+
+TYPE_OF[ThreadMemory] = TYPE_OF[Handle]
+SPARE, SMALL = 4, 4 * PACKET  # memories of finished pictures that the next reuse, and their samples at most
+_spare: list[TileHits] = []  # allocating memory for each picture would take as long as filling it
 
 
 class CameraPackets:
-    """Traces the camera rays of one thread against the formula surfaces of a scene.
+    """Traces the camera rays of a picture against its formula surfaces.
 
-    `workspace` is the thread's workspace, `lights` the lights of shadow_rays.select_lights, `black` that of TileHits.
+    `lights` are those of shadow_rays.select_lights, `black` is that of TileHits, `side` the pixels of a tile's side.
     """
 
-    def __init__(self, accel: Handle, packed: Handle, workspace: Any, lights: list[int], black: bool) -> None:
-        bvh = accel.tables
-        self.accel, self.workspace, self.lights, self.black = accel, workspace, lights, black
-        self.instances = packet_instances(bvh).tolist()
-        self.casting = [k for k, i in enumerate(self.instances) if bvh.instance_rows[i, 0] & shadow_rays.CASTS]
-        self.buffers: dict[tuple[int, ...], TileBuffers] = {}
-        self.last_counts: tuple[Any, Any] = None, None  # the last sample counts, and their buffers
-        weakref.finalize(self, _release, self.buffers).atexit = False
-        self.inverses = [np.ascontiguousarray(bvh.inverse[i, :3]) for i in self.instances]
-        self.geometries = [int(bvh.instance_rows[i, 2]) for i in self.instances]
-        surfaces = {g: Handle(packet_state.allocate(bvh.forms, int(bvh.forms.of[g]))) for g in set(self.geometries)}
-        self.surface_states = [surfaces[g] for g in self.geometries]
-        buffers = allocate_packets(np.zeros((0, 0), np.int64), workspace, bool(lights), black)
-        for handle, inverse in zip(self.surface_states, self.inverses, strict=True):  # compiles or loads kernels before a picture starts
-            packets.trace(handle, buffers.rays, 0, 0, inverse, _hit_columns(buffers.primed, 0))
-        self._find_hidden_lights(packed, buffers)
+    def __init__(self, accel: Handle, packed: Handle, frame: Handle, lights: list[int], black: bool, side: int) -> None:
+        bvh, self.kept = accel.tables, (accel, packed, frame)
+        self.forms, self.black, self.side, self.lit = bvh.forms, black, side, bool(lights)
+        instances = packet_instances(bvh)
+        casting = np.flatnonzero(bvh.instance_rows[instances, 0] & shadow_rays.CASTS)
+        self.geometries = bvh.instance_rows[instances, 2].astype(np.int64)
+        trace = [self._trace_address(state) for state in self._states()]
+        self.scene = Handle(PacketScene(
+            self._steps(accel, packed, frame), packed.address, accel.address, frame.address, _pixel_order(side),
+            instances.astype(np.int64), self.geometries, np.array(trace, np.int64), np.ascontiguousarray(bvh.inverse[instances, :3]),
+            casting.astype(np.int64), np.array(lights, np.int64),
+        ))  # fmt: skip
 
-    def prime(self, packed: Any, frame: Any, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int) -> Handle:
-        """Trace samples first … first + count − 1 of `total` of a tile's pixels, (rows, columns) each; return the workspace."""
-        buffers = self._tile_buffers(count)
-        found = buffers.primed
-        hits.reset(first, tile.x0, tile.y0, found.first, found.corner, found.t, found.instance)
-        generate_rays(packed, frame, total, found.first, found.corner, count.shape[1], found.items, buffers.rays)
-        n = len(found.t)
-        for k, i in enumerate(self.instances):
-            self._trace_surface(k, buffers.rays, n, found, i)
-        self._find_hidden_lights(packed, buffers)
-        return buffers.workspace
+    def _states(self) -> list[Handle]:
+        """The states of the surfaces, one for each geometry."""
+        geometries = sorted(set(self.geometries.tolist()))
+        states = packet_memory.allocate_shared(self.forms, [int(self.forms.of[g]) for g in geometries])
+        made = dict(zip(geometries, map(Handle, states), strict=True))
+        return [made[g] for g in self.geometries.tolist()]
 
-    def _trace_surface(self, k: int, rays: NDArray[np.float64], n: int, found: Any, number: int) -> None:
-        """Trace n rays against the k-th surface and store closer hits in `found`; see packets.HitColumns."""
-        out, done = _hit_columns(found, number), 0
-        while (done := packets.trace(self.surface_states[k], rays, done, n, self.inverses[k], out)) < n:
-            many = min(packet_state.RAYS, n - done)
-            trace_single(self.accel, self.geometries[k], rays, done, many, self.inverses[k], out)
-            done += many
+    def _trace_address(self, state: Handle) -> int:
+        return compiled_address(packets.trace, state.type, _RAYS, INT64, INT64, _RAYS, _COLUMNS)
 
-    def _find_hidden_lights(self, packed: Handle, buffers: TileBuffers) -> None:
-        """Find the lights that surfaces hide from the hits."""
-        found = buffers.primed
-        if self.lights:
-            found.hidden[:] = 0
-        for light in self.lights:
-            buffers.shade[:] = np.inf
-            if shadow_rays.generate_rays(packed, light, buffers.rays, _hit_columns(found, 0), buffers.onward) > 0:
-                for k in self.casting:
-                    self._trace_surface(k, buffers.onward, len(buffers.shade), found._replace(t=buffers.shade), packet_state.ANY)
-            shadow_rays.mark_hidden(light, buffers.onward, buffers.shade, found.hidden)
+    def _steps(self, accel: Handle, packed: Handle, frame: Handle) -> Steps:
+        to_light = marking = 0
+        if self.lit:
+            to_light = compiled_address(shadow_rays.generate_rays, packed.type, INT64, _RAYS, _COLUMNS, _RAYS)
+            marking = compiled_address(shadow_rays.mark_hidden, INT64, _RAYS, _FLOATS, _INTEGERS)
+        return Steps(
+            compiled_address(generate_rays, packed.type, frame.type, INT64, _INTEGERS, _INTEGERS, INT64, _INTEGERS, _RAYS),
+            compiled_address(trace_single, accel.type, INT64, _RAYS, INT64, INT64, _RAYS, _COLUMNS), to_light, marking,
+        )  # fmt: skip
 
-    def _tile_buffers(self, count: NDArray[np.int64]) -> TileBuffers:
-        """The buffers of a tile; those of uniform sample counts are reused."""
-        if count is self.last_counts[0]:  # the usual case: the film's own array
-            return self.last_counts[1]
-        buffers = self._uniform_buffers(count)
-        self.last_counts = count, buffers
-        return buffers
+    def memory(self, workspace: Any, samples: int) -> ThreadMemory:
+        """Allocate the memory of a thread for tiles of so many samples; `workspace` is the thread's, a NamedTuple with `primed`."""
+        found = self._hits(samples)._replace(black=self.black)
+        states, rays = self._states(), (8, packet_state.SPACED)
+        hidden = found.hidden if self.lit else np.zeros(0, np.int64)
+        shade, t, u, v = np.zeros((4, PACKET))
+        instance, spacing, known = np.zeros((3, PACKET), np.int64)
+        made = ThreadMemory(PacketMemory(
+            Handle(workspace._replace(primed=found)), found, np.array([each.address for each in states], np.int64),
+            np.zeros(self.side**2, np.int64), hidden, np.zeros(rays), shade, t, instance, spacing, u, v, known,
+        ))  # fmt: skip
+        made.surfaces = states
+        weakref.finalize(made, _release, found).atexit = False
+        return made
 
-    def _uniform_buffers(self, count: NDArray[np.int64]) -> TileBuffers:
-        rounds = int(count.flat[0]) if count.size else 0
-        if (count != rounds).any():
-            return allocate_packets(count, self.workspace, bool(self.lights), self.black)
-        key = (*count.shape, rounds, len(self.lights) > 0)
-        if key not in self.buffers:
-            spare = _reuse(key)
-            made = (
-                allocate_packets(count, self.workspace, key[-1], self.black)
-                if spare is None
-                else _rebind(self.workspace, spare, self.black)
-            )
-            self.buffers[key] = made
-        return self.buffers[key]
+    def _hits(self, samples: int) -> TileHits:
+        """Memory of hits: that of a finished picture, or new."""
+        kind = self.side, samples, self.lit
+        for k, spare in enumerate(_spare):
+            if (int(len(spare.start) ** 0.5), len(spare.t), isinstance(spare.hidden, np.ndarray)) == kind:
+                return _spare.pop(k)
+        return allocate_hits(self.side, samples, self.lit, self.black)
 
 
-def _release(finished: dict[tuple[int, ...], TileBuffers]) -> None:
-    """Keep the buffers of a finished picture for reuse, up to two of a kind."""
-    for key, buffers in finished.items():
-        if len(buffers.primed.t) <= SMALL:
-            _spare[key] = [buffers, *_spare.pop(key, [])][:2]
-    for key in tuple(_spare)[:-SPARE]:
-        _spare.pop(key, None)
+def _release(found: TileHits) -> None:
+    """Keep the memory of a finished picture for reuse."""
+    if 0 < len(found.t) <= SMALL:
+        _spare.insert(0, found)
+        del _spare[SPARE:]
 
 
-def _reuse(key: tuple[int, ...]) -> TileBuffers | None:
-    """Unused buffers of a kind, or None."""
-    try:
-        return _spare[key].pop()
-    except LookupError:
-        return None
-
-
-def _rebind(workspace: Any, buffers: TileBuffers, black: bool) -> TileBuffers:
-    """The buffers for another workspace."""
-    primed = buffers.primed._replace(black=black)
-    return buffers._replace(primed=primed, workspace=Handle(workspace._replace(primed=primed)))
-
-
-def allocate_packets(count: NDArray[np.int64], workspace: Any, lights: bool, black: bool) -> TileBuffers:
-    """Memory for the packets of a tile with `count` (h, w) samples a pixel."""
-    rows, columns = count.shape
-    rounds = int(count.max(initial=0))
-    y, x = _pixel_order(rows, columns)
-    slots, parts, n = np.full((rounds, rows, columns), -1, np.int64), [np.zeros((3, 0), np.int64)], 0
-    for k in range(rounds):
-        here = count[y, x] > k
-        row, column = y[here], x[here]
-        slots[k, row, column] = np.arange(n, n + len(row))
-        parts.append(np.stack([column, row, np.full(len(row), k)]))
-        n += len(row)
-    items = np.ascontiguousarray(np.concatenate(parts, axis=1), np.int64).ravel()
-    rays = np.zeros((8, -(-n // packet_state.VECTOR) * packet_state.VECTOR))
-    primed = TileHits(
-        rounds, rows, columns, slots.ravel(), np.zeros(rows * columns, np.int64), np.zeros(3, np.int64), items, rays.ravel(),
-        np.full(n, np.inf), np.full(n, -1), np.zeros(n, np.int64), np.zeros(n), np.zeros(n), black,
-        np.zeros(n, np.int64) if lights else Nothing(),
+def allocate_hits(side: int, samples: int, lights: bool, black: bool) -> TileHits:
+    """Memory for the hits of `samples` samples of a tile of side × side pixels."""
+    pixels = side * side
+    blocks = -(-pixels // PACKET)
+    start, first = np.zeros((2, pixels), np.int64)
+    t, u, v = (np.zeros(samples) for _ in range(3))
+    return TileHits(
+        np.zeros(4, np.int64), start, first, np.zeros(3, np.int64), np.zeros(3 * PACKET * blocks, np.int64),
+        np.zeros((blocks, 8, packet_state.SPACED)), t, np.zeros(samples, np.int32), np.zeros(samples, np.int64), u, v, black,
+        np.zeros(samples, np.int64) if lights else Nothing(),
     )  # fmt: skip
-    onward, shade = (np.zeros_like(rays), np.zeros(n)) if lights else (np.zeros((8, 0)), np.zeros(0))
-    return TileBuffers(onward, shade, rays, primed, Handle(workspace._replace(primed=primed)))
 
 
-def _hit_columns(found: Any, i: int) -> packets.HitColumns:
-    return packets.HitColumns(found.t, found.instance, found.spacing, found.u, found.v, i)
-
-
-@lru_cache(maxsize=16)
-def _pixel_order(rows: int, columns: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(row, column) of a tile's pixels, ordered by squares of 64 × 64, within these of 16 × 16, within these of 4 × 4."""
-    y, x = (part.ravel() for part in np.mgrid[:rows, :columns])
+@lru_cache(maxsize=4)
+def _pixel_order(side: int) -> NDArray[np.int64]:
+    """(side², 2) rows and columns of a tile's pixels, ordered by squares of 64 × 64, within these of 16 × 16, within these of 4 × 4."""
+    y, x = (part.ravel() for part in np.mgrid[:side, :side])
     order = np.lexsort((x % 4, y % 4, x % 16 // 4, y % 16 // 4, x % 64 // 16, y % 64 // 16, x // 64, y // 64))
-    return y[order], x[order]
+    return np.ascontiguousarray(np.stack([y[order], x[order]], axis=1), np.int64)
+
+
+@helper
+def trace_tile(scene: Any, memory: Any, tile: Tile, first: Any, count: Any, total: int) -> None:
+    """Trace samples first … first + count − 1 (rows, columns) of `total` of a tile's pixels, and set `memory.found`.
+
+    Raises ValueError for more samples than fit there.
+    """
+    found, items = memory.found, memory.found.items
+    many = _begin(scene, memory, tile, first, count)
+    rounds, columns = found.extent[0], found.extent[2]
+    if found.extent[3] > len(found.t):
+        raise ValueError("more samples of a tile than its memory holds")
+    packet, filled = 0, 0
+    for k in range(rounds):
+        left = 0
+        for i in range(many):
+            pixel = memory.pixels[i]
+            row, column = pixel // columns, pixel % columns
+            if count[row, column] > k:
+                memory.pixels[left] = pixel
+                left += 1
+                at = (3 * PACKET * packet if rounds == 1 else 0) + filled
+                items[at], items[at + PACKET], items[at + 2 * PACKET] = column, row, k
+                filled += 1
+                if filled == PACKET:
+                    _trace_packet(scene, memory, packet, filled, total)
+                    packet, filled = packet + 1, 0
+        many = left
+    if filled > 0:
+        _trace_packet(scene, memory, packet, filled, total)
+
+
+@helper
+def _begin(scene: Any, memory: Any, tile: Tile, first: Any, count: Any) -> int:
+    """Set the slots of a tile's pixels, and the list of those that take samples; returns their number."""
+    found, rows, columns = memory.found, tile.y1 - tile.y0, tile.x1 - tile.x0
+    rounds, samples, many, same = 0, 0, 0, first[0, 0] if rows * columns > 0 else -1
+    for row in range(rows):
+        for column in range(columns):
+            pixel, number = row * columns + column, first[row, column]
+            found.first[pixel], found.start[pixel] = number, samples
+            same = same if number == same else -1
+            rounds, samples = max(rounds, count[row, column]), samples + count[row, column]
+    for i in range(len(scene.order)):
+        row, column = scene.order[i, 0], scene.order[i, 1]
+        if row < rows and column < columns and count[row, column] > 0:
+            memory.pixels[many] = row * columns + column
+            many += 1
+    if rounds == 1:
+        for i in range(many):
+            found.start[memory.pixels[i]] = i
+    found.corner[0], found.corner[1], found.corner[2] = tile.x0, tile.y0, same
+    found.extent[0], found.extent[1], found.extent[2], found.extent[3] = rounds, rows, columns, samples
+    return many
+
+
+@noinline_helper
+def _trace_packet(scene, memory, packet, n, total):
+    """Trace the n samples of a packet, whose items are set, and store their hits in the tile's."""
+    found = memory.found
+    alone = found.extent[0] == 1
+    block = packet if alone else 0
+    at = 3 * PACKET * block
+    for row in range(1, 3):  # the rows of a packet with fewer samples follow each other
+        for i in range(n):
+            found.items[at + row * n + i] = found.items[at + row * PACKET + i]
+    items, rays, columns = found.items[at : at + 3 * n], found.rays[block], found.extent[2]
+    t, instance, spacing, u, v = memory.t[:n], memory.instance[:n], memory.spacing[:n], memory.u[:n], memory.v[:n]
+    for i in range(n):
+        t[i], instance[i] = np.inf, -1
+    _generate(scene.steps.generate, (scene.tables, scene.frame, total, found.first, found.corner, columns, items, rays))
+    for k in range(len(scene.instance)):
+        _trace_surface(scene, memory, k, rays, n, packets.HitColumns(t, instance, spacing, u, v, scene.instance[k]))
+    _find_hidden_lights(scene, memory, rays, n)
+    for i in range(n):
+        slot = packet * PACKET + i
+        if not alone:
+            slot = found.start[items[n + i] * columns + items[i]] + items[2 * n + i]
+        found.t[slot], found.instance[slot], found.spacing[slot] = t[i], instance[i], spacing[i]
+        found.u[slot], found.v[slot] = u[i], v[i]
+        if len(memory.hidden) > 0:
+            memory.hidden[slot] = memory.known[i]
+    samples = found.extent[3]
+    for slot in range(samples, min(samples + crosslane.WIDTH, len(found.t))):  # vectors read them
+        found.t[slot], found.instance[slot] = np.inf, -1
+
+
+@helper
+def _trace_surface(scene: Any, memory: Any, k: int, rays: Any, n: int, out: Any) -> None:
+    """Trace n rays against the k-th surface and store closer hits; see packets.HitColumns."""
+    inverse = scene.inverse[k]
+    if _trace(scene.trace[k], (memory.states[k], rays, 0, n, inverse, out)) < n:
+        _trace_single(scene.steps.single, (scene.accel, scene.geometry[k], rays, 0, n, inverse, out))
+
+
+@helper
+def _find_hidden_lights(scene: Any, memory: Any, rays: Any, n: int) -> None:
+    """Find the lights that surfaces hide from the hits of a packet."""
+    t, instance, spacing, u, v = memory.t[:n], memory.instance[:n], memory.spacing[:n], memory.u[:n], memory.v[:n]
+    shade, known = memory.shade[:n], memory.known[:n]
+    for i in range(n):
+        known[i] = 0
+    for j in range(len(scene.lights)):
+        light = scene.lights[j]
+        for i in range(n):
+            shade[i] = np.inf
+        met = packets.HitColumns(t, instance, spacing, u, v, 0)
+        if _send_to_light(scene.steps.to_light, (scene.tables, light, rays, met, memory.onward)) > 0:
+            for k in range(len(scene.casting)):
+                hiding = packets.HitColumns(shade, instance, spacing, u, v, ANY)
+                _trace_surface(scene, memory, scene.casting[k], memory.onward, n, hiding)
+        _mark(scene.steps.mark, (light, memory.onward, shade, known))
 
 
 @kernel

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....compiler import ir
-from ...jit.kernel import helper, kernel
+from ...jit.kernel import helper
 from ...jit.packed_struct import HandleType
 from ...lanes import crosslane, ops
 from ...simd.registration import overload, types
@@ -19,7 +19,8 @@ from ...types import Hit, Lane
 from ..bvh_build import scene_layout
 
 SIDE = 64  # pixels of a tile's side, so that its rays fill a packet
-QUICK = 2  # samples a pixel up to which tiles of large pictures hold four packets, since Python runs between tiles
+PACKET = SIDE**2  # samples of a packet: formula.packet_state.RAYS, which only scenes with formulas load
+QUICK = 2  # samples a pixel up to which tiles of large pictures hold four packets
 CAMERA, REST = int(ir.Visibility.CAMERA), scene_layout.CAMERA_REST
 
 
@@ -28,23 +29,24 @@ class Nothing(NamedTuple):
 
 
 class TileHits(NamedTuple):
-    """Hits of a tile: sample s of a pixel has the slot slots[(s − first) · pixels + row · columns + column]."""
+    """Hits of a tile: sample s of a pixel p = row · columns + column has the slot start[p] + s − first[p].
 
-    rounds: int
-    rows: int
-    columns: int
-    slots: NDArray[np.int64]
+    Where each pixel has one sample at most, slots are in the order of packets, of PACKET samples each.
+    """
+
+    extent: NDArray[np.int64]  # (4,) greatest number of samples of a pixel, rows, columns, samples of all pixels
+    start: NDArray[np.int64]  # (pixels,)
     first: NDArray[np.int64]  # (pixels,) number of the first sample
     corner: NDArray[np.int64]  # x0, y0 of the tile; the first sample of all pixels, or -1 where it differs
-    items: NDArray[np.int64]  # (3 · samples,) columns, rows and numbers of samples, relative to the tile's corner and first samples
-    rays: NDArray[np.float64]  # of samples, in the layout of ray_soa, flat: the number of dimensions is part of a type
-    t: NDArray[np.float64]
-    instance: NDArray[np.int64]
+    items: NDArray[np.int64]  # of each packet its samples' columns, rows and numbers, relative to the tile's corner and first samples
+    rays: NDArray[np.float64]  # (packets, 8, …) in the layout of ray_soa
+    t: NDArray[np.float64]  # (slots,)
+    instance: NDArray[np.int32]
     spacing: NDArray[np.int64]
     u: NDArray[np.float64]
     v: NDArray[np.float64]
     black: bool = False  # whether a camera ray without such a hit hits nothing and is black
-    hidden: Any = Nothing()  # (samples,) hidden lights, see shadow_rays, where they are computed
+    hidden: Any = Nothing()  # (slots,) hidden lights, see shadow_rays, where they are computed
 
 
 def is_needed(bvh: scene_layout.Bvh) -> bool:
@@ -59,17 +61,16 @@ def packet_instances(bvh: scene_layout.Bvh) -> NDArray[np.intp]:
 
 def is_used(primed: Any) -> bool:
     """Whether a record of this Numba type holds packet hits."""
-    return isinstance(primed, HandleType) and primed.field("slots") is not None
+    return isinstance(primed, HandleType) and primed.field("start") is not None
 
 
 @helper
 def slot_of(primed: Any, x: Lane, y: Lane, s: Lane) -> Lane:
     """The slots of samples s of pixels x, y."""
-    row = _clip(y - primed.corner[1], primed.rows)
-    column = _clip(x - primed.corner[0], primed.columns)
-    at = row * primed.columns + column
-    k = _clip(s - primed.first[at], primed.rounds)
-    return ops.maximum(primed.slots[k * len(primed.first) + at], 0)
+    extent = primed.extent
+    row, column = _clip(y - primed.corner[1], extent[1]), _clip(x - primed.corner[0], extent[2])
+    at = row * extent[2] + column
+    return _clip(primed.start[at] + _clip(s - primed.first[at], extent[0]), extent[3])
 
 
 def load_slots(column: Any, slot: Any) -> Lane:
@@ -111,19 +112,16 @@ def first_samples(corner: Any, first: Any, columns: int, x: Lane, y: Lane) -> La
     return found
 
 
-@kernel
-def reset(firsts, left, top, first, corner, t, instance):
-    """Reset parts of TileHits for a tile with a corner, without hits; `firsts` (rows, columns) are the first samples."""
-    rows, columns = firsts.shape
-    same = firsts[0, 0] if rows * columns > 0 else -1
-    for row in range(rows):
-        for column in range(columns):
-            number = firsts[row, column]
-            first[row * columns + column] = number
-            same = same if number == same else -1
-    corner[0], corner[1], corner[2] = left, top, same
-    for i in range(len(t)):
-        t[i], instance[i] = np.inf, -1
+def gather(column: Any, slot: Any) -> Lane:
+    """`load_slots` for a column of any type."""
+    raise NotImplementedError("in kernels only")
+
+
+@overload(gather)
+def _gather_in_kernels(column, slot):
+    if not isinstance(slot, types.Integer):
+        return lambda column, slot: column[slot]
+    return lambda column, slot: column[ops.minimum(crosslane.lane_indices(slot), len(column) - 1)]
 
 
 @helper
@@ -132,7 +130,7 @@ def closer_hit(primed: Any, slot: Any, hit: Hit) -> tuple[Hit, Any]:
     t = load_slots(primed.t, slot)
     first = (t <= hit.t) & (t < np.inf)
     if ops.any_lane(first):
-        i = load_slots(primed.instance, slot)
+        i = ops.to_int(gather(primed.instance, slot))
         first = first & ((t < hit.t) | (i < hit.instance))
         spacing, u, v = load_slots(primed.spacing, slot), load_slots(primed.u, slot), load_slots(primed.v, slot)
         hit = Hit(

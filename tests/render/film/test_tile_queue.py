@@ -32,6 +32,12 @@ sphere(0.4, center: [0, 0.6, 0], material: glass())
 area(position: [0, 2.8, 0], look_at: [0, 0, 0], size: [0.6, 0.6], luminance: 30)
 camera(position: [1, 1.2, 1.8], look_at: [0, 0.6, 0], fov: 50deg)
 """
+HEART = """implicit(|x, y, z| (x^2 + 2.25 * z^2 + y^2 - 1)^3 <= x^2 * y^3 + 0.1125 * z^2 * y^3, within: 1.5)
+plane(y: -1.2, material: lambert(#999))
+point(position: [2, 4, 3], intensity: 900)
+sky(color: #87b5e0, luminance: 1500nit)
+camera(position: [0, 0.4, 5], look_at: [0, 0, 0], fov: 35deg)
+"""
 SIZE = 150, 70  # five by three tiles, of which eight are at an edge
 KINDS = {
     "rays": (BALL, {"backend": "ray", "samples": 7}, {}),
@@ -42,6 +48,10 @@ KINDS = {
     "polygons by scanlines": (BALL + "box(0.5, center: [1, 2, 0])\n", {"backend": "raster", "samples": 5}, {"raster.coverage": "scanline"}),
     "paths": (ROOM, {"backend": "ray", "samples": 6}, {"transport.path_reuse": "none"}),
     "shared paths": (ROOM, {"backend": "ray", "samples": 6}, {}),
+    "packets": (HEART, {"backend": "ray", "samples": 7}, {}),
+    "packets to an error": (HEART, {"backend": "ray", "error": 0.04}, {}),
+    "packets of one sample": (HEART, {"backend": "ray", "samples": 1}, {}),
+    "packets of most samples": (HEART, {"backend": "ray", "samples": 160, "size": (70, 20)}, {}),
     "a crop": (BALL, {"backend": "ray", "samples": 3, "crop": (5, 3, 77, 61)}, {}),
 }
 
@@ -107,7 +117,7 @@ def cancel_at_random(scene: Any, plan: Any, reference: np.ndarray, times: int) -
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", ["rays", "triangles", "shared paths"])
+@pytest.mark.parametrize("name", ["rays", "triangles", "shared paths", "packets"])
 def test_cancelling_at_random_moments_leaves_whole_calls(name: str, tmp_path: Path) -> None:
     text, asked, overrides = KINDS[name]
     scene = scene_of(tmp_path, text)

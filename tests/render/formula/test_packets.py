@@ -9,6 +9,7 @@ import sys
 import numpy as np
 import pytest
 from maquette.render.accel import ray_queries
+from maquette.render.accel.formula_packets import packet_memory
 from maquette.render.formula import packet_state, packets, tape_jit
 from maquette.render.jit.packed_struct import Handle
 
@@ -50,7 +51,7 @@ def no_hits(n: int) -> packets.HitColumns:
 
 
 def trace(trees: Handle, o: np.ndarray, d: np.ndarray, t_max: float, out: packets.HitColumns) -> bool:
-    packet = Handle(packet_state.allocate(trees.tables.forms, 0))
+    packet = Handle(packet_memory.allocate(trees.tables.forms, 0))
     return packets.trace(packet, packet_state.ray_columns(o, d, 0.0, t_max), 0, len(o), np.eye(4)[:3], out) == len(o)
 
 
@@ -84,7 +85,7 @@ def test_more_rays_than_a_packet_holds_are_traced_packet_by_packet(tmp_path):
     behind = packet_hits(trees, o[first:].copy(), d[first:].copy())
     for one, other in zip(whole, behind, strict=True):
         assert np.array_equal(one[first:], other)
-    rest, packet = no_hits(len(o)), Handle(packet_state.allocate(trees.tables.forms, 0))
+    rest, packet = no_hits(len(o)), Handle(packet_memory.allocate(trees.tables.forms, 0))
     assert packets.trace(packet, packet_state.ray_columns(o, d, 0.0, np.inf), first, len(o), np.eye(4)[:3], rest) == len(o)
     assert np.isinf(rest.t[:first]).all()
     assert np.array_equal(rest.t[first:], behind[0])
@@ -184,12 +185,29 @@ def test_a_packet_does_not_depend_on_the_packet_before(tmp_path, name):
         packets.trace(packet, packet_state.ray_columns(o, d, 0.0, np.inf), 0, len(o), np.eye(4)[:3], out)
         return out
 
-    used = Handle(packet_state.allocate(trees.tables.forms, 0))
+    used = Handle(packet_memory.allocate(trees.tables.forms, 0))
     for turn in range(24):
         o, d = picture(tuple(2.5 * rng.normal(size=3)), half=0.02 + 0.3 * rng.random())
         if turn % 2:
             some = np.sort(rng.choice(len(o), rng.integers(20, 3000), replace=False))
             o, d = o[some], d[some] + 0.1 * rng.normal(size=3)
-        fresh = hits_of(Handle(packet_state.allocate(trees.tables.forms, 0)), o, d)
+        fresh = hits_of(Handle(packet_memory.allocate(trees.tables.forms, 0)), o, d)
         for one, other in zip(hits_of(used, o, d)[:5], fresh[:5], strict=True):
+            assert np.array_equal(one, other)
+
+
+def test_surfaces_share_the_memory_of_a_thread(tmp_path):
+    """Packets on one surface leave nothing behind that a packet on another reads."""
+    trees = ray_queries.build(scene_of(tmp_path, "\n".join(SURFACES[name] for name in ("heart", "teeth", "blend"))).tables, closed=False)
+    tape_jit.finish()
+    rng, forms = np.random.default_rng(5), trees.tables.forms
+    shared = [Handle(state) for state in packet_memory.allocate_shared(forms, [0, 1, 2])]
+    for turn in range(24):
+        o, d = picture(tuple(2.5 * rng.normal(size=3)), half=0.02 + 0.3 * rng.random())
+        found = []
+        for packet in (shared[turn % 3], Handle(packet_memory.allocate(forms, turn % 3))):
+            out = no_hits(len(o))
+            packets.trace(packet, packet_state.ray_columns(o, d, 0.0, np.inf), 0, len(o), np.eye(4)[:3], out)
+            found.append(out[:5])
+        for one, other in zip(*found, strict=True):
             assert np.array_equal(one, other)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from maquette.render.accel.formula_packets import hits
+from maquette.render.accel.formula_packets import shadow_rays
 from maquette.render.jit import compile_process, function_pointer, kernel_cache
 from maquette.render.jit.value_types import typeof
 from maquette.render.simd import target
@@ -26,19 +26,18 @@ class Recorded(subprocess.Popen):
 
 started = []
 subprocess.Popen = Recorded
-from maquette.render.accel.formula_packets import hits as primed
+from maquette.render.accel.formula_packets import shadow_rays
 from maquette.render.jit import compile_process, function_pointer
 from maquette.render.simd import target
 target.cores = lambda: 2
-whole = np.zeros((1, 2), np.int64)
-given = whole, 3, 4, np.zeros(2, np.int64), np.zeros(3, np.int64), np.zeros(2), np.zeros(2, np.int64)
+given = 3, np.ones((8, 2)), np.array([1.0, np.inf]), np.zeros(2, np.int64)
 """
-START = "compile_process.compile_in_background(2, primed.reset, *given)\n"
+START = "compile_process.compile_in_background(2, shadow_rays.mark_hidden, *given)\n"
 END = """
-primed.reset(*given)
-assert given[4].tolist() == [3, 4, 0]
+shadow_rays.mark_hidden(*given)
+assert given[3].tolist() == [3 << 6, 1 << 6]
 assert all(process.poll() is not None for process in started)
-hits = [loaded.from_disk for loaded in primed.reset.loaded.values()]
+hits = [loaded.from_disk for loaded in shadow_rays.mark_hidden.loaded.values()]
 print(hits.count(True), hits.count(False))
 """
 
@@ -66,7 +65,7 @@ def test_a_kernel_is_compiled_here_if_the_other_process_ends(tmp_path: Path) -> 
 @pytest.mark.long
 @pytest.mark.parametrize("threads", [1, 2])
 def test_processes_are_limited_by_threads(tmp_path: Path, threads: int) -> None:
-    start = f"compile_process.compile_in_background({threads}, primed.reset, *given)\n"
+    start = f"compile_process.compile_in_background({threads}, shadow_rays.mark_hidden, *given)\n"
     text = 2 * start + "print(len(started))"
     assert run(tmp_path, text) == str(threads - 1)
 
@@ -109,10 +108,10 @@ def test_kernels_are_found_by_the_names_of_their_functions() -> None:
 
 def test_a_kernel_compiled_here_starts_no_process(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(target, "cores", lambda: 2)
-    given = np.zeros((1, 2), np.int64), 3, 4, np.zeros(2, np.int64), np.zeros(3, np.int64), np.zeros(2), np.zeros(2, np.int64)
-    hits.reset(*given)
-    assert kernel_cache.is_cached(hits.reset, tuple(map(typeof, given)))
+    given = 3, np.ones((8, 2)), np.zeros(2), np.zeros(2, np.int64)
+    shadow_rays.mark_hidden(*given)
+    assert kernel_cache.is_cached(shadow_rays.mark_hidden, tuple(map(typeof, given)))
     started: list[object] = []
     monkeypatch.setattr(subprocess, "Popen", lambda *args, **more: started.append(args))
-    compile_process.compile_in_background(2, hits.reset, *given)
+    compile_process.compile_in_background(2, shadow_rays.mark_hidden, *given)
     assert not started

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from maquette.compiler import ir, load
 from maquette.compiler.plan import plan as planner
-from maquette.render import render_scene
+from maquette.render import render_scene, types
 from maquette.render.accel.formula_packets import camera_rays, shadow_rays
-from maquette.render.backends import prepare, ray_samples
+from maquette.render.backends import prepare, ray_packets
 from maquette.render.image import image
+from maquette.render.jit.packed_struct import Handle
 
 VIEW = "camera(position: [0.3, 1.4, 3], look_at: [0, -0.1, 0], fov: 42deg)\nplane(y: -0.9)\n"
 LAMPS = {
@@ -67,27 +68,26 @@ def test_selected_lights(tmp_path):
         assert shadow_rays.select_lights(prepare.build_bvh(scene.tables, plan).tables, scene.tables, options) == expected
 
 
-def test_hidden_bits_of_a_light(tmp_path, monkeypatch):
+def test_hidden_bits_of_a_light(tmp_path):
     """Some points are hidden, some lit, and points that face away have no result."""
-    text = VIEW + LAMPS["sun"] + "\n" + THINGS["sheet"]
-    whole = drawn(tmp_path, text).channels["rgba"]
-    told = []
-    tell = shadow_rays.mark_hidden
-
-    def telling(light, rays, t, found):
-        told.append((rays[7, : len(t)] > 0, t < np.inf))
-        tell(light, rays, t, found)
-
-    monkeypatch.setattr(shadow_rays, "mark_hidden", telling)
-    assert np.array_equal(drawn(tmp_path, text).channels["rgba"], whole)
-    asked, blocked = (np.concatenate(part) for part in zip(*told, strict=True))
-    assert 100 < blocked.sum() < asked.sum()
-    assert not (blocked & ~asked).any()
+    path = tmp_path / "bits.scene"
+    path.write_text(VIEW + LAMPS["sun"] + "\n" + THINGS["sheet"], encoding="utf-8")
+    scene = load.load(path)
+    plan = planner.make_plan(scene, ir.Settings(size=(64, 64), samples=1, threads=1, backend="ray"))
+    renderer = render_scene.choose_renderer(scene, plan, types.View(0, 64, 64))
+    memory, pixels = renderer.packets.memory(), np.ones((64, 64), np.int64)
+    film = types.Film(np.zeros((64, 64, 3)), np.zeros((64, 64)), np.zeros((64, 64), np.int64))
+    ray_packets.draw_tile(renderer.packets.scene, types.Tile(0, 0, 64, 64), 0 * pixels, pixels, 1, film, memory)
+    found = memory.tables.found
+    met, (light,) = found.instance >= 0, renderer.prepared.packet_lights
+    asked, hidden = (found.hidden >> 2 * light) & 1 != 0, (found.hidden >> 2 * light) & 2 != 0
+    assert 100 < hidden.sum() < asked.sum() < met.sum()
+    assert not (hidden & ~asked).any()
+    assert not (asked & ~met).any()
 
 
 @pytest.mark.parametrize("lamps", [False, True])
 def test_tile_hits_have_one_type_for_any_number_of_samples(lamps: bool) -> None:
     """Otherwise each number of samples would compile the tile kernel again."""
-    room = ray_samples.Workspace(np.zeros((3, 8), np.int64), np.zeros((5, 8)), np.zeros((1, 1, 8)))
-    kinds = {camera_rays.allocate_packets(np.full((2, 3), count), room, lamps, False).workspace.type for count in (0, 1, 2)}
+    kinds = {Handle(camera_rays.allocate_hits(side, n, lamps, False)).type for side, n in ((64, 0), (64, 7), (128, 70000))}
     assert len(kinds) == 1

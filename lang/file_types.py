@@ -51,6 +51,7 @@ def _endings(kind: str) -> tuple[str, ...]:
 
 
 SCENE, USD, MESH, SAVED = (_endings(kind) for kind in ("scene", "stage", "mesh", "saved"))
+OPENED = (*SCENE, *USD, *MESH)  # what commands and the live window open
 ANIMATED = tuple(ending for reader in READERS if reader.animated for ending in reader.endings)
 _BY_ENDING = {ending: reader for reader in READERS for ending in reader.endings}
 FONT = (".ttf", ".otf", ".ttc")

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..compiler import ir
 from ..compiler.scene import transforms
+from ..compiler.scene.row_records import as_color
 from .state import Pose
 
 FILM_HEIGHT = 0.024  # metres, of an aperture number
@@ -22,7 +23,7 @@ def read(scene: ir.Scene, camera: int, distance: float | None = None) -> Pose:
     eye, up, back = matrix[:, 3], matrix[:, 1], matrix[:, 2]
     away = distance if distance is not None and math.isfinite(distance) and distance > 0.0 else DISTANCE
     target = eye - away * back / max(float(np.linalg.norm(back)), 1e-300)
-    return Pose(_triple(eye), _triple(target), _triple(up / max(float(np.linalg.norm(up)), 1e-300)), float(cameras.extent[camera]))
+    return Pose(as_color(eye), as_color(target), as_color(up / max(float(np.linalg.norm(up)), 1e-300)), float(cameras.extent[camera]))
 
 
 def place(scene: ir.Scene, camera: int, pose: Pose) -> ir.Scene:
@@ -84,8 +85,3 @@ def _lengths(values: tuple[float, float, float]) -> str:
 def _short(value: float) -> str:
     text = f"{value:.5g}"
     return f"{value:.6f}".rstrip("0").rstrip(".") if "e" in text else ("0" if text == "-0" else text)
-
-
-def _triple(values: np.ndarray) -> tuple[float, float, float]:
-    x, y, z = (float(v) for v in values)
-    return x, y, z

@@ -14,7 +14,6 @@ from .hub import Hub
 from .scene_files import Opened, import_readers
 from .session import Session
 
-KINDS = (*file_types.SCENE, *file_types.USD, *file_types.MESH)
 MAX_SCENES = 2000  # of a folder
 LINGER = 3.0  # seconds that a scene of a folder stays open without pages, so that a page can be loaded again
 
@@ -91,7 +90,7 @@ class Rooms:
         found: dict[str, Path] = {}
         for path in sorted(self.path.rglob("*")):
             inside = path.relative_to(self.path)
-            if path.suffix.lower() in KINDS and path.is_file() and not any(part.startswith(".") for part in inside.parts):
+            if path.suffix.lower() in file_types.OPENED and path.is_file() and not any(part.startswith(".") for part in inside.parts):
                 found[hashlib.blake2b(inside.as_posix().encode("utf-8", "surrogateescape"), digest_size=8).hexdigest()] = path
                 if len(found) == MAX_SCENES:
                     break

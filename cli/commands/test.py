@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 KEPT = "kept"  # folder beside a scene
 LONGER_SIDE = 320  # pixels of pictures without --size
 SAMPLES = 32  # without --samples and --error
-KINDS = (*file_types.SCENE, *file_types.USD, *file_types.MESH)
 
 
 @click.command("test")
@@ -83,8 +82,8 @@ def _scenes(paths: Sequence[Path]) -> Iterator[tuple[str, Path]]:
     for path in paths:
         files = sorted(p for p in path.rglob("*.scene") if not any(part.startswith(".") for part in p.relative_to(path).parts))
         for file in files if path.is_dir() else [path]:
-            if not path.is_dir() and file.suffix.lower() not in KINDS:
-                raise click.UsageError(f"{file} is no scene: it ends in {', '.join(KINDS)}")
+            if not path.is_dir() and file.suffix.lower() not in file_types.OPENED:
+                raise click.UsageError(f"{file} is no scene: it ends in {', '.join(file_types.OPENED)}")
             if file.resolve() not in known:
                 known.add(file.resolve())
                 yield (file.relative_to(path).as_posix() if path.is_dir() else file.name), file

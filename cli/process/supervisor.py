@@ -153,7 +153,7 @@ def crash_message(number: int, arguments: list[str]) -> str:
         )
     if name not in _CRASHES:
         return ""
-    scene = next((each for each in arguments if each.lower().endswith(_SCENES) and os.path.exists(each)), "")
+    scene = next((each for each in arguments if each.lower().endswith(file_types.OPENED) and os.path.exists(each)), "")
     again = shlex.join(["maquette", *arguments])
     return (
         f"internal error: maquette crashed ({name}: {_CRASHES[name]})\n"
@@ -164,5 +164,3 @@ def crash_message(number: int, arguments: list[str]) -> str:
         "MAQUETTE_CHECKED=1 names the line of a wrong access. It compiles kernels first, which takes minutes.\n"
     )
 
-
-_SCENES = (*file_types.SCENE, *file_types.USD, *file_types.MESH)

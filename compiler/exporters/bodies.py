@@ -13,13 +13,13 @@ from ...materials.contract import Lobes
 from .. import ir
 from ..mesh import shells
 from ..mesh.shells import Converters, Shell
+from ..scene.row_records import ALL_RAYS
 from . import placement
 from .export import Export
 from .placement import F64
 
 PLANE_REACH = 20.0  # radii of the scene: half the side of the square that stands for an endless plane
 ROUNDING = 3.0 * 2.0**-24  # of a distance from the origin: a position and a matrix of float32 numbers
-_EVERYWHERE = ir.Visibility.CAMERA | ir.Visibility.SHADOW | ir.Visibility.REFLECTION
 
 
 class Body(NamedTuple):
@@ -63,7 +63,7 @@ class Bodies:
     def _body(self, i: int) -> Body | None:
         instances, geometries = self.tables.instances, self.tables.geometries
         g, matrix = int(instances.geometry[i]), placement.world(self.tables, i)
-        if instances.visible[i] & _EVERYWHERE != _EVERYWHERE and instances.light[i] < 0:
+        if instances.visible[i] & ALL_RAYS != ALL_RAYS and instances.light[i] < 0:
             self.out.cannot("this shows in some rays only, and is carried for all", "instances", i)
         names, kind = self.out.scene.names.instances, ir.GeometryKind(int(geometries.kind[g]))
         name = (names[i] if i < len(names) else "") or kind.name.lower()

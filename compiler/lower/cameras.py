@@ -11,11 +11,10 @@ from ...lang.schema.picture_channels import CHANNELS
 from ...lang.schema.setting_values import MAX_SIDE
 from .. import ir
 from ..plan import channels
-from ..scene import transforms
+from ..scene import defaults, transforms
 from ..scene.row_records import CameraData
 from .context import Context
 
-DEFAULT_FOV = math.radians(40)
 FILM_HEIGHT = 0.024  # metres, for the aperture of a camera with a `fov`
 
 
@@ -85,7 +84,7 @@ def _projection(lowering: Context, element: Element) -> dict[str, Any] | None:
     if args["focal"] is not None:
         width, height = args["film"]
         return {"extent": height / 2 / args["focal"], "aspect": width / height}
-    return {"extent": math.tan((args["fov"] or DEFAULT_FOV) / 2)}
+    return {"extent": math.tan((args["fov"] or defaults.FOV) / 2)}
 
 
 def settings(lowering: Context, render: Element | None, cameras: tuple[Element, ...]) -> ir.Settings:

@@ -54,25 +54,26 @@ def _diagonal(loop: F64, share: int) -> tuple[int, int] | None:
 
 def _is_inside(ways: F64, before: F64, after: F64) -> np.ndarray:
     """Whether directions (n, 2) at a corner lead inside; `before` and `after` lead to its neighbours."""
-    left, right = _cross(after, ways) > 0, _cross(ways, before) > 0
-    return left & right if _cross(after, before) > 0 else left | right
+    left, right = cross(after, ways) > 0, cross(ways, before) > 0
+    return left & right if cross(after, before) > 0 else left | right
 
 
 def _crosses(loop: F64, ways: F64, one: int, other: int) -> bool:
     """Whether the diagonal between two corners crosses an edge; corners may touch it. `ways` (n, 2) lead from its start."""
     slack = _SLACK * np.ptp(loop, axis=0).max() ** 2
-    sides = _cross(ways[other], ways)
+    sides = cross(ways[other], ways)
     sides[np.abs(sides) <= slack] = 0.0
     sides[[one, other]] = 0.0
     following = np.roll(sides, -1)
     rows = np.flatnonzero(sides * following < 0)
     edges = loop[(rows + 1) % len(loop)] - loop[rows]
-    if (_cross(edges, loop[one] - loop[rows]) * _cross(edges, loop[other] - loop[rows]) < 0).any():
+    if (cross(edges, loop[one] - loop[rows]) * cross(edges, loop[other] - loop[rows]) < 0).any():
         return True
     along = (ways @ ways[other]) / (ways[other] @ ways[other])
     through = (sides == 0) & (np.roll(sides, 1) * following < 0) & (along > 0) & (along < 1)
     return bool(through.any())
 
 
-def _cross(a: F64, b: F64) -> F64:
+def cross(a: F64, b: F64) -> F64:
+    """The z component (…,) of the cross product of vectors (…, 2) in a plane."""
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]

@@ -9,6 +9,7 @@ import numpy as np
 from ...lang.input_error import InputError
 from ..ir import F64
 from . import splines
+from .polygon_split import cross
 
 FINENESS = 4000  # extent / FINENESS is the largest distance of a polygon from its curve
 NO_AREA = 1e-9  # of its extent squared, below which a profile has no area
@@ -123,7 +124,7 @@ def crossing_of(loop: F64, but: np.ndarray | None = None) -> F64 | None:
     edges = _edges(loop)
     ways = edges[:, 1] - edges[:, 0]
     after = np.roll(ways, -1, axis=0)
-    folded = (np.abs(_cross(ways, after)) <= 1e-12 * extent(loop) ** 2) & ((ways * after).sum(axis=1) < 0)
+    folded = (np.abs(cross(ways, after)) <= 1e-12 * extent(loop) ** 2) & ((ways * after).sum(axis=1) < 0)
     if folded.any():
         return edges[int(np.flatnonzero(folded)[0]), 1]
     kept = np.arange(len(loop)) if but is None else np.flatnonzero(~but)
@@ -148,7 +149,7 @@ def _meeting(one: F64, other: F64, own: tuple[np.ndarray, int] | None) -> F64 | 
         if not len(rows):
             continue
         a, b, c, d = a[rows, 0], b[rows, 0], c[0, columns], d[0, columns]
-        offsets = (_cross(b - a, c - a), _cross(b - a, d - a), _cross(d - c, a - c), _cross(d - c, b - c))
+        offsets = (cross(b - a, c - a), cross(b - a, d - a), cross(d - c, a - c), cross(d - c, b - c))
         sides = [np.where(np.abs(offset) <= slack, 0.0, offset) for offset in offsets]
         meets = np.flatnonzero((sides[0] * sides[1] <= 0) & (sides[2] * sides[3] <= 0))
         if len(meets):
@@ -156,10 +157,6 @@ def _meeting(one: F64, other: F64, own: tuple[np.ndarray, int] | None) -> F64 | 
             turn = sides[2][k] - sides[3][k]
             return a[k] + (sides[2][k] / turn if turn else 0.0) * (b[k] - a[k])
     return None
-
-
-def _cross(a: F64, b: F64) -> F64:
-    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
 def show(point: F64) -> str:

@@ -22,11 +22,10 @@ from .. import ir
 from ..ir import F32, F64, I32, Bool
 from ..ir.single_sided import SINGLE_SIDED
 from ..mesh.topology import connected_vertices, winding_number
+from ..scene.row_records import ALL_RAYS, NO_SHADOW
 
 MOST_TRIANGLES = 1 << 25  # that `seen_from` copies
 LEFT = f"the backs of this and other single-sided objects are drawn: together more than {MOST_TRIANGLES:,} of their triangles are seen"
-_ALL = int(ir.Visibility.CAMERA | ir.Visibility.SHADOW | ir.Visibility.REFLECTION)
-_SEEN = int(ir.Visibility.CAMERA | ir.Visibility.REFLECTION)
 _INWARD = -0.5  # greatest of (outward − inward) / (outward + inward) area, weighted by distances from the centroid, of an inward shell
 _MOST_KNOWN = 10_000
 _closed: dict[bytes, bool] = {}  # of meshes of earlier pictures, by their content
@@ -181,14 +180,14 @@ class _Split:
         """Show the faces `front` of instance i alone. Others cast shadows still, unless the instance `passes_light`."""
         g, faces = int(self._geometry[i]), np.flatnonzero(front)
         if not passes_light:
-            seen = _SEEN if self._through else int(ir.Visibility.CAMERA)
+            seen = NO_SHADOW if self._through else int(ir.Visibility.CAMERA)
             hidden = int(self._visible[i]) & ~seen
-            self._visible[i] &= ~_ALL | seen
-            if hidden & _ALL:
+            self._visible[i] &= ~ALL_RAYS | seen
+            if hidden & ALL_RAYS:
                 self._copies.append(i)
                 self._whole.append(hidden)
         if not len(faces):
-            self._visible[i] &= ~_ALL if passes_light else ~_SEEN
+            self._visible[i] &= ~ALL_RAYS if passes_light else ~NO_SHADOW
             return
         key = (g, np.packbits(front).tobytes())
         if key not in self._known:

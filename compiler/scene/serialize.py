@@ -115,7 +115,7 @@ def _scene(arrays: Any, about: dict[str, Any]) -> ir.Scene:
         ir.Tables(**tables),
         ir.Names(**{table: tuple(map(str, names)) for table, names in about["names"].items()}),
         ir.Spans(tuple(map(str, about["sources"])), spans),
-        ir.Settings(**{key: _tuples(value) for key, value in about["settings"].items() if key in known}),
+        ir.Settings(**{key: tuples(value) for key, value in about["settings"].items() if key in known}),
         bool(about["photometric"]),
         None if about["duration"] is None else float(about["duration"]),
         float(about["fps"]),
@@ -126,10 +126,10 @@ def _scene(arrays: Any, about: dict[str, Any]) -> ir.Scene:
 
 
 def _param(data: dict[str, Any]) -> ParamInfo:
-    plain = {key: _tuples(value) for key, value in data.items() if key != "span"}
+    plain = {key: tuples(value) for key, value in data.items() if key != "span"}
     return ParamInfo(**plain, span=Span(**data["span"]))
 
 
-def _tuples(value: Any) -> Any:
+def tuples(value: Any) -> Any:
     """JSON lists converted back to tuples."""
-    return tuple(_tuples(v) for v in value) if isinstance(value, list) else value
+    return tuple(tuples(v) for v in value) if isinstance(value, list) else value

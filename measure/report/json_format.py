@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import MISSING, Field, fields
 from typing import Any
 
+from ...compiler.scene.serialize import tuples
 from ..records import Chart, Curve, Point, Setting, Spread
 
 FORMAT = "maquette chart 1"
@@ -88,10 +89,5 @@ def _spread(data: Mapping[str, Any]) -> Spread:
 
 
 def _setting(data: Mapping[str, Any]) -> Setting:
-    options = {name: _tuples(value) for name, value in data["options"].items()}
-    return _record(Setting, data, value=_tuples(data["value"]), options=options)
-
-
-def _tuples(value: Any) -> Any:
-    """Lists as tuples, as in options."""
-    return tuple(_tuples(v) for v in value) if isinstance(value, list) else value
+    options = {name: tuples(value) for name, value in data["options"].items()}
+    return _record(Setting, data, value=tuples(data["value"]), options=options)

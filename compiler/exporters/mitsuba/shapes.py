@@ -10,13 +10,12 @@ from ... import ir
 from ...mesh import shells
 from ...mesh.shells import Shell
 from ...plan.plan import Plan
+from ...scene.row_records import ALL_RAYS
 from .. import placement, ply_file, texture_values
 from ..export import Export
 from ..placement import F64
 from .materials import Look, Materials
 from .xml import Node, node, vector
-
-_EVERYWHERE = ir.Visibility.CAMERA | ir.Visibility.SHADOW | ir.Visibility.REFLECTION
 
 
 class Shapes:
@@ -39,7 +38,7 @@ class Shapes:
         instances, geometries = tables.instances, tables.geometries
         g, material = int(instances.geometry[i]), int(instances.material[i])
         look = self.materials.look(material, int(geometries.colors[g]) >= 0, i)
-        if instances.visible[i] & _EVERYWHERE != _EVERYWHERE:
+        if instances.visible[i] & ALL_RAYS != ALL_RAYS:
             self.out.cannot("Mitsuba shows everything to the camera, in mirrors and in shadows: this shows in some only", "instances", i)
         inside: list[Node] = [look.bsdf]
         if look.emission is not None:

@@ -29,6 +29,8 @@ _THIS = f"{__package__}.build_kernels"  # __name__ may be __main__
 SIZES = (24, 16), (72, 40)  # one tile, and several tiles, whose arrays are parts of larger ones
 _BALL = "plane(y: 0)\nsphere(1, center: [0, 1, 0], material: {0})\ncamera(position: [0, 2, 6], look_at: [0, 1, 0])\n"
 _TORUS = _BALL + "union(round: 0.1, material: {0}) {{ box(1, center: [1, 1, 0]); torus(radius: 1, tube: 0.2) }}\n"
+_LENS = _BALL.replace("look_at: [0, 1, 0]", "look_at: [0, 1, 0], focal: 50mm, aperture: 0.7, focus: 5m")
+_GROUP = 'directional(from: [1, 1, 0], group: "key")\n'
 _FORMULA = _TORUS + "implicit(|x, y, z| x * x + y * y + z * z + 0.1 * sin(9 * x) <= 1, material: {0})\n"
 _MESH_ALONE = 'mesh("kernels.obj")\n'
 _MESH = 'mesh("kernels.obj", material: {0})\ncamera(position: [0, 2, 6], look_at: [0, 1, 0])\n'
@@ -69,6 +71,10 @@ VARIANTS = {
     "rays of one sample": Variant(_BALL.format(_MATT) + _SUN, {"samples": 1}),
     "triangles in skies of one sample": Variant(_BALL.format(_MATT) + _SKY, {"backend": "raster", "samples": 1}),
     "formulas of one sample": Variant(_FORMULA.format(_MATT) + _SUN, {"samples": 1}),
+    "formulas in large tiles": Variant(_FORMULA.format(_MATT) + _SUN, {"samples": 1, "size": (512, 512)}),
+    "light groups": Variant(_BALL.format(_MATT) + _GROUP, {"aov": ("lights",)}),
+    "light groups of formulas": Variant(_FORMULA.format(_MATT) + _GROUP, {"aov": ("lights",)}),
+    "a lens of triangles": Variant(_LENS.format(_MATT) + _SUN, {"backend": "raster"}),
     "formulas in skies of one sample": Variant(_FORMULA.format(_MATT) + _SKY, {"samples": 1}),
     "light links": Variant(_MESH.format(_SHINY) + _LINKED, {}),
     "light links of formulas": Variant(_FORMULA.format(_SHINY) + _LINKED, {}),

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..compiler import ir
-from ..compiler.plan import decision
+from ..compiler.plan import channels, decision
 from ..compiler.plan.plan import Plan
 from .film import denoise, tile_queue
 from .image import image
@@ -29,6 +29,7 @@ MESHES = 6.0  # the same of meshes
 PYRAMIDS = 1.65  # bytes of smaller copies of pictures and of their parts, over those of pictures
 RGBA, ERRORS, SUMS, ROUNDS, WHOLE = 26, 55, 71, 101, 20  # bytes a pixel; sums of adaptive samples, rounds of paths
 FLOAT, CODE = 4, 4
+GROUP = 28  # bytes a pixel of the sums of a light group
 GUIDES, NETWORK = 52, 600  # bytes a pixel of denoising: guides and copies; Open Image Denoise itself, up to denoise.MEMORY
 
 
@@ -50,12 +51,12 @@ class Estimate(NamedTuple):
 def estimate(scene: ir.Scene, plan: Plan, linear: bool) -> Estimate:
     """The estimate for a picture that is written as floats (`linear`) or as codes."""
     fixed, denoises = _fixed(scene, plan), plan["denoise"] != "off"
-    channels = (GUIDES if denoises else 0) + FLOAT * sum(image.WIDTHS.get(name, image.LIGHT) for name in plan["aov"])
-    encoded = channels + 4 * FLOAT if linear else CODE
+    others = (GUIDES if denoises else 0) + FLOAT * sum(image.WIDTHS.get(name, image.LIGHT) for name in plan["aov"])
+    encoded = others + 4 * FLOAT if linear else CODE
     in_bands = plan["backend"] == "raster" and plan["lens"] == "pinhole" and plan["raster.sample_positions"] == "shared"
     if in_bands and not denoises:  # as of band_renderer.can_draw
-        return Estimate(fixed, WHOLE + channels + encoded)
-    pixel = RGBA + channels + encoded
+        return Estimate(fixed, WHOLE + others + encoded)
+    pixel = RGBA + others + encoded + GROUP * _groups(plan)
     if plan["samples"] > 1:
         pixel += ERRORS
     if plan["transport"] == "path":
@@ -88,11 +89,19 @@ def _fixed(scene: ir.Scene, plan: Plan) -> int:
 def _of_more_threads(plan: Plan, formulas: bool) -> int:
     """Bytes of the threads beyond THREADS."""
     packets = guides = 0
+    parts = max(_groups(plan), 1)  # each with memory of its own where that depends on the scene
+    alone = THREAD * (parts if plan["backend"] == "raster" else 1)
     if formulas and plan["backend"] == "ray" and plan["transport"] != "path":
-        packets = PACKET * PIXELS * min(max(int(plan["samples"]), FEWEST), tile_queue.CALL)
+        packets = parts * PACKET * PIXELS * min(max(int(plan["samples"]), FEWEST), tile_queue.CALL)
     if plan["denoise"] != "off":  # after the samples
         guides = GUIDE * denoise.SIDE**2 * min(int(plan["samples"]), denoise.SAMPLES)
-    return (THREAD + max(packets, guides)) * max((int(plan["threads"]) or target.cores()) - THREADS, 0)
+    return (alone + max(packets, guides)) * max((int(plan["threads"]) or target.cores()) - THREADS, 0)
+
+
+def _groups(plan: Plan) -> int:
+    """Light groups that are drawn, with that of all others; 0 for a picture without."""
+    named = channels.light_groups(plan)
+    return len(named) + 1 if named else 0
 
 
 def _arrays(value: Any) -> Iterator[np.ndarray]:

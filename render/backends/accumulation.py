@@ -5,6 +5,7 @@ Source: Haeberli and Akeley, The Accumulation Buffer, 1990.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
@@ -18,9 +19,11 @@ from ...compiler.plan.picture_rules import RASTER_MOMENTS
 from ...compiler.plan.plan import Plan
 from .. import camera
 from ..film.film import TILE, Unshared
+from ..film.tile_queue import TileKernel
 from ..geometry import instance_transform
 from ..sampling import sobol
 from ..types import Film, FirstHits, Tile, View
+from . import combined_tiles
 
 
 class Renderer(Unshared):
@@ -45,16 +48,31 @@ class Renderer(Unshared):
     def first(self, tile: Tile, samples: range, total: int) -> Iterator[FirstHits]:
         """The first hits of samples of each pixel, at each sample's moment and lens point."""
         for s in samples:
-            yield from self._turn(s).first(tile, range(s, s + 1), total)
+            yield from self.moments[self._turn(s)].first(tile, range(s, s + 1), total)
 
-    def _turn(self, s: int) -> Any:
+    @property
+    def tile_kernel(self) -> TileKernel | None:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """See film.Renderer."""
+        return self._linked
+
+    @functools.cached_property
+    def _linked(self) -> TileKernel | None:
+        drawings = [moment.tile_kernel for moment in self.moments]
+        if None in drawings:
+            return None
+        turns = np.array([self._turn(s) for s in range(len(self.moments) ** 3)], np.int64)
+        scene = combined_tiles.MomentScene(combined_tiles.parts_of(drawings), turns)
+        return combined_tiles.link(combined_tiles.draw_moments, scene, drawings, self.side, self.side**2)
+
+    def _turn(self, s: int) -> int:
+        """The moment of sample s."""
         n = len(self.moments)
-        return self.moments[(s + s // n + s // (n * n)) % n]  # not s % n: sample positions repeat with that period, too
+        return (s + s // n + s // (n * n)) % n  # not s % n: sample positions repeat with that period, too
 
     def sample(self, tile: Tile, first: NDArray[np.int64], count: NDArray[np.int64], total: int, film: Film) -> None:
         """Add samples first … first + count - 1 of every pixel of a tile to the film; all pixels take the same."""
         for s in range(int(first[0, 0]), int(first[0, 0] + count[0, 0])):
-            self._turn(s).sample(tile, np.full_like(first, s), np.ones_like(count), total, film)
+            self.moments[self._turn(s)].sample(tile, np.full_like(first, s), np.ones_like(count), total, film)
 
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
         """Write the named channels of a tile, at the shutter's opening."""

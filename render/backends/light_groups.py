@@ -16,8 +16,10 @@ from ...compiler import ir
 from ...compiler.plan import channels
 from ...compiler.plan.plan import Plan
 from ..film.deadline import Deadline
+from ..film.tile_queue import TileKernel
 from ..image.image import Image
 from ..types import Film, FirstHits, Tile
+from . import combined_tiles
 
 Make = Callable[[ir.Scene, Plan], Any]
 
@@ -28,7 +30,9 @@ class Sums:
     def __init__(self, plan: Plan) -> None:
         self.x0, self.y0, x1, y1 = plan["crop"]
         self.count = np.zeros((y1 - self.y0, x1 - self.x0), np.int64)
-        self.light = {name: np.zeros((y1 - self.y0, x1 - self.x0, 3)) for name in (*channels.light_groups(plan), "")}
+        names = *channels.light_groups(plan), ""
+        self.of_all = np.zeros((len(names), *self.count.shape, 3))
+        self.light = dict(zip(names, self.of_all, strict=True))
 
     def add(self, tile: Tile, count: NDArray[np.int64], light: Mapping[str, NDArray[np.float64]]) -> None:
         """Add the light of `count` samples of each pixel of a tile, (h, w, 3) of each group."""
@@ -64,9 +68,23 @@ class Renderer:
         self.sums = Sums(plan)
         if not self.parts:
             self.parts = [("", make(scene, plan))]
-        self.tile_kernel = None  # each group needs a film of its own
         one = self.parts[0][1]
         self.by_tile, self.cell, self.side, self.prepared = one.by_tile, one.cell, one.side, getattr(one, "prepared", None)
+
+    @property
+    def tile_kernel(self) -> TileKernel | None:
+        """See film.Renderer."""
+        drawings = [part.tile_kernel for _, part in self.parts]
+        if None in drawings:
+            return None
+        sums, names = self.sums, list(self.sums.light)
+        rows = np.array([names.index(name) for name, _ in self.parts], np.int64)
+        pixels, width = sums.count.size, sums.count.shape[1]
+        scene = combined_tiles.GroupScene(
+            combined_tiles.parts_of(drawings), rows * pixels, sums.of_all.reshape(-1, 3), sums.count.reshape(-1), width, sums.x0, sums.y0
+        )
+        shares = not self.by_tile and getattr(self.parts[0][1], "packets", None) is None  # memory of triangles and of packets differs
+        return combined_tiles.link(combined_tiles.draw_groups, scene, drawings, self.side, shares=shares)
 
     def limit_time(self, deadline: Deadline) -> None:
         """See film.Renderer."""

@@ -109,9 +109,9 @@ class TileDrawing:
         work = scalar_raster.workspace_for(self.prepared.tables)
         return Handle(scalar_raster.scratch_for(Tile(0, 0, 1, 1), samples, 0, work))
 
-    def memory(self) -> Handle:
-        """Allocate the memory of a thread."""
-        scratch = self._scratch(self.batch)
+    def memory(self, samples: int | None = None) -> Handle:
+        """Allocate the memory of a thread, for calls of at most so many samples."""
+        scratch = self._scratch(self.batch if samples is None else min(samples, self.batch))
         places = np.array([scratch.place(name) for name in _SIZES] + [scratch.place(name) + 1 for name in _SAMPLED])
         count = len(self.rasterizer.box) + len(self.prepared.raster.untessellated)
         depth: scalar_raster.DepthBuffer = scratch.tables.depth

@@ -88,12 +88,12 @@ class Renderer:
             return self.packets.link()
         if p.paths is None:
             inputs = [p.packed, p.accel, p.vertex_light, self.frame]
-            return TileKernel.link(draw_tile, inputs, lambda: Handle(Workspace.of(p.options)), Handle(Workspace.of(p.options)).type)
+            return TileKernel.link(draw_tile, inputs, lambda *_: Handle(Workspace.of(p.options)), Handle(Workspace.of(p.options)).type)
         from ..integrator import wave_memory, wavefront
 
         drawn = wavefront.draw_tile_in_groups if self.reuses else wavefront.draw_tile
         inputs, kind = [p.accel, self.packed, self.frame], prepare.workspace_type(p.paths, self.reuses)
-        return TileKernel.link(drawn, inputs, lambda: Handle(wave_memory.WaveMemory.of(p.paths, self.reuses)), kind)
+        return TileKernel.link(drawn, inputs, lambda *_: Handle(wave_memory.WaveMemory.of(p.paths, self.reuses)), kind)
 
     @property
     def round(self) -> int | None:

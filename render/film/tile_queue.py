@@ -43,10 +43,10 @@ class TileKernel(NamedTuple):
     address: int
     inputs: tuple[int, ...]  # addresses of the handles of its first arguments
     kept: Any  # what owns them
-    memory: Callable[[], Handle]  # allocates the memory of a thread
+    memory: Callable[..., Handle]  # allocates the memory of a thread; memory(n): for calls of at most n samples
 
     @classmethod
-    def link(cls, function: Kernel, inputs: Sequence[Handle], memory: Callable[[], Handle], kind: ValueType) -> TileKernel:
+    def link(cls, function: Kernel, inputs: Sequence[Handle], memory: Callable[..., Handle], kind: ValueType) -> TileKernel:
         """Load or compile a kernel; `kind` is the type of `memory`."""
         address = compiled_address(function, *(each.type for each in inputs), TILE, COUNTS, COUNTS, INT64, FILM, kind)
         return cls(address, tuple(each.address for each in inputs), inputs, memory)

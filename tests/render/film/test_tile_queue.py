@@ -38,6 +38,9 @@ point(position: [2, 4, 3], intensity: 900)
 sky(color: #87b5e0, luminance: 1500nit)
 camera(position: [0, 0.4, 5], look_at: [0, 0, 0], fov: 35deg)
 """
+GROUPS = BALL.replace("20000lx", '20000lx, group: "key"')
+MOVING = BALL.replace("center: [0, 1, 0]", "center: [15 * time / 1s, 1, 0]").replace("fov: 35deg", "fov: 35deg, shutter: 20ms")
+LENS = BALL.replace("fov: 35deg", "focal: 50mm, aperture: 0.1, focus: 4m")
 SIZE = 150, 70  # five by three tiles, of which eight are at an edge
 KINDS = {
     "rays": (BALL, {"backend": "ray", "samples": 7}, {}),
@@ -52,6 +55,13 @@ KINDS = {
     "packets to an error": (HEART, {"backend": "ray", "error": 0.04}, {}),
     "packets of one sample": (HEART, {"backend": "ray", "samples": 1}, {}),
     "packets of most samples": (HEART, {"backend": "ray", "samples": 160, "size": (70, 20)}, {}),
+    "light groups": (GROUPS, {"backend": "ray", "samples": 7, "aov": ("lights",)}, {}),
+    "light groups of paths": (ROOM, {"backend": "ray", "samples": 3, "aov": ("lights",)}, {}),
+    "light groups of triangles to an error": (GROUPS, {"backend": "raster", "error": 0.2, "aov": ("lights",)}, {}),
+    "light groups of packets": (HEART, {"backend": "ray", "samples": 5, "aov": ("lights",)}, {}),
+    "motion of triangles": (MOVING, {"backend": "raster", "samples": 20}, {}),
+    "a lens of triangles": (LENS, {"backend": "raster", "samples": 20}, {}),
+    "a lens of triangles, to an error": (LENS, {"backend": "raster", "error": 0.2}, {}),
     "a crop": (BALL, {"backend": "ray", "samples": 3, "crop": (5, 3, 77, 61)}, {}),
 }
 

@@ -97,6 +97,7 @@ class Exported(NamedTuple):
     surface: Surface
     transmission: float = 0.0  # 1: glass
     absorption: Color = BLACK  # per metre
+    diffuse_transmission: Input | None = None  # of a thin sheet
 
 
 class Row(Protocol):
@@ -205,9 +206,11 @@ class Lobe(Protocol):
     """
 
     SLOTS: tuple[ir.Slot, ...]
+    THROUGH: bool
+    """Whether it scatters light to the other side of the surface."""
 
     def value(self, inputs: Any, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec:
-        """π f cos; 0 where the light is below the surface."""
+        """π f |cos|; without THROUGH 0 where the light is below the surface."""
         ...
 
     def density(self, inputs: Any, normal: Vec, to_light: Vec, to_viewer: Vec) -> Lane:

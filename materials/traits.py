@@ -17,6 +17,7 @@ _ROWS = [MATERIALS[model] for model in sorted(ir.MaterialModel)]  # by the numbe
 _LOBES = np.array([material.LOBES.value for material in _ROWS])
 _BY_SLOT = np.array([material.REFLECTANCE is not None for material in _ROWS])
 _ADDED = np.array([material.LOBE is not None for material in _ROWS])
+_THROUGH = np.array([material.LOBE is not None and material.LOBE.THROUGH for material in _ROWS])
 _COLORS = np.array([-1 if material.COLOR is None else int(material.COLOR) for material in _ROWS])
 FOCUSING = Lobes.MIRROR | Lobes.GLASS
 PATTERN = 0.8  # albedo of a surface with a texture, relative to its factor
@@ -123,6 +124,11 @@ def facets(tables: ir.Tables) -> np.ndarray:
 def added(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: materials with a lobe beside the classic ones."""
     return _ADDED[tables.materials.model]
+
+
+def translucent(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: materials that scatter light diffusely to their other side."""
+    return _THROUGH[tables.materials.model]
 
 
 def rough_glass(tables: ir.Tables) -> np.ndarray:

@@ -54,6 +54,7 @@ class MaterialModel(Kind):
     PRINCIPLED_SPECULAR = 7  # the same, specular workflow
     METAL = 8  # microfacets of a metal; SPECULAR and EDGE are its reflectance
     BLEND = 9  # two materials, the second weighted by WEIGHT
+    TRANSLUCENT = 10  # diffuse reflection and transmission of a sheet
 
 
 class Shading(Kind):
@@ -86,6 +87,7 @@ class Slot(Kind):
     WEIGHT = 18  # number: weight of a blend's second material
     SHEEN = 19  # colour of the sheen of cloth
     SHEEN_ROUGHNESS = 20  # number
+    DIFFUSE_TRANSMISSION = 21  # colour: share of the light that leaves a sheet diffusely on the other side
 
 
 SLOTS = len(Slot)

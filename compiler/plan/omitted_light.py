@@ -30,7 +30,7 @@ def clauses(scene: ir.Scene, plan: Plan) -> tuple[str, ...]:
     if not lit or not len(tables.instances.geometry):
         return ()
     used = traits.used(tables)
-    diffuse = bool((tables.materials.values[:, [ir.Slot.DIFFUSE, ir.Slot.SHEEN]].max(axis=(1, 2), initial=0.0) > 0.0)[used].any())
+    diffuse = bool((traits.diffuse(tables) & used).any())
     specular = bool((traits.specular(scene.tables) & used).any())
     alone = len(tables.instances.geometry) == 1 and tables.geometries.kind[tables.instances.geometry[0]] in _FLAT
     texts = []

@@ -46,6 +46,8 @@ def _bounces(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
         return Decision("bounces", plan["enclosed_bounces"], plan.decisions["enclosed_bounces"].reason, fixed="--bounces")
     if traits.specular(scene.tables).any():
         return Decision("bounces", SPECULAR_BOUNCES, "some materials reflect or refract", fixed="--bounces")
+    if (traits.translucent(scene.tables) & traits.used(scene.tables)).any():
+        return Decision("bounces", SPECULAR_BOUNCES, "light passes translucent materials", fixed="--bounces")
     return Decision("bounces", 0, "no material reflects or refracts: direct light only", fixed="--bounces")
 
 
@@ -58,13 +60,15 @@ def _enclosed_bounces(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decisi
 
 
 def _interreflection(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
-    diffuse = scene.tables.materials.values[:, [ir.Slot.DIFFUSE, ir.Slot.SHEEN]].max(axis=(1, 2), initial=0.0) > 0
+    diffuse = traits.diffuse(scene.tables)
     if plan["enclosed_bounces"]:
         return Decision("interreflection", True, "the camera stands in an enclosed space: diffuse surfaces light each other")
     if asked.bounces and plan["bounces"] > 0 and diffuse.any():
         return Decision("interreflection", True, "bounces were asked for: diffuse surfaces light each other")
     if plan["bounces"] > 0 and (traits.glossy(scene.tables) & traits.used(scene.tables)).any():
         return Decision("interreflection", True, "glossy surfaces reflect light from all directions")
+    if plan["bounces"] > 0 and (traits.translucent(scene.tables) & traits.used(scene.tables)).any():
+        return Decision("interreflection", True, "translucent surfaces send light on in all directions")
     reason = "no bounces were asked for: mirrors and glass alone send rays on" if diffuse.any() else "no material is diffuse"
     return Decision("interreflection", False, reason)
 

@@ -70,7 +70,7 @@ def _add_specular(environment: Any, light: Vec, scene: Scene, point: Surface, sh
 def _add_glossy(
     environment: Any, light: Vec, scene: Scene, point: Surface, shader: Shader, active: Lane, direction: Vec, share: Vec
 ) -> Vec:  # fmt: skip
-    visible = active & bsdf.is_rough_glass(shader, ops.dot(direction, point.geometric) > 0.0)
+    visible = active & bsdf.scatters_through(shader, ops.dot(direction, point.geometric) > 0.0)
     radiance = _environment_radiance(environment, scene.tables, scene.options, point, direction)
     return ops.where3(visible, ops.add(light, ops.mul(share, radiance)), light)
 

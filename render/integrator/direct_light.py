@@ -11,7 +11,7 @@ from ..accel.formula_packets import shadow_rays
 from ..jit.kernel import helper, specialize_either, specialize_if_present
 from ..lanes import ops
 from ..light import light_kinds, light_samples, lights, links, shadow_map
-from ..material import bsdf, medium_stack, microfacet
+from ..material import added_lobes, bsdf, medium_stack, microfacet
 from ..material.shader import Shader
 from ..sampling import sobol
 from ..surface import interaction, normal_map
@@ -106,7 +106,26 @@ def _add_sky(total: Vec, scene: Scene, shading: ShadingContext, light: int, acti
         visible = _faces(scene, point, shader, direction, shiny)
         sample = LightSample(light, _shadow_origin(point, direction), direction, lights.FAR, given)
         total = ops.add(total, _unoccluded(scene, point, sample, visible))
+    return _add_sky_of_lobe(shader.added, total, scene, shading, light, active, sampler)
+
+
+@helper
+def _add_sky_by_lobe(added: Any, total: Vec, scene: Scene, shading: ShadingContext, light: int, active: Lane, sampler: SampleIndex) -> Vec:
+    """Add a sky's light of the lobe that a material adds to the classic ones, from one direction of it."""
+    tables, point, viewer = scene.tables, shading.point, shading.viewer
+    here = active & added_lobes.or_has(added, ops.bool_like(point.offset, False))
+    if ops.any_lane(here):
+        u, v = sobol.pair(sampler.pixel, sampler.sample, _dimension(sampler, light) + 1, scene.options.seed)
+        plain = (point.normal, (0.0 * u, 0.0 * u, 0.0 * u))
+        direction, share = added_lobes.sample_lobe(added, plain, point.normal, viewer, u, v)
+        given = ops.mul(share, lights.sky_radiance(tables, light, direction))
+        visible = _faces(scene, point, shading.shader, direction, here)
+        sample = LightSample(light, _shadow_origin(point, direction), direction, lights.FAR, given)
+        total = ops.add(total, _unoccluded(scene, point, sample, visible))
     return total
+
+
+_add_sky_of_lobe = specialize_if_present(_add_sky_by_lobe)
 
 
 @helper
@@ -178,7 +197,7 @@ def lobe_number(scene: Scene, shader: Shader, sampler: SampleIndex) -> Lane:
 def _light_origin(scene: Scene, point: Surface, shader: Shader, light: int) -> Vec:
     """Origin of rays to a light: the surface itself for lights without shadows and for rough glass, else `interaction.shadow_origin`."""
     blocked = scene.options.shadows and scene.tables.lights.shadows[light]
-    here = bsdf.is_rough_glass(shader, ops.bool_like(point.offset, not blocked))
+    here = bsdf.scatters_through(shader, ops.bool_like(point.offset, not blocked))
     return ops.where3(here, point.position, interaction.shadow_origin(point))
 
 
@@ -191,7 +210,7 @@ def _shadow_origin(point: Surface, direction: Vec) -> Vec:
 @helper
 def _faces(scene: Scene, point: Surface, shader: Shader, direction: Vec, active: Lane) -> Lane:
     """Whether light may arrive from a direction: from the front, or through rough glass."""
-    return active & bsdf.is_rough_glass(shader, normal_map.mask_behind(scene.tables, point, direction, active))
+    return active & bsdf.scatters_through(shader, normal_map.mask_behind(scene.tables, point, direction, active))
 
 
 @helper

@@ -25,7 +25,7 @@ GRAZING = 1e-3  # cosine at an emitter below which shadow rays are shortened no 
 @helper
 def facing(inputs: PathInputs, point: Surface, shader: Shader) -> Any:
     """Return a surface's record for light selection, see light_tree.facing."""
-    return light_tree.facing(inputs.emitters.tree.below, point.normal, bsdf.is_rough_glass(shader, ops.bool_like(point.offset, False)))
+    return light_tree.facing(inputs.emitters.tree.below, point.normal, bsdf.scatters_through(shader, ops.bool_like(point.offset, False)))
 
 
 @helper
@@ -100,7 +100,7 @@ def sample_direct(
     """
     point, shader, viewer = shading.point, shading.shader, shading.viewer
     zero = ops.full_like(point.offset, 0.0)
-    rough = bsdf.is_rough_glass(shader, ops.bool_like(zero, False))
+    rough = bsdf.scatters_through(shader, ops.bool_like(zero, False))
     place = ops.where3(rough, point.position, interaction.shadow_origin(point))
     row, chance, arriving, here, weighed, shadows = _choose_emitter(tables, inputs, shading, path, here, lit, ending, index, place)
     arriving, here, blockers = _follow_links(linked, (arriving, here, None), tables, inputs, row, point)
@@ -117,7 +117,7 @@ def sample_direct(
     )
     origin = interaction.offset_shadow_origin(point, place, arriving.direction)
     wanted = here & (ops.largest(given) > 0.0)
-    wanted = wanted & bsdf.is_rough_glass(shader, normal_map.mask_behind(tables, point, arriving.direction, wanted))
+    wanted = wanted & bsdf.scatters_through(shader, normal_map.mask_behind(tables, point, arriving.direction, wanted))
     # Emitters do not block their own light: rays end before them by all rounding errors, and by the offset of their origin.
     short = 64.0 * ops.roundoff(zero) * ops.where(arriving.distance < math.inf, arriving.distance, 0.0) + 2.0 * point.offset
     reach = ops.maximum(arriving.distance - short / ops.maximum(arriving.cosine, GRAZING), 0.0)

@@ -139,7 +139,7 @@ def _continue(
     inside = medium_stack.cross_boundary(path.inside, None, tables, point, scattered.direction)
     covered = photon_covers_lobe(inputs.caustic_reflectance, point, shader)
     phase = photon_map.phase_after(inputs.photons, path.phase, shader, scattered.density >= ONLY, covered, lobe)
-    on_surface = bsdf.is_rough_glass(shader, scattered.density >= ONLY)
+    on_surface = bsdf.scatters_through(shader, scattered.density >= ONLY)
     place = ops.where3(on_surface, point.position, interaction.shadow_origin(point))  # the origin of shadow rays: equal both ways
     origin = interaction.offset_origin_at(point, place, scattered.direction)
     bits = links.bits_beyond(linked, None, tables, point, path.links, scattered.through)

@@ -427,7 +427,7 @@ def _photon_light(maps: Any, row: Lane, same: Lane, lookup: Lookup) -> Vec:
         toward = (maps.toward[row], maps.toward[row + n], maps.toward[row + 2 * n])
         cosine = ops.dot(toward, point.geometric)
         near = near & (ops.dot(normal, point.geometric) * ops.sign_of(cosine * ops.dot(toward, normal)) > FACING)
-        near = near & bsdf.is_rough_glass(shader, cosine > 0.0)
+        near = near & bsdf.scatters_through(shader, cosine > 0.0)
         share = _bsdf_share(near, lookup.diffuse_only, shader, lookup.uses, point.normal, toward, lookup.shading.viewer)
         strength = left * (1.0 / math.pi) / ops.maximum(ops.absolute(cosine), 1e-2)
         power = (maps.power[row], maps.power[row + n], maps.power[row + 2 * n])
@@ -439,7 +439,7 @@ def _photon_light(maps: Any, row: Lane, same: Lane, lookup: Lookup) -> Vec:
 @helper
 def _bsdf_share(here: Lane, diffuse_only: Lane, shader: Shader, uses: Uses, normal: Vec, toward: Vec, viewer: Vec) -> Vec:
     """π f cos; in lanes of `diffuse_only` that of the diffuse part."""
-    if (uses.glossy or uses.sharp) and ops.any_lane(here & bsdf.is_shiny(shader)):
+    if (uses.glossy or uses.sharp) and ops.any_lane(here & bsdf.has_more_than_diffuse(shader)):
         share = bsdf.eval_diffuse(shader, normal, toward, viewer)
         if ops.any_lane(here & ops.not_(diffuse_only)):
             share = ops.where3(diffuse_only, share, _reflected(shader, normal, toward, viewer))

@@ -74,7 +74,7 @@ def spawn_secondary_rays(
         u, v = sobol.pair(sampler.pixel, sampler.sample, key * LIGHT_DIMENSIONS * 2 + 1, options.seed)
         which = sobol.pair(sampler.pixel, sampler.sample, key * LIGHT_DIMENSIONS * 2, options.seed)[1]
         onward, share = bsdf.sample_glossy_or_diffuse(shader, point.normal, shading.viewer, u, v, which, options.interreflection)
-        above = going & bsdf.is_rough_glass(shader, ops.dot(onward, point.geometric) > 0.0)
+        above = going & bsdf.scatters_through(shader, ops.dot(onward, point.geometric) > 0.0)
         beyond = medium_stack.cross_boundary(inside, None, tables, point, onward)
         child = RayState(onward, ops.mul(weight, share), left, plain + DIFFUSE_RAY, beyond, key, bits)
         waiting = _push(stack, waiting, point, child, above, 2)

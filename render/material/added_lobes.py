@@ -6,6 +6,7 @@ treat them so. Scenes without such materials compile nothing of it: the `added` 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -52,7 +53,7 @@ def _make(head: str, before: Sequence[str], branch: Sequence[str], after: str) -
         for line in branch:
             for name in ("value", "density", "sample", "albedo"):
                 line = line.replace(f"{name}(", f"{name}_{n}(")
-            lines.append(line.replace("LOBE", f"added[{n}]"))
+            lines.append(line.replace("LOBE", f"added[{n}]").replace("THROUGH", str(lobe.THROUGH)))
     exec("\n    ".join([*lines, after]), scope)
     return helper(scope[head[4 : head.index("(")]])
 
@@ -101,12 +102,14 @@ _draw = _make(
     "return plain",
 )  # fmt: skip
 _or_has = _make("def added_or_has(added, plain):", (), ("plain = plain | LOBE.here",), "return plain")
+_or_through = _make("def added_or_through(added, plain):", (), ("if THROUGH: plain = plain | LOBE.here",), "return plain")
 
 value = specialize_if_present(_value)  # `plain` and π f cos of the lobes: normal, direction to the light, to the viewer
 density = specialize_if_present(_density)  # `plain` and the densities of `draw`, each times its chance; directions as for `value`
 chance = specialize_if_present(_chance)  # `plain` and the albedos of the lobes: normal, viewer
 draw = specialize_if_present(_draw)  # a direction: normal, viewer, u, v, and a number from 0 to `chance`; `plain` for other numbers
 or_has = specialize_if_present(_or_has)  # the condition, or that there is a lobe
+or_through = specialize_if_present(_or_through)  # the condition, or that there is a lobe that scatters light to the other side
 
 
 def at(tables: Tables, surface: Surface) -> Any:
@@ -123,12 +126,32 @@ def _at_in_kernels(tables, surface):
 
 
 @helper
-def _over_cosine(added: Any, plain: Vec, normal: Vec, direction: Vec, to_viewer: Vec, factor: float) -> Vec:
-    """`plain` and the weights of the lobes for a direction that was sampled by the cosine, times a factor."""
+def _sample(added: Any, plain: tuple[Vec, Vec], normal: Vec, to_viewer: Vec, u: Lane, v: Lane) -> tuple[Vec, Vec]:
+    """(direction, weight) of a sample of the lobe, where there is one; `plain` elsewhere."""
     zero = 0.0 * normal[0]
-    cosine = ops.maximum(ops.dot(normal, direction), lights.TINY)
-    share = value(added, (zero, zero, zero), normal, direction, to_viewer)
-    return ops.add(plain, ops.scale(share, factor / cosine))
+    direction = _draw(added, plain[0], normal, to_viewer, u, v, zero)
+    share = _value(added, (zero, zero, zero), normal, direction, to_viewer)
+    whole, chance = _density(added, zero, normal, direction, to_viewer), _chance(added, zero, normal, to_viewer)
+    share = ops.scale(share, chance / ops.maximum(math.pi * whole, lights.TINY))
+    here = _or_has(added, ops.bool_like(zero, False))
+    return ops.where3(here, direction, plain[0]), ops.where3(here, share, plain[1])
 
 
-over_cosine = specialize_if_present(_over_cosine)  # see there
+@helper
+def _sample_beside(
+    added: Any, plain: tuple[Vec, Vec], normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane, factor: float
+) -> tuple[Vec, Vec]:  # fmt: skip
+    """(direction, weight) of the diffuse lobe `plain` or of the lobe beside it, by their albedos; times a factor."""
+    matt, lobe = ops.mean3(plain[1]), factor * _chance(added, 0.0 * which, normal, to_viewer)
+    whole = matt + lobe
+    taken = which * whole >= matt
+    direction, share = _sample(added, plain, normal, to_viewer, u, v)
+    scale = factor * whole / ops.maximum(lobe, lights.TINY)
+    here = _or_has(added, ops.bool_like(which, False))
+    light = ops.scale(plain[1], ops.where(here, whole / ops.maximum(matt, lights.TINY), 1.0))
+    taken = here & taken
+    return ops.where3(taken, direction, plain[0]), ops.where3(taken, ops.scale(share, scale), light)
+
+
+sample_lobe = specialize_if_present(_sample)  # see there
+sample_beside_diffuse = specialize_if_present(_sample_beside)  # see there

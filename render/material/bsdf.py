@@ -130,6 +130,12 @@ def is_shiny(shader: Shader) -> Lane:
 
 
 @helper
+def has_more_than_diffuse(shader: Shader) -> Lane:
+    """Whether it has a highlight that is not specular, or an added lobe."""
+    return added_lobes.or_has(shader.added, is_shiny(shader))
+
+
+@helper
 def _reflects(lobes: microfacet.Lobes, plain: Lane) -> Lane:
     return plain | lobes.here
 
@@ -150,8 +156,8 @@ def sample_glossy_or_diffuse(
 ) -> tuple[Vec, Vec]:
     """(direction, weight) of one ray for all lobes that are not specular; the diffuse lobe only with interreflection."""
     factor = 1.0 if interreflection else 0.0
-    matt, direction = ops.scale(shader.diffuse, factor), lights.cosine_sample(normal, u, v)[0]
-    plain = direction, added_lobes.over_cosine(shader.added, matt, normal, direction, to_viewer, factor)
+    plain = lights.cosine_sample(normal, u, v)[0], ops.scale(shader.diffuse, factor)
+    plain = added_lobes.sample_beside_diffuse(shader.added, plain, normal, to_viewer, u, v, which, factor)
     plain = microfacet.sample_all(shader.lobes, plain, normal, to_viewer, u, v, which, interreflection)
     return rough_dielectric.sample(shader.frost, plain, normal, to_viewer, u, v, which)
 
@@ -160,6 +166,12 @@ def sample_glossy_or_diffuse(
 def is_rough_glass(shader: Shader, plain: Lane) -> Lane:
     """Return `plain`, or True for rough glass."""
     return rough_dielectric.or_rough(shader.frost, plain)
+
+
+@helper
+def scatters_through(shader: Shader, plain: Lane) -> Lane:
+    """Return `plain`, or True for what scatters light to its other side: rough glass and translucent sheets."""
+    return rough_dielectric.or_rough(shader.frost, added_lobes.or_through(shader.added, plain))
 
 
 @helper
@@ -284,7 +296,7 @@ def sample_bsdf(shader: Shader, uses: Uses, point: Surface, to_viewer: Vec, u: L
                 direction, weight, through = _sample_specular(shader, point, to_viewer, direction, weight, which - blunt, whole, sharp)
                 density = ops.where(sharp, zero + ONLY, density)
     sinks = (ops.dot(direction, point.geometric) <= 0.0) & (density < ONLY)
-    sinks = sinks & ops.not_(is_rough_glass(shader, ops.bool_like(zero, False)))
+    sinks = sinks & ops.not_(scatters_through(shader, ops.bool_like(zero, False)))
     weight = ops.where3(sinks, (zero, zero, zero), weight)
     return Scattered(direction, weight, density, through)
 

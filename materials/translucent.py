@@ -10,8 +10,7 @@ from ..compiler import ir
 from ..compiler.scene.metallic_roughness import ALL, NOTHING
 from ..compiler.scene.row_records import Input, MaterialData
 from ..lang.schema.argument_types import Arg, Entry
-from . import diffuse_transmission as LOBE
-from . import losses
+from . import diffuse_transmission, losses
 from .arguments import SURFACE
 from .classic import NO_HIGHLIGHT
 from .contract import Arguments, Element, Exported, Finish, Lobes, MitsubaRow, PovrayRow, SurfaceRow
@@ -48,6 +47,7 @@ ELEMENTS = (
         _lower,
     ),
 )
+LOBE = diffuse_transmission
 LOBES, SLOTS = Lobes.CLASSIC, (ir.Slot.AMBIENT, ir.Slot.DIFFUSE, ir.Slot.DIFFUSE_TRANSMISSION)
 COLOR, REFLECTANCE, HALF_VECTOR = ir.Slot.DIFFUSE, None, False
 facets = None

@@ -112,7 +112,37 @@ class Materials:
             else:
                 metallic = surface.metallic.value[0] if surface.metallic.texture == NONE else 0.0  # metals transmit nothing
                 surface = replace(surface, transmission=share * (1.0 - min(max(metallic, 0.0), 1.0)))
-        return metallic_roughness.material(surface)
+        return self._scattering_through(surface, extensions.get("KHR_materials_diffuse_transmission", {}))
+
+    def _scattering_through(self, surface: metallic_roughness.Surface, given: dict[str, Any]) -> MaterialData:
+        """A surface that passes a share of the diffuse light on, by KHR_materials_diffuse_transmission.
+
+        Without a highlight it is `translucent`; with one it is blended with a sheet that reflects nothing.
+        """
+        weight = self._texture(given.get("diffuseTransmissionTexture"), 3)
+        share = min(max(float(given.get("diffuseTransmissionFactor", 0.0)), 0.0), 1.0)
+        if share == 0.0:
+            return metallic_roughness.material(surface)
+        color = as_color(given.get("diffuseTransmissionColorFactor", WHITE))
+        passed = Input(color, self._texture(given.get("diffuseTransmissionColorTexture")))
+        plain = surface.ior.value[0] == 1.0 and surface.specular is None and surface.metallic.value[0] == 0.0
+        plain = plain and surface.coat.value[0] == 0.0 and surface.sheen.value == BLACK and weight == NONE
+        reflected = replace(surface.diffuse, value=scale_color(surface.diffuse.value, 1.0 - share)) if plain else Input(BLACK)
+        inputs = {
+            ir.Slot.AMBIENT: reflected, ir.Slot.DIFFUSE: reflected,
+            ir.Slot.DIFFUSE_TRANSMISSION: replace(passed, value=scale_color(color, share)) if plain else passed,
+        }  # fmt: skip
+        maps = {slot: map_ for slot, map_ in ((ir.Slot.NORMAL, surface.normal), (ir.Slot.EMISSION, surface.emissive)) if map_ is not None}
+        opacity = surface.opacity, surface.threshold
+        if plain:
+            return partial_coverage.with_opacity(MaterialData(ir.MaterialModel.TRANSLUCENT, inputs | maps, name=surface.name), *opacity)
+        sheet = MaterialData(ir.MaterialModel.TRANSLUCENT, inputs | maps, name=f"{surface.name} through")
+        opaque = metallic_roughness.material(replace(surface, opacity=metallic_roughness.ALL, threshold=0.0))
+        parts = self.builder.material(opaque, Span(self.name)), self.builder.material(sheet, Span(self.name))
+        mix = MaterialData(
+            ir.MaterialModel.BLEND, {ir.Slot.WEIGHT: Input.number(share, weight)}, first=parts[0], second=parts[1], name=surface.name
+        )
+        return partial_coverage.with_opacity(mix, *opacity)
 
     def _opacity(self, written: dict[str, Any], base: Input, alpha: float) -> tuple[Input, float]:
         """(opacity of a surface, below 1 with the modes BLEND and MASK; its threshold, 0 for none)."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from ....materials import losses
 from ....materials.contract import Exported
 from ... import ir
-from ...scene.row_records import Input
+from ...scene.row_records import Input, scale_color
 from ..export import Export
 from ..placement import F64
 from ..surfaces import surface_of
@@ -58,6 +59,11 @@ class Materials:
         return document
 
     def _document(self, exported: Exported) -> dict[str, Any]:
+        share = self._passing_share(exported)
+        if share > 0.0:
+            diffuse = exported.surface.diffuse
+            base = replace(diffuse, value=scale_color(diffuse.value, 1.0 / (1.0 - share))) if share < 1.0 else diffuse
+            exported = exported._replace(surface=replace(exported.surface, diffuse=base))
         s = exported.surface
         if s.diffuse.texture < 0 and s.opacity.texture >= 0:
             base = self._reference(s.opacity.texture, self._alpha_picture(s.opacity.texture))
@@ -82,11 +88,17 @@ class Materials:
         if s.occlusion.texture >= 0:
             document["occlusionTexture"] = self._picture(s.occlusion.texture)
         document |= self._emission(s.emissive)
-        if extensions := self._extensions(exported):
+        if extensions := self._extensions(exported, share):
             document.setdefault("extensions", {}).update(extensions)
         for name in document.get("extensions", {}):
             self.container.use(name)
         return document
+
+    @staticmethod
+    def _passing_share(exported: Exported) -> float:
+        """KHR_materials_diffuse_transmission weights reflection and transmission by one number: with it both colours are at most 1."""
+        passed = 0.0 if exported.diffuse_transmission is None else max(exported.diffuse_transmission.value)
+        return passed / max(passed + max(exported.surface.diffuse.value), 1e-9)
 
     def _emission(self, emissive: Input) -> dict[str, Any]:
         strength = max(emissive.value)
@@ -98,7 +110,8 @@ class Materials:
         self.container.use("KHR_materials_emissive_strength")
         return {**found, "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": strength}}}
 
-    def _extensions(self, exported: Exported) -> dict[str, Any]:
+    def _extensions(self, exported: Exported, share: float) -> dict[str, Any]:
+        """`share`: what passes diffusely, of what is reflected or passes."""
         s = exported.surface
         found: dict[str, Any] = {}
         if s.ior.value[0] != _GLASS_IOR and s.specular is None:
@@ -110,6 +123,13 @@ class Materials:
             found["KHR_materials_specular"] = {"specularColorFactor": [c / largest for c in s.specular.value]}
             if s.specular.texture >= 0:
                 self.out.cannot(losses.texture(ir.Slot.SPECULAR), "textures", s.specular.texture)
+        if share > 0.0 and exported.diffuse_transmission is not None:
+            passed = exported.diffuse_transmission
+            through: dict[str, Any] = {"diffuseTransmissionFactor": share}
+            through["diffuseTransmissionColorFactor"] = self._below_one(scale_color(passed.value, 1.0 / share))
+            if passed.texture >= 0:
+                through["diffuseTransmissionColorTexture"] = self._picture(passed.texture, color=True)
+            found["KHR_materials_diffuse_transmission"] = through
         if exported.transmission > 0:
             found["KHR_materials_transmission"] = {"transmissionFactor": exported.transmission}
             volume: dict[str, Any] = {"thicknessFactor": 1.0}

@@ -76,6 +76,8 @@ class Materials:
             self.out.cannot(losses.SHEEN, "materials", row)
         if s.specular is not None:
             shader.CreateInput("useSpecularWorkflow", Sdf.ValueTypeNames.Int).Set(1)
+        if exported.diffuse_transmission is not None:
+            self.out.cannot(losses.DIFFUSE_TRANSMISSION, "materials", row)
         if exported.transmission > 0:
             self.out.cannot(losses.REFRACTION, "materials", row)
         presence = s.opacity != Input.number(1.0)

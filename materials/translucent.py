@@ -42,7 +42,7 @@ ELEMENTS = (
                 Arg("transmission", "color_map", (0.45, 0.45, 0.45), "share of the light that leaves it diffusely on the other side"),
                 *SURFACE,
             ),
-            example="translate(0, 1, 0) { cylinder(0.15, 0.25, material: translucent(#7a705c, transmission: #6a5c40)) }",
+            example="cylinder(0.15, 0.25, capped: false, material: translucent(#7a705c, transmission: #6a5c40))",
         ),
         _lower,
     ),

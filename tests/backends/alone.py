@@ -49,6 +49,7 @@ MODELS: dict[IntEnum, str] = {
     ir.MaterialModel.PRINCIPLED: "principled(#d0402a, roughness: 0.4)",
     ir.MaterialModel.PRINCIPLED_SPECULAR: "principled(#d0402a, specular: #806040, roughness: 0.4)",
     ir.MaterialModel.METAL: 'metal("gold", roughness: 0.3)',
+    ir.MaterialModel.TRANSLUCENT: "translucent(0.3, transmission: 0.6)",
     ir.MaterialModel.BLEND: 'blend(metal("copper"), lambert(#5a9a80), 0.4)',
 }
 SHADINGS: dict[IntEnum, str] = {
@@ -79,6 +80,7 @@ SLOTS: dict[IntEnum, str] = {  # each with an image where it takes one
     ir.Slot.WEIGHT: f"blend(lambert(0.2), lambert(0.8), {_IMAGE})",
     ir.Slot.SHEEN: f"principled(0.5, sheen: {_IMAGE})",
     ir.Slot.SHEEN_ROUGHNESS: f"principled(0.5, sheen: 0.5, sheen_roughness: {_IMAGE})",
+    ir.Slot.DIFFUSE_TRANSMISSION: f"translucent(0.2, transmission: {_IMAGE})",
 }
 TEXTURES: dict[IntEnum, str] = {
     ir.TextureKind.IMAGE: _IMAGE,

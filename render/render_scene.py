@@ -13,7 +13,7 @@ from ..compiler.plan import channels, decision, emissive_shapes, omitted_light, 
 from ..compiler.plan.plan import Plan
 from . import types
 from .backends import accumulation, kernel_choice, light_groups
-from .film import bounce_error, film
+from .film import bounce_error, film, picture_statistics
 from .film.checkpoint import Keeper
 from .film.deadline import Deadline
 from .film.progress import Progress, Report
@@ -21,9 +21,9 @@ from .film.remote import Remote
 from .image import cryptomatte
 from .image.image import Image
 from .jit import cancellation, compile_events, kernel_cache
+from .simd import target
 
 LONGER = 2.0  # times a sample of the picture, that one of the measurement of light beyond the limit on bounces takes
-ROWS = 256  # of a picture that are looked at together
 MISSING_LIGHT = 0.02  # share of a pixel's light that the limit on bounces may leave out, unless an error was asked for
 
 
@@ -76,7 +76,7 @@ def draw(
     shown = {"exposure": plan["exposure"], "view": plan["view"], "transparent": plan["background"] == "transparent"}
     image.metadata.update(
         backend=backend, seconds=seconds, notes=notes, unproved=unproved, cut=cut, **ready, **shown,
-        brightness=_brightness(image, shown["transparent"]), **_omitted(scene, plan, cut),
+        brightness=_brightness(image, shown["transparent"], int(plan["threads"])), **_omitted(scene, plan, cut),
         elapsed=deadline.spent(), elapsed_cpu=deadline.cpu_spent(),
     )  # fmt: skip
     if mattes is not None:
@@ -123,22 +123,16 @@ def _with_denoiser(report: Report, renderer: Any, plan: Plan, cancel: threading.
     return lambda progress: report(progress._replace(denoiser=denoiser))
 
 
-def _brightness(image: Image, transparent: bool) -> float | None:
+def _brightness(image: Image, transparent: bool, threads: int) -> float | None:
     """The greatest red, green or blue of all pixels, which tells whether a picture shows anything.
 
     Of a `transparent` picture, pixels that nothing covers do not count. None where nothing covers any pixel, without
     finite pixels, and for an enlarged picture, whose pixels may be brighter.
     """
-    covered, most = False, -np.inf
     if image.metadata.get("resolution", 1) > 1:
         return None
     rgba = image.channels["rgba"]
-    for top in range(0, len(rgba), ROWS):  # in parts, for pictures that take most of the memory
-        some = rgba[top : top + ROWS]
-        seen = some[..., 3] > 0.0
-        covered |= bool(seen.any())
-        light = np.maximum(np.maximum(some[..., 0], some[..., 1]), some[..., 2])
-        most = max(most, float(np.max(light, where=np.isfinite(light) & (seen if transparent else True), initial=-np.inf)))
+    most, covered = picture_statistics.brightest(rgba, transparent, threads or target.cores())
     return most if (covered or most > 0.0) and np.isfinite(most) else None
 
 

@@ -19,7 +19,7 @@ from ..image.cryptomatte import Mattes
 from ..jit import thread_pool
 from ..simd import target
 from ..types import Tile, View
-from . import accumulate, adaptive_sampling, stray_samples
+from . import accumulate, adaptive_sampling, picture_statistics, stray_samples
 from .accumulate import PixelSums
 from .checkpoint import Keeper, State
 from .deadline import Deadline, Pace
@@ -91,8 +91,9 @@ class Canvas:
             self.preview(min(goals))
             self._in_rounds(list(goals))
             return
-        finished = [tile for tile in self.tiles if self._is_finished(tile)]
-        unfinished = [tile for tile in self.tiles if not self._is_finished(tile)]
+        done = self._finished().tolist()
+        finished = [tile for tile, whole in zip(self.tiles, done, strict=True) if whole]
+        unfinished = [tile for tile, whole in zip(self.tiles, done, strict=True) if not whole]
         self.draw(unfinished, Batches(tuple(goals), extras=bool(self.names)), lambda: self.spent / (self.most * pixels))
         self.work(self.draw_extras, finished, lambda: 1.0)
 
@@ -101,9 +102,10 @@ class Canvas:
         """Samples of all pixels, of finished batches."""
         return int(self.drawn.sum())
 
-    def _is_finished(self, tile: Tile) -> bool:
-        """Whether a tile of fixed samples is whole."""
-        return bool(self.drawn[self.rows[tile]] == self.most * (tile.y1 - tile.y0) * (tile.x1 - tile.x0))
+    def _finished(self) -> NDArray[np.bool_]:
+        """(tiles,) whether a tile of fixed samples is whole."""
+        x0, y0, x1, y1 = self.boxes.T
+        return self.drawn == self.most * (y1 - y0) * (x1 - x0)
 
     def _draw_single(self, tile: Tile) -> None:
         """Render a tile of one sample a pixel, with memory of the thread."""
@@ -327,7 +329,7 @@ class Canvas:
 
     def keep(self) -> None:
         """Write a checkpoint, if there is a keeper and anything to keep."""
-        if self.keeper is not None and self.most > 1 and (self.spent if self.sums is not None else any(map(self._is_finished, self.tiles))):
+        if self.keeper is not None and self.most > 1 and (self.spent if self.sums is not None else self._finished().any()):
             with ExitStack() as held:  # without copies: threads wait at the end of their batches, and of their calls
                 for lock in (self.lock, *(worker.lock for worker in self.queue.workers.values())):
                     held.enter_context(lock)
@@ -336,7 +338,7 @@ class Canvas:
     def _state(self) -> State:
         arrays = {"rgba": self.channels["rgba"], "differences": self.differences, "samples": self.samples}
         arrays["decline"] = self.decline.shown
-        arrays["finished"] = np.array([self.sums is not None or self._is_finished(tile) for tile in self.tiles])
+        arrays["finished"] = self._finished() | (self.sums is not None)
         arrays["issues"] = self.issues
         if self.sums is not None:
             arrays |= {f"sums.{name}": array for name, array in self.sums._asdict().items()}
@@ -381,7 +383,8 @@ class Canvas:
         Where a budget ended the work, pixels of one sample take twice the variance of those of two, if these are KNOWN of all.
         """
         relative = self.relative() if self.most > 1 else np.full((1, 1), np.inf)
-        finite = relative[np.isfinite(relative)]
+        known = np.isfinite(relative)
+        finite = relative if known.all() else relative[known]
         if finite.size < relative.size and (not self.deadline.is_finite or finite.size < KNOWN * relative.size):
             return None, 0.0
         alone = int(np.count_nonzero(self.samples)) - finite.size
@@ -403,7 +406,7 @@ class Canvas:
         rays = int(self.samples.sum() if self.most > 1 else np.count_nonzero(self.samples))
         if "samples" in self.channels:
             self.channels["samples"][..., 0] = self.samples
-        variance = np.square(self.differences, dtype=np.float64) if self.most > 1 else None
+        variance = picture_statistics.squares(self.differences, self.threads) if self.most > 1 else None
         if "variance" in self.channels and variance is not None:
             known = np.where(np.isfinite(variance), variance, 0.0) * self._shares()[..., None]
             self.channels["variance"][...] = np.minimum(known, accumulate.LARGEST)

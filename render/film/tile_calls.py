@@ -25,11 +25,11 @@ Counts = NDArray[np.int64]
 def tiles(crop: tuple[int, int, int, int], side: int = TILE) -> list[Tile]:
     """Return the tiles of a crop, those of the picture's grid, from the center outwards."""
     x0, y0, x1, y1 = crop
-    columns, rows = (range(start // side * side, end, side) for start, end in ((x0, x1), (y0, y1)))
-    every = [Tile(max(x, x0), max(y, y0), min(x + side, x1), min(y + side, y1)) for y in rows for x in columns]
-    corners = np.array(every)
+    columns, rows = (np.arange(start // side * side, end, side) for start, end in ((x0, x1), (y0, y1)))
+    y, x = (each.reshape(-1) for each in np.meshgrid(rows, columns, indexing="ij"))
+    corners = np.stack([np.maximum(x, x0), np.maximum(y, y0), np.minimum(x + side, x1), np.minimum(y + side, y1)], axis=1)
     away = (corners[:, 0] + corners[:, 2] - x0 - x1) ** 2 + (corners[:, 1] + corners[:, 3] - y0 - y1) ** 2
-    return [every[i] for i in np.argsort(away, kind="stable")]
+    return [Tile(*corner) for corner in corners[np.argsort(away, kind="stable")].tolist()]
 
 
 def draw_auxiliary(renderer: Any, tile: Tile, out: dict[str, NDArray[np.float32]], samples: int, mattes: Mattes | None) -> None:

@@ -91,7 +91,7 @@ def prepare(scene: ir.Scene, plan: Plan, view: View, general: bool = False) -> P
     if backend == "raster":
         from ..raster import band_renderer, raster_scene  # a tenth of the start-up time
 
-        raster = raster_scene.build(tables, view, tessellations, general)
+        raster = raster_scene.build(tables, view, tessellations, general, by_tiles=not band_renderer.can_draw(plan))
         if band_renderer.needs_no_rays(plan):
             return Prepared(tables, packed, None, None, options, frames, tessellations=tessellations, raster=raster)
     accel, light, lights = _link_whitted(tables, plan, options, packed, frames, accel, general)

@@ -21,7 +21,7 @@ class RasterScene(NamedTuple):
 
     model: Handle  # of a view_geometry.Model
     ranges: NDArray[np.int64]  # (instances, 2) triangles of the model
-    meshlets: Handle
+    meshlets: Any  # a Handle of meshlets.Meshlets, or None for pictures by tiles
     meshlet_ranges: NDArray[np.int64]  # (instances, 2) meshlets
     projection: Handle  # of a band_buffer.Projection
     shading_tables: Handle  # see deferred_shading.to_float32
@@ -35,10 +35,18 @@ class RasterScene(NamedTuple):
     pool: BufferPool
 
 
-def build(tables: ir.Tables, view: View, tessellations: dict[int, Any], general: bool = False) -> RasterScene:
-    """The data of a view; `tessellations` are the analytic shapes', by instance. With `general`, kernels handle textures and colours."""
+def build(
+    tables: ir.Tables, view: View, tessellations: dict[int, Any], general: bool = False, by_tiles: bool = False
+) -> RasterScene:  # fmt: skip
+    """The data of a view; `tessellations` are the analytic shapes', by instance. With `general`, kernels handle textures and colours.
+
+    Pictures `by_tiles` need no meshlets.
+    """
     model, ranges = view_geometry.build_model(tables, view, tessellations)
-    made, meshlet_ranges = meshlets.build(tables, model.positions, model.triangles, ranges, tessellations)
+    made, meshlet_ranges = None, np.zeros_like(ranges)
+    if not by_tiles:
+        built, meshlet_ranges = meshlets.build(tables, model.positions, model.triangles, ranges, tessellations)
+        made = Handle(built)
     near, far = view_geometry.depth_range(tables, view)
     projection = band_buffer.Projection(model.matrix, model.planes, model.perspective, near, far, model.positions, model.triangles)
     eye = tables.transforms.matrix[tables.cameras.transform[view.camera], :, 3]
@@ -50,7 +58,7 @@ def build(tables: ir.Tables, view: View, tessellations: dict[int, Any], general:
     untessellated = view_geometry.untessellated(tables, tessellations)
     textured, colored = (True, True) if general else used_attributes(tables)
     return RasterScene(
-        Handle(model), ranges, Handle(made), meshlet_ranges, Handle(projection), shading_tables, sources, rays, untessellated,
+        Handle(model), ranges, made, meshlet_ranges, Handle(projection), shading_tables, sources, rays, untessellated,
         view_geometry.pixel_boxes(tables, view, untessellated), textured, colored,
         deferred_shading.shades_flat_runs(tables, sources.tables, textured is not None) or None, BufferPool(),
     )  # fmt: skip

@@ -338,7 +338,7 @@ class Job:
         exposure = plan["exposure"]
         if exposure == "metered":
             if self.exposure is None:
-                self.exposure = image_files.auto_exposure(image.channels["rgba"])
+                self.exposure = image_files.auto_exposure(image.channels["rgba"], int(plan["threads"]))
                 if not self.quiet and path.suffix.lower() not in image_files.LINEAR:
                     self.display.hide()
                     click.echo(f"exposure: metered, {self.exposure:g} ev (--exposure {self.exposure:g} fixes it)", err=True)
@@ -348,7 +348,7 @@ class Job:
         error = image.metadata.get("denoised_error" if image.metadata.get("denoised") else "error")
         try:
             check_replaceable(path, self.files)  # it may have become a link to the scene
-            image_files.write(image, path, look, about if error is None else {**about, "error": float(error)})
+            image_files.write(image, path, look, about if error is None else {**about, "error": float(error)}, int(plan["threads"]))
         except Exception as fault:
             raise OSError(f"{fault}; {rescue.save(image, path)}") from fault
 
@@ -376,7 +376,7 @@ class Job:
         look, about = self._encoding(read, 0.0 if metered else plan["exposure"])
         _, y0, _, y1 = plan["crop"]
         metadata: list[dict[str, Any]] = []
-        with image_files.Strips(path, look, about, y1 - y0) as file:
+        with image_files.Strips(path, look, about, y1 - y0, int(plan["threads"])) as file:
             for image in large_images.draw_strips(draw, read.scene, read.parts, self.display, cancel, self._until_written(read)):
                 file.add(image)
                 metadata.append(image.metadata)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from io import BytesIO
@@ -18,7 +20,7 @@ from numpy.typing import NDArray
 from ...compiler.io import library_messages
 from ...compiler.io.replace_file import Replacement, as_utf8
 from ...lang.schema.picture_channels import CHANNELS, LIGHT, component_names
-from . import cryptomatte, metrics, srgb
+from . import cryptomatte, metrics, png_stream, srgb
 from .srgb import encode_srgb
 
 try:
@@ -31,8 +33,8 @@ DEPTHS = {".png": (8, 16), ".tif": (8, 16), ".tiff": (8, 16), ".jpg": (8,), ".jp
 JPEG = (".jpg", ".jpeg")
 EXIF_DESCRIPTION, EXIF_SOFTWARE = 0x10E, 0x131
 WITH_ALPHA = (".png", ".tif", ".tiff")
-PNG_SUB = 16  # libpng's Sub filter: with zlib level 4 a quarter of the default time, for about the same size
 MIDDLE_GREY = 0.18
+ROWS = 64  # of pixels, that a thread takes at a time
 # CPU seconds of writing a noisy picture: of any size, a pixel of 8 bits, of 16 bits or another view, of metering, and of 32 bits a channel
 STARTING, WRITING_8, WRITING_16, METERING, WRITING_32 = 0.15, 1.8e-7, 6e-7, 5e-8, 1e-7
 FULL = 1 << 16  # free bytes below which a disk is full
@@ -89,13 +91,13 @@ def check(path: Path, aov: tuple[str, ...] = (), bits: int | None = None, view: 
         raise FormatError(f"no view is called `{view}`; there are: {', '.join(views())}")
 
 
-def write(picture: Picture, path: Path, look: Look, about: Mapping[str, str | int | float]) -> None:
+def write(picture: Picture, path: Path, look: Look, about: Mapping[str, str | int | float], threads: int = 0) -> None:
     """Write `picture` to `path` atomically, by renaming a temporary file in the same folder.
 
     EXR: float32, scene-linear, unexposed, associated alpha, all channels. Others: exposed, view-transformed, with unassociated alpha if
-    `look.alpha`, else over black. Keys of `about` become `maquette:key` attributes.
+    `look.alpha`, else over black. Keys of `about` become `maquette:key` attributes. 0 `threads`: as many as cores.
     """
-    with Strips(path, look, about, picture.height) as file:
+    with Strips(path, look, about, picture.height, threads) as file:
         file.add(picture)
 
 
@@ -113,7 +115,8 @@ class Strips:
     As a context manager, it keeps the old file unless all rows have been written.
     """
 
-    def __init__(self, path: Path, look: Look, about: Mapping[str, str | int | float], height: int) -> None:
+    def __init__(self, path: Path, look: Look, about: Mapping[str, str | int | float], height: int, threads: int = 0) -> None:
+        self.threads = threads or _cores()
         self.path, self.look, self.about, self.height = Path(path), look, about, height
         try:
             self._new = Replacement(self.path)
@@ -122,6 +125,7 @@ class Strips:
                 raise
             raise OSError(f"cannot write {self.path}: {failure.strerror}") from None
         self._target: Any = None
+        self._png: png_stream.PngStream | None = None
         self._top = self._rows = 0
         self._codes: list[NDArray[Any]] = []  # of a JPEG
 
@@ -131,10 +135,13 @@ class Strips:
     def add(self, picture: Picture) -> None:
         """Write the next rows."""
         linear = self.path.suffix.lower() in LINEAR
-        pixels = _all_channels(picture) if linear else display(picture.channels["rgba"], self._shown_look())
+        pixels = _all_channels(picture) if linear else _display(picture.channels["rgba"], self._shown_look(), self.threads)
         if self.path.suffix.lower() in JPEG:
             self._codes.append(pixels)
             self._rows += picture.height
+            return
+        if self.path.suffix.lower() == ".png":
+            self._add_to_png(picture, pixels)
             return
         if self._target is None:
             spec = self._spec(picture, pixels, linear)
@@ -147,6 +154,24 @@ class Strips:
         if not self._target.write_scanlines(begin, begin + picture.height, 0, pixels):
             raise self._failure(self._target.geterror())
 
+    def _add_to_png(self, picture: Picture, pixels: NDArray[Any]) -> None:
+        try:
+            if self._png is None:
+                self._png = png_stream.PngStream(self._new.partial, self._template(picture, pixels), self.height, self.threads)
+            self._png.add(pixels)
+        except OSError as failure:
+            raise self._failure(failure.strerror or str(failure)) from None
+        self._rows += picture.height
+
+    def _template(self, picture: Picture, pixels: NDArray[Any]) -> bytes:
+        """A PNG of the first row with the metadata of the picture."""
+        spec, partial = self._spec(picture, pixels, False), str(self._new.partial)
+        spec.height = spec.full_height = 1
+        target, row = oiio.ImageOutput.create(partial), np.ascontiguousarray(pixels[:1])
+        if target is None or not target.open(partial, spec) or not target.write_image(row) or not target.close():
+            raise OSError(target.geterror() if target else oiio.geterror())
+        return self._new.partial.read_bytes()
+
     def _spec(self, picture: Picture, pixels: NDArray[Any], linear: bool) -> Any:
         _, width, channels = pixels.shape
         kind = {np.float32: "float", np.uint8: "uint8", np.uint16: "uint16"}[pixels.dtype.type]
@@ -157,9 +182,6 @@ class Strips:
             for key, value in picture.metadata.get("attributes", {}).items():
                 spec.attribute(key, value)
             _place(spec, picture)
-        if self.path.suffix.lower() == ".png":
-            spec.attribute("png:filter", PNG_SUB)
-            spec.attribute("png:compressionLevel", 4)
         spec.attribute("oiio:ColorSpace", WORKING_SPACE if linear else "srgb_rec709_scene")
         spec.attribute("oiio:UnassociatedAlpha", 0 if linear else 1)
         spec.attribute("Software", f"maquette {self.about.get('version', '')}".strip())
@@ -187,18 +209,33 @@ class Strips:
         return ""
 
     def __exit__(self, kind: Any, *_: Any) -> None:
-        closed = self._target is not None and self._target.close()
+        closed = self._close()
         problem = ""
         if kind is None:
             if self._codes:
                 problem = self._write_jpeg()
-            elif not closed or self._rows < self.height:
-                problem = self._target.geterror() if self._target else "it has no pixels"
+            elif closed or self._rows < self.height:
+                problem = closed or "it has no pixels"
             problem = problem or damage(self._new.partial, end=True)
         failure = self._failure(problem) if problem else None
         self._new.place(self.path, kind is None and not problem)
         if failure:
             raise failure
+
+    def _close(self) -> str:
+        """Close the file; why that failed, or ""."""
+        if self._png is not None:
+            try:
+                if self._rows == self.height:
+                    self._png.close()
+                return ""
+            except OSError as failure:
+                return failure.strerror or str(failure)
+            finally:
+                self._png.abandon()
+        if self._target is None or self._target.close():
+            return ""
+        return self._target.geterror() or "it cannot be closed"
 
     def _failure(self, problem: str) -> OSError:
         """The error of a file that cannot be written. Libraries do not say that the disk is full: the free space does."""
@@ -237,16 +274,20 @@ def damage(path: Path, end: bool = False) -> str:
     return ""
 
 
-def auto_exposure(rgba: NDArray[np.floating]) -> float:
+def auto_exposure(rgba: NDArray[np.floating], threads: int = 0) -> float:
     """Return the exposure in stops that maps the log-average luminance to middle grey (Reinhard et al. 2002), to 1/100 stop.
 
-    Black pixels are left out; a black picture gives 0.
+    Black pixels are left out; a black picture gives 0. 0 `threads`: as many as cores.
     """
-    y = metrics.luminance(rgba[..., :3])
-    lit = y[np.isfinite(y) & (y > 0)]
-    if lit.size == 0:
-        return 0.0
-    return round(math.log2(MIDDLE_GREY) - float(np.log2(lit).mean()), 2)
+
+    def sum_of(rows: NDArray[np.floating]) -> tuple[float, int]:
+        y = metrics.luminance(rows[..., :3])
+        lit = y[np.isfinite(y) & (y > 0)]
+        return float(np.log2(lit).sum()), lit.size
+
+    sums = _on_threads(sum_of, [rgba[top : top + ROWS] for top in range(0, len(rgba), ROWS)], threads or _cores())
+    count = sum(size for _, size in sums)
+    return round(math.log2(MIDDLE_GREY) - math.fsum(total for total, _ in sums) / count, 2) if count else 0.0
 
 
 def views() -> tuple[str, ...]:
@@ -296,6 +337,32 @@ def display(rgba: NDArray[np.float32], look: Look) -> NDArray[Any]:
         shown = np.concatenate([shown, alpha], axis=2)
     kind, top = (np.uint8, 255) if look.bits == 8 else (np.uint16, 65535)
     return np.ascontiguousarray(np.rint(shown * top).astype(kind))
+
+
+def _display(rgba: NDArray[np.float32], look: Look, threads: int) -> NDArray[Any]:
+    """`display`, on several threads."""
+    if look.view != "sRGB" or len(rgba) <= ROWS:  # OpenColorIO has threads of its own
+        return display(rgba, look)
+    out = np.empty((*rgba.shape[:2], 4 if look.alpha else 3), np.uint8 if look.bits == 8 else np.uint16)
+
+    def some(top: int) -> None:
+        out[top : top + ROWS] = display(rgba[top : top + ROWS], look)
+
+    _on_threads(some, range(0, len(out), ROWS), threads)
+    return out
+
+
+def _on_threads(function: Callable[[Any], Any], parts: Sequence[Any], threads: int) -> list[Any]:
+    """function(part) of each part, in their order."""
+    if threads <= 1 or len(parts) <= 1:
+        return [function(part) for part in parts]
+    with ThreadPoolExecutor(min(threads, len(parts))) as pool:
+        return list(pool.map(function, parts))
+
+
+def _cores() -> int:
+    """The cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _viewed(rgb: NDArray[np.float64], view: str) -> NDArray[np.float64]:

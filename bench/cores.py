@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import statistics
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -19,17 +20,21 @@ from .. import load
 from ..compiler import ir
 from ..compiler.plan import plan
 from ..render import render_scene
+from ..render.image import image_files
+from ..render.image.image import Image
 from ..render.jit import loader, thread_pool
 from ..render.simd import target
 from . import report
 from .harness import OURS, Effort
 
 TEXT = """
-Pictures without denoising, kernels on disk, preparation included. One thread draws. Its CPU time is divided into that of kernels inside
-of jobs of the thread pool, that of Python inside of jobs and between them, and the rest, which is *serial*. A tile has 32 × 32 pixels.
+Pictures without denoising, kernels on disk, with their preparation and a PNG file. One thread draws. Its CPU time is divided into that of
+kernels inside of jobs of the thread pool, that of Python inside of jobs and between them, and the rest, which is *serial*. Of metering and
+writing the file, which two threads do, *file* is the CPU time of the thread that waits for the other: it is part of what is serial; the
+rest counts as kernels. A tile has 32 × 32 pixels.
 Python's lock lets one thread at a time run Python, so n threads take at least serial + max((kernels + Python) / n, Python). From this come
-the *predicted* gains. *Measured* is by wall time on the cores of this machine, medians of the rounds in turns. The pictures are equal, bit
-for bit.
+the *predicted* gains. *Measured* is by wall time of drawing on the cores of this machine, medians of the rounds in turns. The pictures are
+equal, bit for bit.
 """
 THREADS = 4, 16, 64
 TILE = 32  # pixels
@@ -51,6 +56,7 @@ class Division(NamedTuple):
     kernels: float  # inside of tiles
     python: float  # inside of tiles and between them
     serial: float
+    file: float  # of `serial`, to meter and write the picture
 
     def gain(self, threads: int) -> float:
         """How many times as fast `threads` threads are at most."""
@@ -76,11 +82,13 @@ def section(quick: bool, effort: Effort) -> report.Section:
         total = division.serial + division.kernels + division.python
         rows.append((
             picture.name, f"{division.tiles:.0f}", f"{1e6 * division.python / max(division.tiles, 1):.0f}", f"{total:.2f}",
-            f"{division.serial:.2f}", f"{100 * division.serial / total:.1f}", *(f"{division.gain(n):.1f}" for n in THREADS),
+            f"{division.serial:.2f}", f"{division.file:.2f}", f"{100 * division.serial / total:.1f}",
+            *(f"{division.gain(n):.1f}" for n in THREADS),
             f"{division.gain(most):.2f}", f"{statistics.median(single) / statistics.median(several):.2f}",
         ))  # fmt: skip
     predicted = (f"gain on {n}" for n in THREADS)
-    head = ("", "tiles", "Python, µs a tile", "CPU, s", "serial, s", "serial, %", *predicted, f"on {most}", f"measured on {most}")
+    parts = "tiles", "Python, µs a tile", "CPU, s", "serial, s", "file, s", "serial, %"
+    head = ("", *parts, *predicted, f"on {most}", f"measured on {most}")
     result.blocks += [f"**{OURS}, {most} cores**", report.grid(head, rows)]
     return result
 
@@ -100,8 +108,11 @@ def pictures(quick: bool) -> Sequence[Picture]:
 
 def draw(picture: Picture, threads: int) -> NDArray[np.float32]:
     """The picture on so many threads."""
-    decided = plan.make_plan(picture.scene, replace(picture.settings, threads=threads))
-    return render_scene.draw(picture.scene, decided).channels["rgba"]
+    return _image(picture, threads).channels["rgba"]
+
+
+def _image(picture: Picture, threads: int) -> Image:
+    return render_scene.draw(picture.scene, plan.make_plan(picture.scene, replace(picture.settings, threads=threads)))
 
 
 def _timed(picture: Picture, threads: int) -> tuple[float, NDArray[np.float32]]:
@@ -114,11 +125,22 @@ def divide(picture: Picture) -> Division:
     """Draw a picture on one thread, and measure what its CPU time is spent on."""
     with _counted_kernels() as kernels, _counted_jobs(kernels) as jobs:
         began = time.thread_time()
-        draw(picture, 1)
+        image = _image(picture, 1)
         total = time.thread_time() - began
+    file, beside = _write(image)
     assert picture.settings.size is not None
     tiles = picture.settings.size[0] * picture.settings.size[1] / TILE**2
-    return Division(tiles, jobs.kernels, jobs.python, total - jobs.kernels - jobs.python)
+    return Division(tiles, jobs.kernels + beside, jobs.python, total - jobs.kernels - jobs.python + file, file)
+
+
+def _write(image: Image) -> tuple[float, float]:
+    """CPU seconds of writing a picture on two threads: of the caller's, and of the other."""
+    with tempfile.TemporaryDirectory() as folder:
+        here, all_threads = time.thread_time(), time.process_time()
+        exposure = image_files.auto_exposure(image.channels["rgba"], 2)
+        image_files.write(image, Path(folder, "a.png"), image_files.Look(exposure), {}, 2)
+        here, all_threads = time.thread_time() - here, time.process_time() - all_threads
+    return here, all_threads - here
 
 
 class _Kernels(threading.local):

@@ -58,12 +58,12 @@ class PngStream:
 
     def _add(self, blocks: list[NDArray[Any]], run: Run) -> None:
         filtered = list(run(filter_rows, blocks))
-        before = [self._tail, *(block[-WINDOW:] for block in filtered)]
+        before: list[Any] = [self._tail, *(block[-WINDOW:] for block in filtered)]
         parts, sums = run(_compress, list(zip(filtered, before, strict=False))), run(zlib.adler32, filtered)
         for block, part, total in zip(filtered, parts, sums, strict=True):
             self._put(b"IDAT", self._header + part)
             self._header, self._sum = b"", combine(self._sum, total, len(block))
-        self._tail = before[-1]
+        self._tail = bytes(before[-1])
 
     def close(self) -> None:
         """End the file."""
@@ -84,7 +84,7 @@ class PngStream:
         self._file.write(struct.pack(">I", zlib.crc32(content, zlib.crc32(kind))))
 
 
-def filter_rows(codes: NDArray[Any]) -> bytes:
+def filter_rows(codes: NDArray[Any]) -> memoryview:
     """The bytes of rows (h, w, channels), each behind its filter: differences of each pixel from that to its left."""
     height, width, channels = codes.shape
     size = channels * codes.itemsize
@@ -92,7 +92,7 @@ def filter_rows(codes: NDArray[Any]) -> bytes:
     out = np.empty((height, 1 + width * size), np.uint8)
     out[:, 0], out[:, 1 : 1 + size] = SUB, raw[:, :size]
     np.subtract(raw[:, size:], raw[:, :-size], out=out[:, 1 + size :])
-    return out.tobytes()
+    return memoryview(out.reshape(-1))
 
 
 def combine(first: int, second: int, length: int) -> int:
@@ -102,7 +102,7 @@ def combine(first: int, second: int, length: int) -> int:
     return (a + c - 1) % BASE | (b + d + length * (a - 1)) % BASE << 16
 
 
-def _compress(given: tuple[bytes, bytes]) -> bytes:
+def _compress(given: tuple[memoryview, memoryview | bytes]) -> bytes:
     block, before = given
     made = zlib.compressobj(LEVEL, zlib.DEFLATED, -zlib.MAX_WBITS, zlib.DEF_MEM_LEVEL, zlib.Z_DEFAULT_STRATEGY, before)
     return made.compress(block) + made.flush(zlib.Z_SYNC_FLUSH)

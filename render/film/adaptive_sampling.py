@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..jit import thread_pool
 from ..sampling.pixel_groups import GROUP
 from ..types import Tile
 
@@ -22,6 +23,7 @@ Map = NDArray[np.float64]
 Counts = NDArray[np.int64]
 
 FIRST = ((0.2, 2), (0.04, 4), (0.0, 16))  # (least error asked for, samples a pixel before the first estimate)
+ROWS = 64  # of pixels, that a thread takes at a time
 MOST_DOUBLINGS = 2  # of a pixel in a round: an estimate from n samples serves up to 4 n
 ALONE = 16.0  # factor of its neighbors' mean from which a pixel's own variance counts
 LEFT = 0.4  # share of a pixel's variance after a doubling: half for independent samples, less for Sobol points
@@ -63,13 +65,25 @@ def doublings_for_samples(relative: Map, samples: Counts, most: int, more: float
     return _doublings(places, int(within[-1]) if len(within) else -1)
 
 
-def smooth(relative: Map, samples: Counts) -> Map:
+def smooth(relative: Map, samples: Counts, threads: int = 1) -> Map:
     """Estimate `relative` from the sample variance of each pixel's eight neighbors.
 
     The estimate of one pixel from a few samples is noisy. Selection by it would also bias the error downward: pixels with too small an
     estimate are left, and those with too large a one are measured again. A pixel's own estimate counts if it exceeds ALONE times its
     neighbors' mean, as one in 16,000 squares of a normal variable does.
     """
+    out = np.empty(relative.shape)
+
+    def some(top: int) -> None:
+        first = max(top - 1, 0)  # a row more on either side
+        rows = slice(first, top + ROWS + 1)
+        out[top : top + ROWS] = _smooth(relative[rows], samples[rows])[top - first : top - first + ROWS]
+
+    thread_pool.parallel_for(some, range(0, len(out), ROWS), threads)
+    return out
+
+
+def _smooth(relative: Map, samples: Counts) -> Map:
     own = relative * samples
     total, count = own, np.ones_like(own)
     for axis in (0, 1):

@@ -115,7 +115,7 @@ class Refinement:
         elif canvas.renderer.cell > 1:
             estimate = relative  # means of many pixels
         else:
-            estimate = adaptive_sampling.smooth(relative, samples)
+            estimate = adaptive_sampling.smooth(relative, samples, canvas.threads)
         if excess < 1.0:
             doublings = adaptive_sampling.doublings_for_error(estimate, samples, canvas.most, excess)
             if np.sum(samples * (2**doublings - 1)) <= affordable:

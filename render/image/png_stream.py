@@ -92,7 +92,7 @@ def filter_rows(codes: NDArray[Any]) -> memoryview:
     out = np.empty((height, 1 + width * size), np.uint8)
     out[:, 0], out[:, 1 : 1 + size] = SUB, raw[:, :size]
     np.subtract(raw[:, size:], raw[:, :-size], out=out[:, 1 + size :])
-    return memoryview(out.reshape(-1))
+    return out.reshape(-1).data
 
 
 def combine(first: int, second: int, length: int) -> int:

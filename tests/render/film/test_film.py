@@ -288,6 +288,20 @@ def test_samples_go_where_they_take_away_most() -> None:
     assert fewest <= n.sum() < 1.15 * fewest
 
 
+def test_estimates_of_pixels_do_not_depend_on_threads() -> None:
+    """Each block of rows looks at a row more on either side."""
+    rng = np.random.default_rng(2)
+    relative, samples = rng.random((300, 7)) ** 8, rng.integers(1, 64, (300, 7))
+    whole = adaptive_sampling.smooth(relative[:50], samples[:50])
+    for threads in (1, 3):
+        found = adaptive_sampling.smooth(relative, samples, threads)
+        assert np.array_equal(found[:49], whole[:49])
+        for top in (10, 63, 64, 65, 128, 200):
+            part = slice(top, top + 60)
+            assert np.array_equal(found[part][1:-1], adaptive_sampling.smooth(relative[part], samples[part])[1:-1])
+        assert np.array_equal(found[-1], adaptive_sampling.smooth(relative[-2:], samples[-2:])[-1])
+
+
 def test_a_pixel_that_is_noisy_alone_does_not_make_all_others_pay() -> None:
     v = np.ones((64, 64))
     v[30, 30] = 4000.0  # half of the error of the picture, where the neighbours know of nothing

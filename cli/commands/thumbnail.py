@@ -242,7 +242,7 @@ def _draw(asset: Asset, output: Path, looks: Looks, record: Thumbnail) -> None:
     image = render_scene.draw(scene, plan)
     exposure = plan["exposure"]
     if exposure == "metered":
-        exposure = image_files.auto_exposure(image.channels["rgba"])
+        exposure = image_files.auto_exposure(image.channels["rgba"], int(image.metadata.get("threads", 0)))
     make_folder(picture.parent, output)
     image_files.write(image, picture, image_files.Look(exposure, plan["view"], alpha=True), {"version": __version__})
     record.triangles, record.instances = len(scene.tables.pools.triangles), len(scene.tables.instances.geometry)

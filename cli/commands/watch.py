@@ -134,7 +134,7 @@ def _write(output: Path, current: Current, state: State) -> None:
         return
     exposure = plan["exposure"]
     if exposure == "metered":
-        exposure = image_files.auto_exposure(image.channels["rgba"])
+        exposure = image_files.auto_exposure(image.channels["rgba"], int(image.metadata.get("threads", 0)))
     look = image_files.Look(float(exposure), plan["view"], alpha=plan["background"] == "transparent")
     about = {"version": __version__, "backend": plan["backend"], "seed": plan["seed"], "exposure": float(exposure)}
     image_files.write(image, output, look, about)

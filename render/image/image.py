@@ -74,7 +74,7 @@ class Image:
             stops = setting_values.exposure(stops)
         image_files.check(path, (), bits, seen)
         if stops == "metered":
-            stops = image_files.auto_exposure(self.channels["rgba"])
+            stops = image_files.auto_exposure(self.channels["rgba"], int(self.metadata.get("threads", 0)))
         image_files.write(
             self, path, image_files.Look(float(stops), seen, bits or 8, bool(about.get("transparent"))), {"exposure": float(stops)}
         )

@@ -95,9 +95,10 @@ def write(picture: Picture, path: Path, look: Look, about: Mapping[str, str | in
     """Write `picture` to `path` atomically, by renaming a temporary file in the same folder.
 
     EXR: float32, scene-linear, unexposed, associated alpha, all channels. Others: exposed, view-transformed, with unassociated alpha if
-    `look.alpha`, else over black. Keys of `about` become `maquette:key` attributes. 0 `threads`: as many as cores.
+    `look.alpha`, else over black. Keys of `about` become `maquette:key` attributes. 0 `threads`: as many as
+    drew the picture, or else as there are cores.
     """
-    with Strips(path, look, about, picture.height, threads) as file:
+    with Strips(path, look, about, picture.height, threads or int(picture.metadata.get("threads", 0))) as file:
         file.add(picture)
 
 

@@ -68,3 +68,19 @@ def test_sums_of_parts_make_that_of_the_whole() -> None:
     data = np.random.default_rng(1).bytes(200_000)
     for cut in (0, 1, 5552, 65521, 199_999, 200_000):
         assert png_stream.combine(zlib.adler32(data[:cut]), zlib.adler32(data[cut:]), len(data) - cut) == zlib.adler32(data)
+
+
+def test_a_picture_is_written_by_as_many_threads_as_drew_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[int] = []
+    pool = png_stream.ThreadPoolExecutor
+
+    def counted(threads: int) -> Any:
+        asked.append(threads)
+        return pool(threads)
+
+    monkeypatch.setattr(png_stream, "ThreadPoolExecutor", counted)
+    for threads in (1, 2, 3):
+        made = picture(900, 600)
+        made.metadata["threads"] = threads
+        image_files.write(made, tmp_path / "a.png", image_files.Look(), {})
+    assert asked == [2, 3]

@@ -208,7 +208,8 @@ def noise_notes(about: Mapping[str, Any], plan: Plan) -> list[Diagnostic]:
     longer = f"--error {wanted:.0%} takes about {time_range((error / wanted) ** 2 * about['seconds']['render'])}"
     work, left = _limit_of(plan), about.get("denoised_error")
     if about.get("denoised"):
-        now = f"its error was {error:.1%}" + ("" if left is None else f", and about {left:.1%} are left")
+        after = "there was no time to measure what is left" if left is None else f"about {left:.1%} are left"
+        now = f"its error was {error:.1%}, and {after}"
         return [Diagnostic("note", f"the picture was noisy after {work}, and is denoised: {now}", None, f"{longer} without denoising")]
     if left is not None:
         hint = f"{longer}; denoising would leave an error of about {left:.0%}"

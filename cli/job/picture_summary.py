@@ -15,7 +15,7 @@ def summary(path: Path, figures: Mapping[str, Any]) -> str:
     total, denoised_noise = figures.get("elapsed") or sum(figures["seconds"].values()), figures["denoised_error"]
     error, noise, bias = "", figures["error"], figures["bias"]
     if noise is not None:
-        after = "" if denoised_noise is None else f", about {omitted_light.with_bias(denoised_noise, bias):.1%} after"
+        after = ", unmeasured after" if denoised_noise is None else f", about {omitted_light.with_bias(denoised_noise, bias):.1%} after"
         after = f" before denoising{after}" if figures["denoised"] else ""
         words = omitted_light.told(noise, bias, figures["left_out"], figures["plan"]["bounces"])
         error = f", √relMSE {omitted_light.with_bias(noise, bias):.2%}{after}{f' ({words})' if words else ''}"

@@ -5,10 +5,8 @@ The package pyoidn contains the library; only this module loads it. Alpha is unc
 The network blurs over MARGIN pixels. So a panorama gets margins of its own pixels before, as it goes on behind its left and right edges and
 over its poles. Pixels without coverage, and dark places wider than DARK pixels, in which no sample found light, stay exactly 0.
 
-The error left is measured by cross-validation. Each half of the samples is denoised by itself and compared with the other half, whose noise
-is independent: the mean squared difference is the error of the denoised half, blur included, plus the variance of the other half. Half of
-the samples leaves more error than all of them. Where noise exceeds what is left by far, its variance is not known well enough to be
-subtracted: the estimate is at least LEAST of the noise.
+The error left is measured by denoising half of the samples by themselves (`error_left`): how much the result changes with the samples, and
+how far it is from the other half, whose noise is independent.
 """
 
 from __future__ import annotations
@@ -32,12 +30,15 @@ from .remote import Remote
 
 Pixels = NDArray[np.float32]
 
-LEAST = 0.2  # of a picture's error, that denoising leaves at least
+SPREAD = 0.3  # by how much the error left exceeds the change between half and all of the samples, by an e-fold of the noise removed
+CERTAIN = 1.1  # factor of the estimated error left
+DEVIATIONS = 2.0  # standard deviations by which blur must be seen
 MEMORY = 1000  # megabytes of the network: it denoises large pictures in overlapping tiles, with the same result
 ROWS = 64  # of the picture, whose errors are summed at once
 SAMPLES = 16  # most samples of a pixel for the guides: 4 leave twice the error at texture edges
 FEW = 2  # of a preview
 SIDE = 64  # pixels of the tiles of guides
+BLOCK = 8  # pixels of the blocks whose distances are compared
 MARGIN = 96  # pixels over which the network blurs
 DARK = 15  # pixels of the side of the least dark square: single samples without light are noise
 
@@ -46,7 +47,7 @@ def denoise(image: Image, renderer: film.Renderer | Remote, plan: Plan, most: in
     """Denoise a picture's color in place. Sets metadata "denoised" and "denoised_error", the √relMSE left, None where it is unknown.
 
     A picture that is denoised by default keeps its noise, and "denoised" is False, where the error left would be larger. The guides have
-    at most `most` samples. Without `measures` the error left is unknown, which saves two of three runs of the filter.
+    at most `most` samples. Without `measures` the error left is unknown, which saves one of two runs of the filter.
     """
     clean = make_filter(*guides(renderer, plan, most), margins_of(plan))
     rgba, half = image.channels["rgba"], image.metadata["half_difference"]
@@ -146,26 +147,28 @@ def error_left(noisy: Pixels, half: Pixels, share: float, denoised: Pixels, clea
     """The √relMSE of a denoised picture, from the halves `noisy` ± `half` of its samples; (h, w, 3) each, `clean` denoises one.
 
     The picture's variance is `share` of half², as the halves of Sobol points complement each other; that of a half is (1 + `share`) half².
+
+    The denoised half differs from the whole by a variance v / 2. A filter that changes nothing has 2 `share` half² = v, and leaves half
+    of v. What a filter leaves beyond that grows with the logarithm of the noise that it removes: measured, docs/design/sampling.md. The
+    blur of the half, which its distance from the other half shows beyond all noise, counts instead where it is more.
     """
-    if not denoised.any():
+    first = clean(np.maximum(noisy + half, 0.0))
+    value = np.maximum(denoised, first)
+    if not value.any():
         return 0.0  # a black picture has no error
-    least = (metrics.EPSILON * float(metrics.luminance(denoised).mean())) ** 2
-    parts = [slice(k, k + ROWS) for k in range(0, len(noisy), ROWS)]  # float64 of some rows at a time
-
-    def weighted(first: Pixels, second: Pixels | None = None) -> float:
-        """The mean over the picture of (first − second)² over the squares of the denoised colors."""
-        total = 0.0
-        for part in parts:
-            weights = np.maximum(np.square(denoised[part], dtype=np.float64) + least, np.finfo(np.float64).tiny)
-            other = 0.0 if second is None else second[part]
-            total += float(np.sum(np.square(first[part] - other, dtype=np.float64) / weights))
-        return total / noisy.size
-
-    noise, squares = weighted(half), 0.0
-    for sign in (1.0, -1.0):
-        other = np.maximum(noisy - sign * half, 0.0)
-        squares += 0.5 * weighted(clean(np.maximum(noisy + sign * half, 0.0)), other)
-    return math.sqrt(max(squares - (1.0 + share) * noise, LEAST**2 * share * noise))
+    least = (metrics.EPSILON * float(metrics.luminance(value).mean())) ** 2
+    change, noise, beyond = 0.0, 0.0, []
+    for part in (slice(k, k + ROWS) for k in range(0, len(noisy), ROWS)):  # float64 of some rows at a time
+        weights = np.maximum(np.square(value[part], dtype=np.float64) + least, np.finfo(np.float64).tiny)
+        squares = np.square(half[part], dtype=np.float64)
+        other = np.square(first[part] - np.maximum(noisy[part] - half[part], 0.0), dtype=np.float64)
+        change += float(np.sum(np.square(first[part] - denoised[part], dtype=np.float64) / weights))
+        noise += float(np.sum(squares / weights))
+        beyond.append(metrics.block_means(((other - (1.0 + share) * squares) / weights).mean(axis=2), BLOCK).ravel())
+    spread, removed, blocks = 2.0 * change / noisy.size, share * noise / noisy.size, np.concatenate(beyond)
+    blur = float(blocks.mean()) - spread - DEVIATIONS * float(blocks.std()) / math.sqrt(len(blocks))
+    by_change = removed if removed <= 0.5 * spread else spread * (0.5 + SPREAD * math.log(2.0 * removed / spread)) if spread > 0.0 else 0.0
+    return CERTAIN * math.sqrt(max(by_change, 0.5 * spread + blur, 0.0))
 
 
 def preview_filter(renderer: film.Renderer | Remote, plan: Plan, cancel: threading.Event) -> Callable[[Pixels], Pixels] | None:

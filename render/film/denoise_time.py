@@ -17,7 +17,7 @@ LEAST = 1.5  # seconds left, from which the speeds are measured
 SIDE = 128  # pixels of the picture whose filtering is measured
 CAREFUL = 1.4  # factor of the measured seconds: other work may slow the machine
 CHOICES = (  # (samples of the guides, whether the error left is measured, most of the seconds left)
-    (denoise.SAMPLES, True, 0.15), (4, True, 0.2), (4, False, 0.25), (1, False, 0.3),
+    (denoise.SAMPLES, True, 0.15), (4, True, 0.2), (1, True, 0.25), (1, False, 0.3),
 )  # fmt: skip
 ASKED = (1, False, 0.8)  # of a picture that is denoised on request
 
@@ -53,7 +53,7 @@ class DenoisingTime:
         if not self.known:
             return None
         for samples, measures, share in (*CHOICES, *([ASKED] if self.asked else [])):
-            seconds = CAREFUL * pixels * (self.guide * samples + self.filter * (3 if measures else 1))
+            seconds = CAREFUL * pixels * (self.guide * samples + self.filter * (2 if measures else 1))
             if seconds <= share * self.deadline.left():
                 return Denoising(samples, measures, seconds)
         return None

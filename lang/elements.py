@@ -63,7 +63,8 @@ class Element:
     trace     the chain of calls that makes it, innermost first
     photometric  whether any light quantity was written with a unit
     weight    number of elements in it and of itself, with repetitions
-    category  that of its schema entry ("shape", "solid", "block", "light", "material", "texture", "camera", "setting")
+    category  that of its schema entry ("shape", "solid", "block", "light", "material", "texture", "camera", "setting",
+              "meter")
     Elements compare by identity: one `let` constant used twice is one element.
     """
 

@@ -38,6 +38,7 @@ SECTIONS = {
     "material": "Materials",
     "texture": "Textures",
     "camera": "Camera",
+    "meter": "Meters",
     "setting": "Settings",
 }
 UNITS_ACROSS_FILES = """\

@@ -90,6 +90,7 @@ MAY_IMPORT = {
     "measure.report": "measure",
     "measure.comparison": "measure",
     "measure.chart": "measure.peers",
+    "measure.light": "measure",
     "cli": "*",
     "cli.scene_tests": "cli",
     "cli.process": "lang",

@@ -1,10 +1,12 @@
-"""The `measure` command: size, area, topology, volume, center, mass and inertia of the parts of a scene, each with its error."""
+"""The `measure` command: size, area, topology, volume, center, mass and inertia of the parts of a scene, and its light, with errors."""
 
 from __future__ import annotations
 
 import json
 import math
 import re
+import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,14 +14,24 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
+from ...compiler.io.replace_file import replace_file
+from ...lang.diagnostics import Diagnostic, suggest
+from ...lang.schema import setting_values
 from .. import common_options as shared
+from .. import light_report, terminal
 from .. import option_types as options
-from .. import terminal
+from .. import render_job as jobs
 from ..scene_selection import selected
 
 if TYPE_CHECKING:
+    from ...compiler import ir
     from ...render.tessellation.mass_properties import Measured, Properties
 
+FILES = (".json", ".csv", ".png")
+BUDGET = 60.0  # seconds of measuring light, unless others are asked for
+NOT_OF_LIGHT = (
+    "backend", "samples", "error", "budget", "bounces", "aov", "denoise", "tolerance", "crop", "background", "exposure", "view", "plan",
+)  # fmt: skip
 DENSITIES = {"kg/m3": 1.0, "kg/m³": 1.0, "g/cm3": 1000.0, "g/cm³": 1000.0}
 
 
@@ -35,6 +47,17 @@ def density(text: str) -> float:
     return value
 
 
+def region(text: str) -> tuple[int, int, int, int]:
+    """`X,Y` of a pixel or `x0,y0,x1,y1`, in pixels from the top left; x1 and y1 are exclusive."""
+    if text.count(",") == 1:
+        found = re.fullmatch(r"\s*(\d{1,9})\s*,\s*(\d{1,9})\s*", text)
+        if found is None:
+            raise ValueError("a pixel is written x,y, and a region x0,y0,x1,y1, in pixels from the top left")
+        x, y = int(found[1]), int(found[2])
+        return x, y, x + 1, y + 1
+    return setting_values.crop(text)
+
+
 @click.command("measure")
 @click.argument("scene", type=shared.FILE)
 @shared.scene_options
@@ -45,31 +68,157 @@ def density(text: str) -> float:
     "--deviation", metavar="LENGTH", type=options.Value("length", options.length),
     help="Greatest distance of triangles from the true surface (0.05mm). Default: 1/2000 of the scene.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print JSON, in metres and kilograms.")
+@click.option("--meter", "named", metavar="NAME", multiple=True, help="Read this light meter alone; * and ? match. Repeatable.")
+@click.option("--daylight-factor", "daylight", is_flag=True, help="Daylight factors of meters, under the CIE overcast sky.")
+@click.option(
+    "--luminance", "regions", metavar="X,Y", multiple=True, type=options.Value("pixels", region),
+    help="Luminance of a pixel of the picture, or of a region x0,y0,x1,y1. Repeatable.",
+)
+@click.option("--glare", is_flag=True, help="Unified glare rating at the camera.")
+@click.option(
+    "--error", type=options.Value("share", setting_values.share), default="1%", show_default=True,
+    help="Measure light until errors are below this share.",
+)
+@click.option("--budget", type=options.Value("time", setting_values.duration), help="Most time for measuring light. Default: 1min.")
+@shared.picture_options_except(*NOT_OF_LIGHT)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON, in metres, kilograms, lux, lumen and cd/m².")
+@click.option(
+    "-o", "outputs", type=shared.OUT, multiple=True,
+    help="Write .json, a .csv of the light, or a .png of luminance in false colours. Repeatable.",
+)
 @shared.examples(
     "maquette measure part.scene --density 1.24g/cm3",
     "maquette measure part.scene --set width=30 --only lid --json",
+    "maquette measure room.scene --meter desk -o lux.csv",
+    "maquette measure room.scene --luminance 320,200 --glare -o luminance.png",
 )
 def command(
     scene: Path, only: tuple[str, ...], without: tuple[str, ...], density: float | None, deviation: float | None, as_json: bool,
-    **given: Any,
+    outputs: tuple[Path, ...], **given: Any,
 ) -> None:  # fmt: skip
-    """Measure the parts of SCENE: size, volume, area, center, mass, inertia.
+    """Measure the parts of SCENE: size, volume, area, center, mass, inertia; and its light.
 
     Each value has its error. A mesh that is open, wound both ways or crosses itself has no volume; lights and unbounded shapes are left
     out. The inertia is that about the center of mass, along x, y and z.
-    """
-    from ...render.tessellation import mass_properties
 
+    Each meter of the scene tells its illuminance in lux. With an option of light, or for a .csv or .png, the light alone is measured. Its
+    errors are those of 95 % confidence.
+    """
+    _check_outputs(outputs)
+    about_light = {name: given.pop(name) for name in ("named", "daylight", "regions", "glare", "error", "budget")}
     source = shared.source_of(scene, given)
     compiled = selected(shared.load(replace(source, mesh=replace(source.mesh, deviation=deviation))), only, without)
+    for path in outputs:
+        jobs.check_folder(path, map(Path, compiled.files))
+    kinds = [path.suffix.lower() for path in outputs]
+    only_light = any(about_light[name] for name in ("named", "daylight", "regions", "glare")) or ".csv" in kinds or ".png" in kinds
+    parts = [] if only_light else _parts(compiled, deviation)
+    light = _light(compiled, about_light, given, bool(set(kinds) - {".png"}) or not outputs or bool(about_light["named"]))
+    data: Any = [_as_data(part, density) for part in parts]
+    if light is None and ".csv" in kinds:
+        raise click.ClickException("a .csv holds light, and the scene has no light meter; place meter([0, 75cm, 0], size: [2, 1])")
+    if light is not None:
+        data = ({} if only_light else {"parts": data}) | light_report.as_data(light)
+    if as_json:
+        click.echo(json.dumps(data, indent=2))
+    else:
+        _print_parts(parts, density)
+        for line in () if light is None else light_report.lines(light):
+            click.echo(line)
+    for path, kind in zip(outputs, kinds, strict=True):
+        if kind == ".json":
+            replace_file(path, (json.dumps(data, indent=2) + "\n").encode())
+        elif kind == ".csv":
+            replace_file(path, light_report.as_csv(light or light_report.Light()).encode())
+        else:
+            _false_colours(compiled, given, about_light, path)
+
+
+def _check_outputs(outputs: Sequence[Path]) -> None:
+    for path in outputs:
+        if path.suffix.lower() not in FILES:
+            raise click.UsageError(f"measurements are written as .json, .csv (light) or .png (luminance): {path.name} is none of them")
+        jobs.check_folder(path)
+    if len({path.resolve() for path in outputs}) < len(outputs):
+        raise click.UsageError("two files of -o are the same")
+
+
+def _parts(compiled: ir.Scene, deviation: float | None) -> list[Properties]:
+    """The parts of a scene. Raises ClickException without any, unless there are meters."""
+    from ...render.tessellation import mass_properties
+
     parts, found = mass_properties.measure(compiled, deviation)
     terminal.report(found)
-    if not parts:
+    if not parts and not compiled.meters:
         raise click.ClickException("the scene has no bounded surface to measure")
-    if as_json:
-        click.echo(json.dumps([_as_data(part, density) for part in parts], indent=2))
+    return parts
+
+
+def _light(compiled: ir.Scene, asked: dict[str, Any], given: dict[str, Any], reads_meters: bool) -> light_report.Light | None:
+    """The light of a scene; None where there is none to measure. Raises ClickException."""
+    from ...compiler import ir
+    from ...measure.light import sensors
+
+    meters = _chosen(compiled, asked["named"])
+    if asked["daylight"] and not meters:
+        raise click.ClickException("the scene has no light meter, of which daylight factors are; place meter([0, 75cm, 0], size: [2, 1])")
+    reads_meters &= bool(asked["named"]) or not (asked["daylight"] or asked["regions"] or asked["glare"])
+    if not (asked["daylight"] or asked["regions"] or asked["glare"] or (meters and reads_meters)):
+        return None
+    request = light_report.Request(meters, ir.Settings(**given), reads_meters, asked["daylight"], asked["regions"], asked["glare"])
+    try:
+        light = light_report.measure(compiled, request, _effort(asked, given))
+    except sensors.MeterError as fault:
+        terminal.report([Diagnostic("error", str(fault), fault.meter.place, fault.hint)])
+        raise click.exceptions.Exit(1) from None
+    except ValueError as fault:
+        raise click.ClickException(str(fault)) from None
+    terminal.report(light.found)
+    return light
+
+
+def _effort(asked: dict[str, Any], given: dict[str, Any]) -> Any:
+    from ...measure.light.replicates import Effort
+
+    return Effort(asked["error"], time.monotonic() + (asked["budget"] or BUDGET), given["threads"], given["seed"] or 0)
+
+
+def _chosen(compiled: ir.Scene, patterns: Sequence[str]) -> list[ir.Meter]:
+    """The meters that a pattern matches, all without patterns. Raises UsageError for one that matches none."""
+    from ...compiler.scene import selection
+
+    if not patterns:
+        return list(compiled.meters)
+    names = [meter.name for meter in compiled.meters]
+    try:
+        kept = selection.named(names, patterns)
+    except selection.SelectionError:
+        wrong = next(p for p in patterns if p not in names)
+        known = suggest(wrong, names) or (f"there are: {', '.join(names)}" if names else "the scene has none")
+        raise click.UsageError(f"no meter is called `{wrong}`; {known}") from None
+    return [meter for meter, keep in zip(compiled.meters, kept, strict=True) if keep]
+
+
+def _false_colours(compiled: ir.Scene, given: dict[str, Any], asked: dict[str, Any], path: Path) -> None:
+    """Draw the picture, and write its luminance in false colours."""
+    from ...compiler import ir
+    from ...measure.light import false_colour
+    from ...render import picture_notes, render_scene
+    from ...render.image import metrics
+
+    settings = ir.Settings(**given, budget=asked["budget"])
+    plan = jobs.make_plan(compiled, settings, {})
+    terminal.report(picture_notes.plan_warnings(compiled, plan))
+    image = render_scene.draw(compiled, plan)
+    terminal.report(picture_notes.of_render(image.metadata, compiled, plan, settings))
+    replace_file(path, false_colour.picture(metrics.luminance(image.channels["rgba"][..., :3])))
+
+
+def _print_parts(parts: Sequence[Properties], density: float | None) -> None:
+    if not parts:
         return
+    from ...render.tessellation import mass_properties
+
     largest = max(float((part.high - part.low).max()) for part in parts)
     unit, factor = ("mm", 1000.0) if largest < 1.0 else ("m", 1.0)
     for part in parts:

@@ -7,6 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
+from ...lang.diagnostics import Diagnostic
+
 if TYPE_CHECKING:
     from .export import Export
     from .export_job import ExportJob
@@ -92,4 +94,7 @@ def table() -> str:
 def export(writer: Writer, job: ExportJob) -> Export:
     """A scene in a format. Raises ExportError."""
     write = cast("Callable[[ExportJob], Export]", importlib.import_module(f".{writer.module}", __package__).export)
-    return write(job)
+    made = write(job)
+    if job.scene.meters and writer.lights != "none" and writer.lights != "everything":
+        made.found.append(Diagnostic("warning", "light meters are not carried", job.scene.meters[0].place, "a saved IR (.npz) keeps them"))
+    return made

@@ -33,6 +33,7 @@ from .kinds import (
 )
 from .scene import (
     CopyNames,
+    Meter,
     Names,
     Scene,
     Settings,
@@ -86,6 +87,7 @@ __all__ = [
     "Lights",
     "MaterialModel",
     "Materials",
+    "Meter",
     "Names",
     "Polygons",
     "Pools",

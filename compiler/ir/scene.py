@@ -94,6 +94,19 @@ class Spans:
         return Span(self.sources[source], *place) if 0 <= source < len(self.sources) else None
 
 
+@dataclass(frozen=True, slots=True)
+class Meter:
+    """A light meter: a rectangle that receives light, a point, or the surface of objects. Pictures do not show it."""
+
+    name: str
+    frame: tuple[tuple[float, ...], ...]  # 4 rows of 4: right-handed, without scale; it receives light from +y
+    size: tuple[float, float] = (0.0, 0.0)  # metres along x and z; 0: a point
+    cells: tuple[int, int] = (1, 1)  # along x and z
+    on: tuple[str, ...] = ()  # patterns of names of instances whose surface it is; () for a rectangle or a point
+    back: bool = False  # of a surface: its inside
+    place: Span | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """A scene for validation, planning and rendering. Immutable: arrays are not writable."""
@@ -109,3 +122,4 @@ class Scene:
     defaults: tuple[str, ...] = ()  # elements added by default ("camera", "sun", "sky"), for explain
     files: tuple[str, ...] = ()  # every file read, for watch
     params: tuple[Any, ...] = ()  # lang.elements.ParamInfo, for inspect and sliders
+    meters: tuple[Meter, ...] = ()  # light meters, for measure

@@ -14,6 +14,7 @@ import numpy as np
 from ...lang import file_types
 from ...lang.diagnostics import Span
 from ...lang.elements import Document, Element
+from ...lang.schema.meters import METER
 from .. import ir
 from ..importers.common.mesh_options import MeshOptions
 from ..importers.common.replacements import Replacements
@@ -21,7 +22,7 @@ from ..io.sandbox import FileError
 from ..scene import defaults, transforms
 from ..scene.builder import SceneBuilder
 from ..scene.row_records import Piece
-from . import cameras, lights, materials, shapes
+from . import cameras, lights, materials, meters, shapes
 from .placements import ORIGIN, Frame, Placements, compose, matrix, own_frame, rotation_of
 
 LARGEST = 1e18  # of any number of an element: products of a few stay finite
@@ -55,6 +56,7 @@ def _lower(document: Document, builder: SceneBuilder, folder: Folder | None) -> 
         defaults=defaults.add(builder, settings, Span(document.name)),
         files=tuple(dict.fromkeys((*document.files, *builder.files.read))),
         params=document.params,
+        meters=tuple(lowering.meters),
     )
 
 
@@ -73,6 +75,7 @@ class Lowering:
         self._emissive = 0
         self._scale = 1.0  # of the frame of the element, at most
         self.generated: dict[tuple[object, ...], list[Piece]] = {}
+        self.meters: list[ir.Meter] = []
         self._meshes: dict[tuple[Any, ...], list[Piece]] = {}
 
     # --- Context ---
@@ -143,6 +146,9 @@ class Lowering:
             if kind in lights.KINDS:
                 self._light(element, block)
                 continue
+            if kind == METER.name:
+                self._meter(element, block, path)
+                continue
             frame = compose(block, _BLOCKS.get(kind, own_frame)(element))
             material = args.get("material") or material
             if type(frame) is not tuple and not np.abs(frame).max() <= LARGEST**2:
@@ -166,6 +172,11 @@ class Lowering:
             self.warn(element, "the block around this light flattens it to nothing: it is left out", "a scale must not be 0")
         else:
             lights.light(self, element, matrix(block))
+
+    def _meter(self, element: Element, block: Frame, path: str) -> None:
+        made = meters.meter(self, element, matrix(block), path)
+        if made is not None:
+            self.meters.append(made)
 
     def _shape(self, element: Element, frame: Frame, material: Element | None, path: str) -> None:
         args = element.args

@@ -111,6 +111,8 @@ def _about(scene: ir.Scene) -> dict[str, Any]:
         about |= {"duration": scene.duration, "fps": scene.fps}
     if scene.defaults:
         about["defaults"] = scene.defaults
+    for meter in scene.meters:
+        about[f"meter {meter.name}"] = meter.on or (*(row[3] for row in meter.frame[:3]), *meter.size, *meter.cells)
     return about
 
 

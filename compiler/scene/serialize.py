@@ -17,7 +17,7 @@ from .. import ir
 from ..io import array_files
 from ..io.replace_file import replacing
 
-VERSION = 5
+VERSION = 6
 FORMAT = "maquette ir"
 _DAMAGE = (ValueError, KeyError, TypeError, AttributeError, IndexError, RuntimeError, MemoryError)
 
@@ -94,6 +94,7 @@ def _about(scene: ir.Scene) -> dict[str, Any]:
         "defaults": scene.defaults,
         "files": scene.files,
         "params": [asdict(p) for p in scene.params],
+        "meters": [asdict(m) for m in scene.meters],
     }
 
 
@@ -122,12 +123,18 @@ def _scene(arrays: Any, about: dict[str, Any]) -> ir.Scene:
         tuple(map(str, about["defaults"])),
         tuple(map(str, about["files"])),
         tuple(_param(p) for p in about["params"]),
+        tuple(_meter(m) for m in about["meters"]),
     )
 
 
 def _param(data: dict[str, Any]) -> ParamInfo:
     plain = {key: tuples(value) for key, value in data.items() if key != "span"}
     return ParamInfo(**plain, span=Span(**data["span"]))
+
+
+def _meter(data: dict[str, Any]) -> ir.Meter:
+    plain = {key: tuples(value) for key, value in data.items() if key != "place"}
+    return ir.Meter(**plain, place=None if data["place"] is None else Span(**data["place"]))
 
 
 def tuples(value: Any) -> Any:

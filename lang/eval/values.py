@@ -42,7 +42,7 @@ class Poisoned(Exception):
 
 POISON = object()  # the value of an expression with a reported error
 
-PLACEABLE = ("shape", "solid", "block", "light")
+PLACEABLE = ("shape", "solid", "block", "light", "meter")
 
 
 class Mistake(InputError):

@@ -76,7 +76,7 @@ class Entry:
     """One element of the language."""
 
     name: str
-    category: str  # shape solid block light material texture camera setting
+    category: str  # shape solid block light material texture camera setting meter
     doc: str
     args: tuple[Arg, ...] = ()
     children: bool = False

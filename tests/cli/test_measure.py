@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import math
 from pathlib import Path
@@ -167,3 +168,88 @@ def test_a_surface_that_crosses_itself_has_no_volume(tmp_path: Path) -> None:
     path.write_text("OFF\n16 24 0\n" + "\n".join([*points, *shifted]) + "\n" + FACES + second)
     done = CliRunner().invoke(cli, ["measure", str(path)])
     assert "  volume   none: the surface crosses itself in " in done.stdout
+
+
+# --- light -------------------------------------------------------------------------------------------------------------
+
+LIT = """
+box(size: [40, 1, 40], center: [0, -0.5, 0], material: lambert(0), name: "floor")
+point([0, 2, 0], flux: 1000lm, name: "bulb")
+translate([0, 0, -3]) { sphere(10cm, material: emissive(#ffffff, luminance: 5000nit), name: "globe") }
+meter(name: "under")
+meter([1, 0, 0], size: [2, 1], grid: [2, 1], name: "desk")
+camera([0, 1, 3], look_at: [0, 0.5, 0])
+render(size: [32, 24])
+"""
+
+
+def test_meters_are_told_after_the_parts(tmp_path: Path) -> None:
+    code, out, _ = run(tmp_path, LIT)
+    assert code == 0
+    assert out.startswith("floor\n  size     40 × 1 × 40 m\n")
+    assert "under\n  illuminance  " in out
+    assert "desk\n  illuminance  " in out
+    assert "lx, mean of 2 × 1 cells\n" in out
+    assert " lm on 2 m²\n" in out
+
+
+def test_one_meter_as_json_and_csv(tmp_path: Path) -> None:
+    code, out, _ = run(tmp_path, LIT, "--meter", "desk", "--json", "-o", str(tmp_path / "a.csv"), "-o", str(tmp_path / "a.json"))
+    assert code == 0
+    data = json.loads(out)
+    assert data == json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))
+    (meter,) = data["meters"]
+    assert meter["name"] == "desk"
+    assert meter["area"] == pytest.approx(2.0)
+    assert is_within(meter["uniformity"], meter["least"]["value"] / meter["mean"]["value"])
+    rows = list(csv.DictReader((tmp_path / "a.csv").read_text(encoding="utf-8").splitlines()))
+    cells = [row for row in rows if row["quantity"] == "illuminance"]
+    assert [(row["column"], row["row"], row["x"], row["unit"]) for row in cells] == [("0", "0", "0.5", "lx"), ("1", "0", "1.5", "lx")]
+    assert [float(row["value"]) for row in cells] == pytest.approx(meter["cells"]["value"][0], rel=1e-5)
+
+
+def test_luminance_glare_and_daylight(tmp_path: Path) -> None:
+    code, out, err = run(tmp_path, LIT, "--luminance", "16,12", "--glare", "--daylight-factor", "--meter", "under")
+    assert code == 0
+    assert "under\n  illuminance  " in out
+    assert "under, daylight factor under the CIE overcast sky\n  mean  " in out
+    assert "pixel 16,12\n  luminance    " in out
+    assert "glare at the camera\n  UGR          none: there is no light behind the lamps\n" in out
+    assert "bulb is a point, which has no luminance: the glare rating leaves it out" in err
+
+
+def test_false_colours(tmp_path: Path) -> None:
+    code, out, _ = run(tmp_path, LIT, "-o", str(tmp_path / "a.png"))
+    assert (code, out) == (0, "")
+    assert (tmp_path / "a.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+
+
+def test_a_scene_without_meters_is_told_as_before(tmp_path: Path) -> None:
+    code, out, _ = run(tmp_path, "sphere(1)", "--json")
+    assert code == 0
+    assert isinstance(json.loads(out), list)
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "message"),
+    [
+        (LIT, ("--meter", "desc"), "Error: no meter is called `desc`; did you mean `desk`?"),
+        (LIT, ("--luminance", "32,1"), "Error: the pixel 32,1 is outside of the picture of 32x24 pixels"),
+        (LIT, ("--luminance", "1"), "a crop is written x0,y0,x1,y1, in pixels from the top left"),
+        (LIT, ("--luminance", "-1,2"), "a pixel is written x,y, and a region x0,y0,x1,y1, in pixels from the top left"),
+        (LIT, ("-o", "a.txt"), "Error: measurements are written as .json, .csv (light) or .png (luminance): a.txt is none of them"),
+        (LIT, ("-o", "a.csv", "-o", "./a.csv"), "Error: two files of -o are the same"),
+        (LIT, ("-o", "nowhere/a.csv"), "error: there is no folder nowhere to write a.csv into"),
+        (
+            "sphere(1)", ("-o", "a.csv"),
+            "Error: a .csv holds light, and the scene has no light meter; place meter([0, 75cm, 0], size: [2, 1])",
+        ),
+        ("sphere(1)", ("--daylight-factor",), "Error: the scene has no light meter, of which daylight factors are; place meter("),
+        ('sphere(1)\nmeter(on: ["ball"])', (), "a.scene:2:1: error: the meter `meter` has no surface: no instance is called `ball`"),
+    ],
+)  # fmt: skip
+def test_messages_of_light(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, options: tuple[str, ...], message: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, _, err = run(tmp_path, text, *options)
+    assert code != 0
+    assert message in err

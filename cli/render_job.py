@@ -301,7 +301,7 @@ class Job:
 
         plan, (x0, y0, x1, y1) = read.plan, read.plan["crop"]
         metered = plan["exposure"] == "metered" and self.exposure is None
-        look = image_files.Look(0.0, plan["view"], self.bits or 8)
+        look = image_files.Look(0.0, plan["view"], self.bits or 8, white=plan["white"])
         return read.deadline.earlier(image_files.writing_time(read.path, (x1 - x0) * (y1 - y0), look, metered, len(plan["aov"])))
 
     def finish(self, read: Reading, image: Image, keeper: Keeper | None = None) -> dict[str, Any]:
@@ -357,7 +357,7 @@ class Job:
         from ..render.image import image_files
 
         plan = read.plan
-        look = image_files.Look(exposure, plan["view"], self.bits or 8, alpha=plan["background"] == "transparent")
+        look = image_files.Look(exposure, plan["view"], self.bits or 8, alpha=plan["background"] == "transparent", white=plan["white"])
         about = {
             "command": shlex.join(["maquette", *sys.argv[1:]]), "version": __version__, "backend": plan["backend"],
             "seed": plan["seed"], "samples": json_value(plan["samples"]), "exposure": exposure,

@@ -64,6 +64,22 @@ def _observer(nm: float) -> tuple[float, float, float]:
     return x, y, z
 
 
+def temperature(color: Color) -> float | None:
+    """The temperature in kelvin of a colour that `kelvin` gives, to about 1e-6; None for other colours."""
+    if not color[0] > 0.0:
+        return None
+    part = 2 if color[2] > 0.0 else 1  # blue over red rises with the temperature; where there is no blue, green over red
+    low, high = KELVIN_RANGE
+    for _ in range(48):
+        middle = math.sqrt(low * high)
+        found = kelvin(middle)
+        if found[part] / found[0] < color[part] / color[0]:
+            low = middle
+        else:
+            high = middle
+    return low if all(math.isclose(a, b, rel_tol=1e-5, abs_tol=1e-6) for a, b in zip(kelvin(low), color, strict=True)) else None
+
+
 @lru_cache(maxsize=256)
 def kelvin(temperature: float) -> Color:
     """The colour of a black body at `temperature` kelvin, of luminance 1, linear Rec.709.

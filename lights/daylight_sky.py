@@ -58,7 +58,7 @@ def luminance(cosine: F64, to_sun: F64, sun: float, turbidity: float) -> tuple[F
 def picture(sun: F64, turbidity: float, ground: tuple[float, float, float]) -> NDArray[np.float32]:
     """(HEIGHT, WIDTH, 4) linear, as a dome's picture: its middle toward +z, +y up. `sun` is the unit direction it stands in.
 
-    Below the horizon lies matt ground of this colour, lit by the sky.
+    Below the horizon lies matt ground of this colour, lit in white with the illuminance of the sky.
     """
     latitude = np.pi * (0.5 - (np.arange(HEIGHT) + 0.5) / HEIGHT)[:, None]
     turn = 2.0 * np.pi * (0.5 - (np.arange(WIDTH) + 0.5) / WIDTH)[None]
@@ -71,8 +71,8 @@ def picture(sun: F64, turbidity: float, ground: tuple[float, float, float]) -> N
     share = (2.0 * np.pi / WIDTH) * 0.5 * (np.maximum(edges[:-1], 0.0) ** 2 - np.maximum(edges[1:], 0.0) ** 2)  # cosine times solid angle
     level = np.einsum("h,hwc->c", share, rgb)  # irradiance of a level surface
     rgb = rgb / max(float(level @ _LUMINANCE), 1e-300) * math.pi
-    below = level / max(float(level @ _LUMINANCE), 1e-300) * np.array(ground)  # E · ρ / π, where E's luminance is π
-    rgb = np.where(up[..., None] > 0.0, rgb, below)
+    # E · ρ / π, where E's luminance is π: the ground lies in the sun, too, and both together are about white
+    rgb = np.where(up[..., None] > 0.0, rgb, np.array(ground))
     return np.concatenate([rgb, np.ones((HEIGHT, WIDTH, 1))], axis=-1).astype(np.float32)
 
 

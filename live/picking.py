@@ -1,4 +1,4 @@
-"""Picking: the name, material, depth and source position of the surface at a pixel."""
+"""Picking: the name, material, depth and source position of the surface at a pixel, and its luminance."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ..compiler import ir
+from ..render.image import metrics
 from .passes import Shown
 from .scene_files import place
 
@@ -14,19 +15,20 @@ from .scene_files import place
 def pick(scene: ir.Scene, shown: Shown, x: float, y: float) -> dict[str, Any]:
     """The surface at a place of the picture; x and y are shares of its width and height, 0 to 1 from the top left."""
     ids, depths = shown.channels.get("id"), shown.channels.get("depth")
+    nothing = {"hit": False, "x": x, "y": y, "luminance": luminance(shown, x, y)}
     if ids is None or depths is None:
-        return {"hit": False, "x": x, "y": y}
+        return nothing
     height, width = ids.shape[:2]
     row, column = min(max(int(y * height), 0), height - 1), min(max(int(x * width), 0), width - 1)
     instance, material = (int(v) for v in ids[row, column])
     depth = float(depths[row, column, 0])
     if instance < 0:
-        return {"hit": False, "x": x, "y": y}
+        return nothing
     tables, names = scene.tables, scene.names
     geometry = int(tables.instances.geometry[instance])
     light = int(tables.instances.light[instance])
     return {
-        "hit": True, "x": x, "y": y, "depth": depth if math.isfinite(depth) else None,
+        "hit": True, "x": x, "y": y, "luminance": nothing["luminance"], "depth": depth if math.isfinite(depth) else None,
         "name": _name(names.instances, instance) or _name(names.geometries, geometry),
         "shape": ir.GeometryKind(int(tables.geometries.kind[geometry])).name.lower(),
         "material": _name(names.materials, material),
@@ -35,6 +37,14 @@ def pick(scene: ir.Scene, shown: Shown, x: float, y: float) -> dict[str, Any]:
         "place": place(scene.spans.at("instances", instance)),
         "material_place": place(scene.spans.at("materials", material)),
     }  # fmt: skip
+
+
+def luminance(shown: Shown, x: float, y: float) -> float | None:
+    """The luminance in candela a square metre that a place of the picture shows; None where it is not finite."""
+    height, width = shown.rgba.shape[:2]
+    row, column = min(max(int(y * height), 0), height - 1), min(max(int(x * width), 0), width - 1)
+    found = float(metrics.luminance(shown.rgba[row, column, :3]))
+    return found if math.isfinite(found) else None
 
 
 def center_depth(shown: Shown) -> float | None:

@@ -73,7 +73,7 @@ def draw(
     notes = _notes(scene, plan) + [(single_sided.LEFT, "instances", undrawn)] * (undrawn >= 0)
     notes += accumulation.notes(scene, plan) if by_moments else []
     unproved, cut = count_unproved(renderer), None if quick else _measure_bounce_error(renderer, plan, image, deadline)
-    shown = {"exposure": plan["exposure"], "view": plan["view"], "transparent": plan["background"] == "transparent"}
+    shown = {"exposure": plan["exposure"], "view": plan["view"], "white": plan["white"], "transparent": plan["background"] == "transparent"}
     image.metadata.update(
         backend=backend, seconds=seconds, notes=notes, unproved=unproved, cut=cut, **ready, **shown,
         brightness=_brightness(image, shown["transparent"], int(plan["threads"])), **_omitted(scene, plan, cut),

@@ -18,19 +18,21 @@ from ...compiler.io.replace_file import replace_file
 from ...lang.diagnostics import Diagnostic, suggest
 from ...lang.schema import setting_values
 from .. import common_options as shared
-from .. import light_report, terminal
 from .. import option_types as options
 from .. import render_job as jobs
+from .. import terminal
 from ..scene_selection import selected
 
 if TYPE_CHECKING:
     from ...compiler import ir
+    from ...measure.light import report
     from ...render.tessellation.mass_properties import Measured, Properties
 
 FILES = (".json", ".csv", ".png")
 BUDGET = 60.0  # seconds of measuring light, unless others are asked for
 NOT_OF_LIGHT = (
-    "backend", "samples", "error", "budget", "bounces", "aov", "denoise", "tolerance", "crop", "background", "exposure", "view", "plan",
+    "backend", "samples", "error", "budget", "bounces", "aov", "denoise", "tolerance", "crop", "background", "exposure", "view",
+    "white", "plan",
 )  # fmt: skip
 DENSITIES = {"kg/m3": 1.0, "kg/m³": 1.0, "g/cm3": 1000.0, "g/cm³": 1000.0}
 
@@ -104,6 +106,8 @@ def command(
     Each meter of the scene tells its illuminance in lux. With an option of light, or for a .csv or .png, the light alone is measured. Its
     errors are those of 95 % confidence.
     """
+    from ...measure.light import report
+
     _check_outputs(outputs)
     about_light = {name: given.pop(name) for name in ("named", "daylight", "regions", "glare", "error", "budget")}
     source = shared.source_of(scene, given)
@@ -118,18 +122,18 @@ def command(
     if light is None and ".csv" in kinds:
         raise click.ClickException("a .csv holds light, and the scene has no light meter; place meter([0, 75cm, 0], size: [2, 1])")
     if light is not None:
-        data = ({} if only_light else {"parts": data}) | light_report.as_data(light)
+        data = ({} if only_light else {"parts": data}) | report.as_data(light)
     if as_json:
         click.echo(json.dumps(data, indent=2))
     else:
         _print_parts(parts, density)
-        for line in () if light is None else light_report.lines(light):
+        for line in () if light is None else report.lines(light):
             click.echo(line)
     for path, kind in zip(outputs, kinds, strict=True):
         if kind == ".json":
             replace_file(path, (json.dumps(data, indent=2) + "\n").encode())
         elif kind == ".csv":
-            replace_file(path, light_report.as_csv(light or light_report.Light()).encode())
+            replace_file(path, report.as_csv(light or report.Light()).encode())
         else:
             _false_colours(compiled, given, about_light, path)
 
@@ -154,10 +158,10 @@ def _parts(compiled: ir.Scene, deviation: float | None) -> list[Properties]:
     return parts
 
 
-def _light(compiled: ir.Scene, asked: dict[str, Any], given: dict[str, Any], reads_meters: bool) -> light_report.Light | None:
+def _light(compiled: ir.Scene, asked: dict[str, Any], given: dict[str, Any], reads_meters: bool) -> report.Light | None:
     """The light of a scene; None where there is none to measure. Raises ClickException."""
     from ...compiler import ir
-    from ...measure.light import sensors
+    from ...measure.light import report, sensors
 
     meters = _chosen(compiled, asked["named"])
     if asked["daylight"] and not meters:
@@ -165,9 +169,9 @@ def _light(compiled: ir.Scene, asked: dict[str, Any], given: dict[str, Any], rea
     reads_meters &= bool(asked["named"]) or not (asked["daylight"] or asked["regions"] or asked["glare"])
     if not (asked["daylight"] or asked["regions"] or asked["glare"] or (meters and reads_meters)):
         return None
-    request = light_report.Request(meters, ir.Settings(**given), reads_meters, asked["daylight"], asked["regions"], asked["glare"])
+    request = report.Request(meters, ir.Settings(**given), reads_meters, asked["daylight"], asked["regions"], asked["glare"])
     try:
-        light = light_report.measure(compiled, request, _effort(asked, given))
+        light = report.measure(compiled, request, _effort(asked, given))
     except sensors.MeterError as fault:
         terminal.report([Diagnostic("error", str(fault), fault.meter.place, fault.hint)])
         raise click.exceptions.Exit(1) from None

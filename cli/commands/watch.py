@@ -135,7 +135,7 @@ def _write(output: Path, current: Current, state: State) -> None:
     exposure = plan["exposure"]
     if exposure == "metered":
         exposure = image_files.auto_exposure(image.channels["rgba"], int(image.metadata.get("threads", 0)))
-    look = image_files.Look(float(exposure), plan["view"], alpha=plan["background"] == "transparent")
+    look = image_files.Look(float(exposure), plan["view"], alpha=plan["background"] == "transparent", white=plan["white"])
     about = {"version": __version__, "backend": plan["backend"], "seed": plan["seed"], "exposure": float(exposure)}
     image_files.write(image, output, look, about)
     click.echo(f"{output}: {image.width}x{image.height}, {plan['backend']}, {image.metadata['samples']:g} samples a pixel")

@@ -18,7 +18,7 @@ def notes(settings: ir.Settings, plan: Plan, path: Path) -> list[Diagnostic]:
 
     found = []
     if path.suffix.lower() in image_files.LINEAR:
-        given = [name for name in ("exposure", "view") if getattr(settings, name) is not None]
+        given = [name for name in ("exposure", "view", "white") if getattr(settings, name) is not None]
         found += [f"--{name} has no effect: an EXR file holds the radiance itself" for name in given]
     if settings.tolerance is not None and plan["backend"] != "raster":
         found.append(f"--tolerance has no effect: the backend {plan['backend']} draws curved shapes without triangles")

@@ -27,6 +27,7 @@ class Settings:
     aov: tuple[str, ...] | None = None
     exposure: float | None = None
     view: str | None = None
+    white: float | str | None = None  # kelvin, or "auto"
     camera: str | None = None
     threads: int | None = None
     denoise: bool | None = None

@@ -90,15 +90,17 @@ def _projection(lowering: Context, element: Element) -> dict[str, Any] | None:
 def settings(lowering: Context, render: Element | None, cameras: tuple[Element, ...]) -> ir.Settings:
     """The settings of the scene."""
     view = next((c.args["view"] for c in cameras if c.args["view"] is not None), None)
+    white = next((c.args["white"] for c in cameras if c.args["white"] is not None), None)
     if render is None:
-        return ir.Settings(view=view)
+        return ir.Settings(view=view, white=white)
     args = render.args
     lowering.builder.asked(render.place)
     if args["size"] is not None and max(args["size"]) > MAX_SIDE:
         width, height = args["size"]
         lowering.error(render, f"a picture of {width} by {height} pixels is too big", f"at most {MAX_SIDE} each way")
     same = ("size", "backend", "samples", "error", "budget", "bounces", "seed", "filter", "background")
-    return ir.Settings(**{name: args[name] for name in same}, crop=_crop(lowering, render), aov=_aov(lowering, render), view=view)
+    given = {name: args[name] for name in same}
+    return ir.Settings(**given, crop=_crop(lowering, render), aov=_aov(lowering, render), view=view, white=white)
 
 
 def _crop(lowering: Context, render: Element) -> tuple[int, int, int, int] | None:

@@ -11,6 +11,7 @@ from ...lang.schema.picture_channels import CHANNELS, CRYPTOMATTES, LIGHT
 from ...lang.schema.picture_settings import FILTERS, MAX_SAMPLES
 from ...lights import SKIES
 from .. import ir
+from . import light_temperature
 from .channels import REST, is_channel
 from .decision import DEFAULT_ERROR, Decision, Plan, PlanError, Rule, by_default
 
@@ -149,7 +150,21 @@ def _exposure(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
 
 
 def _view(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
-    return Decision("view", asked.view or "sRGB", "asked for" if asked.view else "the default", fixed="--view")
+    if asked.view:
+        return Decision("view", asked.view, "asked for", fixed="--view")
+    if plan["exposure"] == "metered":
+        return Decision("view", "agx", "the exposure is metered, as in a camera: highlights roll off", fixed="--view")
+    return Decision("view", "sRGB", "the default", fixed="--view")
+
+
+def _white(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+    if asked.white == "auto":
+        found = light_temperature.of_lights(scene.tables)
+        reason = "auto: the temperature of the scene's lights" if found else "auto: the lights have no temperature"
+        return Decision("white", found, reason, fixed="--white")
+    if asked.white is not None:
+        return Decision("white", asked.white, "asked for: kelvin of the light that becomes white", fixed="--white")
+    return Decision("white", 0.0, "no white balance was asked for: light as it is", fixed="--white")
 
 
 def _aov(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
@@ -197,4 +212,4 @@ def _threads(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
 
 FRAMING: tuple[Rule, ...] = (_camera, _lens, _size, _crop)
 SAMPLING: tuple[Rule, ...] = (_error, _budget, _samples, _filter, _noise, _seed)
-OUTPUT: tuple[Rule, ...] = (_background, _exposure, _view, _aov, _denoise, _threads)
+OUTPUT: tuple[Rule, ...] = (_background, _exposure, _view, _white, _aov, _denoise, _threads)

@@ -12,7 +12,7 @@ from ..elements import AxisAngle, Element, Euler, Falloff, Quaternion
 from ..schema.argument_types import Arg, Entry
 from ..syntax import ast
 from ..units import Quantity
-from . import operators, suggestions
+from . import operators, suggestions, white_balance
 from .context import Scope
 from .values import Closure, Color, Mistake, UserFunction, Value, category, describe
 
@@ -73,8 +73,7 @@ def _check_limits(result: Any, arg: Arg, place: Place) -> None:
 
 
 def _show(value: float, arg: Arg) -> str:
-    base = {"size2": "length", "size3": "length"}.get(arg.type, arg.type)
-    dimension = units.QUANTITIES[base][0] if base in units.QUANTITIES else units.NONE
+    dimension = units.QUANTITIES.get({"size2": "length", "size3": "length"}.get(arg.type, arg.type), (units.NONE, ""))[0]
     return units.show(units.quantity(float(value), dimension)) if value else "0"
 
 
@@ -447,4 +446,5 @@ _CONVERTERS: dict[str, Item] = {
     "pixels": _pixels,
     "materials": _materials,
     "strings": _list_of(_string, "list of strings"),
+    "white": white_balance.read,
 }

@@ -50,6 +50,7 @@ TYPES = {
     "pixels": "[width, height] whole numbers",
     "within": "a length, three lengths, two corners, or a sphere or box",
     "strings": "a list of strings",
+    "white": "a temperature in kelvin, as 4000 or kelvin(4000), or \"auto\"",
     "materials": 'a list of pairs of a name and a material: [["Body", gold()]]; * in a name matches any text',
 }
 

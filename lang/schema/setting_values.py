@@ -159,6 +159,18 @@ def exposure(value: Any) -> float:
     return read
 
 
+def white(value: Any) -> float | str:
+    """Kelvin, `4000K` or 4000, or `auto`."""
+    low, high = colors.KELVIN_RANGE
+    message = f"a white balance is a temperature of {low:g} to {high:g} kelvin, like 4000K, or auto"
+    if value == "auto":
+        return "auto"
+    read = number(value.strip().removesuffix("K") if isinstance(value, str) else value, message)
+    if isinstance(read, units.Quantity) or not low <= read <= high:
+        raise ValueError(message)
+    return read
+
+
 def crop(value: Any) -> tuple[int, int, int, int]:
     """`x0,y0,x1,y1` in pixels from the top left; x1 and y1 are exclusive."""
     items: Iterable[Any] = value.split(",") if isinstance(value, str) else _items(value) or ()

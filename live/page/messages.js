@@ -71,12 +71,13 @@ export class Messages {
     close.type = "button";
     close.ariaLabel = "Close";
     close.addEventListener("click", () => this.unpick());
-    if (!found.hit) {
-      root.replaceChildren(element("h3", "Background"), close);
-      return;
-    }
     const list = element("dl", "");
     const row = (name, value) => { if (value) list.append(element("dt", name), wrapped(value)); };
+    if (found.luminance !== null && found.luminance !== undefined) row("luminance", `${+found.luminance.toPrecision(3)} cd/m²`);
+    if (!found.hit) {
+      root.replaceChildren(element("h3", "Background"), list, close);
+      return;
+    }
     row("shape", found.name ? found.shape : "");
     row("material", [found.material, found.model].filter(Boolean).join(", "));
     row("light", found.light);

@@ -75,9 +75,8 @@ class Image:
         image_files.check(path, (), bits, seen)
         if stops == "metered":
             stops = image_files.auto_exposure(self.channels["rgba"], int(self.metadata.get("threads", 0)))
-        image_files.write(
-            self, path, image_files.Look(float(stops), seen, bits or 8, bool(about.get("transparent"))), {"exposure": float(stops)}
-        )
+        look = image_files.Look(float(stops), seen, bits or 8, bool(about.get("transparent")), float(about.get("white", 0.0)))
+        image_files.write(self, path, look, {"exposure": float(stops)})
 
     def show(self) -> None:
         """Open the picture in the desktop's viewer, as a temporary PNG file."""

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ...compiler.io import library_messages
 from ...compiler.io.replace_file import Replacement, as_utf8
 from ...lang.schema.picture_channels import CHANNELS, LIGHT, component_names
-from . import cryptomatte, metrics, png_stream, srgb
+from . import cryptomatte, metering, png_stream, srgb, tone_curves
 from .srgb import encode_srgb
 
 try:
@@ -33,8 +33,8 @@ DEPTHS = {".png": (8, 16), ".tif": (8, 16), ".tiff": (8, 16), ".jpg": (8,), ".jp
 JPEG = (".jpg", ".jpeg")
 EXIF_DESCRIPTION, EXIF_SOFTWARE = 0x10E, 0x131
 WITH_ALPHA = (".png", ".tif", ".tiff")
-MIDDLE_GREY = 0.18
 ROWS = 64  # of pixels, that a thread takes at a time
+PLAIN = ("sRGB", "standard")  # views without a curve
 # CPU seconds of writing a noisy picture: of any size, a pixel of 8 bits, of 16 bits or another view, of metering, and of 32 bits a channel
 STARTING, WRITING_8, WRITING_16, METERING, WRITING_32 = 0.15, 1.8e-7, 6e-7, 5e-8, 1e-7
 FULL = 1 << 16  # free bytes below which a disk is full
@@ -73,6 +73,7 @@ class Look:
     view: str = "sRGB"
     bits: int = 8
     alpha: bool = False  # keep coverage as the alpha channel
+    white: float = 0.0  # kelvin of the light that becomes white; 0: light as it is
 
 
 def check(path: Path, aov: tuple[str, ...] = (), bits: int | None = None, view: str = "sRGB") -> None:
@@ -87,7 +88,7 @@ def check(path: Path, aov: tuple[str, ...] = (), bits: int | None = None, view: 
         raise FormatError(f"{suffix} files have {DEPTHS[suffix][0]} bits a channel, not {bits}; .png and .tif have 16")
     if aov and suffix not in LINEAR:
         raise FormatError(f"{path.name} has no room for the channels {', '.join(aov)}: write an .exr")
-    if view != "sRGB" and view not in views():
+    if view not in tone_curves.CURVES and view not in views():
         raise FormatError(f"no view is called `{view}`; there are: {', '.join(views())}")
 
 
@@ -106,7 +107,7 @@ def writing_time(path: Path, pixels: int, look: Look, metered: bool = False, aov
     """Seconds that a noisy picture of so many pixels takes to write to `path`, as estimated; `metered` before, and with so many AOVs."""
     if path.suffix.lower() in LINEAR:
         return STARTING + WRITING_32 * pixels * (4 + 3 * aovs)
-    each = WRITING_16 if look.bits == 16 or look.view != "sRGB" else WRITING_8
+    each = WRITING_16 if look.bits == 16 or look.view not in PLAIN or look.white else WRITING_8
     return STARTING + (each + METERING * metered) * pixels
 
 
@@ -276,25 +277,19 @@ def damage(path: Path, end: bool = False) -> str:
 
 
 def auto_exposure(rgba: NDArray[np.floating], threads: int = 0) -> float:
-    """Return the exposure in stops that maps the log-average luminance to middle grey (Reinhard et al. 2002), to 1/100 stop.
-
-    Black pixels are left out; a black picture gives 0. 0 `threads`: as many as cores.
-    """
-
-    def sum_of(rows: NDArray[np.floating]) -> tuple[float, int]:
-        y = metrics.luminance(rows[..., :3])
-        lit = y[np.isfinite(y) & (y > 0)]
-        return float(np.log2(lit).sum()), lit.size
-
-    sums = _on_threads(sum_of, [rgba[top : top + ROWS] for top in range(0, len(rgba), ROWS)], threads or _cores())
-    count = sum(size for _, size in sums)
-    return round(math.log2(MIDDLE_GREY) - math.fsum(total for total, _ in sums) / count, 2) if count else 0.0
+    """Return the metered exposure in stops, see metering.exposure; 0 `threads`: as many as cores."""
+    weights = metering.center_weights(rgba.shape[:-1])
+    parts = [(rgba[top : top + ROWS], weights[top : top + ROWS]) for top in range(0, len(rgba), ROWS)]
+    counts = _on_threads(lambda part: metering.count(*part), parts, threads or _cores())
+    if not any(weight.any() for weight in counts):  # nothing covers the background: it alone is seen
+        counts = [metering.count(rgba[..., :3], weights)]
+    return metering.exposure(counts)
 
 
 def views() -> tuple[str, ...]:
-    """Return the names of views: sRGB, and those of the default display in OpenColorIO's configuration ($OCIO or its own)."""
+    """Return the names of views: those of tone_curves, and of the default display in OpenColorIO's configuration ($OCIO or its own)."""
     config = oiio.ColorConfig()
-    return ("sRGB", *config.getViewNames(config.getDefaultDisplayName()))
+    return (*tone_curves.CURVES, *config.getViewNames(config.getDefaultDisplayName()))
 
 
 def _all_names(picture: Picture) -> tuple[str, ...]:
@@ -327,12 +322,15 @@ def _ordered(picture: Picture) -> list[str]:
 def display(rgba: NDArray[np.float32], look: Look) -> NDArray[Any]:
     """Convert (h, w, 4) linear light to (h, w, 3) codes, or (h, w, 4) with `look.alpha`."""
     keep = look.alpha
-    if look.bits == 8 and look.view == "sRGB":
+    plain = look.view in PLAIN and not look.white
+    if look.bits == 8 and plain:
         return srgb.codes_with_alpha(rgba, look.exposure) if keep else srgb.codes(rgba[..., :3], look.exposure)
     light = np.asarray(rgba, dtype=np.float64)
     rgb, alpha = light[..., :3] * 2.0**look.exposure, np.clip(light[..., 3:4], 0.0, 1.0)
     if keep:
         rgb = rgb / np.where(alpha > 0, alpha, 1.0)
+    if look.white:
+        rgb = rgb @ tone_curves.white_balance(look.white).T
     shown = _viewed(rgb, look.view)
     if keep:
         shown = np.concatenate([shown, alpha], axis=2)
@@ -342,7 +340,7 @@ def display(rgba: NDArray[np.float32], look: Look) -> NDArray[Any]:
 
 def _display(rgba: NDArray[np.float32], look: Look, threads: int) -> NDArray[Any]:
     """`display`, on several threads."""
-    if look.view != "sRGB" or len(rgba) <= ROWS:  # OpenColorIO has threads of its own
+    if look.view not in tone_curves.CURVES or len(rgba) <= ROWS:  # OpenColorIO has threads of its own
         return display(rgba, look)
     out = np.empty((*rgba.shape[:2], 4 if look.alpha else 3), np.uint8 if look.bits == 8 else np.uint16)
 
@@ -367,8 +365,8 @@ def _cores() -> int:
 
 
 def _viewed(rgb: NDArray[np.float64], view: str) -> NDArray[np.float64]:
-    if view == "sRGB" or rgb.size == 0:
-        return encode_srgb(rgb)
+    if view in tone_curves.CURVES or rgb.size == 0:
+        return tone_curves.CURVES.get(view, encode_srgb)(rgb)
     display = oiio.ColorConfig().getDefaultDisplayName()
     source = oiio.ImageBuf(np.ascontiguousarray(np.nan_to_num(rgb, nan=0.0, posinf=65504.0, neginf=0.0), dtype=np.float32))
     shown = oiio.ImageBufAlgo.ociodisplay(source, display, view, WORKING_SPACE, "", False)

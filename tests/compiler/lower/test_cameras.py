@@ -140,3 +140,20 @@ def test_nothing_said_is_nothing_set(compiled) -> None:
 )
 def test_messages(said, text: str, message: str, hint: str) -> None:
     assert said(text + REST) == f"a.scene:1:1: error: {message}\n   1 | {text}\n     | {'^' * len(text)} {hint}".rstrip()
+
+
+@pytest.mark.parametrize(("text", "value"), [("4000", 4000.0), ("kelvin(2700)", 2700.0), ('"auto"', "auto")])
+def test_white_balance(compiled, text: str, value: float | str) -> None:
+    assert compiled(f"sphere(1)\ncamera([0, 0, 5], white: {text})").settings.white == value
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('"warm"', 'expected temperature in kelvin or "auto", got the string "warm"'),
+        ("20", "`white` must be 800..40000 kelvin, got 20"),
+        ("#ff8800", "`white` takes the light of a black body, and this is another colour"),
+    ],
+)
+def test_wrong_white_balance(said, text: str, message: str) -> None:
+    assert message in said(f"sphere(1)\ncamera([0, 0, 5], white: {text})")

@@ -217,3 +217,16 @@ def test_clipping_planes_are_drawn_by_rays_alone() -> None:
     assert plan.make_plan(clipped, ir.Settings())["backend"] == "ray"
     with pytest.raises(plan.PlanError, match="the raster backend draws no pictures of cameras with clipping planes: write --backend ray"):
         plan.make_plan(clipped, ir.Settings(backend="raster"))
+
+
+def test_metered_pictures_roll_highlights_off() -> None:
+    lit = replace(scene(), photometric=True)
+    assert plan.make_plan(lit, ir.Settings())["view"] == "agx"
+    assert plan.make_plan(lit, ir.Settings(exposure=-2.0))["view"] == "sRGB"
+    assert plan.make_plan(lit, ir.Settings(view="standard"))["view"] == "standard"
+    assert plan.make_plan(scene(), ir.Settings())["view"] == "sRGB"
+
+
+def test_white_balance_is_as_asked_or_of_the_lights() -> None:
+    assert plan.make_plan(scene(), ir.Settings())["white"] == 0.0
+    assert plan.make_plan(scene(), ir.Settings(white=4000.0))["white"] == 4000.0

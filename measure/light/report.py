@@ -1,4 +1,4 @@
-"""What `maquette measure` tells of light: measures it, and makes text, plain data and rows of it."""
+"""Measures the light of a scene for `maquette measure`, and makes text, plain data and rows of it."""
 
 from __future__ import annotations
 
@@ -7,15 +7,13 @@ import io
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from ..lang.diagnostics import Diagnostic
-
-if TYPE_CHECKING:
-    from ..compiler import ir
-    from ..measure.light import glare, illuminance, luminance
-    from ..measure.light.illuminance import Value
-    from ..measure.light.replicates import Effort
+from ...compiler import ir
+from ...lang.diagnostics import Diagnostic
+from . import glare, illuminance, luminance, overcast
+from .illuminance import Value
+from .replicates import Effort
 
 MOST_COLUMNS, MOST_ROWS = 12, 24  # of a grid that is printed
 ROW = ("name", "quantity", "column", "row", "x", "y", "z", "value", "error", "unit")
@@ -46,8 +44,6 @@ class Light:
 
 def measure(scene: ir.Scene, request: Request, effort: Effort) -> Light:
     """Measure the light of a scene. Raises sensors.MeterError, ValueError and PlanError."""
-    from ..measure.light import glare, illuminance, luminance, overcast
-
     made, left = Light(found=_about_lights(scene)), request.illuminance + request.daylight + bool(request.regions) + request.glare
 
     def share() -> Effort:

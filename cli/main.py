@@ -32,7 +32,7 @@ COMMANDS = {  # modules of `commands`, in the order of --help, which imports non
     "sweep": "Render SCENE over values of its params, on one labelled sheet.",
     "thumbnail": "Draw a picture of each of ASSETS, which are files or folders of them.",
     "convert": "Convert IN for other programs.",
-    "measure": "Measure the parts of SCENE: size, volume, area, center, mass, inertia.",
+    "measure": "Measure the parts of SCENE: size, volume, area, center, mass, inertia; and its light.",
     "format": "Format SCENEs in place; - reads a scene from stdin and writes it to stdout.",
     "lsp": "Serve an editor: errors while typing, completion, docs, renames.",
     "doctor": "Show what this installation renders with.",

@@ -37,7 +37,7 @@ def count(rgba: NDArray[np.floating], weights: F64) -> F64:
     weight = (weights * covered)[lit]
     stops = np.clip(np.log2(y[lit]), -MOST, MOST)
     place = ((stops + MOST) * BINS).astype(np.int64)
-    return np.stack([np.bincount(place, w, 2 * MOST * BINS + 1) for w in (weight, weight * stops)])
+    return np.stack([np.bincount(place, w, 2 * MOST * BINS + 1).astype(np.float64) for w in (weight, weight * stops)])
 
 
 def exposure(counts: Sequence[F64]) -> float:

@@ -152,8 +152,8 @@ def _exposure(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
 def _view(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     if asked.view:
         return Decision("view", asked.view, "asked for", fixed="--view")
-    if plan["exposure"] == "metered":
-        return Decision("view", "agx", "the exposure is metered, as in a camera: highlights roll off", fixed="--view")
+    if scene.photometric:
+        return Decision("view", "agx", "some light has a unit, as for a photograph: highlights roll off", fixed="--view")
     return Decision("view", "sRGB", "the default", fixed="--view")
 
 

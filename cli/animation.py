@@ -64,7 +64,7 @@ def _render(job: Job, path: Path, folder: Path, frames: tuple[float, ...], fps: 
     except BaseException:
         if done := len(_pictures(folder)):
             click.echo(f"{done} frame{'' if done == 1 else 's'} in {folder}: --resume continues from there", err=True)
-        _remove(folder, kept=True)
+        _remove(folder, keep=True)
         raise
     numbers = job.source.frames(frames)
     animation.write(path, [job.frame_file(number) for number in numbers], _durations(numbers, fps or job.source.rate()))
@@ -99,9 +99,9 @@ def _pictures(folder: Path) -> list[Path]:
     return [file for file in folder.glob("*.png") if re.fullmatch(r"-?\d+(\.\d+)?", file.stem)]
 
 
-def _remove(folder: Path, kept: bool = False) -> None:
-    """Remove the pictures of frames, unless they are `kept`, and their folder if it then is empty."""
-    for file in () if kept else _pictures(folder):
+def _remove(folder: Path, keep: bool = False) -> None:
+    """Remove the pictures of frames, without `keep`, and their folder if it then is empty."""
+    for file in () if keep else _pictures(folder):
         file.unlink()
     with suppress(OSError):
         folder.rmdir()

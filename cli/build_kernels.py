@@ -108,8 +108,8 @@ def compile_variant(name: str) -> None:
         scene.write_text(variant.text, encoding="utf-8")
         loaded = load.load(scene)
         for size in SIZES:
-            asked = ir.Settings(**{"size": size, "samples": 2, "threads": 1, **variant.settings})
-            render_scene.draw(loaded, plan.make_plan(loaded, asked, variant.overrides))
+            settings = ir.Settings(**{"size": size, "samples": 2, "threads": 1, **variant.settings})
+            render_scene.draw(loaded, plan.make_plan(loaded, settings, variant.overrides))
 
 
 def is_compiled(name: str) -> bool:

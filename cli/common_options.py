@@ -62,10 +62,10 @@ def options(*decorators: Callable[[Command], Command]) -> Callable[[Command], Co
     return add
 
 
-def _pairs(ctx: click.Context, param: click.Parameter, given: Sequence[tuple[str, str]]) -> dict[str, str]:
-    pairs = dict(given)
-    if len(pairs) < len(given):
-        twice = next(name for name, _ in given if [n for n, _ in given].count(name) > 1)
+def _pairs(ctx: click.Context, param: click.Parameter, values: Sequence[tuple[str, str]]) -> dict[str, str]:
+    pairs = dict(values)
+    if len(pairs) < len(values):
+        twice = next(name for name, _ in values if [n for n, _ in values].count(name) > 1)
         raise click.BadParameter(f"`{twice}` is given twice", ctx, param)
     return pairs
 
@@ -150,41 +150,41 @@ def picture_options_except(*names: str) -> Callable[[Command], Command]:
 picture_options = picture_options_except()
 
 
-def source_of(scene: Path, given: dict[str, Any]) -> jobs.Source:
-    """The source of the options of `scene_options`, which are removed from `given`."""
+def source_of(scene: Path, options: dict[str, Any]) -> jobs.Source:
+    """The source of the options of `scene_options`, which are removed from `options`."""
     from ..compiler.importers.common.mesh_options import MeshOptions
     from ..compiler.importers.stage_options import StageOptions
 
     names = ("variants", "purposes", "cull_backfaces", "conform", "render_settings", "session_layer")
-    of_stage = {name: given.pop(name) for name in names}
+    of_stage = {name: options.pop(name) for name in names}
     stage = StageOptions(
-        **of_stage, mask=given.pop("mask") or (), complexity=given.pop("complexity") or 0, default_light=not given.pop("no_default_light"),
-        size=given.get("size"),
+        **of_stage, mask=options.pop("mask") or (), complexity=options.pop("complexity") or 0,
+        default_light=not options.pop("no_default_light"), size=options.get("size"),
     )  # fmt: skip
-    mesh = MeshOptions(*(given.pop(name) for name in ("unit", "up", "animation", "repair")))
-    return jobs.Source(scene, given.pop("sets"), given.pop("at"), given.pop("allow"), stage, mesh, given.pop("max_elements"))
+    mesh = MeshOptions(*(options.pop(name) for name in ("unit", "up", "animation", "repair")))
+    return jobs.Source(scene, options.pop("sets"), options.pop("at"), options.pop("allow"), stage, mesh, options.pop("max_elements"))
 
 
-def read_options(scene: Path, given: dict[str, Any]) -> tuple[jobs.Source, ir.Settings, dict[str, str]]:
+def read_options(scene: Path, options: dict[str, Any]) -> tuple[jobs.Source, ir.Settings, dict[str, str]]:
     """The source, settings and plan overrides of a command with `scene_options` and `picture_options`."""
     from ..compiler import ir
 
-    if given.get("samples") is not None and given.get("error") is not None:
+    if options.get("samples") is not None and options.get("error") is not None:
         raise click.UsageError("--samples and --error exclude each other: --samples sets the work, --error the quality")
-    source, overrides = source_of(scene, given), given.pop("plan_values")
-    return source, ir.Settings(**given), overrides
+    source, overrides = source_of(scene, options), options.pop("plan_values")
+    return source, ir.Settings(**options), overrides
 
 
 def load(source: jobs.Source) -> ir.Scene:
     """The compiled scene. Prints diagnostics. Raises SceneError."""
-    scene, found = source.load({})
-    terminal.report(found.items)
+    scene, diagnostics = source.load({})
+    terminal.report(diagnostics.items)
     return scene
 
 
-def check_cluster(address: str | None, given: dict[str, Any]) -> None:
+def check_cluster(address: str | None, options: dict[str, Any]) -> None:
     """Raise UsageError for picture options that exclude a cluster."""
-    if address is not None and given["threads"] is not None:
+    if address is not None and options["threads"] is not None:
         raise click.UsageError("--cluster and --threads exclude each other: give each worker its threads, as in `dask worker --nthreads 8`")
 
 

@@ -47,17 +47,17 @@ def _versions() -> Iterator[Finding]:
 
 def _packages() -> Iterator[Finding]:
     """One line for the packages that rendering needs, and one for each that is missing or too old."""
-    found = {}
+    versions = {}
     for name, least in required_packages().items():
         try:
-            found[name] = metadata.version(name)
+            versions[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
             yield Finding(name, "error", f"not installed: pip install '{name}>={least}'", {"version": None, "least": least})
             continue
-        if _numbers(found[name]) < _numbers(least):
-            text = f"{found[name]} is too old: pip install '{name}>={least}'"
-            yield Finding(name, "error", text, {"version": found[name], "least": least})
-    yield Finding("packages", "ok", ", ".join(f"{name} {version}" for name, version in found.items()), {"versions": found})
+        if _numbers(versions[name]) < _numbers(least):
+            text = f"{versions[name]} is too old: pip install '{name}>={least}'"
+            yield Finding(name, "error", text, {"version": versions[name], "least": least})
+    yield Finding("packages", "ok", ", ".join(f"{name} {version}" for name, version in versions.items()), {"versions": versions})
 
 
 def required_packages() -> dict[str, str]:
@@ -72,7 +72,7 @@ def required_packages() -> dict[str, str]:
         texts = [text for text in metadata.requires(distribution.NAME) or () if "extra ==" not in text]
     texts = [text for text in texts if ";" not in text]
     parts = (re.fullmatch(r"([\w.-]+)\s*>=\s*([\w.]+).*", text) for text in texts)
-    return {found[1]: found[2] for found in parts if found}
+    return {match[1]: match[2] for match in parts if match}
 
 
 def _numbers(version: str) -> tuple[int, ...]:
@@ -92,15 +92,15 @@ def _kernel_cache() -> Iterator[Finding]:
     from ..render.jit import cache_folder, kernel_cache
 
     folder, limit = kernel_cache.CACHE, cache_folder.largest_size()
-    own, size = _files(folder)[0], _files(folder.parent)[1]
+    kernels, size = _files(folder)[0], _files(folder.parent)[1]
     writable = folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)
-    kept = writable and cache_folder.is_trusted(folder)
-    text = f"{folder}: {own} files; {_megabytes(size)} of {_megabytes(limit)} (MAQUETTE_CACHE_SIZE) for all targets"
-    data = {"folder": str(folder), "files": own, "bytes": size, "limit": limit, "writable": writable, "used": kept}
-    if not kept:
+    usable = writable and cache_folder.is_trusted(folder)
+    text = f"{folder}: {kernels} files; {_megabytes(size)} of {_megabytes(limit)} (MAQUETTE_CACHE_SIZE) for all targets"
+    data = {"folder": str(folder), "files": kernels, "bytes": size, "limit": limit, "writable": writable, "used": usable}
+    if not usable:
         why = "open to other users" if writable else "not writable"
         text += f"; {why}, so that each run compiles what is not prebuilt: MAQUETTE_CACHE names another folder"
-    yield Finding("kernel cache", "ok" if kept else "missing", text, data)
+    yield Finding("kernel cache", "ok" if usable else "missing", text, data)
 
 
 def _prebuilt_kernels() -> Iterator[Finding]:
@@ -116,9 +116,9 @@ def _prebuilt_kernels() -> Iterator[Finding]:
         text = "none, as this is no wheel made by `make wheel`: kernels are compiled when they are first needed"
         yield Finding("prebuilt kernels", "missing", text, data)
     else:
-        known = ", ".join(sorted(path.name for path in prebuilt.ROOT.iterdir() if path.is_dir()))
+        targets = ", ".join(sorted(path.name for path in prebuilt.ROOT.iterdir() if path.is_dir()))
         wanted = f"{target.ISA}-{target.LEVEL.cpu}" + (" with MAQUETTE_CHECKED" if target.CHECKED else "")
-        yield Finding("prebuilt kernels", "missing", f"none for {wanted}: this package has {known}", data)
+        yield Finding("prebuilt kernels", "missing", f"none for {wanted}: this package has {targets}", data)
 
 
 def _files(folder: Path) -> tuple[int, int]:

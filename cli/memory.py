@@ -91,10 +91,10 @@ def free_memory() -> int | None:
 
 def _of_system() -> int | None:
     try:
-        found = re.search(r"^MemAvailable:\s*(\d+) kB", Path("/proc/meminfo").read_text(encoding="ascii"), re.MULTILINE)
+        match = re.search(r"^MemAvailable:\s*(\d+) kB", Path("/proc/meminfo").read_text(encoding="ascii"), re.MULTILINE)
     except OSError:
         return None
-    return 1024 * int(found[1]) if found else None
+    return 1024 * int(match[1]) if match else None
 
 
 def _of_group() -> int | None:
@@ -137,17 +137,17 @@ def strip_plans(scene: ir.Scene, plan: Plan, path: Path, memory: int | None) -> 
     needs, free = memory_estimate.estimate(scene, plan, linear), free_memory() if memory is None else memory
     x0, y0, x1, y1 = plan["crop"]
     pixels = (x1 - x0) * (y1 - y0)
-    whole, most = needs.total(pixels), large_images.MAX_PIXELS
+    estimate, most = needs.total(pixels), large_images.MAX_PIXELS
     limit = None if free is None else free - memory_estimate.COMPILER - (0 if memory is None else taken)
     if limit is not None and (memory is not None or needs.pixel * pixels > SMALL_PICTURE):
         most = needs.most_pixels(limit)
     parts = large_images.strip_plans(plan, max(most, 0))
     if len(parts) == 1:
-        return parts, max(taken + whole, peak_memory() or 0)
+        return parts, max(taken + estimate, peak_memory() or 0)
     why, strip = large_images.refusal(plan, exposed=not linear), needs.total((x1 - x0) * (parts[0]["crop"][3] - y0))
     size = f"a picture of {plan['size'][0]} by {plan['size'][1]} pixels"
     if free is not None and limit is not None and most < large_images.MAX_PIXELS:
-        takes = whole + memory_estimate.COMPILER + (0 if memory is None else taken)
+        takes = estimate + memory_estimate.COMPILER + (0 if memory is None else taken)
         there = f"{size} takes about {takes / 1e9:.2g} GB of memory, and {free / 1e9:.2g} GB are {'free' if memory is None else 'allowed'}"
         if why:
             raise click.UsageError(f"{there}; in strips it takes less, but {why}")

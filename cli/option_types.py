@@ -77,7 +77,7 @@ _FRAME = r"(-?(?:\d+(?:\.\d+)?|\.\d+))"
 def frames(text: str) -> tuple[float, ...]:
     """`1..24`, `1..240x10`, `1:10x0.5` (as usdrecord), `1,5,10` or mixtures; () for `all`."""
     message = "frames are written 1..24, 1..240x10, 1,5,10 or all"
-    found: list[float] = []
+    seconds: list[float] = []
     for item in text.split(",") if text != "all" else ():
         match = re.fullmatch(rf"{_FRAME}(?:(?:\.\.|:){_FRAME}(?:x{_FRAME})?)?", item.strip())
         if not match:
@@ -86,18 +86,18 @@ def frames(text: str) -> tuple[float, ...]:
         if last < first or step <= 0:
             raise ValueError(f"{message}, upwards")
         count = math.floor((last - first) / step + 1e-9) + 1
-        if len(found) + count > MAX_FRAMES:
+        if len(seconds) + count > MAX_FRAMES:
             raise ValueError(f"at most {MAX_FRAMES} frames at a time")
-        found += [round(first + k * step, 9) for k in range(count)]
-    return tuple(dict.fromkeys(found))
+        seconds += [round(first + k * step, 9) for k in range(count)]
+    return tuple(dict.fromkeys(seconds))
 
 
 def purposes(text: str) -> tuple[str, ...]:
     """Comma-separated purposes of USD."""
-    found = tuple(name.strip() for name in text.split(","))
-    if not found or any(name not in ("default", "render", "proxy", "guide") for name in found):
+    names = tuple(name.strip() for name in text.split(","))
+    if not names or any(name not in ("default", "render", "proxy", "guide") for name in names):
         raise ValueError("purposes are default, render, proxy and guide, as in default,render")
-    return found
+    return names
 
 
 def complexity(text: str) -> int:
@@ -141,11 +141,11 @@ def frame_path(path: Path, frame: float) -> Path:
     return path.with_name(path.name[: marks.start()] + digits + path.name[marks.end() :])
 
 
-def _digits(frame: float, whole: int, decimals: int) -> str:
+def _digits(frame: float, digits: int, decimals: int) -> str:
     """A frame number with at least this many digits before and after the point."""
     fraction = f"{abs(frame) % 1:.9f}"[2:].rstrip("0").ljust(decimals, "0")
     sign = "-" if frame < 0 else ""
-    return f"{sign}{int(abs(frame)):0{max(whole - len(sign), 1)}d}{f'.{fraction}' if fraction else ''}"
+    return f"{sign}{int(abs(frame)):0{max(digits - len(sign), 1)}d}{f'.{fraction}' if fraction else ''}"
 
 
 SIZE = Value("WxH", size)

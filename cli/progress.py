@@ -60,7 +60,7 @@ class TimeLeft:
             return None
         ends = sorted(end for _, end in self._ends)
         outside = len(ends) // 10
-        last = [end for at, end in self._ends if at == self._ends[-1][0]]
+        last = [end for count, end in self._ends if count == self._ends[-1][0]]
         return max(min(ends[outside], *last) - elapsed, 0.0), max(max(ends[-1 - outside], *last) - elapsed, 0.0)
 
 
@@ -133,24 +133,24 @@ class Display:
             return before + ", ".join((self._name, *self._figures()))
 
     def _figures(self) -> list[str]:
-        progress, found = self._progress, []
+        progress, parts = self._progress, []
         if progress is None or (progress.share <= 0.0 and progress.samples <= 0.0):
-            return found
+            return parts
         if 0.0 < progress.share < 1.0:
-            found.append(f"{math.floor(100.0 * progress.share)} %")
+            parts.append(f"{math.floor(100.0 * progress.share)} %")
         if progress.samples > 0.0 and progress.most != 1:
-            of = f" of {progress.most}" if progress.most else f" of at most {progress.limit}" if progress.limit else ""
-            found.append(f"{progress.samples:.{0 if progress.samples >= 10.0 else 1}f}{of} samples")
+            limit = f" of {progress.most}" if progress.most else f" of at most {progress.limit}" if progress.limit else ""
+            parts.append(f"{progress.samples:.{0 if progress.samples >= 10.0 else 1}f}{limit} samples")
         if progress.error is not None:
             part = " in the tiles drawn" if progress.most and progress.share < 1.0 else ""  # tiles may differ, such as those of the sky
-            found.append(f"noise {progress.error:.2%}{part}")
+            parts.append(f"noise {progress.error:.2%}{part}")
         elapsed = time.monotonic() - self._began
         between = self._left.between(elapsed)
         if between is not None and progress.share < 1.0 and progress.limit:
-            found.append(f"at most {time_range(elapsed * max(progress.limit / progress.samples - 1.0, 0.0))} left")
+            parts.append(f"at most {time_range(elapsed * max(progress.limit / progress.samples - 1.0, 0.0))} left")
         elif between is not None and progress.share < 1.0:
-            found.append(f"{time_range(*between)} left")
-        return found
+            parts.append(f"{time_range(*between)} left")
+        return parts
 
     def _tick(self) -> None:
         wait = FIRST if self._rewrites else EVERY

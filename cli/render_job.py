@@ -55,12 +55,12 @@ def make_plan(scene: ir.Scene, settings: ir.Settings, overrides: Mapping[str, st
         raise click.UsageError(str(error)) from None
 
 
-def check_folder(path: Path, kept: Iterable[Path] = ()) -> None:
-    """Raise OSError with a full sentence if no file can be written at `path`, or if it would replace one of `kept`."""
+def check_folder(path: Path, inputs: Iterable[Path] = ()) -> None:
+    """Raise OSError with a full sentence if no file can be written at `path`, or if it would replace one of `inputs`."""
     folder = path.parent
     if not folder.is_dir():
         raise FileNotFoundError(f"there is no folder {folder} to write {path.name} into")
-    check_replaceable(path, kept)
+    check_replaceable(path, inputs)
     if not os.access(folder, os.W_OK | os.X_OK):
         raise PermissionError(f"the folder {folder} is not writable")
     try:  # the rights may say otherwise, as those of root in /proc
@@ -80,18 +80,18 @@ def check_stats(stats: Path | None, *others: Path) -> None:
         raise click.UsageError(f"--stats {stats} would replace {taken}: choose another file, such as {stats.stem}.json")
 
 
-def check_output(path: Path, aov: tuple[str, ...] = (), bits: int | None = None, view: str = "sRGB", kept: Iterable[Path] = ()) -> None:
-    """Check that a picture can be written. Raises UsageError for a wrong name, OSError for a wrong folder or one of the files `kept`."""
+def check_output(path: Path, aov: tuple[str, ...] = (), bits: int | None = None, view: str = "sRGB", inputs: Iterable[Path] = ()) -> None:
+    """Check that a picture can be written. Raises UsageError for a wrong name, OSError for a wrong folder or one of the files `inputs`."""
     from ..render.image import image_files
 
     try:
         image_files.check(path, aov, bits, view)
     except image_files.FormatError as error:
         raise click.UsageError(str(error)) from None
-    check_folder(path, kept)
+    check_folder(path, inputs)
 
 
-def confine(scene: Path, output: Path, stats: Path | None, given: Mapping[str, Any]) -> None:
+def confine(scene: Path, output: Path, stats: Path | None, options: Mapping[str, Any]) -> None:
     """Confine the process to the files and folders of the options, as they are named.
 
     Raises UsageError on a system that cannot confine processes, and for a link in one of these names. Raises SceneError for a scene that
@@ -99,14 +99,14 @@ def confine(scene: Path, output: Path, stats: Path | None, given: Mapping[str, A
     """
     from ..compiler.io import confinement, sandbox
 
-    session = [path for path in (given["session_layer"],) if path]
+    session = [path for path in (options["session_layer"],) if path]
     folders = [path.parent for path in (output, stats) if path is not None]
     try:
-        confinement.confine([scene.parent, *given["allow"], *session], folders, given["memory"])
+        confinement.confine([scene.parent, *options["allow"], *session], folders, options["memory"])
     except OSError as fault:
         raise click.UsageError(f"--sandbox: {fault.strerror or fault}") from None
     try:
-        sandbox.open_main(scene, given["allow"])
+        sandbox.open_main(scene, options["allow"])
     except sandbox.FileError as fault:
         raise SceneError((Diagnostic("error", fault.message, Span(str(scene)), fault.hint),)) from None
 
@@ -179,16 +179,16 @@ class Job:
         numbers = self.source.frames(frames)
         every = [(self.frame_file(n), n, moment) for n, moment in zip(numbers, self.source.moments(numbers), strict=True)]
         self.inputs = ""
-        kept = self._skip(every) if self.resume and every else {}
-        missing = [frame for frame in every if frame[0] not in kept]
+        finished = self._skip(every) if self.resume and every else {}
+        missing = [frame for frame in every if frame[0] not in finished]
         if self.cluster is not None and self.cluster.takes_frames(self, missing):
             return self.cluster.frames(self, missing)
         pictures: list[dict[str, Any]] = []
         began = time.perf_counter()
         for i, (path, number, moment) in enumerate(missing, 1):
             each = (time.perf_counter() - began) / max(i - 1, 1)
-            left = f", all in {time_range(each * (len(missing) - i + 1))}" if i > 1 else ""
-            pictures.append(self.summarize(path, self._picture(path, moment, f"frame {number:g} ({i} of {len(missing)}{left})")))
+            remaining = f", all in {time_range(each * (len(missing) - i + 1))}" if i > 1 else ""
+            pictures.append(self.summarize(path, self._picture(path, moment, f"frame {number:g} ({i} of {len(missing)}{remaining})")))
         return pictures
 
     def draw(self, path: Path, what: str) -> dict[str, Any]:
@@ -203,23 +203,23 @@ class Job:
         """The frames that are kept, of which one gives the exposure. Tells of these and of the others that are there."""
         first, _, moment = frames[0]
         read = self.read(first, moment)
-        kept, damaged, others = kept_frames.find((file for file, _, _ in frames), read.keys.inputs if read.keys else "")
+        finished, damaged, others = kept_frames.find((file for file, _, _ in frames), read.keys.inputs if read.keys else "")
         self.report(Diagnostic("warning", f"{file} is damaged: the frame is drawn again") for file in damaged)
         for file, _, moment in frames:
             if file in others:
                 read = self.read(file, moment)
                 if read.keys is not None and others[file].get("picture") == read.keys.picture:
-                    kept[file] = others.pop(file)
+                    finished[file] = others.pop(file)
         if others:
             are = "1 frame is" if len(others) == 1 else f"{len(others)} frames are"
             message = f"{are} of another scene, version or settings, such as {next(iter(others))}: drawn again"
             self.report([Diagnostic("warning", message)])
-        if kept:
+        if finished:
             if not self.quiet:
-                click.echo(f"{len(kept)} frame{' is' if len(kept) == 1 else 's are'} there already", err=True)
-            about = next(iter(kept.values()))
+                click.echo(f"{len(finished)} frame{' is' if len(finished) == 1 else 's are'} there already", err=True)
+            about = next(iter(finished.values()))
             self.exposure = float(about["exposure"]) if "exposure" in about else None
-        return kept
+        return finished
 
     def summarize(self, path: Path, figures: dict[str, Any]) -> dict[str, Any]:
         """Print the summary of a picture, unless quiet. Returns its statistics."""
@@ -265,7 +265,7 @@ class Job:
             from ..render import picture_notes
             from ..render.film.deadline import Deadline
         self.display.stage("reading")
-        scene, found = self.source.load(seconds, **moment)
+        scene, diagnostics = self.source.load(seconds, **moment)
         self.files = tuple(Path(file) for file in scene.files)
         plan = make_plan(scene, self.settings, self.overrides)
         keys = None
@@ -274,7 +274,7 @@ class Job:
             self.inputs = keys.inputs
         check_output(path, plan["aov"], self.bits, plan["view"], self.files)
         parts, expected = strip_plans(scene, plan, path, self.memory)
-        self.report(found.items)
+        self.report(diagnostics.items)
         self.report([*picture_notes.plan_warnings(scene, plan), *ignored_options.notes(self.settings, plan, path)])
         self.laps.end("read")
         return Reading(path, scene, plan, parts, expected, seconds, keys, Deadline(plan["budget"], start.began, processed=start.processed))
@@ -323,8 +323,8 @@ class Job:
         self.laps.end("write")
         if partial:
             self.display.hide()
-            kept = f"; --resume goes on from {keeper.path}" if keeper is not None and keeper.path.is_file() else ""
-            click.echo(f"interrupted: the partial picture is in {path}{kept}", err=True)
+            hint = f"; --resume goes on from {keeper.path}" if keeper is not None and keeper.path.is_file() else ""
+            click.echo(f"interrupted: the partial picture is in {path}{hint}", err=True)
             raise KeyboardInterrupt
         if keeper is not None:
             keeper.remove()
@@ -408,9 +408,9 @@ class Job:
             }
         )
 
-    def report(self, found: Iterable[Diagnostic]) -> None:
+    def report(self, diagnostics: Iterable[Diagnostic]) -> None:
         """Print the diagnostics that no earlier frame printed; without notes if quiet. Notes that differ in figures alone count as one."""
-        new = [d for d in found if d not in self.reported and not (self.quiet and d.severity == "note")]
+        new = [d for d in diagnostics if d not in self.reported and not (self.quiet and d.severity == "note")]
         new = [d for d in new if d.severity != "note" or _without_figures(d) not in self.noted]
         self.reported.update(new)
         self.noted.update(map(_without_figures, new))
@@ -419,8 +419,8 @@ class Job:
         terminal.report(new)
 
 
-def _without_figures(found: Diagnostic) -> str:
-    return re.sub(r"\d[\d.,]*", "#", found.message)
+def _without_figures(diagnostic: Diagnostic) -> str:
+    return re.sub(r"\d[\d.,]*", "#", diagnostic.message)
 
 
 def _partial(path: Path, in_strips: bool) -> Path:

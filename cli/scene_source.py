@@ -40,12 +40,12 @@ class Source:
         with measure_time(seconds, "import"):
             from ..compiler import load
 
-        found = Diagnostics()
+        diagnostics = Diagnostics()
         scene = load.load(
             self.path, sets=self.sets, time=self.time if time is None else time, code=code, allow=self.allow,
-            stage=self.stage, mesh=self.mesh, max_elements=self.max_elements, diagnostics=found, seconds=seconds,
+            stage=self.stage, mesh=self.mesh, max_elements=self.max_elements, diagnostics=diagnostics, seconds=seconds,
         )  # fmt: skip
-        return scene, found
+        return scene, diagnostics
 
     def summary(self) -> list[str]:
         """Lines about the file itself, of a USD stage; empty for other kinds."""
@@ -56,14 +56,14 @@ class Source:
 
         return stage.summary(self.path, self.stage, sandbox.open_main(self.path, self.allow)[0])
 
-    def frames(self, asked: tuple[float, ...]) -> tuple[float, ...]:
+    def frames(self, chosen: tuple[float, ...]) -> tuple[float, ...]:
         """The frames asked for; for `all`, which is (), those of the stage or animation.
 
         A stage has the frames from its start to its end code. A duration is half-open: 1 s at 4 frames a second has the frames 0 to 3,
         since frame 4 is the moment at which a loop begins again.
         """
-        if asked:
-            return asked
+        if chosen:
+            return chosen
         if self.path.suffix.lower() in file_types.USD:
             from ..compiler.importers.usd import stage
 

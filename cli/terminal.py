@@ -34,7 +34,7 @@ def supports_color(stream: Any) -> bool:
     return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
 
 
-def report(found: Iterable[diagnostics.Diagnostic], texts: Mapping[str, str | None] = MappingProxyType({})) -> None:
+def report(items: Iterable[diagnostics.Diagnostic], texts: Mapping[str, str | None] = MappingProxyType({})) -> None:
     """Print diagnostics to stderr, sorted and without duplicates; of many, the first of each severity.
 
     `texts` are sources that are not files.
@@ -47,7 +47,7 @@ def report(found: Iterable[diagnostics.Diagnostic], texts: Mapping[str, str | No
             cache[name] = source_text(name)
         return cache[name]
 
-    for d in diagnostics.sort_diagnostics(found):
+    for d in diagnostics.sort_diagnostics(items):
         shown[d.severity] += 1
         if shown[d.severity] > MAX_SHOWN:
             continue

@@ -57,7 +57,7 @@ class Redraws:
     def _save_time(self, before: int) -> int:
         """The time of the save: the newest change of a file since the start of the last redraw, or now without a change."""
         changes = [getattr(file.stat(), CHANGED) for file in self.job.files if file.exists()]
-        return max((at for at in changes if before < at <= self.began), default=self.began)
+        return max((time for time in changes if before < time <= self.began), default=self.began)
 
     def _note(self, figures: Mapping[str, Any], waited: float, idle: float) -> None:
         laps = self.job.laps

@@ -48,7 +48,7 @@ def load(
     options of USD stages and of meshes; `max_elements` limits what a .scene makes (None: 10 million).
     Warnings are added to `diagnostics`, the time each stage took to `seconds`. Raises SceneError with everything found.
     """
-    found = diagnostics if diagnostics is not None else Diagnostics()
+    messages = diagnostics if diagnostics is not None else Diagnostics()
     watch = Stopwatch(seconds)
     path = Path(path)
     suffix = path.suffix.lower()
@@ -56,61 +56,61 @@ def load(
     try:
         files, real = open_main(path, allow, "scene" if suffix in file_types.SCENE else "file")
         options, meshes = stage or StageOptions(), mesh or MeshOptions()
-        _refuse_unused(suffix, str(path), sets, (time, code), options, meshes, found)
+        _refuse_unused(suffix, str(path), sets, (time, code), options, meshes, messages)
         if max_elements is not None and suffix not in file_types.SCENE:
-            found.error("only .scene files make elements", Span(str(path)), "leave out --max-elements")
+            messages.error("only .scene files make elements", Span(str(path)), "leave out --max-elements")
         if suffix in file_types.SCENE:
             evaluate = partial(_scene, path, real, files, sets or {}, (max_elements, meshes.deviation), watch)
             start = time or 0.0
-            scene = evaluate(start, found)
-            scene = _blurred(scene, lambda later, said: evaluate(start + later, said), found)
+            scene = evaluate(start, messages)
+            scene = _blurred(scene, lambda later, messages: evaluate(start + later, messages), messages)
         elif suffix in file_types.USD:
-            scene = _stage(path, files, (time, code), options, found, watch)
-            scene = _blurred(scene, lambda later, said: _stage(path, files, (time, code), options, said, watch, later), found)
+            scene = _stage(path, files, (time, code), options, messages, watch)
+            scene = _blurred(scene, lambda later, messages: _stage(path, files, (time, code), options, messages, watch, later), messages)
         elif suffix in file_types.MESH:
-            scene = _mesh(path, real, files, time, meshes, found, watch)
+            scene = _mesh(path, real, files, time, meshes, messages, watch)
         elif suffix in file_types.SAVED:
             with watch.stage("import"):
                 scene = serialize.load(path)
         else:
-            _refuse_unknown(path, found)
+            _refuse_unknown(path, messages)
     except FileError as failure:
-        found.error(failure.message, Span(str(path)), failure.hint)
-    found.raise_if_failed()
+        messages.error(failure.message, Span(str(path)), failure.hint)
+    messages.raise_if_failed()
     assert scene is not None
     with watch.stage("validate"):
-        scene, _ = validate.validate(scene, found)
-    found.raise_if_failed()
-    enclosed_lights.warn_of_enclosed_lights(scene, found)
-    camera_view.warn_of_cameras(scene, found, not built_geometry.is_left_out())
-    coincident_faces.warn_of_coincident_faces(scene, found)
-    texture_coordinates.warn_of_missing_coordinates(scene, found)
+        scene, _ = validate.validate(scene, messages)
+    messages.raise_if_failed()
+    enclosed_lights.warn_of_enclosed_lights(scene, messages)
+    camera_view.warn_of_cameras(scene, messages, not built_geometry.is_left_out())
+    coincident_faces.warn_of_coincident_faces(scene, messages)
+    texture_coordinates.warn_of_missing_coordinates(scene, messages)
     return scene
 
 
-def _refuse_unknown(path: Path, found: Diagnostics) -> None:
+def _refuse_unknown(path: Path, diagnostics: Diagnostics) -> None:
     """Report a file of another format, with the program that writes one that is read."""
     endings = (*file_types.SCENE, *file_types.USD, *file_types.MESH, *file_types.SAVED)
     advice = foreign_formats.advice(path.name)
     hint = advice or suggest(path.suffix.lower(), endings) or f"scenes are {', '.join(endings)}"
-    found.error(f"`{path.name}` is no kind of scene that is known", Span(str(path)), hint)
+    diagnostics.error(f"`{path.name}` is no kind of scene that is known", Span(str(path)), hint)
 
 
-def _blurred(scene: ir.Scene, at: Callable[[float, Diagnostics], ir.Scene], found: Diagnostics) -> ir.Scene:
-    """The scene with motion keys over its cameras' shutters; `at` compiles it a number of seconds later."""
-    if found.failed or motion_keys.shutters(scene) == (0.0, 0.0):
+def _blurred(scene: ir.Scene, scene_at: Callable[[float, Diagnostics], ir.Scene], diagnostics: Diagnostics) -> ir.Scene:
+    """The scene with motion keys over its cameras' shutters; `scene_at` compiles it a number of seconds later."""
+    if diagnostics.failed or motion_keys.shutters(scene) == (0.0, 0.0):
         return scene
 
     def later(seconds: float) -> ir.Scene | None:
-        said = Diagnostics()
-        made = at(seconds, said)
-        if said.failed:
+        messages = Diagnostics()
+        moved = scene_at(seconds, messages)
+        if messages.failed:
             message = f"{seconds:.4g} s later, while the shutter is open, the scene has errors: it is drawn as at the opening"
-            found.warning(message, Span(scene.name))
+            diagnostics.warning(message, Span(scene.name))
             return None
-        return made
+        return moved
 
-    return motion_keys.add_motion(scene, later, found)
+    return motion_keys.add_motion(scene, later, diagnostics)
 
 
 class Stopwatch:
@@ -137,42 +137,42 @@ class Stopwatch:
 
 def _scene(
     path: Path, real: Path, files: Files, sets: Mapping[str, str], limits: tuple[int | None, float | None], watch: Stopwatch, time: float,
-    found: Diagnostics,
+    diagnostics: Diagnostics,
 ) -> ir.Scene:  # fmt: skip
     reader = source_files.SceneReader(files)
     parsing: dict[str, float] = {}
     with watch.stage("evaluate"):
         source = reader.main(str(path), real)
-        document = evaluator.evaluate(source, CATALOGUE, reader, found, sets=sets, time=time, max_elements=limits[0], seconds=parsing)
+        document = evaluator.evaluate(source, CATALOGUE, reader, diagnostics, sets=sets, time=time, max_elements=limits[0], seconds=parsing)
     watch.move("evaluate", "parse", parsing["parse"])
     with watch.stage("lower"):
-        builder = SceneBuilder(found, files)
+        builder = SceneBuilder(diagnostics, files)
         builder.deviation = limits[1]
         scene = lowering.lower(document, builder, reader.folder)
-    if not found.failed and not document.names_length:
-        scene_extent.warn_of_large_scene(scene, found)
+    if not diagnostics.failed and not document.names_length:
+        scene_extent.warn_of_large_scene(scene, diagnostics)
     return scene
 
 
 def _stage(
-    path: Path, files: Files, moment: tuple[float | None, float | None], options: StageOptions, found: Diagnostics, watch: Stopwatch,
+    path: Path, files: Files, moment: tuple[float | None, float | None], options: StageOptions, diagnostics: Diagnostics, watch: Stopwatch,
     later: float = 0.0,
 ) -> ir.Scene:  # fmt: skip
     with watch.stage("import"), np.errstate(all="ignore"):
         from .importers.usd import load as usd_load
 
-        return usd_load.scene(path, SceneBuilder(found, files), time=moment[0], code=moment[1], options=options, later=later)
+        return usd_load.scene(path, SceneBuilder(diagnostics, files), time=moment[0], code=moment[1], options=options, later=later)
 
 
 def _mesh(
-    path: Path, real: Path, files: Files, time: float | None, options: MeshOptions, found: Diagnostics, watch: Stopwatch
+    path: Path, real: Path, files: Files, time: float | None, options: MeshOptions, diagnostics: Diagnostics, watch: Stopwatch
 ) -> ir.Scene:  # fmt: skip
     """A bare mesh file: its own materials or grey; the lights and cameras of a glTF file, else the default ones."""
-    builder = SceneBuilder(found, files)
+    builder = SceneBuilder(diagnostics, files)
     with watch.stage("import"), np.errstate(all="ignore"):
         from .importers import mesh_files
 
-        parts = mesh_files.read(real, str(path), builder, found, None, files, as_scene=True, time=time, options=options)
+        parts = mesh_files.read(real, str(path), builder, diagnostics, None, files, as_scene=True, time=time, options=options)
     with watch.stage("lower"):
         for part in parts:
             span = Span(f"{path}<{part.name[:80]}>" if part.name else str(path))
@@ -180,30 +180,30 @@ def _mesh(
             material = -1 if part.material is None else part.material
             builder.instance(InstanceData(part.geometry, row, material, name=part.name), Span(str(path)))
         photometric = builder.count("lights") > 0  # glTF has candela and lux
-        said = defaults.add(builder, ir.Settings())
-        return builder.finish(str(path), defaults=said, files=files.read, photometric=photometric, duration=builder.duration)
+        sentences = defaults.add(builder, ir.Settings())
+        return builder.finish(str(path), defaults=sentences, files=files.read, photometric=photometric, duration=builder.duration)
 
 
 def _refuse_unused(
     suffix: str, name: str, sets: Mapping[str, str] | None, moment: tuple[float | None, float | None],
-    options: StageOptions, meshes: MeshOptions, found: Diagnostics,
+    options: StageOptions, meshes: MeshOptions, diagnostics: Diagnostics,
 ) -> None:  # fmt: skip
     """Report settings that this kind of file does not support."""
     time, code = moment
     if options.variants and suffix not in file_types.USD:
-        found.error("only USD stages have variants", Span(name), "leave out --variant")
+        diagnostics.error("only USD stages have variants", Span(name), "leave out --variant")
     if suffix not in file_types.USD:
         for option in options.given():
-            found.error(f"only USD stages have {option.replace('-', ' ')}", Span(name), f"leave out --{option}")
+            diagnostics.error(f"only USD stages have {option.replace('-', ' ')}", Span(name), f"leave out --{option}")
     if code is not None and suffix not in file_types.USD:
-        found.error("only USD stages have time codes", Span(name), "give the time in seconds")
+        diagnostics.error("only USD stages have time codes", Span(name), "give the time in seconds")
     if suffix not in file_types.SCENE:
         for param in sets or {}:
-            found.error(f"there is no param `{param}`: only .scene files have params", Span(name), "leave out --set")
+            diagnostics.error(f"there is no param `{param}`: only .scene files have params", Span(name), "leave out --set")
     for option in meshes.given():
-        of = file_types.ANIMATED if option == "animation" else file_types.MESH
-        if suffix not in of:
+        endings = file_types.ANIMATED if option == "animation" else file_types.MESH
+        if suffix not in endings:
             which = "glTF files have animations with names" if option == "animation" else f"mesh files take --{option}"
-            found.error(f"only {which}", Span(name), f"leave out --{option}")
+            diagnostics.error(f"only {which}", Span(name), f"leave out --{option}")
     if time and suffix not in (*file_types.SCENE, *file_types.USD, *file_types.ANIMATED):
-        found.error("nothing moves in this kind of file: it has no time", Span(name), "leave out --time")
+        diagnostics.error("nothing moves in this kind of file: it has no time", Span(name), "leave out --time")

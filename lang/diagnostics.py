@@ -102,9 +102,9 @@ class Diagnostics:
             raise SceneError(self.items)
 
 
-def suggest(word: str, known: Iterable[str]) -> str:
+def suggest(word: str, names: Iterable[str]) -> str:
     """`did you mean …?` for a misspelt word; an empty string without a similar known word."""
-    near = difflib.get_close_matches(word, list(known), n=1, cutoff=0.6)
+    near = difflib.get_close_matches(word, list(names), n=1, cutoff=0.6)
     return f"did you mean `{near[0]}`?" if near else ""
 
 

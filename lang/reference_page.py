@@ -120,9 +120,9 @@ def _entry(entry: Entry, shared: list[Arg]) -> str:
     parts = [f"## {entry.name}\n", f"{sentence(entry.doc)}{' Takes its children in braces.' if entry.children else ''}\n"]
     if entry.example:
         parts.append(f"```\n{entry.example}\n```\n")
-    own = [a for a in entry.args if a not in shared]
-    if own:
-        parts.append(_arguments(own))
+    special = [a for a in entry.args if a not in shared]
+    if special:
+        parts.append(_arguments(special))
     for group in entry.exclusive:
         parts.append(f"At most one of {', '.join(f'`{name}`' for name in group)} is given.\n")
     return "\n".join(parts)

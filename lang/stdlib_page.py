@@ -105,7 +105,7 @@ def entries(file: str, text: str) -> list[Entry]:
 
     An entry has an example in its comment, or all of its parameters have defaults. Parts under the heading `helpers` are none.
     """
-    found: list[Entry] = []
+    listed: list[Entry] = []
     section = ""
     prefix = "" if file == "prelude" else f"{file}."
     for item in parse(text, f"std/{file}", Diagnostics()).items:
@@ -116,8 +116,8 @@ def entries(file: str, text: str) -> list[Entry]:
         if not example and all(p.default is not None for p in item.parameters):
             example = f"{prefix}{item.name.id}()"
         if example:
-            found.append(Entry(file, item.name.id, example, comment_above(item), section))
-    return found
+            listed.append(Entry(file, item.name.id, example, comment_above(item), section))
+    return listed
 
 
 def page(library: Mapping[str, str]) -> str:

@@ -102,8 +102,8 @@ def quantity(value: float, dimension: Dimension) -> float | Quantity:
 
 def literal(value: float, unit: str) -> float | Quantity | None:
     """The quantity of a literal such as 35cm; None for an unknown unit."""
-    known = UNITS.get(unit)
-    return None if known is None else quantity(scale(value, known[0]), known[1])
+    unit_value = UNITS.get(unit)
+    return None if unit_value is None else quantity(scale(value, unit_value[0]), unit_value[1])
 
 
 def scale(value: float, factor: float) -> float:
@@ -111,8 +111,8 @@ def scale(value: float, factor: float) -> float:
     if factor >= 1:
         return value * factor
     inverse = 1 / factor
-    whole = round(inverse)
-    return value / whole if abs(inverse - whole) < 1e-9 * inverse else value * factor
+    rounded = round(inverse)
+    return value / rounded if abs(inverse - rounded) < 1e-9 * inverse else value * factor
 
 
 def multiply(a: Dimension, b: Dimension) -> Dimension:

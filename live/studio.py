@@ -409,7 +409,7 @@ class Studio:
 
     def _tell_done(self, samples: float, made: Mapping[str, Any], plan: Plan, began: float, denoised: bool = False) -> None:
         error, bias = _finite(made.get("error")), made.get("bias")
-        words = omitted_light.told(error, bias, made.get("left_out", ()), plan["bounces"])
+        words = omitted_light.phrase(error, bias, made.get("left_out", ()), plan["bounces"])
         about = {"samples": samples, "seconds": time.monotonic() - began, "denoised": denoised}
         about |= {"error": omitted_light.with_bias(error, bias), "told": words}
         self.tell({"type": "progress", "stage": "done", "share": 1.0, **about})

@@ -92,9 +92,9 @@ class Session:
         return pictures
 
     def _progress(self, done: int, count: int, began: float) -> str:
-        left = f", all in {time_range((time.perf_counter() - began) / done * (count - done))}" if done else ""
+        remaining = f", all in {time_range((time.perf_counter() - began) / done * (count - done))}" if done else ""
         workers = self._cluster.workers
-        return f"{done} of {count} frames on {workers} worker{'' if workers == 1 else 's'}{left}"
+        return f"{done} of {count} frames on {workers} worker{'' if workers == 1 else 's'}{remaining}"
 
 
 @contextmanager

@@ -33,17 +33,17 @@ BUDGET = 60.0  # seconds
 TARGET = 0.02  # √relMSE
 
 
-def _names_of(known: Sequence[str], what: str) -> Any:
+def _names_of(allowed: Sequence[str], what: str) -> Any:
     """A click callback for a comma-separated list of distinct known names."""
 
     def read(ctx: click.Context, param: click.Parameter, text: str | None) -> tuple[str, ...]:
         names = tuple(name.strip() for name in (text or "").split(",") if name.strip())
         if text is not None and not names:
-            raise click.BadParameter(f"separate names by commas, as in {','.join(known[:2])}", ctx, param)
+            raise click.BadParameter(f"separate names by commas, as in {','.join(allowed[:2])}", ctx, param)
         for i, name in enumerate(names):
-            if name not in known:
-                hint = suggest(name, known)
-                there = f"no {what} is called `{name}`; there are {', '.join(known)}"
+            if name not in allowed:
+                hint = suggest(name, allowed)
+                there = f"no {what} is called `{name}`; there are {', '.join(allowed)}"
                 raise click.BadParameter(f"{there}; {hint}" if hint else there, ctx, param)
             if name in names[:i]:
                 raise click.BadParameter(f"`{name}` is given twice", ctx, param)
@@ -85,7 +85,7 @@ def _names_of(known: Sequence[str], what: str) -> Any:
 )
 @click.pass_context
 def command(
-    ctx: click.Context, scene: Path, outputs: tuple[Path, ...], metric: str | None, numbers: Path | None, quiet: bool, **given: Any
+    ctx: click.Context, scene: Path, outputs: tuple[Path, ...], metric: str | None, numbers: Path | None, quiet: bool, **options: Any
 ) -> None:  # fmt: skip
     """Measure error against time over backends and settings.
 
@@ -105,7 +105,7 @@ def command(
     else:
         numbers = numbers or outputs[0].with_suffix(".json")
         _check_numbers(numbers, ctx)
-        measured, partial = _measure(scene, metric or "relmse", quiet, {**given, "began": start.began})
+        measured, partial = _measure(scene, metric or "relmse", quiet, {**options, "began": start.began})
     for path in outputs:
         _draw(measured, path)
     if numbers:
@@ -114,7 +114,7 @@ def command(
         replace_file(numbers, json_format.dump(measured).encode())
     _print(measured, (*outputs, *((numbers,) if numbers else ())), quiet)
     if scene.suffix.lower() != ".json" and not partial:
-        terminal.report(_late_warnings(given["budget"] or BUDGET, start))
+        terminal.report(_late_warnings(options["budget"] or BUDGET, start))
     if partial:
         click.echo("interrupted: the chart has the measurements so far", err=True)
         ctx.exit(130)
@@ -171,27 +171,27 @@ def _read(path: Path) -> Chart:
         raise click.ClickException(f"{path}: {error}") from None
 
 
-def _measure(path: Path, metric: str, quiet: bool, given: dict[str, Any]) -> tuple[Chart, bool]:
+def _measure(path: Path, metric: str, quiet: bool, options: dict[str, Any]) -> tuple[Chart, bool]:
     """The chart, and whether Ctrl-C ended the measurement. Raises ClickException without measurements."""
     from ...compiler import ir
     from ...compiler.plan import plan as planner
     from ...measure import records
     from ...measure.chart import engine
 
-    source = shared.source_of(path, given)
+    source = shared.source_of(path, options)
     named = _command_line(source)
-    scene, found = source.load({})
-    terminal.report(d for d in found.items if not (quiet and d.severity == "note"))
-    bounces = given["bounces"]
-    if bounces is not None and given["vary"]:
+    scene, diagnostics = source.load({})
+    terminal.report(d for d in diagnostics.items if not (quiet and d.severity == "note"))
+    bounces = options["bounces"]
+    if bounces is not None and options["vary"]:
         raise click.UsageError("--bounces fixes the number of bounces and --vary bounces varies it: give one of them")
-    if not given["vary"] and bounces is None:
+    if not options["vary"] and bounces is None:
         bounces = scene.settings.bounces
-    settings = ir.Settings(size=given["size"], camera=given["camera"], threads=given["threads"], bounces=bounces)
+    settings = ir.Settings(size=options["size"], camera=options["camera"], threads=options["threads"], bounces=bounces)
     wanted = records.Wanted(
-        name=named, settings=settings, backends=given["backends"] or BACKENDS, peers=given["peers"], metric=metric,
-        budget=given["budget"] or BUDGET, began=given["began"], seeds=given["seeds"], repeats=given["repeats"], keep=given["keep"],
-        target=given["error"] or TARGET, asked=bool(given["backends"]),
+        name=named, settings=settings, backends=options["backends"] or BACKENDS, peers=options["peers"], metric=metric,
+        budget=options["budget"] or BUDGET, began=options["began"], seeds=options["seeds"], repeats=options["repeats"],
+        keep=options["keep"], target=options["error"] or TARGET, asked=bool(options["backends"]),
     )  # fmt: skip
     with Display(quiet) as display, terminal.catch_interrupt() as cancel:
         try:

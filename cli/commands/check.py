@@ -26,7 +26,7 @@ from .. import terminal
     "maquette check robot.usdz --strict",
 )  # fmt: skip
 @click.pass_context
-def command(ctx: click.Context, scenes: tuple[Path, ...], strict: bool, build: bool, as_json: bool, **given: Any) -> None:
+def command(ctx: click.Context, scenes: tuple[Path, ...], strict: bool, build: bool, as_json: bool, **options: Any) -> None:
     """Report errors and warnings in SCENES without rendering.
 
     Of mesh files it tells whether they are closed, their bodies and Euler number.
@@ -40,7 +40,7 @@ def command(ctx: click.Context, scenes: tuple[Path, ...], strict: bool, build: b
     for path in scenes:
         try:
             with contextlib.nullcontext() if build else built_geometry.left_out():
-                scene, messages = shared.source_of(path, dict(given)).load({})
+                scene, messages = shared.source_of(path, dict(options)).load({})
             diagnostics = (*messages.items, *planner.default_notes(scene), *mesh_notes.notes(scene))
         except SceneError as error:
             diagnostics = error.diagnostics

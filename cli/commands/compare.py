@@ -112,7 +112,7 @@ def _convert(kind: click.ParamType, value: str, where: str, param: click.Paramet
 @click.pass_context
 def command(
     ctx: click.Context, first: Path, second: Path | None, backends: tuple[BackendChoice, ...] | None, output: Path | None,
-    side_by_side: bool, as_json: bool, quiet: bool, **given: Any,
+    side_by_side: bool, as_json: bool, quiet: bool, **options: Any,
 ) -> None:  # fmt: skip
     """Measure the difference of A from B.
 
@@ -123,20 +123,20 @@ def command(
     from ...measure.comparison import compare as measure
     from ...measure.comparison import difference_image
 
-    threshold, metric = given.pop("threshold"), given.pop("metric")
+    threshold, metric = options.pop("threshold"), options.pop("metric")
     _check_usage(ctx, first, second, backends, output, side_by_side, (threshold, metric))
-    exposure = given["exposure"]
-    a, b = _sides(_Inputs(first, second or first, backends or (), given), quiet)
+    exposure = options["exposure"]
+    a, b = _sides(_Inputs(first, second or first, backends or (), options), quiet)
     if exposure is not None and a.bits and b.bits:
         raise click.UsageError(f"--exposure is for linear light, but both {first} and {second} were exposed when they were written")
-    found = measure.compare(a, b, exposure)
+    comparison = measure.compare(a, b, exposure)
     if output:
-        difference_image.write(found, output, side_by_side)
+        difference_image.write(comparison, output, side_by_side)
     if as_json:
-        click.echo(json.dumps(jobs.json_value(found.to_json()), indent=2))
+        click.echo(json.dumps(jobs.json_value(comparison.to_json()), indent=2))
     else:
-        reports.show(found)
-    _judge(ctx, found, metric or "relmse", threshold)
+        reports.show(comparison)
+    _judge(ctx, comparison, metric or "relmse", threshold)
 
 
 def _check_usage(
@@ -162,7 +162,7 @@ def _check_usage(
     if side_by_side and not output:
         raise click.UsageError("--side-by-side writes a picture: give its file with -o")
     if output:
-        jobs.check_output(output, kept=[file for file in (first, second) if file])
+        jobs.check_output(output, inputs=[file for file in (first, second) if file])
         if side_by_side and output.suffix.lower() == ".exr":
             raise click.UsageError(f"--side-by-side writes a picture for viewing: {output.name} cannot be an .exr; write a .png")
 
@@ -191,13 +191,13 @@ class _Inputs:
         return " ".join([str((self.first, self.second)[k]), *words])
 
 
-def _sides(given: _Inputs, quiet: bool) -> tuple[Side, Side]:
+def _sides(inputs: _Inputs, quiet: bool) -> tuple[Side, Side]:
     """Both sides, read or rendered. Files and sizes are checked before rendering."""
     from ...measure.comparison import sides
     from ...render import picture_notes
     from ...render.image import image_files as pictures
 
-    paths = (given.first, given.second)
+    paths = (inputs.first, inputs.second)
     try:
         ready = [None if _is_scene(path) else sides.read(path) for path in paths]
     except pictures.FormatError as error:
@@ -210,13 +210,13 @@ def _sides(given: _Inputs, quiet: bool) -> tuple[Side, Side]:
             plans.append(None)
             continue
         if path not in scenes:
-            scenes[path] = shared.load(shared.source_of(path, dict(given.options)))
-        plans.append((scenes[path], _plan(given, k, scenes[path], ready[1 - k])))
+            scenes[path] = shared.load(shared.source_of(path, dict(inputs.options)))
+        plans.append((scenes[path], _plan(inputs, k, scenes[path], ready[1 - k])))
     _check_sizes(paths, ready, plans)
     terminal.report(warning for planned in plans if planned for warning in picture_notes.plan_warnings(*planned))
     for k, planned in enumerate(plans):
         if planned is not None:
-            ready[k] = drawn = _draw(given.name(k), *planned, "AB"[k], quiet)
+            ready[k] = drawn = _draw(inputs.name(k), *planned, "AB"[k], quiet)
             about, plan = drawn.image.metadata, planned[1]
             late = picture_notes.late_drawing_warnings(about, plan, f"picture {'AB'[k]}")
             terminal.report([*picture_notes.budget_warnings(about, plan), *late])
@@ -226,16 +226,16 @@ def _sides(given: _Inputs, quiet: bool) -> tuple[Side, Side]:
     return a, b
 
 
-def _plan(given: _Inputs, k: int, scene: ir.Scene, other: Side | None) -> Plan:
+def _plan(inputs: _Inputs, k: int, scene: ir.Scene, other: Side | None) -> Plan:
     """The plan of side k, with the size of the other side if that is a picture."""
     from ...compiler import ir
     from ...compiler.plan import plan as planner
     from ...measure.comparison import sides
 
-    options = {name: value for name, value in given.options.items() if name in ir.Settings.__dataclass_fields__}
-    settings, decisions = ir.Settings(**options), dict(given.options["plan_values"])
-    if given.backends:
-        wanted = given.backends[k]
+    options = {name: value for name, value in inputs.options.items() if name in ir.Settings.__dataclass_fields__}
+    settings, decisions = ir.Settings(**options), dict(inputs.options["plan_values"])
+    if inputs.backends:
+        wanted = inputs.backends[k]
         settings = replace(settings, backend=wanted.backend, **wanted.options)
         decisions |= wanted.decisions
     if other is not None:
@@ -249,14 +249,14 @@ def _plan(given: _Inputs, k: int, scene: ir.Scene, other: Side | None) -> Plan:
 
 
 def _check_sizes(paths: tuple[Path, Path], ready: list[Side | None], plans: list[tuple[ir.Scene, Plan] | None]) -> None:
-    shapes, said = [], []
+    shapes, sentences = [], []
     for path, side, planned in zip(paths, ready, plans, strict=True):
         if side is not None:
             shapes.append((side.image.width, side.image.height))
         elif planned is not None:
             x0, y0, x1, y1 = planned[1]["crop"]
             shapes.append((x1 - x0, y1 - y0))
-        said.append(f"{path} {'is' if side is not None else 'is rendered at'} {shapes[-1][0]}x{shapes[-1][1]}")
+        sentences.append(f"{path} {'is' if side is not None else 'is rendered at'} {shapes[-1][0]}x{shapes[-1][1]}")
     if shapes[0] == shapes[1]:
         return
     if all(plans):
@@ -266,7 +266,7 @@ def _check_sizes(paths: tuple[Path, Path], ready: list[Side | None], plans: list
         fix = "leave out --size and --crop, and the scene is rendered at the picture's size"
     else:
         fix = "render both with the same --size"
-    raise click.ClickException(f"sizes differ: {said[0]} and {said[1]} pixels; {fix}")
+    raise click.ClickException(f"sizes differ: {sentences[0]} and {sentences[1]} pixels; {fix}")
 
 
 def _draw(name: str, scene: ir.Scene, plan: Plan, letter: str, quiet: bool) -> Side:
@@ -279,21 +279,21 @@ def _draw(name: str, scene: ir.Scene, plan: Plan, letter: str, quiet: bool) -> S
     return side
 
 
-def _judge(ctx: click.Context, found: Comparison, metric: str, threshold: float | None) -> None:
+def _judge(ctx: click.Context, comparison: Comparison, metric: str, threshold: float | None) -> None:
     if threshold is None:
         return
-    value = found.value(metric)
+    value = comparison.value(metric)
     if value is None:
-        raise click.ClickException(f"{_why_unknown(found, metric)}; choose another --metric")
+        raise click.ClickException(f"{_why_unknown(comparison, metric)}; choose another --metric")
     if not value <= threshold:  # also for nan
-        said, limit = (reports.percent(v) if metric in SHARES else f"{v:.6g}" for v in (value, threshold))
-        click.echo(f"{FIGURES[metric]} is {said}, above the threshold of {limit}", err=True)
+        shown, limit = (reports.percent(v) if metric in SHARES else f"{v:.6g}" for v in (value, threshold))
+        click.echo(f"{FIGURES[metric]} is {shown}, above the threshold of {limit}", err=True)
         ctx.exit(1)
 
 
-def _why_unknown(found: Comparison, metric: str) -> str:
+def _why_unknown(comparison: Comparison, metric: str) -> str:
     """Why a figure is unknown for these two, and which input has it."""
-    sides = (found.a, found.b)
+    sides = (comparison.a, comparison.b)
     if metric == "silhouette":
         name = next(side.name for side in sides if side.coverage is None)
         return f"{name} has no alpha channel, which the silhouette needs: compare an .exr"

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 )
 @shared.listing("OUT ends in:", *writers.help_lines())
 def command(
-    scene: Path, output: Path, deviation: float | None, only: tuple[str, ...], without: tuple[str, ...], **given: Any
+    scene: Path, output: Path, deviation: float | None, only: tuple[str, ...], without: tuple[str, ...], **values: Any
 ) -> None:  # fmt: skip
     """Convert IN for other programs.
 
@@ -53,9 +53,9 @@ def command(
     if writer is None:
         ending = output.suffix.lower() or "a file without an extension"
         raise click.UsageError(f"writing {ending} is not built yet: OUT ends in {writers.known_endings()}")
-    source, settings, overrides = shared.read_options(scene, given)
+    source, settings, overrides = shared.read_options(scene, values)
     source = replace(source, mesh=replace(source.mesh, deviation=deviation))
-    if not writer.planned and (overrides or any(value is not None for value in given.values())):
+    if not writer.planned and (overrides or any(value is not None for value in values.values())):
         raise click.UsageError(writer.refusal)
     if deviation is not None and not writer.deviation:
         raise click.UsageError(f"--deviation applies to triangles: OUT ends in {writers.with_deviation()}")

@@ -20,7 +20,7 @@ from ..job import geometry_costs
 @shared.picture_options
 @click.option("--json", "as_json", is_flag=True, help="Print the decisions as JSON.")
 @shared.examples("maquette explain room.scene", "maquette explain room.scene --backend raster --plan raster.coverage=areas")
-def command(scene: Path, as_json: bool, **given: Any) -> None:
+def command(scene: Path, as_json: bool, **options: Any) -> None:
     """Show the render plan of SCENE with reasons.
 
     Begins with the five decisions that matter most for the scene. Then prints each decision of the plan: its value, its reason, and
@@ -32,7 +32,7 @@ def command(scene: Path, as_json: bool, **given: Any) -> None:
     from ...render import picture_notes
     from ...render.backends import kernel_choice
 
-    source, settings, overrides = shared.read_options(scene, given)
+    source, settings, overrides = shared.read_options(scene, options)
     with built_geometry.recorded() as costs:
         compiled = shared.load(source)
     plan = jobs.make_plan(compiled, settings, overrides)
@@ -44,8 +44,8 @@ def command(scene: Path, as_json: bool, **given: Any) -> None:
             for d in plan.decisions.values()
         ]
         rows.append({"name": "kernels", "value": kind, "reason": state, "overridden": False, "matters": False})
-        if made := geometry_costs.rows(costs):
-            rows.append({"name": "geometry", "value": made, "reason": "seconds to make it", "overridden": False, "matters": False})
+        if cost_rows := geometry_costs.rows(costs):
+            rows.append({"name": "geometry", "value": cost_rows, "reason": "seconds to make it", "overridden": False, "matters": False})
         click.echo(json.dumps(jobs.json_value(rows), indent=2))
     else:
         terminal.explain(compiled, plan, matters)

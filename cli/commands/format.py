@@ -43,15 +43,15 @@ def _format(path: Path, only_check: bool) -> bool:
     piped = path == Path("-")
     name = "stdin" if piped else str(path)
     data = sys.stdin.buffer.read(MAX_SOURCE + 1) if piped else read_bytes(path, MAX_SOURCE)
-    found = Diagnostics()
+    diagnostics = Diagnostics()
     if piped and len(data) > MAX_SOURCE:
-        found.error("stdin is too big", Span(name), f"the limit is {size(MAX_SOURCE)}")
+        diagnostics.error("stdin is too big", Span(name), f"the limit is {size(MAX_SOURCE)}")
         text = None
     else:
-        text = decode(data, name, found)
-    done = None if text is None else format_text(text, name, found)
+        text = decode(data, name, diagnostics)
+    done = None if text is None else format_text(text, name, diagnostics)
     if done is None:
-        terminal.report(found.items, {name: text} if piped else {})
+        terminal.report(diagnostics.items, {name: text} if piped else {})
         return False
     changed = done.encode() != data
     if only_check:

@@ -18,7 +18,7 @@ from .. import terminal
 @click.option("--ir", "as_ir", is_flag=True, help="Print every row of every table.")
 @click.option("--json", "as_json", is_flag=True, help="Print the tables as JSON.")
 @shared.examples("maquette inspect room.scene", "maquette inspect gear.scene --ir --set teeth=6", "maquette inspect robot.usdz")
-def command(scene: Path, as_ir: bool, as_json: bool, **given: Any) -> None:
+def command(scene: Path, as_ir: bool, as_json: bool, **options: Any) -> None:
     """Show the compiled SCENE.
 
     Prints the number of rows of each table, names of cameras and lights, params, added defaults, and the files read. Of a USD stage
@@ -28,7 +28,7 @@ def command(scene: Path, as_ir: bool, as_json: bool, **given: Any) -> None:
 
     if as_ir and as_json:
         raise click.UsageError("--ir and --json exclude each other")
-    source = shared.source_of(scene, given)
+    source = shared.source_of(scene, options)
     compiled = shared.load(source)
     if as_ir:
         click.echo(dump.text(compiled))

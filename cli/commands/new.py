@@ -43,8 +43,8 @@ def _text(path: Path, source: str) -> str:
         file = Path(source)
         ending = file.suffix.lower()
         if ending not in file_types.MESH + file_types.USD:
-            known = " ".join(file_types.MESH + file_types.USD)
-            raise click.UsageError(f"--from is one of {', '.join(KINDS)}, or a file that ends in {known}")
+            endings = " ".join(file_types.MESH + file_types.USD)
+            raise click.UsageError(f"--from is one of {', '.join(KINDS)}, or a file that ends in {endings}")
         if not file.is_file():
             raise FileNotFoundError(f"there is no file {file}")
         shown = os.path.relpath(file.resolve(), path.resolve().parent)

@@ -45,23 +45,23 @@ from .. import render_job as jobs
 )
 def command(
     scene: Path, output: Path | None, frames: tuple[float, ...] | None, fps: float | None, bits: str | None,
-    stats: Path | None, quiet: bool, **given: Any,
+    stats: Path | None, quiet: bool, **options: Any,
 ) -> None:  # fmt: skip
     """Render SCENE to a picture or an animation."""
     from .. import animation
 
     output = output or Path(f"{scene.stem}.png")
-    address = given.pop("cluster")
-    if address is not None and given["sandbox"]:
+    address = options.pop("cluster")
+    if address is not None and options["sandbox"]:
         raise click.UsageError("--cluster and --sandbox exclude each other: a confined process opens no connections")
-    shared.check_cluster(address, given)
-    if given.pop("sandbox"):
-        jobs.confine(scene, output, stats, given)
+    shared.check_cluster(address, options)
+    if options.pop("sandbox"):
+        jobs.confine(scene, output, stats, options)
     animated = animation.is_animation(output)
-    kept = {name: given.pop(name) for name in ("checkpoint", "memory", "resume")}
+    job_options = {name: options.pop(name) for name in ("checkpoint", "memory", "resume")}
     sampled = frames is not None and scene.suffix.lower() in file_types.ANIMATED
-    _check_frames(frames, given["at"], animated or sampled, fps)
-    source, settings, overrides = shared.read_options(scene, given)
+    _check_frames(frames, options["at"], animated or sampled, fps)
+    source, settings, overrides = shared.read_options(scene, options)
     source = replace(source, fps=fps if sampled else None)
     depth = int(bits) if bits else None
     if animated:
@@ -69,7 +69,7 @@ def command(
     else:
         jobs.check_output(output, settings.aov or (), depth, settings.view or "sRGB")
     jobs.check_stats(stats, scene, output)
-    job = jobs.Job(source, settings, overrides, output, depth, quiet, **kept)
+    job = jobs.Job(source, settings, overrides, output, depth, quiet, **job_options)
     with shared.connect(address) as job.cluster:
         pictures = animation.render(job, output, frames, fps) if animated and frames is not None else job.run(frames)
     if stats:

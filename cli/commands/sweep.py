@@ -40,12 +40,12 @@ class Axis(NamedTuple):
 
 def values_of(text: str) -> tuple[str, ...]:
     """The values of `1..5/3` (three from 1 to 5), or of `2,3,5`; of any other text itself. Raises ValueError."""
-    found = _RANGE.fullmatch(text.replace(" ", ""))
-    if not found:
+    match = _RANGE.fullmatch(text.replace(" ", ""))
+    if not match:
         return tuple(part.strip() for part in _split(text))
-    low, high, count = float(found[1]), float(found[3]), int(found[5])
-    unit = found[4] or found[2]
-    if found[2] and found[2] != unit:
+    low, high, count = float(match[1]), float(match[3]), int(match[5])
+    unit = match[4] or match[2]
+    if match[2] and match[2] != unit:
         raise ValueError(f"{text} has two units: write 1cm..5cm/5")
     if not 2 <= count <= MOST:
         raise ValueError(f"{text} has {count} values: a range has 2 to {MOST}")
@@ -77,7 +77,7 @@ def _split(text: str) -> list[str]:
     "maquette sweep gear.scene --set teeth=8,12,16 --set width=1cm..3cm/3 --size 320x240 -o gears.png",
     "maquette sweep room.scene --set sun=0deg..80deg/9 --cluster tcp://host:8786",
 )
-def command(scene: Path, output: Path | None, cluster: str | None, quiet: bool, **given: Any) -> None:
+def command(scene: Path, output: Path | None, cluster: str | None, quiet: bool, **options: Any) -> None:
     """Render SCENE over values of its params, on one labelled sheet.
 
     --set name=A..B/N takes N values from A to B, --set name=A,B,C takes these. The first such param goes along the rows, the others
@@ -87,9 +87,9 @@ def command(scene: Path, output: Path | None, cluster: str | None, quiet: bool, 
     if output.suffix.lower() not in SUFFIXES:
         raise click.UsageError(f"cannot tell the picture format of {output}: its name must end in one of {', '.join(SUFFIXES)}")
     jobs.check_folder(output, [scene])
-    axes = _axes(given)
-    shared.check_cluster(cluster, given)
-    source, settings, overrides = shared.read_options(scene, given)
+    axes = _axes(options)
+    shared.check_cluster(cluster, options)
+    source, settings, overrides = shared.read_options(scene, options)
     settings = settings if settings.size else replace(settings, size=_cell_size(source, axes, settings, overrides))
     along, down = axes[0], axes[1:]
     rows = list(itertools.product(*(axis.values for axis in down)))
@@ -99,32 +99,32 @@ def command(scene: Path, output: Path | None, cluster: str | None, quiet: bool, 
         for row in rows:
             for value in along.values:
                 file = Path(folder) / f"{len(files)}.png"
-                sets = {**source.sets, along.name: value, **{axis.name: at for axis, at in zip(down, row, strict=True)}}
+                sets = {**source.sets, along.name: value, **{axis.name: entry for axis, entry in zip(down, row, strict=True)}}
                 drawn = _draw(job, replace(source, sets=sets), file, f"picture {len(files) + 1} of {len(rows) * len(along.values)}")
                 files.append(file if drawn else None)
                 failed += not drawn
-        labels = [", ".join(f"{axis.name} {at}" for axis, at in zip(down, row, strict=True)) for row in rows]
-        made = _sheet(files, [f"{along.name} {value}" for value in along.values], labels, settings.size or (CELL, CELL))
+        labels = [", ".join(f"{axis.name} {entry}" for axis, entry in zip(down, row, strict=True)) for row in rows]
+        sheet = _sheet(files, [f"{along.name} {value}" for value in along.values], labels, settings.size or (CELL, CELL))
         jobs.check_folder(output, job.files)
         with replacing(output) as partial:
-            made.save(partial)
+            sheet.save(partial)
     if not quiet:
         click.echo(f"{output}: {len(files)} pictures" + (f", {failed} of them with errors" if failed else ""))
     if failed:
         raise click.exceptions.Exit(1)
 
 
-def _axes(given: dict[str, Any]) -> list[Axis]:
-    """The params with several values, which are removed from `given`. Raises UsageError."""
+def _axes(options: dict[str, Any]) -> list[Axis]:
+    """The params with several values, which are removed from `options`. Raises UsageError."""
     axes = []
-    for name, text in list(given["sets"].items()):
+    for name, text in list(options["sets"].items()):
         try:
             values = values_of(text)
         except ValueError as error:
             raise click.UsageError(str(error)) from None
         if len(values) > 1:
             axes.append(Axis(name, values))
-            del given["sets"][name]
+            del options["sets"][name]
     if not axes:
         raise click.UsageError("no param has several values: write --set radius=0.4..1.6/4 or --set teeth=8,12,16")
     count = math.prod(len(axis.values) for axis in axes)
@@ -159,21 +159,21 @@ def _sheet(files: Sequence[Path | None], across: Sequence[str], down: Sequence[s
 
     # Without Raqm, because Pillow's HarfBuzz gives wrong widths in a process that has loaded another HarfBuzz.
     font = ImageFont.truetype(str(FONT), LABEL, layout_engine=ImageFont.Layout.BASIC)
-    left = GAP + math.ceil(max(font.getlength(text) for text in down)) if any(down) else 0
+    margin = GAP + math.ceil(max(font.getlength(text) for text in down)) if any(down) else 0
     top = LABEL + 2 * GAP
     step = max(size[0], math.ceil(max(font.getlength(text) for text in across))) + GAP
-    sheet = Image.new("RGB", (left + GAP + step * len(across), top + (size[1] + GAP) * len(down)), "white")
+    sheet = Image.new("RGB", (margin + GAP + step * len(across), top + (size[1] + GAP) * len(down)), "white")
     draw = ImageDraw.Draw(sheet)
     for k, text in enumerate(across):
-        draw.text((left + GAP + k * step, GAP), text, "black", font)
+        draw.text((margin + GAP + k * step, GAP), text, "black", font)
     for k, text in enumerate(down):
         draw.text((GAP, top + k * (size[1] + GAP)), text, "black", font)
     for k, file in enumerate(files):
-        at = left + GAP + k % len(across) * step, top + k // len(across) * (size[1] + GAP)
+        corner = margin + GAP + k % len(across) * step, top + k // len(across) * (size[1] + GAP)
         if file is None:
-            draw.rectangle((*at, at[0] + size[0] - 1, at[1] + size[1] - 1), outline="red")
-            draw.text((at[0] + GAP, at[1] + GAP), "error", "red", font)
+            draw.rectangle((*corner, corner[0] + size[0] - 1, corner[1] + size[1] - 1), outline="red")
+            draw.text((corner[0] + GAP, corner[1] + GAP), "error", "red", font)
             continue
         with Image.open(file) as picture:
-            sheet.paste(picture.convert("RGB"), at, picture if picture.mode == "RGBA" else None)
+            sheet.paste(picture.convert("RGB"), corner, picture if picture.mode == "RGBA" else None)
     return sheet

@@ -44,7 +44,7 @@ SAMPLES = 32  # without --samples and --error
 )
 @click.pass_context
 def command(
-    ctx: click.Context, paths: tuple[Path, ...], update: bool, output: Path | None, as_json: bool, quiet: bool, **given: Any
+    ctx: click.Context, paths: tuple[Path, ...], update: bool, output: Path | None, as_json: bool, quiet: bool, **options: Any
 ) -> None:  # fmt: skip
     """Test scenes: their asserts, and their pictures against kept ones.
 
@@ -57,18 +57,18 @@ def command(
     results = []
     for name, path in _scenes(paths):
         began = time.perf_counter()
-        made = _tested(name, path, update, output, quiet, dict(given))._replace(seconds=round(time.perf_counter() - began, 3))
-        results.append(made)
-        if not as_json and not (quiet and made.status == "passed"):
-            click.echo(f"{made.status:8}{name}" + (f": {made.text}" if made.text else ""))
-    counts = Counter(one.status for one in results)
-    said = ", ".join(f"{counts[status]} {status}" for status in ("passed", "updated", "failed", "new", "error") if counts[status])
+        result = _tested(name, path, update, output, quiet, dict(options))._replace(seconds=round(time.perf_counter() - began, 3))
+        results.append(result)
+        if not as_json and not (quiet and result.status == "passed"):
+            click.echo(f"{result.status:8}{name}" + (f": {result.text}" if result.text else ""))
+    counts = Counter(result.status for result in results)
+    summary = ", ".join(f"{counts[status]} {status}" for status in ("passed", "updated", "failed", "new", "error") if counts[status])
     if output is not None:
-        replace_file(output / "index.html", reports.page(results, f"{len(results)} scenes: {said}").encode())
+        replace_file(output / "index.html", reports.page(results, f"{len(results)} scenes: {summary}").encode())
     if as_json:
-        click.echo(json.dumps([one._asdict() for one in results], indent=2))
+        click.echo(json.dumps([result._asdict() for result in results], indent=2))
     else:
-        click.echo(f"{len(results)} scenes: {said}")
+        click.echo(f"{len(results)} scenes: {summary}")
         if counts["new"]:
             click.echo("--update keeps the pictures of new scenes", err=True)
         if counts["failed"]:
@@ -78,63 +78,63 @@ def command(
 
 def _scenes(paths: Sequence[Path]) -> Iterator[tuple[str, Path]]:
     """(name, file) of each scene once."""
-    known: set[Path] = set()
+    seen: set[Path] = set()
     for path in paths:
         files = sorted(p for p in path.rglob("*.scene") if not any(part.startswith(".") for part in p.relative_to(path).parts))
         for file in files if path.is_dir() else [path]:
             if not path.is_dir() and file.suffix.lower() not in file_types.OPENED:
                 raise click.UsageError(f"{file} is no scene: it ends in {', '.join(file_types.OPENED)}")
-            if file.resolve() not in known:
-                known.add(file.resolve())
+            if file.resolve() not in seen:
+                seen.add(file.resolve())
                 yield (file.relative_to(path).as_posix() if path.is_dir() else file.name), file
-    if not known:
+    if not seen:
         raise click.UsageError(f"there is no .scene file in {', '.join(map(str, paths))}")
 
 
-def _tested(name: str, path: Path, update: bool, output: Path | None, quiet: bool, given: dict[str, Any]) -> Result:
+def _tested(name: str, path: Path, update: bool, output: Path | None, quiet: bool, options: dict[str, Any]) -> Result:
     from ...measure.comparison import compare, difference_image, sides
     from ...render.image import image_files
     from ..scene_tests import verdict
 
-    kept = path.parent / KEPT / f"{path.stem}.exr"
+    reference = path.parent / KEPT / f"{path.stem}.exr"
     try:
-        before = _kept(sides.read(kept)) if kept.is_file() else None
+        before = _with_variance(sides.read(reference)) if reference.is_file() else None
     except image_files.FormatError as error:
         return Result(name, "error", str(error))
     terminal.report([] if before is None else before.warnings)
     try:
-        made = _render(name, path, before, quiet, given)
+        rendered = _render(name, path, before, quiet, options)
     except SceneError as error:
         terminal.report(error.diagnostics)
         return Result(name, "error", "; ".join(d.message for d in error.diagnostics if d.severity == "error"))
     if before is None:
         if update:
-            _keep(made, kept)
-        return Result(name, "updated" if update else "new", f"kept {kept}" if update else f"there is no {kept}")
-    if made.rgb.shape != before.rgb.shape:
-        found = None
-        judged = verdict.Verdict(f"it has {made.image.width}x{made.image.height} pixels, and {kept.name} has others", 1.0)
+            _keep(rendered, reference)
+        return Result(name, "updated" if update else "new", f"kept {reference}" if update else f"there is no {reference}")
+    if rendered.rgb.shape != before.rgb.shape:
+        comparison = None
+        judged = verdict.Verdict(f"it has {rendered.image.width}x{rendered.image.height} pixels, and {reference.name} has others", 1.0)
     else:
-        found = compare.compare(made, before, None)
-        judged = verdict.judge(found)
+        comparison = compare.compare(rendered, before, None)
+        judged = verdict.judge(comparison)
     picture = ""
-    if output is not None and judged.why and found is not None:
+    if output is not None and judged.why and comparison is not None:
         picture = reports.picture_name(name)
-        difference_image.write(found, output / picture, True)
+        difference_image.write(comparison, output / picture, True)
     if judged.why and update:
-        _keep(made, kept)
+        _keep(rendered, reference)
         return Result(name, "updated", judged.why, picture)
     return Result(name, "failed" if judged.why else "passed", judged.why, picture)
 
 
-def _render(name: str, path: Path, before: Side | None, quiet: bool, given: dict[str, Any]) -> Side:
+def _render(name: str, path: Path, before: Side | None, quiet: bool, options: dict[str, Any]) -> Side:
     """The picture of a scene, with the size and the samples of the kept one unless others are asked for. Raises SceneError."""
     from ...compiler.plan import plan as planner
     from ...measure.comparison import sides
 
-    source, settings, overrides = shared.read_options(path, given)
-    scene, found = source.load({})
-    terminal.report([d for d in found.items if d.severity == "error" or not quiet])
+    source, settings, overrides = shared.read_options(path, options)
+    scene, diagnostics = source.load({})
+    terminal.report([d for d in diagnostics.items if d.severity == "error" or not quiet])
     size = settings.size or (before.image.metadata["size"] if before is not None else _size(scene, settings, overrides))
     about = before.image.metadata.get("about", {}) if before is not None else {}
     work = settings.samples or (None if settings.error else int(float(about.get("samples", SAMPLES))))
@@ -143,13 +143,13 @@ def _render(name: str, path: Path, before: Side | None, quiet: bool, given: dict
     except planner.PlanError as error:
         raise click.UsageError(str(error)) from None
     with Display(quiet, name) as display, terminal.catch_interrupt() as cancel:
-        made = sides.render(scene, plan, name, display, cancel)
-    if made.image.metadata["partial"]:
+        side = sides.render(scene, plan, name, display, cancel)
+    if side.image.metadata["partial"]:
         raise KeyboardInterrupt
-    return made
+    return side
 
 
-def _kept(side: Side) -> Side:
+def _with_variance(side: Side) -> Side:
     """The kept picture with its variance."""
     channels = dict(side.image.channels)
     variance = channels.pop("variance", None)
@@ -164,19 +164,20 @@ def _size(scene: ir.Scene, settings: ir.Settings, overrides: dict[str, str]) -> 
     return max(round(width * scale), 1), max(round(height * scale), 1)
 
 
-def _keep(made: Side, kept: Path) -> None:
+def _keep(picture: Side, reference: Path) -> None:
     """Write the kept picture, with the figures that a comparison needs."""
     from ... import __version__
     from ...render.image import image_files
 
-    assert made.plan is not None
-    make_folder(kept.parent)
+    assert picture.plan is not None
+    make_folder(reference.parent)
     about: dict[str, str | int | float] = {
-        "version": __version__, "backend": made.plan["backend"], "seed": made.plan["seed"], "samples": made.image.metadata["samples"],
+        "version": __version__, "backend": picture.plan["backend"], "seed": picture.plan["seed"],
+        "samples": picture.image.metadata["samples"],
     }  # fmt: skip
-    if made.noise is not None:
-        about["error"] = float(made.noise)
-    channels = {"rgba": made.image.channels["rgba"]}
-    if made.variance is not None:
-        channels["variance"] = made.variance.astype("float32")
-    image_files.write(replace(made.image, channels=channels), kept, image_files.Look(), about)
+    if picture.noise is not None:
+        about["error"] = float(picture.noise)
+    channels = {"rgba": picture.image.channels["rgba"]}
+    if picture.variance is not None:
+        channels["variance"] = picture.variance.astype("float32")
+    image_files.write(replace(picture.image, channels=channels), reference, image_files.Look(), about)

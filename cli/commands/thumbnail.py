@@ -95,12 +95,12 @@ def command(
     An asset may read files of its own folder, of the folders among ASSETS and of each --allow.
     index.html shows all pictures with names, sizes and warnings. The exit code is 1 if some asset cannot be drawn.
     """
-    found = list(_assets(assets))
+    wanted = list(_assets(assets))
     output.mkdir(parents=True, exist_ok=True)
     options = json.dumps({"size": size, "complexity": complexity or 0, "samples": SAMPLES, "allow": [str(path) for path in allow]})
     before = {} if force else _records(output / RECORDS)
-    done = {asset.name: kept for asset in found if (kept := _up_to_date(before.get(asset.name), asset, output, options))}
-    waiting = [asset for asset in found if asset.name not in done]
+    done = {asset.name: earlier for asset in wanted if (earlier := _up_to_date(before.get(asset.name), asset, output, options))}
+    waiting = [asset for asset in wanted if asset.name not in done]
     saved = time.perf_counter()
     looks = Looks(size, complexity or 0, options, (*(path for path in assets if path.is_dir()), *allow))
     for thumbnail in _draw_all(waiting, output, looks, jobs or os.cpu_count() or 1):
@@ -110,22 +110,22 @@ def command(
             saved = time.perf_counter()
         if not as_json:
             _print(thumbnail)
-    ordered = [done[asset.name] for asset in found]
+    ordered = [done[asset.name] for asset in wanted]
     _save(output, ordered)
-    failed = sum(bool(one.error) for one in ordered)
+    failed = sum(bool(thumbnail.error) for thumbnail in ordered)
     if as_json:
-        click.echo(json.dumps([asdict(one) for one in ordered], indent=2))
+        click.echo(json.dumps([asdict(thumbnail) for thumbnail in ordered], indent=2))
     else:
-        kept = sum(one.skipped for one in ordered)
-        drawn = len(ordered) - kept - failed
-        click.echo(f"{output / 'index.html'}: {len(ordered)} assets, {drawn} drawn, {kept} up to date, {failed} failed")
+        earlier = sum(thumbnail.skipped for thumbnail in ordered)
+        drawn = len(ordered) - earlier - failed
+        click.echo(f"{output / 'index.html'}: {len(ordered)} assets, {drawn} drawn, {earlier} up to date, {failed} failed")
     ctx.exit(1 if failed else 0)
 
 
-def _assets(given: Sequence[Path]) -> Iterator[Asset]:
+def _assets(paths: Sequence[Path]) -> Iterator[Asset]:
     """The files of known kinds, folders searched; each name once."""
     names: set[str] = set()
-    for path in given:
+    for path in paths:
         files = sorted(p for p in path.rglob("*") if p.suffix.lower() in KINDS and p.is_file()) if path.is_dir() else [path]
         for file in files:
             name = file.relative_to(path).as_posix() if path.is_dir() else file.name
@@ -135,10 +135,10 @@ def _assets(given: Sequence[Path]) -> Iterator[Asset]:
                 yield Asset(file, unique)
 
 
-def _save(output: Path, made: Sequence[Thumbnail]) -> None:
+def _save(output: Path, thumbnails: Sequence[Thumbnail]) -> None:
     """Writes the records and the index."""
-    replace_file(output / RECORDS, (json.dumps([asdict(one) for one in made], indent=1) + "\n").encode())
-    replace_file(output / "index.html", index_page(made).encode())
+    replace_file(output / RECORDS, (json.dumps([asdict(thumbnail) for thumbnail in thumbnails], indent=1) + "\n").encode())
+    replace_file(output / "index.html", index_page(thumbnails).encode())
 
 
 def _records(path: Path) -> dict[str, dict[str, Any]]:
@@ -237,8 +237,8 @@ def _draw(asset: Asset, output: Path, looks: Looks, record: Thumbnail) -> None:
     scene = load.load(asset.path, allow=looks.allow, diagnostics=diagnostics, stage=stage if usd else None)
     own_light = not any(text.startswith("sun") for text in scene.defaults)
     background = None if asset.path.suffix.lower() in file_types.SCENE else "transparent"
-    asked = ir.Settings(size=record.size, samples=SAMPLES, threads=1, background=background)
-    plan = planner.make_plan(replace(scene, photometric=own_light), asked)
+    settings = ir.Settings(size=record.size, samples=SAMPLES, threads=1, background=background)
+    plan = planner.make_plan(replace(scene, photometric=own_light), settings)
     image = render_scene.draw(scene, plan)
     exposure = plan["exposure"]
     if exposure == "metered":
@@ -250,13 +250,13 @@ def _draw(asset: Asset, output: Path, looks: Looks, record: Thumbnail) -> None:
     record.warnings = [f"{d.span}: {d.message}" if d.span else d.message for d in diagnostics.items if d.severity == "warning"]
 
 
-def _print(made: Thumbnail) -> None:
-    if made.error:
-        click.echo(f"{made.path}: error: {made.error}", err=True)
+def _print(thumbnail: Thumbnail) -> None:
+    if thumbnail.error:
+        click.echo(f"{thumbnail.path}: error: {thumbnail.error}", err=True)
         return
-    for warning in made.warnings:
+    for warning in thumbnail.warnings:
         click.echo(f"warning: {warning}", err=True)
-    click.echo(f"{made.picture}: {made.triangles:,} triangles, {made.instances:,} instances, {made.seconds:.2f} s")
+    click.echo(f"{thumbnail.picture}: {thumbnail.triangles:,} triangles, {thumbnail.instances:,} instances, {thumbnail.seconds:.2f} s")
 
 
 _PAGE = """<!doctype html>
@@ -275,17 +275,17 @@ li {{ color: #946200 }}
 """
 
 
-def index_page(made: Sequence[Thumbnail]) -> str:
+def index_page(thumbnails: Sequence[Thumbnail]) -> str:
     """The HTML page of thumbnails."""
-    return _PAGE.format(count=len(made), figures="\n".join(map(_figure, made)))
+    return _PAGE.format(count=len(thumbnails), figures="\n".join(map(_figure, thumbnails)))
 
 
-def _figure(one: Thumbnail) -> str:
-    name = html.escape(one.name)
-    if one.error:
-        return f'<figure><figcaption><b>{name}</b><p class="error">{html.escape(one.error)}</p></figcaption></figure>'
-    notes = "".join(f"<li>{html.escape(text)}</li>" for text in one.warnings)
-    facts = f"{one.triangles:,} triangles, {one.instances:,} instances, {one.seconds:.2f} s"
-    link = html.escape(one.picture, quote=True)
-    image = f'<a href="{link}"><img src="{link}" alt="{name}" width="{one.size[0]}" height="{one.size[1]}" loading="lazy"></a>'
+def _figure(thumbnail: Thumbnail) -> str:
+    name = html.escape(thumbnail.name)
+    if thumbnail.error:
+        return f'<figure><figcaption><b>{name}</b><p class="error">{html.escape(thumbnail.error)}</p></figcaption></figure>'
+    notes = "".join(f"<li>{html.escape(text)}</li>" for text in thumbnail.warnings)
+    facts = f"{thumbnail.triangles:,} triangles, {thumbnail.instances:,} instances, {thumbnail.seconds:.2f} s"
+    link = html.escape(thumbnail.picture, quote=True)
+    image = f'<a href="{link}"><img src="{link}" alt="{name}" width="{thumbnail.size[0]}" height="{thumbnail.size[1]}" loading="lazy"></a>'
     return f"<figure>{image}<figcaption><b>{name}</b><br><small>{facts}</small><ul>{notes}</ul></figcaption></figure>"

@@ -43,7 +43,7 @@ THUMBNAIL = (320, 240)  # pixels
 @click.pass_context
 def command(
     ctx: click.Context, scene: Path, output: Path | None, window: bool | None, browser: bool, port: int | None, stats: Path | None,
-    **given: Any
+    **options: Any
 ) -> None:  # fmt: skip
     """Show SCENE in a window that follows edits, or write a picture at every save. Of a folder, the window shows all scenes.
 
@@ -59,9 +59,9 @@ def command(
     for each part (wait, read, draw, write), and CPU seconds of all threads. With a window it has what each edit redid (`edits`, the last
     1000): files parsed, meshes read, BVHs built, kernels compiled, pixels drawn, and the seconds until each picture.
     """
-    if scene.is_dir() and (output is not None or given["sets"] or stats is not None):
+    if scene.is_dir() and (output is not None or options["sets"] or stats is not None):
         raise click.UsageError("a folder has a window alone, and no params: leave out -o, --set and --stats")
-    source, settings, overrides = shared.read_options(scene, given)
+    source, settings, overrides = shared.read_options(scene, options)
     window = output is None if window is None else window
     if output is not None:
         jobs.check_output(output, settings.aov or (), None, settings.view or "sRGB")
@@ -119,10 +119,10 @@ def _thumbnail(allow: tuple[Path, ...], path: Path) -> bytes:
     from . import thumbnail
 
     with tempfile.TemporaryDirectory(prefix="maquette-") as folder:
-        made = thumbnail.draw(thumbnail.Asset(path, "scene"), Path(folder), thumbnail.Looks(THUMBNAIL, 0, "", allow))
-        if made.error:
-            raise ValueError(made.error)
-        return (Path(folder) / made.picture).read_bytes()
+        drawn = thumbnail.draw(thumbnail.Asset(path, "scene"), Path(folder), thumbnail.Looks(THUMBNAIL, 0, "", allow))
+        if drawn.error:
+            raise ValueError(drawn.error)
+        return (Path(folder) / drawn.picture).read_bytes()
 
 
 def _write(output: Path, current: Current, state: State) -> None:

@@ -32,7 +32,7 @@ class Job(Protocol):
     resume: bool
     display: Display
 
-    def report(self, found: Iterable[Diagnostic]) -> None:
+    def report(self, diagnostics: Iterable[Diagnostic]) -> None:
         """Print diagnostics."""
         ...
 
@@ -78,10 +78,10 @@ def keeper_of(job: Job, read: Reading) -> Keeper | None:
         again = "is damaged, or of another scene, version, machine or settings: the picture begins anew"
         job.report([Diagnostic("warning", f"{file} {again}")])
     elif there and not job.quiet:
-        found = keeper.found
+        state = keeper.found
         job.display.hide()
         click.echo(
-            f"goes on from {file}, with {found.arrays['samples'].mean():.3g} samples a pixel" if found is not None
+            f"goes on from {file}, with {state.arrays['samples'].mean():.3g} samples a pixel" if state is not None
             else f"{file} is there: --resume goes on from it",
             err=True,
         )  # fmt: skip

@@ -16,10 +16,10 @@ def notes(settings: ir.Settings, plan: Plan, path: Path) -> list[Diagnostic]:
     """A note for each option among the settings of a command that does not change the picture at `path`."""
     from ...render.image import image_files
 
-    found = []
+    sentences = []
     if path.suffix.lower() in image_files.LINEAR:
-        given = [name for name in ("exposure", "view", "white") if getattr(settings, name) is not None]
-        found += [f"--{name} has no effect: an EXR file holds the radiance itself" for name in given]
+        names = [name for name in ("exposure", "view", "white") if getattr(settings, name) is not None]
+        sentences += [f"--{name} has no effect: an EXR file holds the radiance itself" for name in names]
     if settings.tolerance is not None and plan["backend"] != "raster":
-        found.append(f"--tolerance has no effect: the backend {plan['backend']} draws curved shapes without triangles")
-    return [Diagnostic("note", message) for message in found]
+        sentences.append(f"--tolerance has no effect: the backend {plan['backend']} draws curved shapes without triangles")
+    return [Diagnostic("note", message) for message in sentences]

@@ -22,10 +22,10 @@ class Keys(NamedTuple):
     picture: str  # of the frame's own scene and settings
 
 
-class Found(NamedTuple):
-    """Frames that are there, and the attributes of their files. JPEG has none: its frames count as kept."""
+class ExistingFrames(NamedTuple):
+    """Frames that are there, and the attributes of their files. JPEG has none: its frames count as finished."""
 
-    kept: dict[Path, dict[str, str]]
+    finished: dict[Path, dict[str, str]]
     damaged: list[Path]
     others: dict[Path, dict[str, str]]  # of other inputs
 
@@ -47,18 +47,18 @@ def _digest(files: Iterable[str]) -> str:
     return digest.hexdigest()
 
 
-def find(files: Iterable[Path], inputs: str) -> Found:
+def find(files: Iterable[Path], inputs: str) -> ExistingFrames:
     """The frames among some files of an animation with a key."""
     from ...render.image import image_files, image_reader
 
-    found = Found({}, [], {})
+    frames = ExistingFrames({}, [], {})
     for file in files:
         if not file.is_file() or file.is_symlink():  # a link is refused when the frame is drawn
             continue
         if image_files.damage(file):
-            found.damaged.append(file)
+            frames.damaged.append(file)
             continue
         about = image_reader.about(file)
         same = not about or about.get("inputs") == inputs
-        (found.kept if same else found.others)[file] = about
-    return found
+        (frames.finished if same else frames.others)[file] = about
+    return frames

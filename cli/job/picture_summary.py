@@ -17,11 +17,11 @@ def summary(path: Path, figures: Mapping[str, Any]) -> str:
     if noise is not None:
         after = ", unmeasured after" if denoised_noise is None else f", about {omitted_light.with_bias(denoised_noise, bias):.1%} after"
         after = f" before denoising{after}" if figures["denoised"] else ""
-        words = omitted_light.told(noise, bias, figures["left_out"], figures["plan"]["bounces"])
+        words = omitted_light.phrase(noise, bias, figures["left_out"], figures["plan"]["bounces"])
         error = f", √relMSE {omitted_light.with_bias(noise, bias):.2%}{after}{f' ({words})' if words else ''}"
     elif figures.get("elapsed"):
         error = ", of unknown error"
     most, mean = figures["samples"], figures["samples_mean"]
     samples = f"{most:.3g}" if mean is None or mean >= most else f"{mean:.3g} (at most {most:g})"
-    of = f" of the budget of {figures['plan']['budget']:g} s" if figures.get("elapsed") else ""
-    return f"{path}: {width}x{height}, {figures['backend']}, {samples} samples a pixel{error}, {total:.2f} s{of}"
+    budget = f" of the budget of {figures['plan']['budget']:g} s" if figures.get("elapsed") else ""
+    return f"{path}: {width}x{height}, {figures['backend']}, {samples} samples a pixel{error}, {total:.2f} s{budget}"

@@ -82,8 +82,8 @@ def _wait(child: int, ends: set[signal.Signals], from_child: int) -> None:
     """Pass signals on, end a child that does not end, and exit as it does."""
     first, deadline, extended = 0.0, 0.0, False
     while True:
-        left = max(0.0, deadline - time.monotonic()) if deadline else 3600.0
-        info = signal.sigtimedwait({*ends, signal.SIGCHLD}, left)
+        timeout = max(0.0, deadline - time.monotonic()) if deadline else 3600.0
+        info = signal.sigtimedwait({*ends, signal.SIGCHLD}, timeout)
         if info is not None and info.si_signo == signal.SIGCHLD:
             done, status = os.waitpid(child, os.WNOHANG)
             if done:
@@ -122,12 +122,12 @@ def _exit_as(status: int, ended: bool) -> None:
     if os.WIFEXITED(status):
         os._exit(os.WEXITSTATUS(status))
     number = os.WTERMSIG(status)
-    told = crash_message(number, sys.argv[1:])
-    if told and ended:
+    message = crash_message(number, sys.argv[1:])
+    if message and ended:
         os._exit(_INTERRUPTED)
-    if told:
+    if message:
         with contextlib.suppress(OSError):  # nobody reads it
-            os.write(2, told.encode("utf-8", "surrogateescape"))
+            os.write(2, message.encode("utf-8", "surrogateescape"))
     _keep_no_core()
     if number != signal.SIGKILL:
         signal.signal(number, signal.SIG_DFL)

@@ -35,15 +35,15 @@ _ORDER = ("error", "failed", "new", "updated", "passed")
 
 def page(results: Sequence[Result], title: str) -> str:
     """The page; failures first."""
-    ordered = sorted(results, key=lambda one: (_ORDER.index(one.status), one.name))
+    ordered = sorted(results, key=lambda result: (_ORDER.index(result.status), result.name))
     return _PAGE.format(title=html.escape(title), sections="\n".join(map(_section, ordered)))
 
 
-def _section(one: Result) -> str:
-    text = f"<pre>{html.escape(one.text)}</pre>" if one.text else ""
-    name = html.escape(one.name)
-    shown = f'<img src="{html.escape(one.picture, quote=True)}" alt="new, kept and difference of {name}">' if one.picture else ""
-    return f'<section class="{one.status}"><b>{name}</b>: {one.status}, {one.seconds:.2f} s{text}{shown}</section>'
+def _section(result: Result) -> str:
+    text = f"<pre>{html.escape(result.text)}</pre>" if result.text else ""
+    name = html.escape(result.name)
+    shown = f'<img src="{html.escape(result.picture, quote=True)}" alt="new, kept and difference of {name}">' if result.picture else ""
+    return f'<section class="{result.status}"><b>{name}</b>: {result.status}, {result.seconds:.2f} s{text}{shown}</section>'
 
 
 def picture_name(name: str) -> str:

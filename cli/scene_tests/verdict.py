@@ -21,29 +21,30 @@ class Verdict(NamedTuple):
 
     why: str
     error: float  # √relMSE
-    at: tuple[int, int] | None = None  # the middle of the block that differs most, in pixels
+    center: tuple[int, int] | None = None  # the middle of the block that differs most, in pixels
 
 
-def judge(found: Comparison) -> Verdict:
+def judge(comparison: Comparison) -> Verdict:
     """Compare A, the new picture, with B, the kept one."""
-    if found.error == 0.0:
+    if comparison.error == 0.0:
         return Verdict("", 0.0)
-    if found.noise.ratio is None or not (found.noise.a or found.noise.b):
-        why = "" if found.error <= EXACT else f"√relMSE {found.error:.3%}, and neither picture has noise"
-        return Verdict(why, found.error)
-    if not found.within_noise:
-        return Verdict(f"√relMSE {found.error:.3%}, {found.noise.ratio:.3g} times what noise alone makes", found.error)
-    one, other = found.a.variance, found.b.variance
-    if one is None or other is None:
-        return Verdict("", found.error)
-    deviations, relative = block_differences(found.a.rgb, found.b.rgb, one + other)
+    if comparison.noise.ratio is None or not (comparison.noise.a or comparison.noise.b):
+        why = "" if comparison.error <= EXACT else f"√relMSE {comparison.error:.3%}, and neither picture has noise"
+        return Verdict(why, comparison.error)
+    if not comparison.within_noise:
+        return Verdict(f"√relMSE {comparison.error:.3%}, {comparison.noise.ratio:.3g} times what noise alone makes", comparison.error)
+    first, second = comparison.a.variance, comparison.b.variance
+    if first is None or second is None:
+        return Verdict("", comparison.error)
+    deviations, relative = block_differences(comparison.a.rgb, comparison.b.rgb, first + second)
     worst = np.where(relative > VISIBLE, deviations, 0.0)
     row, column = np.unravel_index(int(worst.argmax()), worst.shape)
     if worst[row, column] <= DEVIATIONS:
-        return Verdict("", found.error)
-    at = int(column) * BLOCK + BLOCK // 2, int(row) * BLOCK + BLOCK // 2
-    said = f"{relative[row, column]:.1%} brighter or darker around pixel {at[0]},{at[1]}: {worst[row, column]:.3g} standard errors"
-    return Verdict(said, found.error, at)
+        return Verdict("", comparison.error)
+    center = int(column) * BLOCK + BLOCK // 2, int(row) * BLOCK + BLOCK // 2
+    share, errors = relative[row, column], worst[row, column]
+    message = f"{share:.1%} brighter or darker around pixel {center[0]},{center[1]}: {errors:.3g} standard errors"
+    return Verdict(message, comparison.error, center)
 
 
 def block_differences(

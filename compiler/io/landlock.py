@@ -47,23 +47,23 @@ def restrict(read: Iterable[Path | int], write: Iterable[Path | int]) -> None:
 
     Each is a path or an open descriptor. Links of a path are followed; a missing path is skipped. Raises OSError.
     """
-    known = version()
-    if not known:
+    abi = version()
+    if not abi:
         raise OSError("this system has no Landlock, which Linux 5.13 or newer has")
-    files = _FIRST | (_REFER if known >= 2 else 0) | (_TRUNCATE if known >= 3 else 0) | (_IOCTL if known >= 5 else 0)
-    ruleset = _Ruleset(files, _NETWORK if known >= 4 else 0, _SCOPES if known >= 6 else 0)
-    size = 8 if known < 4 else 16 if known < 6 else 24
-    made = _call(_CREATE_RULESET, ctypes.byref(ruleset), size, 0)
+    files = _FIRST | (_REFER if abi >= 2 else 0) | (_TRUNCATE if abi >= 3 else 0) | (_IOCTL if abi >= 5 else 0)
+    ruleset = _Ruleset(files, _NETWORK if abi >= 4 else 0, _SCOPES if abi >= 6 else 0)
+    size = 8 if abi < 4 else 16 if abi < 6 else 24
+    descriptor = _call(_CREATE_RULESET, ctypes.byref(ruleset), size, 0)
     try:
         for paths, rights in ((read, READ), (write, WRITE)):
             for path in paths:
-                _allow(made, path, rights & files)
+                _allow(descriptor, path, rights & files)
         libc = ctypes.CDLL(None, use_errno=True)
         if libc.prctl(_NO_NEW_PRIVS, 1, 0, 0, 0):
             raise OSError(ctypes.get_errno(), "cannot give up privileges")
-        _call(_RESTRICT_SELF, made, 0)
+        _call(_RESTRICT_SELF, descriptor, 0)
     finally:
-        os.close(made)
+        os.close(descriptor)
 
 
 def _allow(ruleset: int, path: Path | int, rights: int) -> None:
@@ -81,8 +81,8 @@ def _allow(ruleset: int, path: Path | int, rights: int) -> None:
 
 def _call(number: int, *arguments: object) -> int:
     libc = ctypes.CDLL(None, use_errno=True)
-    found = libc.syscall(number, *arguments)
-    if found < 0:
+    result = libc.syscall(number, *arguments)
+    if result < 0:
         code = ctypes.get_errno()
         raise OSError(code, os.strerror(code))
-    return int(found)
+    return int(result)

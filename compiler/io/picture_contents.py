@@ -74,27 +74,27 @@ def choose_channels(names: list[str], alpha: int, kind: str) -> Channels:
     Of an EXR without R and Y these are the R, G and B of a layer, or its Y, or its first three, with the alpha of the layer.
     """
     if kind != "openexr":
-        known = alpha < len(names)  # OpenImageIO gives the alpha of GIF files as the fifth of four channels
-        alpha = alpha if known else names.index("A") if "A" in names else -1
+        stated = alpha < len(names)  # OpenImageIO gives the alpha of GIF files as the fifth of four channels
+        alpha = alpha if stated else names.index("A") if "A" in names else -1
         alpha = alpha if alpha < 4 else -1
         return Channels(tuple(k for k in range(min(len(names), 4)) if k != alpha)[:3], alpha, None)
     ends = [name.rpartition(".")[2].lower() for name in names]
     layers: dict[str, list[int]] = {}
     for k, name in enumerate(names):
         layers.setdefault(name.rpartition(".")[0], []).append(k)
-    colored = [layer for layer, at in layers.items() if tuple(ends[k] for k in at[:3]) in _RGB]
+    colored = [layer for layer, places in layers.items() if tuple(ends[k] for k in places[:3]) in _RGB]
     colored.sort(key=lambda layer: layer.rpartition(".")[2].lower() not in _MAIN_LAYERS)
-    grey = [layer for layer, at in layers.items() if ends[at[0]] == "y"]
+    grey = [layer for layer, places in layers.items() if ends[places[0]] == "y"]
     plain = ends[layers[""][0]] in ("r", "red", "y") if "" in layers else False
-    free = [layer for layer, at in layers.items() if any(ends[k] not in _ALPHA for k in at)]
+    free = [layer for layer, places in layers.items() if any(ends[k] not in _ALPHA for k in places)]
     layer = "" if plain else (colored or grey or free or list(layers))[0]
-    at = [k for k in layers[layer] if ends[k] not in _ALPHA]
+    chosen = [k for k in layers[layer] if ends[k] not in _ALPHA]
     if plain or layer in colored:
-        at = [k for k in at if ends[k] in (*_RGB[0], *_RGB[1])] or at[:1]
+        chosen = [k for k in chosen if ends[k] in (*_RGB[0], *_RGB[1])] or chosen[:1]
     elif layer in grey:
-        at = at[:1]
+        chosen = chosen[:1]
     alpha_channel = next((k for k in layers[layer] if ends[k] in _ALPHA), -1)
-    return Channels(tuple(at[:3]), alpha_channel, None if plain else tuple(names[k] for k in at[:3]))
+    return Channels(tuple(chosen[:3]), alpha_channel, None if plain else tuple(names[k] for k in chosen[:3]))
 
 
 def _used_as(names: tuple[str, ...], use: Use) -> str:
@@ -107,11 +107,11 @@ def _used_as(names: tuple[str, ...], use: Use) -> str:
 
 
 def faults(
-    picture: Any, stand_in: tuple[str, ...] | None, left: list[str], path: str, name: str, use: Use = DRAWN, is_srgb: bool = True
+    picture: Any, stand_in: tuple[str, ...] | None, unused: list[str], path: str, name: str, use: Use = DRAWN, is_srgb: bool = True
 ) -> Iterator[tuple[str, str]]:  # fmt: skip
     """(message, hint) of all that an open picture lacks, or has and is not used. Smaller copies (MIP maps, thumbnails) are not meant.
 
-    `stand_in` are the channels in place of R, G and B, as in Channels; `left` are those whose loss is told; `is_srgb`: integers are read as
+    `stand_in` are the channels in place of R, G and B, as in Channels. A warning names those in `unused`. `is_srgb`: integers are read as
     sRGB.
     """
     kind, spec = picture.format_name(), picture.spec()
@@ -122,14 +122,14 @@ def faults(
         hint = f"name the channels to {use.infinitive} R, G and B"
         yield f"the picture `{name}` has no channels R, G and B: {_used_as(stand_in, use)}", hint
     unread = []
-    if left:
-        listed = ", ".join(f"`{channel}`" for channel in left[:8]) + (f" and {len(left) - 8} more" if len(left) > 8 else "")
-        unread.append(f"the channel{'s' * (len(left) > 1)} {listed}")
+    if unused:
+        listed = ", ".join(f"`{channel}`" for channel in unused[:8]) + (f" and {len(unused) - 8} more" if len(unused) > 8 else "")
+        unread.append(f"the channel{'s' * (len(unused) > 1)} {listed}")
     parts, another = _count_parts(picture, path, kind), f"to {use.infinitive} another, write it to a file of its own"
     if parts > 1 and kind == "openexr":
         unread.append(f"{parts - 1} further part{'s' * (parts > 2)}")
     if unread:
-        are = "are" if len(left) > 1 or len(unread) > 1 or parts > 2 else "is"
+        are = "are" if len(unused) > 1 or len(unread) > 1 or parts > 2 else "is"
         others = f"to {use.infinitive} them, write them to files of their own"
         yield f"of the picture `{name}`, {' and '.join(unread)} {are} not {use.done}", others
     if parts > 1 and kind != "openexr":
@@ -155,24 +155,24 @@ def _color_space(spec: Any, path: str, kind: str) -> str:
     head = read_bytes(path).partition(b"IDAT")[0]
     if b"sRGB" in head:
         return ""
-    if at := head.find(b"gAMA") + 1:
-        gamma = int.from_bytes(head[at + 3 : at + 7], "big") / 100_000
+    if offset := head.find(b"gAMA") + 1:
+        gamma = int.from_bytes(head[offset + 3 : offset + 7], "big") / 100_000
         if gamma > 0 and abs(gamma * 2.2 - 1) > _SLACK:
             return f"its gamma of {1 / gamma:.3g}"
-    if at := head.find(b"cHRM") + 1:
-        places = [int.from_bytes(head[k : k + 4], "big") / 100_000 for k in range(at + 3, at + 35, 4)]
-        if max(abs(one - other) for one, other in zip(places, _SRGB_PLACES, strict=True)) > _SLACK:
+    if offset := head.find(b"cHRM") + 1:
+        places = [int.from_bytes(head[k : k + 4], "big") / 100_000 for k in range(offset + 3, offset + 35, 4)]
+        if max(abs(place - expected) for place, expected in zip(places, _SRGB_PLACES, strict=True)) > _SLACK:
             return "its primaries"
     return ""
 
 
 def _is_cut_off(data: bytes) -> bool:
     """Whether a JPEG ends without the marker of its end."""
-    at = 2
-    while found := _JPEG_SEGMENT.search(data, at):
-        if data[found.end() - 1] == _JPEG_END:
+    offset = 2
+    while segment := _JPEG_SEGMENT.search(data, offset):
+        if data[segment.end() - 1] == _JPEG_END:
             return False
-        at = found.end() + int.from_bytes(data[found.end() : found.end() + 2], "big")
+        offset = segment.end() + int.from_bytes(data[segment.end() : segment.end() + 2], "big")
     return True
 
 

@@ -106,10 +106,10 @@ def replace_file(path: Path, data: bytes) -> None:
         partial.write_bytes(data)
 
 
-def check_replaceable(path: Path, kept: Iterable[Path] = ()) -> None:
+def check_replaceable(path: Path, inputs: Iterable[Path] = ()) -> None:
     """Raise OSError with a full sentence if no file may be written at `path`.
 
-    A link, a folder, a device, a pipe, a socket or one of `kept`, the files that are read, stands there.
+    A link, a folder, a device, a pipe, a socket or one of `inputs`, the files that are read, stands there.
     """
     name = as_utf8(str(path))
     try:
@@ -126,7 +126,7 @@ def check_replaceable(path: Path, kept: Iterable[Path] = ()) -> None:
         raise IsADirectoryError(f"{name} is a folder")
     if not stat.S_ISREG(mode):
         raise OSError(f"{name} is a device, a pipe or a socket: choose the name of a file")
-    if read := next((file for file in kept if os.path.realpath(file) == target), None):
+    if read := next((file for file in inputs if os.path.realpath(file) == target), None):
         raise OSError(f"{name} would replace {as_utf8(str(read))}, which is read: choose another name")
 
 
@@ -147,8 +147,8 @@ def remove_abandoned(folder: Path) -> None:
     """Remove temporary files of processes of this host that have ended."""
     try:
         with os.scandir(folder) as entries:
-            found = [entry for entry in entries if entry.name.startswith(f"{PREFIX}{_host()}-")]
-        for entry in found:
+            abandoned = [entry for entry in entries if entry.name.startswith(f"{PREFIX}{_host()}-")]
+        for entry in abandoned:
             process = entry.name.removeprefix(f"{PREFIX}{_host()}-").partition("-")[0]
             if process.isdecimal() and not _is_alive(int(process)) and time.time() - entry.stat().st_mtime > ABANDONED:
                 os.unlink(entry.path)

@@ -30,11 +30,11 @@ class SceneReader:
             return self._library(path)
         folder = Path(importer).parent
         try:
-            found, text = self.files.text(path, folder, "scene")
+            file, text = self.files.text(path, folder, "scene")
         except FileError as failure:
             raise ReadError(failure.message, failure.hint) from None
         beside = os.path.dirname(self._shown.get(importer, importer))
-        return self._source(os.path.normpath(os.path.join(beside, path)), found, text)
+        return self._source(os.path.normpath(os.path.join(beside, path)), file, text)
 
     def folder(self, shown: str) -> Path | None:
         """The folder for relative names in a source; None for an unknown source."""

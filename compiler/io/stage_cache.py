@@ -38,7 +38,7 @@ class StageCache:
             yield
             self._kept = {key: value for key, value in self._kept.items() if key in self._used}
             arrays = {id(array) for value in self._kept.values() for array in _arrays(value)}
-            self._digests = {key: known for key, known in self._digests.items() if key in arrays}
+            self._digests = {key: entry for key, entry in self._digests.items() if key in arrays}
         finally:
             _current.reset(token)
 
@@ -49,19 +49,19 @@ class StageCache:
         if key in self._kept:
             self.reused[stage] += 1
             return self._kept[key]
-        made = make()
+        result = make()
         self.made[stage] += 1
-        for array in _arrays(made):
+        for array in _arrays(result):
             array.flags.writeable = False
             if array.flags.c_contiguous:
                 self._digests[id(array)] = array, _hash(array)
-        self._kept[key] = made
-        return made
+        self._kept[key] = result
+        return result
 
     def known(self, array: np.ndarray) -> bytes | None:
         """The digest of an array of a result."""
-        known = self._digests.get(id(array))
-        return known[1] if known is not None and known[0] is array else None
+        entry = self._digests.get(id(array))
+        return entry[1] if entry is not None and entry[0] is array else None
 
 
 def is_active() -> bool:
@@ -78,17 +78,17 @@ def cached(stage: str, inputs: tuple[Any, ...], make: Callable[[], T]) -> T:
     return make() if cache is None else cache.get(stage, inputs, make)
 
 
-def cached_read(stage: str, inputs: tuple[Any, ...], found: Diagnostics, read: Callable[[Diagnostics], T]) -> T:
+def cached_read(stage: str, inputs: tuple[Any, ...], diagnostics: Diagnostics, read: Callable[[Diagnostics], T]) -> T:
     """Like `cached`, for a reader that adds diagnostics: a result that is taken again adds those of its first time."""
 
     def make() -> tuple[T, list[Any]]:
-        own = Diagnostics()
-        return read(own), own.items
+        messages = Diagnostics()
+        return read(messages), messages.items
 
     if _current.get() is None:
-        return read(found)
+        return read(diagnostics)
     result, items = cached(stage, inputs, make)
-    found.items.extend(items)
+    diagnostics.items.extend(items)
     return result
 
 

@@ -61,10 +61,10 @@ TABLES: dict[str, type] = {
 
 def is_in(column: np.ndarray, kinds: Iterable[int]) -> np.ndarray:
     """Whether each number of a column is one of a few kinds; several times as fast as np.isin."""
-    found = np.zeros(np.shape(column), bool)
+    matches = np.zeros(np.shape(column), bool)
     for kind in kinds:
-        found |= column == kind
-    return found
+        matches |= column == kind
+    return matches
 
 
 @cache
@@ -93,19 +93,20 @@ def _empty(table: str) -> Any:
 
 
 def _fill(table: str, columns: Mapping[str, Any]) -> Any:
-    made = {}
+    filled = {}
     for column in TABLES[table]._fields:  # type: ignore[attr-defined]
         dtype, shape = column_type(table, column)
         array = np.ascontiguousarray(np.asarray(columns.get(column, ()), dtype=dtype).reshape((-1, *shape)))
         array = array.view()
         array.flags.writeable = False
-        made[column] = array
-    return TABLES[table](**made)
+        filled[column] = array
+    return TABLES[table](**filled)
 
 
 def empty_tables() -> Tables:
     """Tables without rows, except the identity transform."""
     identity = np.eye(3, 4)[None]
-    made = {name: table_of(name, {}) for name in TABLES}
-    made["transforms"] = table_of("transforms", {"matrix": identity, "inverse": identity, "flips": [False], "first_key": [-1], "keys": [0]})
-    return Tables(**made)
+    tables = {name: table_of(name, {}) for name in TABLES}
+    row = {"matrix": identity, "inverse": identity, "flips": [False], "first_key": [-1], "keys": [0]}
+    tables["transforms"] = table_of("transforms", row)
+    return Tables(**tables)

@@ -29,7 +29,7 @@ class Body(NamedTuple):
 
     def changed(self, field: Field, bounds: np.ndarray, change: Callable[[Builder, Point], Point] | None = None) -> Body:
         """This body with another field, and its materials where `change` leads to their frame."""
-        return Body(field, bounds, looks=self.looks.at(change) if change else self.looks)
+        return Body(field, bounds, looks=self.looks.mapped(change) if change else self.looks)
 
 
 class Refused(Exception):

@@ -94,7 +94,7 @@ def settings(lowering: Context, render: Element | None, cameras: tuple[Element, 
     if render is None:
         return ir.Settings(view=view, white=white)
     args = render.args
-    lowering.builder.asked(render.place)
+    lowering.builder.settings_at(render.place)
     if args["size"] is not None and max(args["size"]) > MAX_SIDE:
         width, height = args["size"]
         lowering.error(render, f"a picture of {width} by {height} pixels is too big", f"at most {MAX_SIDE} each way")
@@ -104,12 +104,12 @@ def settings(lowering: Context, render: Element | None, cameras: tuple[Element, 
 
 
 def _crop(lowering: Context, render: Element) -> tuple[int, int, int, int] | None:
-    given = render.args["crop"]
-    if given is None:
+    limits = render.args["crop"]
+    if limits is None:
         return None
-    if len(given) != 4 or any(value != int(value) for value in given):
+    if len(limits) != 4 or any(value != int(value) for value in limits):
         return lowering.error(render, "a crop is the four whole numbers x0, y0, x1, y1", "pixels, from the top left")
-    x0, y0, x1, y1 = map(int, given)
+    x0, y0, x1, y1 = map(int, limits)
     width, height = render.args["size"] or (math.inf, math.inf)
     if not (0 <= x0 < x1 <= width and 0 <= y0 < y1 <= height):
         inside = f" of {width} by {height} pixels" if render.args["size"] else ""
@@ -118,9 +118,9 @@ def _crop(lowering: Context, render: Element) -> tuple[int, int, int, int] | Non
 
 
 def _aov(lowering: Context, render: Element) -> tuple[str, ...] | None:
-    given = render.args["aov"]
-    for name in given or ():
+    channel_names = render.args["aov"]
+    for name in channel_names or ():
         if not channels.is_channel(name):
             hint = suggest(name, CHANNELS) or f"there are {', '.join(CHANNELS)}"
             return lowering.error(render, f"no channel is called `{name}`", hint)
-    return tuple(given) if given else None
+    return tuple(channel_names) if channel_names else None

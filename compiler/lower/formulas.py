@@ -32,10 +32,10 @@ def implicit(lowering: Context, element: Element) -> list[Piece]:
         return lowering.refuse(element, str(unfit), unfit.hint)
     unit = formula.unit
     cut = None if within is None else np.array(within[:2]) / unit
-    known = None if sheet or (within is not None and within[2][3] > 0) else _known(tape, cut)
-    if known is not None:
+    frame = None if sheet or (within is not None and within[2][3] > 0) else _ellipsoid_frame(tape, cut)
+    if frame is not None:
         row = lowering.builder.geometry(ir.GeometryKind.SPHERE, (1.0,), element.place)
-        return [Piece(row, transforms.scaling((unit,) * 3) @ known)]
+        return [Piece(row, transforms.scaling((unit,) * 3) @ frame)]
     bounds = bounding_box.find_bounds(sheet_field(tape) if sheet else tape) if cut is None else cut
     if bounds is None:
         hint = "write within: and how far from the origin it is to be drawn, like within: 2"
@@ -93,7 +93,7 @@ def implicit_piece(lowering: Context, element: Element, tape: Tape, bounds: np.n
     return [Piece(lowering.builder.formula(tape, bounds, parameters, element.place), transforms.identity())]
 
 
-def _known(tape: Tape, bounds: np.ndarray | None) -> np.ndarray | None:
+def _ellipsoid_frame(tape: Tape, bounds: np.ndarray | None) -> np.ndarray | None:
     """The transform from the unit ball to an ellipsoid that lies within its bounds; else None."""
     matrix = quadric_recognition.ellipsoid(tape)
     if matrix is None:

@@ -43,25 +43,25 @@ def heightfield(lowering: Context, element: Element) -> list[Piece]:
         half = 0.5 * np.array(size)
         low, high = np.array([-half[0], lowest if base is None else -base, -half[1]]), np.array([half[0], heights.max(), half[1]])
         return [Piece(lowering.builder.mesh(built_geometry.box(low, high), element.place), transforms.identity())]
-    made = height_grids.surface(heights, size) if base is None else height_grids.solid(heights, size, base)
-    return [Piece(lowering.builder.mesh(made, element.place), transforms.identity())]
+    mesh = height_grids.surface(heights, size) if base is None else height_grids.solid(heights, size, base)
+    return [Piece(lowering.builder.mesh(mesh, element.place), transforms.identity())]
 
 
 def _heights(lowering: Context, element: Element) -> np.ndarray:
     """(rows, columns) heights in metres, both 2 or more. Raises _Unfit."""
-    given = element.args["heights"]
+    heights = element.args["heights"]
     wanted = {"height": str, "steps": Formula}
     for name, kind in wanted.items():
-        if name in element.given and not isinstance(given, kind):
+        if name in element.given and not isinstance(heights, kind):
             what = "a picture" if kind is str else "a formula"
-            raise _Unfit(f"`{name}` is for {what}: these heights are {_name(given)}", f"leave out `{name}`")
-    if isinstance(given, str):
-        return element.args["height"] * _of_picture(lowering, element, given)
-    return _of_formula(element, given) if isinstance(given, Formula) else _of_rows(given)
+            raise _Unfit(f"`{name}` is for {what}: these heights are {_name(heights)}", f"leave out `{name}`")
+    if isinstance(heights, str):
+        return element.args["height"] * _of_picture(lowering, element, heights)
+    return _of_formula(element, heights) if isinstance(heights, Formula) else _of_rows(heights)
 
 
-def _name(given: object) -> str:
-    return "a picture" if isinstance(given, str) else "a formula" if isinstance(given, Formula) else "lengths"
+def _name(heights: object) -> str:
+    return "a picture" if isinstance(heights, str) else "a formula" if isinstance(heights, Formula) else "lengths"
 
 
 def _of_picture(lowering: Context, element: Element, name: str) -> np.ndarray:
@@ -113,8 +113,8 @@ def _of_formula(element: Element, formula: Formula) -> np.ndarray:
 
 def _of_rows(rows: tuple[tuple[float, ...], ...]) -> np.ndarray:
     if len(rows) < 2 or len(rows[0]) < 2:
-        found = f"{len(rows)} row{'s' * (len(rows) != 1)}" + (f" of {len(rows[0])}" if rows else "")
-        raise _Unfit(f"heights are two rows of two or more, got {found}", "write [[0, 1], [1, 0]]")
+        shape = f"{len(rows)} row{'s' * (len(rows) != 1)}" + (f" of {len(rows[0])}" if rows else "")
+        raise _Unfit(f"heights are two rows of two or more, got {shape}", "write [[0, 1], [1, 0]]")
     for number, row in enumerate(rows, 1):
         if len(row) != len(rows[0]):
             raise _Unfit(f"row {number} has {len(row)} heights, and the first has {len(rows[0])}", "give every row as many")

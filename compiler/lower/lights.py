@@ -101,19 +101,19 @@ def _common(lowering: Context, element: Element) -> dict[str, Any]:
 
 def _links(lowering: Context, element: Element) -> link_sets.Links | None:
     """The objects that a light lights, and those that cast its shadows, by their names; None for all."""
-    given = [element.args.get(name) for name in ("receivers", "blockers")]
-    if given == [None, None]:
+    patterns = [element.args.get(name) for name in ("receivers", "blockers")]
+    if patterns == [None, None]:
         return None
     diagnostics, place = lowering.builder.diagnostics, element.place
-    return link_sets.Links(*(None if names is None else link_sets.by_names(names, diagnostics, place) for names in given))
+    return link_sets.Links(*(None if names is None else link_sets.by_names(names, diagnostics, place) for names in patterns))
 
 
 def _falloff(element: Element) -> dict[str, Any]:
-    given = element.args.get("falloff")
-    if given is None:
+    falloff = element.args.get("falloff")
+    if falloff is None:
         return {}
-    kind = ir.FalloffKind.RAMP if given.kind == "ramp" else ir.FalloffKind.POLYNOMIAL
-    return {"falloff": kind, "coefficients": given.coefficients}
+    kind = ir.FalloffKind.RAMP if falloff.kind == "ramp" else ir.FalloffKind.POLYNOMIAL
+    return {"falloff": kind, "coefficients": falloff.coefficients}
 
 
 def add_area_light(
@@ -146,12 +146,12 @@ def rigid(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
     normal /= np.linalg.norm(normal)
     normal = normal if normal @ y > 0 else -normal
     z = columns[:, 2] / scale[2]
-    made = np.eye(4)
-    made[:3, 1], made[:3, 2] = normal, z
-    made[:3, 0] = np.cross(normal, z)
-    made[:3, 3] = matrix[:3, 3]
+    frame = np.eye(4)
+    frame[:3, 1], frame[:3, 2] = normal, z
+    frame[:3, 0] = np.cross(normal, z)
+    frame[:3, 3] = matrix[:3, 3]
     even = abs(float(columns[:, 0] @ columns[:, 2])) <= EVEN * scale[0] * scale[2]
-    return made, scale, even
+    return frame, scale, even
 
 
 def _tuple(v: Sequence[float]) -> Color:

@@ -81,15 +81,15 @@ class Lowering:
     # --- Context ---
 
     def error(self, element: Element, message: str, hint: str = "") -> None:
-        self.builder.diagnostics.error(*_told(element, message, hint))
+        self.builder.diagnostics.error(*_located(element, message, hint))
 
     def warn(self, element: Element, message: str, hint: str = "") -> None:
-        self.builder.diagnostics.warning(*_told(element, message, hint))
+        self.builder.diagnostics.warning(*_located(element, message, hint))
 
     @property
     def tolerance(self) -> float | None:
-        asked = self.builder.deviation
-        return None if asked is None else asked / max(self._scale, 1e-300)
+        deviation = self.builder.deviation
+        return None if deviation is None else deviation / max(self._scale, 1e-300)
 
     @contextmanager
     def scaled(self, matrix: np.ndarray) -> Iterator[None]:
@@ -257,9 +257,9 @@ class Lowering:
         items = self.builder.diagnostics.items
         count = len(items)
         yield
-        for i, told in enumerate(items[count:], count):
-            if told.span is not None and element.place is not None and told.span.file != element.place.file:
-                items[i] = replace(told, trace=(*told.trace, (element.kind, element.place)))
+        for i, diagnostic in enumerate(items[count:], count):
+            if diagnostic.span is not None and element.place is not None and diagnostic.span.file != element.place.file:
+                items[i] = replace(diagnostic, trace=(*diagnostic.trace, (element.kind, element.place)))
 
     def _shown(self, path: Path) -> str:
         """A file's name in messages: relative to the scene's folder if possible."""
@@ -326,7 +326,7 @@ _BLOCKS: dict[str, Callable[[Element], Frame]] = {
 }
 
 
-def _told(element: Element, message: str, hint: str) -> tuple[str, Span, str, tuple[tuple[str, Span], ...]]:
+def _located(element: Element, message: str, hint: str) -> tuple[str, Span, str, tuple[tuple[str, Span], ...]]:
     """(message, place, hint, trace) about an element. For one of the library: at the call from outside, and where the element is."""
     if element.place is element.span:
         return message, element.span, hint, element.trace

@@ -71,16 +71,16 @@ class Materials:
             if args.get(texture) is not None and args.get("shading") == "gouraud":
                 message = f"a `{texture}` turns no normals where light is computed at vertices"
                 self._lowering.error(element, message, 'leave out `shading: "gouraud"`')
-        found = {}
+        inputs = {}
         if args.get("normal_map") is not None:
             strength = 1.0 if args["normal_strength"] is None else args["normal_strength"]
             row = self.texture(args["normal_map"], color=True, directions=True)
-            found[Slot.NORMAL] = Input((strength, strength, 1.0), row) if row >= 0 else Input(BLACK)
+            inputs[Slot.NORMAL] = Input((strength, strength, 1.0), row) if row >= 0 else Input(BLACK)
         if args.get("bump_map") is not None:
             row = self.texture(args["bump_map"], color=False)
             height = 0.01 if args["bump_height"] is None else args["bump_height"]
-            found[Slot.BUMP] = Input.number(height, row) if row >= 0 else Input(BLACK)
-        return found
+            inputs[Slot.BUMP] = Input.number(height, row) if row >= 0 else Input(BLACK)
+        return inputs
 
     def _opacity(self, value: Any) -> Input:
         if isinstance(value, Element) and value.kind == "image":

@@ -70,21 +70,21 @@ def products(outer: Sequence[Frame], inner: Sequence[Frame]) -> np.ndarray:
     if len(turned) == len(outer):
         return products[:, :3]
     moved = sorted(set(range(len(outer))).difference(turned))
-    made = np.zeros((len(outer), 3, 4))
-    made[:, (0, 1, 2), (0, 1, 2)] = 1.0
-    made[moved, :, 3] = np.array([outer[k] for k in moved]) + np.array([inner[k] for k in moved])
-    made[turned] = products[:, :3]
-    return made
+    composed = np.zeros((len(outer), 3, 4))
+    composed[:, (0, 1, 2), (0, 1, 2)] = 1.0
+    composed[moved, :, 3] = np.array([outer[k] for k in moved]) + np.array([inner[k] for k in moved])
+    composed[turned] = products[:, :3]
+    return composed
 
 
 def _stacked(frames: Sequence[Frame]) -> np.ndarray:
     """(n, 4, 4) matrices of frames."""
-    made = np.zeros((len(frames), 4, 4))
-    made[:] = np.eye(4)
+    matrices = np.zeros((len(frames), 4, 4))
+    matrices[:] = np.eye(4)
     moved = [k for k, frame in enumerate(frames) if type(frame) is tuple]
     if moved:
-        made[moved, :3, 3] = np.array([frames[k] for k in moved])
+        matrices[moved, :3, 3] = np.array([frames[k] for k in moved])
     for k, frame in enumerate(frames):
         if type(frame) is not tuple:
-            made[k] = frame
-    return made
+            matrices[k] = frame
+    return matrices

@@ -26,8 +26,8 @@ def pieces(lowering: Context, element: Element) -> list[Piece]:
     """The geometries of a shape; nothing, after a diagnostic, if it is impossible."""
     if element.kind not in _GENERATED:
         return _pieces(lowering, element)
-    own = (item for item in element.args.items() if item[0] not in _NOT_ITS_FORM)
-    key = element.kind, element.place.file, tuple(own), lowering.tolerance
+    form = (item for item in element.args.items() if item[0] not in _NOT_ITS_FORM)
+    key = element.kind, element.place.file, tuple(form), lowering.tolerance
     if not lowering.generated.get(key):
         lowering.generated[key] = _pieces(lowering, element)
     return lowering.generated[key]
@@ -159,34 +159,34 @@ def _written_mesh(lowering: Context, element: Element) -> list[Piece]:
     indices = np.array([vertex for face in args["faces"] for vertex in face], dtype=np.int64)
     mesh = polygon_mesh.PolyMesh(points, counts, indices, _vertex(args["normals"]), _vertex(args["uv"]), _vertex(args["colors"]))
     if args["repair"]:
-        mesh, _, said = repair.repaired(mesh)
-        said.tell("the mesh", lowering.builder.diagnostics, element.place)
+        mesh, _, repairs = repair.repaired(mesh)
+        repairs.tell("the mesh", lowering.builder.diagnostics, element.place)
     data, dropped = polygon_mesh.assemble(mesh)
     if dropped:
         lowering.warn(element, f"{dropped} of the mesh's {len(counts)} faces {'has' if dropped == 1 else 'have'} no area and are left out")
     return [Piece(lowering.builder.mesh(data, element.place), transforms.identity())]
 
 
-def _with_materials(lowering: Context, element: Element, made: list[Piece]) -> list[Piece]:
+def _with_materials(lowering: Context, element: Element, pieces: list[Piece]) -> list[Piece]:
     """The pieces of a file with the materials of the argument `materials` in place of the file's."""
-    if element.args["materials"] is None or not made:
-        return made
+    if element.args["materials"] is None or not pieces:
+        return pieces
     if element.args["file"] is None:
         return lowering.refuse(element, "`materials` replaces those of a file, and this mesh has none", "write material: for its own")
     replaced = Replacements(lowering.material_rows(element))
-    rows = [replaced.row(piece.material_name) if piece.material_name else NONE for piece in made]
+    rows = [replaced.row(piece.material_name) if piece.material_name else NONE for piece in pieces]
     for message, hint in replaced.unused():
         lowering.error(element, message, hint)
-    return [piece if row == NONE else replace(piece, material=row, chosen=True) for piece, row in zip(made, rows, strict=True)]
+    return [piece if row == NONE else replace(piece, material=row, chosen=True) for piece, row in zip(pieces, rows, strict=True)]
 
 
-def _to_height(lowering: Context, element: Element, made: list[Piece]) -> list[Piece]:
+def _to_height(lowering: Context, element: Element, pieces: list[Piece]) -> list[Piece]:
     """Scaled evenly to `height` as it is rotated, the base at y = 0, the middle at x = z = 0."""
-    placed = [fit_height.Placed(piece.geometry, piece.matrix[None]) for piece in made]
+    placed = [fit_height.Placed(piece.geometry, piece.matrix[None]) for piece in pieces]
     fitted = fit_height.fitted(lowering.builder, placed, element.args["height"], rotation_of(element))
     if fitted is None:
         return lowering.refuse(element, "the mesh is flat: it has no height that could be scaled", "use scale instead of height")
-    return [replace(piece, matrix=fitted @ piece.matrix) for piece in made]
+    return [replace(piece, matrix=fitted @ piece.matrix) for piece in pieces]
 
 
 def _vertex(values: Any) -> MeshAttribute | None:

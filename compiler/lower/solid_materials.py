@@ -29,13 +29,13 @@ class Looks(NamedTuple):
     materials: tuple[Element | None, ...]
     shares: Callable[[Builder, Point], list[int]]
 
-    def at(self, change: Callable[[Builder, Point], Point]) -> Looks:
+    def mapped(self, change: Callable[[Builder, Point], Point]) -> Looks:
         """These materials where `change` leads to their frame."""
         return self if len(self.materials) == 1 else Looks(self.materials, lambda b, point: self.shares(b, change(b, point)))
 
     def within(self, material: Element | None) -> Looks:
         """These materials in a solid of a material."""
-        return Looks(tuple(own or material for own in self.materials), self.shares)
+        return Looks(tuple(look or material for look in self.materials), self.shares)
 
 
 def only(material: Element | None) -> Looks:
@@ -57,19 +57,19 @@ def nearest(parts: Sequence[tuple[Looks, Field]], size: float, over: float = 0.0
             same.append(field)
 
     def shares(b: Builder, point: Point) -> list[int]:
-        least, found = -1, [b.constant(0.0)] * len(materials)
+        least, totals = -1, [b.constant(0.0)] * len(materials)
         for k, (looks, fields) in enumerate(groups):
             mine = dict(zip(map(id, looks.materials), looks.shares(b, point), strict=True))
-            own = [mine.get(id(material), b.constant(0.0)) for material in materials]
+            weights = [mine.get(id(material), b.constant(0.0)) for material in materials]
             field = b.reduce(Op.MIN, [make(b, point) for make in fields])
             if k:
                 later = b.subtract(least, field)
-                found = [_mixed(b, later, over, EQUAL * size, *pair) for pair in zip(found, own, strict=True)]
+                totals = [_mixed(b, later, over, EQUAL * size, *pair) for pair in zip(totals, weights, strict=True)]
                 field = b.op(Op.MIN, least, field)
             else:
-                found = own
+                totals = weights
             least = field
-        return found
+        return totals
 
     return Looks(materials, shares)
 
@@ -91,24 +91,24 @@ def interpolated(parts: Sequence[Looks], weights: Sequence[float]) -> Looks:
         return only(materials[0])
 
     def shares(b: Builder, point: Point) -> list[int]:
-        given = [dict(zip(map(id, looks.materials), looks.shares(b, point), strict=True)) for looks in parts]
+        shares_of = [dict(zip(map(id, looks.materials), looks.shares(b, point), strict=True)) for looks in parts]
         return [
-            b.linear([(weight, mine[id(material)]) for weight, mine in zip(weights, given, strict=True) if id(material) in mine])
+            b.linear([(weight, mine[id(material)]) for weight, mine in zip(weights, shares_of, strict=True) if id(material) in mine])
             for material in materials
         ]
 
     return Looks(materials, shares)
 
 
-def row(lowering: Context, element: Element, looks: Looks, own: int) -> int:
-    """The row of the material of a solid, whose own one is row `own`, or -1."""
+def row(lowering: Context, element: Element, looks: Looks, default: int) -> int:
+    """The row of the material of a solid, whose own one is row `default`, or -1."""
     if len(looks.materials) > 1:
         _refuse_what_blends_lack(lowering, looks)
     builder = Builder()
     by_row: dict[int, list[int]] = {}
     for material, share in zip(looks.materials, looks.shares(builder, (X, Y, Z)), strict=True):
-        found = own if material is None else lowering.materials.row(material)
-        by_row.setdefault(lowering.builder.default_material() if found < 0 else found, []).append(share)
+        material_row = default if material is None else lowering.materials.row(material)
+        by_row.setdefault(lowering.builder.default_material() if material_row < 0 else material_row, []).append(share)
     (mixed, first), *others = [(number, functools.reduce(builder.add, shares)) for number, shares in by_row.items()]
     for number, share in others:
         first = builder.add(first, share)
@@ -117,7 +117,7 @@ def row(lowering: Context, element: Element, looks: Looks, own: int) -> int:
         if len(tape.code) > MOST_PATTERN:
             message = f"the parts of this solid take {len(tape.code)} operations to tell apart: {MOST_PATTERN} at the most"
             lowering.error(element, message, "give one material to the solid, or draw some parts beside it")
-            return own
+            return default
         texture = lowering.builder.texture(
             TextureData(ir.TextureKind.FORMULA, tape=lowering.builder.tape(tape), channel=-1), element.place
         )

@@ -45,8 +45,8 @@ def solid(lowering: Context, element: Element) -> list[Piece]:
     if not np.isfinite(body.bounds).all():
         hint = "cut it by an intersection with a box or sphere"
         return lowering.refuse(element, f"this {element.kind} is endless", hint)
-    def mixed(own: int) -> int:
-        return solid_materials.row(lowering, element, body.looks, own)
+    def mixed(default: int) -> int:
+        return solid_materials.row(lowering, element, body.looks, default)
 
     if body.mesh is not None:
         mesh = built_geometry.box(*body.bounds) if built_geometry.is_left_out() else mesh_csg.mesh(body.mesh)
@@ -83,9 +83,9 @@ def _bodies(lowering: Context, element: Element, matrix: np.ndarray, material: E
 
 def _own_bodies(lowering: Context, element: Element, matrix: np.ndarray) -> list[Body]:
     """The bodies of a shape or solid."""
-    own = matrix @ transforms.place(*(element.args.get(name) for name in ("translate", "rotate", "scale")))
+    frame = matrix @ transforms.place(*(element.args.get(name) for name in ("translate", "rotate", "scale")))
     if element.kind in KINDS:
-        return [_body(lowering, element, own)]
+        return [_body(lowering, element, frame)]
     if not lowering.is_shape(element):
         lowering.error(element, f"`{element.kind}` cannot be a part of a solid", _NO_SOLIDS)
         raise Refused
@@ -94,19 +94,19 @@ def _own_bodies(lowering: Context, element: Element, matrix: np.ndarray) -> list
         raise Refused
     swept = sweeps.field(element)
     if swept is not None:
-        return [placed(Body(*swept, meshed=lambda _: _swept(lowering, element, own)), own)]
-    with lowering.scaled(own):
+        return [placed(Body(*swept, meshed=lambda _: _swept(lowering, element, frame)), frame)]
+    with lowering.scaled(frame):
         pieces = lowering.pieces(element)
     if not pieces:
         raise Refused
     if all(lowering.builder.shape(piece.geometry)[0] == ir.GeometryKind.MESH for piece in pieces):
-        return [placed(_mesh(lowering, element, pieces), own)]
-    return [_shape(lowering, element, piece, own @ piece.matrix) for piece in pieces]
+        return [placed(_mesh(lowering, element, pieces), frame)]
+    return [_shape(lowering, element, piece, frame @ piece.matrix) for piece in pieces]
 
 
-def _swept(lowering: Context, element: Element, own: np.ndarray) -> Solid:
-    """The mesh of a swept shape, in its own frame, for a tolerance in that around `own`."""
-    with lowering.scaled(own):
+def _swept(lowering: Context, element: Element, frame: np.ndarray) -> Solid:
+    """The mesh of a swept shape, in its own frame, for a tolerance in that around `frame`."""
+    with lowering.scaled(frame):
         solid = _mesh(lowering, element, lowering.pieces(element)).mesh
     assert solid is not None
     return solid
@@ -174,8 +174,8 @@ def _shape(lowering: Context, element: Element, piece: Piece, matrix: np.ndarray
 
 def _wrong_behind(lowering: Context, element: Element) -> bool:
     """Whether an error follows this element's name: it may have removed children."""
-    span, found = element.place, lowering.builder.diagnostics.items
-    return span is not None and any(d.severity == "error" and d.span is not None and d.span > span for d in found)
+    span, items = element.place, lowering.builder.diagnostics.items
+    return span is not None and any(d.severity == "error" and d.span is not None and d.span > span for d in items)
 
 
 def _combined(bounds_of: Callable[[list[np.ndarray], float], np.ndarray]) -> Callable[[Context, Element, list[Body]], Body]:
@@ -282,8 +282,8 @@ def _triangles(lowering: Context, element: Element, body: Body, beside: list[Bod
     if built_geometry.is_left_out():
         return mesh_csg.of_box(bounds)
     try:
-        asked = None if lowering.tolerance is None else tolerance
-        return mesh_csg.of_field(builder.finish(field), np.stack([bounds[0] - margin, bounds[1] + margin]), asked)
+        deviation = None if lowering.tolerance is None else tolerance
+        return mesh_csg.of_field(builder.finish(field), np.stack([bounds[0] - margin, bounds[1] + margin]), deviation)
     except NoSolid as reason:
         lowering.error(element, f"a part of this {element.kind} is no solid: {reason}")
         raise Refused from None
@@ -296,15 +296,15 @@ def _shifted(b: Builder, middle: np.ndarray) -> Point:
 
 def _all(bounds: list[np.ndarray], radius: float) -> np.ndarray:
     """The union of bounds; a fillet may exceed it by the radius."""
-    whole = np.stack([np.min([b[0] for b in bounds], axis=0), np.max([b[1] for b in bounds], axis=0)])
-    return np.stack([whole[0] - radius, whole[1] + radius])
+    union = np.stack([np.min([b[0] for b in bounds], axis=0), np.max([b[1] for b in bounds], axis=0)])
+    return np.stack([union[0] - radius, union[1] + radius])
 
 
 def _common(bounds: list[np.ndarray], radius: float) -> np.ndarray:
     return np.stack([np.max([b[0] for b in bounds], axis=0), np.min([b[1] for b in bounds], axis=0)])
 
 
-def _one(change: Callable[[Context, Element, Body], Body]) -> Callable[[Context, Element, list[Body]], Body]:
+def _on_union(change: Callable[[Context, Element, Body], Body]) -> Callable[[Context, Element, list[Body]], Body]:
     """An operator of one solid: several children are united first."""
     together = _combined(_all)
 
@@ -422,12 +422,12 @@ _COMBINED: dict[str, Callable[[Context, Element, list[Body]], Body]] = {
     "union": _combined(_all),
     "intersection": _combined(_common),
     "difference": _combined(lambda bounds, radius: bounds[0]),
-    "shell": _one(_shell),
-    "offset": _one(_offset),
-    "twist": _one(_twist),
-    "bend": _one(_bend),
-    "repeat": _one(_repeat),
-    "mirrored": _one(_mirror),
+    "shell": _on_union(_shell),
+    "offset": _on_union(_offset),
+    "twist": _on_union(_twist),
+    "bend": _on_union(_bend),
+    "repeat": _on_union(_repeat),
+    "mirrored": _on_union(_mirror),
     "morph": _morph,
 }
 KINDS = frozenset(_COMBINED)

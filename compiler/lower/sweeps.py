@@ -29,12 +29,12 @@ def revolve(lowering: Context, element: Element) -> list[Piece]:
         if radius < 0:
             place = f"point {number} of the profile, {profiles.show(np.array((radius, y)))}"
             return lowering.refuse(element, f"{place}, has a radius below 0", "write [radius, y]: a radius is 0 or more")
-    whole = args["angle"] >= WHOLE * 2 * math.pi
+    closed = args["angle"] >= WHOLE * 2 * math.pi
     try:
         profile = _revolved_profile(args["profile"], args["kind"], args["closed"], _half(lowering))
     except profiles.ProfileError as unfit:
         return lowering.refuse(element, str(unfit), unfit.hint)
-    angle = 2 * math.pi if whole else args["angle"]
+    angle = 2 * math.pi if closed else args["angle"]
     off = profiles.deviation(args["profile"], args["kind"], args["closed"], _half(lowering))
     off += swept.sagitta(float(profile[:, 0].max()), angle / swept.turns(profile, angle, _half(lowering)))
     return _piece(lowering, element, swept.revolve(profile, args["closed"], angle, _half(lowering)), off)
@@ -153,13 +153,13 @@ def curve(lowering: Context, element: Element) -> list[Piece]:
         sides = swept.sides(largest, tolerance)
         off = _off_tube(line[:1] if args["kind"] == "linear" else line, largest, sides)
         off += splines.deviation(control, args["kind"], closed, tolerance)
-        made = tubes.tube(line[:, :3], np.maximum(line[:, 3], 0.0), closed, args["caps"], sides)
+        mesh = tubes.tube(line[:, :3], np.maximum(line[:, 3], 0.0), closed, args["caps"], sides)
     except (splines.SplineError, tubes.TubeError) as unfit:
         return lowering.refuse(element, str(unfit), unfit.hint)
-    if made.fold is not None:
-        message = f"the tube folds into itself near {profiles.show(made.fold)}: its bend is tighter than its radius"
+    if mesh.fold is not None:
+        message = f"the tube folds into itself near {profiles.show(mesh.fold)}: its bend is tighter than its radius"
         lowering.warn(element, message, "a smaller radius, or a wider bend")
-    return _piece(lowering, element, made.mesh, off)
+    return _piece(lowering, element, mesh.mesh, off)
 
 
 def _off_tube(line: np.ndarray, radius: float, sides: int) -> float:

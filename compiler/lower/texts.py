@@ -83,9 +83,9 @@ def _upright(mesh: polygon_mesh.PolyMesh) -> polygon_mesh.PolyMesh:
 def _font_file(lowering: Context, element: Element) -> Path | None:
     """The file of a font, which a scene gives by name or as a file; None after a diagnostic."""
     name = element.args["font"]
-    known = {shipped.casefold(): file for shipped, file in fonts.SHIPPED.items()}
-    if name.casefold() in known:
-        return LIBRARY / "fonts" / known[name.casefold()]
+    shipped_files = {shipped.casefold(): file for shipped, file in fonts.SHIPPED.items()}
+    if name.casefold() in shipped_files:
+        return LIBRARY / "fonts" / shipped_files[name.casefold()]
     if not name.casefold().endswith(file_types.FONT):
         near = suggest(name, fonts.SHIPPED)
         listed = ", ".join(f'"{shipped}"' for shipped in fonts.SHIPPED)

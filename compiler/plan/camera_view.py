@@ -106,7 +106,7 @@ def _solid_around(tables: ir.Tables, camera: int, bounds: F64, is_whole: bool) -
         if others.any() or remaining < 0:
             continue
         points = [enclosed_lights.corners(tables, int(lamp)) for lamp in lamps]
-        if any(((at > low) & (at < high)).all(axis=1).any() for at in points):
+        if any(((point > low) & (point < high)).all(axis=1).any() for point in points):
             continue
         inverse = tables.transforms.inverse[instances.transform[row]]
         if enclosed_lights.inside(tables, int(instances.geometry[row]), (inverse[:, :3] @ eye + inverse[:, 3])[None])[0]:

@@ -23,9 +23,9 @@ CARRIERS = ("photons", "paths")
 
 def gains(tables: ir.Tables) -> np.ndarray:
     """(instances,) approximate reflectance of caustic casters: 1, less for highlights over a diffuse base; 0 for others."""
-    whole = (traits.sharp(tables) | traits.polished(tables))[tables.instances.material]
+    specular = (traits.sharp(tables) | traits.polished(tables))[tables.instances.material]
     part = traits.narrow_highlights(tables)[tables.instances.material]
-    return np.where(whole, 1.0, np.maximum(part, FAINT)) * gathering(tables)
+    return np.where(specular, 1.0, np.maximum(part, FAINT)) * gathering(tables)
 
 
 def bounding_spheres(tables: ir.Tables) -> tuple[np.ndarray, np.ndarray]:
@@ -48,12 +48,12 @@ def bounding_spheres(tables: ir.Tables) -> tuple[np.ndarray, np.ndarray]:
 def gathering(tables: ir.Tables) -> np.ndarray:
     """(instances,) bool: caustic casters, which reflect or refract light in narrow lobes."""
     seen = tables.instances.visible & ir.Visibility.REFLECTION != 0
-    whole = traits.sharp(tables) | traits.polished(tables)
-    found, narrow = whole[tables.instances.material], traits.narrow_highlights(tables) > 0.0
+    specular = traits.sharp(tables) | traits.polished(tables)
+    casters, narrow = specular[tables.instances.material], traits.narrow_highlights(tables) > 0.0
     if narrow.any():
         bounded = np.isfinite(bounding_spheres(tables)[1])  # photons cannot be aimed at unbounded shapes
-        found = found | (narrow[tables.instances.material] & bounded)
-    return found & seen
+        casters = casters | (narrow[tables.instances.material] & bounded)
+    return casters & seen
 
 
 def caustic_lights(tables: ir.Tables, all_sizes: bool = False) -> tuple[np.ndarray, np.ndarray]:
@@ -98,13 +98,13 @@ def enclosing(tables: ir.Tables, places: np.ndarray) -> np.ndarray:
     Paths find the bulb as seldom as they would find the lamp.
     """
     instances, clear = tables.instances, traits.clear(tables)
-    found = np.zeros(len(places), bool)
+    inside = np.zeros(len(places), bool)
     for row in np.flatnonzero(gathering(tables) & clear[instances.material]).tolist():
         inverse, bounds = tables.transforms.inverse[instances.transform[row]], tables.geometries.bounds[instances.geometry[row]]
         if np.isfinite(bounds).all():
             local = places @ inverse[:, :3].T + inverse[:, 3]
-            found |= ((local > bounds[0]) & (local < bounds[1])).all(axis=1)
-    return found
+            inside |= ((local > bounds[0]) & (local < bounds[1])).all(axis=1)
+    return inside
 
 
 def _fills(place: np.ndarray, size: float, centre: np.ndarray, radius: np.ndarray) -> float:
@@ -137,7 +137,7 @@ def carrier(tables: ir.Tables, transport: str, backend: str, moves: bool) -> tup
     spots = bright_spots(tables)
     count = int(small.sum() + shining.sum())
     if not count and spots is None:
-        possible = any(found.any() for found in caustic_lights(tables, all_sizes=True))
+        possible = any(lights.any() for lights in caustic_lights(tables, all_sizes=True))
         reason = "all lights are large as seen from caustic casters: paths hit them"
         return "paths", reason, CARRIERS if possible else chance
     lights = [] if count == 0 else ["1 small light"] if count == 1 else [f"{count} small lights"]

@@ -67,10 +67,10 @@ def _tell(scene: ir.Scene, diagnostics: Diagnostics, rows: tuple[int, int], axis
     diagnostics.warning(message, scene.spans.at("instances", second), "move one of them by a millimetre, or make a union of them")
 
 
-def _overlap(one: Face, other: Face) -> bool:
+def _overlap(first: Face, second: Face) -> bool:
     for k in (0, 1):
-        common = min(one.high[k], other.high[k]) - max(one.low[k], other.low[k])
-        if not common > LEAST * min(one.high[k] - one.low[k], other.high[k] - other.low[k]) and not math.isinf(common):
+        common = min(first.high[k], second.high[k]) - max(first.low[k], second.low[k])
+        if not common > LEAST * min(first.high[k] - first.low[k], second.high[k] - second.low[k]) and not math.isinf(common):
             return False
     return True
 

@@ -43,15 +43,15 @@ def find(tables: ir.Tables) -> Spots | None:
     height, width = bright.shape
     edges = np.cos(np.pi * np.arange(height + 1) / height)
     solid = (2.0 * np.pi / width) * (edges[:-1] - edges[1:])[:, None]
-    whole = float((bright * solid).sum())
-    above = bright > TIMES_MEAN * whole / (4.0 * np.pi)
+    total = float((bright * solid).sum())
+    above = bright > TIMES_MEAN * total / (4.0 * np.pi)
     if not above.any() or above.mean() > MOST:
         return None
     labels = _components(above)
     size = np.bincount(labels[above], np.broadcast_to(solid, above.shape)[above])
     light_of = np.bincount(labels[above], (bright * solid)[above])
-    chosen = (size > 0.0) & (size < WIDEST) & (light_of >= LEAST * whole)
-    if light_of[chosen].sum() < WORTH * whole:
+    chosen = (size > 0.0) & (size < WIDEST) & (light_of >= LEAST * total)
+    if light_of[chosen].sum() < WORTH * total:
         return None
     return Spots(light, int(chosen.sum()), _grown(above & chosen[labels]), bright, solid)
 
@@ -88,7 +88,7 @@ def _components(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
 def _grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Add the neighbors of a mask's cells, into which interpolation spreads their light."""
     wide = mask | np.roll(mask, 1, 1) | np.roll(mask, -1, 1)
-    found = wide.copy()
-    found[1:] |= wide[:-1]
-    found[:-1] |= wide[1:]
-    return found
+    grown = wide.copy()
+    grown[1:] |= wide[:-1]
+    grown[:-1] |= wide[1:]
+    return grown

@@ -34,11 +34,11 @@ def without_effect(scene: ir.Scene, plan: Plan) -> UnusedEmission | None:
     """
     if plan["interreflection"] and plan["bounces"] > 0:
         return None
-    found = _emitting(scene.tables)
+    emitting = _emitting(scene.tables)
     lit = traits.lit(scene.tables)[scene.tables.instances.material]
-    if not found.any() or not lit.any() or (found.sum() == 1 and not (lit & ~found).any()):
+    if not emitting.any() or not lit.any() or (emitting.sum() == 1 and not (lit & ~emitting).any()):
         return None
-    rows = np.flatnonzero(found)
+    rows = np.flatnonzero(emitting)
     subject, verb, them = "this emits light", "lights", "it"
     if len(rows) > 1:
         subject, verb, them = f"this and {len(rows) - 1:,} more shape{'s' if len(rows) > 2 else ''} emit light", "light", "them"

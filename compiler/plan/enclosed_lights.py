@@ -32,7 +32,7 @@ def warn_of_enclosed_lights(scene: ir.Scene, diagnostics: Diagnostics) -> None:
     boxes = [corners(tables, int(row)) for row in rows]
     frame = tables.transforms.matrix[tables.cameras.transform[0]]
     eye = frame[:, 3] - frame[:, 2] * (AHEAD * (1.0 + np.linalg.norm(frame[:, 3])))
-    left = MOST_TRIANGLES
+    remaining = MOST_TRIANGLES
     for instance in opaque(tables).tolist():
         g = int(tables.instances.geometry[instance])
         inverse = tables.transforms.inverse[tables.instances.transform[instance]]
@@ -42,14 +42,14 @@ def warn_of_enclosed_lights(scene: ir.Scene, diagnostics: Diagnostics) -> None:
         if not near:
             continue
         each = int(tables.geometries.triangle_count[g])
-        left -= each
-        if left < 0:
+        remaining -= each
+        if remaining < 0:
             return
         if inside(tables, g, (inverse[:, :3] @ eye + inverse[:, 3])[None])[0]:
             continue
         for k in near:
-            left -= each * len(around[k])
-            if left < 0:
+            remaining -= each * len(around[k])
+            if remaining < 0:
                 return
             if inside(tables, g, around[k]).all():
                 hint = "move it out, or make that of glass, or write `shadows: false`"
@@ -106,11 +106,11 @@ def _in_mesh(tables: ir.Tables, g: int, points: np.ndarray) -> np.ndarray:
     first = int(tables.geometries.first_triangle[g])
     rows = tables.pools.triangles[first : first + int(tables.geometries.triangle_count[g])]
     corners = tables.pools.positions[rows].astype(np.float64) + tables.geometries.origin[g]
-    found = np.zeros(len(points), np.bool_)
+    inside = np.zeros(len(points), np.bool_)
     for k, point in enumerate(points):
         a, b, c = (corners - point).transpose(1, 0, 2)
         la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
         over = np.einsum("ij,ij->i", a, np.cross(b, c))
         under = la * lb * lc + np.einsum("ij,ij->i", a, b) * lc + np.einsum("ij,ij->i", b, c) * la + np.einsum("ij,ij->i", c, a) * lb
-        found[k] = abs(np.arctan2(over, under).sum() / (2.0 * math.pi)) > 0.99
-    return found
+        inside[k] = abs(np.arctan2(over, under).sum() / (2.0 * math.pi)) > 0.99
+    return inside

@@ -56,7 +56,7 @@ def with_bias(error: float | None, bias: float | None) -> float | None:
     return error if error is None or bias is None else math.hypot(error, max(bias, 0.0))
 
 
-def told(error: float | None, bias: float | None, left_out: Sequence[str], bounces: int) -> str:
+def phrase(error: float | None, bias: float | None, left_out: Sequence[str], bounces: int) -> str:
     """The words after a picture's `with_bias`: what of it is noise, and what light is left out; "" where noise is all."""
     parts = "" if error is None or bias is None or bias < SHOWN else f"{error:.2%} of noise, {bias:.1%} of light beyond {bounces} bounces"
     if not left_out:

@@ -24,10 +24,10 @@ RASTER_MOMENTS = 16  # times, or lens points, at which the raster backend draws 
 NOISES = ("blue", "white")
 
 
-def _camera(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+def _camera(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     names = scene.names.cameras
-    if asked.camera is not None:
-        row = find_camera(names, asked.camera)
+    if settings.camera is not None:
+        row = find_camera(names, settings.camera)
         return Decision("camera", row, f"asked for `{names[row]}`", fixed="--camera")
     reason = f"`{names[0]}`, the first of {len(names)}" if len(names) > 1 else "the only one"
     if any(d.startswith("camera") for d in scene.defaults):
@@ -44,7 +44,7 @@ def find_camera(names: tuple[str, ...], wanted: str) -> int:
     raise PlanError(f"no camera is called `{wanted}`; the scene has: {there}. {suggest(wanted, names)}".strip())
 
 
-def _lens(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+def _lens(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     cameras, row = scene.tables.cameras, plan["camera"]
     fixed = "the camera"
     if cameras.projection[row] == ir.Projection.PANORAMIC:
@@ -63,9 +63,9 @@ def _lens(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     return Decision("lens", "pinhole", "the camera has no aperture: one ray for each point of the picture", fixed=fixed)
 
 
-def _size(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
-    if asked.size is not None:
-        return Decision("size", asked.size, "asked for", fixed="--size")
+def _size(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
+    if settings.size is not None:
+        return Decision("size", settings.size, "asked for", fixed="--size")
     cameras, row = scene.tables.cameras, plan["camera"]
     aspect = float(cameras.aspect[row] / cameras.pixel_aspect[row])
     if aspect > 0:
@@ -74,36 +74,36 @@ def _size(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     return Decision("size", DEFAULT_SIZE, "the default", fixed="--size")
 
 
-def _crop(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+def _crop(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     width, height = plan["size"]
-    if asked.crop is None:
+    if settings.crop is None:
         return Decision("crop", (0, 0, width, height), "the whole picture", fixed="--crop")
-    x0, y0, x1, y1 = asked.crop
+    x0, y0, x1, y1 = settings.crop
     if not (0 <= x0 < x1 <= width and 0 <= y0 < y1 <= height):
         raise PlanError(f"the crop {x0},{y0},{x1},{y1} does not lie inside the picture of {width}x{height} pixels")
-    return Decision("crop", asked.crop, "asked for", fixed="--crop")
+    return Decision("crop", settings.crop, "asked for", fixed="--crop")
 
 
-def _error(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
-    if asked.error is not None and asked.samples is None:
-        return Decision("error", float(asked.error), "asked for: tiles get more samples until √relMSE is below it", fixed="--error")
-    reason = "a number of samples was asked for" if asked.samples is not None else "none was asked for"
-    if asked.samples is None and asked.budget is None and plan["backend"] == "ray" and plan["monte_carlo"]:
+def _error(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
+    if settings.error is not None and settings.samples is None:
+        return Decision("error", float(settings.error), "asked for: tiles get more samples until √relMSE is below it", fixed="--error")
+    reason = "a number of samples was asked for" if settings.samples is not None else "none was asked for"
+    if settings.samples is None and settings.budget is None and plan["backend"] == "ray" and plan["monte_carlo"]:
         reason = f"the default: pixels get more samples until √relMSE is below it, but at most {SAMPLES_MOST}"
         return Decision("error", DEFAULT_ERROR, reason, fixed="--error")
     return Decision("error", 0.0, reason, fixed="--error")
 
 
-def _budget(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
-    if asked.budget is not None:
-        return Decision("budget", float(asked.budget), "asked for: most seconds of rendering", fixed="--budget")
+def _budget(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
+    if settings.budget is not None:
+        return Decision("budget", float(settings.budget), "asked for: most seconds of rendering", fixed="--budget")
     return Decision("budget", math.inf, "none was asked for", fixed="--budget")
 
 
-def _samples(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
-    if asked.samples is not None:
-        return Decision("samples", asked.samples, "asked for", fixed="--samples")
-    if asked.error is not None:
+def _samples(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
+    if settings.samples is not None:
+        return Decision("samples", settings.samples, "asked for", fixed="--samples")
+    if settings.error is not None:
         return Decision("samples", MAX_SAMPLES, "at most; the error, or a budget, ends the render", fixed="--samples")
     if plan["error"] > 0:
         return Decision("samples", SAMPLES_MOST, f"at most; an error of {plan['error']:.0%} ends the render before", fixed="--samples")
@@ -114,34 +114,34 @@ def _samples(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     return Decision("samples", SAMPLES_SHARP, "antialiasing; light is exact at each sample", fixed="--samples")
 
 
-def _filter(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
-    if asked.filter is not None:
-        return Decision("filter", asked.filter, "asked for", FILTERS)
+def _filter(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
+    if settings.filter is not None:
+        return Decision("filter", settings.filter, "asked for", FILTERS)
     return Decision("filter", "gaussian", "the default: smooth edges", FILTERS)
 
 
-def _noise(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+def _noise(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     if plan["error"] > 0 or math.isfinite(plan["budget"]):
         return Decision("noise", "white", "adaptive sampling: each pixel has a sequence of its own", NOISES[1:])
     return Decision("noise", "blue", "pixels share sequences: errors of neighbours cancel", NOISES)
 
 
-def _seed(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
-    return Decision("seed", asked.seed or 0, "asked for" if asked.seed else "the default", fixed="--seed")
+def _seed(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
+    return Decision("seed", settings.seed or 0, "asked for" if settings.seed else "the default", fixed="--seed")
 
 
-def _background(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
-    if asked.background is not None:
-        return Decision("background", asked.background, "asked for", fixed="--background")
+def _background(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
+    if settings.background is not None:
+        return Decision("background", settings.background, "asked for", fixed="--background")
     if ir.is_in(scene.tables.lights.kind, SKIES).any():
         return Decision("background", "sky", "the scene has a sky", fixed="--background")
     return Decision("background", "transparent", "the scene has no sky", fixed="--background")
 
 
-def _exposure(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+def _exposure(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     of_camera = float(scene.tables.cameras.exposure[plan["camera"]])
-    if asked.exposure is not None:
-        return Decision("exposure", asked.exposure, "asked for", fixed="--exposure")
+    if settings.exposure is not None:
+        return Decision("exposure", settings.exposure, "asked for", fixed="--exposure")
     if not math.isnan(of_camera):
         return Decision("exposure", of_camera, "the camera's", fixed="--exposure")
     if scene.photometric:
@@ -149,28 +149,28 @@ def _exposure(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     return Decision("exposure", 0.0, "no light has a unit", fixed="--exposure")
 
 
-def _view(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
-    if asked.view:
-        return Decision("view", asked.view, "asked for", fixed="--view")
+def _view(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
+    if settings.view:
+        return Decision("view", settings.view, "asked for", fixed="--view")
     if scene.photometric:
         return Decision("view", "agx", "some light has a unit, as for a photograph: highlights roll off", fixed="--view")
     return Decision("view", "sRGB", "the default", fixed="--view")
 
 
-def _white(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
-    if asked.white == "auto":
-        found = light_temperature.of_lights(scene.tables)
-        reason = "auto: the temperature of the scene's lights" if found else "auto: the lights have no temperature"
-        return Decision("white", found, reason, fixed="--white")
-    if asked.white is not None:
-        return Decision("white", asked.white, "asked for: kelvin of the light that becomes white", fixed="--white")
+def _white(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
+    if settings.white == "auto":
+        kelvin = light_temperature.of_lights(scene.tables)
+        reason = "auto: the temperature of the scene's lights" if kelvin else "auto: the lights have no temperature"
+        return Decision("white", kelvin, reason, fixed="--white")
+    if settings.white is not None:
+        return Decision("white", settings.white, "asked for: kelvin of the light that becomes white", fixed="--white")
     return Decision("white", 0.0, "no white balance was asked for: light as it is", fixed="--white")
 
 
-def _aov(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
-    found: list[str] = []
+def _aov(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
+    chosen: list[str] = []
     groups = {*scene.names.groups, REST} - {""}
-    for name in asked.aov or ():
+    for name in settings.aov or ():
         if not is_channel(name):
             raise PlanError(f"no channel is called `{name}`; there are {', '.join(CHANNELS)}. {suggest(name, CHANNELS)}".strip())
         if name.startswith(LIGHT) and name.removeprefix(LIGHT) not in groups:
@@ -178,36 +178,36 @@ def _aov(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
         if name == "variance" and plan["samples"] < 2:
             raise PlanError("one sample has no variance: write --samples 2 or more")
         expanded = {"cryptomatte": CRYPTOMATTES, "lights": tuple(LIGHT + group for group in sorted(groups))}
-        found += expanded.get(name, (name,))
-    if found:
-        return Decision("aov", tuple(dict.fromkeys(found)), "asked for", fixed="--aov")
+        chosen += expanded.get(name, (name,))
+    if chosen:
+        return Decision("aov", tuple(dict.fromkeys(chosen)), "asked for", fixed="--aov")
     return Decision("aov", (), "none was asked for", fixed="--aov")
 
 
-def _denoise(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
-    how, known = "Open Image Denoise, guided by albedo and normals", importlib.util.find_spec("pyoidn") is not None
-    if asked.denoise and not known:
+def _denoise(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
+    how, installed = "Open Image Denoise, guided by albedo and normals", importlib.util.find_spec("pyoidn") is not None
+    if settings.denoise and not installed:
         raise PlanError(f"denoising takes the package pyoidn, which is not installed: {install_command('denoise')}")
-    if asked.denoise:
+    if settings.denoise:
         return Decision("denoise", "on", f"asked for: {how}", fixed="--denoise")
-    if asked.denoise is None and known and by_default(plan):
+    if settings.denoise is None and installed and by_default(plan):
         reason = f"the default, if {plan['samples']} samples a pixel do not reach the error: {how}"
         return Decision("denoise", "above_error", reason, fixed="--no-denoise")
-    if asked.denoise is None and known and _only_time_is_limited(asked, plan):
+    if settings.denoise is None and installed and _only_time_is_limited(settings, plan):
         reason = f"the default, if √relMSE is above {DEFAULT_ERROR:.0%} when the budget ends: {how}"
         return Decision("denoise", "above_error", reason, fixed="--no-denoise")
     return Decision("denoise", "off", "not asked for: noise shows the error of a picture", fixed="--denoise")
 
 
-def _only_time_is_limited(asked: ir.Settings, plan: Plan) -> bool:
+def _only_time_is_limited(settings: ir.Settings, plan: Plan) -> bool:
     """Whether a budget alone ends the picture: neither samples nor an error were asked for."""
-    limited = asked.budget is not None and asked.samples is None and asked.error is None
+    limited = settings.budget is not None and settings.samples is None and settings.error is None
     return limited and bool(plan["backend"] == "ray" and plan["monte_carlo"])
 
 
-def _threads(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
-    reason = "asked for" if asked.threads else "0: one a core; the picture is the same with any number"
-    return Decision("threads", asked.threads or 0, reason, fixed="--threads")
+def _threads(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
+    reason = "asked for" if settings.threads else "0: one a core; the picture is the same with any number"
+    return Decision("threads", settings.threads or 0, reason, fixed="--threads")
 
 
 FRAMING: tuple[Rule, ...] = (_camera, _lens, _size, _crop)

@@ -36,14 +36,14 @@ def make_plan(scene: ir.Scene, settings: ir.Settings, overrides: Mapping[str, st
 
     Raises PlanError for an override or a setting that is not possible.
     """
-    asked = settings.over(scene.settings)
+    requested = settings.over(scene.settings)
     if settings.error is not None and settings.samples is None:
-        asked = replace(asked, samples=None)  # an error on the command line comes before a number of samples in the scene
+        requested = replace(requested, samples=None)  # an error on the command line comes before a number of samples in the scene
     remaining = dict(overrides or {})
     decided: dict[str, Decision] = {}
     plan = Plan(decided)
     for rule in RULES:
-        decision = rule(scene, asked, plan)
+        decision = rule(scene, requested, plan)
         if decision.name in remaining:
             decision = override(decision, remaining.pop(decision.name))
         decided[decision.name] = decision
@@ -55,13 +55,13 @@ def make_plan(scene: ir.Scene, settings: ir.Settings, overrides: Mapping[str, st
 
 def notes(scene: ir.Scene, plan: Plan) -> list[Diagnostic]:
     """Notes on parts of the scene that are without effect under the plan."""
-    found = emissive_shapes.without_effect(scene, plan)
-    return [*unused_cameras(scene, plan), *([] if found is None else [found.diagnostic(scene)])]
+    omission = emissive_shapes.without_effect(scene, plan)
+    return [*unused_cameras(scene, plan), *([] if omission is None else [omission.diagnostic(scene)])]
 
 
 def unused_cameras(scene: ir.Scene, plan: Plan) -> list[Diagnostic]:
     """The note where a picture takes the camera that was added, and the scene has cameras of its own."""
-    names, added = scene.names.cameras, any(said.startswith("camera:") for said in scene.defaults)
+    names, added = scene.names.cameras, any(sentence.startswith("camera:") for sentence in scene.defaults)
     if not added or len(names) < 2 or plan["camera"] != 0:
         return []
     cameras = names[1:]
@@ -82,7 +82,7 @@ def default_notes(scene: ir.Scene) -> list[Diagnostic]:
 
 def warnings(scene: ir.Scene, plan: Plan) -> list[str]:
     """Contradictions between the scene and the plan."""
-    found = []
+    messages = []
     if plan["interreflection"] and ir.is_in(scene.tables.lights.kind, AMBIENT).any():
-        found.append("ambient light stands for interreflection, and bounces compute it: it is counted twice; leave out one")
-    return found
+        messages.append("ambient light stands for interreflection, and bounces compute it: it is counted twice; leave out one")
+    return messages

@@ -21,14 +21,14 @@ SECONDARY_RAYS = ("none", "trace")
 COVERAGES = ("edges", "areas", "scanline")
 
 
-def _secondary_rays(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+def _secondary_rays(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     reason = "mirrors, metals and glass show the sky and, below it, the ground's mean light: no secondary ray is traced"
     if not (traits.specular(scene.tables) & traits.used(scene.tables)).any():
         reason = "no material reflects or refracts"
     return Decision("raster.secondary_rays", "none", reason, SECONDARY_RAYS)
 
 
-def _shadows(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+def _shadows(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     if not plan["shadows"]:
         return Decision("raster.shadows", "none", "no light casts any", SHADOWS[2:])
     reason = "each point traces shadow rays: exact"
@@ -39,10 +39,10 @@ def _shadows(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     return Decision("raster.shadows", "rays", f"{reason} (`map`: filtered shadow maps; area lights keep rays)", SHADOWS)
 
 
-def _tolerance(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+def _tolerance(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     meaning = "pixels that a tessellated shape may be off its true outline"
-    if asked.tolerance is not None:
-        return Decision("tolerance", float(asked.tolerance), f"asked for: {meaning}")
+    if settings.tolerance is not None:
+        return Decision("tolerance", float(settings.tolerance), f"asked for: {meaning}")
     return Decision("tolerance", TOLERANCE, f"the default: {meaning}")
 
 
@@ -50,7 +50,7 @@ def _coverage(scene: ir.Scene, *_: Any) -> Decision:
     return Decision("raster.coverage", "edges", "exact edge functions; all three cover the same samples", COVERAGES)
 
 
-def _sample_positions(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+def _sample_positions(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     samples, name = plan["samples"], "raster.sample_positions"
     if plan["error"] > 0.0 or math.isfinite(plan["budget"]):
         return Decision(name, "per_pixel", "adaptive sampling: the number of samples of a pixel is not known in advance", ("per_pixel",))
@@ -65,7 +65,7 @@ def _sample_positions(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decisi
     return Decision(name, "per_pixel", f"{why} (`shared`: faster, in bands)", ("per_pixel", "shared"))
 
 
-def _shading(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+def _shading(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     choices = ("pixel", "sample")
     shadowed = plan["raster.shadows"] != "none"
     if shadowed or (scene.tables.materials.textures >= 0).any():
@@ -74,7 +74,7 @@ def _shading(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     return Decision("raster.shading", "pixel", "light has no edges within a triangle: each pixel shades it once", choices)
 
 
-def _precision(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+def _precision(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     why = _needs_float64(scene, plan)
     if why:
         return Decision("raster.precision", "float64", why, PRECISIONS[1:])

@@ -51,8 +51,8 @@ def moving(tables: ir.Tables, camera: int) -> bool:
 def open_during(tables: ir.Tables, camera: int) -> tuple[float, float]:
     """(opening, duration) of a camera's shutter, as shares of the time that the keys span."""
     cameras = tables.cameras
-    of = cameras.shutter > 0.0
-    start, end = cameras.opening[of].min(), (cameras.opening + cameras.shutter)[of].max()
+    blurred = cameras.shutter > 0.0
+    start, end = cameras.opening[blurred].min(), (cameras.opening + cameras.shutter)[blurred].max()
     return float((cameras.opening[camera] - start) / (end - start)), float(cameras.shutter[camera] / (end - start))
 
 

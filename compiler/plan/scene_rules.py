@@ -14,13 +14,13 @@ BRUTE_FORCE_INSTANCES = 2  # analytic shapes, up to which a loop is as fast as a
 MANY_SAMPLES = 16  # a pixel, from which on patterns are not filtered: the samples suffice
 
 
-def _backend(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
-    if asked.backend in (None, "auto"):
+def _backend(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
+    if settings.backend in (None, "auto"):
         return Decision("backend", "ray", "draws every kind of scene", BACKENDS, fixed="--backend")
-    return Decision("backend", asked.backend, "asked for", BACKENDS, fixed="--backend")
+    return Decision("backend", settings.backend, "asked for", BACKENDS, fixed="--backend")
 
 
-def _accelerator(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+def _accelerator(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     tables = scene.tables
     choices = ("bvh", "brute_force")
     meshes = tables.geometries.kind[tables.instances.geometry] == ir.GeometryKind.MESH
@@ -33,7 +33,7 @@ def _accelerator(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     return Decision("accelerator", "bvh", reason, choices)
 
 
-def _implicit_surfaces(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+def _implicit_surfaces(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     name, tables, choices = "implicit_surfaces", scene.tables, ("closed_form", "interval")
     shown = used_rows(tables.instances.geometry)
     surfaces = shown[tables.geometries.kind[shown] == ir.GeometryKind.FORMULA].tolist()
@@ -51,7 +51,7 @@ def _implicit_surfaces(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decis
     return Decision(name, "closed_form", f"surfaces of planes, quadrics and tori ({count}): all roots along a ray in closed form", choices)
 
 
-def _motion_blur(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+def _motion_blur(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     name, tables, row = "motion_blur", scene.tables, plan["camera"]
     shutter = float(tables.cameras.shutter[row])
     if shutter <= 0.0:
@@ -65,7 +65,7 @@ def _motion_blur(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     return Decision(name, True, f"moving in the {shutter:.4g} s of the shutter: {objects}; {how}")
 
 
-def _texture_filter(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+def _texture_filter(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     name, tables = "texture_filter", scene.tables
     rows = used_rows(tables.materials.textures[used_rows(tables.instances.material)])
     kind, nearest = tables.textures.kind[rows], tables.textures.nearest[rows]

@@ -150,8 +150,8 @@ def _faces_eye(corners: F64, eye: F64) -> Bool:
 
 def is_closed_outward(positions: np.ndarray, triangles: I32) -> bool:
     """Whether each connected part of a mesh is closed, with its front outside. Points at one place are one."""
-    places, of = np.unique(positions, axis=0, return_inverse=True)
-    corners = of.reshape(-1)[triangles]
+    places, place_of = np.unique(positions, axis=0, return_inverse=True)
+    corners = place_of.reshape(-1)[triangles]
     corners = corners[(corners != np.roll(corners, 1, axis=1)).all(axis=1)]
     n = len(places)
     forward = (corners * np.int64(n) + np.roll(corners, -1, axis=1)).ravel()
@@ -209,14 +209,14 @@ class _Split:
         return t._replace(geometries=geometries, pools=pools, attributes=attributes, instances=ir.Instances(**columns))
 
 
-def _with_subsets(tables: ir.Tables, made: list[tuple[int, np.ndarray]]) -> tuple[ir.Geometries, ir.Pools, ir.Attributes]:
+def _with_subsets(tables: ir.Tables, subsets: list[tuple[int, np.ndarray]]) -> tuple[ir.Geometries, ir.Pools, ir.Attributes]:
     """The tables with a mesh more for each (geometry, faces)."""
-    source = np.array([g for g, _ in made])
+    source = np.array([g for g, _ in subsets])
     columns = {name: np.concatenate([column, column[source]]) for name, column in tables.geometries._asdict().items()}
     triangles, values = [tables.pools.triangles], [tables.pools.values]
     of_attributes = {name: [column] for name, column in tables.attributes._asdict().items()}
     length, floats, rows = len(tables.pools.triangles), len(tables.pools.values), len(tables.attributes.first)
-    for k, (g, faces) in enumerate(made, len(tables.geometries.kind)):
+    for k, (g, faces) in enumerate(subsets, len(tables.geometries.kind)):
         triangles.append(tables.pools.triangles[int(tables.geometries.first_triangle[g]) + faces])
         columns["first_triangle"][k], columns["triangle_count"][k], columns["polygon_count"][k] = length, len(faces), 0
         length += len(faces)

@@ -145,8 +145,8 @@ def hits(
 def _box_hits(bounds: np.ndarray, o: np.ndarray, d: np.ndarray, solid: bool) -> np.ndarray:
     """(n,) distances to a box; from inside of it those to its far side if it is `solid`, else inf."""
     with np.errstate(all="ignore"):
-        one, other = (bounds[0] - o) / d, (bounds[1] - o) / d
-        near, far = np.fmin(one, other).max(axis=1), np.fmax(one, other).min(axis=1)
+        lower, upper = (bounds[0] - o) / d, (bounds[1] - o) / d
+        near, far = np.fmin(lower, upper).max(axis=1), np.fmax(lower, upper).min(axis=1)
     hit = (near <= far) & (far > 0.0)
     return np.where(hit & (near > 0.0), near, np.where(hit & solid, far, np.inf))
 
@@ -167,8 +167,8 @@ def _field_hits(tape: Tape, bounds: np.ndarray, o: np.ndarray, d: np.ndarray) ->
     """(n,) about the distances to where a formula changes sign within a box, between steps."""
     distances = np.full(len(d), np.inf)
     with np.errstate(all="ignore"):
-        one, other = (bounds[0] - o) / d, (bounds[1] - o) / d
-        near, far = np.fmin(one, other).max(axis=1), np.fmax(one, other).min(axis=1)
+        lower, upper = (bounds[0] - o) / d, (bounds[1] - o) / d
+        near, far = np.fmin(lower, upper).max(axis=1), np.fmax(lower, upper).min(axis=1)
         rows = np.flatnonzero((near <= far) & (far > 0.0))
         near = np.clip(np.where(np.isfinite(near), near, 0.0), 0.0, None)[rows]
         far = np.where(np.isfinite(far), far, _FAR / np.linalg.norm(d, axis=1))[rows]
@@ -188,14 +188,14 @@ def _triangle_hits(tables: ir.Tables, g: int, o: np.ndarray, d: np.ndarray) -> n
     first = int(tables.geometries.first_triangle[g])
     rows = tables.pools.triangles[first : first + int(tables.geometries.triangle_count[g])]
     a, b, c = (tables.pools.positions[rows].astype(np.float64) + tables.geometries.origin[g]).transpose(1, 0, 2)
-    one, other, off = b - a, c - a, o - a
-    across = np.cross(off, one)
-    found = np.full(len(d), np.inf)
+    edge1, edge2, off = b - a, c - a, o - a
+    across = np.cross(off, edge1)
+    nearest = np.full(len(d), np.inf)
     with np.errstate(all="ignore"):
         for k, way in enumerate(d):
-            p = np.cross(way, other)
-            whole = np.einsum("ij,ij->i", one, p)
-            u, v = np.einsum("ij,ij->i", off, p) / whole, across @ way / whole
-            t = np.einsum("ij,ij->i", other, across) / whole
-            found[k] = np.min(t[(u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (t > 0.0)], initial=np.inf)
-    return found
+            p = np.cross(way, edge2)
+            determinant = np.einsum("ij,ij->i", edge1, p)
+            u, v = np.einsum("ij,ij->i", off, p) / determinant, across @ way / determinant
+            t = np.einsum("ij,ij->i", edge2, across) / determinant
+            nearest[k] = np.min(t[(u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (t > 0.0)], initial=np.inf)
+    return nearest

@@ -36,12 +36,12 @@ def _area_lights(scene: ir.Scene, *_: Any) -> Decision:
     return Decision("area_lights", bool(area), reason, fixed="the scene's lights")
 
 
-def _bounces(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+def _bounces(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     if plan["backend"] == "raster" and plan["raster.secondary_rays"] == "none":
         reason = "the raster backend traces no secondary rays: --plan raster.secondary_rays=trace does"
         return Decision("bounces", 0, reason, fixed="--bounces")
-    if asked.bounces is not None:
-        return Decision("bounces", asked.bounces, "asked for", fixed="--bounces")
+    if settings.bounces is not None:
+        return Decision("bounces", settings.bounces, "asked for", fixed="--bounces")
     if plan["enclosed_bounces"]:
         return Decision("bounces", plan["enclosed_bounces"], plan.decisions["enclosed_bounces"].reason, fixed="--bounces")
     if traits.specular(scene.tables).any():
@@ -51,19 +51,19 @@ def _bounces(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     return Decision("bounces", 0, "no material reflects or refracts: direct light only", fixed="--bounces")
 
 
-def _enclosed_bounces(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+def _enclosed_bounces(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     if plan["backend"] == "raster":
         return Decision("enclosed_bounces", 0, "the raster backend draws no light that bounces unless it is asked for", fixed="--backend")
-    if asked.bounces is not None:
+    if settings.bounces is not None:
         return Decision("enclosed_bounces", 0, "a number of bounces was asked for", fixed="--bounces")
     return Decision("enclosed_bounces", *enclosure.bounces(scene, plan["camera"]), fixed="the shapes around the camera")
 
 
-def _interreflection(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+def _interreflection(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     diffuse = traits.diffuse(scene.tables)
     if plan["enclosed_bounces"]:
         return Decision("interreflection", True, "the camera stands in an enclosed space: diffuse surfaces light each other")
-    if asked.bounces and plan["bounces"] > 0 and diffuse.any():
+    if settings.bounces and plan["bounces"] > 0 and diffuse.any():
         return Decision("interreflection", True, "bounces were asked for: diffuse surfaces light each other")
     if plan["bounces"] > 0 and (traits.glossy(scene.tables) & traits.used(scene.tables)).any():
         return Decision("interreflection", True, "glossy surfaces reflect light from all directions")
@@ -73,7 +73,7 @@ def _interreflection(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decisio
     return Decision("interreflection", False, reason)
 
 
-def _monte_carlo(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+def _monte_carlo(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     fixed = "the scene's lights and materials"
     used = traits.used(scene.tables)
     why = []
@@ -90,7 +90,7 @@ def _monte_carlo(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     return Decision("monte_carlo", False, "light is exact at each sample: antialiasing alone is random", fixed=fixed)
 
 
-def _transport(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+def _transport(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     if not plan["interreflection"]:
         return Decision("transport", "whitted", "mirrors and glass alone send rays on: every branch is traced", TRANSPORTS[1:])
     if plan["backend"] == "raster":
@@ -98,14 +98,14 @@ def _transport(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     return Decision("transport", "path", "surfaces light each other: one random direction at each", TRANSPORTS)
 
 
-def _mis(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+def _mis(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     if plan["transport"] != "path":
         return Decision("mis", "power", "no light is sampled in two ways", HEURISTICS[:1])
     reason = "heuristic that weighs light samples and BSDF samples (`light`, `bsdf`: only one of them)"
     return Decision("mis", "power", reason, HEURISTICS)
 
 
-def _precision(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+def _precision(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     if plan["transport"] != "path" or plan["backend"] != "ray":
         return Decision("precision", "float64", "float32 is for path tracing of the ray backend alone", PRECISIONS[1:])
     if (scene.tables.geometries.kind == ir.GeometryKind.FORMULA).any() or (scene.tables.textures.kind == ir.TextureKind.FORMULA).any():
@@ -118,7 +118,7 @@ def _precision(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     return Decision("precision", "float64", f"{figures}; more than {FLOAT32_RATIO:g}, too much for float32", PRECISIONS)
 
 
-def _shadows(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+def _shadows(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     if scene.tables.lights.shadows.any():
         return Decision("shadows", True, "some light casts them")
     if traits.emissive(scene.tables)[traits.used(scene.tables)].any():
@@ -132,7 +132,7 @@ def _light_shapes(scene: ir.Scene, *_: Any) -> Decision:
     return Decision("shadows.light_shapes", False, "no light's shape blocks another light", fixed="the scene's lights")
 
 
-def _ground_plane(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+def _ground_plane(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     lights = scene.tables.lights
     if not (ir.is_in(lights.kind, SKIES) & lights.shadows).any():
         return Decision("ground_plane", False, "no sky casts shadows")
@@ -146,20 +146,20 @@ def _ground_plane(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
     return Decision("ground_plane", True, f"{name} bounds the scene from below: the sky under it is not sampled")
 
 
-def _caustics(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+def _caustics(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     value, reason, choices = caustic_casters.carrier(scene.tables, plan["transport"], plan["backend"], plan["motion_blur"])
     return Decision("transport.caustics", value, reason, choices, fixed="--backend" if plan["backend"] == "reference" else "")
 
 
-def _indoors(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+def _indoors(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     return Decision("indoors", *sky_visibility.indoors(scene, plan))
 
 
-def _path_reuse(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+def _path_reuse(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     return Decision("transport.path_reuse", *path_reuse.by_groups(scene.tables, plan))
 
 
-def _sky_visibility(scene: ir.Scene, asked: ir.Settings, plan: Plan) -> Decision:
+def _sky_visibility(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     return Decision("transport.sky_visibility", *sky_visibility.learnt(scene, plan))
 
 

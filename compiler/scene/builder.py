@@ -104,15 +104,15 @@ class SceneBuilder:
         inverses, good = transforms.inverses(affine)
         good &= (np.abs(affine) < FARTHEST_PLACE).all(axis=(1, 2))
         data, size = (affine + 0.0).tobytes(), affine[:1].nbytes
-        known, rows, fresh, flat = self._known_transforms, [], [], good.tolist()
+        row_of, rows, fresh, flat = self._known_transforms, [], [], good.tolist()
         for k in range(len(affine)):
             key = data[k * size : (k + 1) * size]
-            row = known.get(key)
+            row = row_of.get(key)
             if row is None:
                 if not flat[k]:
                     rows.append(NONE)
                     continue
-                row = known[key] = self._places + len(fresh)
+                row = row_of[key] = self._places + len(fresh)
                 fresh.append(k)
             rows.append(row)
         self._places += len(fresh)
@@ -190,8 +190,8 @@ class SceneBuilder:
         self._pool("triangles", triangles + np.int32(first_vertex))
         ranges = (first_vertex, len(stored), first_triangle, len(triangles), first_polygon, polygon_count)
         attributes = tuple(
-            self._attribute(kind, given, width, len(stored), len(triangles), span)
-            for kind, given, width in (("normals", mesh.normals, 3), ("uvs", mesh.uvs, 2), ("colors", mesh.colors, 3))
+            self._attribute(kind, attribute, width, len(stored), len(triangles), span)
+            for kind, attribute, width in (("normals", mesh.normals, 3), ("uvs", mesh.uvs, 2), ("colors", mesh.colors, 3))
         )
         return self._geometry(ir.GeometryKind.MESH, (mesh.deviation + rounding,), bounds, origin, ranges, (*attributes, NONE), span, name)
 
@@ -213,11 +213,11 @@ class SceneBuilder:
         self._pool("polygons", rows + np.array([first_loop, 0, first_triangle, 0], dtype=np.int32))
         return first, len(rows)
 
-    def _attribute(self, name: str, given: MeshAttribute | None, width: int, vertices: int, triangles: int, span: Span | None) -> int:
-        if given is None:
+    def _attribute(self, name: str, attribute: MeshAttribute | None, width: int, vertices: int, triangles: int, span: Span | None) -> int:
+        if attribute is None:
             return NONE
-        values = np.asarray(given.values, dtype=np.float32).reshape(-1, width)
-        kind = ir.Interpolation(given.interpolation)
+        values = np.asarray(attribute.values, dtype=np.float32).reshape(-1, width)
+        kind = ir.Interpolation(attribute.interpolation)
         expected = {"FACE": triangles, "VERTEX": vertices, "CORNER": 3 * triangles}.get(kind.name, 1)
         if len(values) != expected:
             how = f", {_EXPECTED[kind]}" if kind in _EXPECTED else ""
@@ -253,7 +253,7 @@ class SceneBuilder:
 
     def copies(self, geometry: int, matrices: np.ndarray, materials: np.ndarray, name: str, ids: np.ndarray, span: Span) -> None:
         """Adds instances `name[id]` of a geometry under matrices (n, 4, 4), with n materials. Equal matrices have rows of their own."""
-        kept = []
+        valid = []
         for first in range(0, len(matrices), _CHUNK):
             affine = np.ascontiguousarray(matrices[first : first + _CHUNK, :3], dtype=np.float64)
             inverses, good = transforms.inverses(affine)
@@ -268,18 +268,18 @@ class SceneBuilder:
             rows[:, 4] = ALL_RAYS
             self._places += count
             self._instances.block(rows)
-            kept.append(ids[first : first + _CHUNK][good])
+            valid.append(ids[first : first + _CHUNK][good])
             for table in ("instances", "calls"):
                 self._spans[table].extend([span] * count)
-        self._instance_names.copies(name, np.concatenate(kept) if kept else ids)
+        self._instance_names.copies(name, np.concatenate(valid) if valid else ids)
 
     def material(self, material: MaterialData, span: Span | None = None) -> int:
         """The row of a material; equal materials of the same name share one."""
         values = [[0.0, 0.0, 0.0] for _ in range(ir.SLOTS)]
         values[ir.Slot.IOR][0] = values[ir.Slot.OPACITY][0] = 1.0
         images = [NONE] * ir.SLOTS
-        for slot, given in material.inputs.items():
-            values[slot], images[slot] = list(map(float, given.value)), given.texture
+        for slot, value in material.inputs.items():
+            values[slot], images[slot] = list(map(float, value.value)), value.texture
         how = (int(material.model), int(material.shading), bool(material.normalized), float(material.threshold))
         parts = material.first, material.second
         textured = max(images) >= 0 or any(part >= 0 and self._textured(part) for part in parts)
@@ -372,14 +372,14 @@ class SceneBuilder:
         """(2, 3) bounds of all bounded instances within a camera's reach; None without any."""
         rows = self._instances.table()
         local, (matrices, _) = np.array([row[2] for row in self._rows["geometries"]]), self._joined()
-        found = []
+        extents = []
         for first in range(0, len(rows), _CHUNK):
             chosen = rows[first : first + _CHUNK]
             boxes = shape_bounds.boxes_under(local[chosen[:, 0]], matrices[chosen[:, 1]])
             bounded = boxes[(np.abs(boxes) < FRAMED).all(axis=(1, 2))]
             if len(bounded):
-                found.append(np.stack([bounded[:, 0].min(axis=0), bounded[:, 1].max(axis=0)]))
-        return np.stack([np.min(found, axis=0)[0], np.max(found, axis=0)[1]]) if found else None
+                extents.append(np.stack([bounded[:, 0].min(axis=0), bounded[:, 1].max(axis=0)]))
+        return np.stack([np.min(extents, axis=0)[0], np.max(extents, axis=0)[1]]) if extents else None
 
     def shines(self) -> bool:
         """Whether some instance's material emits light."""
@@ -394,7 +394,7 @@ class SceneBuilder:
 
     # --- result ---
 
-    def asked(self, span: Span) -> None:
+    def settings_at(self, span: Span) -> None:
         """Record the span of the scene's render settings."""
         self._spans["settings"].append(span)
 
@@ -404,8 +404,8 @@ class SceneBuilder:
         if (instances[:, 2] < 0).any():
             instances[instances[:, 2] < 0, 2] = self.default_material()
         shape_of = {int(instances[index, 3]): index for index in np.flatnonzero(instances[:, 3] >= 0).tolist()}
-        at = ir.Lights._fields.index("instance")
-        lights = [(*row[:at], shape_of.get(index, NONE), *row[at + 1 :]) for index, row in enumerate(self._rows["lights"])]
+        place = ir.Lights._fields.index("instance")
+        lights = [(*row[:place], shape_of.get(index, NONE), *row[place + 1 :]) for index, row in enumerate(self._rows["lights"])]
         instances[np.isin(instances[:, 0], list(self.single_sided)), 4] |= SINGLE_SIDED
         tables = {table: ir.table_of(table, row_tables.columns(table, rows)) for table, rows in (self._rows | {"lights": lights}).items()}
         tables["instances"] = ir.table_of("instances", dict(zip(ir.Instances._fields, instances.T, strict=True)))
@@ -414,7 +414,7 @@ class SceneBuilder:
         polygons = np.asarray(self._pooled("polygons"), np.int32).reshape(-1, 4).T
         tables["polygons"] = ir.table_of("polygons", dict(zip(ir.Polygons._fields, polygons, strict=True)))
         tables["images"] = ir.table_of("images", {**row_tables.columns("images", self._rows["images"]), "texels": self._pooled("texels")})
-        named: dict[str, Any] = {table: tuple(of) for table, of in self._names.items() if table != "groups" or any(of)}
+        named: dict[str, Any] = {table: tuple(names) for table, names in self._names.items() if table != "groups" or any(names)}
         placed = named["instances"] = self._instance_names.names()
         if self._links:
             linked = link_sets.linked(tables["instances"], tables["lights"], self._links, placed, self.diagnostics)

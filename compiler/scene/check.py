@@ -20,9 +20,9 @@ _SINGULAR = {
 class Check:
     """A scene under validation: its tables as dicts of columns, which repairs replace."""
 
-    def __init__(self, scene: ir.Scene, found: Diagnostics) -> None:
+    def __init__(self, scene: ir.Scene, diagnostics: Diagnostics) -> None:
         self.scene = scene
-        self.found = found
+        self.diagnostics = diagnostics
         self.errors = 0
         self.tables: dict[str, Columns] = {name: dict(getattr(scene.tables, name)._asdict()) for name in ir.TABLES}
         self.names = scene.names
@@ -45,21 +45,21 @@ class Check:
         names = getattr(self.scene.names, table, ())
         name = f" `{names[where[0]]}`" if where[0] < len(names) and names[where[0]] else ""
         what = f"{_SINGULAR.get(table, table)}{name}: {message}{more}"
-        (self.found.error if severity == "error" else self.found.warning)(what, self.scene.spans.at(table, int(where[0])), hint)
+        (self.diagnostics.error if severity == "error" else self.diagnostics.warning)(what, self.scene.spans.at(table, int(where[0])), hint)
         self.errors += severity == "error"
         return True
 
     def fatal(self, message: str) -> None:
-        self.found.error(message)
+        self.diagnostics.error(message)
         self.errors += 1
 
     def finished(self) -> ir.Scene:
         """The repaired scene; the same object if nothing was repaired."""
         if not self.changed:
             return self.scene
-        made = {
+        tables = {
             name: ir.table_of(name, columns) if name in self.changed else getattr(self.scene.tables, name)
             for name, columns in self.tables.items()
         }
         spans = ir.Spans(self.scene.spans.sources, self.spans)
-        return replace(self.scene, tables=ir.Tables(**made), names=self.names, spans=spans)
+        return replace(self.scene, tables=ir.Tables(**tables), names=self.names, spans=spans)

@@ -26,22 +26,22 @@ def add(builder: SceneBuilder, settings: ir.Settings, span: Span | None = None, 
 
     A scene without instances is a warning at `span`. Nothing is added after an error, since the scene will not be drawn.
     """
-    said: list[str] = []
+    sentences: list[str] = []
     if builder.diagnostics.failed:
         return ()
     if builder.count("instances") == 0:
         hint = "place a shape, for example sphere(1)"
         builder.diagnostics.warning("there is nothing to draw: the picture will be empty", span, hint)
     if builder.count("cameras") == 0:
-        said.append(_camera(builder, settings))
+        sentences.append(_camera(builder, settings))
     shining = bool(settings.bounces) and builder.shines()  # emissive surfaces light others only where bounces are traced
     if lights and builder.count("lights") == 0 and not shining:
         builder.light(LightData(ir.LightKind.SUN, (SUN, SUN, SUN), direction=_unit(SUN_FROM), angle=SUN_ANGLE / 2, name="sun"))
         builder.light(LightData(ir.LightKind.SKY, (SKY, SKY, SKY), name="sky"))
         x, y, z = SUN_FROM
-        said.append(f"sun: the scene has no light; one from [{x:g}, {y:g}, {z:g}] with {SUN:.4g} lx")
-        said.append(f"sky: the scene has no light; an even one of {SKY:g} nit")
-    return tuple(said)
+        sentences.append(f"sun: the scene has no light; one from [{x:g}, {y:g}, {z:g}] with {SUN:.4g} lx")
+        sentences.append(f"sky: the scene has no light; an even one of {SKY:g} nit")
+    return tuple(sentences)
 
 
 def framing(

@@ -66,36 +66,36 @@ def text(scene: ir.Scene) -> str:
 
 def data(scene: ir.Scene) -> dict[str, Any]:
     """Plain data: rows as dicts by column, pools as counts and hashes."""
-    made: dict[str, Any] = {"scene": scene.name, "hash": serialize.content_hash(scene), **_plain(_about(scene))}
-    made["params"] = [_plain(asdict(p)) for p in scene.params]
-    made["files"] = list(scene.files)
+    dumped: dict[str, Any] = {"scene": scene.name, "hash": serialize.content_hash(scene), **_plain(_about(scene))}
+    dumped["params"] = [_plain(asdict(p)) for p in scene.params]
+    dumped["files"] = list(scene.files)
     for name in ir.TABLES:
         table = getattr(scene.tables, name)._asdict()
         if name in ("pools", "polygons"):
-            made[name] = {column: {"count": len(values), "hash": short_hash(values)} for column, values in table.items()}
+            dumped[name] = {column: {"count": len(values), "hash": short_hash(values)} for column, values in table.items()}
             continue
         texels = table.pop("texels", None)
         names = getattr(scene.names, name, None)
-        made[name] = [
+        dumped[name] = [
             {**({"name": names[row]} if names else {}), **{c: _plain(_shown(name, c, v[row])) for c, v in table.items()}}
             for row in range(len(next(iter(table.values()))))
         ]
-        for row, picture in enumerate(made[name] if texels is not None else ()):
+        for row, picture in enumerate(dumped[name] if texels is not None else ()):
             picture["hash"] = short_hash(_texels(scene, row))
-    return made
+    return dumped
 
 
 def cells(scene: ir.Scene, table: str, row: int) -> dict[str, str]:
     """One row of a table (not a pool) as text by column, without default values; material slots are separate entries."""
-    found: dict[str, str] = {}
+    shown: dict[str, str] = {}
     for column, values in getattr(scene.tables, table)._asdict().items():
         if column in ("texels", "inverse"):
             continue
         if table == "materials" and column in ("values", "textures"):
-            found |= dict(part.split("=", 1) for part in _slots(column, values[row]))
+            shown |= dict(part.split("=", 1) for part in _slots(column, values[row]))
         elif text := _cell(scene, table, column, values[row], row):
-            found[column] = text.removeprefix(f"{column}=")
-    return found
+            shown[column] = text.removeprefix(f"{column}=")
+    return shown
 
 
 def short_hash(values: np.ndarray) -> str:

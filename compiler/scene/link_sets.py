@@ -34,8 +34,8 @@ def by_names(patterns: Sequence[str], diagnostics: Diagnostics, span: Span) -> M
 
     def members(names: Sequence[str]) -> np.ndarray:
         try:
-            found = selection.named(names, only) if only or not without else np.ones(len(names), bool)
-            return found & ~selection.named(names, without)
+            chosen = selection.named(names, only) if only or not without else np.ones(len(names), bool)
+            return chosen & ~selection.named(names, without)
         except selection.SelectionError as failure:
             diagnostics.error(str(failure), span)
             return np.ones(len(names), bool)
@@ -56,12 +56,12 @@ def linked(
     casters = visible & CASTERS != 0
     names = [*names, *[""] * (len(visible) - len(names))]
 
-    def bit(members: np.ndarray, whole: int) -> int:
+    def bit(members: np.ndarray, every: int) -> int:
         key = members.tobytes()
         if key not in bits:
             if len(bits) == most:
                 diagnostics.warning(f"the lights have more than {most} different sets of light links: the rest is left out")
-                return whole
+                return every
             bits[key] = FIRST_SET << len(bits)
             visible[members] |= bits[key]
         return bits[key]

@@ -74,7 +74,7 @@ def material(surface: Surface) -> MaterialData:
 
 def _dissolved(s: Surface) -> Surface:
     """A surface without transmission, whose highlights fade with its opacity: they and the emission are stronger where they stay."""
-    under, whole = (s.opacity.value[0], 1.0) if s.highlights_stay else (1.0, s.opacity.value[0])
+    under, coverage = (s.opacity.value[0], 1.0) if s.highlights_stay else (1.0, s.opacity.value[0])
     under *= 1.0 - s.transmission
     if under >= 1.0:
         return s
@@ -84,13 +84,13 @@ def _dissolved(s: Surface) -> Surface:
         f0 = Input(scale_color(WHITE, ((n - 1.0) / (n + 1.0)) ** 2))
     share = partial_coverage.cover(under, 0.0 if f0 is None else max(f0.value))
     return replace(
-        s, opacity=Input.number(share * whole, s.opacity.texture), transmission=0.0,
+        s, opacity=Input.number(share * coverage, s.opacity.texture), transmission=0.0,
         specular=None if f0 is None else partial_coverage.stronger(f0, share),
         coat=partial_coverage.stronger(s.coat, share), emissive=partial_coverage.stronger(s.emissive, share, float("inf")),
     )  # fmt: skip
 
 
-def _share(given: Input) -> Input:
+def _share(weight: Input) -> Input:
     """A number clamped to 0…1; a texture's factor is not clamped."""
-    value: Color = given.value if given.texture >= 0 else (min(max(given.value[0], 0.0), 1.0), 0.0, 0.0)
-    return Input(value, given.texture)
+    value: Color = weight.value if weight.texture >= 0 else (min(max(weight.value[0], 0.0), 1.0), 0.0, 0.0)
+    return Input(value, weight.texture)

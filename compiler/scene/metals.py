@@ -82,8 +82,8 @@ def reflectance(name: str) -> tuple[Color, Color]:
 
 def index(name: str, waves: F64) -> tuple[F64, F64]:
     """(n, k) of a metal at wavelengths in nm, linearly interpolated."""
-    at, n, k = MEASURED[ALIASES.get(name, name)]
-    return np.interp(waves, at, n), np.interp(waves, at, k)
+    wavelengths, n, k = MEASURED[ALIASES.get(name, name)]
+    return np.interp(waves, wavelengths, n), np.interp(waves, wavelengths, k)
 
 
 def conductor(n: F64, k: F64, cosine: float) -> F64:

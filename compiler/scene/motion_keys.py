@@ -28,13 +28,13 @@ SLERP_THRESHOLD = 1.0 - 1e-9  # cosine of half the rotation between keys: slerp 
 def shutters(scene: ir.Scene) -> tuple[float, float]:
     """Seconds from a scene's time to the first shutter opening and to the last shutter closing of its cameras."""
     cameras = scene.tables.cameras
-    of = cameras.shutter > 0.0
-    if not of.any():
+    blurred = cameras.shutter > 0.0
+    if not blurred.any():
         return 0.0, 0.0
-    return float(cameras.opening[of].min()), float((cameras.opening + cameras.shutter)[of].max())
+    return float(cameras.opening[blurred].min()), float((cameras.opening + cameras.shutter)[blurred].max())
 
 
-def add_motion(scene: ir.Scene, at: Callable[[float], ir.Scene | None], found: Diagnostics) -> ir.Scene:
+def add_motion(scene: ir.Scene, scene_at: Callable[[float], ir.Scene | None], diagnostics: Diagnostics) -> ir.Scene:
     """The scene with keys for all transforms that change while its shutters are open.
 
     `at(seconds)` compiles the scene at an offset from its time. Other changes are drawn as at the scene's time, with a warning.
@@ -47,25 +47,25 @@ def add_motion(scene: ir.Scene, at: Callable[[float], ir.Scene | None], found: D
 
     def moment(share: float) -> ir.Scene:
         if share not in moments:
-            made = at(start + share * length)
-            moments[share] = scene if made is None else made
+            later = scene_at(start + share * length)
+            moments[share] = scene if later is None else later
         return moments[share]
 
     for share in (0.0, *PROBES, 1.0):
         if not _comparable(scene, moment(share)):
-            found.warning(*NOT_COMPARABLE)
+            diagnostics.warning(*NOT_COMPARABLE)
             return scene
-    _warn_of_other_changes(scene, [moment(share) for share in (0.0, *PROBES, 1.0)], found)
+    _warn_of_other_changes(scene, [moment(share) for share in (0.0, *PROBES, 1.0)], diagnostics)
     placed = _MovableRows(scene)
-    if not any(np.abs(placed.of(moment(share)) - placed.of(scene)).max(initial=0.0) > 0 for share in (0.0, *PROBES, 1.0)):
+    if not any(np.abs(placed.matrices(moment(share)) - placed.matrices(scene)).max(initial=0.0) > 0 for share in (0.0, *PROBES, 1.0)):
         return scene
     steps = 1
     while True:
         keys = [moment(k / steps) for k in range(steps + 1)]
         if not all(_comparable(scene, key) for key in keys):
-            found.warning(*NOT_COMPARABLE)
+            diagnostics.warning(*NOT_COMPARABLE)
             return scene
-        parts = [decompose(m) for m in np.stack([placed.of(key) for key in keys], axis=1)]
+        parts = [decompose(m) for m in np.stack([placed.matrices(key) for key in keys], axis=1)]
         if steps >= MOST_STEPS or all(_keys_match(parts, placed, moment(share), share) for share in PROBES):
             break
         steps *= 2
@@ -91,10 +91,10 @@ class _MovableRows:
         self.count = len(scene.tables.instances.transform)
         boxes = scene.tables.geometries.bounds[scene.tables.instances.geometry]
         boxes = np.where(np.isfinite(boxes), boxes, [[-1.0] * 3, [1.0] * 3])
-        whole = np.concatenate([boxes, np.tile([[[-1.0] * 3, [1.0] * 3]], (len(scene.tables.cameras.transform), 1, 1))])
-        self.corners = np.stack([whole[:, [k & 1, k >> 1 & 1, k >> 2], [0, 1, 2]] for k in range(8)], axis=1)  # (n, 8, 3)
+        with_cameras = np.concatenate([boxes, np.tile([[[-1.0] * 3, [1.0] * 3]], (len(scene.tables.cameras.transform), 1, 1))])
+        self.corners = np.stack([with_cameras[:, [k & 1, k >> 1 & 1, k >> 2], [0, 1, 2]] for k in range(8)], axis=1)  # (n, 8, 3)
 
-    def of(self, scene: ir.Scene) -> F64:
+    def matrices(self, scene: ir.Scene) -> F64:
         """Transforms (n, 3, 4) of these rows in a scene."""
         t = scene.tables
         return t.transforms.matrix[np.concatenate([t.instances.transform, t.cameras.transform])]
@@ -103,7 +103,7 @@ class _MovableRows:
         """The scene in which each moving row has its own transform with keys."""
         t = self.scene.tables
         rows = np.concatenate([t.instances.transform, t.cameras.transform])
-        moving = [k for k, of in enumerate(parts) if any(np.ptp(part, axis=0).any() for part in of) and _stays_regular(of[2])]
+        moving = [k for k, keys in enumerate(parts) if any(np.ptp(part, axis=0).any() for part in keys) and _stays_regular(keys[2])]
         first = len(t.keys.move) + count * np.arange(len(moving))
         old = rows[moving]
         more = {
@@ -179,9 +179,9 @@ def rotations(q: F64) -> F64:
 def interpolate(parts: tuple[F64, F64, F64], share: float) -> F64:
     """The interpolated transform (3, 4) at a fraction of the time between first and last key."""
     move, turn, stretch = parts
-    at = share * (len(move) - 1)
-    k = min(int(at), len(move) - 2)
-    f = at - k
+    position = share * (len(move) - 1)
+    k = min(int(position), len(move) - 2)
+    f = position - k
     cosine = float(np.clip(turn[k] @ turn[k + 1], -1, 1))
     if cosine < SLERP_THRESHOLD:
         angle = math.acos(cosine)
@@ -194,26 +194,26 @@ def interpolate(parts: tuple[F64, F64, F64], share: float) -> F64:
 
 def _keys_match(parts: list[tuple[F64, F64, F64]], placed: _MovableRows, scene: ir.Scene, share: float) -> bool:
     """Whether the interpolated transforms match a scene at a time between keys."""
-    true = placed.of(scene)
+    true = placed.matrices(scene)
     for k, wanted in enumerate(true):
-        made = interpolate(parts[k], share)
-        off = (made - wanted)[:, :3] @ placed.corners[k].T + (made - wanted)[:, 3:]
+        interpolated = interpolate(parts[k], share)
+        off = (interpolated - wanted)[:, :3] @ placed.corners[k].T + (interpolated - wanted)[:, 3:]
         size = wanted[:, :3] @ placed.corners[k].T
         if not np.linalg.norm(off, axis=0).max() <= CLOSE * np.linalg.norm(np.ptp(size, axis=1)):
             return False
     return True
 
 
-def _warn_of_other_changes(scene: ir.Scene, others: list[ir.Scene], found: Diagnostics) -> None:
+def _warn_of_other_changes(scene: ir.Scene, others: list[ir.Scene], diagnostics: Diagnostics) -> None:
     """Warns of changes other than transforms."""
     end = "while the shutter is open: it is drawn as it is at the opening"
     for table, columns, what in _NOT_BLURRED:
         for row in _changed(scene, others, table, columns):
-            found.warning(f"{what} {end}", scene.spans.at(table, row))
+            diagnostics.warning(f"{what} {end}", scene.spans.at(table, row))
     shapes = [_shapes(s) for s in (scene, *others)]
     for row in range(len(shapes[0])):
         if any(other[row] != shapes[0][row] for other in shapes[1:]):
-            found.warning(f"this changes its shape {end}", scene.spans.at("instances", row), "its place, turn and scale may change")
+            diagnostics.warning(f"this changes its shape {end}", scene.spans.at("instances", row), "its place, turn and scale may change")
 
 
 def _changed(scene: ir.Scene, others: list[ir.Scene], table: str, columns: tuple[str, ...]) -> Iterator[int]:
@@ -229,11 +229,11 @@ def _changed(scene: ir.Scene, others: list[ir.Scene], table: str, columns: tuple
 def _shapes(scene: ir.Scene) -> list[tuple[object, ...]]:
     """A comparable description of each instance's shape."""
     g, pools = scene.tables.geometries, scene.tables.pools
-    known: dict[int, tuple[object, ...]] = {}
+    forms: dict[int, tuple[object, ...]] = {}
     formulas = hash(tuple(column.tobytes() for column in scene.tables.tapes))
     for row in np.unique(scene.tables.instances.geometry).tolist():
         corners = pools.positions[g.first_vertex[row] : g.first_vertex[row] + g.vertex_count[row]]
-        known[row] = (int(g.kind[row]), g.parameters[row].tobytes(), hash(corners.tobytes()), g.origin[row].tobytes())
+        forms[row] = (int(g.kind[row]), g.parameters[row].tobytes(), hash(corners.tobytes()), g.origin[row].tobytes())
         if g.kind[row] == ir.GeometryKind.FORMULA:
-            known[row] += (formulas,)
-    return [known[row] for row in scene.tables.instances.geometry.tolist()]
+            forms[row] += (formulas,)
+    return [forms[row] for row in scene.tables.instances.geometry.tolist()]

@@ -30,12 +30,12 @@ def cover(opacity: float, highlight: float = 0.0) -> float:
     return max(min(max(opacity, 0.0), 1.0), min(highlight, CLEAR))
 
 
-def stronger(given: Input, share: float, most: float = 1.0) -> Input:
+def stronger(opacity: Input, share: float, most: float = 1.0) -> Input:
     """An input of a surface that covers `share`, so that the whole has the input itself, or as much of it as fits below `most`."""
     if share <= 0.0:
-        return given
-    r, g, b = (min(c / share, most) for c in given.value)
-    return Input((r, g, b), given.texture)
+        return opacity
+    r, g, b = (min(c / share, most) for c in opacity.value)
+    return Input((r, g, b), opacity.texture)
 
 
 def passing(material: MaterialData, opacity: Input, tint: Color = WHITE) -> MaterialData:

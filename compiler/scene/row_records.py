@@ -36,9 +36,9 @@ def scale_color(color: Color, factor: float) -> Color:
     return (color[0] * factor, color[1] * factor, color[2] * factor)
 
 
-def multiply_colors(one: Color, other: Color) -> Color:
+def multiply_colors(first: Color, second: Color) -> Color:
     """Two colours, component by component."""
-    return (one[0] * other[0], one[1] * other[1], one[2] * other[2])
+    return (first[0] * second[0], first[1] * second[1], first[2] * second[2])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,21 +11,21 @@ from ...lang.diagnostics import Span
 from .. import ir
 
 
-def spans(given: Mapping[str, list[Span | None]]) -> ir.Spans:
+def spans(tables: Mapping[str, list[Span | None]]) -> ir.Spans:
     """ir.Spans of the spans of each table's rows."""
     sources: dict[str, int] = {}
     rows = {}
-    for table, of in given.items():
+    for table, row_spans in tables.items():
         places: dict[int, int] = {}  # the rows of a loop share few spans
-        numbers = [places.setdefault(id(span), len(places)) for span in of]
+        numbers = [places.setdefault(id(span), len(places)) for span in row_spans]
         each: list[Span | None] = [None] * len(places)
-        for number, span in zip(numbers, of, strict=True):
+        for number, span in zip(numbers, row_spans, strict=True):
             each[number] = span
-        made = [
+        numbered = [
             (-1, 0, 0, 0, 0) if s is None else (sources.setdefault(s.file, len(sources)), s.line, s.column, s.end_line, s.end_column)
             for s in each
         ]
-        rows[table] = np.array(made, dtype=np.int32).reshape(-1, 5)[numbers]
+        rows[table] = np.array(numbered, dtype=np.int32).reshape(-1, 5)[numbers]
         rows[table].flags.writeable = False
     return ir.Spans(tuple(sources), rows)
 

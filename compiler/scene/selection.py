@@ -26,11 +26,11 @@ def select(scene: ir.Scene, only: Sequence[str] = (), without: Sequence[str] = (
     """
     names = [*scene.names.instances]
     names += [""] * (len(scene.tables.instances.geometry) - len(names))
-    kept = named(names, only) if only else np.ones(len(names), dtype=bool)
-    kept &= ~named(names, without)
-    if not kept.any():
+    selected = named(names, only) if only else np.ones(len(names), dtype=bool)
+    selected &= ~named(names, without)
+    if not selected.any():
         raise SelectionError("no instance is left of the scene")
-    rows = np.flatnonzero(kept)
+    rows = np.flatnonzero(selected)
     place = np.full(len(names) + 1, -1, dtype=np.int32)  # the last row: an instance of -1
     place[rows] = np.arange(len(rows))
     tables = scene.tables
@@ -47,13 +47,13 @@ def select(scene: ir.Scene, only: Sequence[str] = (), without: Sequence[str] = (
 
 def named(names: Sequence[str], patterns: Sequence[str]) -> np.ndarray:
     """Mask of the `names` that some pattern matches, see `select`. Raises SelectionError for a pattern that matches none."""
-    found = np.zeros(len(names), dtype=bool)
+    selected = np.zeros(len(names), dtype=bool)
     for pattern in patterns:
         matches = [any(fnmatchcase(name, p) for p in (pattern, f"{pattern}.*", f"{pattern}/*", f"{pattern}[[]*")) for name in names]
         if not any(matches):
-            known = sorted({name for name in names if name})
-            more = f" and {len(known) - SHOWN} more" if len(known) > SHOWN else ""
-            near = suggest(pattern, known) or f"there are: {', '.join(known[:SHOWN]) or 'no names'}{more}"
+            candidates = sorted({name for name in names if name})
+            more = f" and {len(candidates) - SHOWN} more" if len(candidates) > SHOWN else ""
+            near = suggest(pattern, candidates) or f"there are: {', '.join(candidates[:SHOWN]) or 'no names'}{more}"
             raise SelectionError(f"no instance is called `{pattern}`; {near}")
-        found |= np.array(matches)
-    return found
+        selected |= np.array(matches)
+    return selected

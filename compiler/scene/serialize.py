@@ -101,22 +101,22 @@ def _about(scene: ir.Scene) -> dict[str, Any]:
 def _scene(arrays: Any, about: dict[str, Any]) -> ir.Scene:
     tables = {}
     for name, table in ir.TABLES.items():
-        found = {column: arrays[f"{name}.{column}"] for column in table._fields}  # type: ignore[attr-defined]
-        for column, values in found.items():
+        columns = {column: arrays[f"{name}.{column}"] for column in table._fields}  # type: ignore[attr-defined]
+        for column, values in columns.items():
             dtype, shape = ir.column_type(name, column)
             if values.dtype != dtype or values.shape[1:] != shape:
                 raise ValueError(f"{name}.{column}")
-        tables[name] = ir.table_of(name, found)
+        tables[name] = ir.table_of(name, columns)
     spans = {name: arrays[f"spans.{name}"] for name in (*ir.TABLES, "calls", "settings") if f"spans.{name}" in arrays}
     if any(rows.dtype != np.int32 or rows.ndim != 2 or rows.shape[1] != 5 for rows in spans.values()):
         raise ValueError("spans")
-    known = {f.name for f in fields(ir.Settings)}
+    settings = {f.name for f in fields(ir.Settings)}
     return ir.Scene(
         str(about["name"]),
         ir.Tables(**tables),
         ir.Names(**{table: tuple(map(str, names)) for table, names in about["names"].items()}),
         ir.Spans(tuple(map(str, about["sources"])), spans),
-        ir.Settings(**{key: tuples(value) for key, value in about["settings"].items() if key in known}),
+        ir.Settings(**{key: tuples(value) for key, value in about["settings"].items() if key in settings}),
         bool(about["photometric"]),
         None if about["duration"] is None else float(about["duration"]),
         float(about["fps"]),

@@ -28,9 +28,9 @@ def count(positions: NDArray[np.float32], triangles: NDArray[np.int32]) -> int:
     both = both[np.argsort(both[:, 0], kind="stable")]
     place = places.astype(np.float64)
     near = ULPS * 2.0**-23 * float(np.abs(place).max())
-    found = [_ends_on_edges(place, both[:-k], both[k:], near) for k in range(1, _EDGES_COMPARED)]
-    found += [_ends_on_edges(place, both[k:], both[:-k], near) for k in range(1, _EDGES_COMPARED)]
-    return len(np.unique(np.concatenate(found)))
+    junctions = [_ends_on_edges(place, both[:-k], both[k:], near) for k in range(1, _EDGES_COMPARED)]
+    junctions += [_ends_on_edges(place, both[k:], both[:-k], near) for k in range(1, _EDGES_COMPARED)]
+    return len(np.unique(np.concatenate(junctions)))
 
 
 def _open_edges(faces: NDArray[np.int64], n: int) -> NDArray[np.int64]:
@@ -45,10 +45,10 @@ def _open_edges(faces: NDArray[np.int64], n: int) -> NDArray[np.int64]:
     order = np.argsort(key, kind="stable")
     key, sign = key[order], sign[order]
     first = np.flatnonzero(np.concatenate([[True], key[1:] != key[:-1]]))
-    left = np.add.reduceat(sign, first)
-    key, left = key[first[left != 0]], left[left != 0]
+    balance = np.add.reduceat(sign, first)
+    key, balance = key[first[balance != 0]], balance[balance != 0]
     edges = np.stack([key // n, key % n], axis=1)
-    return np.where(left[:, None] > 0, edges, edges[:, ::-1])
+    return np.where(balance[:, None] > 0, edges, edges[:, ::-1])
 
 
 def _ends_on_edges(place: NDArray[np.float64], short: NDArray[np.int64], long: NDArray[np.int64], near: float) -> NDArray[np.int64]:

@@ -8,7 +8,7 @@ from ...lang.diagnostics import Diagnostics
 from .. import ir
 
 
-def warn_of_missing_coordinates(scene: ir.Scene, found: Diagnostics) -> None:
+def warn_of_missing_coordinates(scene: ir.Scene, diagnostics: Diagnostics) -> None:
     """One warning, at the first instance of a mesh without coordinates whose material has a picture of more than one texel."""
     tables = scene.tables
     textures, materials, images, instances = tables.textures, tables.materials, tables.images, tables.instances
@@ -25,4 +25,4 @@ def warn_of_missing_coordinates(scene: ir.Scene, found: Diagnostics) -> None:
         return
     name, more = scene.names.instances[lost[0]], f" (and {len(lost) - 1} more)" if len(lost) > 1 else ""
     message = f"`{name}` has a material with pictures and no texture coordinates: each picture shows one texel{more}"
-    found.warning(message, scene.spans.at("instances", int(lost[0])))
+    diagnostics.warning(message, scene.spans.at("instances", int(lost[0])))

@@ -19,9 +19,9 @@ def identity() -> Matrix:
 
 def translation(by: Sequence[float]) -> Matrix:
     """Translation by (x, y, z) metres."""
-    made = np.eye(4)
-    made[:3, 3] = by
-    return made
+    matrix = np.eye(4)
+    matrix[:3, 3] = by
+    return matrix
 
 
 def scaling(by: Sequence[float]) -> Matrix:
@@ -31,38 +31,38 @@ def scaling(by: Sequence[float]) -> Matrix:
 
 def rotation(turn: Rotation) -> Matrix:
     """The matrix of an Euler, axis–angle or quaternion rotation. Raises ValueError for a zero axis or quaternion."""
-    made = np.eye(4)
+    matrix = np.eye(4)
     if isinstance(turn, Euler):
-        made[:3, :3] = _euler(*turn.angles)
+        matrix[:3, :3] = _euler(*turn.angles)
     elif isinstance(turn, AxisAngle):
-        made[:3, :3] = _axis_angle(np.array(turn.axis, dtype=np.float64), turn.angle)
+        matrix[:3, :3] = _axis_angle(np.array(turn.axis, dtype=np.float64), turn.angle)
     else:
-        made[:3, :3] = _quaternion(turn)
-    return made
+        matrix[:3, :3] = _quaternion(turn)
+    return matrix
 
 
 def from_rows(rows: Sequence[Sequence[float]] | np.ndarray) -> Matrix:
     """A matrix from three or four rows of four numbers. Raises ValueError if the fourth row is not 0 0 0 1 (a projection)."""
-    made = np.eye(4)
-    given = np.array(rows, dtype=np.float64)
-    if given.shape not in ((3, 4), (4, 4)):
+    matrix = np.eye(4)
+    values = np.array(rows, dtype=np.float64)
+    if values.shape not in ((3, 4), (4, 4)):
         raise ValueError("a matrix has three or four rows of four numbers")
-    if len(given) == 4 and tuple(given[3]) != (0.0, 0.0, 0.0, 1.0):
+    if len(values) == 4 and tuple(values[3]) != (0.0, 0.0, 0.0, 1.0):
         raise ValueError("the last row of a matrix is 0, 0, 0, 1")
-    made[:3] = given[:3]
-    return made
+    matrix[:3] = values[:3]
+    return matrix
 
 
 def place(translate: Sequence[float] | None, rotate: Rotation | None, scale: Sequence[float] | None) -> Matrix:
     """T · R · S: scales first, then rotates, then translates."""
-    made = np.eye(4)
+    matrix = np.eye(4)
     if rotate is not None:
-        made = rotation(rotate)
+        matrix = rotation(rotate)
     if scale is not None:
-        made = made @ scaling(scale)
+        matrix = matrix @ scaling(scale)
     if translate is not None:
-        made[:3, 3] = translate
-    return made
+        matrix[:3, 3] = translate
+    return matrix
 
 
 def inverse(matrix: Matrix) -> np.ndarray | None:
@@ -81,8 +81,8 @@ def inverse(matrix: Matrix) -> np.ndarray | None:
         (fg / determinant, (a * i - c * g) / determinant, (c * d - a * f) / determinant),
         (dh / determinant, (b * g - a * h) / determinant, (a * e - b * d) / determinant),
     )
-    made = np.array([(*row, -(row[0] * x + row[1] * y + row[2] * z)) for row in linear])
-    return made if np.isfinite(made).all() else None
+    inverses = np.array([(*row, -(row[0] * x + row[1] * y + row[2] * z)) for row in linear])
+    return inverses if np.isfinite(inverses).all() else None
 
 
 def inverses(matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -101,8 +101,8 @@ def inverses(matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         lengths = np.hypot(np.hypot(a, d), g) * np.hypot(np.hypot(b, e), h) * np.hypot(np.hypot(c, f), i)
         moved = -(linear[:, 0] * x + linear[:, 1] * y + linear[:, 2] * z)
         good = np.isfinite(determinant) & (abs(determinant) > SINGULAR * lengths) & np.isfinite(x + y + z)
-        made = np.ascontiguousarray(np.concatenate([linear, moved[:, None]], axis=1).transpose(2, 0, 1))
-        return made, good & np.isfinite(made).all(axis=(1, 2))
+        inverted = np.ascontiguousarray(np.concatenate([linear, moved[:, None]], axis=1).transpose(2, 0, 1))
+        return inverted, good & np.isfinite(inverted).all(axis=(1, 2))
 
 
 def looking(position: Sequence[float], target: Sequence[float], up: Sequence[float]) -> Matrix | None:
@@ -122,10 +122,10 @@ def facing(position: Sequence[float], direction: Sequence[float], up: Sequence[f
     if normal is None:
         return None
     if up is None:
-        made = np.eye(4)
-        made[:3, :3] = _shortest_turn(normal)
-        made[:3, 3] = position
-        return made
+        matrix = np.eye(4)
+        matrix[:3, :3] = _shortest_turn(normal)
+        matrix[:3, 3] = position
+        return matrix
     z = -_perpendicular(normal, up)
     return _frame(z, 1, normal, position)
 
@@ -141,26 +141,26 @@ def unit(v: np.ndarray) -> np.ndarray | None:
 
 def unscaled(matrix: np.ndarray) -> Matrix:
     """The unscaled frame of a camera: −z unchanged in direction, x nearest to its own, right-handed."""
-    made = np.eye(4)
+    frame = np.eye(4)
     z = matrix[:3, 2] / max(float(np.linalg.norm(matrix[:3, 2])), 1e-300)
     y = matrix[:3, 1] - (matrix[:3, 1] @ z) * z
     y = y / max(float(np.linalg.norm(y)), 1e-300)
-    made[:3, 0], made[:3, 1], made[:3, 2], made[:3, 3] = np.cross(y, z), y, z, matrix[:3, 3]
-    return made
+    frame[:3, 0], frame[:3, 1], frame[:3, 2], frame[:3, 3] = np.cross(y, z), y, z, matrix[:3, 3]
+    return frame
 
 
-def points(matrix: Matrix, at: np.ndarray) -> np.ndarray:
+def points(matrix: Matrix, positions: np.ndarray) -> np.ndarray:
     """Points (n, 3) transformed by a matrix."""
-    return at @ matrix[:3, :3].T + matrix[:3, 3]
+    return positions @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def _frame(other: np.ndarray, axis: int, along: np.ndarray, position: Sequence[float]) -> Matrix:
     """A right-handed frame: `axis` 2: z = along, y = other; `axis` 1: y = along, z = other."""
     y, z = (other, along) if axis == 2 else (along, other)
-    made = np.eye(4)
-    made[:3, 0], made[:3, 1], made[:3, 2] = np.cross(y, z), y, z
-    made[:3, 3] = position
-    return made
+    matrix = np.eye(4)
+    matrix[:3, 0], matrix[:3, 1], matrix[:3, 2] = np.cross(y, z), y, z
+    matrix[:3, 3] = position
+    return matrix
 
 
 def _perpendicular(axis: np.ndarray, up: Sequence[float]) -> np.ndarray:

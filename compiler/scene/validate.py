@@ -67,9 +67,9 @@ _OWN_LENGTH = {"pools": (), "images": ("texels",)}  # columns with their own len
 
 def validate(scene: ir.Scene, diagnostics: Diagnostics | None = None) -> tuple[ir.Scene, Diagnostics]:
     """The scene with repairs, and the diagnostics. A scene with errors must not be drawn. Never raises."""
-    found = diagnostics if diagnostics is not None else Diagnostics()
+    messages = diagnostics if diagnostics is not None else Diagnostics()
     with np.errstate(all="ignore"):  # the tables may hold any numbers
-        return _validate(Check(scene, found)), found
+        return _validate(Check(scene, messages)), messages
 
 
 def _validate(check: Check) -> ir.Scene:
@@ -107,8 +107,8 @@ def _structure(check: Check) -> None:
         if count != check.rows(table) and not (names == "groups" and count == 0):
             check.fatal(f"the IR has {check.rows(table)} {table} and {count} names of them")
     for table, rows in check.spans.items():
-        of = "instances" if table == "calls" else table
-        count = len(rows) if table == "settings" else check.rows(of) if of in check.tables else -1
+        counted = "instances" if table == "calls" else table
+        count = len(rows) if table == "settings" else check.rows(counted) if counted in check.tables else -1
         if np.shape(rows) != (count, 5):
             check.fatal(f"the IR's spans of {table} do not go with its rows")
     if not check.rows("transforms") or not np.array_equal(check.tables["transforms"]["matrix"][0], np.eye(3, 4)):
@@ -165,7 +165,7 @@ def _numbers(check: Check) -> None:
     texels = check.tables["images"]["texels"]
     lost = int(np.count_nonzero(~np.isfinite(texels)))
     if lost:
-        check.found.warning(f"{lost} texels' values are not finite: they are drawn as 0")
+        check.diagnostics.warning(f"{lost} texels' values are not finite: they are drawn as 0")
         check.set("images", "texels", np.nan_to_num(texels, nan=0.0, posinf=0.0, neginf=0.0))
     _transforms(check)
 
@@ -189,11 +189,11 @@ def _transforms(check: Check) -> None:
     if check.bad("transforms", wrong, "its inverse was not its inverse: computed again", "warning"):
         inverses = inverses.copy()
         for row in np.flatnonzero(wrong):
-            made = transforms.inverse(matrices[row])
-            if made is None:
+            inverse = transforms.inverse(matrices[row])
+            if inverse is None:
                 check.bad("transforms", np.arange(len(matrices)) == row, "it flattens to nothing (no inverse)")
                 return
-            inverses[row] = made
+            inverses[row] = inverse
         check.set("transforms", "inverse", inverses)
     if check.bad("transforms", table["flips"] != (determinants < 0), "its orientation was wrong: computed again", "warning"):
         check.set("transforms", "flips", determinants < 0)
@@ -274,9 +274,9 @@ _WEIGHTS = [int(slot) for slot in ir.Slot if slot != ir.Slot.BUMP]
 def _materials(check: Check) -> None:
     table = check.tables["materials"]
     check.bad("materials", (table["values"] < 0)[:, _WEIGHTS].any(axis=(1, 2)), "it has a negative coefficient")
-    blend, own = table["model"] == ir.MaterialModel.BLEND, np.arange(len(table["model"]))
+    blend, row = table["model"] == ir.MaterialModel.BLEND, np.arange(len(table["model"]))
     for part in ("first", "second"):
-        check.bad("materials", blend & ((table[part] < 0) | (table[part] >= own)), "its parts are not rows before it")
+        check.bad("materials", blend & ((table[part] < 0) | (table[part] >= row)), "its parts are not rows before it")
     check.bad("materials", ~(table["values"][:, ir.Slot.IOR, 0] > 0), "its index of refraction is not above 0")
     textures = check.tables["textures"]
     if not len(textures["kind"]):
@@ -310,9 +310,9 @@ def _lights(check: Check) -> None:
     polynomial = (t["falloff"] == ir.FalloffKind.POLYNOMIAL) & ((c < 0).any(axis=1) | ~(c > 0).any(axis=1))
     ramp = (t["falloff"] == ir.FalloffKind.RAMP) & ~((c[:, 0] >= 0) & (c[:, 1] > c[:, 0]))
     check.bad("lights", polynomial | ramp, "its fall-off is none")
-    known = (t["receivers"] == EVERYTHING) | (t["receivers"] & ~ALL_VISIBLE == 0)
-    known &= t["blockers"] & ~ALL_VISIBLE == 0
-    check.bad("lights", ~known, "its links have bits that mean nothing")
+    valid = (t["receivers"] == EVERYTHING) | (t["receivers"] & ~ALL_VISIBLE == 0)
+    valid &= t["blockers"] & ~ALL_VISIBLE == 0
+    check.bad("lights", ~valid, "its links have bits that mean nothing")
     dark = ~(t["color"] > 0).any(axis=1)
     check.bad("lights", dark, "its strength is 0: it gives no light", "warning")
     shape = t["instance"]
@@ -351,7 +351,7 @@ def _without_empty_instances(check: Check) -> None:
     renumbered = np.where(keep, np.cumsum(keep) - 1, -1).astype(np.int32)
     for column, values in list(instances.items()):
         check.set("instances", column, values[keep])
-    names = tuple(name for name, kept in zip(check.names.instances, keep, strict=True) if kept)
+    names = tuple(name for name, is_kept in zip(check.names.instances, keep, strict=True) if is_kept)
     check.names = replace(check.names, instances=names)
     for table in check.spans.keys() & {"instances", "calls"}:
         check.spans[table] = check.spans[table][keep]

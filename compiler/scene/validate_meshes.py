@@ -89,17 +89,17 @@ def _attributes(check: Check, meshes: np.ndarray) -> None:
         return
     for name, width in _WIDTHS.items():
         rows = table[name]
-        of = np.maximum(rows, 0)
-        kind = attributes["interpolation"][of]
+        clamped = np.maximum(rows, 0)
+        kind = attributes["interpolation"][clamped]
         expected = np.choose(kind, [np.ones_like(rows), table["triangle_count"], table["vertex_count"], 3 * table["triangle_count"]])
-        wrong = (rows >= 0) & ((attributes["width"][of] != width) | (attributes["count"][of] != expected))
+        wrong = (rows >= 0) & ((attributes["width"][clamped] != width) | (attributes["count"][clamped] != expected))
         wrong &= np.isin(np.arange(len(rows)), meshes)
         if check.bad("geometries", wrong, f"its {name} do not go with its vertices and faces: they are left out", "warning"):
             check.set("geometries", name, np.where(wrong, -1, rows).astype(np.int32))
     values = check.tables["pools"]["values"]
     lost = int(np.count_nonzero(~np.isfinite(values)))
     if lost:
-        check.found.warning(f"{lost} values of meshes' normals, texture coordinates or colours are not finite: they count as 0")
+        check.diagnostics.warning(f"{lost} values of meshes' normals, texture coordinates or colours are not finite: they count as 0")
         check.set("pools", "values", np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0))
 
 
@@ -224,12 +224,12 @@ def _junctions(check: Check, row: int) -> int:
 def _t_junctions(check: Check, meshes: np.ndarray) -> None:
     """Reports T-junctions, where rounding opens cracks. Large meshes are not searched."""
     table = check.tables["geometries"]
-    found = np.zeros(len(table["kind"]), dtype=np.int64)
+    seams = np.zeros(len(table["kind"]), dtype=np.int64)
     for row in meshes:
         count = int(table["triangle_count"][row])
         if 2 <= count <= MAX_SEARCHED_TRIANGLES:
-            found[row] = _cached(check, int(row), "meshes searched for seams", partial(_junctions, check, int(row)))
-    total = int(found.sum())
+            seams[row] = _cached(check, int(row), "meshes searched for seams", partial(_junctions, check, int(row)))
+    total = int(seams.sum())
     who = "1 corner lies" if total == 1 else f"{total} corners lie"
     what = f"{who} on the edge of a triangle that goes on: the seam may show cracks"
-    check.bad("geometries", found > 0, what, "warning", "split the edge there")
+    check.bad("geometries", seams > 0, what, "warning", "split the edge there")

@@ -35,21 +35,21 @@ def assign(
     assigned: dict[str, ArgumentValue] = {}
     good = True
     place = 0
-    for given in givens:
-        if given.name is None:
+    for argument in givens:
+        if argument.name is None:
             name = positional[place] if place < len(positional) else None
             place += 1
         else:
-            name = names.get(given.name)
-        problem = _problem(callee, given, name, positional, names, assigned)
+            name = names.get(argument.name)
+        problem = _problem(callee, argument, name, positional, names, assigned)
         if problem:
-            if has_children and name is None and _is_of_elements(given.value):
+            if has_children and name is None and _is_of_elements(argument.value):
                 problem = problem[0], f"its children are written in braces: {callee} {{ … }}"
-            if given.name is not None or place == len(positional) + 1:  # of surplus arguments only the first
-                report(problem[0], given.name_span, problem[1])
+            if argument.name is not None or place == len(positional) + 1:  # of surplus arguments only the first
+                report(problem[0], argument.name_span, problem[1])
             good = False
         elif name is not None:
-            assigned[name] = given
+            assigned[name] = argument
     return assigned, good
 
 
@@ -59,24 +59,24 @@ def _is_of_elements(value: object) -> bool:
 
 def _problem(
     callee: str,
-    given: ArgumentValue,
+    argument: ArgumentValue,
     name: str | None,
     positional: Sequence[str],
     names: Mapping[str, str],
     assigned: Mapping[str, ArgumentValue],
 ) -> tuple[str, str] | None:
-    if name is None and given.name is None:
+    if name is None and argument.name is None:
         if not names:
             return f"{callee} takes no arguments", ""
         keywords = [n for n in names if n not in positional and n == names[n]]
         takes = f"{callee} takes {len(positional) or 'no'} argument{'s' * (len(positional) != 1)} by position"
-        if isinstance(given.value, float) and positional[:1] == ("color",) and isinstance(assigned.get("color", given).value, float):
+        if isinstance(argument.value, float) and positional[:1] == ("color",) and isinstance(assigned.get("color", argument).value, float):
             return takes, f"a colour is one argument: write {callee}(rgb(r, g, b)) or {callee}(#rrggbb)"
         return takes, suggestions.surplus_hint(callee, keywords)
     if name is None:
-        return suggestions.argument(callee, given.name or "", names)
+        return suggestions.argument(callee, argument.name or "", names)
     if name in assigned:
-        return f"{callee} gets `{name}` twice", f"`{given.name}` is another name of it" if given.name not in (None, name) else ""
+        return f"{callee} gets `{name}` twice", f"`{argument.name}` is another name of it" if argument.name not in (None, name) else ""
     return None
 
 
@@ -104,17 +104,20 @@ def report_missing(
 
 def comma_fraction(givens: Sequence[ArgumentValue]) -> tuple[bool, str, tuple[Span, ...]] | None:
     """A fraction written with a comma, which makes two arguments: whether it ends a formula, the fix, and the places of both."""
-    for given, after in pairwise(givens):
-        one, other = given.node, after.node
-        whole = one
-        while isinstance(whole, ast.Function | ast.Binary | ast.Unary):
-            whole = whole.body if isinstance(whole, ast.Function) else whole.right if isinstance(whole, ast.Binary) else whole.operand
-        digits = [node.text for node in (whole, other) if isinstance(node, ast.Number) and node.text.isdigit()]
-        near = (after.span.line, after.span.column) == (given.span.end_line, given.span.end_column + 1)
+    for argument, after in pairwise(givens):
+        value, next_node = argument.node, after.node
+        innermost = value
+        while isinstance(innermost, ast.Function | ast.Binary | ast.Unary):
+            if isinstance(innermost, ast.Function):
+                innermost = innermost.body
+            else:
+                innermost = innermost.right if isinstance(innermost, ast.Binary) else innermost.operand
+        digits = [node.text for node in (innermost, next_node) if isinstance(node, ast.Number) and node.text.isdigit()]
+        near = (after.span.line, after.span.column) == (argument.span.end_line, argument.span.end_column + 1)
         thousand = len(digits) == 2 and digits[0] != "0" and len(digits[1]) == 3
-        if len(digits) == 2 and not thousand and near and given.name is None and after.name is None:
+        if len(digits) == 2 and not thousand and near and argument.name is None and after.name is None:
             hint = f"a fraction is written with a point: {'.'.join(digits)}"
-            return whole is not one, hint, (given.span, after.span, after.name_span)
+            return innermost is not value, hint, (argument.span, after.span, after.name_span)
     return None
 
 
@@ -151,28 +154,28 @@ def element_arguments(
         good = False
     args = signature.defaults.copy()
     photometric = False
-    for name, given in assigned.items():
-        if given.value is POISON:
+    for name, argument in assigned.items():
+        if argument.value is POISON:
             good = False
             continue
         arg = signature.args[name]
         try:
-            args[name] = convert(given.value, arg, Place(given.span, given.node, scope))
+            args[name] = convert(argument.value, arg, Place(argument.span, argument.node, scope))
         except Mistake as mistake:
-            report(mistake.message, mistake.span or given.span, mistake.hint or _dimension_hint(entry, given, arg))
+            report(mistake.message, mistake.span or argument.span, mistake.hint or _dimension_hint(entry, argument, arg))
             good = False
         except Poisoned:
             good = False
-        photometric = photometric or (arg.type in LIGHT_TYPES and isinstance(given.value, Quantity))
+        photometric = photometric or (arg.type in LIGHT_TYPES and isinstance(argument.value, Quantity))
     return (args, frozenset(assigned), photometric) if good else None
 
 
-def _dimension_hint(entry: Entry, given: ArgumentValue, arg: Arg) -> str:
+def _dimension_hint(entry: Entry, argument: ArgumentValue, arg: Arg) -> str:
     """The hint for a quantity of a wrong dimension: the argument that takes it, or the unit of this one."""
-    if not isinstance(given.value, Quantity):
+    if not isinstance(argument.value, Quantity):
         return ""
-    wanted = units.name(given.value.dimension)
-    other = next((a.name for a in entry.args if a.type == wanted and a.name != given.name), "")
+    wanted = units.name(argument.value.dimension)
+    other = next((a.name for a in entry.args if a.type == wanted and a.name != argument.name), "")
     if other and wanted in LIGHT_TYPES:
         return f"`{other}` takes {'an' if wanted[0] in 'aeiou' else 'a'} {wanted}"
     return f"its unit is {units.QUANTITIES[arg.type][1]}" if arg.type in LIGHT_TYPES else ""

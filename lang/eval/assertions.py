@@ -20,8 +20,8 @@ Operands = tuple[tuple[str, Code], ...]
 
 def operands(args: tuple[ast.Argument, ...], names: Names | None) -> Operands:
     """The names and members of the condition of an assertion, with the code of each."""
-    found = {_text(part): part for a in args if a.name is None or a.name.id == "condition" for part in _parts(a.value)}
-    return tuple([(text, expression(part, names)) for text, part in found.items()])
+    parts = {_text(part): part for a in args if a.name is None or a.name.id == "condition" for part in _parts(a.value)}
+    return tuple([(text, expression(part, names)) for text, part in parts.items()])
 
 
 def values_of(shown: Operands, scope: Scope) -> str:

@@ -64,16 +64,16 @@ def code_of(module: Module) -> FileCode:
 
 def definitions(items: Iterable[ast.Item], names: Names | None) -> tuple[Definition, ...]:
     """The `let`s among the items of a scope with these names; of two with one name, the first."""
-    found: dict[str, Definition] = {}
+    by_name: dict[str, Definition] = {}
     for item in items:
-        if isinstance(item, ast.Let) and item.name.id not in found:
-            found[item.name.id] = _constant(item, names) if item.parameters is None else _function(item, item.parameters, names)
-    return tuple(found.values())
+        if isinstance(item, ast.Let) and item.name.id not in by_name:
+            by_name[item.name.id] = _constant(item, names) if item.parameters is None else _function(item, item.parameters, names)
+    return tuple(by_name.values())
 
 
-def bind(found: tuple[Definition, ...], scope: Scope) -> None:
+def bind(bindings: tuple[Definition, ...], scope: Scope) -> None:
     """Bind definitions in a scope, unevaluated, except names that it has already."""
-    for name, binding in found:
+    for name, binding in bindings:
         if name not in scope.names:
             scope.names[name] = binding(scope)
 
@@ -86,12 +86,12 @@ def _constant(let: ast.Let, names: Names | None) -> Definition:
 def _function(let: ast.Let, parameters: tuple[ast.Parameter, ...], names: Names | None) -> Definition:
     positional = tuple([p.name.id for p in parameters])
     inside = Names(positional, names) if names is not None else None
-    known = {name: name for name in (*positional, *arguments.PLACING)}
+    parameter_names = {name: name for name in (*positional, *arguments.PLACING)}
     code = FunctionCode(
         let,
         tuple([_parameter(p, positional[:k], names) for k, p in enumerate(parameters)]),
         positional,
-        known,
+        parameter_names,
         tuple([p.name.id for p in parameters if p.default is None]),
         ast.places_children(let.value),
         lazily(let.value, inside),
@@ -104,9 +104,9 @@ def _parameter(p: ast.Parameter, before: tuple[str, ...], names: Names | None) -
     type_name = p.type.id if p.type else eval_parameters.implied_type(p.default)
     if p.default is None:
         return ParameterCode(p.name.id, p, type_name, None, MISSING)
-    kept = constant(p.default) if p.type is None else MISSING
+    value = constant(p.default) if p.type is None else MISSING
     inside = Names(before, names) if names is not None else None
-    return ParameterCode(p.name.id, p, type_name, _default(p, lazily(p.default, inside)), kept)
+    return ParameterCode(p.name.id, p, type_name, _default(p, lazily(p.default, inside)), value)
 
 
 def _default(p: ast.Parameter, code: Code) -> Code:
@@ -141,21 +141,21 @@ def block(node: ast.Block, names: Names | None, variable: str | None = None) -> 
     """The code of a block: `run(scope, sink, value)` places its items in a new scope, with `value` for the variable of a loop."""
     bound = [let.name.id for let in node.items if isinstance(let, ast.Let)]
     inside = Names([*bound, variable] if variable else bound, names) if names is not None else None
-    found = definitions(node.items, inside)
+    bindings = definitions(node.items, inside)
     placings = [code for code in (item(i, inside) for i in node.items) if code is not None]
 
     def run(scope: Scope, sink: Sink, value: Value = None) -> None:
         inner = scope.inner()
         if variable is not None:
             inner.names[variable] = value
-        if found:
-            bind(found, inner)
+        if bindings:
+            bind(bindings, inner)
         for place in placings:
             try:
                 place(inner, sink)
             except Poisoned:
                 continue
-        if found and sink.role != "file":
+        if bindings and sink.role != "file":
             force_unused(inner)
 
     return run

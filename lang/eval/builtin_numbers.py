@@ -176,9 +176,9 @@ def _noise(scope: Scope, x: Value, *rest: Value, **named: Value) -> Value:
             raise Mistake(f"noise takes one to three numbers, or a list of them, and a seed; got a list of {len(x)}", argument=0)
         parts, seed = [require_number(part, 0) for part in x], others[0] if others else 0.0
     else:
-        given = {**dict(zip(("y", "z", "seed"), rest, strict=False)), **named}
-        parts = [require_number(part, i) for i, part in enumerate((x, given.get("y", 0.0), given.get("z", 0.0)))]
-        seed = given.get("seed", 0.0)
+        options = {**dict(zip(("y", "z", "seed"), rest, strict=False)), **named}
+        parts = [require_number(part, i) for i, part in enumerate((x, options.get("y", 0.0), options.get("z", 0.0)))]
+        seed = options.get("seed", 0.0)
     if not isinstance(seed, float) or seed != int(seed):
         raise Mistake(f"a seed is a whole number, got {describe(seed)}", argument=len(rest) + len(named))
     parts += [0.0] * (3 - len(parts))

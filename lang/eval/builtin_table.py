@@ -64,8 +64,8 @@ def apply_operation(op: str, *args: Value) -> Value:
     try:
         return check_finite(OPERATIONS[op](*args))
     except (ValueError, ZeroDivisionError):
-        given = ", ".join(units.show_number(a) for a in args)
-        raise Mistake(f"{op}({given}) is not defined") from None
+        listed = ", ".join(units.show_number(a) for a in args)
+        raise Mistake(f"{op}({listed}) is not defined") from None
     except OverflowError:
         raise Mistake("the result is too large for a number") from None
 

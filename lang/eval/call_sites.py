@@ -52,7 +52,7 @@ class CallSite:
 
     def positions(self, positional: tuple[str, ...], names: Any) -> dict[str, int] | None:
         """The index of the argument of each given parameter; None if some argument fits none."""
-        found: dict[str, int] = {}
+        indices: dict[str, int] = {}
         for k, a in enumerate(self.args):
             if a.name is None:
                 name = positional[k] if k < len(positional) else None
@@ -60,10 +60,10 @@ class CallSite:
                     return None  # a rare order, which arguments.assign handles
             else:
                 name = names.get(a.name.id)
-            if name is None or name in found:
+            if name is None or name in indices:
                 return None
-            found[name] = k
-        return found
+            indices[name] = k
+        return indices
 
     def givens(self, values: list[Value]) -> list[ArgumentValue]:
         """The arguments with their places."""
@@ -157,27 +157,27 @@ def _evaluate_rest(codes: tuple[Code, ...], values: list[Value], scope: Scope) -
 
 def _element_plan(site: CallSite, entry: Entry) -> Plan | None:
     signature = arguments.signature_of(entry)
-    given = site.positions(signature.positional, signature.names)
-    if given is None or any(name not in given for name in signature.required):
+    positions = site.positions(signature.positional, signature.names)
+    if positions is None or any(name not in positions for name in signature.required):
         return None
     if arguments.comma_fraction(site.givens([None] * len(site.args))):
         return None
-    return _element_maker(entry, given, site.span)
+    return _element_maker(entry, positions, site.span)
 
 
-def _element_maker(entry: Entry, given: Mapping[str, int], span: Span) -> Plan | None:
+def _element_maker(entry: Entry, positions: Mapping[str, int], span: Span) -> Plan | None:
     """Makes an element with these arguments, by the index of their values; SLOW for rare values. None for rare arguments."""
     signature = arguments.signature_of(entry)
-    if any(sum(name in group for name in given) > 1 for group in entry.exclusive):
+    if any(sum(name in group for name in positions) > 1 for group in entry.exclusive):
         return None
     steps = []
-    for name, k in given.items():
+    for name, k in positions.items():
         convert = quick_conversion.conversion(signature.args[name])
         if convert is None:
             return None
         steps.append((name, k, convert))
     lights = [k for name, k, _ in steps if signature.args[name].type in LIGHT_TYPES]
-    defaults, names, kind = signature.defaults, frozenset(given), entry.name
+    defaults, names, kind = signature.defaults, frozenset(positions), entry.name
     category, shares = entry.category, entry.category in calls.SHARED
 
     def make(scope: Scope, function: Value, values: list[Value], children: Children) -> Value:
@@ -252,14 +252,14 @@ def _builtin_plan(site: CallSite, function: Builtin) -> Plan | None:
 
 
 def _function_plan(site: CallSite, code: FunctionCode) -> Plan | None:
-    given = site.positions(code.positional, code.names)
-    if given is None or any(name not in given for name in code.required):
+    positions = site.positions(code.positional, code.names)
+    if positions is None or any(name not in positions for name in code.required):
         return None
-    extras = tuple([name for name in given if name not in code.positional])
-    wrap = _element_maker(GROUP, {name: given[name] for name in extras}, site.span) if extras else None
+    extras = tuple([name for name in positions if name not in code.positional])
+    wrap = _element_maker(GROUP, {name: positions[name] for name in extras}, site.span) if extras else None
     if extras and wrap is None:
         return None
-    steps = [(p, given.get(p.name, -1)) for p in code.parameters]
+    steps = [(p, positions.get(p.name, -1)) for p in code.parameters]
     body, takes_children, label, callee = code.body, code.takes_children, site.label, site.callee.span
     chain: tuple[Any, str, Any, str] = (None, "", (), "")  # of the last call: the caller's trace and path, and those of the call
 
@@ -279,8 +279,8 @@ def _function_plan(site: CallSite, code: FunctionCode) -> Plan | None:
                 value = values[k]
                 if p.type_name or foreign:
                     value = _coerced(p, value, scope, foreign, site, k)
-            elif p.kept is not MISSING:
-                value = p.kept
+            elif p.constant is not MISSING:
+                value = p.constant
             else:
                 value = Thunk(p.name, p.node.span, p.default, inner.snapshot())  # type: ignore[arg-type]
             names[p.name] = value

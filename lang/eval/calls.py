@@ -76,8 +76,8 @@ def apply(evaluator: Evaluator, function: Value, givens: list[ArgumentValue], si
     if type(function) is FilePart:
         return _file(evaluator, function, givens, site)
     if type(function) is AssetPart:
-        given = ArgumentValue("file", site.callee, function.file, site.callee)
-        return make_element(evaluator, function.entry, [given, *givens], site)
+        file = ArgumentValue("file", site.callee, function.file, site.callee)
+        return make_element(evaluator, function.entry, [file, *givens], site)
     is_made = isinstance(function, Element) and is_placeable(function)
     hint = f"it is an element already: write transform(…) {{ {site.label} }}" if is_made else ""
     raise Mistake(f"only functions and parts are called, not {describe(function)}", hint, span=site.callee)
@@ -118,17 +118,17 @@ def make_element(evaluator: Evaluator, entry: Entry, givens: list[ArgumentValue]
     bound = arguments.element_arguments(signature, givens, site.callee, scope, report)
     if bound is None:
         raise Poisoned
-    args, given, photometric = bound
+    args, written, photometric = bound
     if fraction and fraction[0]:
         evaluator.diagnostics.warning("the formula ends at this comma", fraction[2][1], fraction[1])
     children = site.children or ()
     if entry.category in SHARED:
-        return share(scope, Element(entry.name, args, site.span, given, (), scope.path, scope.trace, photometric, 1, entry.category))
+        return share(scope, Element(entry.name, args, site.span, written, (), scope.path, scope.trace, photometric, 1, entry.category))
     evaluator.meter.element()
     weight = 1 + sum([child.weight for child in children])
     if weight > evaluator.meter.most:
         raise evaluator.meter.too_many_elements()
-    return Element(entry.name, args, site.span, given, children, scope.path, scope.trace, photometric, weight, entry.category)
+    return Element(entry.name, args, site.span, written, children, scope.path, scope.trace, photometric, weight, entry.category)
 
 
 def share(scope: Scope, element: Element) -> Element:
@@ -153,8 +153,8 @@ def _assign(
     assigned, good = arguments.assign(site.label, positional, names, givens, report)
     if not good or arguments.report_missing(site.label, required, assigned, site.callee, report):
         raise Poisoned
-    for given in givens:
-        if given.value is POISON:
+    for argument in givens:
+        if argument.value is POISON:
             raise Poisoned
     return assigned
 
@@ -171,13 +171,13 @@ def _builtin(evaluator: Evaluator, function: Builtin, givens: list[ArgumentValue
         raise Poisoned
     gap = next((k for k, n in enumerate(names) if n not in assigned), len(names))
     named = {n: assigned[n] for n in names[gap:] if n in assigned}
-    given = [assigned[n] for n in names[:gap]] + rest
+    ordered = [assigned[n] for n in names[:gap]] + rest
     try:
-        return function.run(site.scope, *[g.value for g in given], **{n: g.value for n, g in named.items()})
+        return function.run(site.scope, *[g.value for g in ordered], **{n: g.value for n, g in named.items()})
     except Mistake as mistake:
-        given += named.values()
-        if mistake.argument is not None and mistake.span is None and mistake.argument < len(given):
-            mistake.span = given[mistake.argument].span
+        ordered += named.values()
+        if mistake.argument is not None and mistake.span is None and mistake.argument < len(ordered):
+            mistake.span = ordered[mistake.argument].span
         raise
     except OverflowError:
         raise Mistake("the result is too large for a number") from None
@@ -203,9 +203,9 @@ def _user(evaluator: Evaluator, function: UserFunction, givens: list[ArgumentVal
     if foreign and function.foreign:
         assigned = {n: replace(g, value=untag_unit(g.value)) for n, g in assigned.items()}
     for p in code.parameters:
-        given = assigned.get(p.name)
-        if given is not None:
-            inner.names[p.name] = _coerce(p.node, given, site, foreign and not function.foreign)
+        argument = assigned.get(p.name)
+        if argument is not None:
+            inner.names[p.name] = _coerce(p.node, argument, site, foreign and not function.foreign)
         elif p.default is not None:
             inner.names[p.name] = Thunk(p.name, p.node.span, p.default, inner.snapshot())
     if code.takes_children:
@@ -221,18 +221,18 @@ def _user(evaluator: Evaluator, function: UserFunction, givens: list[ArgumentVal
     return wrap(result, extras, site) if extras else result
 
 
-def _coerce(parameter: ast.Parameter, given: ArgumentValue, site: Site, foreign: bool) -> Value:
+def _coerce(parameter: ast.Parameter, argument: ArgumentValue, site: Site, foreign: bool) -> Value:
     """The value given for a parameter, coerced to its declared type or to the dimension of its default.
 
     `foreign`: the call comes from a file with another unit. Bare numbers have the unit of that file.
     """
     type_name = parameter.type.id if parameter.type else eval_parameters.implied_type(parameter.default)
-    if type_name not in eval_parameters.TYPES or (parameter.type is None and not isinstance(given.value, float)):
-        return tag_unit(given.value, site.scope.unit) if foreign else given.value
+    if type_name not in eval_parameters.TYPES or (parameter.type is None and not isinstance(argument.value, float)):
+        return tag_unit(argument.value, site.scope.unit) if foreign else argument.value
     try:
-        return eval_parameters.coerce(given.value, type_name, site.scope)
+        return eval_parameters.coerce(argument.value, type_name, site.scope)
     except Mistake as mistake:
-        mistake.span = given.span
+        mistake.span = argument.span
         raise
 
 
@@ -275,21 +275,21 @@ def _closure(evaluator: Evaluator, function: Closure, givens: list[ArgumentValue
 def _file(evaluator: Evaluator, function: FilePart, givens: list[ArgumentValue], site: Site) -> Value:
     """A used file as a part: a group of the shapes and lights it places."""
     module = function.module
-    own = tuple([i.name.id for i in module.file.items if isinstance(i, ast.Param)])
-    names = {n: n for n in own}
+    param_names = tuple([i.name.id for i in module.file.items if isinstance(i, ast.Param)])
+    names = {n: n for n in param_names}
     for extra in arguments.PLACING:
         names.setdefault(extra, extra)
-    assigned = _assign(evaluator, own, names, [], givens, site)
-    scope = evaluator.instance(module, {n: g for n, g in assigned.items() if n in own}, site.label, site.callee, site.scope)
+    assigned = _assign(evaluator, param_names, names, [], givens, site)
+    scope = evaluator.instance(module, {n: g for n, g in assigned.items() if n in param_names}, site.label, site.callee, site.scope)
     scope.names["children"] = site.children or ()
     enter(evaluator.meter, site.label)
     try:
-        for name in own:
+        for name in param_names:
             _force_param(evaluator, scope, name)
         children = evaluator.collect_file(module, scope)
     finally:
         evaluator.meter.calls -= 1
-    extras = [g for name, g in assigned.items() if name not in own]
+    extras = [g for name, g in assigned.items() if name not in param_names]
     return make_element(evaluator, GROUP, extras, Site(site.label, site.callee, site.span, site.scope, children))
 
 
@@ -303,12 +303,12 @@ def _force_param(evaluator: Evaluator, scope: Scope, name: str) -> None:
 # --- definitions ----------------------------------------------------------------------------------------------------
 
 
-def param_code(param: ast.Param, given: ArgumentValue | None, caller: Scope) -> Code:
+def param_code(param: ast.Param, argument: ArgumentValue | None, caller: Scope) -> Code:
     """The code of a `param` in one use of its file: the given value or the default. `caller` is the scope of the call."""
 
     def run(scope: Scope) -> Value:
         try:
-            return eval_parameters.param_value(param, given, scope, caller)
+            return eval_parameters.param_value(param, argument, scope, caller)
         except Mistake as mistake:
             trace = scope.trace if mistake.span and mistake.span.file == param.name.span.file else caller.trace
             scope.evaluator.report(mistake.message, mistake.span, mistake.hint, trace)
@@ -329,11 +329,11 @@ def set_value(param: ast.Param, text: str, scope: Scope, evaluator: Evaluator) -
     if _NUMBER.fullmatch(text):  # a fast path for sliders, ten times as fast
         node = ast.Number(Span(shown, 1, len(line) - len(text) + 1, 1, len(line) + 1), float(text), "", text)
         return ArgumentValue(name, node.span, evaluator.value(node, scope), node.span, node)
-    found = Diagnostics()
-    file = parse(line, shown, found)
-    evaluator.diagnostics.items.extend(found.items)
-    if found.failed or len(file.items) != 1 or not isinstance(file.items[0], ast.Let):
-        if not found.failed:
+    mistakes = Diagnostics()
+    file = parse(line, shown, mistakes)
+    evaluator.diagnostics.items.extend(mistakes.items)
+    if mistakes.failed or len(file.items) != 1 or not isinstance(file.items[0], ast.Let):
+        if not mistakes.failed:
             evaluator.report(f"`{text}` is not one value", Span(shown, 1, len(line) - len(text) + 1, 1, len(line) + 1))
         raise Poisoned
     node = file.items[0].value

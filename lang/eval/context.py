@@ -167,7 +167,7 @@ class Evaluator(Protocol):
         """The shapes and lights that a used file places."""
         ...
 
-    def instance(self, module: Module, given: Mapping[str, ArgumentValue], label: str, call: Span | None, caller: Scope) -> Scope:
+    def instance(self, module: Module, arguments: Mapping[str, ArgumentValue], label: str, call: Span | None, caller: Scope) -> Scope:
         """A new scope of a file with these values of its `param`s."""
         ...
 

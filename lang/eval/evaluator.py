@@ -88,10 +88,10 @@ class Evaluator:
 
         An error inside the library is reported at the call from outside, with the parameters of the called function.
         """
-        calls = [k for k, (_, at) in enumerate(trace) if not at.in_library]
+        calls = [k for k, (_, span) in enumerate(trace) if not span.in_library]
         if span and span.in_library and calls:
-            (name, at), inner = trace[calls[0]], trace[calls[0] - 1][1] if calls[0] else span
-            message, span, trace = f"{name} cannot be made with these arguments: {message}", at, trace[calls[0] + 1 :]
+            (name, call_span), inner = trace[calls[0]], trace[calls[0] - 1][1] if calls[0] else span
+            message, span, trace = f"{name} cannot be made with these arguments: {message}", call_span, trace[calls[0] + 1 :]
             hint = _parameter_hint(name, self.loader.sources.get(inner.file))
         key = (span, "" if span else message)
         if key not in self._reported:
@@ -139,13 +139,13 @@ class Evaluator:
         if self.loader.prelude and self.loader.prelude is not module:
             outer |= lint.names_of(self.loader.prelude.file) | self.loader.prelude.broken
         main = len(self.loader.chain) == 1 and module is not self.loader.prelude
-        known = module.source.text, module.source.name, frozenset(outer)
-        if not main and known in _linted:
+        key = module.source.text, module.source.name, frozenset(outer)
+        if not main and key in _linted:
             return
         before = len(self.diagnostics.items)
         lint.check_file(module, outer, self.catalogue, self.report, self.diagnostics, main)
         if module.of_library and not module.broken and len(self.diagnostics.items) == before:
-            _linted.add(known)
+            _linted.add(key)
 
     def module_scope(self, module: Module, outer: Scope) -> Scope:
         """The scope of a file with the defaults of its `param`s, created once."""
@@ -153,7 +153,7 @@ class Evaluator:
             self._instances[module] = self.instance(module, {}, "", None, outer)
         return self._instances[module]
 
-    def instance(self, module: Module, given: Mapping[str, ArgumentValue], label: str, call: Span | None, caller: Scope) -> Scope:
+    def instance(self, module: Module, arguments: Mapping[str, ArgumentValue], label: str, call: Span | None, caller: Scope) -> Scope:
         """A new scope of a file with these values for its `param`s."""
         outer = self.outer if module is not self.loader.prelude else self.root
         scope = Scope(self, self.meter, module.scale, outer)
@@ -165,7 +165,7 @@ class Evaluator:
                 name = use_name(item)
                 scope.names.setdefault(name, self._bind_use(item, name, module))
             elif isinstance(item, ast.Param):
-                code = calls.param_code(item, given.get(item.name.id), caller)
+                code = calls.param_code(item, arguments.get(item.name.id), caller)
                 scope.names.setdefault(item.name.id, Thunk(item.name.id, item.name.span, code, scope))
         blocks.bind(blocks.code_of(module).definitions, scope)
         for name in module.broken:
@@ -199,20 +199,20 @@ class Evaluator:
 
     def read_sets(self, module: Module, sets: Mapping[str, str]) -> dict[str, ArgumentValue]:
         """`--set` as arguments of the scene."""
-        known = {item.name.id: item for item in module.file.items if isinstance(item, ast.Param)}
+        params = {item.name.id: item for item in module.file.items if isinstance(item, ast.Param)}
         scope = Scope(self, self.meter, module.scale, self.outer)
-        given = {}
+        arguments = {}
         for name, text in sets.items():
-            if name not in known:
-                near = suggest(name, known)
-                has = ", ".join(known) or "no params"
+            if name not in params:
+                near = suggest(name, params)
+                has = ", ".join(params) or "no params"
                 self.report(f"the scene has no param `{name}`" + (f"; {near}" if near else ""), None, f"it has {has}")
                 continue
             try:
-                given[name] = calls.set_value(known[name], text, scope, self)
+                arguments[name] = calls.set_value(params[name], text, scope, self)
             except Poisoned:
                 continue
-        return given
+        return arguments
 
     # --- items ---
 
@@ -254,15 +254,15 @@ class Evaluator:
                 self.meter.step()
                 self.place(v, node, scope, sink)
             return
-        found = category(value)
-        if found in PLACEABLE:
+        kind = category(value)
+        if kind in PLACEABLE:
             sink.elements.append(value)
             if sink.role == "scene":
                 self._weigh(sink)
-        elif found in ("camera", "setting"):
-            self._place_setting(value, found, node, scope, sink)
+        elif kind in ("camera", "setting"):
+            self._place_setting(value, kind, node, scope, sink)
         else:
-            message, hint = _unplaceable(value, found, node)
+            message, hint = _unplaceable(value, kind, node)
             self.fail(message, node.span, hint, scope)
 
     def _weigh(self, sink: Sink) -> None:
@@ -271,12 +271,12 @@ class Evaluator:
             sink.elements.pop()
             raise self.meter.too_many_elements()
 
-    def _place_setting(self, element: Element, found: str, node: ast.Node, scope: Scope, sink: Sink) -> None:
+    def _place_setting(self, element: Element, kind: str, node: ast.Node, scope: Scope, sink: Sink) -> None:
         if sink.role == "file":
             return  # of a used file only shapes and lights are placed
         if sink.role == "block":
             self.fail(f"`{element.kind}` belongs at the top level of a scene, not in a block", node.span, "", scope)
-        if found == "camera":
+        if kind == "camera":
             sink.cameras.append(element)
         elif element.kind in sink.settings:
             first = sink.settings[element.kind].span
@@ -356,11 +356,11 @@ def _results(result: Value) -> tuple[tuple[Value, ...], str]:
     raise Mistake(f"a formula gives a number, a truth value, a list or a colour, not {kind(result)}")
 
 
-def _unplaceable(value: Value, found: str, node: ast.Node) -> tuple[str, str]:
+def _unplaceable(value: Value, value_kind: str, node: ast.Node) -> tuple[str, str]:
     """The message and the hint for a value that cannot be placed."""
-    if found in ("material", "texture"):
-        use = "sphere(material: …)" if found == "material" else "lambert(…)"
-        return f"a {found} cannot be placed", f"use it as an argument, as in {use}, or name it with `let`"
+    if value_kind in ("material", "texture"):
+        use = "sphere(material: …)" if value_kind == "material" else "lambert(…)"
+        return f"a {value_kind} cannot be placed", f"use it as an argument, as in {use}, or name it with `let`"
     if isinstance(node, ast.Name | ast.Member) and isinstance(value, Entry | UserFunction | FilePart | AssetPart):
         name = calls.callee_name(node)
         return f"`{name}` is not called", f"write {name}()"
@@ -371,8 +371,8 @@ def _unplaceable(value: Value, found: str, node: ast.Node) -> tuple[str, str]:
 
 def _parameter_hint(name: str, text: str | None) -> str:
     """The hint with the parameters of a library function, as its source text declares them."""
-    found = re.search(rf"^let {re.escape(name.rpartition('.')[2])}\(([^)]*)\)", text or "", re.MULTILINE)
-    return f"it takes {' '.join(found[1].split())}" if found else ""
+    signature = re.search(rf"^let {re.escape(name.rpartition('.')[2])}\(([^)]*)\)", text or "", re.MULTILINE)
+    return f"it takes {' '.join(signature[1].split())}" if signature else ""
 
 
 def _shorten(trace: tuple[tuple[str, Span], ...]) -> tuple[tuple[str, Span], ...]:

@@ -82,7 +82,7 @@ def _name(node: ast.Name, names: Names | None) -> Code:
             scope.evaluator.fail(message, span, hint, scope)  # lint.py reports it except in a `--set`
         return value
 
-    def own(scope: Scope) -> Value:
+    def innermost(scope: Scope) -> Value:
         value = scope.names.get(name)
         return find(scope) if value is None or type(value) is Thunk else value
 
@@ -95,10 +95,10 @@ def _name(node: ast.Name, names: Names | None) -> Code:
         return find(scope) if value is None or type(value) is Thunk else value
 
     def far(scope: Scope) -> Value:
-        at: Any = scope
+        ancestor: Any = scope
         for _ in range(depth or 0):
-            at = at.parent
-        value = at.names.get(name)
+            ancestor = ancestor.parent
+        value = ancestor.names.get(name)
         return find(scope) if value is None or type(value) is Thunk else value
 
     def of_language(scope: Scope) -> Value:
@@ -107,7 +107,7 @@ def _name(node: ast.Name, names: Names | None) -> Code:
 
     if depth is None:
         return find
-    return of_language if depth < 0 else (own, outer, second, far)[min(depth, 3)]
+    return of_language if depth < 0 else (innermost, outer, second, far)[min(depth, 3)]
 
 
 # --- literals -------------------------------------------------------------------------------------------------------
@@ -184,7 +184,7 @@ def _comprehension(node: ast.Comprehension, names: Names | None) -> Code:
                 meter.step()
                 inner = scope.inner()
                 inner.names[name] = value
-                if condition is None or _known(condition(inner), node.condition, scope):
+                if condition is None or _require_truth(condition(inner), node.condition, scope):
                     values.append(body(inner))
         except Exhausted as limit:
             raise calls.locate_loop(limit, place, before, scope) from None
@@ -193,7 +193,7 @@ def _comprehension(node: ast.Comprehension, names: Names | None) -> Code:
     return run
 
 
-def _known(value: Value, node: Any, scope: Scope) -> bool:
+def _require_truth(value: Value, node: Any, scope: Scope) -> bool:
     if not isinstance(value, bool):
         scope.evaluator.fail("the items of a list cannot depend on a formula's parameters", node.span, "", scope)
     return value
@@ -238,9 +238,9 @@ def _conditional(node: ast.Conditional, names: Names | None) -> Code:
             return yes(scope)
         if chosen is False:
             return no(scope)
-        one, other = yes(scope), no(scope)
+        first, second = yes(scope), no(scope)
         try:
-            return operators.select(chosen, one, other, scope)
+            return operators.select(chosen, first, second, scope)
         except Mistake as mistake:
             scope.evaluator.fail(mistake.message, node.span, mistake.hint, scope)
 

@@ -75,10 +75,10 @@ class _Checker:
             if isinstance(item, ast.Use):
                 self._use(item)
         self._items(file.items, ())
-        known = sorted({*self.outer, *names_of(file)})
+        names = sorted({*self.outer, *names_of(file)})
         for name in file.called:
-            if name.id not in known and suggest(name.id, known):
-                message, hint = suggestions.name(name.id, known)
+            if name.id not in names and suggest(name.id, names):
+                message, hint = suggestions.name(name.id, names)
                 self.report(message, name.span, hint)
 
     def _use(self, use: ast.Use) -> None:
@@ -201,6 +201,6 @@ class _Checker:
                 return
         if name.id not in self.outer:
             self.unknown += 1
-            known = {n for scope in chain for n in scope} | self.outer if self.unknown <= MAX_COMPARED else ()
-            message, hint = suggestions.name(name.id, sorted(known))
+            names = {n for scope in chain for n in scope} | self.outer if self.unknown <= MAX_COMPARED else ()
+            message, hint = suggestions.name(name.id, sorted(names))
             self.report(message, name.span, hint)

@@ -117,20 +117,20 @@ class Loader:
         """Add the chain of uses to the diagnostics of the current file."""
         trace = tuple((source.name, span) for source, span in reversed(self.chain) if span is not None)
         if trace:
-            own = self.chain[-1][0].name
+            file_name = self.chain[-1][0].name
             items = self.diagnostics.items
             for i in range(before, len(items)):
                 d = items[i]
-                if not d.trace and d.span and d.span.file == own:
+                if not d.trace and d.span and d.span.file == file_name:
                     items[i] = type(d)(d.severity, d.message, d.span, d.hint, trace)
 
     def _unit(self, file: ast.File) -> str:
-        found = [item for item in file.items if isinstance(item, ast.Unit)]
-        for item in found[1:]:
-            self.diagnostics.error("`unit` occurs twice in this file", item.span, f"the first is in line {found[0].span.line}")
-        if not found:
+        unit_items = [item for item in file.items if isinstance(item, ast.Unit)]
+        for item in unit_items[1:]:
+            self.diagnostics.error("`unit` occurs twice in this file", item.span, f"the first is in line {unit_items[0].span.line}")
+        if not unit_items:
             return "m"
-        name = found[0].name
+        name = unit_items[0].name
         if units.UNITS.get(name.id, (0, units.NONE))[1] == units.LENGTH:
             return name.id
         lengths = ", ".join(sorted({u for u, (_, d) in units.UNITS.items() if d == units.LENGTH and u.isascii() and u not in KEYWORDS}))
@@ -152,8 +152,8 @@ class Loader:
     def _read(self, use: ast.Use, path: str, module: Module) -> Module:
         library = path.startswith("std/")
         if not library and not path.endswith(".scene"):
-            known = "a file ends with one of " + " ".join((*file_types.SCENE, *file_types.USD, *file_types.MESH))
-            hint = foreign_formats.advice(path) or known
+            endings = "a file ends with one of " + " ".join((*file_types.SCENE, *file_types.USD, *file_types.MESH))
+            hint = foreign_formats.advice(path) or endings
             raise ReadError(f'cannot use "{path}"', hint if "." in path.rsplit("/", 1)[-1] else f'write "{path}.scene"')
         source = self.reader.scene(path, module.source.path, use.path.span)
         if any(s.path == source.path for s, _ in self.chain):

@@ -64,9 +64,9 @@ def _coerce_quantity(value: Value, type_name: str, scope: Scope) -> Value:
 def implied_type(default: ast.Node | None) -> str:
     """The type of a parameter whose default is a literal with a unit, else `""`."""
     if isinstance(default, ast.Number):
-        known = units.UNITS.get(default.unit)
-        if known and known[1] in (units.LENGTH, units.ANGLE, units.TIME):
-            return units.name(known[1])
+        unit = units.UNITS.get(default.unit)
+        if unit and unit[1] in (units.LENGTH, units.ANGLE, units.TIME):
+            return units.name(unit[1])
     return ""
 
 
@@ -78,25 +78,25 @@ def type_of(value: Value) -> str:
     simple = {float: "number", bool: "bool", str: "string", Color: "color", tuple: "list"}.get(type(value), "")
     if simple:
         return simple
-    found = category(value)
-    return "shape" if is_placeable(value) else found
+    kind = category(value)
+    return "shape" if is_placeable(value) else kind
 
 
 Range = tuple[Value, Value] | list[Value]
 
 
-def param_value(param: ast.Param, given: ArgumentValue | None, scope: Scope, caller: Scope) -> Value:
+def param_value(param: ast.Param, argument: ArgumentValue | None, scope: Scope, caller: Scope) -> Value:
     """The checked value of a `param`: the given one or its default. `scope` is the scope of its file.
 
     Raises Mistake with a span.
     """
     default, type_name = default_of(param, scope)
     allowed = range_of(param, type_name, scope)
-    value, span = (default, param.default.span) if given is None else (given.value, given.span)
+    value, span = (default, param.default.span) if argument is None else (argument.value, argument.span)
     try:
-        if given is not None and given.outside and type_name == "color" and isinstance(value, tuple):
+        if argument is not None and argument.outside and type_name == "color" and isinstance(value, tuple):
             value = _color_of(value)
-        if given is not None and type_name:
+        if argument is not None and type_name:
             typed = coerce(value, type_name, caller)
             untyped = param.type is None and type_name in ("number", "list")
             value = tag_unit(value, caller.unit) if untyped and scope.unit != caller.unit else typed

@@ -252,9 +252,9 @@ _UNITS: dict[str, str] = {
 }
 
 
-def unit(word: str, number: str, known: Iterable[str]) -> str:
-    """The hint for a unit that is not among `known`, after `number` as written."""
-    return _UNITS[word].format(number) if word in _UNITS else suggest(word, known) or units.listed()
+def unit(word: str, number: str, names: Iterable[str]) -> str:
+    """The hint for a unit that is not among `names`, after `number` as written."""
+    return _UNITS[word].format(number) if word in _UNITS else suggest(word, names) or units.listed()
 
 
 def planned_hint(word: str) -> str:
@@ -269,8 +269,8 @@ def argument(callee: str, word: str, names: Mapping[str, str]) -> tuple[str, str
     near = f"did you mean `{near}`?" if near else suggest(word, names)
     if near:
         return f"{message}; {near}", _NEAR_HINTS.get(near, {}).get(word, "")
-    known = [n for n in names if n == names[n]]
-    listed = ", ".join(known[:12]) + (", …" if len(known) > 12 else "")
+    canonical = [n for n in names if n == names[n]]
+    listed = ", ".join(canonical[:12]) + (", …" if len(canonical) > 12 else "")
     return message, _ARGUMENT_HINTS.get(word) or f"it takes {listed or 'no arguments'}"
 
 
@@ -285,8 +285,8 @@ def choice(argument: str, word: str) -> str:
     return f"write {word}() in its place" if argument == "kind" and word in ("brass", "platinum") else ""
 
 
-def name(word: str, known: Iterable[str]) -> tuple[str, str]:
-    """The message and the hint for a name that is not among `known`."""
+def name(word: str, names: Iterable[str]) -> tuple[str, str]:
+    """The message and the hint for a name that is not among `names`."""
     hint = _NAMES.get(word, "")
     if not hint and word in _LIBRARY_FILE:
         hint = f'write use "std/{_LIBRARY_FILE[word]}" first, then {_LIBRARY_FILE[word]}.{word}(…)'
@@ -294,8 +294,8 @@ def name(word: str, known: Iterable[str]) -> tuple[str, str]:
         hint = f'write use "std/{word}" first'
     if word[-1] in _SUPERSCRIPTS and word[:-1]:
         hint = f"write {word[:-1]}^{_SUPERSCRIPTS[word[-1]]}"
-    known = list(known)
-    near = "" if hint else suggest(word, known) or suggest(word.lower(), known)
+    names = list(names)
+    near = "" if hint else suggest(word, names) or suggest(word.lower(), names)
     if near:
         return f"there is no `{word}` here; {near}", ""
     return f"there is no `{word}` here", hint or "let, param or use define a name"

@@ -88,13 +88,13 @@ class Builtin:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ParameterCode:
-    """A parameter of a `let`. `type_name` is the declared type or that of a default with a unit; `kept` is a default without code."""
+    """A parameter of a `let`. `type_name` is the declared type or that of a default with a unit; `constant` is a default without code."""
 
     name: str
     node: ast.Parameter
     type_name: str
     default: Code | None
-    kept: Value
+    constant: Value
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -109,10 +109,10 @@ def vector_in_angles(site: ErrorSite) -> Answer | None:
     if site.token == "<" and (site.near(1).type == "NUMBER" or (site.near(1) == "-" and site.near(2).type == "NUMBER")):
         return "a vector is written in brackets", "write [x, y, z] in place of <x, y, z>", site.token
     if site.near(-1) == ">":  # `rgb <1, 0, 0>` was read as a comparison
-        at = next((k for k in range(site.at - 1, site.first, -1) if site.stream[k] == "<"), 0)
-        inside = {token.type for token in site.stream[at + 1 : site.at - 1]}
-        if at and site.stream[at - 1].type == "NAME" and inside <= {"NUMBER", "COMMA", "MINUS"}:
-            return "arguments are written in parentheses", f"write {site.stream[at - 1]}(…, …, …)", site.stream[at]
+        opening = next((k for k in range(site.at - 1, site.first, -1) if site.stream[k] == "<"), 0)
+        inside = {token.type for token in site.stream[opening + 1 : site.at - 1]}
+        if opening and site.stream[opening - 1].type == "NAME" and inside <= {"NUMBER", "COMMA", "MINUS"}:
+            return "arguments are written in parentheses", f"write {site.stream[opening - 1]}(…, …, …)", site.stream[opening]
     return None
 
 
@@ -228,10 +228,10 @@ def separator(site: ErrorSite) -> Answer | None:
             return f"`{token}` can't be inside brackets", "write it on a line of its own", token
         return f"`{token}` begins an item", "write it on a line of its own", token
     if token == "," and site.inside() == "index":
-        at = site.opener() or 0
-        before = site.stream[at - 1]
-        if before.type == "NAME" and (at - 1 == site.first or before.end_pos != site.stream[at].start_pos):
-            return "arguments are written in parentheses", f"write {before}([…, …])", site.stream[at]
+        opening = site.opener() or 0
+        before = site.stream[opening - 1]
+        if before.type == "NAME" and (opening - 1 == site.first or before.end_pos != site.stream[opening].start_pos):
+            return "arguments are written in parentheses", f"write {before}([…, …])", site.stream[opening]
         return "an index is one number", "write list[i][j]", token
     if token == "for" and site.inside() == "call":
         return "a `for` inside a value is part of a list", "write [f(k) for k in 0..5]", token

@@ -281,8 +281,8 @@ class _Parsing:
     def _report(self, i: int, expected: set[str]) -> None:
         if not self._is_known(i):
             site = ErrorSite(self.stream, i, self.levels[-1].first, expected, self.unbound)
-            message, hint, at = syntax_errors.explain(site)
-            self.diagnostics.error(message, lexer.span_of(at, self.file), hint)
+            message, hint, token = syntax_errors.explain(site)
+            self.diagnostics.error(message, lexer.span_of(token, self.file), hint)
 
     def _report_depth(self, i: int) -> None:
         if not self._is_known(i):

@@ -50,8 +50,8 @@ _WANTED = {
 def _fallback(site: ErrorSite) -> Answer:
     wanted = [text for kind, text in _WANTED.items() if kind in site.expected]
     hint = f"expected {' or '.join(wanted)}" if 0 < len(wanted) <= 3 else ""
-    at = site.token
-    if is_end(at) and at not in CLOSERS:
+    token = site.token
+    if is_end(token) and token not in CLOSERS:
         before = site.near(-1)
         return f"something is missing after {quote(before)}", hint, before
-    return f"{quote(at)} can't be here", hint, at
+    return f"{quote(token)} can't be here", hint, token

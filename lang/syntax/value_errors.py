@@ -132,9 +132,9 @@ def number_suffix(site: ErrorSite) -> Answer | None:
     return f"`{number}{token}` is not a number", "a number is digits and a unit: 1000mm", number
 
 
-def _arrow(site: ErrorSite, at: int) -> bool:
-    """Whether an arrow follows the bracket that opens at `at`, as after the parameters of a function in other languages."""
-    following = itertools.dropwhile(lambda token: token != ")", site.stream[at:])
+def _arrow(site: ErrorSite, position: int) -> bool:
+    """Whether an arrow follows the bracket that opens at `position`, as after the parameters of a function in other languages."""
+    following = itertools.dropwhile(lambda token: token != ")", site.stream[position:])
     return tuple(itertools.islice(following, 1, 3)) in (("=", ">"), ("-", ">"))
 
 
@@ -193,8 +193,8 @@ def incomplete_choice(site: ErrorSite) -> Answer | None:
         if depth < 0:
             return None
         if depth == 0 and token == "then" and "ELSE" in site.expected:
-            at = site.token if not is_end(site.token) else token
-            return "this `if` has no `else`", "write if … then … else …", at
+            last = site.token if not is_end(site.token) else token
+            return "this `if` has no `else`", "write if … then … else …", last
         if depth == 0 and token == "if" and i > site.first and "THEN" in site.expected:
             return "`then` is missing", "write if … then … else …", site.token if not is_end(site.token) else token
     return None

@@ -54,4 +54,4 @@ def test_the_error_that_is_told(
     error: float | None, bias: float | None, left_out: tuple[str, ...], whole: float | None, words: str
 ) -> None:
     assert omitted_light.with_bias(error, bias) == whole
-    assert omitted_light.told(error, bias, left_out, 8) == words
+    assert omitted_light.phrase(error, bias, left_out, 8) == words

@@ -21,11 +21,11 @@ def colors(rgba: NDArray[np.float32], exposure: float, view: str, transparent: b
     """(h, w, 4) codes of linear light; coverage is kept if `transparent`, else it is 255."""
     look = image_files.Look(exposure, view, alpha=transparent, white=white)
     parts = list(POOL.map(lambda rows: image_files.display(rows, look), np.array_split(rgba, PARTS)))  # numpy frees Python's lock
-    made = np.empty((*rgba.shape[:2], 4), np.uint8)
-    np.concatenate(parts, out=made[..., : parts[0].shape[2]])
+    pixels = np.empty((*rgba.shape[:2], 4), np.uint8)
+    np.concatenate(parts, out=pixels[..., : parts[0].shape[2]])
     if not transparent:
-        made[..., 3] = 255
-    return made
+        pixels[..., 3] = 255
+    return pixels
 
 
 def auxiliary(name: str, values: NDArray[Any]) -> Codes:
@@ -56,12 +56,12 @@ def auxiliary(name: str, values: NDArray[Any]) -> Codes:
 
 
 def _depth_shades(depth: NDArray[np.float32]) -> NDArray[np.float64]:
-    known = np.isfinite(depth)
+    finite = np.isfinite(depth)
     shades = np.zeros(depth.shape)
-    if known.any():
-        near, far = np.percentile(depth[known], (1.0, 98.0))
-        share = (np.where(known, depth, far) - near) / max(float(far - near), 1e-12)
-        shades[known] = (255.0 - 215.0 * np.clip(share, 0.0, 1.0))[known]
+    if finite.any():
+        near, far = np.percentile(depth[finite], (1.0, 98.0))
+        share = (np.where(finite, depth, far) - near) / max(float(far - near), 1e-12)
+        shades[finite] = (255.0 - 215.0 * np.clip(share, 0.0, 1.0))[finite]
     return shades
 
 
@@ -85,9 +85,9 @@ def _heat(samples: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def _opaque(rgb: NDArray[Any]) -> Codes:
-    made = np.full((*rgb.shape[:2], 4), 255, np.uint8)
-    made[..., :3] = rgb
-    return made
+    pixels = np.full((*rgb.shape[:2], 4), 255, np.uint8)
+    pixels[..., :3] = rgb
+    return pixels
 
 
 def resized(pixels: NDArray[Any], height: int, width: int) -> NDArray[Any]:

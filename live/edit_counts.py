@@ -20,7 +20,7 @@ class Work:
     """Counts the work between `begin` and `end`."""
 
     stages: StageCache
-    own: Counter[str] = field(default_factory=Counter)  # "scenes evaluated", "pictures drawn", "pixels drawn"
+    counted: Counter[str] = field(default_factory=Counter)  # "scenes evaluated", "pictures drawn", "pixels drawn"
     number: int = 0
     _before: Counter[str] = field(default_factory=Counter)
     _began: float = 0.0
@@ -42,7 +42,7 @@ class Work:
 
     def _total(self) -> Counter[str]:
         """All counts so far; a name for each, also where it is 0."""
-        own = {name: self.own[name] for name in ("scenes evaluated", "pictures drawn", "pixels drawn")}
+        counts = {name: self.counted[name] for name in ("scenes evaluated", "pictures drawn", "pixels drawn")}
         trees = {f"mesh BVHs {how}": tree_cache.COUNTS[how] for how in ("built", "refitted", "read")}
         read = {name: self.stages.made[name] for name in READ}
-        return Counter({"sources parsed": modules.parsed(), **read, **trees, "kernels compiled": compile_events.compiled(), **own})
+        return Counter({"sources parsed": modules.parsed(), **read, **trees, "kernels compiled": compile_events.compiled(), **counts})

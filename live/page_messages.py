@@ -128,7 +128,7 @@ def _text(value: Any, _: Any) -> str:
     return value
 
 
-def _whole(value: Any, _: Any) -> int:
+def _integer(value: Any, _: Any) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= MAX_LINE:
         raise ValueError("expected a line")
     return value
@@ -164,7 +164,7 @@ def _names(value: Any, _: Any) -> list[str]:
 
 _CONVERTER = cattrs.Converter()
 _CONVERTER.register_structure_hook(str, _text)
-_CONVERTER.register_structure_hook(int, _whole)
+_CONVERTER.register_structure_hook(int, _integer)
 _CONVERTER.register_structure_hook(float, _number)
 _CONVERTER.register_structure_hook(bool, _flag)
 for _kind, _hook in ((dict[str, Any], _table), (dict[str, str], _texts), (list[str], _names)):

@@ -86,8 +86,8 @@ def write_back(text: str, name: str, values: Mapping[str, str]) -> str:
     Raises ValueError if a param is missing from the source or its default cannot be found there.
     """
     tree = parse(text, name, Diagnostics())
-    found = {item.name.id: item for item in tree.items if isinstance(item, ast.Param)}
-    if missing := next((param for param in values if param not in found), None):
+    params = {item.name.id: item for item in tree.items if isinstance(item, ast.Param)}
+    if missing := next((param for param in values if param not in params), None):
         raise ValueError(f"{name} has no param `{missing}` that can be read")
     starts = [0]
     for line in text.split("\n"):
@@ -97,7 +97,7 @@ def write_back(text: str, name: str, values: Mapping[str, str]) -> str:
     def place(line: int, column: int) -> int:
         return starts[line - 1] + column - 1 + (mark if line == 1 else 0)
 
-    for item in sorted((found[param] for param in values), key=lambda item: item.span.line, reverse=True):
+    for item in sorted((params[param] for param in values), key=lambda item: item.span.line, reverse=True):
         span = item.default.span
         begin, end = place(span.line, span.column), place(span.end_line, span.end_column)
         text = text[:begin] + _source(item, values[item.name.id]) + text[end:]

@@ -36,10 +36,10 @@ class Pace:
 
     def divisor(self, width: int, height: int, moving: bool) -> int:
         """How many times smaller each side of the first picture is; with `moving`, the camera is dragged."""
-        whole = width * height * self.seconds
-        if whole <= (DRAGGED if moving else FIRST):
+        seconds = width * height * self.seconds
+        if seconds <= (DRAGGED if moving else FIRST):
             return 1
-        wanted = math.ceil(math.sqrt(whole / (DRAGGED if moving else COARSE)))
+        wanted = math.ceil(math.sqrt(seconds / (DRAGGED if moving else COARSE)))
         return max(1, min(wanted, COARSEST, min(width, height) // SMALLEST))
 
     def add(self, pixels: int, seconds: float) -> None:
@@ -66,28 +66,28 @@ class Quick:
         width, height = self.plan["size"]
         divisor = pace.divisor(width, height, moving) if self._is_whole() else 1
         at_once = self.channel in SEEN
-        return [self._made(part, at_once or width * height <= SMALL * part * part) for part in dict.fromkeys((divisor, 1))]
+        return [self._plan_of(part, at_once or width * height <= SMALL * part * part) for part in dict.fromkeys((divisor, 1))]
 
-    def channels(self, whole: bool) -> Plan | None:
+    def channels(self, full: bool) -> Plan | None:
         """The plan of channels for clicks and outlines, in full size or small; None where the first pictures have them."""
         width, height = self.plan["size"]
         if self.channel in SEEN or width * height <= SMALL:
             return None
-        part = 1 if whole or not self._is_whole() else math.ceil(math.sqrt(width * height / SMALL))
-        return self._made(part, True)
+        part = 1 if full or not self._is_whole() else math.ceil(math.sqrt(width * height / SMALL))
+        return self._plan_of(part, True)
 
     def _is_whole(self) -> bool:
         return tuple(self.plan["crop"]) == (0, 0, *self.plan["size"])
 
-    def _made(self, part: int, with_channels: bool) -> Plan:
+    def _plan_of(self, part: int, with_channels: bool) -> Plan:
         width, height = self.plan["size"]
-        known = {name: self.overrides[name] for name in self.overrides if name in self.plan.decisions}
+        decisions = {name: self.overrides[name] for name in self.overrides if name in self.plan.decisions}
         names = tuple(dict.fromkeys(("id", "depth", *([self.channel] if self.channel in SEEN else []))))
         quick = replace(self.scene, settings=replace(self.scene.settings, error=None, budget=None, aov=None, samples=1))
         size = (max(1, width // part), max(1, height // part))
         aovs = names if with_channels else None
-        asked = replace(self.settings, size=size, samples=1, error=None, budget=None, aov=aovs, denoise=False)
-        return planner.make_plan(quick, asked, known)
+        settings = replace(self.settings, size=size, samples=1, error=None, budget=None, aov=aovs, denoise=False)
+        return planner.make_plan(quick, settings, decisions)
 
 
 @dataclass(eq=False, slots=True)
@@ -99,10 +99,10 @@ class Shown:
     samples: NDArray[np.integer] | None = None  # (h, w)
 
     @staticmethod
-    def of(image: Image, before: Mapping[str, NDArray[Any]]) -> Shown:
+    def from_image(image: Image, before: Mapping[str, NDArray[Any]]) -> Shown:
         """What a finished pass shows, with the channels of the pass before where it has none."""
-        found = {name: image.channels[name] for name in image.channels if name != "rgba"}
-        return Shown(image.channels["rgba"], found or before)
+        others = {name: image.channels[name] for name in image.channels if name != "rgba"}
+        return Shown(image.channels["rgba"], others or before)
 
     def refined(self, rgba: NDArray[np.float32], samples: NDArray[np.integer]) -> Shown:
         """The picture of a pass that is not finished, over this one where it has no samples yet."""

@@ -56,8 +56,8 @@ def center_depth(shown: Shown) -> float | None:
     depth = float(depths[height // 2, width // 2, 0])
     if math.isfinite(depth):
         return depth
-    known = [float(d) for d in depths[::8, ::8, 0].ravel() if math.isfinite(d)]
-    return sorted(known)[len(known) // 2] if known else None
+    finite = [float(d) for d in depths[::8, ::8, 0].ravel() if math.isfinite(d)]
+    return sorted(finite)[len(finite) // 2] if finite else None
 
 
 def _name(names: Sequence[str], row: int) -> str:

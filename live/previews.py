@@ -30,12 +30,12 @@ class Previews:
 
     def offer(self, progress: Progress, seconds: float) -> None:
         """Denoise the picture so far if it is noisy, has new samples and `seconds` have passed since its start."""
-        made, picture = progress.denoiser, progress.picture
-        self._wanted = made is not None and progress.error is not None and progress.error > NOISY
+        denoiser, picture = progress.denoiser, progress.picture
+        self._wanted = denoiser is not None and progress.error is not None and progress.error > NOISY
         busy = self._thread is not None and self._thread.is_alive()
-        if not self._wanted or made is None or picture is None or busy or seconds < RESTED or progress.samples < MORE * self._of:
+        if not self._wanted or denoiser is None or picture is None or busy or seconds < RESTED or progress.samples < MORE * self._of:
             return
-        self._clean = self._clean or made()
+        self._clean = self._clean or denoiser()
         if self._clean is None or not (picture.samples > 0).all():
             return
         self._of = progress.samples
@@ -50,10 +50,10 @@ class Previews:
 
     def take(self) -> NDArray[np.float32] | None:
         """The newest preview (h, w, 4), once; None where there is no new one, or little noise is left."""
-        found = self._made[-1] if self._made and self._wanted else None
+        preview = self._made[-1] if self._made and self._wanted else None
         self._made.clear()
-        self._taken = self._taken or found is not None
-        return found
+        self._taken = self._taken or preview is not None
+        return preview
 
     @property
     def shown(self) -> bool:

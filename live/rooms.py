@@ -74,7 +74,7 @@ class Rooms:
         room = self.rooms[key] = Room(self._make(self._open(path), hub), hub)
         room.session.start()
 
-    def left(self, key: str) -> None:
+    def leave(self, key: str) -> None:
         """Close a scene of a folder if it has had no page for a while; call it in the event loop."""
         if self.is_folder and self._loop is not None:
             self._loop.call_later(LINGER, self._close_empty, key)
@@ -87,11 +87,11 @@ class Rooms:
 
     def listed(self) -> dict[str, Path]:
         """The scenes of the folder by key, sorted by name; hidden folders are left out."""
-        found: dict[str, Path] = {}
+        scenes: dict[str, Path] = {}
         for path in sorted(self.path.rglob("*")):
             inside = path.relative_to(self.path)
             if path.suffix.lower() in file_types.OPENED and path.is_file() and not any(part.startswith(".") for part in inside.parts):
-                found[hashlib.blake2b(inside.as_posix().encode("utf-8", "surrogateescape"), digest_size=8).hexdigest()] = path
-                if len(found) == MAX_SCENES:
+                scenes[hashlib.blake2b(inside.as_posix().encode("utf-8", "surrogateescape"), digest_size=8).hexdigest()] = path
+                if len(scenes) == MAX_SCENES:
                     break
-        return found
+        return scenes

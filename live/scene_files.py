@@ -39,14 +39,14 @@ class Opened:
     def usd(self) -> bool:
         return self.path.suffix.lower() in file_types.USD
 
-    def compile(self, state: State, found: Diagnostics) -> ir.Scene:
+    def compile(self, state: State, diagnostics: Diagnostics) -> ir.Scene:
         """The scene with the values and unsaved texts of `state`. Raises SceneError."""
         sets = {**self.sets, **state.sets}
         moment: dict[str, Any] = {"time": self.time}
         if state.moment is not None:
             moment = {"code": state.moment} if self.usd else {"time": state.moment}
         with sandbox.unsaved(state.texts):
-            return self.load(sets=sets, diagnostics=found, **moment)
+            return self.load(sets=sets, diagnostics=diagnostics, **moment)
 
     def timeline(self, scene: ir.Scene) -> dict[str, Any] | None:
         """First and last moment, their unit and the moments a second; None for a scene without animation."""
@@ -96,18 +96,18 @@ def digest(text: str | None) -> str:
 
 def fingerprint(files: Iterable[Path], texts: Mapping[str, str]) -> tuple[Any, ...]:
     """A value that changes with the contents that a scene is compiled from: texts of sources, time and size of other files."""
-    found: list[Any] = []
+    digests: list[Any] = []
     for path in files:
         if path.suffix.lower() in file_types.SCENE:
-            found.append((str(path), digest(texts.get(str(path), read_text(path)))))
+            digests.append((str(path), digest(texts.get(str(path), read_text(path)))))
             continue
         try:
             status = path.stat()
         except OSError:
-            found.append((str(path), None))
+            digests.append((str(path), None))
         else:
-            found.append((str(path), status.st_mtime_ns, status.st_size, status.st_ino))
-    return tuple(found)
+            digests.append((str(path), status.st_mtime_ns, status.st_size, status.st_ino))
+    return tuple(digests)
 
 
 def changed_since(moment: int, path: Path) -> bool:
@@ -118,7 +118,7 @@ def changed_since(moment: int, path: Path) -> bool:
         return False
 
 
-def diagnostics_json(found: Iterable[Diagnostic], texts: Mapping[str, str]) -> list[dict[str, Any]]:
+def diagnostics_json(diagnostics: Iterable[Diagnostic], texts: Mapping[str, str]) -> list[dict[str, Any]]:
     """Diagnostics for a page, sorted: the parts, and the text with source line, carets and fix. `texts` are unsaved, by path."""
     cache: dict[str, str | None] = {}
 
@@ -129,7 +129,7 @@ def diagnostics_json(found: Iterable[Diagnostic], texts: Mapping[str, str]) -> l
 
     return [
         {"severity": d.severity, "message": d.message, "hint": d.hint, "text": render_text(d, source), "place": place(d.span)}
-        for d in sort_diagnostics(found)[:MAX_SHOWN]
+        for d in sort_diagnostics(diagnostics)[:MAX_SHOWN]
     ]
 
 

@@ -125,8 +125,8 @@ class _Served:
     async def listed(self, _: Request) -> Response:
         if not self.rooms.is_folder:
             return PlainTextResponse("not found\n", 404, HEADERS)
-        found = await asyncio.to_thread(self.rooms.listed)
-        scenes = [{"key": key, "name": path.relative_to(self.rooms.path).as_posix()} for key, path in found.items()]
+        scene_paths = await asyncio.to_thread(self.rooms.listed)
+        scenes = [{"key": key, "name": path.relative_to(self.rooms.path).as_posix()} for key, path in scene_paths.items()]
         return JSONResponse({"folder": self.rooms.path.resolve().name, "scenes": scenes}, headers=HEADERS)
 
     async def thumbnail(self, request: Request) -> Response:
@@ -165,7 +165,7 @@ class _Served:
             pass
         finally:
             room.hub.close(page)
-            self.rooms.left(key)
+            self.rooms.leave(key)
             for task in tasks:
                 task.cancel()
                 with contextlib.suppress(asyncio.CancelledError, Exception):

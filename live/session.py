@@ -45,15 +45,15 @@ class Session:
         self._watcher.join(timeout=5.0)
 
     def _follow(self) -> None:
-        known: list[tuple[Path, ...]] = [()]
+        files: list[tuple[Path, ...]] = [()]
 
         def build() -> tuple[Path, ...]:
-            known[0] = self.studio.files
+            files[0] = self.studio.files
             self.studio.files_changed()
             self._tell_files()
-            return known[0]
+            return files[0]
 
-        watch.follow(build, self._stop, lambda: self.studio.files != known[0], at_once=True)
+        watch.follow(build, self._stop, lambda: self.studio.files != files[0], at_once=True)
 
     # --- to the pages ---
 
@@ -104,13 +104,13 @@ class Session:
         self.hub.greet(page)
         page.put("state", {"type": "state", "state": self.studio.state.to_json(), "from": 0})
 
-    def _adopt(self, given: dict[str, Any], texts: Any) -> None:
+    def _adopt(self, changes: dict[str, Any], texts: Any) -> None:
         folder = self.opened.path.resolve().parent
 
         def update(state: State) -> State:
-            for name in given:  # fields that this version does not take are left out
+            for name in changes:  # fields that this version does not take are left out
                 try:
-                    state = state.changed({name: given[name]})
+                    state = state.changed({name: changes[name]})
                 except StateError:
                     continue
             for path, text in (texts.items() if isinstance(texts, dict) else ()):
@@ -196,8 +196,8 @@ class Session:
         path, line = self._path(message), message["line"]
         current = self.studio.current
         if current is not None and "id" in current.shown.channels:
-            found = outlines.of_line(current.scene, current.shown.channels["id"], path, line)
-            page.put("outline", {"type": "outline", "path": path, "line": line, **found})
+            outline = outlines.of_line(current.scene, current.shown.channels["id"], path, line)
+            page.put("outline", {"type": "outline", "path": path, "line": line, **outline})
 
     def _camera(self, page: Page, message: dict[str, Any]) -> None:
         page.put("camera", {"type": "camera", "text": self.studio.camera_source()})

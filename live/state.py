@@ -47,20 +47,20 @@ class State:
     channel: str = "color"
     moment: float | None = None  # seconds, or a USD time code
 
-    def changed(self, given: Mapping[str, Any]) -> State:
+    def changed(self, changes: Mapping[str, Any]) -> State:
         """This state with the fields of a page's message. `sets` with a value of None are removed. Raises StateError."""
-        found = {name: _READERS[name](value) for name, value in given.items() if name in _READERS}
-        if unknown := next((name for name in given if name not in _READERS and name != "sets"), None):
+        fields = {name: _READERS[name](value) for name, value in changes.items() if name in _READERS}
+        if unknown := next((name for name in changes if name not in _READERS and name != "sets"), None):
             raise StateError(f"a state has no `{unknown[:100]}`")
-        if "sets" in given:
-            found["sets"] = self._sets(given["sets"])
-        return replace(self, **found)
+        if "sets" in changes:
+            fields["sets"] = self._sets(changes["sets"])
+        return replace(self, **fields)
 
-    def _sets(self, given: Any) -> dict[str, str]:
-        if not isinstance(given, dict):
+    def _sets(self, values: Any) -> dict[str, str]:
+        if not isinstance(values, dict):
             raise StateError("`sets` are values by name")
         merged = dict(self.sets)
-        for name, value in given.items():
+        for name, value in values.items():
             if value is None:
                 merged.pop(str(name), None)
             else:
@@ -69,7 +69,7 @@ class State:
 
     def with_text(self, path: str, text: str | None) -> State:
         """This state with an unsaved text of a file; None removes it. Raises StateError."""
-        texts = {name: kept for name, kept in self.texts.items() if name != path}
+        texts = {name: text for name, text in self.texts.items() if name != path}
         if text is not None:
             if len(text) > MAX_TEXT:
                 raise StateError(f"the text has {len(text):,} characters, more than {MAX_TEXT:,}")
@@ -113,10 +113,10 @@ def _optional_number(value: Any) -> float | None:
 
 
 def _exposure(value: Any) -> float | None:
-    found = _optional_number(value)
-    if found is not None and abs(found) > MAX_STOPS:
+    stops = _optional_number(value)
+    if stops is not None and abs(stops) > MAX_STOPS:
         raise StateError(f"an exposure is at most {MAX_STOPS:g} stops")
-    return found
+    return stops
 
 
 def _backend(value: Any) -> str | None:

@@ -182,8 +182,8 @@ class Studio:
             if self._edited is not None:
                 self._edited(counts)
 
-    def _tell_errors(self, found: Any, state: State) -> None:
-        self.tell({"type": "diagnostics", "failed": True, "items": scene_files.diagnostics_json(found, state.texts)})
+    def _tell_errors(self, diagnostics: Any, state: State) -> None:
+        self.tell({"type": "diagnostics", "failed": True, "items": scene_files.diagnostics_json(diagnostics, state.texts)})
         self.tell({"type": "progress", "stage": "failed", "share": 0.0})
 
     def _compile(self, state: State) -> Compiled:
@@ -192,18 +192,18 @@ class Studio:
             return self._compiled
         self._disk, began = key[0], time.time_ns()
         self.tell({"type": "progress", "stage": "compiling", "share": 0.0})
-        found, self._compiled = Diagnostics(), None
-        self.work.own["scenes evaluated"] += 1
+        diagnostics, self._compiled = Diagnostics(), None
+        self.work.counted["scenes evaluated"] += 1
         try:
             with self._compilation.running(), self._stages.compiling():
-                scene = self.opened.compile(state, found)
+                scene = self.opened.compile(state, diagnostics)
         except SceneError as error:
             named = (Path(d.span.file).resolve() for d in error.diagnostics if d.span and Path(d.span.file).is_file())
             self._set_files([*self.files, *named], began, state.texts)
             raise
         self._set_files([self.opened.path.resolve(), *map(Path, scene.files)], began, state.texts)
         key = (self._disk, *key[1:])
-        self._compiled = Compiled(key, scene, tuple(found.items))
+        self._compiled = Compiled(key, scene, tuple(diagnostics.items))
         self.tell({"type": "params", "items": params.controls(scene)})
         cameras = [name for name in scene.names.cameras if name]
         choices = {"channels": channel_labels(), "backends": BACKENDS}
@@ -243,13 +243,13 @@ class Studio:
         compile_events.LISTENERS.append(listener)
         try:
             quick = Quick(scene, settings, self.opened.overrides, plan, state.channel)
-            whole = self._first_pictures(version, state, quick) and self._draw_channels(version, quick, False)
-            if whole and state.channel not in SEEN and not self._cancel.is_set():
+            complete = self._first_pictures(version, state, quick) and self._draw_channels(version, quick, False)
+            if complete and state.channel not in SEEN and not self._cancel.is_set():
                 image = self._last_picture(version, state, scene, plan)
                 self._finish(version, state, image, warnings, began)
                 if not image.metadata["partial"]:
                     self._draw_channels(version, quick, True)
-            elif whole and self.current is not None:
+            elif complete and self.current is not None:
                 self.current.complete = True
                 self._publish(self.state)
                 self._tell_done(1.0, {}, plan, began)
@@ -266,7 +266,7 @@ class Studio:
                 return False
             if not plan["aov"]:
                 self._pace.add(image.width * image.height, image.metadata["seconds"]["render"])
-            self.current = Current(version, quick.scene, quick.plan, Shown.of(image, {}))
+            self.current = Current(version, quick.scene, quick.plan, Shown.from_image(image, {}))
             self._publish(self.state)
             self.work.reach("first picture")
             if image.channels.keys() > {"rgba"}:
@@ -277,9 +277,9 @@ class Studio:
         with self._changed:
             return not self._changed.wait_for(lambda: self._stopped or self._version != version, REST)
 
-    def _draw_channels(self, version: int, quick: Quick, whole: bool) -> bool:
+    def _draw_channels(self, version: int, quick: Quick, full: bool) -> bool:
         """Draw the channels for clicks and outlines; False if a newer state came."""
-        plan, current = quick.channels(whole), self.current
+        plan, current = quick.channels(full), self.current
         if plan is None or current is None:
             return True
         image = self._draw_picture(quick.scene, plan)
@@ -293,8 +293,8 @@ class Studio:
         self, scene: ir.Scene, plan: Plan, report: Callable[[Progress], None] | None = None, cancel: threading.Event | None = None
     ) -> Image:  # fmt: skip
         image = render_scene.draw(scene, plan, report, cancel or self._cancel, quick=report is None, progressive=True)
-        self.work.own["pictures drawn"] += 1
-        self.work.own["pixels drawn"] += image.width * image.height
+        self.work.counted["pictures drawn"] += 1
+        self.work.counted["pixels drawn"] += image.width * image.height
         return image
 
     def _tell_channels(self) -> None:
@@ -342,9 +342,9 @@ class Studio:
         current.finished, current.complete = image, True
         self.work.reach("finished")
         self._publish(self.state)
-        found = [*warnings, *picture_notes.of_render(image.metadata, current.scene, current.plan, self.opened.settings)]
-        found += picture_notes.late_drawing_warnings(image.metadata, current.plan)
-        self.tell({"type": "diagnostics", "failed": False, "items": scene_files.diagnostics_json(found, state.texts)})
+        all_warnings = [*warnings, *picture_notes.of_render(image.metadata, current.scene, current.plan, self.opened.settings)]
+        all_warnings += picture_notes.late_drawing_warnings(image.metadata, current.plan)
+        self.tell({"type": "diagnostics", "failed": False, "items": scene_files.diagnostics_json(all_warnings, state.texts)})
         denoised = bool(image.metadata.get("denoised"))
         self._tell_done(image.metadata["samples_mean"], image.metadata, current.plan, began, denoised)
         untouched = State(channel=state.channel, exposure=state.exposure)
@@ -407,9 +407,9 @@ class Studio:
             "error": _finite(progress.error), "denoised": denoised,
         })  # fmt: skip
 
-    def _tell_done(self, samples: float, made: Mapping[str, Any], plan: Plan, began: float, denoised: bool = False) -> None:
-        error, bias = _finite(made.get("error")), made.get("bias")
-        words = omitted_light.phrase(error, bias, made.get("left_out", ()), plan["bounces"])
+    def _tell_done(self, samples: float, metadata: Mapping[str, Any], plan: Plan, began: float, denoised: bool = False) -> None:
+        error, bias = _finite(metadata.get("error")), metadata.get("bias")
+        words = omitted_light.phrase(error, bias, metadata.get("left_out", ()), plan["bounces"])
         about = {"samples": samples, "seconds": time.monotonic() - began, "denoised": denoised}
         about |= {"error": omitted_light.with_bias(error, bias), "told": words}
         self.tell({"type": "progress", "stage": "done", "share": 1.0, **about})

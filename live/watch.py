@@ -69,10 +69,10 @@ def _stop_on_interrupt(stop: threading.Event) -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def _build(build: Callable[[], Iterable[Path]], known: Iterable[Path]) -> dict[Path, Stamp | str]:
+def _build(build: Callable[[], Iterable[Path]], files: Iterable[Path]) -> dict[Path, Stamp | str]:
     """The files that were read, with their stamps before the build, so that a save during the build is detected."""
     began = time.time_ns()
-    before = {file: _stamp(file) for file in known}
+    before = {file: _stamp(file) for file in files}
     read = {Path(file).resolve() for file in build()}
     return {file: before[file] if file in before else _stamp_before(began, file) for file in read}
 

@@ -25,11 +25,11 @@ class Widget(anywidget.AnyWidget):
 
     def _repr_mimebundle_(self, **more: Any) -> Any:
         """The widget, and for viewers of the saved notebook the picture as PNG if there is one already."""
-        made = super()._repr_mimebundle_(**more)
+        bundle = super()._repr_mimebundle_(**more)
         current = self.notebook.session.studio.current
-        if made is None or current is None:
-            return made
-        data, *rest = made if isinstance(made, tuple) else (made,)
+        if bundle is None or current is None:
+            return bundle
+        data, *rest = bundle if isinstance(bundle, tuple) else (bundle,)
         picture = base64.b64encode(server.encoded(current, "png")).decode()
         return ({**data, "image/png": picture}, *rest) if rest else {**data, "image/png": picture}
 

@@ -101,12 +101,12 @@ def measures(
     return {name: value for name, value in values.items() if value is not None}
 
 
-def trim(squared: NDArray[np.float64], kept: float = 0.999) -> float:
-    """Root of the mean squared error (height, width, 3) over the share `kept` of the pixels with the smallest errors."""
+def trim(squared: NDArray[np.float64], share: float = 0.999) -> float:
+    """Root of the mean squared error (height, width, 3) over the share `share` of the pixels with the smallest errors."""
     if not squared.size:
         return 0.0
     of_pixels = np.sort(squared.mean(axis=2), axis=None)
-    return float(np.sqrt(of_pixels[: max(round(kept * of_pixels.size), 1)].mean()))
+    return float(np.sqrt(of_pixels[: max(round(share * of_pixels.size), 1)].mean()))
 
 
 def _expose(rgb: Pixels, stops: float) -> Pixels:

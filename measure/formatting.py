@@ -48,16 +48,16 @@ def seconds_exactly(value: float) -> str:
 
 def error(metric: str, value: float) -> str:
     """An error of `metric`: 1.2 %, 0.034 (FLIP), 1.5 px (silhouette)."""
-    of = METRICS[metric]
-    if of.share:
+    row = METRICS[metric]
+    if row.share:
         return f"{digits(100 * value)} %"
-    return f"{digits(value)} {of.unit}".rstrip()
+    return f"{digits(value)} {row.unit}".rstrip()
 
 
 def target(metric: str, value: float) -> str:
     """A round target error: 1 %, 0.3 %, 0.05."""
-    of = METRICS[metric]
-    return f"{plain(100 * value)} %" if of.share else f"{plain(value)} {of.unit}".rstrip()
+    row = METRICS[metric]
+    return f"{plain(100 * value)} %" if row.share else f"{plain(value)} {row.unit}".rstrip()
 
 
 def formatter(metric: str) -> Callable[[float], str]:
@@ -65,10 +65,10 @@ def formatter(metric: str) -> Callable[[float], str]:
     return lambda value: error(metric, value) if metric in METRICS else digits(value)
 
 
-def spread(of: Spread, say: Callable[[float], str]) -> str:
+def spread(times: Spread, say: Callable[[float], str]) -> str:
     """A median, with its quartiles if they differ: `2.1 s (2.0 s to 2.3 s)`."""
-    low, high = say(of.low), say(of.high)
-    return say(of.median) + (f" ({low} to {high})" if low != high else "")
+    low, high = say(times.low), say(times.high)
+    return say(times.median) + (f" ({low} to {high})" if low != high else "")
 
 
 def value(setting: Setting) -> str:
@@ -83,35 +83,35 @@ def value(setting: Setting) -> str:
     return str(step)
 
 
-def setting(of: Setting) -> str:
+def setting(chosen: Setting) -> str:
     """A setting with its knob: `64 samples`, `1 sample`, `error 1 %`, `tolerance 0.25`."""
-    step = value(of)
-    if isinstance(of.value, int) and not isinstance(of.value, bool) and of.knob.endswith("s"):
-        return f"{step} {of.knob[:-1] if of.value == 1 else of.knob}"
-    return f"{of.knob} {step}"
+    step = value(chosen)
+    if isinstance(chosen.value, int) and not isinstance(chosen.value, bool) and chosen.knob.endswith("s"):
+        return f"{step} {chosen.knob[:-1] if chosen.value == 1 else chosen.knob}"
+    return f"{chosen.knob} {step}"
 
 
-def curve(of: Curve, chart: Chart) -> str:
+def curve(drawn: Curve, chart: Chart) -> str:
     """A curve's name: `raster`, or `ray by samples` if its backend has several curves."""
-    several = sum(other.backend == of.backend for other in chart.curves) > 1
-    return f"{of.backend} by {of.knob}" if several else of.backend
+    several = sum(other.backend == drawn.backend for other in chart.curves) > 1
+    return f"{drawn.backend} by {drawn.knob}" if several else drawn.backend
 
 
 def stopped_curves(chart: Chart) -> list[tuple[str, list[Curve]]]:
     """Titles such as `raster stops` with the curves that cannot improve, grouped by reason and error."""
-    found: dict[str, list[Curve]] = {}
-    for of in chart.curves:
-        if of.stops:
-            found.setdefault(of.stops, []).append(of)
-    return [(_stop_title(curves, chart), curves) for curves in found.values()]
+    groups: dict[str, list[Curve]] = {}
+    for drawn in chart.curves:
+        if drawn.stops:
+            groups.setdefault(drawn.stops, []).append(drawn)
+    return [(_stop_title(curves, chart), curves) for curves in groups.values()]
 
 
 def _stop_title(curves: list[Curve], chart: Chart) -> str:
     """`raster stops`, `raster and ray by samples stop`; a backend whose curves all stop has its own name."""
     names = []
-    for of in curves:
-        whole = all(other in curves for other in chart.curves if other.backend == of.backend)
-        names.append(of.backend if whole else curve(of, chart))
+    for drawn in curves:
+        alone = all(other in curves for other in chart.curves if other.backend == drawn.backend)
+        names.append(drawn.backend if alone else curve(drawn, chart))
     names = list(dict.fromkeys(names))
     return f"{', '.join(names[:-1])} and {names[-1]} stop" if len(names) > 1 else f"{names[0]} stops"
 
@@ -128,8 +128,8 @@ def left_out(chart: Chart, brief: bool = False) -> list[str]:
     `brief`: only the first of several reasons, without its source position.
     """
     cut = [name for name in chart.left_out if ": " in name]  # steps: "ray, samples: 4096 samples"
-    whole = {name: _first(why) if brief else why for name, why in chart.left_out.items() if name not in cut}
-    lines = [f"not charted: {name}: {why}" for name, why in whole.items()]
+    reasons = {name: _first(why) if brief else why for name, why in chart.left_out.items() if name not in cut}
+    lines = [f"not charted: {name}: {why}" for name, why in reasons.items()]
     if cut:
         sweeps = "1 sweep stops" if len(cut) == 1 else f"{len(cut)} sweeps stop"
         lines.append(f"{sweeps} before the most expensive settings (the .json lists them): a longer --budget continues them")
@@ -143,14 +143,15 @@ def _first(reasons: str) -> str:
     return re.sub(r"^\S+:\d+:\d+: ", "", first) + more
 
 
-def point(of: Point, metric: str) -> str:
+def point(measured: Point, metric: str) -> str:
     """One line about a point: `ray, 64 samples: 2.1 s (2.0 s to 2.3 s), 1.0 % (0.9 % to 1.1 %)`."""
-    return f"{of.setting.backend}, {setting(of.setting)}: {spread(of.seconds, seconds)}, {spread(of.error, formatter(metric))}"
+    chosen, error = measured.setting, spread(measured.error, formatter(metric))
+    return f"{chosen.backend}, {setting(chosen)}: {spread(measured.seconds, seconds)}, {error}"
 
 
-def bias_and_noise(of: Point) -> list[tuple[str, str]]:
+def bias_and_noise(measured: Point) -> list[tuple[str, str]]:
     """Bias and noise of a point by name, as √relMSE with standard errors; unknown ones are left out."""
-    named = (("bias", of.bias, of.bias_error), ("noise", of.noise, of.noise_error))
+    named = (("bias", measured.bias, measured.bias_error), ("noise", measured.noise, measured.noise_error))
     return [(name, _with_standard_error(value, standard_error)) for name, value, standard_error in named if value is not None]
 
 
@@ -161,11 +162,11 @@ def _with_standard_error(value: float, standard_error: float | None) -> str:
     return f"{error('relmse', value)} ± {error('relmse', standard_error)}" if value else f"below {error('relmse', standard_error)}"
 
 
-def command(chart: Chart, of: Setting) -> str:
+def command(chart: Chart, chosen: Setting) -> str:
     """The command that renders a point's picture; for a peer its settings."""
-    if of.backend not in BACKENDS:
-        return of.arguments()
-    return f"maquette render {chart.scene} --size {chart.size[0]}x{chart.size[1]} {of.arguments()}"
+    if chosen.backend not in BACKENDS:
+        return chosen.arguments()
+    return f"maquette render {chart.scene} --size {chart.size[0]}x{chart.size[1]} {chosen.arguments()}"
 
 
 def size(chart: Chart) -> str:

@@ -40,7 +40,7 @@ class Wanted:
     repeats: int | None = None  # the least number of timed renders of a setting
     keep: Path | None = None  # a folder for the raw images
     target: float = 0.02  # √relMSE that the question is about
-    asked: bool = True  # whether the backends were named: otherwise those that are known to lack light are left out
+    backends_named: bool = True  # whether the backends were named: otherwise those that are known to lack light are left out
     began: float | None = field(default=None, compare=False)  # time.perf_counter() from which the budget counts; None: when measured
 
 

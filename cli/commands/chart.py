@@ -191,7 +191,7 @@ def _measure(path: Path, metric: str, quiet: bool, options: dict[str, Any]) -> t
     wanted = records.Wanted(
         name=named, settings=settings, backends=options["backends"] or BACKENDS, peers=options["peers"], metric=metric,
         budget=options["budget"] or BUDGET, began=options["began"], seeds=options["seeds"], repeats=options["repeats"],
-        keep=options["keep"], target=options["error"] or TARGET, asked=bool(options["backends"]),
+        keep=options["keep"], target=options["error"] or TARGET, backends_named=bool(options["backends"]),
     )  # fmt: skip
     with Display(quiet) as display, terminal.catch_interrupt() as cancel:
         try:

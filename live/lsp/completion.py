@@ -15,7 +15,7 @@ from ...lang.eval import builtins, parameters
 from ...lang.reference_page import sentence, signature
 from . import cursor, describe
 from .describe import Callee
-from .document import Document, Found
+from .document import DefinitionSite, Document
 from .places import Places
 from .project import files_in, folder_of
 
@@ -36,10 +36,10 @@ class _Request:
     document: Document
     line: int
     column: int
-    here: cursor.Cursor
+    cursor: cursor.Cursor
 
     @property
-    def names(self) -> dict[str, Found]:
+    def names(self) -> dict[str, DefinitionSite]:
         return self.document.visible(self.line, self.column)
 
 
@@ -47,17 +47,17 @@ def complete(places: Places, document: Document, position: types.Position) -> li
     """What can be written at a place."""
     line, column = places.place(document, position)
     request = _Request(places, document, line, column, cursor.read(document, line, column))
-    here = request.here
-    if here.comment:
+    cursor_position = request.cursor
+    if cursor_position.comment:
         return []
-    if here.string is not None:
+    if cursor_position.string is not None:
         return [*_strings(request)]
-    if here.after == ".":
+    if cursor_position.after == ".":
         return [*_members(request)]
-    if here.after == "unit":
+    if cursor_position.after == "unit":
         lengths = dict.fromkeys(u for u, (_, d) in units.UNITS.items() if d == units.LENGTH and u.isascii() and u != "in")
         return [types.CompletionItem(unit, kind=Kind.Unit) for unit in lengths]
-    if here.after in ("let", "param", "use", "as"):
+    if cursor_position.after in ("let", "param", "use", "as"):
         return []
     if _declares(request):
         return [types.CompletionItem(name, kind=Kind.TypeParameter) for name in parameters.TYPES]
@@ -67,11 +67,11 @@ def complete(places: Places, document: Document, position: types.Position) -> li
 def _declares(request: _Request) -> bool:
     """Whether a type of a param is written: `param name: …`."""
     row = request.document.lines[request.line - 1][: request.column - 1].split()
-    return request.here.after == ":" and row[:1] == ["param"] and len(row) < 4
+    return request.cursor.after == ":" and row[:1] == ["param"] and len(row) < 4
 
 
 def _callee(request: _Request) -> tuple[cursor.Call, Callee] | None:
-    for call in request.here.calls[:1]:
+    for call in request.cursor.calls[:1]:
         callee = describe.of_name(call.name, call.owner, request.names, request.places.project)
         if callee is not None:
             return call, callee
@@ -79,19 +79,19 @@ def _callee(request: _Request) -> tuple[cursor.Call, Callee] | None:
 
 
 def _arguments(request: _Request) -> Iterator[types.CompletionItem]:
-    found = _callee(request)
-    if found is None:
+    called = _callee(request)
+    if called is None:
         return
-    call, callee = found
-    if request.here.after in ("(", ",") and not call.argument and callee.kind != "function":
+    call, callee = called
+    if request.cursor.after in ("(", ",") and not call.argument and callee.kind != "function":
         for p in callee.parameters:
-            if p.name not in call.given:
+            if p.name not in call.argument_names:
                 yield types.CompletionItem(
                     p.name, kind=Kind.Property, detail=p.text, documentation=_markdown(p.markdown), insert_text=f"{p.name}: ",
                     sort_text=f"0{p.name}",
                 )  # fmt: skip
     chosen = callee.parameter(call.argument) if call.argument else None
-    if request.here.after == ":" and chosen is not None:
+    if request.cursor.after == ":" and chosen is not None:
         for choice in chosen.choices:
             yield types.CompletionItem(f'"{choice}"', kind=Kind.EnumMember, sort_text=f"0{choice}")
 
@@ -100,10 +100,10 @@ def _names(request: _Request) -> Iterator[types.CompletionItem]:
     project, seen = request.places.project, set()
     prelude = project.document("std/prelude")
     for names in (request.names, prelude.top if prelude else {}):
-        for name, found in names.items():
+        for name, definition in names.items():
             if name not in seen:
                 seen.add(name)
-                yield _definition(name, found, request, "1" if names is not (prelude and prelude.top) else "2")
+                yield _definition(name, definition, request, "1" if names is not (prelude and prelude.top) else "2")
     for entry in CATALOGUE.values():
         if entry.name not in seen and not entry.planned:
             yield types.CompletionItem(
@@ -119,39 +119,39 @@ def _names(request: _Request) -> Iterator[types.CompletionItem]:
         if name not in seen:
             yield types.CompletionItem(name, kind=Kind.Constant, documentation=_markdown(doc), sort_text=f"2{name}")
     row = request.document.lines[request.line - 1][: request.column - 1].strip()
-    for word in ITEMS if row == request.here.word else WORDS:
+    for word in ITEMS if row == request.cursor.word else WORDS:
         yield types.CompletionItem(word, kind=Kind.Keyword, sort_text=f"3{word}")
 
 
-def _definition(name: str, found: Found, request: _Request, order: str) -> types.CompletionItem:
-    callee = describe.of_definition(found, request.places.project)
-    kind = KINDS[found.definition.kind]
+def _definition(name: str, definition: DefinitionSite, request: _Request, order: str) -> types.CompletionItem:
+    callee = describe.of_definition(definition, request.places.project)
+    kind = KINDS[definition.definition.kind]
     part = callee is not None and callee.kind == "part"
-    detail = callee.signature if callee is not None and part else found.definition.kind
-    doc = describe.of_found(found, request.places.project)
+    detail = callee.signature if callee is not None and part else definition.definition.kind
+    doc = describe.of_found(definition, request.places.project)
     return types.CompletionItem(
         name, kind=Kind.Function if part else kind, detail=detail, documentation=_markdown(doc), sort_text=f"{order}{name}"
     )
 
 
 def _members(request: _Request) -> Iterator[types.CompletionItem]:
-    used = describe.used_file(request.here.owner, request.names, request.places.project)
-    for name, found in used.top.items() if used else ():
-        if found.definition.kind in ("let", "param"):
-            yield _definition(name, found, request, "0")
+    used = describe.used_file(request.cursor.owner, request.names, request.places.project)
+    for name, definition in used.top.items() if used else ():
+        if definition.definition.kind in ("let", "param"):
+            yield _definition(name, definition, request, "0")
 
 
 def _strings(request: _Request) -> Iterable[types.CompletionItem]:
-    here = request.here
-    if here.use:
+    position = request.cursor
+    if position.use:
         library = sorted(f"std/{path.stem}" for path in LIBRARY.glob("*.scene") if path.stem != "prelude")
-        known = (*file_types.SCENE, *file_types.USD, *file_types.MESH)
-        names = [*library, *(name for name in _files(request, known) if not _is_self(request.document, name))]
+        endings = (*file_types.SCENE, *file_types.USD, *file_types.MESH)
+        names = [*library, *(name for name in _files(request, endings) if not _is_self(request.document, name))]
         return [_string(request, name, Kind.Module if name in library else Kind.File) for name in names]
-    found = _callee(request)
-    if found is None:
+    called = _callee(request)
+    if called is None:
         return []
-    call, callee = found
+    call, callee = called
     positional = [p for p in callee.parameters if not p.keyword]
     chosen = callee.parameter(call.argument) if call.argument else positional[call.index] if call.index < len(positional) else None
     if chosen is None:
@@ -176,7 +176,7 @@ def _files(request: _Request, suffixes: tuple[str, ...]) -> list[str]:
 def _string(request: _Request, name: str, kind: types.CompletionItemKind) -> types.CompletionItem:
     """An item that replaces the part of the string before the cursor."""
     places, document, line, column = request.places, request.document, request.line, request.column
-    start = places.position(document, line, column - len(request.here.string or ""))
+    start = places.position(document, line, column - len(request.cursor.string or ""))
     edit = types.TextEdit(types.Range(start, places.position(document, line, column)), name)
     return types.CompletionItem(name, kind=kind, text_edit=edit)
 

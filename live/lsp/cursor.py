@@ -11,12 +11,12 @@ from .document import Document
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """An open call around the cursor. `given` are the names of its arguments, `index` counts the arguments before the cursor."""
+    """An open call around the cursor. `argument_names` are the names of its arguments, `index` counts the arguments before the cursor."""
 
     name: str
     owner: str  # the file of `file.name(…)`; "" without
     index: int
-    given: tuple[str, ...]
+    argument_names: tuple[str, ...]
     argument: str  # the name of the argument that the cursor stands in; "" for a positional one
 
 
@@ -35,7 +35,7 @@ class Cursor:
 
 def read(document: Document, line: int, column: int) -> Cursor:
     """The surroundings of a place, from the tokens of its piece."""
-    above = next((placed.above for placed in document.at(line)), 0)
+    above = next((placed.above for placed in document.placed_at(line)), 0)
     rows = [*document.lines[above : line - 1], document.lines[line - 1][: column - 1]]
     tokens = [*lex("\n".join(rows))]
     word, string, comment = "", None, False
@@ -61,18 +61,18 @@ def _calls(tokens: list[Token]) -> tuple[Call, ...]:
             stack.append(i)
         elif token in CLOSERS and stack:
             stack.pop()
-    found = []
+    calls = []
     for i in reversed(stack):
         if tokens[i] == "{":
             break
         if tokens[i] == "(" and i and tokens[i - 1].isidentifier() and (i < 2 or tokens[i - 2] not in ("let", "param")):
             member = i > 2 and tokens[i - 2] == "."
-            found.append(_call(str(tokens[i - 1]), str(tokens[i - 3]) if member else "", tokens[i + 1 :]))
-    return tuple(found)
+            calls.append(_call(str(tokens[i - 1]), str(tokens[i - 3]) if member else "", tokens[i + 1 :]))
+    return tuple(calls)
 
 
 def _call(name: str, owner: str, tokens: list[Token]) -> Call:
-    depth, index, given, argument = 0, 0, [], ""
+    depth, index, names, argument = 0, 0, [], ""
     for i, token in enumerate(tokens):
         if token in OPENERS:
             depth += 1
@@ -82,5 +82,5 @@ def _call(name: str, owner: str, tokens: list[Token]) -> Call:
             index, argument = index + 1, ""
         elif depth == 0 and token == ":" and i and tokens[i - 1].isidentifier():
             argument = str(tokens[i - 1])
-            given.append(argument)
-    return Call(name, owner, index, tuple(given), argument)
+            names.append(argument)
+    return Call(name, owner, index, tuple(names), argument)

@@ -11,7 +11,7 @@ from ...lang.eval.values import Builtin
 from ...lang.reference_page import comment_above, default_text, limits_text, sentence
 from ...lang.schema.argument_types import TYPES, Arg, Entry
 from ...lang.syntax import ast
-from .document import Document, Found
+from .document import DefinitionSite, Document
 from .project import Project
 
 CONSTANTS: Mapping[str, str] = {
@@ -89,51 +89,51 @@ def of_builtin(function: Builtin) -> Callee:
     return Callee(function.name, "function", sentence(function.doc), tuple(Parameter(n) for n in names), variadic=function.variadic)
 
 
-def of_definition(found: Found, project: Project) -> Callee | None:
+def of_definition(located: DefinitionSite, project: Project) -> Callee | None:
     """A part, or a used file; None for a definition that is not called."""
-    node, document = found.definition.node, found.document
+    node, document = located.definition.node, located.document
     match node:
         case ast.Let(parameters=tuple() as parameters):
-            return Callee(node.name.id, "part", comment_above(node), tuple(_of_parameter(p, found) for p in parameters))
+            return Callee(node.name.id, "part", comment_above(node), tuple(_of_parameter(p, located) for p in parameters))
         case ast.Use():
             used = project.used(document, node)
             if used is None:
                 return None
             params = [each for each in used.top.values() if isinstance(each.definition.node, ast.Param)]
-            return Callee(found.definition.name, "file", "", tuple(_of_param(each) for each in params))
+            return Callee(located.definition.name, "file", "", tuple(_of_param(each) for each in params))
     return None
 
 
-def _of_parameter(parameter: ast.Parameter, found: Found) -> Parameter:
-    default = source_of(parameter.default, found) if parameter.default is not None else ""
+def _of_parameter(parameter: ast.Parameter, located: DefinitionSite) -> Parameter:
+    default = source_of(parameter.default, located) if parameter.default is not None else ""
     kind = parameter.type.id if parameter.type else ""
     return Parameter(parameter.name.id, kind, default, kind=kind)
 
 
-def _of_param(found: Found) -> Parameter:
-    node = found.definition.node
+def _of_param(located: DefinitionSite) -> Parameter:
+    node = located.definition.node
     assert isinstance(node, ast.Param)
     doc = node.doc.value if node.doc else ""
     kind = node.type.id if node.type else ""
-    return Parameter(node.name.id, kind, source_of(node.default, found), doc, True, kind=kind)
+    return Parameter(node.name.id, kind, source_of(node.default, located), doc, True, kind=kind)
 
 
-def source_of(node: ast.Node, found: Found) -> str:
+def source_of(node: ast.Node, located: DefinitionSite) -> str:
     """The source of a node in the piece of a definition, on one line."""
-    lines = found.placed.piece.text.split("\n")[node.span.line - 1 : node.span.end_line]
+    lines = located.placed.piece.text.split("\n")[node.span.line - 1 : node.span.end_line]
     lines[-1] = lines[-1][: node.span.end_column - 1]
     lines[0] = lines[0][node.span.column - 1 :]
     return " ".join(line.strip() for line in lines)
 
 
-def of_name(name: str, owner: str, names: Mapping[str, Found], project: Project) -> Callee | None:
+def of_name(name: str, owner: str, names: Mapping[str, DefinitionSite], project: Project) -> Callee | None:
     """What `name(…)`, or `owner.name(…)`, calls where `names` are visible."""
     if owner:
-        found = member(owner, name, names, project)
+        located = member(owner, name, names, project)
     else:
-        found = names.get(name) or (None if name in CATALOGUE or name in builtins.FUNCTIONS else project.prelude(name))
-    if found is not None:
-        return of_definition(found, project)
+        located = names.get(name) or (None if name in CATALOGUE or name in builtins.FUNCTIONS else project.prelude(name))
+    if located is not None:
+        return of_definition(located, project)
     if owner:
         return None
     if name in CATALOGUE and not CATALOGUE[name].planned:
@@ -141,14 +141,14 @@ def of_name(name: str, owner: str, names: Mapping[str, Found], project: Project)
     return of_builtin(builtins.FUNCTIONS[name]) if name in builtins.FUNCTIONS else None
 
 
-def used_file(owner: str, names: Mapping[str, Found], project: Project) -> Document | None:
+def used_file(owner: str, names: Mapping[str, DefinitionSite], project: Project) -> Document | None:
     """The file that a visible name stands for."""
-    found = names.get(owner)
-    node = found.definition.node if found else None
-    return project.used(found.document, node) if found and isinstance(node, ast.Use) else None
+    located = names.get(owner)
+    node = located.definition.node if located else None
+    return project.used(located.document, node) if located and isinstance(node, ast.Use) else None
 
 
-def member(owner: str, name: str, names: Mapping[str, Found], project: Project) -> Found | None:
+def member(owner: str, name: str, names: Mapping[str, DefinitionSite], project: Project) -> DefinitionSite | None:
     """The definition that `owner.name` means where `names` are visible."""
     used = used_file(owner, names, project)
     return used.top.get(name) if used else None
@@ -166,26 +166,26 @@ def of_callee(callee: Callee) -> str:
     return "\n\n".join(part for part in parts if part)
 
 
-def of_found(found: Found, project: Project, value: str = "") -> str:
+def of_found(located: DefinitionSite, project: Project, value: str = "") -> str:
     """Markdown of a definition: its source, the comment above it, its value if it is plain, and its file if that is another one."""
-    node = found.definition.node
+    node = located.definition.node
     match node:
         case ast.Let(parameters=None) | ast.Param():
-            source = _first_line(found)
+            source = _first_line(located)
         case ast.Let():
-            callee = of_definition(found, project)
+            callee = of_definition(located, project)
             source = f"let {callee.signature}" if callee else ""
         case ast.Parameter():
-            source = source_of(node, found)
+            source = source_of(node, located)
         case _:
-            source = _first_line(found)
+            source = _first_line(located)
     parts = [_code(source)]
     if isinstance(node, ast.Item):
         parts.append(comment_above(node))
     if isinstance(node, ast.Param) and node.doc:
         parts.append(sentence(node.doc.value))
     if isinstance(node, ast.Use):
-        used = project.used(found.document, node)
+        used = project.used(located.document, node)
         parts.append(_head(used) if used else "")
     if isinstance(node, ast.Parameter) and node.type:
         parts.append(TYPES.get(node.type.id, ""))
@@ -194,8 +194,8 @@ def of_found(found: Found, project: Project, value: str = "") -> str:
     return "\n\n".join(part for part in parts if part)
 
 
-def _first_line(found: Found) -> str:
-    return found.placed.piece.text.split("\n")[found.definition.span.line - 1].strip()
+def _first_line(located: DefinitionSite) -> str:
+    return located.placed.piece.text.split("\n")[located.definition.span.line - 1].strip()
 
 
 def _head(document: Document) -> str:

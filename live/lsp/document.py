@@ -29,7 +29,7 @@ class Placed:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class DefinitionSite:
     """A definition with the document and the piece that hold it."""
 
     document: Document
@@ -54,9 +54,9 @@ class Document:
         self.path = path
         self.text = text.replace("\r\n", "\n").replace("\r", "\n")
         self.lines = self.text.split("\n")
-        found = [*cut(self.text)]
-        ends = [above for above, _ in found[1:]] + [len(self.lines)]
-        self.placed = [Placed(above, end, piece(part)) for (above, part), end in zip(found, ends, strict=True)]
+        parts = [*cut(self.text)]
+        ends = [above for above, _ in parts[1:]] + [len(self.lines)]
+        self.placed = [Placed(above, end, piece(part)) for (above, part), end in zip(parts, ends, strict=True)]
         self.failed = any(each.piece.failed for each in self.placed)
         self.good: list[Placed] = self.placed
         if self.failed:
@@ -78,30 +78,30 @@ class Document:
             yield Placed(place.above, max(place.last, middle[-1].last), old.piece, stale=True)
 
     @cached_property
-    def top(self) -> dict[str, Found]:
+    def top(self) -> dict[str, DefinitionSite]:
         """The names of the file's top level."""
-        found: dict[str, Found] = {}
+        names: dict[str, DefinitionSite] = {}
         for placed in self.placed:
             for name, definition in placed.piece.names.top.items():
-                found.setdefault(name, Found(self, placed, definition))
-        return found
+                names.setdefault(name, DefinitionSite(self, placed, definition))
+        return names
 
-    def at(self, line: int) -> Iterator[Placed]:
+    def placed_at(self, line: int) -> Iterator[Placed]:
         """The pieces at a line, which counts from 1: the current one, then those of earlier texts."""
         return (each for each in self.placed if each.above < line <= each.last)
 
-    def visible(self, line: int, column: int) -> dict[str, Found]:
+    def visible(self, line: int, column: int) -> dict[str, DefinitionSite]:
         """All names of the file that are visible at a place."""
-        found = dict(self.top)
-        for placed in reversed([*self.at(line)]):
+        names = dict(self.top)
+        for placed in reversed([*self.placed_at(line)]):
             inner = placed.piece.names.visible(line - placed.above, column)
-            found |= {name: Found(self, placed, definition) for name, definition in inner.items()}
-        return found
+            names |= {name: DefinitionSite(self, placed, definition) for name, definition in inner.items()}
+        return names
 
-    def resolve(self, placed: Placed, name: ast.Name) -> Found | None:
+    def resolve(self, placed: Placed, name: ast.Name) -> DefinitionSite | None:
         """The definition of a used name; None for a name of the language, or an unknown one."""
         local = placed.piece.names.local(name)
-        return Found(self, placed, local) if local else self.top.get(name.id)
+        return DefinitionSite(self, placed, local) if local else self.top.get(name.id)
 
     def word(self, line: int, column: int) -> str:
         """The name that touches a place."""

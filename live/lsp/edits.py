@@ -29,12 +29,12 @@ Replacement = tuple[int, int, str]  # first column, column behind the last, new 
 def formatted(places: Places, document: Document) -> list[types.TextEdit]:
     """The edit to the standard layout; none for a file with syntax errors."""
     text = document.text if document.failed else lay_out(document.text)
-    return [] if text == document.text else [types.TextEdit(places.whole(document), text)]
+    return [] if text == document.text else [types.TextEdit(places.full_range(document), text)]
 
 
-def fixes(places: Places, document: Document, found: Iterable[Diagnostic], within: types.Range) -> Iterator[types.CodeAction]:
+def fixes(places: Places, document: Document, diagnostics: Iterable[Diagnostic], within: types.Range) -> Iterator[types.CodeAction]:
     """The fixes that the messages in a range of lines name, as edits."""
-    for d in found:
+    for d in diagnostics:
         span = d.span
         if span is None or not span.line or span.end_line - 1 < within.start.line or span.line - 1 > within.end.line:
             continue
@@ -92,7 +92,7 @@ def _widened(document: Document, span: Span, text: str) -> Iterator[Replacement]
 
 def _mends(document: Document, line: int, fix: Replacement) -> bool:
     """Whether a fix leaves fewer syntax errors in its piece, if there are any, and else makes none."""
-    for placed in document.at(line):
+    for placed in document.placed_at(line):
         lines = placed.piece.text.split("\n")
         row = lines[line - placed.above - 1]
         lines[line - placed.above - 1] = row[: fix[0] - 1] + fix[2] + row[fix[1] - 1 :]
@@ -113,19 +113,19 @@ def _quoted(d: Diagnostic, old: str, new: str) -> Iterator[Replacement]:
 def _is_source(text: str, row: str) -> bool:
     """Whether a text is of the language's tokens and names, and of names that its line has: `[x, y, z]` is a pattern."""
     wrong = ("OPEN_STRING", "BLOCK_COMMENT", "HASH_COMMENT", "BAD_COLOR", "UNKNOWN", "_NL", "COMMENT")
-    known = {*CATALOGUE, *FUNCTIONS, *CONSTANTS, *re.findall(r"\w+", row)}
-    return all(token.type not in wrong and (token.type != "NAME" or token in known) for token in lex(text))
+    names = {*CATALOGUE, *FUNCTIONS, *CONSTANTS, *re.findall(r"\w+", row)}
+    return all(token.type not in wrong and (token.type != "NAME" or token in names) for token in lex(text))
 
 
 def swatches(places: Places, document: Document) -> list[types.ColorInformation]:
     """The `#rrggbb` colours of a file."""
-    found = []
+    colors = []
     for placed in document.placed:
         for node in () if placed.stale else placed.piece.names.colors:
             digits = node.text[1:] if len(node.text) == 7 else "".join(2 * digit for digit in node.text[1:])
             r, g, b = (int(digits[k : k + 2], 16) / 255 for k in (0, 2, 4))
-            found.append(types.ColorInformation(places.within(document, placed.span(node.span)), types.Color(r, g, b, 1.0)))
-    return found
+            colors.append(types.ColorInformation(places.within(document, placed.span(node.span)), types.Color(r, g, b, 1.0)))
+    return colors
 
 
 def written(color: types.Color) -> list[types.ColorPresentation]:

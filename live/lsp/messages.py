@@ -44,16 +44,16 @@ class Checked:
 
 def check(path: str, texts: Mapping[str, str], allow: Sequence[Path] = ()) -> Checked:
     """Compile the scene at `path` with these unsaved texts by path. It reads files below its folder and below each of `allow`."""
-    found = Diagnostics()
+    diagnostics = Diagnostics()
     with sandbox.unsaved(texts):
         try:
             if places_nothing(path, texts):
                 reader = SceneReader(sandbox.Files(Path(path).parent, allow))
-                evaluator.evaluate(reader.main(path, Path(path)), CATALOGUE, reader, found)
+                evaluator.evaluate(reader.main(path, Path(path)), CATALOGUE, reader, diagnostics)
             else:
                 with built_geometry.left_out():
-                    found.items += planner.default_notes(load.load(Path(path), allow=allow, diagnostics=found))
-            items = found.items
+                    diagnostics.items += planner.default_notes(load.load(Path(path), allow=allow, diagnostics=diagnostics))
+            items = diagnostics.items
         except SceneError as error:
             items = list(error.diagnostics)
         except Exception as fault:
@@ -78,11 +78,11 @@ def places_nothing(path: str, texts: Mapping[str, str]) -> bool:
 def _values(path: str, allow: Sequence[Path]) -> dict[str, str]:
     try:
         reader = SceneReader(sandbox.Files(Path(path).parent, allow))
-        found = evaluator.values(reader.main(path, Path(path)), CATALOGUE, reader)
+        values = evaluator.values(reader.main(path, Path(path)), CATALOGUE, reader)
     except Exception:
         return {}  # `check` has reported what is wrong
     plain = (bool, int, float, str, Quantity, Color, tuple)
-    return {name: f'"{value}"' if isinstance(value, str) else show(value) for name, value in found.items() if isinstance(value, plain)}
+    return {name: f'"{value}"' if isinstance(value, str) else show(value) for name, value in values.items() if isinstance(value, plain)}
 
 
 def _path(span: Span | None) -> str | None:
@@ -96,15 +96,15 @@ def _path(span: Span | None) -> str | None:
 
 def merged(checked: Iterable[Checked]) -> dict[str, tuple[Diagnostic, ...]]:
     """The diagnostics of several scenes by file, each once; one without a chain of calls comes before the same with one."""
-    found: dict[str, dict[tuple[str, str, Span | None], Diagnostic]] = {}
+    by_file: dict[str, dict[tuple[str, str, Span | None], Diagnostic]] = {}
     for each in checked:
         for path, items in each.diagnostics.items():
-            kept = found.setdefault(path, {})
+            unique = by_file.setdefault(path, {})
             for d in items:
                 key = d.severity, d.message, d.span
-                if key not in kept or not d.trace:
-                    kept[key] = d
-    return {path: tuple(sort_diagnostics(items.values())) for path, items in found.items()}
+                if key not in unique or not d.trace:
+                    unique[key] = d
+    return {path: tuple(sort_diagnostics(items.values())) for path, items in by_file.items()}
 
 
 def to_client(d: Diagnostic, path: str, places: Places) -> types.Diagnostic:

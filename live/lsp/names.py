@@ -46,11 +46,11 @@ class Names:
 
     def visible(self, line: int, column: int) -> dict[str, Definition]:
         """The inner names that are visible at a place of the piece."""
-        found: dict[str, Definition] = {}
+        definitions: dict[str, Definition] = {}
         for scope in self.scopes:
             if contains(scope.span, line, column):
-                found |= scope.names
-        return found
+                definitions |= scope.names
+        return definitions
 
     def local(self, name: ast.Name) -> Definition | None:
         """The definition in this piece that a used name means."""
@@ -65,13 +65,13 @@ def contains(span: Span, line: int, column: int) -> bool:
 def names_of(file: ast.File) -> Names:
     """The names of a piece. As in the evaluator, the names of a block are visible in the whole block."""
     walker = _Walker(Names())
-    walker.items(file.items, (), walker.found.top)
-    return walker.found
+    walker.items(file.items, (), walker.names.top)
+    return walker.names
 
 
 class _Walker:
-    def __init__(self, found: Names) -> None:
-        self.found = found
+    def __init__(self, names: Names) -> None:
+        self.names = names
 
     def items(self, items: Iterable[ast.Item], chain: Scopes, names: dict[str, Definition]) -> None:
         """Define the names of a block in `names`, which the innermost scope of `chain` holds, and visit its items."""
@@ -89,12 +89,12 @@ class _Walker:
 
     def _define(self, name: str, span: Span, kind: str, node: ast.Node, names: dict[str, Definition]) -> None:
         definition = Definition(name, span, kind, node)
-        self.found.definitions.append(definition)
+        self.names.definitions.append(definition)
         names.setdefault(name, definition)
 
     def _scope(self, span: Span, names: Iterable[tuple[ast.Name, ast.Node]], kind: str, chain: Scopes) -> Scopes:
         scope = Scope(span)
-        self.found.scopes.append(scope)
+        self.names.scopes.append(scope)
         for name, node in names:
             self._define(name.id, name.span, kind, node, scope.names)
         return (scope, *chain)
@@ -104,16 +104,16 @@ class _Walker:
             case ast.Name():
                 self._name(node, chain)
             case ast.ColorLiteral():
-                self.found.colors.append(node)
+                self.names.colors.append(node)
             case ast.Member():
                 if isinstance(node.object, ast.Name):
-                    self.found.members.append((node, self._name(node.object, chain)))
+                    self.names.members.append((node, self._name(node.object, chain)))
                 else:
                     self._visit(node.object, chain)
             case ast.Argument():
                 self._visit(node.value, chain)
             case ast.Call():
-                self.found.calls.append(node)
+                self.names.calls.append(node)
                 self._visit(node.function, chain)
                 for argument in node.arguments:
                     self._visit(argument.value, chain)
@@ -155,17 +155,17 @@ class _Walker:
 
     def _types(self, name: ast.Name | None) -> None:
         if name is not None:
-            self.found.types.append(name)
+            self.names.types.append(name)
 
     def _name(self, name: ast.Name, chain: Scopes) -> Definition | None:
         for scope in chain:
             definition = scope.names.get(name.id)
             if definition is not None:
-                self.found.bound.append((name, definition))
+                self.names.bound.append((name, definition))
                 return definition
-        definition = self.found.top.get(name.id)
+        definition = self.names.top.get(name.id)
         if definition is not None:
-            self.found.bound.append((name, definition))
+            self.names.bound.append((name, definition))
         else:
-            self.found.free.append(name)
+            self.names.free.append(name)
         return definition

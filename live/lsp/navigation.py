@@ -18,7 +18,7 @@ from ...lang.schema.argument_types import TYPES
 from ...lang.syntax import ast
 from ...lang.syntax.lexer import KEYWORDS
 from . import cursor, describe
-from .document import Document, Found, Placed, touching
+from .document import DefinitionSite, Document, Placed, touching
 from .names import contains
 from .places import Places
 from .project import Project, folder_of
@@ -35,7 +35,7 @@ class Target:
     """What a place means: a definition, an argument of an element, or a name of the language; and its range there."""
 
     span: Span
-    found: Found | None = None
+    site: DefinitionSite | None = None
     callee: describe.Callee | None = None
     argument: describe.Parameter | None = None
     name: str = ""
@@ -44,10 +44,10 @@ class Target:
 
 def target(project: Project, document: Document, line: int, column: int) -> Target | None:
     """What stands at a place; None for numbers, keywords and blanks."""
-    for placed in document.at(line):
-        found = _in_piece(project, document, placed, line - placed.above, column)
-        if found is not None:
-            return found
+    for placed in document.placed_at(line):
+        result = _in_piece(project, document, placed, line - placed.above, column)
+        if result is not None:
+            return result
     return None
 
 
@@ -55,48 +55,48 @@ def _in_piece(project: Project, document: Document, placed: Placed, line: int, c
     names = placed.piece.names
     for definition in names.definitions:
         if contains(definition.span, line, column):
-            return Target(placed.span(definition.span), Found(document, placed, definition), name=definition.name)
+            return Target(placed.span(definition.span), DefinitionSite(document, placed, definition), name=definition.name)
     for call in names.calls:
         for argument in call.arguments:
             if argument.name is not None and contains(argument.name.span, line, column):
                 return _argument(project, document, placed, call, argument.name)
     for node, _ in names.members:
         if contains(node.name.span, line, column):
-            found = project.member(document, placed, node)
-            return Target(placed.span(node.name.span), found, name=node.name.id) if found else None
+            located = project.member(document, placed, node)
+            return Target(placed.span(node.name.span), located, name=node.name.id) if located else None
     used = touching([*(name for name, _ in names.bound), *names.free], line, column)
     if used is not None:
         span = placed.span(used.span)
-        found = document.resolve(placed, used)
-        if found is None and used.id not in CATALOGUE and used.id not in builtins.FUNCTIONS:
-            found = project.prelude(used.id)
-        return Target(span, found, None if found else describe.of_name(used.id, "", {}, project), name=used.id)
+        located = document.resolve(placed, used)
+        if located is None and used.id not in CATALOGUE and used.id not in builtins.FUNCTIONS:
+            located = project.prelude(used.id)
+        return Target(span, located, None if located else describe.of_name(used.id, "", {}, project), name=used.id)
     kind = touching(names.types, line, column)
     return Target(placed.span(kind.span), name=kind.id, is_type=True) if kind else None
 
 
 def _argument(project: Project, document: Document, placed: Placed, call: ast.Call, name: ast.Name) -> Target | None:
     """The parameter that a named argument means."""
-    span, found = placed.span(name.span), project.called(document, placed, call.function)
-    if found is None:
+    span, located = placed.span(name.span), project.called(document, placed, call.function)
+    if located is None:
         callee = describe.of_name(call.function.id, "", {}, project) if isinstance(call.function, ast.Name) else None
         entry = CATALOGUE.get(callee.name) if callee else None
         arg = entry.arg(name.id) if entry else None
         chosen = callee.parameter(arg.name) if callee and arg else None
         return Target(span, None, callee, chosen, name.id) if chosen else None
-    parameter = parameter_of(found, name.id, project)
+    parameter = parameter_of(located, name.id, project)
     return Target(span, parameter, name=name.id) if parameter else None
 
 
-def parameter_of(found: Found, name: str, project: Project) -> Found | None:
+def parameter_of(located: DefinitionSite, name: str, project: Project) -> DefinitionSite | None:
     """The definition of a parameter of a part, or of a `param` of a used file."""
-    node = found.definition.node
+    node = located.definition.node
     if isinstance(node, ast.Let):
         parameters = [p for p in node.parameters or () if p.name.id == name]
-        matching = [d for d in found.placed.piece.names.definitions if parameters and d.node is parameters[0]]
-        return Found(found.document, found.placed, matching[0]) if matching else None
+        matching = [d for d in located.placed.piece.names.definitions if parameters and d.node is parameters[0]]
+        return DefinitionSite(located.document, located.placed, matching[0]) if matching else None
     if isinstance(node, ast.Use):
-        used = project.used(found.document, node)
+        used = project.used(located.document, node)
         param = used.top.get(name) if used else None
         return param if param and isinstance(param.definition.node, ast.Param) else None
     return None
@@ -105,24 +105,24 @@ def parameter_of(found: Found, name: str, project: Project) -> Found | None:
 def hover(places: Places, document: Document, position: types.Position, values: Mapping[str, str]) -> types.Hover | None:
     """Docs of what stands at a place. `values` are those of the file's names at the top level."""
     line, column = places.place(document, position)
-    at = target(places.project, document, line, column)
-    if at is None:
+    symbol = target(places.project, document, line, column)
+    if symbol is None:
         return None
-    if at.argument is not None:
-        text = at.argument.markdown
-    elif at.found is not None:
-        top = at.found.document is document and document.top.get(at.name)
-        own = top and top.key == at.found.key
-        text = describe.of_found(at.found, places.project, values.get(at.name, "") if own else "")
-        if at.found.document is not document:
-            text += f"\n\nIn `{_shown(at.found.document.path, document)}`"
-    elif at.callee is not None:
-        text = describe.of_callee(at.callee)
-    elif at.name in (TYPES if at.is_type else describe.CONSTANTS):
-        text = f"`{at.name}`: {TYPES[at.name]}." if at.is_type else describe.CONSTANTS[at.name]
+    if symbol.argument is not None:
+        text = symbol.argument.markdown
+    elif symbol.site is not None:
+        top = symbol.site.document is document and document.top.get(symbol.name)
+        is_own = top and top.key == symbol.site.key
+        text = describe.of_found(symbol.site, places.project, values.get(symbol.name, "") if is_own else "")
+        if symbol.site.document is not document:
+            text += f"\n\nIn `{_shown(symbol.site.document.path, document)}`"
+    elif symbol.callee is not None:
+        text = describe.of_callee(symbol.callee)
+    elif symbol.name in (TYPES if symbol.is_type else describe.CONSTANTS):
+        text = f"`{symbol.name}`: {TYPES[symbol.name]}." if symbol.is_type else describe.CONSTANTS[symbol.name]
     else:
         return None
-    return types.Hover(types.MarkupContent(types.MarkupKind.Markdown, text), places.within(document, at.span))
+    return types.Hover(types.MarkupContent(types.MarkupKind.Markdown, text), places.within(document, symbol.span))
 
 
 def _shown(path: str, document: Document) -> str:
@@ -152,15 +152,15 @@ def signature_help(places: Places, document: Document, position: types.Position)
 def definition(places: Places, document: Document, position: types.Position) -> types.Location | None:
     """Where a name is defined. Of a `use`, the file."""
     line, column = places.place(document, position)
-    for placed in document.at(line):
+    for placed in document.placed_at(line):
         for each in placed.piece.names.top.values():
             node = each.node
             if isinstance(node, ast.Use) and contains(node.path.span, line - placed.above, column):
                 return _file(places, document, node)
-    at = target(places.project, document, line, column)
-    if at is None or at.found is None:
+    symbol = target(places.project, document, line, column)
+    if symbol is None or symbol.site is None:
         return None
-    return types.Location(places.project.uri(at.found.document.path), places.within(at.found.document, at.found.span))
+    return types.Location(places.project.uri(symbol.site.document.path), places.within(symbol.site.document, symbol.site.span))
 
 
 def _file(places: Places, document: Document, use: ast.Use) -> types.Location | None:
@@ -172,9 +172,9 @@ def _file(places: Places, document: Document, use: ast.Use) -> types.Location | 
     return types.Location(places.project.uri(path), start) if is_asset(use.path.value) and os.path.isfile(path) else None
 
 
-def uses(project: Project, document: Document, found: Found) -> Iterator[Span]:
+def uses(project: Project, document: Document, located: DefinitionSite) -> Iterator[Span]:
     """The spans in `document` that mean a definition, without the definition itself."""
-    wanted = found.definition
+    wanted = located.definition
     for placed in document.placed:
         if placed.stale:
             continue
@@ -182,75 +182,75 @@ def uses(project: Project, document: Document, found: Found) -> Iterator[Span]:
         for name in (*(name for name, _ in names.bound), *names.free):
             if name.id == wanted.name:
                 means = document.resolve(placed, name)
-                if means is not None and means.key == found.key:
+                if means is not None and means.key == located.key:
                     yield placed.span(name.span)
         for node, _ in names.members:
             if node.name.id == wanted.name:
                 means = project.member(document, placed, node)
-                if means is not None and means.key == found.key:
+                if means is not None and means.key == located.key:
                     yield placed.span(node.name.span)
         for call in names.calls:
             for argument in call.arguments:
                 if argument.name is not None and argument.name.id == wanted.name:
                     called = project.called(document, placed, call.function)
                     means = parameter_of(called, wanted.name, project) if called else None
-                    if means is not None and means.key == found.key:
+                    if means is not None and means.key == located.key:
                         yield placed.span(argument.name.span)
 
 
 def references(places: Places, document: Document, position: types.Position, declaration: bool) -> list[types.Location]:
     """The uses of a definition in its file and in the files beside the document."""
-    at = target(places.project, document, *places.place(document, position))
-    if at is None or at.found is None:
+    symbol = target(places.project, document, *places.place(document, position))
+    if symbol is None or symbol.site is None:
         return []
-    found = at.found
-    located = [(found.document, found.span)] if declaration else []
-    documents = {d.path: d for d in (found.document, document, *places.project.beside(document.path))}
+    declared = symbol.site
+    located = [(declared.document, declared.span)] if declaration else []
+    documents = {d.path: d for d in (declared.document, document, *places.project.beside(document.path))}
     for each in documents.values():
-        located += [(each, span) for span in uses(places.project, each, found)]
+        located += [(each, span) for span in uses(places.project, each, declared)]
     return [types.Location(places.project.uri(d.path), places.within(d, span)) for d, span in located]
 
 
 def highlights(places: Places, document: Document, position: types.Position) -> list[types.DocumentHighlight]:
     """The places of this file that mean what stands at a place."""
-    at = target(places.project, document, *places.place(document, position))
-    if at is None or at.found is None:
+    symbol = target(places.project, document, *places.place(document, position))
+    if symbol is None or symbol.site is None:
         return []
-    spans = [at.found.span] if at.found.document is document else []
-    return [types.DocumentHighlight(places.within(document, s)) for s in (*spans, *uses(places.project, document, at.found))]
+    spans = [symbol.site.span] if symbol.site.document is document else []
+    return [types.DocumentHighlight(places.within(document, s)) for s in (*spans, *uses(places.project, document, symbol.site))]
 
 
 def renamed(project: Project, document: Document, line: int, column: int) -> Target:
     """The definition that a rename at a place changes. Raises RenameError if it cannot be renamed."""
     if document.failed:
         raise RenameError("the file has syntax errors: mend them first")
-    at = target(project, document, line, column)
-    if at is None or at.found is None:
+    symbol = target(project, document, line, column)
+    if symbol is None or symbol.site is None:
         raise RenameError("there is no name of this file here")
-    if at.found.document is not document:
-        raise RenameError(f"`{at.name}` is defined in another file, {_shown(at.found.document.path, document)}")
-    return at
+    if symbol.site.document is not document:
+        raise RenameError(f"`{symbol.name}` is defined in another file, {_shown(symbol.site.document.path, document)}")
+    return symbol
 
 
 def rename(places: Places, document: Document, position: types.Position, new: str) -> types.WorkspaceEdit:
     """The edits that rename a definition and its uses in this file. Raises RenameError if the scene would change its meaning."""
     project = places.project
-    at = renamed(project, document, *places.place(document, position))
-    found = at.found
-    assert found is not None
+    symbol = renamed(project, document, *places.place(document, position))
+    declared = symbol.site
+    assert declared is not None
     if not new.isidentifier() or new in KEYWORDS or new in RESERVED:
         raise RenameError(f"`{new}` cannot be a name")
     for other in project.beside(document.path):
-        if other.path != document.path and any(uses(project, other, found)):
-            raise RenameError(f"`{found.definition.name}` is used by {_shown(other.path, document)} as well")
-    node = found.definition.node
-    spans = [*uses(project, document, found)]
+        if other.path != document.path and any(uses(project, other, declared)):
+            raise RenameError(f"`{declared.definition.name}` is used by {_shown(other.path, document)} as well")
+    node = declared.definition.node
+    spans = [*uses(project, document, declared)]
     texts = [(span, new) for span in spans]
     if isinstance(node, ast.Use) and node.alias is None:
-        end = found.placed.span(node.path.span)
+        end = declared.placed.span(node.path.span)
         texts.append((Span(end.file, end.end_line, end.end_column, end.end_line, end.end_column), f" as {new}"))
     else:
-        texts.append((found.span, new))
+        texts.append((declared.span, new))
     _check_rename(document, texts, new)
     edits = [types.TextEdit(places.within(document, span), text) for span, text in texts]
     return types.WorkspaceEdit(changes={project.uri(document.path): edits})
@@ -271,26 +271,27 @@ def _meanings(document: Document) -> list[tuple[int, ...]]:
     numbers: dict[tuple[str, int, int], int] = {}
     for placed in document.placed:
         for each in placed.piece.names.definitions:
-            numbers[Found(document, placed, each).key] = len(numbers)
-    found = []
+            numbers[DefinitionSite(document, placed, each).key] = len(numbers)
+    rows = []
     for placed in document.placed:
         names = placed.piece.names
         used = sorted([*(name for name, _ in names.bound), *names.free], key=lambda name: (name.span.line, name.span.column))
         means = [document.resolve(placed, name) for name in used]
-        found.append(tuple(numbers.get(m.key, -1) if m else -1 for m in means))
+        rows.append(tuple(numbers.get(m.key, -1) if m else -1 for m in means))
     tops = {name: numbers[each.key] for name, each in document.top.items()}
-    return [*found, tuple(tops.values())]
+    return [*rows, tuple(tops.values())]
 
 
 def symbols(places: Places, document: Document) -> list[types.DocumentSymbol]:
     """The items at the top level of a file; those of an earlier text where the text does not parse."""
-    found = []
+    outline = []
     for name, each in document.top.items():
         node = each.definition.node
         part = isinstance(node, ast.Let) and node.parameters is not None
         kind = types.SymbolKind.Function if part else SYMBOLS.get(each.definition.kind, types.SymbolKind.Variable)
-        whole, own = places.within(document, each.placed.span(node.span)), places.within(document, each.span)
-        if (own.start.line, own.start.character) < (whole.start.line, whole.start.character) or own.end.line > whole.end.line:
-            own = whole
-        found.append(types.DocumentSymbol(name, kind, whole, own))
-    return sorted(found, key=lambda symbol: (symbol.range.start.line, symbol.range.start.character))
+        full_range, name_range = places.within(document, each.placed.span(node.span)), places.within(document, each.span)
+        start, name_start = full_range.start, name_range.start
+        if (name_start.line, name_start.character) < (start.line, start.character) or name_range.end.line > full_range.end.line:
+            name_range = full_range
+        outline.append(types.DocumentSymbol(name, kind, full_range, name_range))
+    return sorted(outline, key=lambda symbol: (symbol.range.start.line, symbol.range.start.character))

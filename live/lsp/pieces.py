@@ -37,9 +37,9 @@ class Piece:
 @lru_cache(maxsize=16384)
 def piece(text: str) -> Piece:
     """The piece with this text, parsed once."""
-    found = Diagnostics()
-    file = parse(text, "", found)
-    return Piece(text, file, names_of(file), sum(d.severity == "error" for d in found.items))
+    mistakes = Diagnostics()
+    file = parse(text, "", mistakes)
+    return Piece(text, file, names_of(file), sum(d.severity == "error" for d in mistakes.items))
 
 
 def cut(text: str) -> Iterator[tuple[int, str]]:
@@ -65,8 +65,8 @@ def cut(text: str) -> Iterator[tuple[int, str]]:
 def _depths(text: str, count: int) -> list[int]:
     """The number of open brackets at the start of each line."""
     depths, depth = [0], 0
-    for found in _SCAN.finditer(text):
-        mark = found[0]
+    for match in _SCAN.finditer(text):
+        mark = match[0]
         if mark == "\n":
             depths.append(depth)
         elif mark in "([{":
@@ -92,7 +92,7 @@ def _follows(lines: list[str], i: int, first: int) -> bool:
 
 def _code(line: str) -> str:
     """A line without its comment and the spaces around."""
-    for found in _SCAN.finditer(line):
-        if found[0].startswith("//"):
-            return line[: found.start()].strip()
+    for match in _SCAN.finditer(line):
+        if match[0].startswith("//"):
+            return line[: match.start()].strip()
     return line.strip()

@@ -51,6 +51,6 @@ class Places:
             units += self.codec.client_num_units(char)
         return position.line + 1, len(row) + 1
 
-    def whole(self, document: Document) -> types.Range:
+    def full_range(self, document: Document) -> types.Range:
         """The range of all the text."""
         return types.Range(types.Position(0, 0), self.position(document, len(document.lines), len(document.lines[-1]) + 1))

@@ -13,7 +13,7 @@ from ...compiler.io.sandbox import LIBRARY
 from ...lang import file_types
 from ...lang.eval.modules import is_asset
 from ...lang.syntax import ast
-from .document import Document, Found, Placed
+from .document import DefinitionSite, Document, Placed
 
 MAX_FILES = 500  # found in a folder
 MAX_FOLDERS = 2000  # searched in a folder
@@ -69,33 +69,33 @@ class Project:
 
     def files(self, path: str) -> set[str]:
         """The paths of a file and of all that it uses."""
-        found: set[str] = set()
+        paths: set[str] = set()
         waiting = [path]
         while waiting:
             document = self.document(waiting.pop())
-            if document is None or document.path in found:
+            if document is None or document.path in paths:
                 continue
-            found.add(document.path)
+            paths.add(document.path)
             for each in document.top.values():
                 if isinstance(each.definition.node, ast.Use):
                     used = self.used(document, each.definition.node)
                     waiting += [used.path] if used else []
-        return found
+        return paths
 
     def beside(self, path: str) -> Iterator[Document]:
         """The .scene files of a document's folder and the folders in it, and all open ones."""
-        known = dict.fromkeys(self.open)
+        paths = dict.fromkeys(self.open)
         if not path.startswith("std/"):
             root = folder_of(path)
             real = os.path.realpath(root)
             files = (os.path.realpath(root / name) for name in files_in(root, file_types.SCENE))
-            known |= dict.fromkeys(name for name in files if name.startswith(os.path.join(real, "")))  # without links out of the folder
-        for each in known:
+            paths |= dict.fromkeys(name for name in files if name.startswith(os.path.join(real, "")))  # without links out of the folder
+        for each in paths:
             document = self.document(each)
             if document is not None:
                 yield document
 
-    def member(self, document: Document, placed: Placed, node: ast.Member) -> Found | None:
+    def member(self, document: Document, placed: Placed, node: ast.Member) -> DefinitionSite | None:
         """The definition that `file.name` means."""
         if not isinstance(node.object, ast.Name):
             return None
@@ -105,13 +105,13 @@ class Project:
         used = self.used(owner.document, owner.definition.node)
         return used.top.get(node.name.id) if used else None
 
-    def called(self, document: Document, placed: Placed, function: ast.Node) -> Found | None:
+    def called(self, document: Document, placed: Placed, function: ast.Node) -> DefinitionSite | None:
         """The definition that a call's function means; None for elements and functions of the language."""
         if isinstance(function, ast.Name):
             return document.resolve(placed, function) or self.prelude(function.id)
         return self.member(document, placed, function) if isinstance(function, ast.Member) else None
 
-    def prelude(self, name: str) -> Found | None:
+    def prelude(self, name: str) -> DefinitionSite | None:
         """The definition of a name that every scene has from the library."""
         document = self.document("std/prelude")
         return document.top.get(name) if document else None
@@ -132,9 +132,9 @@ def file_of(path: str) -> Path:
 
 def files_in(root: Path, suffixes: tuple[str, ...]) -> list[str]:
     """The names of files of these kinds in a folder and the folders in it, relative to it, up to a limit. Nearer files come first."""
-    found: list[str] = []
+    paths: list[str] = []
     waiting, seen = [root], 0
-    while waiting and len(found) < MAX_FILES and seen < MAX_FOLDERS:
+    while waiting and len(paths) < MAX_FILES and seen < MAX_FOLDERS:
         folder, seen = waiting.pop(0), seen + 1
         try:
             entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
@@ -144,8 +144,8 @@ def files_in(root: Path, suffixes: tuple[str, ...]) -> list[str]:
             if entry.is_dir(follow_symlinks=False):
                 waiting += [Path(entry.path)] * (not entry.name.startswith("."))
             elif entry.name.lower().endswith(suffixes):
-                found.append(Path(entry.path).relative_to(root).as_posix())
-    return found[:MAX_FILES]
+                paths.append(Path(entry.path).relative_to(root).as_posix())
+    return paths[:MAX_FILES]
 
 
 def folder_of(path: str) -> Path:

@@ -83,12 +83,12 @@ class Server(LanguageServer):
 
     def publish(self) -> None:
         """Send the diagnostics of all checked files, and clear those of files that have none any more."""
-        found = messages.merged(self.checked.values())
-        for path in {*found, *self._published}:
-            items = [messages.to_client(d, path, self.places) for d in found.get(path, ())[: messages.MAX_MESSAGES]]
+        by_file = messages.merged(self.checked.values())
+        for path in {*by_file, *self._published}:
+            items = [messages.to_client(d, path, self.places) for d in by_file.get(path, ())[: messages.MAX_MESSAGES]]
             version = self._versions.get(path)
             self.text_document_publish_diagnostics(types.PublishDiagnosticsParams(self.project.uri(path), items, version))
-        self._published = {path for path, items in found.items() if items}
+        self._published = {path for path, items in by_file.items() if items}
 
 
 def make_server(allow: Sequence[Path] = ()) -> Server:
@@ -202,8 +202,8 @@ def _write(server: Server) -> None:
 
     @server.feature(types.TEXT_DOCUMENT_CODE_ACTION, types.CodeActionOptions([types.CodeActionKind.QuickFix]))
     def fix(params: types.CodeActionParams) -> list[types.CodeAction] | None:
-        found = messages.merged(server.checked.values()).get(path_of(params.text_document.uri), ())
-        return server.answer(params.text_document.uri, lambda d: [*edits.fixes(server.places, d, found, params.range)])
+        diagnostics = messages.merged(server.checked.values()).get(path_of(params.text_document.uri), ())
+        return server.answer(params.text_document.uri, lambda d: [*edits.fixes(server.places, d, diagnostics, params.range)])
 
 
 def _refusing(run: Callable[[], T]) -> T:

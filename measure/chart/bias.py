@@ -107,16 +107,16 @@ def decompose(runs: RunningStats, reference: Reference) -> Decomposition | None:
     weight = weights(reference.rgb)
     noise = float(np.mean(weight * runs.variance))
     error = _standard_error(weight * runs.variance / (weight.size * math.sqrt(runs.count - 1)))
-    found = Decomposition(*_pixel_bias(runs, reference, weight), noise, error)
-    if found.is_biased:
-        return found
+    parts = Decomposition(*_pixel_bias(runs, reference, weight), noise, error)
+    if parts.is_biased:
+        return parts
     apart = _relative_difference(runs.mean, reference)
     variance = weight * (runs.variance / runs.count + reference.variance)
     for size in BLOCKS[1:]:
         coarse = Decomposition(*_block_bias(apart, variance, size), noise, error, size)
         if coarse.is_biased:
             return coarse
-    return found
+    return parts
 
 
 def _pixel_bias(runs: RunningStats, reference: Reference, weight: Pixels) -> tuple[float, float, float]:
@@ -179,10 +179,10 @@ def slope(samples: Sequence[float], noises: Sequence[float]) -> float | None:
 
     None for fewer than two steps with noise.
     """
-    known = [(math.log(n), 2.0 * math.log(s)) for n, s in zip(samples, noises, strict=True) if n > 0 and s > 0.0]
-    if len({x for x, _ in known}) < 2:
+    logarithms = [(math.log(n), 2.0 * math.log(s)) for n, s in zip(samples, noises, strict=True) if n > 0 and s > 0.0]
+    if len({x for x, _ in logarithms}) < 2:
         return None
-    x, y = np.array(known).T
+    x, y = np.array(logarithms).T
     return float(np.polyfit(x, y, 1)[0])
 
 

@@ -30,7 +30,7 @@ class ConstantPicture:
 
 def recognize(scene: ir.Scene, plan: Plan) -> ConstantPicture | None:
     """The closed form of a planned picture; None where none is known."""
-    return next((found for recognise in RECOGNISERS if (found := recognise(scene, plan)) is not None), None)
+    return next((picture for recognise in RECOGNISERS if (picture := recognise(scene, plan)) is not None), None)
 
 
 def _empty_scene(scene: ir.Scene, plan: Plan) -> ConstantPicture | None:

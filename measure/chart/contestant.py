@@ -101,16 +101,16 @@ def backend_contestant(scene: ir.Scene, light: ReferenceLight, backend: str, can
     return Contestant(backend, sweeps, draw, tuple(s["build"] + s["render"] * share for s in first), stages)
 
 
-def peer_contestant(of: Peer, scene: ir.Scene, light: ReferenceLight) -> Contestant:
+def peer_contestant(peer: Peer, scene: ir.Scene, light: ReferenceLight) -> Contestant:
     """An installed peer that supports the scene."""
     plan = light.plan(scene, threads=runs.threads(light.settings))
-    settings = of.sweep(scene, plan)
+    settings = peer.sweep(scene, plan)
     costs = tuple(float(s.value) for s in settings)
 
     def draw(setting: Setting, seed: int) -> Run:
-        return of.run(scene, plan, setting, seed)
+        return peer.run(scene, plan, setting, seed)
 
-    return Contestant(of.name, (setting_sweeps.Sweep(of.name, settings[0].knob, settings, costs, ""),), draw, (0.0,))
+    return Contestant(peer.name, (setting_sweeps.Sweep(peer.name, settings[0].knob, settings, costs, ""),), draw, (0.0,))
 
 
 def unsupported_reason(peer: Peer, scene: ir.Scene, plan: planner.Plan) -> str:
@@ -125,5 +125,5 @@ def _center_crop(crop: tuple[int, int, int, int]) -> tuple[int, int, int, int]:
     """The crop of at most WARMUP_SIZE × WARMUP_SIZE pixels at the centre."""
     x0, y0, x1, y1 = crop
     width, height = min(x1 - x0, WARMUP_SIZE), min(y1 - y0, WARMUP_SIZE)
-    left, top = (x0 + x1 - width) // 2, (y0 + y1 - height) // 2
-    return left, top, left + width, top + height
+    x, y = (x0 + x1 - width) // 2, (y0 + y1 - height) // 2
+    return x, y, x + width, y + height

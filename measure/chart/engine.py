@@ -77,9 +77,9 @@ class _SweepProgress:
 
     def next_setting(self) -> Setting | None:
         """The setting of the next step; None at the end of the sweep."""
-        at = len(self.steps)
-        over = self.skipped or self.failed or at == len(self.sweep.settings)
-        return None if over else self.sweep.settings[at]
+        step = len(self.steps)
+        over = self.skipped or self.failed or step == len(self.sweep.settings)
+        return None if over else self.sweep.settings[step]
 
     def note_the_end(self, why: str) -> None:
         """Give the reason why the next step was not measured, if there is one and no reason yet."""
@@ -88,12 +88,12 @@ class _SweepProgress:
 
     def expected(self) -> float:
         """Expected seconds of the next step: those of the last, with rendering scaled by the cost."""
-        at, costs = len(self.steps), self.sweep.costs
-        if at == 0:
+        step, costs = len(self.steps), self.sweep.costs
+        if step == 0:
             return self.first
         last = self.steps[-1]
         render = last.seconds[-1]
-        return last.wall - render + render * costs[at] / costs[at - 1]
+        return last.wall - render + render * costs[step] / costs[step - 1]
 
 
 class _Measurement:
@@ -113,8 +113,8 @@ class _Measurement:
         self.versions = runs.versions()
         self.exposure, self.floor = 0.0, dict[str, float]()
         self.guess: estimate.Estimate | None = None
-        asked = max(wanted.seeds or 0, wanted.repeats or 0)
-        self.least, self.good = asked or MIN_RUNS, asked or TARGET_RUNS
+        fixed = max(wanted.seeds or 0, wanted.repeats or 0)
+        self.least, self.good = fixed or MIN_RUNS, fixed or TARGET_RUNS
         self.raw_images = raw_images.RawImageWriter(wanted.keep) if wanted.keep is not None else None
 
     @property
@@ -132,7 +132,7 @@ class _Measurement:
         try:
             self.guess = self._first_estimate()
             contestants = self._contestants(plan)
-            starts = [(one, *pair) for one in contestants for pair in zip(one.sweeps, one.first, strict=True)]
+            starts = [(contestant, *pair) for contestant in contestants for pair in zip(contestant.sweeps, contestant.first, strict=True)]
             sweeps = [_SweepProgress(*start, number) for number, start in enumerate(starts)]
             against = self._reference()
         except runs.Cancelled:
@@ -157,7 +157,7 @@ class _Measurement:
     # --- contestants and reference ------------------------------------------------------------------------------------------
 
     def _contestants(self, plan: planner.Plan) -> list[Contestant]:
-        found = []
+        contestants = []
         for backend in self.wanted.backends:
             if why := self._lacks(backend):
                 self.left_out[backend] = why
@@ -166,7 +166,7 @@ class _Measurement:
             stop, imports = runs.Stop(self.stop, limit.is_over), self.budget.left() > UNHURRIED
             try:
                 with limit.watch_compiler():
-                    found.append(contestant.backend_contestant(self.scene, self.light, backend, stop, imports))
+                    contestants.append(contestant.backend_contestant(self.scene, self.light, backend, stop, imports))
             except runs.Cancelled:
                 if self.stop.is_set():
                     raise
@@ -178,9 +178,9 @@ class _Measurement:
             if why:
                 self.left_out[peer.name] = why
             else:
-                found.append(contestant.peer_contestant(peer, self.scene, self.light))
+                contestants.append(contestant.peer_contestant(peer, self.scene, self.light))
                 self.versions[peer.name] = peer.version
-        return found
+        return contestants
 
     def _first_estimate(self) -> estimate.Estimate | None:
         """The estimate of small pictures. Raises NothingMeasured if the least chart takes longer than the budget, runs.Cancelled."""
@@ -198,10 +198,10 @@ class _Measurement:
             return guess
         samples = guess.samples(self.wanted.target)[0]
         full = self._needed(guess, samples, available, REFERENCE_FACTOR * samples / reference.MIN_SEEDS)
-        asked, before = formatting.target("relmse", self.wanted.target), self.wanted.budget - self.budget.left()  # with what is reserved
+        target, before = formatting.target("relmse", self.wanted.target), self.wanted.budget - self.budget.left()  # with what is reserved
         least, full = before + least, before + full
         raise NothingMeasured(
-            f"the least chart takes about {formatting.seconds(least)}, and one that measures {asked} about {formatting.seconds(full)}, of "
+            f"the least chart takes about {formatting.seconds(least)}, and one that measures {target} about {formatting.seconds(full)}, of "
             f"the {self.wanted.budget:g} s there are: give a longer --budget or a smaller --size", guess.answer(self.wanted.target),
         )  # fmt: skip
 
@@ -218,15 +218,15 @@ class _Measurement:
             return self.guess.answer(self.wanted.target)
         return f"{formatting.target('relmse', self.wanted.target)}: no setting is measured"
 
-    def _needed(self, guess: estimate.Estimate, samples: float, known: int, each: float) -> float:
-        """Seconds of a chart up to `samples`, with a reference of `each` samples of MIN_SEEDS seeds, of which so many are `known`."""
-        missing = max(reference.MIN_SEEDS * each - known, 0.0)
+    def _needed(self, guess: estimate.Estimate, samples: float, seeds: int, each: float) -> float:
+        """Seconds of a chart up to `samples`, with a reference of `each` samples of MIN_SEEDS seeds, of which so many are `seeds`."""
+        missing = max(reference.MIN_SEEDS * each - seeds, 0.0)
         of_reference = guess.seconds(missing) + reference.MIN_SEEDS * guess.start if missing else 0.0
         return max(of_reference / REFERENCE_SHARE, of_reference + self.least * guess.seconds(samples))
 
     def _lacks(self, backend: str) -> str:
         """The reason why a backend that nobody named is not measured; "" if it is."""
-        if self.wanted.asked or backend == "ray":
+        if self.wanted.backends_named or backend == "ray":
             return ""
         reference_plan, backend_plan = self.light.plan(self.scene), self.light.plan(self.scene, backend)
         if missing := reference_light.missing_light(reference_plan, backend_plan):
@@ -317,9 +317,9 @@ class _Measurement:
     def _make_chart(self, sweeps: list[_SweepProgress], plan: planner.Plan, against: Reference) -> Chart:
         metric, curves = self.wanted.metric, []
         for active in sweeps:
-            made = summary.make_curve(active.sweep, active.steps, metric, against, active.contestant.stages)
-            if made is not None:
-                curves.append(made)
+            swept = summary.make_curve(active.sweep, active.steps, metric, against, active.contestant.stages)
+            if swept is not None:
+                curves.append(swept)
             elif active.steps:
                 self.left_out[active.name] = f"its pictures do not have what `{metric}` measures"
             self._note_skipped(active)
@@ -342,8 +342,8 @@ class _Measurement:
             self.left_out[f"{active.name}: {skipped}" if active.steps else active.name] = active.skipped
 
     def _report_progress(self) -> None:
-        whole = self.deadline - self.began
-        self.progress(min(time.perf_counter() - self.began, whole), whole)
+        total = self.deadline - self.began
+        self.progress(min(time.perf_counter() - self.began, total), total)
 
 
 def _with_size(scene: ir.Scene, settings: ir.Settings) -> ir.Settings:

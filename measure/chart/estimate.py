@@ -53,13 +53,13 @@ class Estimate:
 
     def answer(self, target: float) -> str:
         """The answer to "which setting has this error in the least time?"."""
-        asked, ray = formatting.target("relmse", target), f"ray{f' with {self.how}' if self.how else ''}"
+        wanted, ray = formatting.target("relmse", target), f"ray{f' with {self.how}' if self.how else ''}"
         if not math.isfinite(self.error):
-            return f"{asked}: {ray}, unknown: the budget has no time for a first estimate"
+            return f"{wanted}: {ray}, unknown: the budget has no time for a first estimate"
         count, low, high = self.samples(target)
         times = [formatting.seconds(self.seconds(n)) for n in (count, low, high)]
         return (
-            f"{asked}: {ray}, about {_round(count)} samples ({_round(low)} to {_round(high)}), "
+            f"{wanted}: {ray}, about {_round(count)} samples ({_round(low)} to {_round(high)}), "
             f"about {times[0]} ({times[1]} to {times[2]}), estimated from small pictures"
         )
 
@@ -93,7 +93,7 @@ def make(scene: ir.Scene, light: ReferenceLight, cancel: threading.Event, second
     with limit.watch_compiler():
         for size, samples in [(size, samples) for size in (tiny, small) for samples in SAMPLES]:
             if pictures:
-                estimate = _of(plan, pictures)
+                estimate = _fitted(plan, pictures)
                 if estimate.start + estimate.each * size[0] * size[1] * samples > limit.left():
                     break
             of_size = replace(light, settings=replace(light.settings, size=size, crop=None))
@@ -107,7 +107,7 @@ def make(scene: ir.Scene, light: ReferenceLight, cancel: threading.Event, second
             if not pictures:
                 limit = Deadline(seconds)
             pictures.append(picture._replace(tiny=size != small))
-    return _of(plan, pictures) if pictures else Estimate(_how(plan), _pixels(plan), math.inf, 1.0, limit.spent(), 0.0)
+    return _fitted(plan, pictures) if pictures else Estimate(_how(plan), _pixels(plan), math.inf, 1.0, limit.spent(), 0.0)
 
 
 def _size(plan: Plan, least: int) -> tuple[int, int]:
@@ -130,7 +130,7 @@ def _draw(scene: ir.Scene, light: ReferenceLight, samples: int, stop: threading.
     return _Picture(samples, about["rays"], _pixels(plan), build, render, about["error"], pace, about["error_in_few"], False)
 
 
-def _of(plan: Plan, pictures: list[_Picture]) -> Estimate:
+def _fitted(plan: Plan, pictures: list[_Picture]) -> Estimate:
     """The estimate from the last one or two pictures. The first one has loaded kernels: its time tells least."""
     last, error = pictures[-1], _of_one_sample(pictures[-1])
     each = last.pace or last.render / last.rays
@@ -146,8 +146,8 @@ def _of(plan: Plan, pictures: list[_Picture]) -> Estimate:
     return Estimate(_how(plan), _pixels(plan), error, wrong, start, each)
 
 
-def _of_one_sample(one: _Picture) -> float:
-    return (one.error or 1e-6) * math.sqrt(one.samples)
+def _of_one_sample(picture: _Picture) -> float:
+    return (picture.error or 1e-6) * math.sqrt(picture.samples)
 
 
 def _how(plan: Plan) -> str:

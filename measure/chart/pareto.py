@@ -11,12 +11,12 @@ LEAST = 3  # points of a front with a knee
 def front(times: Sequence[float], errors: Sequence[float]) -> tuple[int, ...]:
     """Indices of the Pareto-optimal points, fastest first; of equal points the first."""
     order = sorted(range(len(times)), key=lambda i: (times[i], errors[i], i))
-    best, found = math.inf, []
+    best, rows = math.inf, []
     for i in order:
         if errors[i] < best:
             best = errors[i]
-            found.append(i)
-    return tuple(found)
+            rows.append(i)
+    return tuple(rows)
 
 
 def knee(front: Sequence[int], times: Sequence[float], errors: Sequence[float], floor: float = 0.0) -> int | None:

@@ -71,12 +71,13 @@ class Accumulation:
 
     def reference(self, how: str) -> Reference:
         """The mean of all renders and its variance; needs at least two."""
-        whole = bias.merge(*self.halves)
-        every = self.samples * whole.count
-        seeds = tuple(range(FIRST_SEED, FIRST_SEED + whole.count))
+        merged = bias.merge(*self.halves)
+        every = self.samples * merged.count
+        seeds = tuple(range(FIRST_SEED, FIRST_SEED + merged.count))
         description = f"{every:,} samples a pixel of ray, float64, seeds {seeds[0]} to {seeds[-1]}; {how}"
         a, b = (half.mean for half in self.halves)
-        return Reference(whole.mean[..., :3], whole.variance[..., :3] / whole.count, description, every, seeds, whole.mean[..., 3], (a, b))
+        rgb, variance = merged.mean[..., :3], merged.variance[..., :3] / merged.count
+        return Reference(rgb, variance, description, every, seeds, merged.mean[..., 3], (a, b))
 
 
 def make(scene: ir.Scene, light: ReferenceLight, effort: Effort, folder: Path | None = None) -> Reference:
@@ -85,9 +86,9 @@ def make(scene: ir.Scene, light: ReferenceLight, effort: Effort, folder: Path | 
     Raises NothingMeasured if even the shortest reference would take longer, runs.Cancelled.
     """
     plan = light.plan(scene)
-    known = closed_form.recognize(scene, plan)
-    if known is not None:
-        return _constant(plan, known)
+    constant = closed_form.recognize(scene, plan)
+    if constant is not None:
+        return _constant(plan, constant)
     path = (default_folder() if folder is None else folder) / f"{cache_name(scene, plan)}.npz"
     run = load(path, _shape(plan)) or Accumulation(0)
     _extend(run, scene, light, effort, path)
@@ -148,10 +149,10 @@ def _prune(newest: Path) -> None:
             path.unlink(missing_ok=True)
 
 
-def _constant(plan: Plan, known: closed_form.ConstantPicture) -> Reference:
+def _constant(plan: Plan, constant: closed_form.ConstantPicture) -> Reference:
     height, width, _ = _shape(plan)
-    rgb = np.broadcast_to(np.array(known.rgb), (height, width, 3)).copy()
-    return Reference(rgb, np.zeros_like(rgb), known.how, 0, (), np.full((height, width), known.alpha))
+    rgb = np.broadcast_to(np.array(constant.rgb), (height, width, 3)).copy()
+    return Reference(rgb, np.zeros_like(rgb), constant.how, 0, (), np.full((height, width), constant.alpha))
 
 
 def _shape(plan: Plan) -> tuple[int, int, int]:

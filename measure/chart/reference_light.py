@@ -36,10 +36,10 @@ class ReferenceLight:
 
     def plan(self, scene: ir.Scene, backend: str = "ray", **options: object) -> planner.Plan:
         """A plan with this light."""
-        asked = replace(self.settings, backend=backend, **options)
+        requested = replace(self.settings, backend=backend, **options)
         if self.bounces is not None:
-            asked = replace(asked, bounces=self.bounces)
-        return planner.make_plan(scene, asked, {**self.common, **self.overrides})
+            requested = replace(requested, bounces=self.bounces)
+        return planner.make_plan(scene, requested, {**self.common, **self.overrides})
 
     def scene_plan(self, scene: ir.Scene, backend: str) -> planner.Plan:
         """A plan with the light of the scene's own settings."""
@@ -53,16 +53,16 @@ def choose(scene: ir.Scene, settings: ir.Settings, common: Mapping[str, str] | N
 
 
 def _light(scene: ir.Scene, settings: ir.Settings) -> tuple[int | None, dict[str, str], str]:
-    own = planner.make_plan(scene, replace(settings, backend="ray"))
+    scene_plan = planner.make_plan(scene, replace(settings, backend="ray"))
     if settings.bounces is not None:
-        between = ", matt surfaces too" if own["interreflection"] else ""
+        between = ", matt surfaces too" if scene_plan["interreflection"] else ""
         return settings.bounces, {}, f"{settings.bounces} bounces, as asked for{between}"
     materials = scene.tables.materials
     specular = bool(traits.specular(scene.tables).any())
     lit = ~traits.has(scene.tables, Lobes.EMISSION)
     matt = float(materials.values[lit, ir.Slot.DIFFUSE].max(initial=0.0))
     if ir.is_in(scene.tables.lights.kind, AMBIENT).any():
-        alone = {"interreflection": "off"} if own["interreflection"] else {}
+        alone = {"interreflection": "off"} if scene_plan["interreflection"] else {}
         how = "none between matt surfaces: ambient light stands for it"
         if not specular:
             return 0, alone, f"interreflection: {how}"

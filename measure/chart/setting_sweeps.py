@@ -33,27 +33,27 @@ def sweeps(scene: ir.Scene, light: reference_light.ReferenceLight, backend: str)
     They use the light of the reference where the backend supports it. The scene's own settings have further sweeps where they leave out
     light, which then shows as bias.
     """
-    full, own = light.plan(scene, backend), light.scene_plan(scene, backend)
+    full, scene_plan = light.plan(scene, backend), light.scene_plan(scene, backend)
     missing = reference_light.missing_light(light.plan(scene), full)  # light that no setting of the backend has
     plain = _shared_options(light.settings)
-    stated = any(full[name] != own[name] for name in ("bounces", "interreflection"))  # whether options must state the light
+    stated = any(full[name] != scene_plan[name] for name in ("bounces", "interreflection"))  # whether options must state the light
     deep, decided = (plain | {"bounces": light.bounces}, {**light.common, **light.overrides}) if stated else (plain, light.common)
-    less = reference_light.missing_light(full, own)
-    other = full["interreflection"] != own["interreflection"]
-    made = []
+    less = reference_light.missing_light(full, scene_plan)
+    other = full["interreflection"] != scene_plan["interreflection"]
+    listed = []
     for knob in quality_settings.of_backend(backend):
         if not knob.applies(scene, full):
             continue
         if knob.option == "bounces":
             if light.settings.bounces is None:
-                made.append(_bounce_sweep(knob, backend, light, plain, full))
+                listed.append(_bounce_sweep(knob, backend, light, plain, full))
             continue
         name = f"{knob.name}, {full['bounces']} bounces" if less and full["bounces"] else knob.name
-        made.append(_sweep(knob, backend, name, deep, decided, missing))
+        listed.append(_sweep(knob, backend, name, deep, decided, missing))
         if other and knob.option == "samples" and backend != "reference":
-            shallow = knob.name if full["bounces"] else f"{knob.name}, {own['bounces']} bounces"
-            made.append(_sweep(knob, backend, shallow, plain, light.common, less))
-    return made
+            shallow = knob.name if full["bounces"] else f"{knob.name}, {scene_plan['bounces']} bounces"
+            listed.append(_sweep(knob, backend, shallow, plain, light.common, less))
+    return listed
 
 
 def _shared_options(settings: ir.Settings) -> dict[str, Any]:

@@ -43,15 +43,15 @@ def make_curve(
     sweep: setting_sweeps.Sweep, steps: Sequence[Step], metric: str, reference: Reference, once: dict[str, float]
 ) -> Curve | None:
     """The curve of a sweep's measured steps; None without points."""
-    found = [(step, made) for step in steps if (made := make_point(step, metric, reference, once)) is not None]
-    if not found:
+    measured = [(step, point) for step in steps if (point := make_point(step, metric, reference, once)) is not None]
+    if not measured:
         return None
-    points = tuple(made for _, made in found)
+    points = tuple(point for _, point in measured)
     slope = None
     if sweep.settings[0].knob == "samples":
         random = [p for p in points if p.setting.value > 1]  # one sample may be the pixel's centre
         slope = bias.slope([float(p.setting.value) for p in random], [p.noise or 0.0 for p in random])
-    return Curve(sweep.backend, sweep.name, points, _stop_reason(sweep, *found[-1]), slope)
+    return Curve(sweep.backend, sweep.name, points, _stop_reason(sweep, *measured[-1]), slope)
 
 
 def _stop_reason(sweep: setting_sweeps.Sweep, step: Step, last: Point) -> str:
@@ -74,10 +74,10 @@ def reference_uncertainty(reference: Reference, exposure: float) -> dict[str, fl
     """
     if reference.halves is None:
         return {}
-    one, other = reference.halves
+    first, second = reference.halves
     a = math.ceil(len(reference.seeds) / 2)
     b = len(reference.seeds) - a
     share = math.sqrt(a * b) / (a + b)
-    apart = errors.measures(one[..., :3], one[..., 3], other[..., :3], other[..., 3], exposure)
-    own = float(np.sqrt(np.mean(bias.weights(reference.rgb) * reference.variance)))
-    return {**{name: value * share for name, value in apart.items()}, "relmse": own}
+    apart = errors.measures(first[..., :3], first[..., 3], second[..., :3], second[..., 3], exposure)
+    reference_error = float(np.sqrt(np.mean(bias.weights(reference.rgb) * reference.variance)))
+    return {**{name: value * share for name, value in apart.items()}, "relmse": reference_error}

@@ -145,7 +145,7 @@ def compare(a: Side, b: Side, exposure: float | None = None) -> Comparison:
     """
     a, b = zero_shared_nonfinite(*match_encoding(a, b, exposure))
     stops = 0.0 if a.bits else common_exposure(a, b) if exposure is None else exposure
-    found = metrics.difference(a.rgb, b.rgb)
+    difference = metrics.difference(a.rgb, b.rgb)
     changed, same = _changes(a, b)
     owner = object_errors.pixel_owners(a, b, same)
     variance = _variance(a, b)
@@ -155,14 +155,14 @@ def compare(a: Side, b: Side, exposure: float | None = None) -> Comparison:
     pair = errors.Pair(a.rgb, a.coverage, b.rgb, b.coverage, stops)
     figures = {name: metric.value(pair) for name, metric in compared().items()}
     return Comparison(
-        a, b, figures, found.at, found.differing, found.pixels,
+        a, b, figures, difference.at, difference.differing, difference.pixels,
         exposure=stops,
         bias=_bias(a, b, variance),
-        noise=_noise(a, b, variance, found.error),
+        noise=_noise(a, b, variance, difference.error),
         outline=None if outline is None else _region(outline, pair.squared, distance),
         interior=None if outline is None else _region(~outline, pair.squared, distance),
         objects=() if owner is None else tuple(object_errors.measure(a, b, owner, pair.squared, of_luminance)),
-        largest_on="" if owner is None else object_errors.owner_name(a, b, int(owner[found.at[1], found.at[0]])),
+        largest_on="" if owner is None else object_errors.owner_name(a, b, int(owner[difference.at[1], difference.at[0]])),
         changes=tuple(changed),
     )  # fmt: skip
 
@@ -199,15 +199,15 @@ def _bias(a: Side, b: Side, variance: NDArray[np.float64] | None) -> Bias:
     return Bias(_channel_ratios(ours - theirs, theirs), None if standard_error is None else _channel_ratios(standard_error, np.abs(theirs)))
 
 
-def _channel_ratios(values: NDArray[np.float64], whole: NDArray[np.float64]) -> tuple[float, float, float]:
-    red, green, blue = (object_errors.ratio(x, y) for x, y in zip(values, whole, strict=True))
+def _channel_ratios(values: NDArray[np.float64], totals: NDArray[np.float64]) -> tuple[float, float, float]:
+    red, green, blue = (object_errors.ratio(x, y) for x, y in zip(values, totals, strict=True))
     return red, green, blue
 
 
 def _variance(a: Side, b: Side) -> NDArray[np.float64] | None:
     """(h, w, 3) variance of A − B for independent noise, an upper bound for shared random numbers."""
-    one, other = a.variance, b.variance
-    return None if one is None or other is None else one + other
+    first, second = a.variance, b.variance
+    return None if first is None or second is None else first + second
 
 
 def _noise(a: Side, b: Side, variance: NDArray[np.float64] | None, error: float) -> Noise:

@@ -21,25 +21,25 @@ BACKGROUND = 0.012  # linear grey
 MIN_PANEL_WIDTH = 240  # pixels; smaller pictures are enlarged by whole factors
 
 
-def write(found: Comparison, path: Path, together: bool = False) -> None:
+def write(comparison: Comparison, path: Path, together: bool = False) -> None:
     """Write the difference to `path`; `together`: A, B and the difference side by side, as displayed.
 
     An EXR holds the signed linear difference A − B, other formats false colours. Raises OSError on a disk error.
     """
     if together:
-        _save(side_by_side(found), path)
+        _save(side_by_side(comparison), path)
     elif path.suffix.lower() in image_files.LINEAR:
-        _save((found.a.rgb - found.b.rgb).astype(np.float32), path)
+        _save((comparison.a.rgb - comparison.b.rgb).astype(np.float32), path)
     else:
-        _save(metrics.false_colour(found.a.rgb, found.b.rgb), path)
+        _save(metrics.false_colour(comparison.a.rgb, comparison.b.rgb), path)
 
 
-def side_by_side(found: Comparison) -> NDArray[np.float32]:
+def side_by_side(comparison: Comparison) -> NDArray[np.float32]:
     """(height, width, 3) linear, 0..1: three labelled panels, A and B with one exposure."""
-    gain, full = 2.0**found.exposure, metrics.full_scale(found.a.rgb, found.b.rgb)
-    panels = [_enlarge(np.clip(np.nan_to_num(side.rgb * gain), 0.0, 1.0)) for side in (found.a, found.b)]
-    panels.append(_enlarge(metrics.false_colour(found.a.rgb, found.b.rgb, full)))
-    labels = (f"A  {found.a.about()}", f"B  {found.b.about()}", f"A - B  red brighter, blue darker, full {full:.3g}")
+    gain, full = 2.0**comparison.exposure, metrics.full_scale(comparison.a.rgb, comparison.b.rgb)
+    panels = [_enlarge(np.clip(np.nan_to_num(side.rgb * gain), 0.0, 1.0)) for side in (comparison.a, comparison.b)]
+    panels.append(_enlarge(metrics.false_colour(comparison.a.rgb, comparison.b.rgb, full)))
+    labels = (f"A  {comparison.a.about()}", f"B  {comparison.b.about()}", f"A - B  red brighter, blue darker, full {full:.3g}")
     rows, columns = panels[0].shape[:2]
     size = next(
         (size for size in range(TEXT_SIZE, MIN_TEXT_SIZE, -1) if max(_text_width(label, size) for label in labels) <= columns - 2 * GAP),
@@ -47,9 +47,9 @@ def side_by_side(found: Comparison) -> NDArray[np.float32]:
     )
     sheet = np.full((rows + LABEL_HEIGHT, 3 * columns + 2 * GAP, 3), BACKGROUND, np.float32)
     for k, (panel, label) in enumerate(zip(panels, labels, strict=True)):
-        at = k * (columns + GAP)
-        sheet[LABEL_HEIGHT:, at : at + columns] = panel
-        sheet[:LABEL_HEIGHT, at : at + columns] = _label(label, columns, size)
+        column = k * (columns + GAP)
+        sheet[LABEL_HEIGHT:, column : column + columns] = panel
+        sheet[:LABEL_HEIGHT, column : column + columns] = _label(label, columns, size)
     return sheet
 
 

@@ -55,15 +55,15 @@ def pixel_owners(a: Side, b: Side, same: Mapping[int, int]) -> NDArray[np.int64]
     `same` maps instances of A to those of B. The ids of a picture compared with a scene are ignored, as it may show another scene. None
     without ids.
     """
-    one, other = a.ids, b.ids
-    if one is not None and other is not None and (a.scene is None) != (b.scene is None):
-        one, other = (None, other) if a.scene is None else (one, None)
-    if one is not None:
-        one = _to_owner_numbers(one, same)
-    if one is None or other is None:
-        return other if one is None else one
+    first, second = a.ids, b.ids
+    if first is not None and second is not None and (a.scene is None) != (b.scene is None):
+        first, second = (None, second) if a.scene is None else (first, None)
+    if first is not None:
+        first = _to_owner_numbers(first, same)
+    if first is None or second is None:
+        return second if first is None else first
     nearer = a.depth < b.depth
-    return np.where((one != other) & nearer, one, other)
+    return np.where((first != second) & nearer, first, second)
 
 
 def _to_owner_numbers(ids: NDArray[np.int64], same: Mapping[int, int]) -> NDArray[np.int64]:
@@ -86,7 +86,7 @@ def measure(
     distinct = list(dict.fromkeys(names))
     places = {name: i for i, name in enumerate(distinct)}
     instances = np.array([places[name] for name in names])  # of each key
-    rows, of = instances[group], np.bincount(instances)
+    rows, counts = instances[group], np.bincount(instances)
 
     def total(values: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.bincount(rows, values.ravel(), len(distinct)).astype(np.float64)
@@ -97,14 +97,14 @@ def measure(
     with np.errstate(invalid="ignore"):
         ours, theirs = total(metrics.luminance(a.rgb)), total(metrics.luminance(b.rgb))
     standard_error = None if variance is None else np.sqrt(total(variance))
-    found = [
+    objects = [
         ObjectError(
-            *distinct[i], int(of[i]), int(pixels[i]), float(shares[i]), float(errors[i]), ratio(ours[i] - theirs[i], theirs[i]),
+            *distinct[i], int(counts[i]), int(pixels[i]), float(shares[i]), float(errors[i]), ratio(ours[i] - theirs[i], theirs[i]),
             None if standard_error is None else ratio(standard_error[i], theirs[i]),
         )
         for i in range(len(distinct))
     ]  # fmt: skip
-    return sorted(found, key=lambda c: -c.share)
+    return sorted(objects, key=lambda c: -c.share)
 
 
 def error_shares(squared: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -115,11 +115,11 @@ def error_shares(squared: NDArray[np.float64]) -> NDArray[np.float64]:
     return weight / total if total > 0 else weight
 
 
-def ratio(value: float, whole: float) -> float:
+def ratio(value: float, total: float) -> float:
     """value / whole; 0 / 0 is 0, other divisions by 0 are ±inf."""
     if not math.isfinite(value):
         return math.inf
-    return float(value / whole) if whole else 0.0 if value == 0 else float(np.copysign(np.inf, value))
+    return float(value / total) if total else 0.0 if value == 0 else float(np.copysign(np.inf, value))
 
 
 def _identify(a: Side, b: Side, owner: int) -> tuple[str, Span | None]:

@@ -65,15 +65,15 @@ class Change:
 
 def diff(a: ir.Scene, b: ir.Scene) -> tuple[list[Change], dict[int, int]]:
     """All changes from `a` to `b`, and the mapping from instances of `a` to those of `b`."""
-    found = _setting_changes(a, b)
+    changes = _setting_changes(a, b)
     pairs: Pairs = {}
     digests: tuple[dict[str, list[bytes]], dict[str, list[bytes]]] = {}, {}
     for table in TABLES:
-        for scene, known in zip((a, b), digests, strict=True):
-            known[table] = [_digest(scene, table, row, known) for row in range(_count(scene, table))]
+        for scene, by_table in zip((a, b), digests, strict=True):
+            by_table[table] = [_digest(scene, table, row, by_table) for row in range(_count(scene, table))]
         pairs[table] = _match(a, b, table, digests[0][table], digests[1][table])
-        found += _row_changes(a, b, table, pairs, digests)
-    return found, pairs["instances"]
+        changes += _row_changes(a, b, table, pairs, digests)
+    return changes, pairs["instances"]
 
 
 def label(scene: ir.Scene, table: str, row: int) -> str:
@@ -94,8 +94,8 @@ def label(scene: ir.Scene, table: str, row: int) -> str:
         kind = table.removesuffix("s")
     name = names[row] if row < len(names) else ""
     span = scene.spans.at(table, row)
-    known = not name or name in kind.split() or (span is not None and f"<{name}>" in span.file)
-    return kind if known else f"{kind} `{name}`"
+    needless = not name or name in kind.split() or (span is not None and f"<{name}>" in span.file)
+    return kind if needless else f"{kind} `{name}`"
 
 
 def _kind(kinds: type, value: Any) -> str:
@@ -114,7 +114,7 @@ def _transition(before: str, after: str) -> str:
 
 def _setting_changes(a: ir.Scene, b: ir.Scene) -> list[Change]:
     """Changed params and settings of `render`, as one row each."""
-    found = []
+    changes = []
     for name, before, after in (
         ("params", *({p.name: p.value for p in scene.params} for scene in (a, b))),
         ("render", *(asdict(scene.settings) | {"duration": scene.duration, "fps": scene.fps} for scene in (a, b))),
@@ -123,22 +123,22 @@ def _setting_changes(a: ir.Scene, b: ir.Scene) -> list[Change]:
             (key, _text(before.get(key)), _text(after.get(key))) for key in {**before, **after} if before.get(key) != after.get(key)
         )
         if cells:
-            found.append(Change("changed", name, 0, name, None, cells))
-    return found
+            changes.append(Change("changed", name, 0, name, None, cells))
+    return changes
 
 
 def _text(value: Any) -> str:
     return "" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _digest(scene: ir.Scene, table: str, row: int, known: Mapping[str, list[bytes]]) -> bytes:
+def _digest(scene: ir.Scene, table: str, row: int, digests: Mapping[str, list[bytes]]) -> bytes:
     """A hash of the content of a row, with the hashes of the rows it refers to."""
     digest = hashlib.blake2b(digest_size=16)
     references = _REFERENCES.get(table, {})
     for column, values in getattr(scene.tables, table)._asdict().items():
         if column in references:
             for target in np.atleast_1d(values[row]).tolist():
-                digest.update(known[references[column]][target] if target >= 0 else b"-")
+                digest.update(digests[references[column]][target] if target >= 0 else b"-")
         elif column != "texels" and column not in _PLACE_COLUMNS.get(table, ()):
             digest.update(np.ascontiguousarray(values[row]).tobytes())
     for content in _content(scene, table, row).values():
@@ -166,13 +166,13 @@ def _mesh(tables: ir.Tables, row: int) -> dict[str, np.ndarray]:
     g, pools = tables.geometries, tables.pools
     v, n = int(g.first_vertex[row]), int(g.vertex_count[row])
     t, m = int(g.first_triangle[row]), int(g.triangle_count[row])
-    found = {"vertices": pools.positions[v : v + n] + g.origin[row], "triangles": pools.triangles[t : t + m] - v}
+    arrays = {"vertices": pools.positions[v : v + n] + g.origin[row], "triangles": pools.triangles[t : t + m] - v}
     for name in ("normals", "uvs", "colors"):
         attribute = int(getattr(g, name)[row])
         if attribute >= 0:
             first, width, count = (int(getattr(tables.attributes, c)[attribute]) for c in ("first", "width", "count"))
-            found[name] = pools.values[first : first + width * count]
-    return found
+            arrays[name] = pools.values[first : first + width * count]
+    return arrays
 
 
 def _match(a: ir.Scene, b: ir.Scene, table: str, from_a: list[bytes], from_b: list[bytes]) -> dict[int, int]:
@@ -219,32 +219,32 @@ def _row_changes(
 ) -> list[Change]:
     """The changes of one table: rows of B in order, then removed rows."""
     back = {row_b: row_a for row_a, row_b in pairs[table].items()}
-    found = []
+    changes = []
     for row in range(_count(b, table)):
         if row not in back:
-            found.append(Change("added", table, row, label(b, table, row), b.spans.at(table, row)))
+            changes.append(Change("added", table, row, label(b, table, row), b.spans.at(table, row)))
         elif digests[0][table][back[row]] != digests[1][table][row] and (cells := _cells(a, b, table, back[row], row, pairs)):
-            found.append(Change("changed", table, row, label(b, table, row), b.spans.at(table, row), cells))
+            changes.append(Change("changed", table, row, label(b, table, row), b.spans.at(table, row), cells))
     gone = (row for row in range(_count(a, table)) if row not in pairs[table])
-    return found + [Change("removed", table, row, label(a, table, row), a.spans.at(table, row)) for row in gone]
+    return changes + [Change("removed", table, row, label(a, table, row), a.spans.at(table, row)) for row in gone]
 
 
 def _cells(a: ir.Scene, b: ir.Scene, table: str, row_a: int, row_b: int, pairs: Pairs) -> tuple[tuple[str, str, str], ...]:
     """(column, in A, in B) of the differences of two rows."""
     before, after = _plain_cells(a, table, row_a), _plain_cells(b, table, row_b)
-    found = [(column, before.get(column, ""), after.get(column, "")) for column in {**before, **after}]
-    one, other = _content(a, table, row_a), _content(b, table, row_b)
-    for name in {**one, **other}:
-        x, y = one.get(name), other.get(name)
+    cells = [(column, before.get(column, ""), after.get(column, "")) for column in {**before, **after}]
+    first, second = _content(a, table, row_a), _content(b, table, row_b)
+    for name in {**first, **second}:
+        x, y = first.get(name), second.get(name)
         if x is None or y is None or not np.array_equal(x, y):
-            found.append((name, _short(x), _short(y)))
+            cells.append((name, _short(x), _short(y)))
     for column, target in _REFERENCES.get(table, {}).items():
         mine, theirs = (np.atleast_1d(getattr(getattr(s.tables, table), column)[row]).tolist() for s, row in ((a, row_a), (b, row_b)))
         for slot, (x, y) in enumerate(zip(mine, theirs, strict=True)):
             if (pairs[target].get(x, -1) if x >= 0 else -1) != y or (x < 0) != (y < 0):
                 name = ir.Slot(slot).name.lower() if table == "materials" else column
-                found.append((name, _target(a, target, x, column), _target(b, target, y, column)))
-    return tuple(cell for cell in found if cell[1] != cell[2])
+                cells.append((name, _target(a, target, x, column), _target(b, target, y, column)))
+    return tuple(cell for cell in cells if cell[1] != cell[2])
 
 
 def _plain_cells(scene: ir.Scene, table: str, row: int) -> dict[str, str]:

@@ -51,22 +51,22 @@ class Side:
     @property
     def ids(self) -> NDArray[np.int64] | None:
         """(h, w) instance at each pixel centre, -1 for none; None without the channel."""
-        found = self.image.channels.get("id")
-        return None if found is None else found[..., 0].astype(np.int64)
+        channel = self.image.channels.get("id")
+        return None if channel is None else channel[..., 0].astype(np.int64)
 
     @property
     def depth(self) -> NDArray[np.float64]:
         """(h, w) metres; inf for the background or without the channel."""
-        found = self.image.channels.get("depth")
-        return np.full(self.rgb.shape[:2], np.inf) if found is None else found[..., 0].astype(np.float64)
+        channel = self.image.channels.get("depth")
+        return np.full(self.rgb.shape[:2], np.inf) if channel is None else channel[..., 0].astype(np.float64)
 
     @property
     def variance(self) -> NDArray[np.float64] | None:
         """(h, w, 3) variance of the pixels; None if any is unknown."""
         if self.noise == 0.0:
             return np.zeros_like(self.rgb)
-        found = self.image.metadata.get("variance")
-        return found.astype(np.float64) if found is not None and np.isfinite(found).all() else None
+        recorded = self.image.metadata.get("variance")
+        return recorded.astype(np.float64) if recorded is not None and np.isfinite(recorded).all() else None
 
     @property
     def warnings(self) -> list[Diagnostic]:
@@ -89,8 +89,8 @@ class Side:
         """Name, backend, samples and seed, as in "hello.scene, ray, 16 samples, seed 0"."""
         recorded = self.image.metadata.get("about", {})
         if self.plan is None:
-            known = [recorded[key] if key == "backend" else f"{recorded[key]} {key}" for key in ("backend", "samples") if key in recorded]
-            return ", ".join([self.name, *known, *([f"seed {recorded['seed']}"] if "seed" in recorded else [])])
+            details = [recorded[key] if key == "backend" else f"{recorded[key]} {key}" for key in ("backend", "samples") if key in recorded]
+            return ", ".join([self.name, *details, *([f"seed {recorded['seed']}"] if "seed" in recorded else [])])
         mean = self.image.metadata["samples_mean"]
         samples = f"{mean:.4g} sample{'' if mean == 1 else 's'}"
         return f"{self.name}, {self.plan['backend']}, {samples}, seed {self.plan['seed']}"
@@ -132,11 +132,11 @@ def _noise(plan: planner.Plan, image: Image) -> float | None:
 
 def zero_shared_nonfinite(a: Side, b: Side) -> tuple[Side, Side]:
     """Both sides with 0 where they hold the same inf or nan, so that sums stay finite."""
-    one, other = a.image.channels["rgba"], b.image.channels["rgba"]
-    if one.shape != other.shape or np.isfinite(other).all():
+    first, second = a.image.channels["rgba"], b.image.channels["rgba"]
+    if first.shape != second.shape or np.isfinite(second).all():
         return a, b
-    same = ((one == other) | (np.isnan(one) & np.isnan(other))) & ~np.isfinite(other)
-    return _with_pixels(a, np.where(same, 0.0, one)), _with_pixels(b, np.where(same, 0.0, other))
+    same = ((first == second) | (np.isnan(first) & np.isnan(second))) & ~np.isfinite(second)
+    return _with_pixels(a, np.where(same, 0.0, first)), _with_pixels(b, np.where(same, 0.0, second))
 
 
 def _with_pixels(side: Side, rgba: NDArray[np.floating], **metadata: object) -> Side:
@@ -157,8 +157,8 @@ def match_encoding(a: Side, b: Side, exposure: float | None = None) -> tuple[Sid
 def recorded_exposure(side: Side) -> float | None:
     """The stops that a picture was written with or a render's plan has; None if unknown."""
     if side.plan is not None:
-        asked = side.plan["exposure"]
-        return image_files.auto_exposure(side.image.channels["rgba"]) if asked == "metered" else float(asked)
+        exposure = side.plan["exposure"]
+        return image_files.auto_exposure(side.image.channels["rgba"]) if exposure == "metered" else float(exposure)
     try:
         return float(side.image.metadata["about"]["exposure"])
     except (KeyError, ValueError):

@@ -48,13 +48,13 @@ class Mitsuba:
         return tuple(Setting(self.name, "samples", n, {"samples": n}) for n in SAMPLES)
 
     def run(self, scene: ir.Scene, plan: Plan, setting: Setting, seed: int) -> Run:
-        asked = {
+        request = {
             "variant": variant(), "samples": int(setting.options["samples"]), "seed": seed, "threads": process.threads(plan),
         }  # fmt: skip
         with tempfile.TemporaryDirectory(prefix="maquette-mitsuba-") as folder:
-            made = mitsuba_scene.write(scene, plan, "scene", scene_meshes.make_tessellator(scene, plan))
-            made.save(Path(folder) / "scene.xml")
-            command = [sys.executable, "-P", str(RUNNER), "scene.xml", "out.npz", json.dumps(asked)]  # -P: this file is not `mitsuba`
+            exported = mitsuba_scene.write(scene, plan, "scene", scene_meshes.make_tessellator(scene, plan))
+            exported.save(Path(folder) / "scene.xml")
+            command = [sys.executable, "-P", str(RUNNER), "scene.xml", "out.npz", json.dumps(request)]  # -P: this file is not `mitsuba`
             process.run("Mitsuba", command, Path(folder), _environment())
             with np.load(Path(folder) / "out.npz", allow_pickle=False) as data:
                 about = json.loads(str(data["about"]))
@@ -68,16 +68,16 @@ def variant() -> str:
 
 def find_llvm() -> str:
     """The path of the newest LLVM library, or an empty string. DRJIT_LIBLLVM_PATH has precedence."""
-    given = os.environ.get("DRJIT_LIBLLVM_PATH")
-    if given:
-        return given
+    library = os.environ.get("DRJIT_LIBLLVM_PATH")
+    if library:
+        return library
     patterns = ("libLLVM*.so*", "*/libLLVM*.so*", "libLLVM*.dylib")
-    found = [
+    libraries = [
         path for folder in _LIBRARIES for pattern in patterns for path in Path(folder).glob(pattern)
         if re.fullmatch(r"libLLVM[-.\d]*\.(so|dylib)[.\d]*", path.name)
     ]  # fmt: skip
-    if found:
-        return str(max(found, key=lambda path: [int(n) for n in re.findall(r"\d+", path.name)] or [0]))
+    if libraries:
+        return str(max(libraries, key=lambda path: [int(n) for n in re.findall(r"\d+", path.name)] or [0]))
     return ctypes.util.find_library("LLVM") or ""
 
 

@@ -17,25 +17,25 @@ import numpy as np
 LANES = 1 << 23  # rays in flight; more take more memory, not less time
 
 
-def main(scene_file: str, out: str, asked: dict[str, Any]) -> None:
-    """Render and save; `asked` is a dict of "variant", "samples", "seed" and "threads"."""
+def main(scene_file: str, out: str, request: dict[str, Any]) -> None:
+    """Render and save; `request` is a dict of "variant", "samples", "seed" and "threads"."""
     seconds = {}
     started = time.perf_counter()
     mi = importlib.import_module("mitsuba")
     dr = importlib.import_module("drjit")
-    mi.set_variant(asked["variant"])
-    dr.set_thread_count(asked["threads"])
+    mi.set_variant(request["variant"])
+    dr.set_thread_count(request["threads"])
     seconds["import"] = time.perf_counter() - started
     started = time.perf_counter()
     scene = mi.load_file(scene_file)
     dr.sync_thread()
     seconds["build"] = time.perf_counter() - started
-    passes = _passes(scene.sensors()[0].film().crop_size(), asked["samples"])
+    passes = _passes(scene.sensors()[0].film().crop_size(), request["samples"])
     started = time.perf_counter()
-    _render(mi, scene, passes[0], asked["seed"])
+    _render(mi, scene, passes[0], request["seed"])
     seconds["compile_kernels"] = time.perf_counter() - started
     cpu, started = time.process_time(), time.perf_counter()
-    total = sum(_render(mi, scene, spp, asked["seed"] + 7919 * k) * (spp / asked["samples"]) for k, spp in enumerate(passes))
+    total = sum(_render(mi, scene, spp, request["seed"] + 7919 * k) * (spp / request["samples"]) for k, spp in enumerate(passes))
     seconds["render"] = time.perf_counter() - started
     seconds["compile_kernels"] = max(seconds["compile_kernels"] - seconds["render"] / len(passes), 0.0)
     np.savez(out, rgb=np.asarray(total, np.float32), about=json.dumps({"seconds": seconds, "cpu": time.process_time() - cpu}))

@@ -38,8 +38,8 @@ class PovRay:
     @property
     def version(self) -> str:
         output = child_process.run(["povray", "--version"], capture_output=True, text=True, check=False)
-        found = re.search(r"POV-Ray ([\w.]+)", output.stdout + output.stderr)
-        return f"POV-Ray {found.group(1) if found else '(version unknown)'}"
+        match = re.search(r"POV-Ray ([\w.]+)", output.stdout + output.stderr)
+        return f"POV-Ray {match.group(1) if match else '(version unknown)'}"
 
     def unsupported(self, scene: ir.Scene, plan: Plan) -> list[str]:
         return povray_scene.write(scene, plan, "scene", scene_meshes.make_tessellator(scene, plan)).lost
@@ -54,11 +54,11 @@ class PovRay:
             povray_scene.write(scene, plan, "scene", scene_meshes.make_tessellator(scene, plan)).save(folder / "scene.pov")
             started = time.perf_counter()
             output = process.run("POV-Ray", ["povray", *arguments(plan, across)], folder)
-            whole = time.perf_counter() - started
+            total = time.perf_counter() - started
             rgb = _read(folder / "out.exr", plan)
         render, parse = _seconds(_TRACE, output), _seconds(_PARSE, output)
         cpu = re.findall(_CPU, output)
-        stages = {"import": max(whole - render - parse, 0.0), "build": parse, "compile_kernels": 0.0, "render": render}
+        stages = {"import": max(total - render - parse, 0.0), "build": parse, "compile_kernels": 0.0, "render": render}
         return Run(rgb, stages, float(cpu[-1]) if cpu else render, seed)
 
 
@@ -84,5 +84,5 @@ def _read(path: Path, plan: Plan) -> NDArray[np.float32]:
 
 
 def _seconds(pattern: re.Pattern[str], output: str) -> float:
-    found = pattern.findall(output)
-    return float(found[-1]) if found else 0.0
+    times = pattern.findall(output)
+    return float(times[-1]) if times else 0.0

@@ -61,8 +61,8 @@ def every() -> tuple[Peer, ...]:
 
 def find(names: Iterable[str]) -> list[Peer]:
     """Peers by name, installed or not. Raises ValueError for an unknown name."""
-    known = {peer.name: peer for peer in every()}
+    peers = {peer.name: peer for peer in every()}
     for name in (names := list(names)):
-        if name not in known:
-            raise ValueError(f"no peer is called `{name}`; there are {', '.join(known)}. {suggest(name, known)}".strip())
-    return [known[name] for name in names]
+        if name not in peers:
+            raise ValueError(f"no peer is called `{name}`; there are {', '.join(peers)}. {suggest(name, peers)}".strip())
+    return [peers[name] for name in names]

@@ -84,16 +84,16 @@ def _data(chart: Chart) -> str:
 def _figures(point: Point) -> list[tuple[str, str]]:
     """Names and values of all figures of a point."""
     runs = f"{point.seconds.count} run{'' if point.seconds.count == 1 else 's'}"
-    found = [("time", f"{formatting.spread(point.seconds, formatting.seconds)}, {runs}")]
+    figures = [("time", f"{formatting.spread(point.seconds, formatting.seconds)}, {runs}")]
     for name, spread in point.errors.items():
-        found.append(
+        figures.append(
             (METRICS[name].name if name in METRICS else name, formatting.spread(spread, formatting.formatter(name)))
         )
-    found += formatting.bias_and_noise(point)
-    found += [
+    figures += formatting.bias_and_noise(point)
+    figures += [
         (stage.replace("_", " "), formatting.seconds(value)) for stage, value in point.stages.items() if stage != "render" and value > 0
     ]
-    return [*found, ("note", point.note)] if point.note else found
+    return [*figures, ("note", point.note)] if point.note else figures
 
 
 def _rows(chart: Chart) -> str:

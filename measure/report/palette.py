@@ -42,15 +42,15 @@ class Style:
 def styles(curves: Sequence[Curve]) -> list[Style]:
     """A style for each curve."""
     unknown = list(dict.fromkeys(curve.backend for curve in curves if curve.backend not in _BACKENDS))
-    found: list[Style] = []
+    listed: list[Style] = []
     seen: dict[str, int] = {}
     for curve in curves:
         name = curve.backend
         color, words, _, _, marker = _BACKENDS[name] if name in _BACKENDS else _OTHERS[unknown.index(name) % len(_OTHERS)]
         nth = seen.get(name, 0)
         seen[name] = nth + 1
-        found.append(Style(color, words, marker, _DASHES[nth % len(_DASHES)], nth % 2 == 1))
-    return found
+        listed.append(Style(color, words, marker, _DASHES[nth % len(_DASHES)], nth % 2 == 1))
+    return listed
 
 
 def variables() -> list[tuple[str, str, str]]:

@@ -218,8 +218,8 @@ class ChartPlot:
             for spread, across in ((point.seconds, True), (point.error, False)):
                 self.layout.lines += self._occupied(spread, (x, y), across)
         for curve in self.chart.curves:
-            at = [self._pixel(p) for p in curve.points]
-            self.layout.lines += list(itertools.pairwise(at))
+            pixels = [self._pixel(p) for p in curve.points]
+            self.layout.lines += list(itertools.pairwise(pixels))
         for _, curves in formatting.stopped_curves(self.chart):
             if bias := bias_floor(curves):
                 y = self._to_pixels(self.x[0], bias)[1]
@@ -227,13 +227,13 @@ class ChartPlot:
         for label in (*self._knee(), *self._names(), *self._floors(), *self._values()):
             self._write(label)
 
-    def _occupied(self, spread: Spread, at: tuple[float, float], across: bool) -> list[tuple[tuple[float, float], tuple[float, float]]]:
+    def _occupied(self, spread: Spread, pixel: tuple[float, float], across: bool) -> list[tuple[tuple[float, float], tuple[float, float]]]:
         if spread.high <= spread.low:
             return []
         low, high = ((max(v, (self.x if across else self.y)[0])) for v in (spread.low, spread.high))
         if across:
-            return [((self._to_pixels(low, 1)[0], at[1]), (self._to_pixels(high, 1)[0], at[1]))]
-        return [((at[0], self._to_pixels(self.x[0], low)[1]), (at[0], self._to_pixels(self.x[0], high)[1]))]
+            return [((self._to_pixels(low, 1)[0], pixel[1]), (self._to_pixels(high, 1)[0], pixel[1]))]
+        return [((pixel[0], self._to_pixels(self.x[0], low)[1]), (pixel[0], self._to_pixels(self.x[0], high)[1]))]
 
     def _to_pixels(self, x: float, y: float) -> tuple[float, float]:
         px, py = self.axes.transData.transform((x, y))
@@ -254,8 +254,8 @@ class ChartPlot:
     def _names(self) -> Iterator[_Label]:
         """The names of curves, preferably at the expensive end, then at the cheap end, then along the curve."""
         for i, (curve, style) in enumerate(zip(self.chart.curves, self.styles, strict=True)):
-            at = [self._pixel(p) for p in curve.points]
-            anchors = [at[-1], at[0], *at[-2:0:-1]]
+            pixels = [self._pixel(p) for p in curve.points]
+            anchors = [pixels[-1], pixels[0], *pixels[-2:0:-1]]
             yield _Label(formatting.curve(curve, self.chart), anchors, style.text_color, f"name-{i}", fontsize=11, weight="bold", gap=11)
 
     def _floors(self) -> Iterator[_Label]:
@@ -303,11 +303,11 @@ class ChartPlot:
             va="bottom", linespacing=LINE_SPACING, zorder=3.5,
             bbox={"facecolor": PAPER, "edgecolor": "none", "alpha": 0.7, "pad": 0.5},
         )  # fmt: skip
-        found = self.layout.place(self._extent(label.text, label.fontsize, label.weight), label.anchors, label.gap, label.most, label.reach)
-        if found is None:
+        spot = self.layout.place(self._extent(label.text, label.fontsize, label.weight), label.anchors, label.gap, label.most, label.reach)
+        if spot is None:
             artist.remove()
             return
-        box, anchor = found
+        box, anchor = spot
         artist.set_position(self._fraction(box.x0, box.y0))
         if label.gid:
             artist.set_gid(label.gid)

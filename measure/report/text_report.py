@@ -27,15 +27,15 @@ MAX_ERROR = 1.0  # larger errors are no targets
 
 def targets(chart: Chart) -> list[float]:
     """Round target errors, large first: those within the errors of our backends, and the next below; 0 if a point is exact."""
-    found = [p.error.median for p in _our_points(chart)]
-    above = [v for v in found if v > 0]
+    errors = [p.error.median for p in _our_points(chart)]
+    above = [v for v in errors if v > 0]
     if not above:
-        return [0.0] if found else []
+        return [0.0] if errors else []
     least, most = min(above), max(above)
     rounded = _round_values(least, most, TARGET_DIGITS)
     top = MAX_ERROR if METRICS[chart.metric].share else math.inf
     inside = [t for t in rounded if least <= t <= most and t < top] or [t for t in rounded if t >= least][-1:]
-    below = [t for t in rounded if t < least][:1] if min(found) > 0 else [0.0]
+    below = [t for t in rounded if t < least][:1] if min(errors) > 0 else [0.0]
     return [*inside, *below][-MAX_TARGETS:]
 
 
@@ -61,24 +61,24 @@ def answer(chart: Chart) -> str:
 
     In the model noise falls as n^(-1/2) with n samples, bias does not, and time grows with n.
     """
-    asked = formatting.target("relmse", chart.target)
+    wanted = formatting.target("relmse", chart.target)
     reaching = [p for p in _our_points(chart) if p.errors["relmse"].median <= chart.target]
     if reaching:
         best = min(reaching, key=lambda p: p.seconds.median)
         named, time = f"{best.setting.backend}, {formatting.setting(best.setting)}", formatting.seconds(best.seconds.median)
-        return f"{asked}: {named}, {time}, measured {formatting.error('relmse', best.errors['relmse'].median)}: {best.setting.arguments()}"
-    modelled = [made for curve in chart.curves if (made := _modelled(curve, chart.target)) is not None]
+        return f"{wanted}: {named}, {time}, measured {formatting.error('relmse', best.errors['relmse'].median)}: {best.setting.arguments()}"
+    modelled = [curve_model for curve in chart.curves if (curve_model := _modelled(curve, chart.target)) is not None]
     if modelled:
-        count, factor, seconds, backend = min(modelled, key=lambda made: made[2])
+        count, factor, seconds, backend = min(modelled, key=lambda row: row[2])
         low, high = (formatting.plain(count * f) for f in (1.0 / factor, factor))
         times = [formatting.seconds(seconds * f) for f in (1.0, 1.0 / factor, factor)]
         return (
-            f"{asked}: {backend}, about {formatting.plain(count)} samples ({low} to {high}), about {times[0]} ({times[1]} to {times[2]}), "
+            f"{wanted}: {backend}, about {formatting.plain(count)} samples ({low} to {high}), about {times[0]} ({times[1]} to {times[2]}), "
             "by the noise measured with fewer"
         )
     least = min((p.errors["relmse"].median for p in _our_points(chart)), default=None)
     nearest = "" if least is None else f": the least measured is {formatting.error('relmse', least)}"
-    return chart.estimate or f"{asked}: no measured setting reaches it{nearest}"
+    return chart.estimate or f"{wanted}: no measured setting reaches it{nearest}"
 
 
 def _modelled(curve: Curve, target: float) -> tuple[float, float, float, str] | None:
@@ -101,21 +101,21 @@ def advice(chart: Chart) -> list[tuple[str, ...]]:
     """A row for each target error with the setting to use. See HEADINGS."""
     rows = []
     for target in targets(chart):
-        asked, point = formatting.target(chart.metric, target), cheapest(chart, target)
+        wanted, point = formatting.target(chart.metric, target), cheapest(chart, target)
         if point is None:
             best = min(_our_points(chart), key=lambda p: p.error.median)
-            rows.append((asked, "not reached", "", formatting.error(chart.metric, best.error.median), ""))
+            rows.append((wanted, "not reached", "", formatting.error(chart.metric, best.error.median), ""))
             continue
         time, far = formatting.seconds(point.seconds.median), formatting.error(chart.metric, point.error.median)
-        rows.append((asked, f"{point.setting.backend}, {formatting.setting(point.setting)}", time, far, point.setting.arguments()))
+        rows.append((wanted, f"{point.setting.backend}, {formatting.setting(point.setting)}", time, far, point.setting.arguments()))
     return rows
 
 
 def answers(chart: Chart) -> list[str]:
     """All lines of the report: settings for target errors, knee, stop reasons, times at equal error."""
     lines = [
-        f"{asked} → {take}, {time}: {settings}" if settings else f"{asked} → not reached; the least measured is {far}"
-        for asked, take, time, far, settings in advice(chart)
+        f"{wanted} → {take}, {time}: {settings}" if settings else f"{wanted} → not reached; the least measured is {far}"
+        for wanted, take, time, far, settings in advice(chart)
     ]
     return [*lines, *remarks(chart)]
 
@@ -143,8 +143,8 @@ def _stops(chart: Chart) -> Iterator[str]:
 def _times_at_equal_error(chart: Chart) -> Iterator[str]:
     """Times of the backends' fastest sweeps at the smallest round error that most backends reach, fastest first."""
     best: tuple[float, dict[str, float]] | None = None
-    known = [p.error.median for p in chart.points if p.error.median > 0]
-    for target in _round_values(min(known), max(known), COMPARED_DIGITS) if known else ():
+    errors = [p.error.median for p in chart.points if p.error.median > 0]
+    for target in _round_values(min(errors), max(errors), COMPARED_DIGITS) if errors else ():
         times: dict[str, float] = {}
         for curve in chart.curves:
             if (time := seconds_at(curve, target)) is not None:

@@ -118,7 +118,7 @@ def test_bounces_are_fixed_or_varied(folder: Path, asked: list[Any]) -> None:
 @pytest.mark.long
 def test_without_options_all_backends_are_measured_for_a_minute(folder: Path, asked: list[Any]) -> None:
     assert run("chart", "a.scene", "-q")[0] == 0
-    everything = Wanted("a.scene", ir.Settings(), ("ray", "raster", "reference"), (), "relmse", 60.0, None, None, None, 0.02, asked=False)
+    everything = Wanted("a.scene", ir.Settings(), ("ray", "raster", "reference"), (), "relmse", 60.0, None, None, None, 0.02, False)
     assert asked[1] == everything
     assert sorted(p.name for p in folder.iterdir()) == ["a.chart.json", "a.chart.svg", "a.scene"]
 
@@ -209,7 +209,7 @@ def test_nothing_measured_is_an_error_with_the_fix(folder: Path, monkeypatch: py
 
 def test_what_is_known_without_measuring_is_the_first_line(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def measure(scene: ir.Scene, wanted: Wanted, *given: Any) -> Chart:
-        assert (wanted.target, wanted.asked, wanted.backends) == (0.05, True, ("ray",))
+        assert (wanted.target, wanted.backends_named, wanted.backends) == (0.05, True, ("ray",))
         raise NothingMeasured("the least chart takes about 40 s: give a longer --budget", "5 %: ray, about 80 samples")
 
     monkeypatch.setattr(engine, "measure", measure)

@@ -77,7 +77,7 @@ def assumed(field: str) -> str:
 
 
 def is_binary(data: bytes) -> bool:
-    """Whether zero bytes show that data is no text. A UTF-8 text with stray ones is parsed, so that they are errors with their places."""
+    """Whether zero bytes show that data is not text. A UTF-8 text with stray ones is parsed, so that they are errors with their places."""
     if b"\0" not in data or text_encoding.is_wide(data):
         return False
     try:

@@ -35,7 +35,7 @@ def decode(data: bytes) -> str:
 
 
 def decode_any(data: bytes) -> str:
-    """As `decode`; data that are no text of Unicode are read as Windows-1252, in which older programs write names."""
+    """As `decode`; data that are not text of Unicode are read as Windows-1252, in which older programs write names."""
     encoding, mark = encoding_of(data)
     try:
         return data[mark:].decode(encoding)
@@ -45,7 +45,7 @@ def decode_any(data: bytes) -> str:
         return data[mark:].decode(encoding, errors="replace")
     try:
         return data[mark:].decode("cp1252")
-    except UnicodeDecodeError:  # five of its bytes are no characters
+    except UnicodeDecodeError:  # five of its bytes are not characters
         return data[mark:].decode("latin-1")
 
 

@@ -90,7 +90,7 @@ def _renderer() -> RendererFunctions:
 
 
 def tell_deviation(off: float, tolerance: float | None, scene: ir.Scene) -> str:
-    """What is told of the largest distance of triangles from the true surface, in metres; warns where it is more than was asked for."""
+    """The largest distance of triangles from the true surface, in metres, as text. Warns where it exceeds the deviation of the command."""
     from ...compiler import ir
 
     if tolerance is not None and off > 1.001 * tolerance:

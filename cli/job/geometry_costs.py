@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from ...compiler.mesh.built_geometry import Cost
 
-LEAST = 0.2  # seconds of a shape that is told
+LEAST = 0.2  # seconds of a shape that is reported
 MOST = 5  # shapes
 
 

@@ -56,7 +56,7 @@ def supervise() -> None:
 
 
 def finishing() -> None:
-    """Tell the parent that the command writes what it has, so that it gets more time to end. Nothing is told without a parent."""
+    """Tell the parent that the command writes what it has, so that it gets more time to end. Does nothing without a parent."""
     if _to_parent is not None:
         os.write(_to_parent, b"w")
 
@@ -144,7 +144,7 @@ def _keep_no_core() -> None:
 
 
 def crash_message(number: int, arguments: list[str]) -> str:
-    """What is told of a command that a signal has ended; "" for signals that users send."""
+    """The message about a command that a signal has ended; "" for signals that users send."""
     name = signal.Signals(number).name if number in signal.valid_signals() else f"signal {number}"
     if name == "SIGKILL":
         return (

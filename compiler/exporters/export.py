@@ -97,9 +97,9 @@ class Export:
         return [f"{d.span}: {d.message}" if d.span else d.message for d in self.found if d.severity == "warning"]
 
     def _say(self, severity: str, message: str, table: str, row: int, hint: str) -> None:
-        said = Diagnostic(severity, message, self.scene.spans.at(table, row) if table else None, hint)
-        if said not in self.found:
-            self.found.append(said)
+        diagnostic = Diagnostic(severity, message, self.scene.spans.at(table, row) if table else None, hint)
+        if diagnostic not in self.found:
+            self.found.append(diagnostic)
 
 
 class ExportError(Exception):

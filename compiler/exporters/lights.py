@@ -34,7 +34,7 @@ def exported(out: Export, rows: Iterable[int], form: LightFormat) -> Iterator[Ex
     profiled = scene_facts.profiled(out.scene.tables)
     for row in rows:
         kind = ir.LightKind(int(lights.kind[row]))
-        of = LIGHTS[kind]
+        light_kind = LIGHTS[kind]
         name = (names[row] if row < len(names) else "") or kind.name.lower()
         if not _is_held(out, row, kind, form):
             continue
@@ -43,13 +43,13 @@ def exported(out: Export, rows: Iterable[int], form: LightFormat) -> Iterator[Ex
             if not form.profiled:
                 continue
         color, fades = lights.color[row], True
-        if of.FORM == Form.POINT:
+        if light_kind.FORM == Form.POINT:
             color, fades = _at_a_metre(out, row, form)
-        if of.HAS_ANGLE and lights.angle[row] > 0 and not form.extent:
+        if light_kind.HAS_ANGLE and lights.angle[row] > 0 and not form.extent:
             out.cannot(f"a sun's size is not carried: {form.lacking}", "lights", row, "angle: 0deg")
         cone, full = (float(np.arccos(np.clip(cosine[row], -1.0, 1.0))) for cosine in (lights.cos_cone, lights.cos_full))
-        angle = float(lights.angle[row]) if of.HAS_ANGLE else 0.0
-        matrix = square(out.scene.tables.transforms.matrix[lights.transform[row]]) if of.FORM >= Form.RECTANGLE else np.eye(4)
+        angle = float(lights.angle[row]) if light_kind.HAS_ANGLE else 0.0
+        matrix = square(out.scene.tables.transforms.matrix[lights.transform[row]]) if light_kind.FORM >= Form.RECTANGLE else np.eye(4)
         yield ExportedLight(
             row, kind, name, color, lights.position[row], lights.direction[row], cone, full, angle, fades, matrix, lights.size[row]
         )

@@ -72,7 +72,7 @@ class SurfaceRow(MaterialRow):
 
 def surface_of(out: Export, row: int) -> Exported:
     """The surface of a material that is no blend. Reports inputs that the format lacks."""
-    made = SurfaceRow(out, row)
-    made.reports_vertex_light()
-    assert made.module.surface is not None
-    return made.module.surface(made)
+    surface_row = SurfaceRow(out, row)
+    surface_row.reports_vertex_light()
+    assert surface_row.module.surface is not None
+    return surface_row.module.surface(surface_row)

@@ -49,21 +49,21 @@ class TextureSets:
             if not texture_values.follows_uv(self.tables, row, kind):
                 name = ir.TextureMapping(int(self.tables.textures.mapping[row])).name.lower()
                 out.cannot(f"the mapping {name} is not carried: a mesh has its own coordinates", "textures", row)
-        whole = shell
+        full_shell = shell
         if any(map(self.has_cells, self.rows)):
             shell = shells.divided(shell)
         uvs = np.zeros((len(shell.positions), 2)) if shell.uvs is None else shell.uvs
-        found = []
+        sets = []
         for row in self.rows:
             if self.has_cells(row):
-                cells = texture_values.with_cells(self.tables, row, whole, scale).uvs
+                cells = texture_values.with_cells(self.tables, row, full_shell, scale).uvs
                 assert cells is not None
-                found.append(cells / CELLS)
+                sets.append(cells / CELLS)
             else:
                 frame = texture_values.texture_matrix(self.tables, row)
-                found.append(uvs @ frame[:2, :2].T + frame[:2, 2])
-        return shell, found
+                sets.append(uvs @ frame[:2, :2].T + frame[:2, 2])
+        return shell, sets
 
-    def _same(self, one: int, other: int) -> bool:
-        frames, cells = self.tables.textures.frame, self.has_cells(one) or self.has_cells(other)
-        return one == other or bool(not cells and (frames[one] == frames[other]).all())
+    def _same(self, first: int, second: int) -> bool:
+        frames, cells = self.tables.textures.frame, self.has_cells(first) or self.has_cells(second)
+        return first == second or bool(not cells and (frames[first] == frames[second]).all())

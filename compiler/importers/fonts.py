@@ -86,9 +86,9 @@ class Font:
         missing: dict[str, None] = {}
         for row, line in enumerate(lines):
             glyphs, width = self._shaped(line, layout.spacing, missing)
-            left = {"left": 0.0, "center": -0.5 * width, "right": -width}[layout.align]
+            start = {"left": 0.0, "center": -0.5 * width, "right": -width}[layout.align]
             for glyph, x, y in glyphs:
-                place = np.array([left + x, y - row * layout.line_spacing * self.line])
+                place = np.array([start + x, y - row * layout.line_spacing * self.line])
                 contours += [contour + place for contour in self._contours(glyph)]
         below = (len(lines) - 1) * layout.line_spacing * self.line
         up = {"baseline": 0.0, "bottom": below, "top": -self.capital, "center": 0.5 * (below - self.capital)}[layout.vertical]
@@ -101,13 +101,13 @@ class Font:
         buffer.add_str(line)
         buffer.guess_segment_properties()
         self._hb.shape(self._font, buffer)
-        made, x = [], 0.0
+        glyphs, x = [], 0.0
         for info, position in zip(buffer.glyph_infos or (), buffer.glyph_positions or (), strict=True):
             if info.codepoint == 0:
                 missing[line[info.cluster]] = None
-            made.append((info.codepoint, x + position.x_offset, float(position.y_offset)))
+            glyphs.append((info.codepoint, x + position.x_offset, float(position.y_offset)))
             x += position.x_advance * spacing
-        return made, x
+        return glyphs, x
 
     def _contours(self, glyph: int) -> list[F64]:
         if glyph not in self._outlines:
@@ -133,8 +133,8 @@ class _Pen:
         pen.contours[-1].append((x, y))
 
     @staticmethod
-    def curve_to(*given: Any) -> None:
-        *numbers, pen = given
+    def curve_to(*arguments: Any) -> None:
+        *numbers, pen = arguments
         piece = np.array([*pen.contours[-1][-1], *numbers]).reshape(-1, 2)
         pen.contours[-1] += [(float(x), float(y)) for x, y in splines.points_after_first(piece, pen._tolerance)]
 

@@ -81,22 +81,22 @@ class _Reader:
             self.warn(message)
         gltf_tables.report(document, self.warn)
         document["nodes"] = self.animated()
-        found: list[Part] = []
+        placed: list[Part] = []
         nodes = list(self.nodes())
         self.globals = {index: matrix for index, _, matrix, _ in nodes}
         for index, node, matrix, visible in nodes:
             if not visible:
                 continue
             if "mesh" in node:
-                found += self.attempt(f"the mesh of node {index}", lambda n=node, m=matrix: self.shown(n, m), [])
+                placed += self.attempt(f"the mesh of node {index}", lambda n=node, m=matrix: self.shown(n, m), [])
             light = node.get("extensions", {}).get("KHR_lights_punctual", {}).get("light")
             if light is not None:
                 self.attempt(f"the light of node {index}", lambda k=light, n=node, m=matrix: self.light(k, n, m), None)
             if "camera" in node:
                 self.attempt(f"the camera of node {index}", lambda n=node, m=matrix: self.camera(n, m), None)
-        if not found and not self.diagnostics.failed:
+        if not placed and not self.diagnostics.failed:
             raise GltfError("the glTF file shows no mesh")
-        return found
+        return placed
 
     def animated(self) -> list[dict[str, Any]]:
         """The nodes at the moment; as they are without one. Raises GltfError for an animation that the file lacks."""
@@ -169,10 +169,10 @@ class _Reader:
 
     def places(self, node: dict[str, Any], matrix: np.ndarray) -> list[np.ndarray]:
         """Matrices of a node's mesh: the node's own, or one for each EXT_mesh_gpu_instancing instance."""
-        given = node.get("extensions", {}).get("EXT_mesh_gpu_instancing", {}).get("attributes")
-        if not given:
+        attributes = node.get("extensions", {}).get("EXT_mesh_gpu_instancing", {}).get("attributes")
+        if not attributes:
             return [matrix]
-        columns = {key: self.container.accessor(index) for key, index in given.items()}
+        columns = {key: self.container.accessor(index) for key, index in attributes.items()}
         count = min(len(column) for column in columns.values())
 
         def row(name: str, k: int) -> list[float] | None:
@@ -190,11 +190,11 @@ class _Reader:
         weights = tuple(map(float, node.get("weights") or mesh.get("weights") or ()))
         key = (index, weights, None if skin is None else skin.joints.tobytes())
         if key not in self.meshes:
-            name, made = mesh.get("name") or f"mesh {index}", []
+            name, parts = mesh.get("name") or f"mesh {index}", []
             self.alone = len(mesh["primitives"]) == 1
             for k, p in enumerate(mesh["primitives"]):
-                made += self.attempt(f"primitive {k} of `{name}`", lambda p=p: self.primitive(p, name, weights, skin), [])
-            self.meshes[key] = made
+                parts += self.attempt(f"primitive {k} of `{name}`", lambda p=p: self.primitive(p, name, weights, skin), [])
+            self.meshes[key] = parts
         return self.meshes[key]
 
     def primitive(self, primitive: dict[str, Any], name: str, weights: tuple[float, ...], skin: gltf_animation.Skin | None) -> list[Part]:
@@ -208,41 +208,41 @@ class _Reader:
         material: int | None = primitive.get("material")
         sets: list[int] = []
         if material is not None:
-            known = self.attempt(f"material {material}", lambda m=material: self.materials.uv_sets(m), None)
-            sets, material = known or [], None if known is None else material
+            uv_names = self.attempt(f"material {material}", lambda m=material: self.materials.uv_sets(m), None)
+            sets, material = uv_names or [], None if uv_names is None else material
         uv_name = f"TEXCOORD_{sets[0] if sets else 0}"
         attributes = primitive["attributes"]
         accessor = self.container.accessor
         points = gltf_animation.morphed(self.container, primitive, "POSITION", weights).astype(np.float64)
         triangles = self.triangles(primitive, points, name)
-        given = {key: accessor(attributes[key])[: len(points)] for key in (uv_name, "COLOR_0") if key in attributes}
+        columns = {key: accessor(attributes[key])[: len(points)] for key in (uv_name, "COLOR_0") if key in attributes}
         if "NORMAL" in attributes:
-            given["NORMAL"] = gltf_animation.morphed(self.container, primitive, "NORMAL", weights)[: len(points)]
-        for key in [key for key, values in given.items() if len(values) < len(points)]:
-            self.warn(f"`{key}` of `{name}` has {len(given.pop(key))} values for {len(points)} vertices: it is left out")
-        uvs, colors = given.get(uv_name), given.get("COLOR_0")
+            columns["NORMAL"] = gltf_animation.morphed(self.container, primitive, "NORMAL", weights)[: len(points)]
+        for key in [key for key, values in columns.items() if len(values) < len(points)]:
+            self.warn(f"`{key}` of `{name}` has {len(columns.pop(key))} values for {len(points)} vertices: it is left out")
+        uvs, colors = columns.get(uv_name), columns.get("COLOR_0")
         if "TANGENT" in attributes and uvs is not None and material is not None and self.materials.has_normal_map(material):
             tangents = accessor(attributes["TANGENT"])[: len(points)]
             if len(tangents) == len(points) and gltf_tangents.differ(points, triangles, uvs, tangents):
                 self.warn(f"the tangents of `{name}` differ from those of its texture coordinates, in which its normal map is drawn")
         mesh = PolyMesh(
             points, np.full(len(triangles), 3), triangles.reshape(-1),
-            MeshAttribute(given["NORMAL"]) if "NORMAL" in given else None,
+            MeshAttribute(columns["NORMAL"]) if "NORMAL" in columns else None,
             None if uvs is None else MeshAttribute(_upward(uvs)),
             MeshAttribute(colors[:, :3]) if colors is not None else None,
-            None if "NORMAL" in given else np.zeros(len(triangles), np.int64),  # §3.7.2.1: flat faces
+            None if "NORMAL" in columns else np.zeros(len(triangles), np.int64),  # §3.7.2.1: flat faces
         )  # fmt: skip
         if skin is not None:
             mesh = skin.deform(mesh, self.container, attributes, self.warn)
         parts: Iterable[tuple[PolyMesh, gltf_materials.Fit]] = [(mesh, gltf_materials.Fit())]
         if material is not None:
             parts = self.mapped(*self.faded(mesh, material, colors, bool(sets)), sets, attributes)
-        made = []
+        added = []
         for part, fit in parts:
             row = None if material is None else self.material(material, fit)
-            whole, _ = self.repaired(part, name, self.alone)
-            made.append(add(whole, row, name, self.builder, self.diagnostics, Span(self.name)))
-        parts_named = [self.named(part, primitive) for part in made if part is not None]
+            repaired_part, _ = self.repaired(part, name, self.alone)
+            added.append(add(repaired_part, row, name, self.builder, self.diagnostics, Span(self.name)))
+        parts_named = [self.named(part, primitive) for part in added if part is not None]
         if material is None or not self.materials.is_double_sided(material):
             self.builder.single_sided.update(part.geometry for part in parts_named)
         return parts_named
@@ -271,8 +271,8 @@ class _Reader:
         if primitive["mode"] == POINTS:
             rows = point_clouds.thinned(rows, self.diagnostics, Span(self.name))
         radius = point_clouds.radius(points[rows])
-        given = primitive["attributes"].get("COLOR_0")
-        colors = None if given is None else self.container.accessor(given)
+        accessor = primitive["attributes"].get("COLOR_0")
+        colors = None if accessor is None else self.container.accessor(accessor)
         tints = None if colors is None or len(colors) < len(points) else colors[rows, :3]
         if primitive["mode"] == POINTS:
             mesh = strands.balls(points[rows], np.full(len(rows), radius), tints)
@@ -334,8 +334,8 @@ class _Reader:
             return
         corners = np.asarray(mesh.indices)
         columns = [_upward(self.container.accessor(attributes[f"TEXCOORD_{s}"])) for s in others]
-        given = [np.nan_to_num(column[corners].astype(np.float64)) for column in (mesh.uvs.values, *columns)]
-        groups = uv_sets.split(given[0], np.concatenate(given[1:], axis=1), np.asarray(mesh.counts))
+        columns_by_corner = [np.nan_to_num(column[corners].astype(np.float64)) for column in (mesh.uvs.values, *columns)]
+        groups = uv_sets.split(columns_by_corner[0], np.concatenate(columns_by_corner[1:], axis=1), np.asarray(mesh.counts))
         if groups is None:
             yield mesh, replace(fit, maps=dict.fromkeys(others))
             return
@@ -357,21 +357,21 @@ class _Reader:
         backward, forward = as_color(axis), as_color(-axis)
         position, kind, name = as_color(matrix[:3, 3]), light.get("type"), node.get("name") or light.get("name", "")
         if kind == "directional":
-            made = LightData(ir.LightKind.DIRECTIONAL, color, direction=backward, name=name)
+            data = LightData(ir.LightKind.DIRECTIONAL, color, direction=backward, name=name)
         elif kind == "point":
-            made = LightData(ir.LightKind.POINT, color, position=position, name=name)
+            data = LightData(ir.LightKind.POINT, color, position=position, name=name)
         elif kind == "spot":
             spot = light.get("spot", {})
             outer = min(float(spot.get("outerConeAngle", math.pi / 4)), math.pi / 2)
             inner = min(float(spot.get("innerConeAngle", 0.0)), outer)
-            made = LightData(
+            data = LightData(
                 ir.LightKind.SPOT, color, position=position, direction=forward, name=name,
                 cos_cone=math.cos(outer), cos_full=math.cos(inner),
             )  # fmt: skip
         else:
             self.warn(f"lights of the type `{str(kind)[:40]}` are not drawn")
             return
-        self.builder.light(made, Span(self.name))
+        self.builder.light(data, Span(self.name))
 
     def camera(self, node: dict[str, Any], matrix: np.ndarray) -> None:
         """Adds a camera (§3.10), which looks along −z of its node."""
@@ -385,18 +385,18 @@ class _Reader:
         if camera.get("type") == "orthographic":
             lens = camera["orthographic"]
             wide, high = float(lens["xmag"]), float(lens["ymag"])
-            made = CameraData(
+            data = CameraData(
                 row, high, ir.Projection.ORTHOGRAPHIC, aspect=wide / high, near=float(lens["znear"]), far=float(lens["zfar"]), name=name
             )
         else:
             lens = camera["perspective"]
-            made = CameraData(
+            data = CameraData(
                 row, math.tan(float(lens["yfov"]) / 2), aspect=float(lens.get("aspectRatio", 0.0)), near=float(lens["znear"]),
                 far=float(lens.get("zfar", math.inf)), name=name,
             )  # fmt: skip
-        if not 0 < made.extent < math.inf:
+        if not 0 < data.extent < math.inf:
             raise GltfError("its field of view is not above 0")
-        self.builder.camera(made, Span(self.name))
+        self.builder.camera(data, Span(self.name))
 
 
 def _local(node: dict[str, Any]) -> np.ndarray:
@@ -416,8 +416,8 @@ def _polylines(order: np.ndarray, sound: np.ndarray, mode: int) -> list[np.ndarr
     if mode == POINTS:
         return [order[sound]]
     if mode == LINES:
-        pairs, whole = order[: len(order) // 2 * 2].reshape(-1, 2), sound[: len(order) // 2 * 2].reshape(-1, 2).all(axis=1)
-        return list(pairs[whole])
+        pairs, valid = order[: len(order) // 2 * 2].reshape(-1, 2), sound[: len(order) // 2 * 2].reshape(-1, 2).all(axis=1)
+        return list(pairs[valid])
     if mode == LOOP:
         order, sound = np.append(order, order[:1]), np.append(sound, sound[:1])
     runs = np.split(order, np.flatnonzero(~sound))

@@ -38,7 +38,7 @@ def chosen(container: Container, name: str | None) -> dict[str, Any] | None:
     if not animations:
         raise GltfError(f"there is no animation `{name}`: the glTF file has none")
     near = difflib.get_close_matches(name, labels, 1)
-    listed = ", ".join(f"`{one}`" for one in labels[:20]) + (", …" if len(labels) > 20 else "")
+    listed = ", ".join(f"`{label}`" for label in labels[:20]) + (", …" if len(labels) > 20 else "")
     raise GltfError(f"there is no animation `{name}`: the glTF file has {listed}" + (f"; did you mean `{near[0]}`?" if near else ""))
 
 
@@ -99,11 +99,11 @@ def _sampled(container: Container, sampler: dict[str, Any], time: float, path: s
     t = (time - times[k]) / step
     if cubic:
         out, arriving = values[k, 2] * step, values[k + 1, 0] * step
-        made = (
+        value = (
             (2 * t**3 - 3 * t**2 + 1) * keys[k] + (t**3 - 2 * t**2 + t) * out
             + (3 * t**2 - 2 * t**3) * keys[k + 1] + (t**3 - t**2) * arriving
         )  # fmt: skip
-        return made / np.linalg.norm(made) if path == "rotation" else made
+        return value / np.linalg.norm(value) if path == "rotation" else value
     return _slerp(keys[k], keys[k + 1], t) if path == "rotation" else (1 - t) * keys[k] + t * keys[k + 1]
 
 

@@ -218,7 +218,7 @@ def _tidy(document: dict[str, Any], warnings: list[str]) -> dict[str, Any]:
         if isinstance(value, dict):
             extensions = value.get("extensions", {})
             named = extensions.items() if isinstance(extensions, dict) else [("extensions", extensions)]
-            for name in [name for name, given in named if not isinstance(given, dict)]:
+            for name in [name for name, value in named if not isinstance(value, dict)]:
                 warnings.append(f"`{name[:40]}` is no object: it is left out")
                 if isinstance(extensions, dict):
                     del extensions[name]

@@ -32,16 +32,16 @@ def decode(container: Container, primitive: dict[str, Any]) -> None:
     """
     import DracoPy  # pyright: ignore[reportMissingImports]
 
-    given = primitive["extensions"][EXTENSION]
+    extension = primitive["extensions"][EXTENSION]
     try:
-        found = DracoPy.decode(container.view_bytes(given["bufferView"]))
+        decoded = DracoPy.decode(container.view_bytes(extension["bufferView"]))
     except Exception as failure:  # the library raises its own classes, and RuntimeError for damaged data
         raise GltfError(f"a mesh compressed by Draco is damaged ({str(failure)[:100] or type(failure).__name__})") from None
-    values = {int(each["unique_id"]): each["data"] for each in found.attributes}
-    for name, identifier in given["attributes"].items():
+    values = {int(each["unique_id"]): each["data"] for each in decoded.attributes}
+    for name, identifier in extension["attributes"].items():
         if int(identifier) in values and name in primitive["attributes"]:
             data = np.asarray(values[int(identifier)])
             container.decoded[int(primitive["attributes"][name])] = data.reshape(len(data), -1)
-    faces = getattr(found, "faces", None)
+    faces = getattr(decoded, "faces", None)
     if faces is not None and "indices" in primitive:
         container.decoded[int(primitive["indices"])] = np.asarray(faces).reshape(-1, 1)

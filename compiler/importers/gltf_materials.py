@@ -62,9 +62,9 @@ class Materials:
 
     def uv_sets(self, index: int) -> list[int]:
         """The sets of texture coordinates that a material's pictures read: that of its base colour, if any, first; occlusion last."""
-        found = _references(self.container.document["materials"][index])
-        found.sort(key=lambda item: (item[0] not in _COLORS, item[0] == "occlusionTexture"))
-        return list(dict.fromkeys(_uv_set(reference) for _, reference in found))
+        references = _references(self.container.document["materials"][index])
+        references.sort(key=lambda item: (item[0] not in _COLORS, item[0] == "occlusionTexture"))
+        return list(dict.fromkeys(_uv_set(reference) for _, reference in references))
 
     def is_see_through(self, index: int) -> bool:
         """Whether alpha counts: the material's mode is BLEND or MASK."""
@@ -162,12 +162,12 @@ class Materials:
         r, g, b = (-math.log(min(max(float(c), 1e-6), 1.0)) / distance for c in volume.get("attenuationColor", (1.0, 1.0, 1.0)))
         return {ir.Slot.ABSORPTION: Input((r, g, b))}
 
-    def _specular_glossiness(self, written: dict[str, Any], given: dict[str, Any]) -> metallic_roughness.Surface:
+    def _specular_glossiness(self, written: dict[str, Any], extension: dict[str, Any]) -> metallic_roughness.Surface:
         """KHR_materials_pbrSpecularGlossiness: a diffuse colour, a reflectance along the normal, and 1 − roughness in its alpha."""
-        color, gloss = given.get("diffuseFactor", (1.0, 1.0, 1.0, 1.0)), float(given.get("glossinessFactor", 1.0))
-        r, g, b = given.get("specularFactor", (1.0, 1.0, 1.0))
-        diffuse = Input((color[0], color[1], color[2]), self._texture(given.get("diffuseTexture")))
-        packed = given.get("specularGlossinessTexture")
+        color, gloss = extension.get("diffuseFactor", (1.0, 1.0, 1.0, 1.0)), float(extension.get("glossinessFactor", 1.0))
+        r, g, b = extension.get("specularFactor", (1.0, 1.0, 1.0))
+        diffuse = Input((color[0], color[1], color[2]), self._texture(extension.get("diffuseTexture")))
+        packed = extension.get("specularGlossinessTexture")
         alpha = self._texture(packed, 3)
         rough = Input.number(1.0 - gloss)
         if alpha != NONE:
@@ -178,10 +178,10 @@ class Materials:
     def _ior(self, extensions: dict[str, Any]) -> float:
         """The index of refraction of the reflectance along the normal, times the mean factor of KHR_materials_specular."""
         ior = float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5))
-        given = extensions.get("KHR_materials_specular", {})
-        color = given.get("specularColorFactor", (1.0, 1.0, 1.0))
-        share = float(given.get("specularFactor", 1.0)) * float(np.mean(color))
-        if _is_tinted(given):
+        specular = extensions.get("KHR_materials_specular", {})
+        color = specular.get("specularColorFactor", (1.0, 1.0, 1.0))
+        share = float(specular.get("specularFactor", 1.0)) * float(np.mean(color))
+        if _is_tinted(specular):
             self.warn("the colour and the pictures of KHR_materials_specular are drawn as the mean of its factors where metallic is not 0")
         if share == 1.0:
             return ior
@@ -191,12 +191,12 @@ class Materials:
     def _specular(self, extensions: dict[str, Any]) -> Input:
         """The reflectance along the normal of KHR_materials_specular on a surface that is no metal."""
         ior = float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5))
-        given = extensions["KHR_materials_specular"]
-        share = ((ior - 1) / (ior + 1)) ** 2 * float(given.get("specularFactor", 1.0))
-        tint, weight = self._texture(given.get("specularColorTexture")), given.get("specularTexture")
+        specular = extensions["KHR_materials_specular"]
+        share = ((ior - 1) / (ior + 1)) ** 2 * float(specular.get("specularFactor", 1.0))
+        tint, weight = self._texture(specular.get("specularColorTexture")), specular.get("specularTexture")
         if tint != NONE and weight:
             self.warn("the specularTexture of KHR_materials_specular is not drawn beside its specularColorTexture")
-        r, g, b = (min(share * float(c), 1.0) for c in given.get("specularColorFactor", (1.0, 1.0, 1.0)))
+        r, g, b = (min(share * float(c), 1.0) for c in specular.get("specularColorFactor", (1.0, 1.0, 1.0)))
         return Input((r, g, b), tint if tint != NONE else self._texture(weight, 3))
 
     def _surface(self, written: dict[str, Any], base: Input, alpha: float, extensions: dict[str, Any]) -> metallic_roughness.Surface:
@@ -263,18 +263,18 @@ class Materials:
         if image == NONE:
             return NONE
         wrap_u, wrap_v = (_WRAPS.get(sampler.get(k, 10497), ir.Wrap.REPEAT) for k in ("wrapS", "wrapT"))
-        made = TextureData(
+        data = TextureData(
             ir.TextureKind.IMAGE, image, wrap_u=wrap_u, wrap_v=wrap_v, nearest=sampler.get("magFilter") == 9728,
             channel=max(channel, -1), frame=_frame(_transform(reference), map_),
         )  # fmt: skip
-        return self.builder.texture(made, Span(self.name))
+        return self.builder.texture(data, Span(self.name))
 
     def _image(self, texture: dict[str, Any], color: bool) -> int:
         """The row of a texture's image; NONE and a warning if it cannot be read."""
         source = texture.get("source", texture.get("extensions", {}).get("EXT_texture_webp", {}).get("source"))
         if source is None:
-            known = sorted(texture.get("extensions", {})) or ["nothing"]
-            self.warn(f"a texture is not drawn: its picture is given by {', '.join(known)} alone")
+            names = sorted(texture.get("extensions", {})) or ["nothing"]
+            self.warn(f"a texture is not drawn: its picture is given by {', '.join(names)} alone")
             return NONE
         picture = self.container.document["images"][source]
         try:
@@ -291,8 +291,8 @@ class Materials:
 def _transmission(extensions: dict[str, Any]) -> float:
     """The factor of KHR_materials_transmission, 0 to 1, or of the extension that it was made from."""
     names = ("KHR_materials_transmission", "ADOBE_materials_thin_transparency")
-    given = next((extensions[name] for name in names if name in extensions), {})
-    return min(max(float(given.get("transmissionFactor", 0.0)), 0.0), 1.0)
+    extension = next((extensions[name] for name in names if name in extensions), {})
+    return min(max(float(extension.get("transmissionFactor", 0.0)), 0.0), 1.0)
 
 
 def _is_colored(pbr: dict[str, Any]) -> bool:
@@ -307,11 +307,11 @@ def _is_tinted(specular: dict[str, Any]) -> bool:
 
 def _references(material: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
     """(name, texture reference) of the pictures of a material and its extensions."""
-    found = []
+    textures = []
     for key, value in material.items():
         if isinstance(value, dict):
-            found += [(key, value)] if key.endswith("Texture") and "index" in value else _references(value)
-    return found
+            textures += [(key, value)] if key.endswith("Texture") and "index" in value else _references(value)
+    return textures
 
 
 def _transform(reference: dict[str, Any]) -> dict[str, Any]:

@@ -18,14 +18,14 @@ _SENTINELS2 = tuple(sum((byte >> shift) & 3 == 3 for shift in (0, 2, 4, 6)) for 
 _SENTINELS4 = tuple(sum((byte >> shift) & 15 == 15 for shift in (0, 4)) for byte in range(256))
 
 
-def decode(data: bytes, given: dict[str, Any]) -> bytes:
+def decode(data: bytes, extension: dict[str, Any]) -> bytes:
     """The bytes of a buffer view from its compressed `data` and its extension. Raises GltfError."""
-    count, stride, mode = int(given["count"]), int(given["byteStride"]), given["mode"]
+    count, stride, mode = int(extension["count"]), int(extension["byteStride"]), extension["mode"]
     if count < 0 or stride < 1 or count * stride > MOST_BYTES:
         raise GltfError("a buffer view compressed by meshopt has an impossible size")
     try:
         if mode == "ATTRIBUTES":
-            values = _filtered(_attributes(data, count, stride), given.get("filter", "NONE"))
+            values = _filtered(_attributes(data, count, stride), extension.get("filter", "NONE"))
             return values.tobytes()
         indices = _Triangles(data, count).decode() if mode == "TRIANGLES" else _sequence(data, count)
     except (IndexError, ValueError):
@@ -40,44 +40,44 @@ def _attributes(data: bytes, count: int, stride: int) -> np.ndarray:
     if stride % 4 or stride > _MOST_BLOCK:
         raise ValueError
     block = min(_BLOCK_BYTES // stride // _GROUP * _GROUP, _MOST_BLOCK)
-    modes, offsets, places, at = [], [], [], 1
+    modes, offsets, places, offset = [], [], [], 1
     for first in range(0, count, block):
         size = min(block, count - first)
         groups = -(-size // _GROUP)
         for k in range(stride):
-            header, at = at, at + -(-groups // 4)
+            header, offset = offset, offset + -(-groups // 4)
             for g in range(groups):
                 mode = data[header + (g >> 2)] >> (2 * (g & 3)) & 3
                 modes.append(mode)
-                offsets.append(at)
+                offsets.append(offset)
                 places.append((first + g * _GROUP) * stride + k)
-                at += _group_size(data, at, mode)
-    if at + max(stride, _LEAST_TAIL) > len(data):
+                offset += _group_size(data, offset, mode)
+    if offset + max(stride, _LEAST_TAIL) > len(data):
         raise ValueError
     deltas = _groups(np.frombuffer(data, np.uint8), np.array(modes, np.int64), np.array(offsets, np.int64))
-    made = np.zeros((count + _GROUP) * stride, np.uint8)
+    bytes_out = np.zeros((count + _GROUP) * stride, np.uint8)
     rows = np.array(places, np.int64)[:, None] + np.arange(_GROUP) * stride
-    made[rows] = deltas
-    made = made[: count * stride].reshape(count, stride)
-    signed = (made >> 1) ^ (-(made & 1).astype(np.int8)).view(np.uint8)  # zigzag
+    bytes_out[rows] = deltas
+    bytes_out = bytes_out[: count * stride].reshape(count, stride)
+    signed = (bytes_out >> 1) ^ (-(bytes_out & 1).astype(np.int8)).view(np.uint8)  # zigzag
     base = np.frombuffer(data, np.uint8)[len(data) - stride :]
     return base + np.cumsum(signed, axis=0, dtype=np.uint8)
 
 
-def _group_size(data: bytes, at: int, mode: int) -> int:
+def _group_size(data: bytes, offset: int, mode: int) -> int:
     """Bytes of a group of 16 deltas: 0, 2, 4 or 8 bits each, and a byte for each that is the largest of its bits."""
     if mode == 0:
         return 0
     if mode == 1:
-        return 4 + sum(_SENTINELS2[byte] for byte in data[at : at + 4])
-    return 8 + sum(_SENTINELS4[byte] for byte in data[at : at + 8]) if mode == 2 else _GROUP
+        return 4 + sum(_SENTINELS2[byte] for byte in data[offset : offset + 4])
+    return 8 + sum(_SENTINELS4[byte] for byte in data[offset : offset + 8]) if mode == 2 else _GROUP
 
 
 def _groups(data: np.ndarray, modes: np.ndarray, offsets: np.ndarray) -> np.ndarray:
     """The deltas (n, 16) of groups."""
-    made = np.zeros((len(modes), _GROUP), np.uint8)
-    whole = np.flatnonzero(modes == 3)
-    made[whole] = data[offsets[whole, None] + np.arange(_GROUP)]
+    groups = np.zeros((len(modes), _GROUP), np.uint8)
+    raw = np.flatnonzero(modes == 3)
+    groups[raw] = data[offsets[raw, None] + np.arange(_GROUP)]
     for mode, bits in ((1, 2), (2, 4)):
         rows = np.flatnonzero(modes == mode)
         each, packed = 8 // bits, 2 * bits
@@ -87,8 +87,8 @@ def _groups(data: np.ndarray, modes: np.ndarray, offsets: np.ndarray) -> np.ndar
         escaped = values == (1 << bits) - 1
         rank = np.cumsum(escaped, axis=1) - 1
         further = data[np.minimum(offsets[rows, None] + packed + np.maximum(rank, 0), len(data) - 1)]
-        made[rows] = np.where(escaped, further, values)
-    return made
+        groups[rows] = np.where(escaped, further, values)
+    return groups
 
 
 def _filtered(values: np.ndarray, name: str) -> np.ndarray:
@@ -104,20 +104,20 @@ def _filtered(values: np.ndarray, name: str) -> np.ndarray:
         fold = np.minimum(z, 0.0)
         x, y = x + np.where(x >= 0, fold, -fold), y + np.where(y >= 0, fold, -fold)
         scale = np.iinfo(kind).max / np.maximum(np.sqrt(x * x + y * y + z * z), 1e-30)
-        made = stored.copy()
+        filtered = stored.copy()
         for column, axis in enumerate((x, y, z)):
-            made[:, column] = _rounded(axis * scale)
-        return made.view(np.uint8)
+            filtered[:, column] = _rounded(axis * scale)
+        return filtered.view(np.uint8)
     if name == "QUATERNION":
         stored = np.ascontiguousarray(values).view("<i2").astype(np.int64)
         share = np.sqrt(0.5) / (stored[:, 3] | 3)
         small = stored[:, :3] * share[:, None]
         largest = np.sqrt(np.maximum(1.0 - (small * small).sum(axis=1), 0.0))
-        made = np.zeros((len(stored), 4), "<i2")
+        filtered = np.zeros((len(stored), 4), "<i2")
         which = stored[:, 3] & 3
         for k, axis in enumerate((largest, small[:, 0], small[:, 1], small[:, 2])):
-            made[np.arange(len(stored)), (which + k) & 3] = _rounded(axis * 32767.0)
-        return made.view(np.uint8)
+            filtered[np.arange(len(stored)), (which + k) & 3] = _rounded(axis * 32767.0)
+        return filtered.view(np.uint8)
     if name == "EXPONENTIAL":
         stored = np.ascontiguousarray(values).view("<i4")
         return np.ldexp((stored << 8 >> 8).astype(np.float64), stored >> 24).astype("<f4").view(np.uint8)
@@ -128,15 +128,15 @@ def _rounded(values: np.ndarray) -> np.ndarray:
     return np.trunc(values + np.where(values >= 0, 0.5, -0.5)).astype(np.int64)
 
 
-def _varint(data: bytes, at: int) -> tuple[int, int]:
+def _varint(data: bytes, offset: int) -> tuple[int, int]:
     """(an unsigned number of 7 bits a byte, the place after it)."""
     value, shift = 0, 0
     while True:
-        byte = data[at]
-        at += 1
+        byte = data[offset]
+        offset += 1
         value |= (byte & 127) << shift
         if byte < 128:
-            return value, at
+            return value, offset
         shift += 7
 
 
@@ -148,13 +148,13 @@ def _sequence(data: bytes, count: int) -> list[int]:
     """Indices as differences from one of two earlier ones."""
     if not data or data[0] != 0xD1:
         raise ValueError
-    last, made, at = [0, 0], [], 1
+    last, indices, offset = [0, 0], [], 1
     for _ in range(count):
-        value, at = _varint(data, at)
+        value, offset = _varint(data, offset)
         which = value & 1
         last[which] = (last[which] + _signed(value >> 1)) & 0xFFFFFFFF
-        made.append(last[which])
-    return made
+        indices.append(last[which])
+    return indices
 
 
 class _Triangles:
@@ -169,10 +169,10 @@ class _Triangles:
         self.edge_at = self.vertex_at = self.following = self.last = 0
 
     def decode(self) -> list[int]:
-        made: list[int] = []
+        indices: list[int] = []
         for code in self.codes:
-            made += self.on_edge(code) if code < 0xF0 else self.apart(code)
-        return made
+            indices += self.on_edge(code) if code < 0xF0 else self.apart(code)
+        return indices
 
     def vertex(self, v: int) -> int:
         self.vertices[self.vertex_at] = v
@@ -220,12 +220,12 @@ class _Triangles:
         else:
             packed = self.table[code & 15]
         sources = (15 if code == 0xFF else 0, packed >> 4, packed & 15)
-        found = [self.next() if source == 0 else self.vertices[self.vertex_at - source & 15] for source in sources]
-        found = [self.written() if source == 15 and free else v for source, v in zip(sources, found, strict=True)]
-        for source, v in zip(sources, found, strict=True):
+        corners = [self.next() if source == 0 else self.vertices[self.vertex_at - source & 15] for source in sources]
+        corners = [self.written() if source == 15 and free else v for source, v in zip(sources, corners, strict=True)]
+        for source, v in zip(sources, corners, strict=True):
             if source == 0 or (source == 15 and free):
                 self.vertex(v)
-        a, b, c = found
+        a, b, c = corners
         self.edge(b, a)
         self.edge(c, b)
         self.edge(a, c)

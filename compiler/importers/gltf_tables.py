@@ -131,12 +131,12 @@ _DATA = frozenset({"extras", "asset"})
 
 def report(document: dict[str, Any], warn: Callable[[str], None]) -> None:
     """Warn of every extension and property of a document that is not drawn, once each, with the place of the first property."""
-    told: set[str] = set()
+    reported: set[str] = set()
 
     def extension(name: str) -> None:
-        if name not in told and (message := EXTENSIONS.report(f"the extension `{name[:80]}`", name)):
+        if name not in reported and (message := EXTENSIONS.report(f"the extension `{name[:80]}`", name)):
             warn(message)
-        told.add(name)
+        reported.add(name)
 
     for name in sorted({str(e) for key in ("extensionsUsed", "extensionsRequired") for e in document.get(key, ())}):
         extension(name)
@@ -155,8 +155,8 @@ def report(document: dict[str, Any], warn: Callable[[str], None]) -> None:
                 waiting += [(item[name], name, f"{place}.{name}") for name in drawn if isinstance(item[name], dict)]
                 continue
             shown = f"{place}.{key}" if place else str(key)
-            if inside not in told and inside not in _OBJECTS:
-                told.add(inside)
+            if inside not in reported and inside not in _OBJECTS:
+                reported.add(inside)
                 if message := PROPERTIES.report(f"`{shown[:120]}`", inside):
                     warn(message)
             if key not in _DATA and isinstance(item, dict | list):

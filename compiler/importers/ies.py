@@ -51,14 +51,14 @@ class Photometry:
         around = (np.arange(72) + 0.5) * (2 * np.pi / 72)
         shares = np.cos(edges[:-1]) - np.cos(edges[1:])
         each = self.at(middle[:, None] + 0 * around, around + 0 * middle[:, None]).mean(axis=1)
-        whole = np.ptp(self.vertical) > np.pi / 2 + 0.1
-        return float((each * shares).sum() / (2.0 if whole else 1.0))
+        full_sphere = np.ptp(self.vertical) > np.pi / 2 + 0.1
+        return float((each * shares).sum() / (2.0 if full_sphere else 1.0))
 
 
-def _place(grid: F64, at: F64) -> tuple[F64, np.ndarray]:
+def _place(grid: F64, angles: F64) -> tuple[F64, np.ndarray]:
     """(row of each value among ascending ones, with its fraction; whether it is within them)."""
-    rows = np.interp(at, grid, np.arange(len(grid)))
-    return rows, (at >= grid[0] - 1e-9) & (at <= grid[-1] + 1e-9)
+    rows = np.interp(angles, grid, np.arange(len(grid)))
+    return rows, (angles >= grid[0] - 1e-9) & (angles <= grid[-1] + 1e-9)
 
 
 def read(data: bytes) -> Photometry:

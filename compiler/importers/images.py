@@ -71,12 +71,12 @@ def _row(builder: SceneBuilder, key: str, space: str, color: bool, source: Any, 
     space = "linear" if space == "auto" and not color else space
     limit = min(MAX_TEXELS, MAX_ALL_TEXELS - builder.texels)
 
-    def made() -> int:
+    def texture_row() -> int:
         decoded = _read_cached(source(), name, space, limit)
         decoded.warn(name, builder.diagnostics, span)
         return builder.image(decoded.texels, key)
 
-    return builder.shared(("image", key, space), made)
+    return builder.shared(("image", key, space), texture_row)
 
 
 def _read_cached(source: str | bytes, name: str, space: str, limit: int) -> Decoded:
@@ -141,9 +141,9 @@ def matrix(source: str | bytes, name: str, names: tuple[str, ...]) -> np.ndarray
         picture = oiio.ImageInput.open(path)
         if picture is None:
             raise ImageError(f"cannot read the picture `{name}`", _reason(picture_contents.message_of(oiio), path, name))
-        found = [picture.spec().getattribute(key) for key in names]
+        attributes = [picture.spec().getattribute(key) for key in names]
         picture.close()
-    return next((np.array(values, np.float64).reshape(4, 4) for values in found if np.size(values) == 16), None)
+    return next((np.array(values, np.float64).reshape(4, 4) for values in attributes if np.size(values) == 16), None)
 
 
 def _in_display_window(texels: np.ndarray, spec: Any) -> np.ndarray:
@@ -151,11 +151,11 @@ def _in_display_window(texels: np.ndarray, spec: Any) -> np.ndarray:
     x, y, width, height = spec.x - spec.full_x, spec.y - spec.full_y, spec.full_width, spec.full_height
     if (x, y, width, height) == (0, 0, spec.width, spec.height) or width <= 0 or height <= 0:
         return texels
-    made = np.zeros((height, width, 4), dtype=np.float32)
+    canvas = np.zeros((height, width, 4), dtype=np.float32)
     left, top, right, bottom = max(x, 0), max(y, 0), min(x + spec.width, width), min(y + spec.height, height)
     if left < right and top < bottom:
-        made[top:bottom, left:right] = texels[top - y : bottom - y, left - x : right - x]
-    return made
+        canvas[top:bottom, left:right] = texels[top - y : bottom - y, left - x : right - x]
+    return canvas
 
 
 def _make_finite(texels: np.ndarray) -> int:
@@ -180,28 +180,28 @@ def _stored_type(spec: Any) -> str:
 
 
 def _linear(pixels: np.ndarray, spec: Any, alpha_at: int, space: str) -> np.ndarray:
-    whole = pixels.dtype != np.float32
+    integers = pixels.dtype != np.float32
     if space == "auto":
-        space = "srgb" if whole else "linear"
-    top = float(np.iinfo(pixels.dtype).max) if whole else 1.0
+        space = "srgb" if integers else "linear"
+    top = float(np.iinfo(pixels.dtype).max) if integers else 1.0
     colors = [c for c in range(pixels.shape[2]) if c != alpha_at][:3]
     if len(colors) == 2:
         colors = [*colors, -1]  # two channels only: blue is 0
-    made = np.empty((*pixels.shape[:2], 4), dtype=np.float32)
-    table = _decode(np.arange(top + 1) / top, space).astype(np.float32) if whole else None
+    texels = np.empty((*pixels.shape[:2], 4), dtype=np.float32)
+    table = _decode(np.arange(top + 1) / top, space).astype(np.float32) if integers else None
     channels = [colors[min(k, len(colors) - 1)] if colors else -1 for k in range(3)]
     associated = alpha_at >= 0 and not spec.get_int_attribute("oiio:UnassociatedAlpha", 0)
-    for rows in _bands(made):
-        given, band, decoded = pixels[rows], made[rows], {-1: np.array(0.0 if colors else 1.0, np.float32)}
+    for rows in _bands(texels):
+        source, band, decoded = pixels[rows], texels[rows], {-1: np.array(0.0 if colors else 1.0, np.float32)}
         for k, channel in enumerate(channels):
             if channel not in decoded:
-                values = given[..., channel]
+                values = source[..., channel]
                 decoded[channel] = np.take(table, values) if table is not None else _decode(values, space)
             band[..., k] = decoded[channel]
-        band[..., 3] = given[..., alpha_at] / np.float32(top) if alpha_at >= 0 else 1.0
+        band[..., 3] = source[..., alpha_at] / np.float32(top) if alpha_at >= 0 else 1.0
         if associated:
             band[..., :3] /= np.where(band[..., 3:] > 0, band[..., 3:], 1.0)
-    return made
+    return texels
 
 
 def _decode(values: np.ndarray, space: str) -> np.ndarray:

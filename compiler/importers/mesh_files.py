@@ -25,28 +25,28 @@ def read(
     `options` are its unit and the axis that points up, which precede what the file says, and its animation; what is assumed of files
     that say nothing is a note. Without options, such files are in metres with y up.
     """
-    whole, reader = Span(name), file_types.reader_of(name)
+    file_span, reader = Span(name), file_types.reader_of(name)
     if reader is None or not reader.module:
         hint = foreign_formats.placed_by(name) or f"known are {', '.join(file_types.MESH)}, and USD"
-        diagnostics.error(f"`{name}` is no mesh file that is known", span or whole, hint)
+        diagnostics.error(f"`{name}` is no mesh file that is known", span or file_span, hint)
         return []
     folder = source.parent if isinstance(source, Path) else None
     try:
         data = read_bytes(source) if isinstance(source, Path) else source
     except OSError as failure:
-        diagnostics.error(f"cannot read `{name}`: {failure.strerror}", span or whole)
+        diagnostics.error(f"cannot read `{name}`: {failure.strerror}", span or file_span)
         return []
     if not data.strip():
-        diagnostics.error(f"`{name}` is empty", span or whole)
+        diagnostics.error(f"`{name}` is empty", span or file_span)
         return []
     allowed = Files(folder or Path.cwd()) if files is None else files
-    file = MeshFile(data, name, folder, reader, builder, allowed, diagnostics, span or whole, as_scene, time, options)
+    file = MeshFile(data, name, folder, reader, builder, allowed, diagnostics, span or file_span, as_scene, time, options)
     try:
         parts: list[Part] = importlib.import_module(f".{reader.module}", __package__).parts(file)
-        tell_frame(parts, Path(name).suffix.lower(), options, builder, diagnostics, whole)
+        tell_frame(parts, Path(name).suffix.lower(), options, builder, diagnostics, file_span)
         return parts
     except MeshFileError as failure:
-        diagnostics.error(str(failure), whole)
+        diagnostics.error(str(failure), file_span)
     except MemoryError:
-        diagnostics.error(f"`{name}` does not fit into memory", whole)
+        diagnostics.error(f"`{name}` does not fit into memory", file_span)
     return []

@@ -84,7 +84,7 @@ class MtlMaterial:
 def parse(data: bytes, file: str, folder: Path | None, diagnostics: Diagnostics) -> dict[str, MtlMaterial]:
     """The materials of a library by name. A malformed line is a warning; the rest of the material counts."""
     text = text_encoding.decode_any(data).replace("\x1a", "").replace("\r\n", "\n").replace("\r", "\n")
-    found: dict[str, MtlMaterial] = {}
+    materials: dict[str, MtlMaterial] = {}
     current: MtlMaterial | None = None
     warned: set[str] = set()
     for number, line in enumerate(text.split("\n"), 1):
@@ -96,14 +96,14 @@ def parse(data: bytes, file: str, folder: Path | None, diagnostics: Diagnostics)
         span = Span(file, number, start, number, len(line.rstrip()) + 1)
         if keyword == "newmtl":
             rest = obj_lexer.without_comment(rest)
-            current = found[rest] = MtlMaterial(rest, span, folder)
+            current = materials[rest] = MtlMaterial(rest, span, folder)
             continue
         message = "" if current is not None else f"`{keyword}` stands before the first `newmtl`"
         message = message or _line(current, keyword, rest, span)  # type: ignore[arg-type]
         if message and message not in warned:
             warned.add(message)
             diagnostics.warning(message, span)
-    return found
+    return materials
 
 
 def _line(material: MtlMaterial, keyword: str, rest: str, span: Span) -> str:
@@ -156,7 +156,7 @@ def _color(text: str) -> Color | None:
 
 def map_reference(text: str, span: Span) -> tuple[MapReference | None, str]:
     """Parses a map_… line: (reference with options and file name, error message or ""). File names may contain blanks."""
-    made = MapReference("", span)
+    reference = MapReference("", span)
     problem = ""
     while text.startswith("-"):
         words = text.split()
@@ -166,29 +166,29 @@ def map_reference(text: str, span: Span) -> tuple[MapReference | None, str]:
             count = next((k for k in range(3) if k + 1 >= len(words) or _number(words[k + 1]) is None), 3)
         if not count or len(words) <= count + 1:
             return None, f"no file name follows the option `{option}`" if count else f"the option `{option}` is not known"
-        problem = problem or _option(made, option, words[1 : count + 1])
+        problem = problem or _option(reference, option, words[1 : count + 1])
         text = text.split(maxsplit=count + 1)[-1]
-    made.file = text.strip().strip('"')
-    return (made, problem) if made.file else (None, "no file name")
+    reference.file = text.strip().strip('"')
+    return (reference, problem) if reference.file else (None, "no file name")
 
 
-def _option(made: MapReference, option: str, words: list[str]) -> str:
+def _option(reference: MapReference, option: str, words: list[str]) -> str:
     numbers = [_number(w) for w in words]
     if option in ("-s", "-o", "-mm", "-t", "-bm", "-boost") and any(n is None for n in numbers):
         return f"the option `{option}` needs numbers"
     values = [n or 0.0 for n in numbers]
     if option == "-s":
-        made.scale = (values[0], values[1] if len(values) > 1 else 1.0)
+        reference.scale = (values[0], values[1] if len(values) > 1 else 1.0)
     elif option == "-o":
-        made.offset = (values[0], values[1] if len(values) > 1 else 0.0)
+        reference.offset = (values[0], values[1] if len(values) > 1 else 0.0)
     elif option == "-mm":
-        made.base, made.gain = values
+        reference.base, reference.gain = values
     elif option == "-clamp":
-        made.clamp = words[0] == "on"
+        reference.clamp = words[0] == "on"
     elif option == "-imfchan":
-        made.channel = _CHANNELS.get(words[0], -1)
+        reference.channel = _CHANNELS.get(words[0], -1)
     elif option == "-bm":
-        made.height = values[0]
+        reference.height = values[0]
     elif words != ["off"] and any(n != 0 for n in numbers):
         return mesh_tables.MTL_OPTIONS.report(f"the option `{option}`", option)
     return ""
@@ -201,19 +201,19 @@ def row(material: MtlMaterial, builder: SceneBuilder, files: Files, diagnostics:
         reference = material.maps.get(key)
         return -1 if reference is None else picture_row(reference, material.folder, color, channel, builder, files, diagnostics)
 
-    made = _data(material, texture, builder)
-    _tell_filter(material, made, diagnostics)
-    return builder.material(made, material.span)
+    data = _data(material, texture, builder)
+    _tell_filter(material, data, diagnostics)
+    return builder.material(data, material.span)
 
 
-def _tell_filter(m: MtlMaterial, made: MaterialData, diagnostics: Diagnostics) -> None:
+def _tell_filter(m: MtlMaterial, data: MaterialData, diagnostics: Diagnostics) -> None:
     """Messages on a coloured `Tf` of a see-through surface that is no glass."""
     r, g, b = m.colors.get("Tf", WHITE)
-    if m.opacity == 1.0 or made.model == ir.MaterialModel.GLASS or (r, g, b) == WHITE:
+    if m.opacity == 1.0 or data.model == ir.MaterialModel.GLASS or (r, g, b) == WHITE:
         return
-    if made.model not in (ir.MaterialModel.LAMBERT, ir.MaterialModel.BLINN_PHONG):
+    if data.model not in (ir.MaterialModel.LAMBERT, ir.MaterialModel.BLINN_PHONG):
         diagnostics.warning(f"the `Tf` of material `{m.name}` is not drawn beside keys of the PBR extension: light passes white", m.span)
-    elif ir.Slot.TRANSMISSION in made.inputs:
+    elif ir.Slot.TRANSMISSION in data.inputs:
         diagnostics.note(f"the shadow of material `{m.name}` is grey: it is as dark as that of the darkest colour of its `Tf`", m.span)
 
 
@@ -259,8 +259,8 @@ def _data(m: MtlMaterial, texture: Callable[..., int], builder: SceneBuilder) ->
     if illum in REFLECTING and ks != BLACK:
         model = ir.MaterialModel.BLINN_PHONG
         inputs[ir.Slot.REFLECTION] = Input(ks, texture("Ks"))
-    made = partial_coverage.passing(MaterialData(model, inputs, name=m.name), opacity, tint)
-    return replace(made, model=ir.MaterialModel.BLINN_PHONG) if ir.Slot.TRANSMISSION in made.inputs else made
+    data = partial_coverage.passing(MaterialData(model, inputs, name=m.name), opacity, tint)
+    return replace(data, model=ir.MaterialModel.BLINN_PHONG) if ir.Slot.TRANSMISSION in data.inputs else data
 
 
 def _principled(
@@ -287,8 +287,8 @@ def _maps(m: MtlMaterial, texture: Callable[..., int], builder: SceneBuilder) ->
     for key in ("norm", "bump"):
         row = texture(key, color=False)
         if row >= 0 and (key == "norm" or builder.channels_differ(row)):
-            whole = texture(key, color=False, channel=DATA)
-            return {ir.Slot.NORMAL: Input(WHITE, builder.with_levels(whole, scale_color(WHITE, 2.0), scale_color(WHITE, -1.0)))}
+            normal_map = texture(key, color=False, channel=DATA)
+            return {ir.Slot.NORMAL: Input(WHITE, builder.with_levels(normal_map, scale_color(WHITE, 2.0), scale_color(WHITE, -1.0)))}
         if row >= 0:
             return {ir.Slot.BUMP: Input.number(m.maps[key].height, row)}
     return {}
@@ -313,8 +313,8 @@ def picture_row(
     frame = ((reference.scale[0], 0.0, reference.offset[0]), (0.0, reference.scale[1], reference.offset[1]))
     if channel == NONE or reference.channel >= 0:
         channel = reference.channel if reference.channel >= 0 or color else 0
-    made = TextureData(
+    data = TextureData(
         ir.TextureKind.IMAGE, picture, wrap_u=wrap, wrap_v=wrap, channel=max(channel, -1), frame=frame,
         gain=scale_color(WHITE, reference.gain), bias=scale_color(WHITE, reference.base),
     )  # fmt: skip
-    return builder.texture(made, reference.span)
+    return builder.texture(data, reference.span)

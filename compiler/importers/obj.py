@@ -52,7 +52,7 @@ class _Problems:
     def report(self) -> None:
         for (severity, _), places in sorted(self.found.items(), key=lambda item: item[1][0][0]):
             line, message = places[0]
-            more = len({at for at, _ in places}) - 1
+            more = len({line for line, _ in places}) - 1
             also = f"; so {'is' if more == 1 else 'are'} {more} more line{'s' if more > 1 else ''}" if more else ""
             (self.diagnostics.error if severity == "error" else self.diagnostics.warning)(message + also, Span(self.file, line, 1, line, 1))
 
@@ -61,9 +61,9 @@ def read(data: bytes, file: str, diagnostics: Diagnostics) -> ObjMesh | None:
     """The mesh of an OBJ file, or None and an error. `file` is the name for messages."""
     lines = obj_lexer.split(data)
     problems = _Problems(file, diagnostics)
-    found = _read(lines, file, problems)
+    groups = _read(lines, file, problems)
     problems.report()
-    return found
+    return groups
 
 
 def _read(lines: obj_lexer.Lines, file: str, problems: _Problems) -> ObjMesh | None:
@@ -85,18 +85,18 @@ def _read(lines: obj_lexer.Lines, file: str, problems: _Problems) -> ObjMesh | N
     state = _State.read(lines, file, problems, is_cloud)
     if is_cloud and (cloud := point_clouds.mesh(points, tints, problems.diagnostics, Span(file))) is not None:
         return ObjMesh(cloud, np.full(len(cloud.counts), len(state.names) - 1), state.names, state.libraries, state.uses)
-    corners, counts, kept = _resolved(lines, faces, (points, uv_values, normal_values), problems)
+    corners, counts, valid = _resolved(lines, faces, (points, uv_values, normal_values), problems)
     if not len(counts):
         problems.diagnostics.error("the OBJ file has no faces that can be drawn", Span(file), "a face is a line like `f 1 2 3`")
         return None
-    rows = faces.rows[kept]
+    rows = faces.rows[valid]
     mesh = PolyMesh(
         points, counts, corners[:, 0],
         _by_corner(normal_values, corners[:, 2], missing=0.0), _by_corner(uv_values, corners[:, 1], missing=0.0),
         None if tints is None else MeshAttribute(tints), state.at(state.smoothing, rows) if state.smoothing else None,
     )  # fmt: skip
-    asked = state.at(state.material, rows) if state.material else np.zeros(len(rows), dtype=np.int64)
-    return ObjMesh(mesh, asked, state.names, state.libraries, state.uses)
+    materials = state.at(state.material, rows) if state.material else np.zeros(len(rows), dtype=np.int64)
+    return ObjMesh(mesh, materials, state.names, state.libraries, state.uses)
 
 
 @dataclass(slots=True)
@@ -180,31 +180,31 @@ def _resolved(
     bad_face = np.zeros(len(faces.rows), dtype=bool)
     for k, (key, what) in enumerate(((0, "vertex"), (1, "texture coordinate"), (2, "normal"))):
         written = faces.corners[:, k]
-        given = np.cumsum(lines.keys == key)[faces.rows][face_of]
-        rows = np.where(written > 0, written - 1, given + written)
+        defined = np.cumsum(lines.keys == key)[faces.rows][face_of]
+        rows = np.where(written > 0, written - 1, defined + written)
         bad = (written != obj_lexer.NONE) & ((rows < 0) | (rows >= len(values[k]))) & (written != obj_lexer.BAD)
         if k == 0:
             bad |= written == obj_lexer.NONE
         rows[(written == obj_lexer.NONE) | bad | (written == obj_lexer.BAD)] = -1
         corners[:, k] = rows
-        for at in np.flatnonzero(bad):
-            line = int(lines.numbers[faces.rows[face_of[at]]])
+        for row in np.flatnonzero(bad):
+            line = int(lines.numbers[faces.rows[face_of[row]]])
             effect = "the face is left out" if k == 0 else "the face is drawn without"
-            problems.add("warning", what, line, f"there is no {what} {written[at]} (the file has {len(values[k])}): {effect}")
+            problems.add("warning", what, line, f"there is no {what} {written[row]} (the file has {len(values[k])}): {effect}")
         if k == 0:
             bad_face[face_of[(rows < 0)]] = True
     finite = np.asarray(np.isfinite(values[0]).all(axis=1))
-    for at in np.flatnonzero((corners[:, 0] >= 0) & ~finite[corners[:, 0]]) if not finite.all() else ():
-        bad_face[face_of[at]] = True
+    for row in np.flatnonzero((corners[:, 0] >= 0) & ~finite[corners[:, 0]]) if not finite.all() else ():
+        bad_face[face_of[row]] = True
         if ("warning", "malformed") in problems.found:
             continue  # already reported
-        line = int(lines.numbers[faces.rows[face_of[at]]])
-        problems.add("warning", "finite", line, f"vertex {corners[at, 0] + 1} of this face is not finite: the face is left out")
-    for at in np.flatnonzero(faces.counts < 3):
-        line = int(lines.numbers[faces.rows[at]])
-        problems.add("warning", "short", line, f"a face needs 3 corners or more, this one has {faces.counts[at]}: it is left out")
-    kept = ~bad_face & (faces.counts >= 3)
-    return corners[kept[face_of]], faces.counts[kept], np.flatnonzero(kept)
+        line = int(lines.numbers[faces.rows[face_of[row]]])
+        problems.add("warning", "finite", line, f"vertex {corners[row, 0] + 1} of this face is not finite: the face is left out")
+    for row in np.flatnonzero(faces.counts < 3):
+        line = int(lines.numbers[faces.rows[row]])
+        problems.add("warning", "short", line, f"a face needs 3 corners or more, this one has {faces.counts[row]}: it is left out")
+    valid = ~bad_face & (faces.counts >= 3)
+    return corners[valid[face_of]], faces.counts[valid], np.flatnonzero(valid)
 
 
 def _by_corner(values: np.ndarray, rows: np.ndarray, missing: float) -> MeshAttribute | None:
@@ -219,34 +219,34 @@ def _by_corner(values: np.ndarray, rows: np.ndarray, missing: float) -> MeshAttr
 def parts(file: MeshFile) -> list[Part]:
     """The parts of the file, one for each material of its libraries."""
     builder, diagnostics, frame = file.builder, file.diagnostics, file.frame
-    groups = file.cached(lambda said: read(file.data, file.name, said))
+    groups = file.cached(lambda messages: read(file.data, file.name, messages))
     if groups is None or diagnostics.failed:
         return []
     library = _libraries(groups, file.folder, file.files, diagnostics)
     parts = []
-    whole, source = file.repaired(groups.mesh)
-    for k, mesh in polygon_mesh.split(whole, groups.material if source is None else groups.material[source]):
-        asked = groups.materials[k]
-        row = _material(asked, groups, library, builder, file.files, diagnostics)
-        part = add(mesh, row, asked or file.stem, builder, diagnostics, file.span, frame)
-        parts += [] if part is None else [replace(part, material_name=asked)]
+    repaired, source = file.repaired(groups.mesh)
+    for k, mesh in polygon_mesh.split(repaired, groups.material if source is None else groups.material[source]):
+        material_name = groups.materials[k]
+        row = _material(material_name, groups, library, builder, file.files, diagnostics)
+        part = add(mesh, row, material_name or file.stem, builder, diagnostics, file.span, frame)
+        parts += [] if part is None else [replace(part, material_name=material_name)]
     return parts
 
 
 def _material(
-    asked: str, found: ObjMesh, library: dict[str, mtl.MtlMaterial], builder: SceneBuilder, files: Files, diagnostics: Diagnostics
+    name: str, groups: ObjMesh, library: dict[str, mtl.MtlMaterial], builder: SceneBuilder, files: Files, diagnostics: Diagnostics
 ) -> int | None:
-    if asked in library:
-        return mtl.row(library[asked], builder, files, diagnostics)
-    if asked and library:
-        diagnostics.warning(f"no material library has `{asked}`: its faces have no material", found.uses[asked])
+    if name in library:
+        return mtl.row(library[name], builder, files, diagnostics)
+    if name and library:
+        diagnostics.warning(f"no material library has `{name}`: its faces have no material", groups.uses[name])
     return None
 
 
-def _libraries(found: ObjMesh, folder: Path | None, files: Files, diagnostics: Diagnostics) -> dict[str, mtl.MtlMaterial]:
+def _libraries(groups: ObjMesh, folder: Path | None, files: Files, diagnostics: Diagnostics) -> dict[str, mtl.MtlMaterial]:
     """Materials of an OBJ file's libraries by name; the first library with a name wins. A missing library is a warning."""
     materials: dict[str, mtl.MtlMaterial] = {}
-    for text, span in found.libraries:
+    for text, span in groups.libraries:
         if folder is None:
             diagnostics.warning(f"the material library `{text}` is not read: its mesh has no folder", span)
             continue

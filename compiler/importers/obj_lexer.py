@@ -141,13 +141,13 @@ def numbers(lines: Lines, key: int, least: int, complain: Complain) -> tuple[F64
 
     A line with fewer than `least` numbers or an invalid number is reported and read as NaN.
     """
-    of = block(lines, key)
-    if not len(of.rows):
+    lines_of_key = block(lines, key)
+    if not len(lines_of_key.rows):
         return np.zeros(0), np.zeros(0, np.int64)
-    counts = np.add.reduceat(_word_starts(of.text), of.starts)
-    values = _parse(of.text, np.float64)
+    counts = np.add.reduceat(_word_starts(lines_of_key.text), lines_of_key.starts)
+    values = _parse(lines_of_key.text, np.float64)
     if values is None or len(values) != counts.sum() or (counts < least).any():
-        return _numbers_by_line(lines, of.rows, key, least, complain)
+        return _numbers_by_line(lines, lines_of_key.rows, key, least, complain)
     return values, counts
 
 
@@ -156,13 +156,14 @@ def _numbers_by_line(lines: Lines, rows: I64, key: int, least: int, complain: Co
     counts = np.zeros(len(rows), dtype=np.int64)
     for k, row in enumerate(rows):
         words = lines.text(int(row)).split(b"#")[0].split()[1:]
-        found = _floats(words)
-        if found is None or len(found) < least:
+        numbers = _floats(words)
+        if numbers is None or len(numbers) < least:
             kind = KEYWORDS[key].decode()
-            complain(int(lines.numbers[row]), f"`{kind}` needs {least} numbers or more" + ("" if found is None else f", got {len(found)}"))
-            found = [float("nan")] * least
-        values += found
-        counts[k] = len(found)
+            got = "" if numbers is None else f", got {len(numbers)}"
+            complain(int(lines.numbers[row]), f"`{kind}` needs {least} numbers or more{got}")
+            numbers = [float("nan")] * least
+        values += numbers
+        counts[k] = len(numbers)
     return np.array(values), counts
 
 
@@ -175,15 +176,15 @@ def _floats(words: list[bytes]) -> list[float] | None:
 
 def faces(lines: Lines, complain: Complain) -> Faces:
     """Corners of all faces. An invalid index is reported and BAD."""
-    of = block(lines, 3)
-    if not len(of.rows):
-        return Faces(of.rows, np.zeros(0, np.int64), np.zeros((0, 3), np.int64))
-    words = _word_starts(of.text)
-    counts = np.add.reduceat(words, of.starts)
-    corners = _corners(of.text, words)
+    face_lines = block(lines, 3)
+    if not len(face_lines.rows):
+        return Faces(face_lines.rows, np.zeros(0, np.int64), np.zeros((0, 3), np.int64))
+    words = _word_starts(face_lines.text)
+    counts = np.add.reduceat(words, face_lines.starts)
+    corners = _corners(face_lines.text, words)
     if corners is None:
-        return _faces_by_line(lines, of.rows, complain)
-    return Faces(of.rows, counts, corners)
+        return _faces_by_line(lines, face_lines.rows, complain)
+    return Faces(face_lines.rows, counts, corners)
 
 
 def _corners(text: np.ndarray, words: np.ndarray) -> I64 | None:
@@ -218,7 +219,7 @@ def _faces_by_line(lines: Lines, rows: I64, complain: Complain) -> Faces:
         words = lines.text(int(row)).split(b"#")[0].split()[1:]
         counts[k] = len(words)
         for word in words:
-            corner = [_index(part, empty=at > 0) for at, part in enumerate(word.split(b"/"))]
+            corner = [_index(part, empty=k > 0) for k, part in enumerate(word.split(b"/"))]
             if len(corner) > 3 or BAD in corner:
                 shown = word[:40].decode(errors="replace")
                 complain(int(lines.numbers[row]), f"`{shown}` is no corner of a face: v, v/vt, v//vn or v/vt/vn, whole numbers")

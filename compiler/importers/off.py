@@ -43,9 +43,9 @@ def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
     if not rows or len(rows[0]) < 2 or not all(word.isdecimal() for word in rows[0][:2]):
         raise OffError("the OFF file does not say how many vertices and faces it has")
     vertices, count = int(rows[0][0]), int(rows[0][1])
-    points, given = rows[1 : 1 + vertices], rows[1 + vertices : 1 + vertices + count]
-    if len(given) < count:
-        message = f"the OFF file ends early: it promises {vertices} vertices and {count} faces and holds {len(points)} and {len(given)}"
+    points, face_rows = rows[1 : 1 + vertices], rows[1 + vertices : 1 + vertices + count]
+    if len(face_rows) < count:
+        message = f"the OFF file ends early: it promises {vertices} vertices and {count} faces and holds {len(points)} and {len(face_rows)}"
         diagnostics.warning(message, span)
     if (beyond := len(rows) - 1 - vertices - count) > 0:
         diagnostics.warning(f"after the {count} faces that the OFF file promises, {beyond} more lines are not drawn", span)
@@ -57,11 +57,11 @@ def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
     vertex_tints = vertex_colors.from_numbers(table[:, colors : colors + 3], warn) if kind[2] else None
     if not count and (cloud := point_clouds.mesh(table[:, :3], vertex_tints, diagnostics, span)) is not None:
         return cloud
-    if not given:
+    if not face_rows:
         raise OffError("the OFF file holds no faces")
-    faces = [face for row in given if (face := _face(row, table)) is not None]
-    if len(faces) < len(given):
-        lost = f"{len(given) - len(faces)} of {len(given)} faces"
+    faces = [face for row in face_rows if (face := _face(row, table)) is not None]
+    if len(faces) < len(face_rows):
+        lost = f"{len(face_rows) - len(faces)} of {len(face_rows)} faces"
         diagnostics.warning(f"{lost} are damaged, or use vertices that do not exist or are not finite: they are left out", span)
     tails = [tail for _, tail in faces]
     tints = _face_colors(tails, warn) if vertex_tints is None else MeshAttribute(vertex_tints)
@@ -106,8 +106,8 @@ def _face(row: list[str], table: np.ndarray) -> tuple[list[int], list[str]] | No
     sides = int(row[0])
     if not all(word.isdecimal() for word in row[1 : sides + 1]):
         return None
-    found = [int(word) for word in row[1 : sides + 1]]
-    return (found, row[sides + 1 :]) if max(found) < len(table) and np.isfinite(table[found, :3]).all() else None
+    corners = [int(word) for word in row[1 : sides + 1]]
+    return (corners, row[sides + 1 :]) if max(corners) < len(table) and np.isfinite(table[corners, :3]).all() else None
 
 
 def _face_colors(tails: list[list[str]], warn: Callable[[str], None]) -> MeshAttribute | None:

@@ -63,7 +63,7 @@ class _Data:
 def parts(file: MeshFile) -> list[Part]:
     """The mesh of the file, with the picture that it names. Raises PlyError."""
     span, builder, diagnostics = file.span, file.builder, file.diagnostics
-    mesh, _ = file.repaired(file.cached(lambda found: read(file.data, found, span)))
+    mesh, _ = file.repaired(file.cached(lambda messages: read(file.data, messages, span)))
     pictures = texture_files(file.data)
     material = None
     if len(pictures) > 1:
@@ -85,16 +85,16 @@ def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
 
     order, elements, body = _header(data, warn)
     with np.errstate(all="ignore"):
-        found = _ascii(body, elements, warn) if order == "ascii" else _binary(body, elements, _ORDERS[order], warn)
-    vertices, faces = found.get("vertex"), found.get("face")
+        elements_read = _ascii(body, elements, warn) if order == "ascii" else _binary(body, elements, _ORDERS[order], warn)
+    vertices, faces = elements_read.get("vertex"), elements_read.get("face")
     points = None if vertices is None else _stack(vertices, "xyz")
     if vertices is None or points is None:
         raise PlyError("the PLY file has no vertices with x, y and z")
-    ignored = _not_drawn(elements, found)
+    ignored = _not_drawn(elements, elements_read)
     listed = _listed(faces)
     if faces is None or listed is None:
-        faces, listed = _Data(), _strips(found.get("tristrips"))
-    elif _strips(found.get("tristrips")) is not None:
+        faces, listed = _Data(), _strips(elements_read.get("tristrips"))
+    elif _strips(elements_read.get("tristrips")) is not None:
         warn("the triangle strips of the PLY file are not drawn: it has faces")
     if listed is None and any(element.count for element in elements if element.name in ("face", "tristrips")):
         raise PlyError("the PLY file has no faces that can be drawn: a face is a list `vertex_indices`")
@@ -110,13 +110,13 @@ def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
     inside = (indices >= 0) & (indices < len(points))
     bad = ~inside
     bad[inside] = ~sound[indices[inside]]
-    kept = np.ones(len(counts), dtype=bool)
-    kept[owner[bad]] = False
-    if not kept.all():
-        lost = int(np.count_nonzero(~kept))
-        diagnostics.warning(f"{lost} of {len(kept)} faces use vertices that do not exist or are not finite: they are left out", span)
+    valid = np.ones(len(counts), dtype=bool)
+    valid[owner[bad]] = False
+    if not valid.all():
+        lost = int(np.count_nonzero(~valid))
+        diagnostics.warning(f"{lost} of {len(valid)} faces use vertices that do not exist or are not finite: they are left out", span)
     _tell(ignored, warn)
-    return _mesh(points, counts, indices, kept, owner, vertices, faces, warn)
+    return _mesh(points, counts, indices, valid, owner, vertices, faces, warn)
 
 
 def _tell(ignored: list[str], warn: Warn) -> None:
@@ -142,47 +142,47 @@ def _strips(strips: _Data | None) -> tuple[np.ndarray, np.ndarray] | None:
     if strip_list is None:
         return None
     counts, indices = strip_list
-    of = np.repeat(np.arange(len(counts)), counts)
+    strip = np.repeat(np.arange(len(counts)), counts)
     rows = np.stack([indices[:-2], indices[1:-1], indices[2:]], axis=1) if len(indices) > 2 else np.zeros((0, 3), np.int64)
     positions = np.arange(len(indices))
-    starts = np.maximum.accumulate(np.where((indices < 0) | np.append(True, of[1:] != of[:-1]), positions + (indices < 0), 0))
+    starts = np.maximum.accumulate(np.where((indices < 0) | np.append(True, strip[1:] != strip[:-1]), positions + (indices < 0), 0))
     odd = (positions - starts)[: len(rows)] % 2 == 1
     rows[odd] = rows[odd][:, [1, 0, 2]]
-    valid = (rows >= 0).all(axis=1) & (of[: len(rows)] == of[2 : 2 + len(rows)])
+    valid = (rows >= 0).all(axis=1) & (strip[: len(rows)] == strip[2 : 2 + len(rows)])
     return (np.full(int(valid.sum()), 3), rows[valid].reshape(-1)) if valid.any() else None
 
 
 def _not_drawn(elements: list[_Element], data: dict[str, _Data]) -> list[str]:
     """Names of the elements and properties that are not drawn. An alpha that is opaque everywhere counts as drawn."""
-    found = []
+    unused = []
     for element in (e for e in elements if e.count):
         if mesh_tables.PLY.report("", element.name):
-            found.append(f"element `{element.name}`")
+            unused.append(f"element `{element.name}`")
             continue
         names = [name for name, _, _ in element.properties if mesh_tables.PLY.report("", f"{element.name}.{name}")]
         alpha = data[element.name].scalars.get("alpha")
         if alpha is not None and (alpha >= (np.iinfo(alpha.dtype).max if alpha.dtype.kind in "iu" else 1.0)).all():
             names.remove("alpha")
-        found += [f"`{name}` of `{element.name}`" for name in names]
-    return found
+        unused += [f"`{name}` of `{element.name}`" for name in names]
+    return unused
 
 
 def _mesh(
-    points: np.ndarray, counts: np.ndarray, indices: np.ndarray, kept: np.ndarray, owner: np.ndarray, vertices: _Data, faces: _Data,
+    points: np.ndarray, counts: np.ndarray, indices: np.ndarray, valid: np.ndarray, owner: np.ndarray, vertices: _Data, faces: _Data,
     warn: Warn,
 ) -> PolyMesh:  # fmt: skip
     uvs = next((uv for names in _UV_NAMES if (uv := _stack(vertices, names)) is not None), None)
     uv = None if uvs is None else MeshAttribute(np.nan_to_num(uvs))
     corner_uvs = faces.lists.get("texcoord")
     if corner_uvs is not None and np.array_equal(corner_uvs[0], 2 * counts):
-        uv = MeshAttribute(np.nan_to_num(corner_uvs[1].reshape(-1, 2)[kept[owner]]), ir.Interpolation.CORNER)
+        uv = MeshAttribute(np.nan_to_num(corner_uvs[1].reshape(-1, 2)[valid[owner]]), ir.Interpolation.CORNER)
     color = _colors(vertices, warn)
     tint = None if color is None else MeshAttribute(color)
     if tint is None and (color := _colors(faces, warn)) is not None:
-        tint = MeshAttribute(color[kept], ir.Interpolation.FACE)
+        tint = MeshAttribute(color[valid], ir.Interpolation.FACE)
     normals = _stack(vertices, ("nx", "ny", "nz"))
     normal = None if normals is None else MeshAttribute(normals)
-    return PolyMesh(points, counts[kept], indices[kept[owner]], normal, uv, tint)
+    return PolyMesh(points, counts[valid], indices[valid[owner]], normal, uv, tint)
 
 
 def _stack(data: _Data, names: Any) -> np.ndarray | None:
@@ -208,10 +208,10 @@ def _parted(data: bytes) -> tuple[list[str], bytes]:
         raise PlyError("this is no PLY file: it does not begin with a PLY header")
     if end is None:
         raise PlyError(f"the PLY file has no line `end_header` in its first {MAX_HEADER:,} bytes")
-    at = end.end()
-    if end[0].endswith(b"\r") and data[at : at + 1] == b"\n" and _NEWLINE.search(data, 0, end.start() + 1):
-        at += 1  # in a file whose lines end with \r alone, \n is the first byte of the rows
-    return re.split("\r\n|\r|\n", text_encoding.decode_any(data[: end.start()]))[1:], data[at:]
+    start = end.end()
+    if end[0].endswith(b"\r") and data[start : start + 1] == b"\n" and _NEWLINE.search(data, 0, end.start() + 1):
+        start += 1  # in a file whose lines end with \r alone, \n is the first byte of the rows
+    return re.split("\r\n|\r|\n", text_encoding.decode_any(data[: end.start()]))[1:], data[start:]
 
 
 def _header(data: bytes, warn: Warn) -> tuple[str, list[_Element], bytes]:
@@ -243,21 +243,21 @@ def _header(data: bytes, warn: Warn) -> tuple[str, list[_Element], bytes]:
 
 
 def _binary(body: bytes, elements: list[_Element], order: str, warn: Warn) -> dict[str, _Data]:
-    found, at = {}, 0
+    columns, offset = {}, 0
     for element in elements:
         if not element.properties:
             continue
-        data, at = _rows_alike(body, at, element, order) or _rows_one_by_one(body, at, element, order, warn)
-        found[element.name] = data
-    if rest := len(body[at:].rstrip(b"\0\r\n")):
+        data, offset = _rows_alike(body, offset, element, order) or _rows_one_by_one(body, offset, element, order, warn)
+        columns[element.name] = data
+    if rest := len(body[offset:].rstrip(b"\0\r\n")):
         warn(f"after the rows that the PLY header promises, {rest:,} more bytes are not drawn")
-    return found
+    return columns
 
 
-def _rows_alike(body: bytes, at: int, element: _Element, order: str) -> tuple[_Data, int] | None:
+def _rows_alike(body: bytes, start: int, element: _Element, order: str) -> tuple[_Data, int] | None:
     """Reads all rows at once if every row's lists are as long as the first row's; else None."""
     fields: list[Any] = []
-    offset = at
+    offset = start
     for name, kind, counted in element.properties:
         if counted:
             size = np.dtype(order + counted).itemsize
@@ -275,9 +275,9 @@ def _rows_alike(body: bytes, at: int, element: _Element, order: str) -> tuple[_D
         row = np.dtype(fields)
     except ValueError:
         raise PlyError(f"the PLY element `{element.name}` has two properties of one name") from None
-    if row.itemsize * element.count > len(body) - at:
+    if row.itemsize * element.count > len(body) - start:
         return None
-    table = np.frombuffer(body, row, element.count, at)
+    table = np.frombuffer(body, row, element.count, start)
     data = _Data()
     for name, _, counted in element.properties:
         if not counted:
@@ -287,29 +287,29 @@ def _rows_alike(body: bytes, at: int, element: _Element, order: str) -> tuple[_D
         if element.count and (counts != counts[0]).any():
             return None
         data.lists[name] = (counts, table[name].reshape(-1))
-    return data, at + row.itemsize * element.count
+    return data, start + row.itemsize * element.count
 
 
-def _rows_one_by_one(body: bytes, at: int, element: _Element, order: str, warn: Warn) -> tuple[_Data, int]:
+def _rows_one_by_one(body: bytes, start: int, element: _Element, order: str, warn: Warn) -> tuple[_Data, int]:
     values: dict[str, list[Any]] = {name: [] for name, _, _ in element.properties}
     types = [(name, np.dtype(order + kind), np.dtype(order + counted) if counted else None) for name, kind, counted in element.properties]
     for k in range(element.count):
         row = {}
         for name, kind, counted in types:
             length = 1
-            if counted is not None and at + counted.itemsize <= len(body):
-                length = int(np.frombuffer(body, counted, 1, at)[0])
-                at += counted.itemsize
-            if length < 0 or at + kind.itemsize * length > len(body):
+            if counted is not None and start + counted.itemsize <= len(body):
+                length = int(np.frombuffer(body, counted, 1, start)[0])
+                start += counted.itemsize
+            if length < 0 or start + kind.itemsize * length > len(body):
                 break
-            row[name] = np.frombuffer(body, kind, length, at)
-            at += kind.itemsize * length
-        if not _kept(row, values, element, k, warn):
+            row[name] = np.frombuffer(body, kind, length, start)
+            start += kind.itemsize * length
+        if not _is_kept(row, values, element, k, warn):
             return _gather(element, values), len(body)
-    return _gather(element, values), at
+    return _gather(element, values), start
 
 
-def _kept(row: dict[str, Any], values: dict[str, list[Any]], element: _Element, k: int, warn: Warn) -> bool:
+def _is_kept(row: dict[str, Any], values: dict[str, list[Any]], element: _Element, k: int, warn: Warn) -> bool:
     """Append a whole row to the values; a warning and False for one that the file ends in."""
     if len(row) < len(element.properties):
         warn(f"the PLY file ends in the middle of its `{element.name}` rows: it promises {element.count:,} and has {k:,}")
@@ -331,36 +331,36 @@ def _ascii(body: bytes, elements: list[_Element], warn: Warn) -> dict[str, _Data
         stream = np.array([_number(word) for word in words])
         bad = next(word for word, value in zip(words, stream.tolist(), strict=True) if value != value and word.lower() != b"nan")
         warn(f"the PLY file has `{bad.decode('latin-1')[:40]}` among its numbers: it is read as not finite")
-    found, at = {}, 0
+    elements_read, offset = {}, 0
     for element in elements:
         if not any(counted for _, _, counted in element.properties):
             width = len(element.properties)
-            held = min(element.count, (len(stream) - at) // max(width, 1))
+            held = min(element.count, (len(stream) - offset) // max(width, 1))
             if held < element.count:
                 warn(f"the PLY file ends in the middle of its `{element.name}` rows: it promises {element.count:,} and has {held:,}")
-            columns = stream[at : at + width * held].reshape(held, width)
-            found[element.name] = _Data({name: _typed(columns[:, k], kind) for k, (name, kind, _) in enumerate(element.properties)})
-            at = at + width * held if held == element.count else len(stream)
+            columns = stream[offset : offset + width * held].reshape(held, width)
+            elements_read[element.name] = _Data({name: _typed(columns[:, k], kind) for k, (name, kind, _) in enumerate(element.properties)})
+            offset = offset + width * held if held == element.count else len(stream)
             continue
         values: dict[str, list[Any]] = {name: [] for name, _, _ in element.properties}
         for k in range(element.count):
             row = {}
             for name, _, counted in element.properties:
                 length = 1
-                if counted and at < len(stream):
-                    length = int(min(max(np.nan_to_num(stream[at]), 0), len(stream)))
-                    at += 1
-                if at + length > len(stream):
+                if counted and offset < len(stream):
+                    length = int(min(max(np.nan_to_num(stream[offset]), 0), len(stream)))
+                    offset += 1
+                if offset + length > len(stream):
                     break
-                row[name] = stream[at : at + length]
-                at += length
-            if not _kept(row, values, element, k, warn):
-                at = len(stream)
+                row[name] = stream[offset : offset + length]
+                offset += length
+            if not _is_kept(row, values, element, k, warn):
+                offset = len(stream)
                 break
-        found[element.name] = _gather(element, values)
-    if at < len(stream):
-        warn(f"after the rows that the PLY header promises, {len(stream) - at:,} more words are not drawn")
-    return found
+        elements_read[element.name] = _gather(element, values)
+    if offset < len(stream):
+        warn(f"after the rows that the PLY header promises, {len(stream) - offset:,} more words are not drawn")
+    return elements_read
 
 
 def _number(word: bytes) -> float:

@@ -39,9 +39,9 @@ class StageOptions:
 
     def words(self) -> list[str]:
         """The options as words of a command line, without --size."""
-        found = [word for where, choice in self.variants.items() for word in ("--variant", f"{where}={choice}")]
+        arguments = [word for where, choice in self.variants.items() for word in ("--variant", f"{where}={choice}")]
         for option in self.given():
             value = getattr(self, {"no-default-light": "default_light"}.get(option, option.replace("-", "_")))
             text = ",".join(value) if isinstance(value, tuple) else next((n for n, k in COMPLEXITIES.items() if k == value), str(value))
-            found += [f"--{option}"] if option in ("no-default-light", "cull-backfaces") else [f"--{option}", text]
-        return found
+            arguments += [f"--{option}"] if option in ("no-default-light", "cull-backfaces") else [f"--{option}", text]
+        return arguments

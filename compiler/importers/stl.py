@@ -33,15 +33,15 @@ class StlError(MeshFileError):
 def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
     """The mesh of an STL file, oriented by winding, with a warning if stored normals contradict it. Raises StlError."""
     data = _narrow(data)
-    found = _binary(data, diagnostics, span)
+    facets = _binary(data, diagnostics, span)
     colors = None
-    if found is None:
+    if facets is None:
         corners, normals = _ascii(data.removeprefix(codecs.BOM_UTF8), diagnostics, span)
     else:
         with np.errstate(invalid="ignore"):  # signalling NaN
-            corners = found["corners"].astype(np.float64)
-        normals = found["normal"]
-        colors = _colors(data[:80], found["attribute"], diagnostics, span)
+            corners = facets["corners"].astype(np.float64)
+        normals = facets["normal"]
+        colors = _colors(data[:80], facets["attribute"], diagnostics, span)
     if len(normals) == len(corners):
         _compare(normals, corners, diagnostics, span)
     sound = np.asarray(np.isfinite(corners).all(axis=(1, 2)))
@@ -75,15 +75,15 @@ def _colors(header: bytes, attribute: np.ndarray, diagnostics: Diagnostics, span
     VisCAM and SolidView set bit 15 of a coloured triangle and store red in bits 10 to 14. Magics writes `COLOR=` and the solid's colour
     to the header, clears bit 15 of a coloured triangle and stores red in bits 0 to 4.
     """
-    at = header.find(b"COLOR=")
+    place = header.find(b"COLOR=")
     low, middle, high = (((attribute >> shift) & 31) / 31.0 for shift in (0, 5, 10))
-    if 0 <= at <= 70:
-        own = (attribute >> 15) == 0
-        whole = np.frombuffer(header, np.uint8, 3, at + 6) / 255.0
-        return linear(np.where(own[:, None], np.stack([low, middle, high], axis=1), whole))
-    own = (attribute >> 15) == 1
-    if own.any():
-        return np.where(own[:, None], linear(np.stack([high, middle, low], axis=1)), 1.0)
+    if 0 <= place <= 70:
+        has_color = (attribute >> 15) == 0
+        default = np.frombuffer(header, np.uint8, 3, place + 6) / 255.0
+        return linear(np.where(has_color[:, None], np.stack([low, middle, high], axis=1), default))
+    has_color = (attribute >> 15) == 1
+    if has_color.any():
+        return np.where(has_color[:, None], linear(np.stack([high, middle, low], axis=1)), 1.0)
     if attribute.any():
         diagnostics.warning("the attribute bytes of the triangles are no colours: they are left out", span)
     return None
@@ -133,14 +133,14 @@ def _ascii(data: bytes, diagnostics: Diagnostics, span: Span) -> tuple[np.ndarra
     numbers = number_text.plain(_NAME.sub(lambda name: re.sub(rb"[^\r\n]", b" ", name[0]), data.lower()))
     text = numbers.text
     if numbers.warning:
-        diagnostics.warning(numbers.warning, _at(text, numbers.first, span))
+        diagnostics.warning(numbers.warning, _span_at(text, numbers.first, span))
     chunks = text.split(_LOOP_END)
     facets = [_VERTEX.findall(chunk) for chunk in chunks]
     last = facets.pop() if len(facets) > 1 else []  # after the last loop
     sound = [facet for facet in [*facets, last] if len(facet) and len(facet) % 3 == 0]
     if not sound:
-        found = sum(map(len, facets))
-        raise StlError(f"the STL file has {found} vertices, which make no whole number of triangles")
+        count = sum(map(len, facets))
+        raise StlError(f"the STL file has {count} vertices, which make no whole number of triangles")
     damaged = [k for k, facet in enumerate(facets) if not facet or len(facet) % 3]
     if damaged:
         message = f"{len(damaged)} facets of the STL file have no three vertices: they are left out"
@@ -150,7 +150,7 @@ def _ascii(data: bytes, diagnostics: Diagnostics, span: Span) -> tuple[np.ndarra
         diagnostics.warning(message, _place(text, chunks, len(chunks) - 1, span), "copy or write the file again")
     elif b"endsolid" not in data.lower()[-_TAIL:]:
         message = "the STL file ends without `endsolid`: it may be cut off"
-        diagnostics.warning(message, _at(text, len(text.rstrip()), span), "copy or write the file again")
+        diagnostics.warning(message, _span_at(text, len(text.rstrip()), span), "copy or write the file again")
     corners = _numbers([number for facet in sound for vertex in facet for number in vertex]).reshape(-1, 3, 3)
     return corners, _numbers([number for normal in _NORMAL.findall(text) for number in normal]).reshape(-1, 3)
 
@@ -166,11 +166,11 @@ def _numbers(texts: list[bytes]) -> np.ndarray:
 def _place(text: bytes, chunks: list[bytes], k: int, span: Span) -> Span:
     """The line at which the facet of a chunk begins."""
     first = sum(len(chunk) + len(_LOOP_END) for chunk in chunks[:k])
-    found = _FACET.search(text, first)
-    return _at(text, found.start() if found else first, span)
+    facet = _FACET.search(text, first)
+    return _span_at(text, facet.start() if facet else first, span)
 
 
-def _at(text: bytes, position: int, span: Span) -> Span:
+def _span_at(text: bytes, position: int, span: Span) -> Span:
     line = len(re.findall(rb"\r\n|\r|\n", text[:position])) + 1
     return Span(span.file, line, 1, line, 1)
 

@@ -48,16 +48,16 @@ class Table:
         for name in names:
             if name in self._exact:
                 return self._exact[name]
-        return next((found for name in names for pattern, found in self._patterns if pattern.fullmatch(name)), None)
+        return next((entry for name in names for pattern, entry in self._patterns if pattern.fullmatch(name)), None)
 
     def report(self, shown: str, *names: str) -> str:
         """The warning for a name, given in the order of `find`; "" if it is drawn or has no effect. `shown` is its form in the message."""
-        found = self.find(*names)
-        if found is None:
+        entry = self.find(*names)
+        if entry is None:
             return f"{shown} is not known: it is not drawn"
-        state, note = found
+        state, note = entry
         return "" if state != State.NOT_DRAWN else f"{shown} is not drawn{f': {note}' if note else ''}"
 
     def names(self, state: State | None = None) -> set[str]:
         """The exact names of the table, of one state or all."""
-        return {name for name, (of, _) in self._exact.items() if state in (None, of)}
+        return {name for name, (entry_state, _) in self._exact.items() if state in (None, entry_state)}

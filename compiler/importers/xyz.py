@@ -45,10 +45,10 @@ def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
     colored = tints.shape[1] == 3 and len(tints) and bool(((tints >= 0) & (tints <= _FROM)).all() and (tints > 1).any())
     if width > 3 and not colored:
         diagnostics.warning(f"the columns after x, y and z are not drawn: {width - 3} a line are no colours from 0 to 255", span)
-    made = point_clouds.mesh(table[:, :3], linear(tints / _FROM) if colored else None, diagnostics, span)
-    if made is None:
+    mesh = point_clouds.mesh(table[:, :3], linear(tints / _FROM) if colored else None, diagnostics, span)
+    if mesh is None:
         raise PointListError("the .xyz file has no points")
-    return made
+    return mesh
 
 
 def parts(file: MeshFile) -> list[Part]:

@@ -12,7 +12,7 @@ from ..diagnostics import Span
 from . import ast
 from .parser import Segment
 
-_PLAIN = ("str", "float", "bool")  # types of fields that are no nodes
+_PLAIN = ("str", "float", "bool")  # types of fields that are not nodes
 
 
 def moved(segment: Segment, line: int) -> Segment | None:

@@ -116,7 +116,7 @@ def decimal_point(site: ErrorSite) -> Answer | None:
 
 
 def number_suffix(site: ErrorSite) -> Answer | None:
-    """A number directly followed by a number or a name that is no unit."""
+    """A number directly followed by a number or a name that is not a unit."""
     number, token = site.near(-1), site.token
     if number.type != "NUMBER" or token.start_pos != number.end_pos or token.type not in ("NUMBER", "NAME"):
         return None

@@ -70,7 +70,7 @@ def check(path: str, texts: Mapping[str, str], allow: Sequence[Path] = ()) -> Ch
 
 
 def places_nothing(path: str, texts: Mapping[str, str]) -> bool:
-    """Whether a file only defines names, for other files: as a scene of its own it would be empty, which is no mistake."""
+    """Whether a file only defines names, for other files: as a scene of its own it would be empty, which is not a mistake."""
     items = [item for _, text in cut(texts.get(path, "")) for item in piece(text).file.items]
     return bool(items) and all(isinstance(item, ast.Let | ast.Param | ast.Use | ast.Unit) for item in items)
 

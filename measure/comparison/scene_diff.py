@@ -181,7 +181,7 @@ def _match(a: ir.Scene, b: ir.Scene, table: str, from_a: list[bytes], from_b: li
     left_a, left_b = list(range(len(from_a))), list(range(len(from_b)))
 
     def pair(key: Callable[[ir.Scene, list[bytes], int], Hashable], once: bool = False) -> None:
-        """Pair remaining rows with equal keys, in order; None is no key; `once`: only keys that are unique in both."""
+        """Pair remaining rows with equal keys, in order; None is not a key; `once`: only keys that are unique in both."""
         waiting: dict[Hashable, list[int]] = defaultdict(list)
         for row in left_b:
             waiting[key(b, from_b, row)].append(row)

@@ -19,7 +19,7 @@ NON_FINITE = {"inf": math.inf, "-inf": -math.inf, "nan": math.nan}
 
 
 class FormatError(Exception):
-    """The text is no chart; the message names the missing or wrong part."""
+    """The text is not a chart; the message names the missing or wrong part."""
 
 
 def dump(chart: Chart) -> str:

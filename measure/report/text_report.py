@@ -22,7 +22,7 @@ TARGET_DIGITS = (1.0, 3.0)  # digits of the target errors in every decade
 COMPARED_DIGITS = (1.0, 2.0, 3.0, 5.0, 7.0)  # digits of the errors at which times are compared
 MAX_TARGETS = 6  # target errors
 LEAST_FACTOR = 1.2  # of the samples that the model tells, either way
-MAX_ERROR = 1.0  # larger errors are no targets
+MAX_ERROR = 1.0  # larger errors are not targets
 
 
 def targets(chart: Chart) -> list[float]:

@@ -43,26 +43,26 @@ class Container:
 
     def floats(self, values: np.ndarray, bounds: bool = False) -> int:
         """The accessor of vertex values (n, width), in single precision."""
-        given = np.ascontiguousarray(values, "<f4")
-        accessor: dict[str, Any] = {"bufferView": self.view(given.tobytes(), _ARRAY), "componentType": _FLOAT, "count": len(given)}
-        accessor["type"] = _TYPES[given.shape[1]]
+        data = np.ascontiguousarray(values, "<f4")
+        accessor: dict[str, Any] = {"bufferView": self.view(data.tobytes(), _ARRAY), "componentType": _FLOAT, "count": len(data)}
+        accessor["type"] = _TYPES[data.shape[1]]
         if bounds:
-            accessor |= {"min": given.min(axis=0).tolist(), "max": given.max(axis=0).tolist()}
+            accessor |= {"min": data.min(axis=0).tolist(), "max": data.max(axis=0).tolist()}
         return self.add("accessors", accessor)
 
     def indices(self, triangles: np.ndarray) -> int:
         """The accessor of triangles (m, 3)."""
-        given = np.ascontiguousarray(triangles, "<u4")
-        view = self.view(given.tobytes(), _ELEMENTS)
-        return self.add("accessors", {"bufferView": view, "componentType": _UNSIGNED, "count": given.size, "type": "SCALAR"})
+        data = np.ascontiguousarray(triangles, "<u4")
+        view = self.view(data.tobytes(), _ELEMENTS)
+        return self.add("accessors", {"bufferView": view, "componentType": _UNSIGNED, "count": data.size, "type": "SCALAR"})
 
     def view(self, data: bytes, target: int | None = None) -> int:
         """The buffer view of bytes."""
-        made: dict[str, Any] = {"buffer": 0, "byteOffset": self._size, "byteLength": len(data)}
+        described: dict[str, Any] = {"buffer": 0, "byteOffset": self._size, "byteLength": len(data)}
         padded = data + bytes(-len(data) % 4)
         self._chunks.append(padded)
         self._size += len(padded)
-        return self.add("bufferViews", made if target is None else {**made, "target": target})
+        return self.add("bufferViews", described if target is None else {**described, "target": target})
 
     def encode(self) -> bytes:
         """The file."""

@@ -104,23 +104,23 @@ class Materials:
         strength = max(emissive.value)
         if strength <= 0:
             return {}
-        found: dict[str, Any] = {"emissiveFactor": [c / strength for c in emissive.value]}
+        emission: dict[str, Any] = {"emissiveFactor": [c / strength for c in emissive.value]}
         if emissive.texture >= 0:
-            found["emissiveTexture"] = self._picture(emissive.texture, color=True)
+            emission["emissiveTexture"] = self._picture(emissive.texture, color=True)
         self.container.use("KHR_materials_emissive_strength")
-        return {**found, "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": strength}}}
+        return {**emission, "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": strength}}}
 
     def _extensions(self, exported: Exported, share: float) -> dict[str, Any]:
         """`share`: what passes diffusely, of what is reflected or passes."""
         s = exported.surface
-        found: dict[str, Any] = {}
+        extensions: dict[str, Any] = {}
         if s.ior.value[0] != _GLASS_IOR and s.specular is None:
-            found["KHR_materials_ior"] = {"ior": max(s.ior.value[0], 1.0)}
+            extensions["KHR_materials_ior"] = {"ior": max(s.ior.value[0], 1.0)}
         if s.specular is not None:
             largest = max(*s.specular.value, 1e-9)
             root = math.sqrt(min(largest, 0.99))
-            found["KHR_materials_ior"] = {"ior": (1.0 + root) / (1.0 - root)}
-            found["KHR_materials_specular"] = {"specularColorFactor": [c / largest for c in s.specular.value]}
+            extensions["KHR_materials_ior"] = {"ior": (1.0 + root) / (1.0 - root)}
+            extensions["KHR_materials_specular"] = {"specularColorFactor": [c / largest for c in s.specular.value]}
             if s.specular.texture >= 0:
                 self.out.cannot(losses.texture(ir.Slot.SPECULAR), "textures", s.specular.texture)
         if share > 0.0 and exported.diffuse_transmission is not None:
@@ -131,23 +131,24 @@ class Materials:
                 through["diffuseTransmissionColorTexture"] = self._picture(passed.texture, color=True)
             found["KHR_materials_diffuse_transmission"] = through
         if exported.transmission > 0:
-            found["KHR_materials_transmission"] = {"transmissionFactor": exported.transmission}
+            extensions["KHR_materials_transmission"] = {"transmissionFactor": exported.transmission}
             volume: dict[str, Any] = {"thicknessFactor": 1.0}
             if (most := max(exported.absorption)) > 0:
                 volume |= {"attenuationDistance": 1.0 / most, "attenuationColor": [math.exp(-a / most) for a in exported.absorption]}
-            found["KHR_materials_volume"] = volume
+            extensions["KHR_materials_volume"] = volume
         if s.coat.value[0] > 0:
             coat: dict[str, Any] = {"clearcoatFactor": s.coat.value[0], "clearcoatRoughnessFactor": s.coat_roughness.value[0]}
-            for name, given in (("clearcoatTexture", s.coat), ("clearcoatRoughnessTexture", s.coat_roughness)):
-                if given.texture >= 0:
-                    coat[name] = self._picture(given.texture)
-            found["KHR_materials_clearcoat"] = coat
+            for name, slot in (("clearcoatTexture", s.coat), ("clearcoatRoughnessTexture", s.coat_roughness)):
+                if slot.texture >= 0:
+                    coat[name] = self._picture(slot.texture)
+            extensions["KHR_materials_clearcoat"] = coat
         if any(s.sheen.value):
-            for given in (s.sheen, s.sheen_roughness):
-                if given.texture >= 0:
-                    self.out.cannot(losses.texture(ir.Slot.SHEEN), "textures", given.texture)
-            found["KHR_materials_sheen"] = {"sheenColorFactor": list(s.sheen.value), "sheenRoughnessFactor": s.sheen_roughness.value[0]}
-        return found
+            for slot in (s.sheen, s.sheen_roughness):
+                if slot.texture >= 0:
+                    self.out.cannot(losses.texture(ir.Slot.SHEEN), "textures", slot.texture)
+            sheen = {"sheenColorFactor": list(s.sheen.value), "sheenRoughnessFactor": s.sheen_roughness.value[0]}
+            extensions["KHR_materials_sheen"] = sheen
+        return extensions
 
     def _below_one(self, color: tuple[float, ...]) -> list[float]:
         if max(color) > 1.0 + 1e-9:

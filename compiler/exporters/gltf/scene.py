@@ -80,8 +80,8 @@ class _Writer:
             radiance = self.tables.lights.color[light] if light >= 0 else None
             if radiance is not None:
                 self.out.note("the shape of an area light is carried as a material that shines", "lights", light)
-            made = [self._primitive(body, row, chosen, scale, radiance) for row, chosen in body.parts]
-            self._meshes[key] = self.container.add("meshes", {"name": body.name, "primitives": made})
+            primitives = [self._primitive(body, row, chosen, scale, radiance) for row, chosen in body.parts]
+            self._meshes[key] = self.container.add("meshes", {"name": body.name, "primitives": primitives})
         return self._meshes[key]
 
     def _primitive(self, body: Body, row: int, chosen: NDArray[np.intp], scale: float, radiance: F64 | None) -> dict[str, Any]:
@@ -117,11 +117,11 @@ class _Writer:
             lens: dict[str, Any] = {"aspectRatio": half[0] / half[1], "yfov": 2.0 * math.atan(half[1]), "znear": near}
             if math.isfinite(far):
                 lens["zfar"] = far
-            made = {"type": "perspective", "perspective": lens}
+            camera = {"type": "perspective", "perspective": lens}
         else:
             end = far if math.isfinite(far) else near + 100.0 * self.bodies.radius
-            made = {"type": "orthographic", "orthographic": {"xmag": half[0], "ymag": half[1], "znear": near, "zfar": end}}
-        self._place({"name": placed.name, "camera": self.container.add("cameras", made)}, placed.frame)
+            camera = {"type": "orthographic", "orthographic": {"xmag": half[0], "ymag": half[1], "znear": near, "zfar": end}}
+        self._place({"name": placed.name, "camera": self.container.add("cameras", camera)}, placed.frame)
 
     def _light(self, light: ExportedLight) -> None:
         strength, describe = float(light.color.max()), LIGHTS[light.kind].gltf

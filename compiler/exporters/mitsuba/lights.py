@@ -66,7 +66,7 @@ def _light(out: Export, name: str, light: ExportedLight) -> Node | None:
         frame = np.eye(4)
         frame[:3, :3], frame[:3, 3] = placement.frame_along(light.direction), light.position
         parameters["to_world"] = frame
-    vectors = [Node(tag, vector(key, given).attributes) for key, (tag, given) in described.vectors.items()]
+    vectors = [Node(tag, vector(key, values).attributes) for key, (tag, values) in described.vectors.items()]
     emitter = node("emitter", described.plugin, **parameters).with_(*vectors, rgb(described.color, light.color))
     if described.texture is None:
         return emitter
@@ -100,9 +100,9 @@ def _in_view(seen: camera_frames.Eye, direction: F64, angle: float) -> bool:
         return along > np.cos(angle)
     if along <= 0.0:
         return False
-    at = [float(direction @ axis / (axis @ axis)) / along for axis in (seen.right, seen.up)]
+    offsets = [float(direction @ axis / (axis @ axis)) / along for axis in (seen.right, seen.up)]
     reach = [float(np.tan(angle) / np.linalg.norm(axis)) / along**2 for axis in (seen.right, seen.up)]
-    return all(abs(at[k] - seen.shift[k]) <= 1.0 + reach[k] for k in range(2))
+    return all(abs(offsets[k] - seen.shift[k]) <= 1.0 + reach[k] for k in range(2))
 
 
 def _sky(out: Export, plan: Plan, name: str, shining: list[int]) -> list[Node]:

@@ -66,8 +66,8 @@ class Materials:
             self._pictures[key] = f"{self.name}.{len(self.out.files)}.pfm"
             pixels = texture_values.picture(self.tables, row, constant)
             self.out.files[self._pictures[key]] = pfm(0.5 * pixels + 0.5 if levels else pixels)
-        given = {"filename": self._pictures[key], "raw": True, "wrap_mode": _WRAPS.get(ir.Wrap(wraps[0]), "clamp")}
-        return node("texture", "bitmap", name=name, filter_type="nearest" if textures.nearest[row] else "bilinear", **given)
+        attributes = {"filename": self._pictures[key], "raw": True, "wrap_mode": _WRAPS.get(ir.Wrap(wraps[0]), "clamp")}
+        return node("texture", "bitmap", name=name, filter_type="nearest" if textures.nearest[row] else "bilinear", **attributes)
 
 
 class MitsubaRow(MaterialRow):
@@ -81,15 +81,15 @@ class MitsubaRow(MaterialRow):
     def whole(self) -> Node:
         """The BSDF inside those of its normal and bump maps."""
         self.reports_vertex_light()
-        made = self.module.mitsuba(self)
+        bsdf = self.module.mitsuba(self)
         if (row := self.texture(ir.Slot.NORMAL)) >= 0:
             if self.value(ir.Slot.NORMAL)[0] != 1.0:
                 self.cannot(losses.NORMAL_STRENGTH)
-            made = node("bsdf", "normalmap").with_(self._bitmap("normalmap", row, np.ones(3), levels=True), made)
+            bsdf = node("bsdf", "normalmap").with_(self._bitmap("normalmap", row, np.ones(3), levels=True), bsdf)
         if (row := self.texture(ir.Slot.BUMP)) >= 0:
             self.cannot("how high a bump map is, is carried in Mitsuba's own unit")
-            made = node("bsdf", "bumpmap", scale=float(self.value(ir.Slot.BUMP)[0])).with_(self._bitmap("arbitrary", row, np.ones(3)), made)
-        return made
+            bsdf = node("bsdf", "bumpmap", scale=float(self.value(ir.Slot.BUMP)[0])).with_(self._bitmap("arbitrary", row, np.ones(3)), bsdf)
+        return bsdf
 
     def emission(self) -> Node | None:
         """The radiance, of materials that emit."""

@@ -118,10 +118,10 @@ def _sensor(out: Export, plan: Plan) -> Node:
         out.cannot("the camera's frame is stretched or sheared: not carried", "cameras", camera)
     near, far = float(scene.tables.cameras.near[camera]), float(scene.tables.cameras.far[camera])
     half_x, half_y = float(np.linalg.norm(seen.right)), float(np.linalg.norm(seen.up))
-    left, up = -seen.right / half_x, seen.up / half_y
+    right_axis, up = -seen.right / half_x, seen.up / half_y
     position = seen.position
     if seen.perspective:
-        frame = placement.square(np.stack([left, up, seen.forward, position], axis=1))
+        frame = placement.square(np.stack([right_axis, up, seen.forward, position], axis=1))
         # the offsets are fractions of the picture's width and height; +x to the right, +y down
         lens = float(scene.tables.cameras.lens[camera])
         more: dict[str, Any] = {"principal_point_offset_x": float(seen.shift[0] / 2), "principal_point_offset_y": float(-seen.shift[1] / 2)}
@@ -136,7 +136,7 @@ def _sensor(out: Export, plan: Plan) -> Node:
     else:
         position = position + seen.shift[0] * seen.right + seen.shift[1] * seen.up
         back = max(-near, 0.0)  # a negative near distance includes objects behind the camera
-        frame = placement.square(np.stack([left * half_x, up * half_x, seen.forward, position - back * seen.forward], axis=1))
+        frame = placement.square(np.stack([right_axis * half_x, up * half_x, seen.forward, position - back * seen.forward], axis=1))
         sensor = node("sensor", "orthographic", near_clip=max(near, NEAR), far_clip=far + back if np.isfinite(far) else FAR, to_world=frame)
     return sensor.with_(_film(plan), node("sampler", SAMPLER, sample_count=int(plan["samples"]), seed=int(plan["seed"]) & 0x7FFFFFFF))
 

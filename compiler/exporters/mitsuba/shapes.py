@@ -163,8 +163,8 @@ def _square(matrix: F64) -> bool:
     return bool(np.abs(gram - np.diag(np.diag(gram))).max() <= 1e-9 * np.diag(gram).max())
 
 
-def _point(name: str, at: F64) -> Node:
-    return Node("point", vector(name, at).attributes)
+def _point(name: str, position: F64) -> Node:
+    return Node("point", vector(name, position).attributes)
 
 
 def ply(shell: Shell) -> bytes:

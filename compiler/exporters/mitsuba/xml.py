@@ -33,25 +33,25 @@ class Node:
         return "\n".join(self.lines())
 
 
-def node(tag: str, kind: str, name: str = "", **given: Any) -> Node:
-    """A plugin element `<tag type="kind">` with parameters `given`; `name` is its name in the parent."""
+def node(tag: str, kind: str, name: str = "", **values: Any) -> Node:
+    """A plugin element `<tag type="kind">` with parameters `values`; `name` is its name in the parent."""
     attributes = {"type": kind} | ({"name": name} if name else {})
-    return Node(tag, attributes, tuple(value(key, v) for key, v in given.items()))
+    return Node(tag, attributes, tuple(value(key, v) for key, v in values.items()))
 
 
-def value(name: str, given: Any) -> Node:
+def value(name: str, content: Any) -> Node:
     """A parameter: bool, int, float, str, a (4, 4) transform or a child Node."""
-    if isinstance(given, Node):
-        return Node(given.tag, {**given.attributes, "name": name}, given.children)
-    if isinstance(given, bool):
-        return Node("boolean", {"name": name, "value": "true" if given else "false"})
-    if isinstance(given, int):
-        return Node("integer", {"name": name, "value": str(given)})
-    if isinstance(given, str):
-        return Node("string", {"name": name, "value": given})
-    if isinstance(given, np.ndarray):
-        return Node("transform", {"name": name}, (Node("matrix", {"value": numbers(given, " ")}),))
-    return Node("float", {"name": name, "value": number(given)})
+    if isinstance(content, Node):
+        return Node(content.tag, {**content.attributes, "name": name}, content.children)
+    if isinstance(content, bool):
+        return Node("boolean", {"name": name, "value": "true" if content else "false"})
+    if isinstance(content, int):
+        return Node("integer", {"name": name, "value": str(content)})
+    if isinstance(content, str):
+        return Node("string", {"name": name, "value": content})
+    if isinstance(content, np.ndarray):
+        return Node("transform", {"name": name}, (Node("matrix", {"value": numbers(content, " ")}),))
+    return Node("float", {"name": name, "value": number(content)})
 
 
 def rgb(name: str, color: Any) -> Node:
@@ -59,6 +59,6 @@ def rgb(name: str, color: Any) -> Node:
     return Node("rgb", {"name": name, "value": numbers(color)})
 
 
-def vector(name: str, given: Any) -> Node:
-    x, y, z = (number(v) for v in given)
+def vector(name: str, components: Any) -> Node:
+    x, y, z = (number(v) for v in components)
     return Node("vector", {"name": name, "x": x, "y": y, "z": z})

@@ -57,15 +57,15 @@ class Finishes:
         if row.module.povray is None:
             row.cannot(losses.BLEND)
             return self.look(int((row.materials.second if row.value(ir.Slot.WEIGHT)[0] > 0.5 else row.materials.first)[material]))
-        made = row.module.povray(row)
+        texture_text = row.module.povray(row)
         for slot in (*row.module.SLOTS, ir.Slot.NORMAL, ir.Slot.BUMP):
-            if row.materials.textures[material, slot] >= 0 and slot not in (made.pigment, ir.Slot.AMBIENT):
+            if row.materials.textures[material, slot] >= 0 and slot not in (texture_text.pigment, ir.Slot.AMBIENT):
                 row.cannot(losses.texture(slot))
-        texture = -1 if made.pigment is None else row.texture(made.pigment)
-        interior = [f"  interior {{ {made.interior} }}"] if made.interior else []
-        constant = np.zeros(3) if made.pigment is None else row.value(made.pigment)
-        pigment = self._pigment(texture, constant, " filter 1" if made.filters else "")
-        return Look(pigment, -1 if made.filters else texture, f"finish {{ {made.words} }}", interior, made.filters)
+        texture = -1 if texture_text.pigment is None else row.texture(texture_text.pigment)
+        interior = [f"  interior {{ {texture_text.interior} }}"] if texture_text.interior else []
+        constant = np.zeros(3) if texture_text.pigment is None else row.value(texture_text.pigment)
+        pigment = self._pigment(texture, constant, " filter 1" if texture_text.filters else "")
+        return Look(pigment, -1 if texture_text.filters else texture, f"finish {{ {texture_text.words} }}", interior, texture_text.filters)
 
     def _pigment(self, row: int, constant: F64, clear: str) -> str:
         """A colour, a checker or an image."""

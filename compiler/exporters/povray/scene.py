@@ -87,7 +87,7 @@ def _camera(out: Export, plan: Plan) -> str:
 def _lights(out: Export, plan: Plan) -> list[str]:
     tables = out.scene.tables
     lights = tables.lights
-    made, sky = [], np.zeros(3)
+    sources, sky = [], np.zeros(3)
     diffuse = tables.materials.values[np.unique(tables.instances.material)][:, [ir.Slot.DIFFUSE, ir.Slot.SPECULAR]].max(initial=0.0) > 0
     for light in exported(out, np.flatnonzero(lights.color.max(axis=1, initial=0.0) > 0).tolist(), _LIGHTS):
         if light.kind in SKIES:
@@ -97,13 +97,13 @@ def _lights(out: Export, plan: Plan) -> list[str]:
             if diffuse or not plain:
                 out.cannot(f"a {light.kind.name.lower()} lights nothing in POV-Ray: it draws lights without extent", "lights", light.row)
         elif light.kind not in AMBIENT and (source := _light(out, light)) is not None:
-            made.append(source)
+            sources.append(source)
     background = plan["background"] if not isinstance(plan["background"], str) else sky
     if plan["background"] == "transparent" and sky.any():
         out.cannot("a transparent background is not carried where a sky is seen in mirrors", hint="--background sky")
     if not isinstance(plan["background"], str) and sky.any():
         out.cannot("a background's colour is not carried where a sky is seen in mirrors", hint="--background sky")
-    return [f"background {{ rgb {bracket(background)} }}", *made]
+    return [f"background {{ rgb {bracket(background)} }}", *sources]
 
 
 def _light(out: Export, light: ExportedLight) -> str | None:
@@ -123,8 +123,8 @@ def _light(out: Export, light: ExportedLight) -> str | None:
     return _light_source(out, light.row, place, color, more + described.more)
 
 
-def _light_source(out: Export, row: int, at: F64, color: F64, more: str) -> str:
+def _light_source(out: Export, row: int, position: F64, color: F64, more: str) -> str:
     shadowless = "" if out.scene.tables.lights.shadows[row] else " shadowless"
     if shadowless:
         out.cannot("a light without shadows is not carried: POV-Ray takes its highlights away, too", "lights", row)
-    return f"light_source {{ {bracket(at)} rgb {bracket(color)}{more}{shadowless} }}"
+    return f"light_source {{ {bracket(position)} rgb {bracket(color)}{more}{shadowless} }}"

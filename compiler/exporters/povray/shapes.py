@@ -25,11 +25,11 @@ def bracket(values: Any) -> str:
 
 def objects(out: Export, plan: Plan, finishes: Finishes, tessellate: shells.Tessellate) -> list[str]:
     """All instances, each an object with texture and transform."""
-    tables, made = out.scene.tables, []
+    tables, lines = out.scene.tables, []
     for i, light in enumerate(tables.instances.light.tolist()):
         if light < 0:
-            made += _Object(out, plan, finishes, tessellate, i).text()
-    return made
+            lines += _Object(out, plan, finishes, tessellate, i).text()
+    return lines
 
 
 class _Object:

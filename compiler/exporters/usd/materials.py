@@ -59,12 +59,12 @@ class Materials:
 
     def _material(self, exported: Exported, row: int, sets: TextureSets, tinted: bool, by_colors: bool) -> Any:
         s, path = exported.surface, f"{self._parent}/material{row}{'_colors' if tinted else ''}"
-        made = UsdShade.Material.Define(self.stage, path)
+        material = UsdShade.Material.Define(self.stage, path)
         if s.name != f"material{row}":
-            made.GetPrim().SetDisplayName(s.name)
+            material.GetPrim().SetDisplayName(s.name)
         shader = UsdShade.Shader.Define(self.stage, f"{path}/surface")
         shader.CreateIdAttr("UsdPreviewSurface")
-        made.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
+        material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
         inputs: list[tuple[str, str, Input | None]] = [
             ("diffuseColor", "color", s.diffuse), ("metallic", "number", s.metallic), ("roughness", "number", s.roughness),
             ("emissiveColor", "color", s.emissive), ("occlusion", "number", s.occlusion), ("ior", "number", s.ior),
@@ -87,12 +87,12 @@ class Materials:
             shader.CreateInput("opacityThreshold", Sdf.ValueTypeNames.Float).Set(s.threshold)
         elif presence:
             shader.CreateInput("opacityMode", Sdf.ValueTypeNames.Token).Set("presence")
-        for name, kind, given in inputs:
+        for name, kind, slot in inputs:
             if by_colors and name == "diffuseColor":
                 self._colors(shader, path)
-            elif given is not None:
-                self._input(shader, path, name, kind, given, sets)
-        return made
+            elif slot is not None:
+                self._input(shader, path, name, kind, slot, sets)
+        return material
 
     def _colors(self, shader: Any, path: str) -> None:
         """The diffuse colour as that of the mesh."""
@@ -101,31 +101,31 @@ class Materials:
         reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("displayColor")
         shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).ConnectToSource(reader.ConnectableAPI(), "result")
 
-    def _input(self, shader: Any, path: str, name: str, kind: str, given: Input, sets: TextureSets) -> None:
+    def _input(self, shader: Any, path: str, name: str, kind: str, value: Input, sets: TextureSets) -> None:
         type_, output = _TYPES[kind]
         slot = shader.CreateInput(name, type_)
-        if given.texture < 0:
-            slot.Set(given.value[0] if kind == "number" else Gf.Vec3f(*given.value))
+        if value.texture < 0:
+            slot.Set(value.value[0] if kind == "number" else Gf.Vec3f(*value.value))
             return
-        number, colored = sets.add(given.texture), name in ("diffuseColor", "emissiveColor", "specularColor")
+        number, colored = sets.add(value.texture), name in ("diffuseColor", "emissiveColor", "specularColor")
         reader = UsdShade.Shader.Define(self.stage, f"{path}/st{number}")
         reader.CreateIdAttr("UsdPrimvarReader_float2")
         reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set(set_name(number))
         picture = UsdShade.Shader.Define(self.stage, f"{path}/{name}")
         picture.CreateIdAttr("UsdUVTexture")
-        picture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(self._file(given.texture, kind, colored, sets))
+        picture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(self._file(value.texture, kind, colored, sets))
         picture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set("sRGB" if colored else "raw")
         picture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(reader.ConnectableAPI(), "result")
-        cells, textures = sets.has_cells(given.texture), self.tables.textures
+        cells, textures = sets.has_cells(value.texture), self.tables.textures
         for axis, wrap in (("wrapS", textures.wrap_u), ("wrapT", textures.wrap_v)):
-            mode = "repeat" if cells else _WRAPS[ir.Wrap(int(wrap[given.texture]))]
+            mode = "repeat" if cells else _WRAPS[ir.Wrap(int(wrap[value.texture]))]
             picture.CreateInput(axis, Sdf.ValueTypeNames.Token).Set(mode)
-        scale = (2.0, 2.0, 2.0) if kind == "normal" else given.value if kind == "color" else (given.value[0],) * 3
+        scale = (2.0, 2.0, 2.0) if kind == "normal" else value.value if kind == "color" else (value.value[0],) * 3
         picture.CreateInput("scale", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*scale, 1.0))
         if kind == "normal":
             picture.CreateInput("bias", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(-1.0, -1.0, -1.0, 0.0))
-            if given.value[0] != 1.0:
-                self.out.cannot(losses.NORMAL_STRENGTH, "textures", given.texture)
+            if value.value[0] != 1.0:
+                self.out.cannot(losses.NORMAL_STRENGTH, "textures", value.texture)
         slot.ConnectToSource(picture.ConnectableAPI(), output)
 
     def _file(self, row: int, kind: str, colored: bool, sets: TextureSets) -> str:

@@ -46,9 +46,9 @@ def export(job: ExportJob) -> Export:
 def write(scene: ir.Scene, plan: Plan, name: str, ending: str, converters: Converters) -> Export:
     """Exports `scene`, with the camera of `plan` first. Pictures are called `name`.0.png and so on. Losses are in `found`."""
     out = Export(scene)
-    made = _Writer(out, name, converters)
-    made.write(plan)
-    _encode(out, made.stage, name, ending)
+    writer = _Writer(out, name, converters)
+    writer.write(plan)
+    _encode(out, writer.stage, name, ending)
     return out
 
 
@@ -164,24 +164,24 @@ class _Writer:
         if placed is None:
             return
         seen, name = placed.seen, placed.name
-        made = UsdGeom.Camera.Define(self.stage, self._path(MAIN_CAMERA if main else name))
+        camera = UsdGeom.Camera.Define(self.stage, self._path(MAIN_CAMERA if main else name))
         if main and name != "camera":
-            made.GetPrim().SetDisplayName(name)
+            camera.GetPrim().SetDisplayName(name)
         aperture = 2.0 * np.array(placed.half) * (FOCAL if seen.perspective else 10.0)
-        made.CreateProjectionAttr(UsdGeom.Tokens.perspective if seen.perspective else UsdGeom.Tokens.orthographic)
-        made.CreateFocalLengthAttr(FOCAL)
-        made.CreateHorizontalApertureAttr(float(aperture[0]))
-        made.CreateVerticalApertureAttr(float(aperture[1]))
-        made.CreateHorizontalApertureOffsetAttr(float(0.5 * seen.shift[0] * aperture[0]))
-        made.CreateVerticalApertureOffsetAttr(float(0.5 * seen.shift[1] * aperture[1]))
+        camera.CreateProjectionAttr(UsdGeom.Tokens.perspective if seen.perspective else UsdGeom.Tokens.orthographic)
+        camera.CreateFocalLengthAttr(FOCAL)
+        camera.CreateHorizontalApertureAttr(float(aperture[0]))
+        camera.CreateVerticalApertureAttr(float(aperture[1]))
+        camera.CreateHorizontalApertureOffsetAttr(float(0.5 * seen.shift[0] * aperture[0]))
+        camera.CreateVerticalApertureOffsetAttr(float(0.5 * seen.shift[1] * aperture[1]))
         near, far = max(float(cameras.near[row]), 1e-3), float(cameras.far[row])
-        made.CreateClippingRangeAttr(Gf.Vec2f(near, far if math.isfinite(far) else 1e6))
+        camera.CreateClippingRangeAttr(Gf.Vec2f(near, far if math.isfinite(far) else 1e6))
         if cameras.lens[row] > 0:
-            made.CreateFStopAttr(0.1 * FOCAL / (2.0 * float(cameras.lens[row])))
-            made.CreateFocusDistanceAttr(float(cameras.focus[row]))
+            camera.CreateFStopAttr(0.1 * FOCAL / (2.0 * float(cameras.lens[row])))
+            camera.CreateFocusDistanceAttr(float(cameras.focus[row]))
         if planes := [Gf.Vec4f(*plane.tolist()) for plane in cameras.planes[row] if plane.any()]:
-            made.CreateClippingPlanesAttr(planes)
-        made.MakeMatrixXform().Set(Gf.Matrix4d(placed.frame.T.tolist()))
+            camera.CreateClippingPlanesAttr(planes)
+        camera.MakeMatrixXform().Set(Gf.Matrix4d(placed.frame.T.tolist()))
 
     def _light(self, light: ExportedLight) -> None:
         row, strength = light.row, float(light.color.max())
@@ -201,8 +201,8 @@ class _Writer:
     def _link(self, row: int, prim: Any) -> None:
         """Light and shadow links, as collections of the paths of the instances."""
         lights, visible = self.tables.lights, self.tables.instances.visible
-        for name, mask, whole in (("lightLink", lights.receivers[row], EVERYTHING), ("shadowLink", lights.blockers[row], CASTERS)):
-            if mask != whole:
+        for name, mask, every in (("lightLink", lights.receivers[row], EVERYTHING), ("shadowLink", lights.blockers[row], CASTERS)):
+            if mask != every:
                 collection = Usd.CollectionAPI(prim, name)
                 collection.CreateIncludeRootAttr(False)
                 members = np.flatnonzero(visible & mask != 0).tolist()
@@ -214,25 +214,25 @@ class _Writer:
         described = describe(light)
         if described.loss:
             self.out.cannot(described.loss, "lights", row)
-        made, frame = getattr(UsdLux, described.prim).Define(self.stage, path), placement.light_frame(light)
+        schema, frame = getattr(UsdLux, described.prim).Define(self.stage, path), placement.light_frame(light)
         for name, value in described.attributes.items():
-            getattr(made, f"Create{name}Attr")(value)
+            getattr(schema, f"Create{name}Attr")(value)
         if described.shaping:
-            shaping = UsdLux.ShapingAPI.Apply(made.GetPrim())
+            shaping = UsdLux.ShapingAPI.Apply(schema.GetPrim())
             for name, value in described.shaping.items():
                 getattr(shaping, f"Create{name}Attr")(value)
         if kind.FORM == Form.SKY:
             if lights.image[row] < 0:
-                return made, described.intensity, np.eye(4)
+                return schema, described.intensity, np.eye(4)
             name = f"{self.name}.{len(self.out.files)}.exr"
             self.out.files[name] = self.converters.exr(texture_values.pixels(self.tables.images, int(lights.image[row]))[..., :3])
-            made.CreateTextureFileAttr(f"./{name}")
-            made.CreateTextureFormatAttr(UsdLux.Tokens.latlong)
+            schema.CreateTextureFileAttr(f"./{name}")
+            schema.CreateTextureFormatAttr(UsdLux.Tokens.latlong)
         if lights.instance[row] >= 0:
             self.out.cannot("the shape of an area light is not carried: USD's lights light what is there, and are not seen", "lights", row)
         if kind.FORM in (Form.RECTANGLE, Form.DISK):
             frame[:3, :3] = frame[:3, :3] @ _TURNED.T
-        return made, described.intensity, frame
+        return schema, described.intensity, frame
 
 
 def _vectors(values: F64) -> Any:

@@ -73,8 +73,8 @@ def parts_of(file: MeshFile, read: Callable[[bytes, Callable[[str], None]], Asse
     pieces: list[list[tuple[int, int | None, str]]] = []
     for each in assembly.meshes:
         title, rows = each.name or file.stem, []
-        whole, source = file.repaired(each.mesh, title)
-        for k, mesh in polygon_mesh.split(whole, each.material if source is None else each.material[source]):
+        repaired, source = file.repaired(each.mesh, title)
+        for k, mesh in polygon_mesh.split(repaired, each.material if source is None else each.material[source]):
             part = add(mesh, None if k < 0 else materials[k], title, builder, file.diagnostics, span, frame)
             label = assembly.materials[k].name if k >= 0 else ""
             rows += [] if part is None else [(part.geometry, part.material, label)]

@@ -291,18 +291,18 @@ class _Expansion:
             waiting += [(below, frame @ place, (*above, key)) for below, place in reversed(object_.components)]
         return Assembly(root.unit, "z", self._meshes, list(self._materials), places)
 
-    def _mesh(self, key: _Key, model: _Model, made: _Object) -> int | None:
+    def _mesh(self, key: _Key, model: _Model, item: _Object) -> int | None:
         """The row of the mesh of an object; None of one without triangles."""
         if key not in self._rows:
-            mesh = self._built(model, made) if made.corners else None
+            mesh = self._built(model, item) if item.corners else None
             if mesh is not None:
                 self._meshes.append(mesh)
             self._rows[key] = None if mesh is None else len(self._meshes) - 1
         return self._rows[key]
 
-    def _built(self, model: _Model, made: _Object) -> AssemblyMesh | None:
-        points = np.array(made.points, np.float64).reshape(-1, 3)
-        corners = np.array(made.corners, dtype=object).reshape(-1, 3)
+    def _built(self, model: _Model, item: _Object) -> AssemblyMesh | None:
+        points = np.array(item.points, np.float64).reshape(-1, 3)
+        corners = np.array(item.corners, dtype=object).reshape(-1, 3)
         in_range = np.array([all(0 <= int(v) < len(points) for v in row) for row in corners.tolist()])
         corners = np.where(in_range[:, None], corners, 0).astype(np.int64)
         sound = in_range & (np.isfinite(points[corners]).all(axis=(1, 2)) if len(points) else False)
@@ -311,18 +311,18 @@ class _Expansion:
             self._warn(f"{lost} of {len(sound)} triangles use vertices that do not exist or are not finite: they are left out")
         if not sound.any():
             return None
-        material, colors = self._looks(model, made, len(corners))
+        material, colors = self._looks(model, item, len(corners))
         tints = None if colors is None else MeshAttribute(colors[sound].reshape(-1, 3), ir.Interpolation.CORNER)
         triangles = corners[sound]
         mesh = PolyMesh(np.nan_to_num(points), np.full(len(triangles), 3), triangles.reshape(-1), colors=tints)
-        return AssemblyMesh(made.name, mesh, material[sound])
+        return AssemblyMesh(item.name, mesh, material[sound])
 
-    def _looks(self, model: _Model, made: _Object, count: int) -> tuple[np.ndarray, np.ndarray | None]:
+    def _looks(self, model: _Model, item: _Object, count: int) -> tuple[np.ndarray, np.ndarray | None]:
         """(materials (m,) of triangles, linear colours (m, 3, 3) of their corners or None)"""
         material, colors, wrong = np.full(count, -1, np.int64), None, 0
-        default = None if made.default is None else (made.default[0], (made.default[1],) * 3)
+        default = None if item.default is None else (item.default[0], (item.default[1],) * 3)
         for k in range(count):
-            group, rows = made.properties.get(k) or default or ("", (0, 0, 0))
+            group, rows = item.properties.get(k) or default or ("", (0, 0, 0))
             bases, tints = model.bases.get(group), model.colors.get(group)
             if bases is not None and 0 <= rows[0] < len(bases):
                 material[k] = self._materials.setdefault(bases[rows[0]], len(self._materials))

@@ -21,5 +21,5 @@ class MeshOptions:
 
     def words(self) -> list[str]:
         """The same options as words of a command line."""
-        given = {name: getattr(self, name) for name in self.given()}
-        return [word for name, value in given.items() for word in ((f"--{name}",) if value is True else (f"--{name}", str(value)))]
+        values = {name: getattr(self, name) for name in self.given()}
+        return [word for name, value in values.items() for word in ((f"--{name}",) if value is True else (f"--{name}", str(value)))]

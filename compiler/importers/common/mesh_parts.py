@@ -125,9 +125,9 @@ class MeshFile:
         """
         if self.options is None or not self.options.repair:
             return mesh, None
-        made, source, said = stage_cache.cached("meshes repaired", (mesh, fill), lambda: repair.repaired(mesh, fill))
-        said.tell(f"`{name}`" if name else "the mesh", self.diagnostics, self.span)
-        return made, source
+        mended, source, repairs = stage_cache.cached("meshes repaired", (mesh, fill), lambda: repair.repaired(mesh, fill))
+        repairs.tell(f"`{name}`" if name else "the mesh", self.diagnostics, self.span)
+        return mended, source
 
     def single(self, read: Callable[[bytes, Diagnostics, Span], polygon_mesh.PolyMesh]) -> list[Part]:
         """The only part of a file without materials, whose mesh `read` makes. Raises what it raises."""
@@ -162,10 +162,10 @@ def tell_frame(
     has = " and ".join({"unit": "no unit", "up": "no up axis"}[name] for name, _, _ in lacking)
     words = " ".join(words for _, words, _ in lacking)
     other = {"mm": "m", "m": "mm", "y": "z", "z": "y"}
-    asked = " ".join(f"--{name} {other[value]}" for name, _, value in lacking)
+    wanted = " ".join(f"--{name} {other[value]}" for name, _, value in lacking)
     written = ", ".join(f'{name}: "{other[value]}"' for name, _, value in lacking)
     message = f"a {ending} file says {has}: read {words}, this one is {size} m"
-    diagnostics.note(message, span, f"if that is wrong: {asked}, in a scene mesh(…, {written})")
+    diagnostics.note(message, span, f"if that is wrong: {wanted}, in a scene mesh(…, {written})")
 
 
 def add(
@@ -173,12 +173,12 @@ def add(
     frame: Frame = PLAIN,
 ) -> Part | None:  # fmt: skip
     """Adds the mesh of a frame to the builder. None if no face has area. Faces without area are dropped with a note."""
-    made, dropped = polygon_mesh.assemble(frame.moved(mesh), name=name)
+    triangulated, dropped = polygon_mesh.assemble(frame.moved(mesh), name=name)
     if dropped:
         diagnostics.note(f"{dropped} of {len(mesh.counts)} faces have no area: they are left out", span)
-    if not len(made.triangles):
+    if not len(triangulated.triangles):
         if not dropped:
             diagnostics.warning("the mesh has no faces: nothing is drawn", span)
         return None
-    row = builder.mesh(made, span, name)
+    row = builder.mesh(triangulated, span, name)
     return None if row == NONE else Part(row, material, name)

@@ -36,8 +36,8 @@ def plain(text: bytes, decimal: bool = True) -> Numbers:
     """
     if not has_commas(text):
         return Numbers(text)
-    first = min(at for at in (text.find(b","), text.find(b";")) if at >= 0)
-    inner = _AT_WORD_END.sub(lambda found: b" " * len(found[0]), text)
+    first = min(place for place in (text.find(b","), text.find(b";")) if place >= 0)
+    inner = _AT_WORD_END.sub(lambda match: b" " * len(match[0]), text)
     if not has_commas(inner) or not decimal or _SEPARATED.search(inner):
         return Numbers(text.translate(_BLANKS), SEPARATORS, first)
     return Numbers(inner.replace(b",", b"."), DECIMAL, first)

@@ -13,10 +13,10 @@ from ...scene.row_records import MeshAttribute, TextureData
 _FRAME = ((0.5, 0.0, 0.25), (0.0, 0.0, 0.5))
 
 
-def coordinates(given: MeshAttribute) -> MeshAttribute:
+def coordinates(numbers: MeshAttribute) -> MeshAttribute:
     """Texture coordinates whose u is a number (n, 1), clamped to 0…1."""
-    u = np.clip(np.nan_to_num(np.asarray(given.values, np.float64).reshape(-1)), 0.0, 1.0)
-    return MeshAttribute(np.stack([u, np.zeros(len(u))], axis=1).astype(np.float32), given.interpolation)
+    u = np.clip(np.nan_to_num(np.asarray(numbers.values, np.float64).reshape(-1)), 0.0, 1.0)
+    return MeshAttribute(np.stack([u, np.zeros(len(u))], axis=1).astype(np.float32), numbers.interpolation)
 
 
 def texture(builder: SceneBuilder, span: Span | None = None) -> int:

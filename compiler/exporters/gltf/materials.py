@@ -129,7 +129,7 @@ class Materials:
             through["diffuseTransmissionColorFactor"] = self._below_one(scale_color(passed.value, 1.0 / share))
             if passed.texture >= 0:
                 through["diffuseTransmissionColorTexture"] = self._picture(passed.texture, color=True)
-            found["KHR_materials_diffuse_transmission"] = through
+            extensions["KHR_materials_diffuse_transmission"] = through
         if exported.transmission > 0:
             extensions["KHR_materials_transmission"] = {"transmissionFactor": exported.transmission}
             volume: dict[str, Any] = {"thicknessFactor": 1.0}

@@ -91,7 +91,7 @@ def _background(scene: ir.Scene, eye: F64, effort: Effort) -> tuple[Value, list[
     """
     meter = ir.Meter("eye", tuple(map(tuple, eye.tolist())))
     seen, (sensor,) = sensors.with_sensors(scene, [meter])
-    sampler = Sampler(seen, ir.Settings(size=(1, 1), camera="0"), effort, {**illuminance.precision(scene), "mis": "light"})
+    sampler = Sampler(seen, ir.Settings(size=(1, 1), camera="0"), effort, {**illuminance.precision(scene, [meter]), "mis": "light"})
     whole, sums = sampler.replicates(sensor.cameras, (1, 1))
     direct = sampler.direct(sensor.cameras, (1, 1), whole.samples // GROUPS)
     rest: Estimate = told(sums - direct)

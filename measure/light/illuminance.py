@@ -59,7 +59,7 @@ def read(scene: ir.Scene, meters: Sequence[ir.Meter], effort: Effort) -> tuple[l
     if not meters:
         return [], []
     seen, placed = sensors.with_sensors(scene, meters, effort.seed)
-    sampler = Sampler(seen, ir.Settings(size=(1, 1), camera="0"), effort, precision(scene))
+    sampler = Sampler(seen, ir.Settings(size=(1, 1), camera="0"), effort, precision(scene, meters))
     readings = []
     for k, sensor in enumerate(placed):
         sampler.effort = effort.share(len(placed) - k)
@@ -67,8 +67,13 @@ def read(scene: ir.Scene, meters: Sequence[ir.Meter], effort: Effort) -> tuple[l
     return readings, missing_light(scene, sampler) + [told for reading in readings for told in _dark(reading)]
 
 
-def precision(scene: ir.Scene) -> dict[str, str]:
-    """The precision of the scene's own pictures, as a choice of the plan: sensors at points are small, but nothing hits them."""
+def precision(scene: ir.Scene, meters: Sequence[ir.Meter]) -> dict[str, str]:
+    """The precision of the scene's own pictures, as a choice of the plan: sensors at points are small, but nothing hits them.
+
+    float64 far from the origin, where a sensor would be as coarse as its coordinates.
+    """
+    if sensors.is_far(scene, meters):
+        return {"precision": "float64"}
     paths = {"interreflection": "true", "transport": "path"}
     return {"precision": planner.make_plan(scene, ir.Settings(backend="ray", bounces=1), paths)["precision"]}
 

@@ -33,6 +33,7 @@ SIDE = 8  # pixels of a tile: small pictures take all threads
 FIRST = 32  # samples of a pixel in the first round of a replicate
 FEW = 16  # cameras of a group in the first round
 MOST = 1 << 14  # samples of a pixel in a replicate
+MARGIN = 1.4  # of the light beyond the limit on bounces, whose estimate is noisy and a few percent too small
 EACH = 3.0  # times the error of a mean, that is asked for of each pixel
 PLAN = {"interreflection": "true", "transport": "path", "transport.path_reuse": "none", "transport.caustics": "paths"}
 F64 = NDArray[np.float64]
@@ -169,7 +170,7 @@ class Sampler:
         whole, half = light
         share = max(1.0 - half / whole, 0.0) if whole > 0.0 else 0.0
         fade = min(share / max(1.0 - share, 1e-9), 0.99)
-        return fade**2 / (1.0 - fade**2)
+        return MARGIN * fade**2 / (1.0 - fade**2)
 
     def _seed(self, replicate: int) -> int:
         return (self.effort.seed * REPLICATES + replicate + 1) * 7919

@@ -19,11 +19,14 @@ from ...compiler.ir.single_sided import SINGLE_SIDED
 from ...compiler.mesh.parts import Part
 from ...compiler.plan import scene_facts
 from ...compiler.scene import selection
+from ...render.geometry.bounds import world_bounds
 from ...render.tessellation import printable_mesh
 
 LIFT = 1e-5  # of its coordinates, by which a sensor lies off its plane: rays off a surface start 2e-6 of theirs above it
 FROM_SIZE = 0.01  # of the scene's size, that counts as a coordinate: shapes around the origin have rounding errors, too
-POINT = 1e-3  # of the scale of its lift over LIFT: half an edge of a sensor at a point
+POINT = 1e-4  # of its coordinates or of the scene's size: half an edge of a sensor at a point
+FINE = 1e-3  # of LIFT in float64
+FAR = 2.0  # sizes of the scene from the origin, from which float32 is too coarse for sensors
 REPLICATES = 16  # of points on a surface
 POINTS = 1024  # most on a surface, of a replicate
 STEPS = 0.8191725133961645, 0.6710436067037893, 0.5497004779019703  # of a low-discrepancy sequence in a cube (Roberts 2018)
@@ -92,7 +95,7 @@ def with_sensors(scene: ir.Scene, meters: Sequence[ir.Meter], seed: int = 0) -> 
     tables = scene.tables._replace(instances=scene.tables.instances._replace(visible=hidden))
     tables = tables._replace(cameras=ir.table_of("cameras", {}))
     rows = _Rows(tables)
-    size = scene_facts.extents(scene.tables)[0]
+    size, fine = extent(scene.tables), FINE if is_far(scene, meters) else 1.0
     white = np.zeros((ir.SLOTS, 3))
     white[ir.Slot.DIFFUSE] = 1.0
     white[[ir.Slot.IOR, ir.Slot.OPACITY], 0] = 1.0
@@ -101,7 +104,7 @@ def with_sensors(scene: ir.Scene, meters: Sequence[ir.Meter], seed: int = 0) -> 
         textures=np.full(ir.SLOTS, -1), textured=False, first=-1, second=-1,
     )  # fmt: skip
     sensors = [
-        _surface(rows, scene, meter, material, seed + k) if meter.on else _rectangle(rows, meter, material, size)
+        _surface(rows, scene, meter, material, seed + k, fine) if meter.on else _rectangle(rows, meter, material, size, fine)
         for k, meter in enumerate(meters)
     ]
     made = rows.finish()
@@ -117,14 +120,14 @@ def with_sensors(scene: ir.Scene, meters: Sequence[ir.Meter], seed: int = 0) -> 
     return replace(scene, tables=made, names=named, settings=settings, spans=spans), sensors
 
 
-def _rectangle(rows: _Rows, meter: ir.Meter, material: int, size: float) -> Sensor:
+def _rectangle(rows: _Rows, meter: ir.Meter, material: int, size: float, fine: float) -> Sensor:
     """The sensor of a rectangle or a point."""
     frame = np.array(meter.frame)
     half = np.array(meter.size) / 2
     corners = np.abs(frame[:3, 3]) + np.abs(frame[:3, [0, 2]]) @ half
-    scale = max(float(corners.max()), FROM_SIZE * size, float(half.max())) or 1.0
+    scale = max(fine * float(corners.max()), FROM_SIZE * size, float(half.max())) or 1.0
     if not half.any():
-        half = np.full(2, POINT * scale)
+        half = np.full(2, POINT * min(scale, size))
     lift = LIFT * scale
     x, z = half.tolist()
     parameters = np.zeros(ir.PARAMETERS)
@@ -140,7 +143,7 @@ def _rectangle(rows: _Rows, meter: ir.Meter, material: int, size: float) -> Sens
     return Sensor(meter, range(camera, camera + 1), meter.cells, 4.0 * x * z if any(meter.size) else 0.0)
 
 
-def _surface(rows: _Rows, scene: ir.Scene, meter: ir.Meter, material: int, seed: int) -> Sensor:
+def _surface(rows: _Rows, scene: ir.Scene, meter: ir.Meter, material: int, seed: int, fine: float) -> Sensor:
     """The sensor of the surface of objects: copies of them, and cameras at points that are even over their area."""
     instances = scene.tables.instances
     names = [*scene.names.instances, *[""] * (len(instances.geometry) - len(scene.names.instances))]
@@ -171,11 +174,25 @@ def _surface(rows: _Rows, scene: ir.Scene, meter: ir.Meter, material: int, seed:
         row, u = np.minimum(np.searchsorted(np.cumsum(areas), at * total), len(areas) - 1), np.sqrt(u)
         weights = np.stack([1.0 - u, u * (1.0 - v), u * v], axis=1)
         points = np.einsum("ni,nij->nj", weights, corners[row])
-        above = np.maximum(8.0 * deviation[row], LIFT * np.abs(points).max(axis=1, initial=LIFT, keepdims=False))
+        above = np.maximum(8.0 * deviation[row], fine * LIFT * np.abs(points).max(axis=1, initial=LIFT, keepdims=False))
         half = 1e-3 * above
         _cameras(rows, _frames(points, side * across[row] / (2.0 * areas[row, None])), above, 2.0 * above, half, half)
     off = float(deviation.max(initial=0.0))
     return Sensor(meter, range(first, first + REPLICATES * POINTS), (1, 1), total, 4.0 * math.sqrt(math.pi * total) * off)
+
+
+def extent(tables: ir.Tables) -> float:
+    """The longest side of the box around the bounded instances, in metres; 1 without any."""
+    boxes = world_bounds(tables)
+    boxes = boxes[np.isfinite(boxes).all(axis=1)]
+    return float((boxes[:, 3:].max(axis=0) - boxes[:, :3].min(axis=0)).max()) or 1.0 if len(boxes) else 1.0
+
+
+def is_far(scene: ir.Scene, meters: Sequence[ir.Meter]) -> bool:
+    """Whether the scene or a meter lies so far from the origin that sensors need float64."""
+    reach = scene_facts.extents(scene.tables)[0]
+    places = [max(abs(row[3]) for row in meter.frame[:3]) for meter in meters]
+    return max([reach, *places]) > FAR * extent(scene.tables)
 
 
 def triangles(scene: ir.Scene, rows: NDArray[np.int64]) -> list[Part]:

@@ -82,6 +82,18 @@ def test_an_integrating_sphere_by_its_walls() -> None:
     check(reading.flux, 1000 / (1 - 0.8), 0.03)
 
 
+def test_light_beyond_the_limit_on_bounces_is_in_the_error() -> None:
+    text = 'sphere(1, name: "ball", material: lambert(0.98))\npoint([0, 0, 0], flux: 100lm)\nmeter(on: ["ball"], side: "back")'
+    check(read(text, 0.03)[0].mean, 100 / (4 * math.pi) / 0.02, 0.5)
+
+
+@pytest.mark.parametrize("far", [0, 50, 5000])
+def test_a_scene_far_from_the_origin(far: int) -> None:
+    floor = f"box(size: [10, 1, 10], center: [{far}, -0.5, {far}], material: lambert(0))"
+    reading = read(f"{floor}\npoint([{far}, 2, {far}], flux: 1000lm)\nmeter([{far}, 0, {far}])")[0]
+    check(reading.mean, 1000 / (4 * math.pi) / 4, 5e-4)
+
+
 def test_bounces_alone() -> None:
     """A small black ball hides the lamp of an integrating sphere from a place on its wall, which the walls alone light."""
     text = "sphere(2, material: lambert(0.5))\nsphere(0.02, center: [0, -1, 0], material: lambert(0))\n"

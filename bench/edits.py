@@ -16,7 +16,8 @@ from ..compiler.formula.opcodes import Op
 from ..compiler.formula.tape import Tape
 from ..compiler.plan import plan as planner
 from ..render import render_scene
-from ..render.formula import packet_state, scene_surfaces
+from ..render.accel.formula_packets import packet_memory
+from ..render.formula import scene_surfaces
 from .harness import Effort
 from .report import Section, grid
 
@@ -62,7 +63,7 @@ def first_use(operations: int = 200, formulas: int = 15) -> list[float]:
     for seed in range(formulas + 1):
         tape = _random_tape(operations, seed)
         begun = time.perf_counter()
-        packet_state.allocate(scene_surfaces.of_surfaces([scene_surfaces.Surface(tape, np.array([0.0] * 5 + [1.0] + [0.0] * 7), BOX)]), 0)
+        packet_memory.allocate(scene_surfaces.of_surfaces([scene_surfaces.Surface(tape, np.array([0.0] * 5 + [1.0] + [0.0] * 7), BOX)]), 0)
         spent.append(time.perf_counter() - begun)
     return spent[1:]
 

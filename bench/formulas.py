@@ -17,6 +17,7 @@ from ..compiler.formula.builder import Builder
 from ..compiler.formula.opcodes import Op, arity
 from ..compiler.formula.tape import INPUTS, Tape
 from ..render.accel import ray_queries
+from ..render.accel.formula_packets import packet_memory
 from ..render.formula import intersect, numpy_reference, packet_state, packets, scene_surfaces, tape_jit
 from ..render.formula.tables import Forms
 from ..render.jit.kernel import kernel
@@ -116,7 +117,7 @@ class ModelCase:
         out = np.empty(n), np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n), np.empty(n)
 
         def work() -> Any:
-            packet = Handle(packet_state.allocate(forms, 0))
+            packet = Handle(packet_memory.allocate(forms, 0))
             out[0][:] = np.inf
             if packets.trace(packet, given, 0, n, frame, packets.HitColumns(*out, 0)) < n:
                 raise RuntimeError("no packet")

@@ -153,7 +153,7 @@ def _view(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     if settings.view:
         return Decision("view", settings.view, "asked for", fixed="--view")
     if scene.photometric:
-        return Decision("view", "agx", "some light has a unit, as for a photograph: highlights roll off", fixed="--view")
+        return Decision("view", "rolloff", "some light has a unit, as for a photograph: highlights roll off", fixed="--view")
     return Decision("view", "sRGB", "the default", fixed="--view")
 
 

@@ -86,7 +86,7 @@ _ROWS = (
         Arg("background", "color", None, "a colour in place of the sky", keyword=True),
     ),
     PictureSetting("exposure", values.exposure, "ev", "Stops, for 8 and 16-bit pictures; +1 is twice as bright."),
-    PictureSetting("view", values.name, "NAME", "View of 8 and 16-bit pictures: standard, agx, aces or a name of OpenColorIO."),
+    PictureSetting("view", values.name, "NAME", "View of 8 and 16-bit pictures: standard, rolloff, agx, aces or a name of OpenColorIO."),
     PictureSetting("white", values.white, "KELVIN", "White balance: kelvin of the light that becomes white, as 4000K, or auto."),
     _choice("filter", FILTERS, "pixel filter", ""),
 )  # fmt: skip

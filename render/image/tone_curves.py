@@ -1,4 +1,4 @@
-"""Views by closed forms, which need no configuration: AgX and ACES roll highlights off; white balance adapts colours to daylight."""
+"""Views by closed forms, which need no configuration: three roll highlights off; white balance adapts colours to daylight."""
 
 from __future__ import annotations
 
@@ -29,6 +29,8 @@ _XYZ = np.array([[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.072
 _BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 
 
+# The shoulder of Khronos PBR Neutral (2024), without its offset for the reflectance of dielectrics, which darkens shadows.
+_SHOULDER, _FADING = np.float32(0.8), np.float32(0.15)
 STEPS = 4096  # of the table from the display of AgX, which has a gamma of 2.2, to sRGB
 _ENCODED = encode_srgb(np.linspace(0.0, 1.0, STEPS + 1) ** 2.2)
 
@@ -47,13 +49,23 @@ def agx(rgb: F64) -> F64:
     return (below + (display - low) * (_ENCODED[low + 1] - below)).reshape(rgb.shape)
 
 
+def rolloff(rgb: F64) -> F64:
+    """Linear Rec.709 (…, 3) as sRGB, 0 to 1: colours up to 0.8 stay, brighter ones are compressed and fade to white."""
+    light = np.maximum(_finite(rgb), 0.0).astype(np.float32)
+    peak, room = np.maximum(light.max(axis=-1, keepdims=True), np.float32(1e-9)), np.float32(1.0) - _SHOULDER
+    rolled = np.float32(1.0) - room * room / np.maximum(peak + room - _SHOULDER, room)
+    white = np.float32(1.0) - np.float32(1.0) / (_FADING * (peak - rolled) + np.float32(1.0))
+    faded = light * (rolled / peak)
+    return encode_srgb(np.where(peak < _SHOULDER, light, faded + (rolled - faded) * white))
+
+
 def aces(rgb: F64) -> F64:
     """Linear Rec.709 (…, 3) as sRGB, 0 to 1."""
     v = np.maximum(_finite(rgb), 0.0) @ _ACES_IN.T
     return encode_srgb(((v * (v + 0.0245786) - 0.000090537) / (v * (0.983729 * v + 0.4329510) + 0.238081)) @ _ACES_OUT.T)
 
 
-CURVES = {"standard": encode_srgb, STANDARD: encode_srgb, "agx": agx, "aces": aces}
+CURVES = {"standard": encode_srgb, STANDARD: encode_srgb, "rolloff": rolloff, "agx": agx, "aces": aces}
 """Functions of linear light by the names of views."""
 
 

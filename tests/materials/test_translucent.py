@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import maquette
 import numpy as np
@@ -40,7 +41,7 @@ LIGHTS = {  # of irradiance π or radiance 1, and the share of it that is seen o
 SHEET = "plane(normal: [0, 0, 1], material: translucent(0.3, transmission: 0.6))"
 
 
-def seen(tmp_path: Path, text: str, **settings: object) -> np.ndarray:
+def seen(tmp_path: Path, text: str, **settings: Any) -> np.ndarray:
     path = tmp_path / "a.scene"
     path.write_text(f"camera(position: [0, 0, 4], look_at: [0, 0, 0], fov: 20deg)\n{text}\n", encoding="utf-8")
     settings = {"size": (8, 8), "samples": 64, "denoise": False, **settings}

@@ -221,8 +221,8 @@ def test_clipping_planes_are_drawn_by_rays_alone() -> None:
 
 def test_photometric_pictures_roll_highlights_off() -> None:
     lit = replace(scene(), photometric=True)
-    assert plan.make_plan(lit, ir.Settings())["view"] == "agx"
-    assert plan.make_plan(lit, ir.Settings(exposure=-2.0))["view"] == "agx"
+    assert plan.make_plan(lit, ir.Settings())["view"] == "rolloff"
+    assert plan.make_plan(lit, ir.Settings(exposure=-2.0))["view"] == "rolloff"
     assert plan.make_plan(lit, ir.Settings(view="standard"))["view"] == "standard"
     assert plan.make_plan(scene(), ir.Settings())["view"] == "sRGB"
 

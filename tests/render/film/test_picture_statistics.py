@@ -24,4 +24,4 @@ def test_the_brightest_light_leaves_out_what_is_not_finite_and_not_covered() -> 
     rgba[2, 0] = 99.0, np.nan, 0.0, 1.0
     assert picture_statistics.brightest(rgba, True, 3) == (0.5, True)
     assert picture_statistics.brightest(rgba, False, 1) == (9.0, True)
-    assert picture_statistics.brightest(-np.abs(rgba[129:]) - 1.0, False, 1) == (-1.0, False)
+    assert picture_statistics.brightest(-np.abs(rgba[129:]) - np.float32(1.0), False, 1) == (-1.0, False)

@@ -101,7 +101,7 @@ CAMERA = Entry(
         Arg("far", "length", None, "far clipping distance along its axis", above=0.0, keyword=True),
         Arg("shift", "numbers2", (0.0, 0.0), "lens shift, as a share of the picture's width and height", keyword=True),
         Arg("exposure", "number", None, "stops (ev) for 8 and 16-bit pictures", keyword=True),
-        Arg("view", "string", None, "view transform of 8 and 16-bit pictures: standard, rolloff, agx, aces, or a name of OpenColorIO", keyword=True),
+        Arg("view", "string", None, "view of 8 and 16-bit pictures: standard, rolloff, agx, aces, or a name of OpenColorIO", keyword=True),
         Arg(
             "white", "white", None, "white balance: kelvin of the light that becomes white, or \"auto\" for that of the scene's lights",
             keyword=True,

@@ -72,8 +72,8 @@ def temperature(color: Color) -> float | None:
     low, high = KELVIN_RANGE
     for _ in range(48):
         middle = math.sqrt(low * high)
-        found = kelvin(middle)
-        if found[part] / found[0] < color[part] / color[0]:
+        body = kelvin(middle)
+        if body[part] / body[0] < color[part] / color[0]:
             low = middle
         else:
             high = middle

@@ -43,8 +43,8 @@ def luminance(shown: Shown, x: float, y: float) -> float | None:
     """The luminance in candela a square metre that a place of the picture shows; None where it is not finite."""
     height, width = shown.rgba.shape[:2]
     row, column = min(max(int(y * height), 0), height - 1), min(max(int(x * width), 0), width - 1)
-    found = float(metrics.luminance(shown.rgba[row, column, :3]))
-    return found if math.isfinite(found) else None
+    value = float(metrics.luminance(shown.rgba[row, column, :3]))
+    return value if math.isfinite(value) else None
 
 
 def center_depth(shown: Shown) -> float | None:

@@ -18,11 +18,11 @@ from .contract import Arguments, Element, Exported, Finish, Lobes, MitsubaRow, P
 MODEL = ir.MaterialModel.TRANSLUCENT
 
 
-def _lower(given: Arguments) -> MaterialData:
-    reflected, passed = given.color("color"), given.color("transmission")
+def _lower(arguments: Arguments) -> MaterialData:
+    reflected, passed = arguments.color("color"), arguments.color("transmission")
     most = max((a + b for a, b in zip(reflected.value, passed.value, strict=True)), default=0.0)
     if reflected.texture < 0 and passed.texture < 0 and most > 1.0 + 1e-6:
-        given.error(
+        arguments.error(
             f"translucent: color and transmission are {most:.2g} together: a sheet sends on no more light than arrives",
             "their sum is at most 1 in red, green and blue",
         )
@@ -54,8 +54,8 @@ facets = None
 
 
 def surface(row: SurfaceRow) -> Exported:
-    made = row.surface(row.input(ir.Slot.DIFFUSE), NOTHING, ALL, NO_HIGHLIGHT)
-    return Exported(made, diffuse_transmission=row.input(ir.Slot.DIFFUSE_TRANSMISSION))
+    sheet = row.surface(row.input(ir.Slot.DIFFUSE), NOTHING, ALL, NO_HIGHLIGHT)
+    return Exported(sheet, diffuse_transmission=row.input(ir.Slot.DIFFUSE_TRANSMISSION))
 
 
 def mitsuba(row: MitsubaRow) -> Any:

@@ -44,10 +44,10 @@ def of_lights(tables: ir.Tables) -> float:
     if y <= 0.1858 + 1e-3:
         return 0.0
     n = (x - 0.3320) / (0.1858 - y)
-    found = 449.0 * n**3 + 3525.0 * n**2 + 6823.3 * n + 5520.33
+    kelvin = 449.0 * n**3 + 3525.0 * n**2 + 6823.3 * n + 5520.33
     low, high = colors.KELVIN_RANGE
-    if not low <= found <= high:
+    if not low <= kelvin <= high:
         return 0.0
-    body = TO_XYZ @ np.array(colors.kelvin(float(found)))
+    body = TO_XYZ @ np.array(colors.kelvin(float(kelvin)))
     near = math.hypot(x - body[0] / body.sum(), y - body[1] / body.sum()) <= COLORED
-    return round(float(found)) if near else 0.0
+    return round(float(kelvin)) if near else 0.0

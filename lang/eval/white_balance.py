@@ -14,10 +14,10 @@ def read(value: Value, place: Any, arg: Arg) -> float | str:
     if value == "auto" and isinstance(value, str):
         return "auto"
     if isinstance(value, Color):
-        known = colors.temperature((value.r, value.g, value.b))
-        if known is None:
+        kelvin = colors.temperature((value.r, value.g, value.b))
+        if kelvin is None:
             raise Mistake(f"`{arg.name}` takes the light of a black body, and this is another colour", "write kelvin(4000)")
-        return round(known, 3)
+        return round(kelvin, 3)
     if not isinstance(value, float):
         raise Mistake(f'expected temperature in kelvin or "auto", got {describe(value)}', "write 4000")
     low, high = colors.KELVIN_RANGE

@@ -52,10 +52,10 @@ def contours(luminance: F64, scale: list[float]) -> NDArray[np.bool_]:
     height, width = luminance.shape
     smooth = sum(wide[y : y + height, x : x + width] for y in range(3) for x in range(3)) / 9.0
     band = np.searchsorted(np.array(scale), smooth)
-    found = np.zeros(luminance.shape, bool)
-    found[:, 1:] |= band[:, 1:] != band[:, :-1]
-    found[1:] |= band[1:] != band[:-1]
-    return found
+    edges = np.zeros(luminance.shape, bool)
+    edges[:, 1:] |= band[:, 1:] != band[:, :-1]
+    edges[1:] |= band[1:] != band[:-1]
+    return edges
 
 
 def picture(luminance: F64) -> bytes:

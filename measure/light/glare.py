@@ -92,12 +92,12 @@ def _background(scene: ir.Scene, eye: F64, effort: Effort) -> tuple[Value, list[
     meter = ir.Meter("eye", tuple(map(tuple, eye.tolist())))
     seen, (sensor,) = sensors.with_sensors(scene, [meter])
     sampler = Sampler(seen, ir.Settings(size=(1, 1), camera="0"), effort, {**illuminance.precision(scene, [meter]), "mis": "light"})
-    whole, sums = sampler.replicates(sensor.cameras, (1, 1))
-    direct = sampler.direct(sensor.cameras, (1, 1), whole.samples // GROUPS)
+    total, sums = sampler.replicates(sensor.cameras, (1, 1))
+    direct = sampler.direct(sensor.cameras, (1, 1), total.samples // GROUPS)
     rest: Estimate = told(sums - direct)
     lost = sampler.unbounced(sensor.cameras, (1, 1))
-    mean = rest.mean if rest.mean > ROUNDING * whole.mean else 0.0
-    return Value(mean, rest.mean_error + lost * whole.mean), illuminance.missing_light(scene, sampler)
+    mean = rest.mean if rest.mean > ROUNDING * total.mean else 0.0
+    return Value(mean, rest.mean_error + lost * total.mean), illuminance.missing_light(scene, sampler)
 
 
 def _shining(scene: ir.Scene) -> tuple[NDArray[np.int64], list[Diagnostic]]:

@@ -79,10 +79,10 @@ def precision(scene: ir.Scene, meters: Sequence[ir.Meter]) -> dict[str, str]:
 
 
 def _read(sensor: sensors.Sensor, sampler: Sampler) -> Reading:
-    found = sampler.estimate(sensor.cameras, sensor.cells)
+    estimate = sampler.estimate(sensor.cameras, sensor.cells)
     lost = sampler.unbounced(sensor.cameras, sensor.cells)
-    cells, errors = math.pi * found.value, math.pi * (found.error + lost * found.value)
-    mean = Value(math.pi * found.mean, math.pi * (found.mean_error + lost * found.mean))
+    cells, errors = math.pi * estimate.value, math.pi * (estimate.error + lost * estimate.value)
+    mean = Value(math.pi * estimate.mean, math.pi * (estimate.mean_error + lost * estimate.mean))
     flux = None
     if sensor.area:
         flux = Value(mean.value * sensor.area, mean.error * sensor.area + mean.value * sensor.area_error)
@@ -90,7 +90,7 @@ def _read(sensor: sensors.Sensor, sampler: Sampler) -> Reading:
     if cells.size > 1:
         least, most = extremes(cells, errors)
         uniformity = _ratio(least, mean)
-    return Reading(sensor.meter, cells, errors, mean, least, most, uniformity, flux, sensor.area, found.samples)
+    return Reading(sensor.meter, cells, errors, mean, least, most, uniformity, flux, sensor.area, estimate.samples)
 
 
 def extremes(values: F64, errors: F64) -> tuple[Value, Value]:
@@ -116,16 +116,16 @@ def _ratio(a: Value, b: Value) -> Value | None:
 
 def missing_light(scene: ir.Scene, sampler: Sampler) -> list[Diagnostic]:
     """Warnings about light that readings lack or find by chance."""
-    found = []
+    warnings = []
     if sampler.lacks_caustics:
         message = "small lights shine through glass or off mirrors here: paths find that light by chance, and that of points not at all"
         hint = "larger lamps have true errors: give points a radius, or draw the picture, whose photons find it"
-        found.append(Diagnostic("warning", f"{message}; values and their errors may be too small", None, hint))
+        warnings.append(Diagnostic("warning", f"{message}; values and their errors may be too small", None, hint))
     ambient = np.flatnonzero(ir.is_in(scene.tables.lights.kind, AMBIENT))
     if len(ambient):
         message = "an ambient light has no direction: a meter receives only what other surfaces reflect of it"
-        found.append(Diagnostic("warning", message, scene.spans.at("lights", int(ambient[0])), "a sky lights meters, too"))
-    return found
+        warnings.append(Diagnostic("warning", message, scene.spans.at("lights", int(ambient[0])), "a sky lights meters, too"))
+    return warnings
 
 
 def _dark(reading: Reading) -> list[Diagnostic]:

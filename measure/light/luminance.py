@@ -55,9 +55,9 @@ def read(
 
 def _read(sampler: Sampler, region: Region, size: tuple[int, int]) -> Reading:
     camera = [sampler.view.camera]
-    found = sampler.estimate(camera, size, region, every=False)
+    estimate = sampler.estimate(camera, size, region, every=False)
     lost = sampler.unbounced(camera, size, region)
-    errors = found.error + lost * found.value
-    mean = Value(found.mean, found.mean_error + lost * found.mean)
-    least, most = extremes(found.value, errors) if found.value.size > 1 else (None, None)
-    return Reading(region, found.value, errors, mean, least, most, found.samples)
+    errors = estimate.error + lost * estimate.value
+    mean = Value(estimate.mean, estimate.mean_error + lost * estimate.mean)
+    least, most = extremes(estimate.value, errors) if estimate.value.size > 1 else (None, None)
+    return Reading(region, estimate.value, errors, mean, least, most, estimate.samples)

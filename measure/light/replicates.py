@@ -143,18 +143,18 @@ class Sampler:
                 for camera in cameras[begin + count // FIRST : begin + (count + step) // FIRST]:
                     sums[k] += self.draw(camera, size, crop, self._seed(k) + camera, 0, FIRST)
             count += step
-            found = told(sums / count, count)
-            cell = float(np.sqrt(np.mean(np.square(found.error)))) / EACH if every else 0.0
-            if count >= most or self._is_late() or max(cell, found.mean_error) <= self.effort.error * found.mean:
-                return found, sums / count
+            estimate = told(sums / count, count)
+            cell = float(np.sqrt(np.mean(np.square(estimate.error)))) / EACH if every else 0.0
+            if count >= most or self._is_late() or max(cell, estimate.mean_error) <= self.effort.error * estimate.mean:
+                return estimate, sums / count
             step = count
 
     def direct(self, cameras: Sequence[int], size: tuple[int, int], count: int) -> F64:
         """The luminance of each replicate of one camera by `count` samples of direct light alone, with the same random numbers."""
         self.limit(0)
-        made = [self.draw(cameras[0], size, (0, 0, *size), self._seed(k), 0, count) / count for k in range(REPLICATES)]
+        pictures = [self.draw(cameras[0], size, (0, 0, *size), self._seed(k), 0, count) / count for k in range(REPLICATES)]
         self.limit(MAX_BOUNCES)
-        return np.array(made)
+        return np.array(pictures)
 
     def unbounced(self, cameras: Sequence[int], size: tuple[int, int], crop: tuple[int, int, int, int] | None = None) -> float:
         """The share of the mean light that the greatest limit on bounces leaves out.

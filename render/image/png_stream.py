@@ -1,4 +1,4 @@
-"""Writes PNG files, whose rows are filtered and compressed on several threads. OpenImageIO writes what is not pixels.
+"""A writer of PNG files that filters and compresses rows on several threads. OpenImageIO writes the other chunks.
 
 Blocks of rows are compressed one by one into a single stream, each with the 32 kB before it as its dictionary (Adler, pigz).
 """

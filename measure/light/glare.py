@@ -64,16 +64,16 @@ def rate(scene: ir.Scene, settings: ir.Settings, effort: Effort) -> tuple[Rating
     axes = matrix[:, :3] / np.linalg.norm(matrix[:, :3], axis=0)
     eye = np.eye(4)
     eye[:3, 0], eye[:3, 1], eye[:3, 2], eye[:3, 3] = axes[:, 0], -axes[:, 2], axes[:, 1], matrix[:, 3]
-    background, found = _background(scene, eye, effort)
+    background, diagnostics = _background(scene, eye, effort)
     accel = ray_queries.build(tables, general=True)
     rows, notes = _shining(scene)
     every = (_source(scene, part, axes, matrix[:, 3], accel) for part in sensors.triangles(scene, rows))
     sources = tuple(source for source in every if source is not None)
-    found += notes + [
+    diagnostics += notes + [
         Diagnostic("note", f"`{s.name}` fills {s.solid_angle.value:.2g} sr: above {LARGE:g} sr the rating says too much of a lamp")
         for s in sources if s.solid_angle.value > LARGE
     ]  # fmt: skip
-    return Rating(_rating(background, sources), background, sources), found
+    return Rating(_rating(background, sources), background, sources), diagnostics
 
 
 def _rating(background: Value, sources: tuple[Source, ...]) -> Value | None:
@@ -102,21 +102,21 @@ def _background(scene: ir.Scene, eye: F64, effort: Effort) -> tuple[Value, list[
 
 def _shining(scene: ir.Scene) -> tuple[NDArray[np.int64], list[Diagnostic]]:
     """The instances that shine, and notes on lamps that the rating leaves out."""
-    tables, found = scene.tables, []
+    tables, diagnostics = scene.tables, []
     lights = tables.lights
     bright = metrics.luminance(lights.color) > 0.0
     for row in np.flatnonzero(ir.is_in(lights.kind, LIGHT_POINTS) & bright).tolist():
         name = scene.names.lights[row] or "a lamp"
         message = f"{name} is a point, which has no luminance: the glare rating leaves it out"
-        found.append(Diagnostic("note", message, scene.spans.at("lights", row), "a sphere of an emissive material has one"))
+        diagnostics.append(Diagnostic("note", message, scene.spans.at("lights", row), "a sphere of an emissive material has one"))
     used = tables.instances.material
     shines = traits.emissive(tables)[used]
     varied = shines & (tables.materials.textures[used, ir.Slot.EMISSION] >= 0)
     for row in np.flatnonzero(varied).tolist():
         name = scene.names.instances[row] if row < len(scene.names.instances) else "an object"
         message = f"the luminance of `{name}` varies over it: the glare rating takes its greatest"
-        found.append(Diagnostic("note", message, scene.spans.at("instances", row)))
-    return np.flatnonzero(shines), found
+        diagnostics.append(Diagnostic("note", message, scene.spans.at("instances", row)))
+    return np.flatnonzero(shines), diagnostics
 
 
 def _source(scene: ir.Scene, part: Part, axes: F64, eye: F64, accel: Handle) -> Source | None:

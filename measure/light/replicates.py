@@ -48,10 +48,10 @@ class Effort:
     threads: int | None = None
     seed: int = 0
 
-    def share(self, left: int) -> Effort:
-        """The effort for one of `left` readings, which share the time that is left."""
+    def share(self, readings: int) -> Effort:
+        """The effort for one of some readings, which share the remaining time."""
         now = time.monotonic()
-        return replace(self, ends=now + max(self.ends - now, 0.0) / left)
+        return replace(self, ends=now + max(self.ends - now, 0.0) / readings)
 
 
 @dataclass(frozen=True)
@@ -167,8 +167,8 @@ class Sampler:
             self.limit(bounces)
             light.append(sum(float(self.draw(c, size, crop, self._seed(k), 0, FIRST).mean()) for k in range(4) for c in some))
         self.limit(MAX_BOUNCES)
-        whole, half = light
-        share = max(1.0 - half / whole, 0.0) if whole > 0.0 else 0.0
+        full, half = light
+        share = max(1.0 - half / full, 0.0) if full > 0.0 else 0.0
         fade = min(share / max(1.0 - share, 1e-9), 0.99)
         return MARGIN * fade**2 / (1.0 - fade**2)
 
@@ -178,8 +178,8 @@ class Sampler:
 
 def told(means: F64, count: int = 0) -> Estimate:
     """The estimate of the means of replicates (REPLICATES, h, w) of `count` samples each."""
-    value, whole = means.mean(axis=0), means.mean(axis=(1, 2))
-    mean = float(whole.mean())
+    value, full = means.mean(axis=0), means.mean(axis=(1, 2))
+    mean = float(full.mean())
     error = QUANTILE * means.std(axis=0, ddof=1) / math.sqrt(len(means)) + BIAS * np.abs(value)
-    mean_error = QUANTILE * float(whole.std(ddof=1)) / math.sqrt(len(means)) + BIAS * abs(mean)
+    mean_error = QUANTILE * float(full.std(ddof=1)) / math.sqrt(len(means)) + BIAS * abs(mean)
     return Estimate(value, error, mean, mean_error, count * len(means))

@@ -44,28 +44,28 @@ class Light:
 
 def measure(scene: ir.Scene, request: Request, effort: Effort) -> Light:
     """Measure the light of a scene. Raises sensors.MeterError, ValueError and PlanError."""
-    made, left = Light(found=_about_lights(scene)), request.illuminance + request.daylight + bool(request.regions) + request.glare
+    light, remaining = Light(found=_about_lights(scene)), request.illuminance + request.daylight + bool(request.regions) + request.glare
 
     def share() -> Effort:
-        nonlocal left
-        left -= 1
-        return effort.share(left + 1)
+        nonlocal remaining
+        remaining -= 1
+        return effort.share(remaining + 1)
 
     if request.illuminance:
-        made.meters, told = illuminance.read(scene, request.meters, share())
-        made.found += told
+        light.meters, told = illuminance.read(scene, request.meters, share())
+        light.found += told
     if request.daylight:
-        made.daylight, told = overcast.read(scene, request.meters, share())
-        made.found += told
+        light.daylight, told = overcast.read(scene, request.meters, share())
+        light.found += told
     if request.regions:
-        made.luminance, told = luminance.read(scene, request.settings, list(request.regions), share())
-        made.found += told
+        light.luminance, told = luminance.read(scene, request.settings, list(request.regions), share())
+        light.found += told
     if request.glare:
-        made.glare, told = glare.rate(scene, request.settings, share())
-        made.found += told
-    made.found += _missed(made, effort)
-    made.found = list(dict.fromkeys(made.found))
-    return made
+        light.glare, told = glare.rate(scene, request.settings, share())
+        light.found += told
+    light.found += _missed(light, effort)
+    light.found = list(dict.fromkeys(light.found))
+    return light
 
 
 def _about_lights(scene: ir.Scene) -> list[Diagnostic]:

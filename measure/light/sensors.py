@@ -64,12 +64,12 @@ class _Rows:
         """Add `count` rows, whose columns are (count, …) or equal for all; return the first."""
         before = getattr(self.tables, table)
         first = self.counts.setdefault(table, len(before[0]))
-        made = {}
+        rows = {}
         for column, value in columns.items():
             kind, shape = ir.column_type(table, column)
             value = np.asarray(value, kind)
-            made[column] = np.broadcast_to(value, (count, *shape)) if value.ndim <= len(shape) else value
-        self.blocks.setdefault(table, []).append(made)
+            rows[column] = np.broadcast_to(value, (count, *shape)) if value.ndim <= len(shape) else value
+        self.blocks.setdefault(table, []).append(rows)
         self.counts[table] += count
         return first
 
@@ -82,11 +82,11 @@ class _Rows:
 
     def finish(self) -> ir.Tables:
         """The tables with the added rows."""
-        made = {}
+        rows = {}
         for table, blocks in self.blocks.items():
             before = getattr(self.tables, table)._asdict()
-            made[table] = ir.table_of(table, {c: np.concatenate([values, *(b[c] for b in blocks)]) for c, values in before.items()})
-        return self.tables._replace(**made)
+            rows[table] = ir.table_of(table, {c: np.concatenate([values, *(b[c] for b in blocks)]) for c, values in before.items()})
+        return self.tables._replace(**rows)
 
 
 def with_sensors(scene: ir.Scene, meters: Sequence[ir.Meter], seed: int = 0) -> tuple[ir.Scene, list[Sensor]]:
@@ -107,17 +107,17 @@ def with_sensors(scene: ir.Scene, meters: Sequence[ir.Meter], seed: int = 0) -> 
         _surface(rows, scene, meter, material, seed + k, fine) if meter.on else _rectangle(rows, meter, material, size, fine)
         for k, meter in enumerate(meters)
     ]
-    made = rows.finish()
+    tables = rows.finish()
     names = {
-        table: (*getattr(scene.names, table), *[""] * (len(next(iter(getattr(made, table)))) - len(getattr(scene.names, table))))
+        table: (*getattr(scene.names, table), *[""] * (len(next(iter(getattr(tables, table)))) - len(getattr(scene.names, table))))
         for table in ("geometries", "materials")
     }
-    placed = (*scene.names.instances, *["meter"] * (len(made.instances.geometry) - len(scene.names.instances)))
-    cameras = tuple(map(str, range(len(made.cameras.extent))))
+    placed = (*scene.names.instances, *["meter"] * (len(tables.instances.geometry) - len(scene.names.instances)))
+    cameras = tuple(map(str, range(len(tables.cameras.extent))))
     named = replace(scene.names, **names, instances=placed, cameras=cameras)
     settings = ir.Settings(background=scene.settings.background)
     spans = replace(scene.spans, rows={table: of for table, of in scene.spans.rows.items() if table not in ("cameras", "settings")})
-    return replace(scene, tables=made, names=named, settings=settings, spans=spans), sensors
+    return replace(scene, tables=tables, names=named, settings=settings, spans=spans), sensors
 
 
 def _rectangle(rows: _Rows, meter: ir.Meter, material: int, size: float, fine: float) -> Sensor:
@@ -208,15 +208,15 @@ def _frames(points: F64, normals: F64) -> F64:
     """(n, 4, 4) frames at points with +y along normals."""
     x = np.cross(normals, np.eye(3)[np.abs(normals).argmin(axis=1)])
     x /= np.linalg.norm(x, axis=1, keepdims=True)
-    made = np.tile(np.eye(4), (len(points), 1, 1))
-    made[:, :3] = np.stack([x, normals, np.cross(x, normals), points], axis=2)
-    return made
+    matrices = np.tile(np.eye(4), (len(points), 1, 1))
+    matrices[:, :3] = np.stack([x, normals, np.cross(x, normals), points], axis=2)
+    return matrices
 
 
 def _lifted(frame: F64, height: float) -> F64:
-    made = frame.copy()
-    made[:3, 3] += height * frame[:3, 1]
-    return made
+    matrices = frame.copy()
+    matrices[:3, 3] += height * frame[:3, 1]
+    return matrices
 
 
 def _instance(rows: _Rows, geometry: int, transform: int, material: int, bits: int) -> None:

@@ -16,11 +16,11 @@ _FLOAT64 = {
     "matrix", "inverse", "parameters", "bounds", "origin", "frame", "size", "color_a", "color_b", "gain", "bias", "color", "position",
     "direction", "cos_cone", "cos_full", "angle", "coefficients", "extent", "aspect", "near", "far", "shift", "exposure",
     "threshold", "move", "turn", "stretch", "opening", "shutter", "constants", "lens", "focus",
-    "pixel_aspect", "planes",
+    "pixel_aspect", "planes", "scattering", "absorption", "emission", "anisotropy", "priority", "top",
 }  # fmt: skip
 _FLOAT32 = {"positions", "texels"}
 _INT64 = {"first", "first_constant"}
-_BOOL = {"flips", "normalized", "nearest", "shadows", "textured"}
+_BOOL = {"flips", "normalized", "nearest", "shadows", "textured", "everywhere"}
 _SHAPE: dict[tuple[str, str], tuple[int, ...]] = {
     ("transforms", "matrix"): (3, 4),
     ("transforms", "inverse"): (3, 4),
@@ -37,6 +37,10 @@ _SHAPE: dict[tuple[str, str], tuple[int, ...]] = {
     ("geometries", "origin"): (3,),
     ("materials", "values"): (SLOTS, 3),
     ("materials", "textures"): (SLOTS,),
+    ("media", "scattering"): (3,),
+    ("media", "absorption"): (3,),
+    ("media", "emission"): (3,),
+    ("media", "bounds"): (2, 3),
     ("textures", "frame"): (2, 3),
     ("textures", "color_a"): (3,),
     ("textures", "color_b"): (3,),
@@ -54,7 +58,8 @@ _SHAPE: dict[tuple[str, str], tuple[int, ...]] = {
 TABLES: dict[str, type] = {
     "transforms": tables.Transforms, "keys": tables.Keys, "pools": tables.Pools, "attributes": tables.Attributes,
     "polygons": tables.Polygons, "tapes": tables.Tapes,
-    "geometries": tables.Geometries, "instances": tables.Instances, "materials": tables.Materials, "textures": tables.Textures,
+    "geometries": tables.Geometries, "instances": tables.Instances, "materials": tables.Materials, "media": tables.Media,
+    "textures": tables.Textures,
     "images": tables.Images, "lights": tables.Lights, "cameras": tables.Cameras,
 }  # fmt: skip
 
@@ -76,6 +81,8 @@ def column_type(table: str, column: str) -> tuple[np.dtype[Any], tuple[int, ...]
         kind = np.float32
     elif table == "materials" and column == "first":
         kind = np.int32
+    elif table == "media" and column == "falloff":
+        kind = np.float64
     else:
         named = ((np.float64, _FLOAT64), (np.float32, _FLOAT32), (np.int64, _INT64), (np.bool_, _BOOL))
         kind = next((t for t, names in named if column in names), np.int32)

@@ -113,6 +113,23 @@ class Materials(NamedTuple):
     textured: Bool  # (n,) whether a slot, or a part of a blend, has a texture
     first: I32  # (n,) rows of the two materials of a BLEND, lower than its own; -1
     second: I32
+    medium: I32  # (n,) row of Media inside of closed shapes, or -1
+
+
+class Media(NamedTuple):
+    """Participating media: coefficients per metre, times `density` where there is one. Radiance of emission is per metre, too."""
+
+    scattering: F64  # (n, 3)
+    absorption: F64  # (n, 3)
+    emission: F64  # (n, 3) radiance that a metre emits, W/(m³ sr) in the units of lights
+    anisotropy: F64  # (n,) g of Henyey and Greenstein 1941, -1 to 1
+    priority: F64  # (n,) where media overlap, the higher one counts
+    everywhere: Bool  # (n,) it fills the whole scene, around all shapes; at most one row
+    top: F64  # (n,) height y in the world up to which the density is 1; inf: no top
+    falloff: F64  # (n,) metres above `top` in which the density falls to 1/e; 0: it ends there
+    density: I32  # (n,) row of Textures, a FORMULA of the point in the frame `transform`, or -1: 1 everywhere
+    transform: I32  # (n,) frame of `density` and `bounds` (world = transform · local)
+    bounds: F64  # (n, 2, 3) lowest and highest corner of the box in that frame outside of which the density is 0; ±inf: unbounded
 
 
 class Textures(NamedTuple):
@@ -197,6 +214,7 @@ class Tables(NamedTuple):
     geometries: Geometries
     instances: Instances
     materials: Materials
+    media: Media
     textures: Textures
     images: Images
     lights: Lights

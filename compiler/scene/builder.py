@@ -27,6 +27,7 @@ from .row_records import (
     InstanceData,
     LightData,
     MaterialData,
+    MediumData,
     MeshAttribute,
     MeshData,
     TextureData,
@@ -36,7 +37,7 @@ from .row_records import (
 NONE = -1  # the row of a rejected item; a diagnostic says why
 FARTHEST_PLACE = 1e30  # largest coordinate of a transform; single precision ends at 3.4e38
 FRAMED = FARTHEST_PLACE / 100  # largest coordinate of shapes that are framed: the camera stands at less than 100 times that
-SPANNED = ("geometries", "instances", "calls", "materials", "textures", "lights", "cameras", "settings")
+SPANNED = ("geometries", "instances", "calls", "materials", "media", "textures", "lights", "cameras", "settings")
 _NO_INVERSE = {
     True: ("this is flattened to nothing by its transform (no inverse)", "a scale must not be 0 along any axis"),
     False: ("the transform of this has numbers that are not finite", ""),
@@ -282,23 +283,22 @@ class SceneBuilder:
             values[slot], images[slot] = list(map(float, value.value)), value.texture
         how = (int(material.model), int(material.shading), bool(material.normalized), float(material.threshold))
         parts = material.first, material.second
-        textured = max(images) >= 0 or any(part >= 0 and self._textured(part) for part in parts)
-        row = (*how, tuple(map(tuple, values)), tuple(images), textured, *parts)
+        column = ir.Materials._fields.index("textured")
+        textured = max(images) >= 0 or any(part >= 0 and bool(self._rows["materials"][part][column]) for part in parts)
+        row = (*how, tuple(map(tuple, values)), tuple(images), textured, *parts, material.medium)
         key = ("material", row, material.name)
         if key not in self._known:
             self._known[key] = self._add("materials", row, span, material.name)
         return self._known[key]
 
-    def _textured(self, material: int) -> bool:
-        return bool(self._rows["materials"][material][ir.Materials._fields.index("textured")])
+    def medium(self, medium: MediumData, span: Span | None = None) -> int:
+        """The row of a participating medium; equal media share one."""
+        return self.shared(("medium", medium), lambda: self._add("media", tuple(map(medium.__getattribute__, ir.Media._fields)), span, ""))
 
     def texture(self, texture: TextureData, span: Span | None = None) -> int:
         """The row of a texture; equal textures share one."""
-        key = ("texture", texture)
-        if key not in self._known:
-            row = tuple(getattr(texture, column) for column in ir.Textures._fields)
-            self._known[key] = self._add("textures", row, span, "")
-        return self._known[key]
+        columns = ir.Textures._fields
+        return self.shared(("texture", texture), lambda: self._add("textures", tuple(map(texture.__getattribute__, columns)), span, ""))
 
     def alpha_of(self, texture: int) -> int:
         """The row of the alpha channel of an image texture, with the same mapping; NONE for an opaque image."""

@@ -12,7 +12,7 @@ from .. import ir
 
 Columns = dict[str, Any]  # a table's arrays by name
 _SINGULAR = {
-    "geometries": "shape", "instances": "instance", "materials": "material", "textures": "texture", "lights": "light",
+    "geometries": "shape", "instances": "instance", "materials": "material", "media": "medium", "textures": "texture", "lights": "light",
     "cameras": "camera", "attributes": "attribute", "images": "image", "transforms": "transform", "keys": "key",
 }  # fmt: skip
 

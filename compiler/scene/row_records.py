@@ -99,6 +99,24 @@ class MaterialData:
     threshold: float = 0.0  # see ir.Materials
     first: int = -1  # material rows of a BLEND
     second: int = -1
+    medium: int = -1  # row from SceneBuilder.medium
+
+
+@dataclass(frozen=True, slots=True)
+class MediumData:
+    """Columns of ir.Media. `density` is a row from SceneBuilder.texture, `transform` from SceneBuilder.transform."""
+
+    scattering: Color = BLACK
+    absorption: Color = BLACK
+    emission: Color = BLACK
+    anisotropy: float = 0.0
+    priority: float = 0.0
+    everywhere: bool = False
+    top: float = math.inf
+    falloff: float = 0.0
+    density: int = -1
+    transform: int = 0
+    bounds: tuple[Color, Color] = ((-math.inf,) * 3, (math.inf,) * 3)
 
 
 @dataclass(frozen=True, slots=True)

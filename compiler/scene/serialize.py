@@ -17,7 +17,7 @@ from .. import ir
 from ..io import array_files
 from ..io.replace_file import replacing
 
-VERSION = 6
+VERSION = 7
 FORMAT = "maquette ir"
 _DAMAGE = (ValueError, KeyError, TypeError, AttributeError, IndexError, RuntimeError, MemoryError)
 

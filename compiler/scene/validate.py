@@ -33,6 +33,9 @@ _REFERENCES = (  # table, column, table it points into, whether -1 is allowed
     ("instances", "material", "materials", False),
     ("instances", "light", "lights", True),
     ("materials", "textures", "textures", True),
+    ("materials", "medium", "media", True),
+    ("media", "density", "textures", True),
+    ("media", "transform", "transforms", False),
     ("textures", "image", "images", True),
     ("textures", "tape", "tapes", True),
     ("lights", "transform", "transforms", False),
@@ -55,10 +58,12 @@ _CHOICES: tuple[tuple[str, str, type[IntEnum]], ...] = (
     ("cameras", "fit", ir.Fit),
 )
 _FINITE = (
-    ("transforms", "matrix"), ("materials", "values"), ("textures", "frame"), ("textures", "size"), ("textures", "color_a"),
-    ("textures", "color_b"), ("textures", "gain"), ("textures", "bias"), ("lights", "color"), ("lights", "position"),
-    ("lights", "direction"), ("lights", "size"), ("lights", "cos_cone"), ("lights", "cos_full"), ("lights", "angle"),
-    ("lights", "coefficients"), ("cameras", "extent"), ("cameras", "aspect"), ("cameras", "near"), ("cameras", "shift"),
+    ("transforms", "matrix"), ("materials", "values"), ("media", "scattering"), ("media", "absorption"),
+    ("media", "emission"), ("media", "anisotropy"), ("media", "priority"), ("media", "falloff"), ("textures", "frame"),
+    ("textures", "size"), ("textures", "color_a"), ("textures", "color_b"), ("textures", "gain"), ("textures", "bias"),
+    ("lights", "color"), ("lights", "position"), ("lights", "direction"), ("lights", "size"), ("lights", "cos_cone"),
+    ("lights", "cos_full"), ("lights", "angle"), ("lights", "coefficients"),
+    ("cameras", "extent"), ("cameras", "aspect"), ("cameras", "near"), ("cameras", "shift"),
     ("cameras", "opening"), ("cameras", "shutter"), ("cameras", "lens"),
     ("cameras", "focus"), ("cameras", "pixel_aspect"), ("cameras", "planes"), ("keys", "move"), ("keys", "turn"), ("keys", "stretch"),
 )  # fmt: skip
@@ -278,6 +283,7 @@ def _materials(check: Check) -> None:
     for part in ("first", "second"):
         check.bad("materials", blend & ((table[part] < 0) | (table[part] >= row)), "its parts are not rows before it")
     check.bad("materials", ~(table["values"][:, ir.Slot.IOR, 0] > 0), "its index of refraction is not above 0")
+    _media(check)
     textures = check.tables["textures"]
     if not len(textures["kind"]):
         return
@@ -286,6 +292,18 @@ def _materials(check: Check) -> None:
     check.bad("textures", (textures["kind"] == ir.TextureKind.FORMULA) & (textures["tape"] < 0), "it has no tape")
     check.bad("textures", (textures["channel"] < -1) | (textures["channel"] > 3), "its channel is none of -1 … 3")
     check.bad("textures", textures["size"] < 0, "its cell is of negative size")
+
+
+def _media(check: Check) -> None:
+    table, textures = check.tables["media"], check.tables["textures"]
+    for column in ("scattering", "absorption", "emission", "falloff"):
+        negative = table[column] < 0
+        check.bad("media", negative if negative.ndim == 1 else negative.any(axis=1), f"its {column} is negative")
+    check.bad("media", abs(table["anisotropy"]) > 1, "its anisotropy is not between -1 and 1")
+    check.bad("media", np.isnan(table["top"]) | np.isnan(table["bounds"]).any(axis=(1, 2)), "its bounds are not numbers")
+    check.bad("media", np.cumsum(table["everywhere"]) * table["everywhere"] > 1, "the scene has another one that fills it")
+    kinds = np.append(textures["kind"], ir.TextureKind.FORMULA)  # the last stands for row -1
+    check.bad("media", kinds[table["density"]] != ir.TextureKind.FORMULA, "its density is a picture, not a formula")
 
 
 def _lights(check: Check) -> None:

@@ -122,7 +122,7 @@ def test_other_files(saved: tuple[ir.Scene, Path], tmp_path: Path) -> None:
     np.savez(tmp_path / "other.npz", a=np.zeros(3))
     assert reason(tmp_path / "other.npz") == DAMAGED
     assert reason(rewritten(path, about={"version": 99})) == (
-        "cannot read the saved scene: it is of version 99, and this program reads 6: compile the scene again"
+        "cannot read the saved scene: it is of version 99, and this program reads 7: compile the scene again"
     )
     assert reason(rewritten(path, about={"format": "x"})) == "cannot read the saved scene: it is not maquette's"
 

@@ -135,7 +135,7 @@ class _Reader:
         """The parts of a node's mesh at all its places."""
         title, skin = node.get("name") or "", None
         if "skin" in node:
-            skin = self.attempt("a skin", lambda: gltf_animation.Skin.of(self.container, node, self.globals), None)
+            skin = self.attempt("a skin", lambda: gltf_animation.Skin.from_node(self.container, node, self.globals), None)
         places = self.places(node, matrix) if skin is None else [transforms.identity()]
         return [replace(p, name=title or p.name, transform=place[:3]) for place in places for p in self.mesh(node, skin)]
 

@@ -136,7 +136,7 @@ class Skin:
     joints: np.ndarray
 
     @staticmethod
-    def of(container: Container, node: Mapping[str, Any], nodes: Mapping[int, np.ndarray]) -> Skin:
+    def from_node(container: Container, node: Mapping[str, Any], nodes: Mapping[int, np.ndarray]) -> Skin:
         """The skin of a node; `nodes` are the world matrices of the scene's nodes."""
         skin = container.document["skins"][node["skin"]]
         world = np.array([nodes.get(joint, np.eye(4)) for joint in skin["joints"]])

@@ -114,17 +114,17 @@ class Materials:
                 surface = replace(surface, transmission=share * (1.0 - min(max(metallic, 0.0), 1.0)))
         return self._scattering_through(surface, extensions.get("KHR_materials_diffuse_transmission", {}))
 
-    def _scattering_through(self, surface: metallic_roughness.Surface, given: dict[str, Any]) -> MaterialData:
+    def _scattering_through(self, surface: metallic_roughness.Surface, extension: dict[str, Any]) -> MaterialData:
         """A surface that passes a share of the diffuse light on, by KHR_materials_diffuse_transmission.
 
         Without a highlight it is `translucent`; with one it is blended with a sheet that reflects nothing.
         """
-        weight = self._texture(given.get("diffuseTransmissionTexture"), 3)
-        share = min(max(float(given.get("diffuseTransmissionFactor", 0.0)), 0.0), 1.0)
+        weight = self._texture(extension.get("diffuseTransmissionTexture"), 3)
+        share = min(max(float(extension.get("diffuseTransmissionFactor", 0.0)), 0.0), 1.0)
         if share == 0.0:
             return metallic_roughness.material(surface)
-        color = as_color(given.get("diffuseTransmissionColorFactor", WHITE))
-        passed = Input(color, self._texture(given.get("diffuseTransmissionColorTexture")))
+        color = as_color(extension.get("diffuseTransmissionColorFactor", WHITE))
+        passed = Input(color, self._texture(extension.get("diffuseTransmissionColorTexture")))
         plain = surface.ior.value[0] == 1.0 and surface.specular is None and surface.metallic.value[0] == 0.0
         plain = plain and surface.coat.value[0] == 0.0 and surface.sheen.value == BLACK and weight == NONE
         reflected = replace(surface.diffuse, value=scale_color(surface.diffuse.value, 1.0 - share)) if plain else Input(BLACK)

@@ -30,7 +30,7 @@ class Photometry:
     horizontal: F64  # (h,) 0 alone, or 0 to 2π
     candela: F64  # (h, v)
 
-    def at(self, vertical: F64, horizontal: F64) -> F64:
+    def intensity(self, vertical: F64, horizontal: F64) -> F64:
         """Candela at angles of one shape, linear between the given ones and 0 beyond the vertical ones."""
         v, inside = _place(self.vertical, vertical)
         h, _ = _place(self.horizontal, np.mod(horizontal, 2 * np.pi))
@@ -50,7 +50,7 @@ class Photometry:
         middle = 0.5 * (edges[1:] + edges[:-1])
         around = (np.arange(72) + 0.5) * (2 * np.pi / 72)
         shares = np.cos(edges[:-1]) - np.cos(edges[1:])
-        each = self.at(middle[:, None] + 0 * around, around + 0 * middle[:, None]).mean(axis=1)
+        each = self.intensity(middle[:, None] + 0 * around, around + 0 * middle[:, None]).mean(axis=1)
         full_sphere = np.ptp(self.vertical) > np.pi / 2 + 0.1
         return float((each * shares).sum() / (2.0 if full_sphere else 1.0))
 

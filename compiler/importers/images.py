@@ -117,8 +117,8 @@ def read(source: str | bytes, name: str, space: str = "auto", limit: int = MAX_T
             pixels = picture.read_image(0, 0, first, max(channels.used) + 1, _stored_type(spec))
             if pixels is None:
                 raise ImageError(f"the picture `{name}` is damaged", _reason(picture_contents.message_of(picture), path, name))
-            left, is_srgb = channels.left(names), space != "linear"
-            faults = tuple(picture_contents.faults(picture, channels.stand_in, left, path, name, is_srgb=is_srgb))
+            unread, is_srgb = channels.unread(names), space != "linear"
+            faults = tuple(picture_contents.faults(picture, channels.stand_in, unread, path, name, is_srgb=is_srgb))
         finally:
             picture.close()
     if pixels.ndim == 4:  # first slice of a volume

@@ -44,13 +44,13 @@ class _Problems:
 
     file: str
     diagnostics: Diagnostics
-    found: dict[tuple[str, str], list[tuple[int, str]]] = field(default_factory=dict)
+    places: dict[tuple[str, str], list[tuple[int, str]]] = field(default_factory=dict)
 
     def add(self, severity: str, kind: str, line: int, message: str) -> None:
-        self.found.setdefault((severity, kind), []).append((line, message))
+        self.places.setdefault((severity, kind), []).append((line, message))
 
     def report(self) -> None:
-        for (severity, _), places in sorted(self.found.items(), key=lambda item: item[1][0][0]):
+        for (severity, _), places in sorted(self.places.items(), key=lambda item: item[1][0][0]):
             line, message = places[0]
             more = len({line for line, _ in places}) - 1
             also = f"; so {'is' if more == 1 else 'are'} {more} more line{'s' if more > 1 else ''}" if more else ""
@@ -93,9 +93,9 @@ def _read(lines: obj_lexer.Lines, file: str, problems: _Problems) -> ObjMesh | N
     mesh = PolyMesh(
         points, counts, corners[:, 0],
         _by_corner(normal_values, corners[:, 2], missing=0.0), _by_corner(uv_values, corners[:, 1], missing=0.0),
-        None if tints is None else MeshAttribute(tints), state.at(state.smoothing, rows) if state.smoothing else None,
+        None if tints is None else MeshAttribute(tints), state.values_at(state.smoothing, rows) if state.smoothing else None,
     )  # fmt: skip
-    materials = state.at(state.material, rows) if state.material else np.zeros(len(rows), dtype=np.int64)
+    materials = state.values_at(state.material, rows) if state.material else np.zeros(len(rows), dtype=np.int64)
     return ObjMesh(mesh, materials, state.names, state.libraries, state.uses)
 
 
@@ -110,7 +110,7 @@ class _State:
     uses: dict[str, Span] = field(default_factory=dict)
 
     @staticmethod
-    def at(events: list[tuple[int, int]], rows: np.ndarray) -> np.ndarray:
+    def values_at(events: list[tuple[int, int]], rows: np.ndarray) -> np.ndarray:
         """The value in effect at each of `rows`; 0 before the first."""
         where = np.array([row for row, _ in events])
         values = np.array([0] + [value for _, value in events], dtype=np.int64)
@@ -162,8 +162,8 @@ def _columns(values: np.ndarray, counts: np.ndarray, width: int) -> np.ndarray:
     firsts = np.cumsum(counts) - counts
     table = np.zeros((len(counts), width))
     for k in range(width):
-        there = counts > k
-        table[there, k] = values[firsts[there] + k]
+        present = counts > k
+        table[present, k] = values[firsts[present] + k]
     return table
 
 
@@ -196,7 +196,7 @@ def _resolved(
     finite = np.asarray(np.isfinite(values[0]).all(axis=1))
     for row in np.flatnonzero((corners[:, 0] >= 0) & ~finite[corners[:, 0]]) if not finite.all() else ():
         bad_face[face_of[row]] = True
-        if ("warning", "malformed") in problems.found:
+        if ("warning", "malformed") in problems.places:
             continue  # already reported
         line = int(lines.numbers[faces.rows[face_of[row]]])
         problems.add("warning", "finite", line, f"vertex {corners[row, 0] + 1} of this face is not finite: the face is left out")

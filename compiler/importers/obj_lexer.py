@@ -207,8 +207,8 @@ def _corners(text: np.ndarray, words: np.ndarray) -> I64 | None:
     corners = np.full((total, 3), NONE, dtype=np.int64)
     corners[:, 0] = values[firsts]
     for k in (1, 2):
-        there = slashes >= k
-        corners[there, k] = values[firsts[there] + k]
+        present = slashes >= k
+        corners[present, k] = values[firsts[present] + k]
     return corners
 
 

@@ -45,7 +45,7 @@ class Channels(NamedTuple):
         """The colours, and the alpha behind them if there is one."""
         return (*self.colors, self.alpha) if self.alpha >= 0 else self.colors
 
-    def left(self, names: list[str]) -> list[str]:
+    def unread(self, names: list[str]) -> list[str]:
         """Those of a file's channels that are not used."""
         return [name for k, name in enumerate(names) if k not in self.used]
 

@@ -45,7 +45,7 @@ class Frame:
     up: str = "y"
 
     @staticmethod
-    def of(reader: file_types.Reader, options: MeshOptions | None) -> Frame:
+    def from_options(reader: file_types.Reader, options: MeshOptions | None) -> Frame:
         """The frame of a file: that of the options, else of its format. Without options, or without both, metres, y up."""
         if options is None or not reader.unit:
             return Frame()
@@ -112,7 +112,7 @@ class MeshFile:
     @property
     def frame(self) -> Frame:
         """Its frame, of a format that does not say it."""
-        return Frame.of(self.reader, self.options)
+        return Frame.from_options(self.reader, self.options)
 
     def cached(self, read: Callable[[Diagnostics], T]) -> T:
         """read(diagnostics), or its result of the last compilation of the same data."""

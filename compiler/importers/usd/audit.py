@@ -39,18 +39,18 @@ class Audit:
             return
         sets = prim.GetVariantSets()
         for name, choice in sets.GetAllVariantSelections().items():
-            known = list(sets.GetVariantSet(name).GetVariantNames())
-            if choice and known and choice not in known:
+            variants = list(sets.GetVariantSet(name).GetVariantNames())
+            if choice and variants and choice not in variants:
                 message = f"the variant set `{name}` has no variant `{choice}`, which is selected: none is drawn"
-                self.warnings.tell(f"{message} (it has {', '.join(known[:12])})", prim)
+                self.warnings.tell(f"{message} (it has {', '.join(variants[:12])})", prim)
 
     def shader(self, node: Any, kind: str) -> None:
         """Report the inputs of a shader that are not drawn; those of MaterialX surfaces are reported where they are read."""
-        for given in UsdShade.Shader(node).GetInputs():
-            message = tables.INPUTS.report(f"the input `{given.GetBaseName()}` of {kind}", str(given.GetBaseName()))
-            if given.GetBaseName() == "space" and str(given.Get()) in ("tangent", "None"):
+        for shader_input in UsdShade.Shader(node).GetInputs():
+            message = tables.INPUTS.report(f"the input `{shader_input.GetBaseName()}` of {kind}", str(shader_input.GetBaseName()))
+            if shader_input.GetBaseName() == "space" and str(shader_input.Get()) in ("tangent", "None"):
                 continue  # the default of ND_normalmap
-            if message and self._matters(node, str(given.GetFullName())):
+            if message and self._matters(node, str(shader_input.GetFullName())):
                 self.warnings.tell(message, node)
 
     def _properties(self, prim: Any, kind: str) -> None:
@@ -70,19 +70,19 @@ class Audit:
         attribute = prim.GetAttribute(name)
         if attribute.HasAuthoredConnections():
             return True
-        found = attribute.Get(self.warnings.opened.time)
-        if found is None:
+        value = attribute.Get(self.warnings.opened.time)
+        if value is None:
             return False
-        if not attribute.IsCustom() and str(found) == str(prim.GetPrimDefinition().GetAttributeFallbackValue(name)):
+        if not attribute.IsCustom() and str(value) == str(prim.GetPrimDefinition().GetAttributeFallbackValue(name)):
             return False
         if attribute.GetTypeName().type.typeName == "SdfAssetPath":
-            return bool(found.path)
-        return not attribute.GetTypeName().isArray or np.size(found) > 0
+            return bool(value.path)
+        return not attribute.GetTypeName().isArray or np.size(value) > 0
 
 
 def _report(name: str, kind: str) -> str:
     """The warning for a property of a prim type; "" for one that is drawn, without effect, or outside of all schemas."""
-    found = tables.PROPERTIES.find(f"{kind}.{name}", name)
-    if found is None and not name.startswith("inputs:"):
+    entry = tables.PROPERTIES.find(f"{kind}.{name}", name)
+    if entry is None and not name.startswith("inputs:"):
         return ""  # data of the user
     return tables.PROPERTIES.report(f"`{name.removeprefix('inputs:')}` of {kind or 'a prim without a type'}", f"{kind}.{name}", name)

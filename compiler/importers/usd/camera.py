@@ -18,7 +18,7 @@ from ...scene.builder import SceneBuilder
 from ...scene.row_records import NO_PLANES, CameraData
 from . import stage
 from .layers.reports import reason
-from .render_settings import Asked
+from .render_settings import StageSettings
 from .stage import Opened
 
 FILM = (20.955, 15.2908)  # mm: usdrecord's default camera
@@ -26,7 +26,7 @@ FOCAL = 50.0  # mm
 _LENS_UNIT = 0.1  # scene units in one unit of apertures and focal lengths
 
 
-def camera(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: SceneBuilder, asked: Asked) -> int:
+def camera(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: SceneBuilder, settings: StageSettings) -> int:
     """The row of a Camera prim under the (4, 4) matrix. Its scale is ignored except for `unit`, the stage's own.
 
     For a picture of another aspect than the film, `asked.conform` selects the part that is kept.
@@ -44,17 +44,17 @@ def camera(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: 
         near, far = 0.0, math.inf
     opening, shutter = _shutter(prim, opened)
     radius, focus = _aperture(lens, unit, perspective)
-    if not asked.motion_blur:
+    if not settings.motion_blur:
         opening, shutter = 0.0, 0.0
-    if not asked.depth_of_field:
+    if not settings.depth_of_field:
         radius, focus = 0.0, 1.0
     exposure = math.log2(max(UsdGeom.Camera(prim).ComputeLinearExposureScale(opened.time), 1e-30))
-    fit, wide, high, pixel = _conformed(width, height, asked)
-    kept = wide if fit == ir.Fit.HORIZONTAL else high
+    fit, wide, high, pixel = _conformed(width, height, settings)
+    film_side = wide if fit == ir.Fit.HORIZONTAL else high
     return builder.camera(
         CameraData(
             builder.transform(transforms.unscaled(matrix), span),
-            kept / (2 * lens.focalLength) if perspective else kept * _LENS_UNIT / 2 * unit,
+            film_side / (2 * lens.focalLength) if perspective else film_side * _LENS_UNIT / 2 * unit,
             ir.Projection.PERSPECTIVE if perspective else ir.Projection.ORTHOGRAPHIC, fit=fit,
             aspect=width / height, near=max(near, 0.0) if perspective else near, far=far,
             shift=(lens.horizontalApertureOffset / wide, lens.verticalApertureOffset / high),
@@ -67,51 +67,51 @@ def camera(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, builder: 
 
 def readable(cameras: list[tuple[Any, Any]], opened: Opened, builder: SceneBuilder) -> list[tuple[Any, Any]]:
     """The cameras, prims and matrices, whose values OpenUSD reads; the others are left out with a warning."""
-    kept = []
+    valid = []
     for prim, matrix in cameras:
         try:
             UsdGeom.Camera(prim).GetCamera(opened.time)
         except Tf.ErrorException as failure:
             builder.diagnostics.warning(f"this camera is left out: {reason(failure, opened.path)}", opened.span(prim))
         else:
-            kept.append((prim, matrix))
-    return kept
+            valid.append((prim, matrix))
+    return valid
 
 
 def _planes(lens: Any, unit: float, span: Span | None, builder: SceneBuilder) -> tuple[tuple[float, ...], ...]:
     """The clippingPlanes of a camera, in its frame. A plane that is not finite or has no normal is left out."""
-    given = np.array([tuple(plane) for plane in lens.clippingPlanes], np.float64).reshape(-1, 4) * (1.0, 1.0, 1.0, unit)
-    good = given[np.isfinite(given).all(axis=1) & given[:, :3].any(axis=1)]
-    if len(good) < len(given):
+    planes = np.array([tuple(plane) for plane in lens.clippingPlanes], np.float64).reshape(-1, 4) * (1.0, 1.0, 1.0, unit)
+    good = planes[np.isfinite(planes).all(axis=1) & planes[:, :3].any(axis=1)]
+    if len(good) < len(planes):
         builder.diagnostics.warning("a clipping plane of this camera has no direction: it is left out", span)
     if len(good) > ir.CLIP_PLANES:
         builder.diagnostics.warning(f"only the first {ir.CLIP_PLANES} of this camera's {len(good)} clipping planes are drawn", span)
-    kept = [tuple(plane) for plane in good[: ir.CLIP_PLANES].tolist()]
-    return (*kept, *NO_PLANES[len(kept) :])
+    drawn = [tuple(plane) for plane in good[: ir.CLIP_PLANES].tolist()]
+    return (*drawn, *NO_PLANES[len(drawn) :])
 
 
-def _conformed(width: float, height: float, asked: Asked) -> tuple[ir.Fit, float, float, float]:
+def _conformed(width: float, height: float, settings: StageSettings) -> tuple[ir.Fit, float, float, float]:
     """The side of a film that is kept, the film's sides in the aspect of the picture, and the width of a pixel over its height.
 
     The picture is as wide as its pixels together; UsdRender's aspectRatioConformPolicy.
     """
     film = width / height
-    pixels, pixel = asked.size[0] / asked.size[1] if asked.size else film / asked.pixel_aspect, asked.pixel_aspect
-    if asked.conform == "pixels":
+    pixels, pixel = settings.size[0] / settings.size[1] if settings.size else film / settings.pixel_aspect, settings.pixel_aspect
+    if settings.conform == "pixels":
         return ir.Fit.VERTICAL, width, height, film / pixels
     picture = pixels * pixel
     wider = picture > film
-    if asked.conform == "horizontal" or (asked.conform == "expand" and not wider) or (asked.conform == "crop" and wider):
+    if settings.conform == "horizontal" or (settings.conform == "expand" and not wider) or (settings.conform == "crop" and wider):
         return ir.Fit.HORIZONTAL, width, width / picture, pixel
     return ir.Fit.VERTICAL, height * picture, height, pixel
 
 
-def tell_conform(prim: Any, opened: Opened, builder: SceneBuilder, asked: Asked) -> None:
+def tell_conform(prim: Any, opened: Opened, builder: SceneBuilder, settings: StageSettings) -> None:
     """A note where a picture's aspect differs from that of its camera's film and no setting selects the part that is kept."""
     lens = UsdGeom.Camera(prim).GetCamera(opened.time)
-    if asked.size and asked.conform is None and lens.verticalAperture > 0:
-        picture, film = asked.size[0] / asked.size[1], lens.horizontalAperture / lens.verticalAperture
-        if abs(asked.size[0] - film * asked.size[1]) > 1:
+    if settings.size and settings.conform is None and lens.verticalAperture > 0:
+        picture, film = settings.size[0] / settings.size[1], lens.horizontalAperture / lens.verticalAperture
+        if abs(settings.size[0] - film * settings.size[1]) > 1:
             effect = "its sides show more" if picture > film else "its sides are cut off"
             message = f"the picture's aspect {picture:.4g} is not the film's {film:.4g}: the film's height is kept, {effect}"
             builder.diagnostics.note(message, opened.span(prim), "--conform vertical, horizontal, expand, crop or pixels selects the part")

@@ -43,12 +43,12 @@ class Samples:
 
     def without(self, curves: I64) -> Samples:
         """The samples of the other curves."""
-        kept = ~np.isin(self.curve, curves)
+        mask = ~np.isin(self.curve, curves)
         return Samples(
-            self.rows[kept], self.weights[kept], self.curve[kept], self.ends[kept], self.share[kept], self.closed, self.varying
+            self.rows[mask], self.weights[mask], self.curve[mask], self.ends[mask], self.share[mask], self.closed, self.varying
         )  # fmt: skip
 
-    def of(self, values: np.ndarray, interpolation: str, points: int) -> np.ndarray | None:
+    def interpolated(self, values: np.ndarray, interpolation: str, points: int) -> np.ndarray | None:
         """Values (m, k) at the samples; None if their number does not fit."""
         if interpolation == "constant" or len(values) == 1:
             return np.broadcast_to(values[0], (len(self.rows), values.shape[1])) if len(values) else None
@@ -97,25 +97,25 @@ def mesh(
     read = _Reader(prim, time, number, samples, diagnostics, span)
     widths = read.values("widths", schema.GetWidthsAttr(), str(schema.GetWidthsInterpolation()), 1)
     radii = np.full(len(samples.rows), 0.5) if widths is None else np.maximum(np.nan_to_num(widths[:, 0]), 0.0) / 2
-    made = strands.Strands(
+    polylines = strands.Strands(
         np.einsum("mo,mok->mk", samples.weights, control[samples.rows]), radii, np.bincount(samples.curve)[np.unique(samples.curve)],
         samples.closed[np.unique(samples.curve)],
     )  # fmt: skip
     uvs, colors = (read.primvar(name, width) for name, width in ((uv_name, 2), (color_name, 3)))
     facing = read.values("normals", schema.GetNormalsAttr(), str(schema.GetNormalsInterpolation()), 3)
     if facing is not None:
-        return strands.ribbons(made, facing.astype(np.float64), uvs, colors)
-    return strands.tubes(made, uvs, colors)
+        return strands.ribbons(polylines, facing.astype(np.float64), uvs, colors)
+    return strands.tubes(polylines, uvs, colors)
 
 
 def _fitting(counts: I64, points: int, diagnostics: Diagnostics, span: Span) -> I64:
     """Vertex counts of curves; 0, with a warning, for negative ones and from the first on whose points are not there."""
-    found = np.maximum(counts, 0)
-    found = np.where(np.cumsum(found) <= points, found, 0)
-    if found.sum() != points or (found != counts).any():
+    fitted = np.maximum(counts, 0)
+    fitted = np.where(np.cumsum(fitted) <= points, fitted, 0)
+    if fitted.sum() != points or (fitted != counts).any():
         message = f"the vertex counts of the curves add up to {counts.sum()} and there are {points} points"
-        diagnostics.warning(f"{message}: {np.count_nonzero(found)} of {len(counts)} curves are drawn", span)
-    return found
+        diagnostics.warning(f"{message}: {np.count_nonzero(fitted)} of {len(counts)} curves are drawn", span)
+    return fitted
 
 
 def balls(prim: Any, time: Any, diagnostics: Diagnostics, span: Span) -> tuple[F64, F64, np.ndarray]:
@@ -151,29 +151,29 @@ class _Reader:
 
     def values(self, name: str, attribute: Any, interpolation: str, width: int) -> np.ndarray | None:
         """A primvar of this name, else the attribute."""
-        own = UsdGeom.PrimvarsAPI(self.prim).GetPrimvar(name)
-        if own and own.HasValue():
+        primvar = UsdGeom.PrimvarsAPI(self.prim).GetPrimvar(name)
+        if primvar and primvar.HasValue():
             return self.primvar(name, width)
         return self._fitted(name, stage.numbers(attribute, self.time, np.float64, width), interpolation)
 
     def primvar(self, name: str | None, width: int) -> np.ndarray | None:
-        found = UsdGeom.PrimvarsAPI(self.prim).FindPrimvarWithInheritance(name) if name else None
-        if not found or not found.HasValue():
+        primvar = UsdGeom.PrimvarsAPI(self.prim).FindPrimvarWithInheritance(name) if name else None
+        if not primvar or not primvar.HasValue():
             return None
         try:
-            values = np.array(stage.flattened(found, self.time), np.float64).reshape(-1, width)
+            values = np.array(stage.flattened(primvar, self.time), np.float64).reshape(-1, width)
         except (TypeError, ValueError):
             values = np.zeros((0, width))
-        return self._fitted(str(name), stage.linear(found.GetAttr(), np.nan_to_num(values)), str(found.GetInterpolation()))
+        return self._fitted(str(name), stage.linear(primvar.GetAttr(), np.nan_to_num(values)), str(primvar.GetInterpolation()))
 
     def _fitted(self, name: str, values: np.ndarray, interpolation: str) -> np.ndarray | None:
         if not len(values):
             return None
-        made = self.samples.of(values, interpolation, self.points)
-        if made is None:
+        sampled = self.samples.interpolated(values, interpolation, self.points)
+        if sampled is None:
             message = f"`{name}` has {len(values)} values, which do not fit its interpolation `{interpolation}`: it is left out"
             self.diagnostics.warning(message, self.span)
-        return made
+        return sampled
 
 
 def _basis(prim: Any, counts: I64) -> Samples | None:
@@ -267,15 +267,15 @@ def _nurbs(prim: Any, time: Any, counts: I64, points: int, diagnostics: Diagnost
     rows, weights, curves, ends, shares = [], [], [], [], []
     first_knot = first_point = 0
     for k, (count, order) in enumerate(zip(counts.tolist(), orders.tolist(), strict=True)):
-        own = knots[first_knot : first_knot + count + order]
-        low, high = own[order - 1], own[count]
+        curve_knots = knots[first_knot : first_knot + count + order]
+        low, high = curve_knots[order - 1], curve_knots[count]
         if len(ranges) == len(counts):
             low, high = max(low, ranges[k, 0]), min(high, ranges[k, 1])
-        if not low < high or (np.diff(own) < 0).any():
+        if not low < high or (np.diff(curve_knots) < 0).any():
             return None
         t = np.linspace(low, high, (count - order + 1) * _steps(points) + 1)
-        span = np.clip(np.searchsorted(own, t, side="right") - 1, order - 1, count - 1)
-        basis = de_boor(own, span, t, order)
+        span = np.clip(np.searchsorted(curve_knots, t, side="right") - 1, order - 1, count - 1)
+        basis = de_boor(curve_knots, span, t, order)
         row = span[:, None] - order + 1 + np.arange(order) + first_point
         basis = basis * heavy[row]
         basis = basis / np.where(basis.sum(axis=1, keepdims=True) != 0, basis.sum(axis=1, keepdims=True), 1.0)
@@ -297,15 +297,15 @@ def clamped(count: int, order: int) -> F64:
 
 def de_boor(knots: F64, span: I64, t: F64, order: int) -> F64:
     """The B-spline basis (m, order) that is not 0 at parameters t in knot spans (The NURBS Book, A2.2)."""
-    made = np.zeros((len(t), order))
-    made[:, 0] = 1.0
+    basis = np.zeros((len(t), order))
+    basis[:, 0] = 1.0
     for j in range(1, order):
         saved = np.zeros(len(t))
         for r in range(j):
             right, left = knots[span + r + 1] - t, t - knots[span + 1 - j + r]
             total = np.where(right + left != 0, right + left, 1.0)
-            term = made[:, r] / total
-            made[:, r] = saved + right * term
+            term = basis[:, r] / total
+            basis[:, r] = saved + right * term
             saved = left * term
-        made[:, j] = saved
-    return made
+        basis[:, j] = saved
+    return basis

@@ -22,34 +22,34 @@ def metric(matrix: F64) -> tuple[float, ...]:
     return tuple((np.float32(linear.T @ linear) + np.float32(0.0)).ravel().tolist())
 
 
-def displaced(found: Faces, heights: float | tuple[TextureData, np.ndarray], of: tuple[float, ...]) -> Faces:
+def displaced(faces: Faces, heights: float | tuple[TextureData, np.ndarray], metric: tuple[float, ...]) -> Faces:
     """Faces whose points are moved along smooth normals; points at the same place stay together. Normals become those of the result.
 
     `heights` is a length in the world, or a picture's mapping and texels (h, w, 4). A point has the mean of the heights at its corners.
-    `of` is the metric G of the prim's transform: the world's unit normal is G⁻¹n / √(nᵀG⁻¹n) in the frame of the prim.
+    `metric` is the metric G of the prim's transform: the world's unit normal is G⁻¹n / √(nᵀG⁻¹n) in the frame of the prim.
     """
-    mesh = found.mesh
+    mesh = faces.mesh
     indices = np.asarray(mesh.indices)
     used = np.unique(indices)
     places, where = np.unique(mesh.points[used], axis=0, return_inverse=True)
     of_point = np.zeros(len(mesh.points), np.int64)
     of_point[used] = where.reshape(-1)
-    whole = polygon_mesh.PolyMesh(places, mesh.counts, of_point[indices])
+    surface = polygon_mesh.PolyMesh(places, mesh.counts, of_point[indices])
     if not isinstance(heights, tuple):
         height = np.full(len(places), heights)
     elif mesh.uvs is None:
-        return found
+        return faces
     else:
         mapping, texels = heights
         corners = sample(mapping, texels, _at_corners(mesh.uvs, np.asarray(mesh.counts), indices))
         total = np.bincount(of_point[indices], corners, len(places))
         height = total / np.maximum(np.bincount(of_point[indices], minlength=len(places)), 1)
     moved = np.array(mesh.points, np.float64)
-    moved[used] = (places + height[:, None] * _world_normals(_normals(whole), of))[of_point[used]]
-    smooth = _normals(replace(whole, points=_welded(moved, used, of_point, len(places))))
+    moved[used] = (places + height[:, None] * _world_normals(_normals(surface), metric))[of_point[used]]
+    smooth = _normals(replace(surface, points=_welded(moved, used, of_point, len(places))))
     normals = np.zeros((len(moved), 3), np.float32)
     normals[used] = smooth[of_point[used]]
-    return Faces(replace(mesh, points=moved, normals=MeshAttribute(normals)), found.rows, False)
+    return Faces(replace(mesh, points=moved, normals=MeshAttribute(normals)), faces.rows, False)
 
 
 def _world_normals(normals: np.ndarray, of: tuple[float, ...]) -> F64:
@@ -61,9 +61,9 @@ def _world_normals(normals: np.ndarray, of: tuple[float, ...]) -> F64:
 
 
 def _welded(points: F64, used: np.ndarray, of_point: np.ndarray, count: int) -> F64:
-    made = np.zeros((count, 3))
-    made[of_point[used]] = points[used]
-    return made
+    merged = np.zeros((count, 3))
+    merged[of_point[used]] = points[used]
+    return merged
 
 
 def _normals(mesh: polygon_mesh.PolyMesh) -> np.ndarray:
@@ -71,8 +71,8 @@ def _normals(mesh: polygon_mesh.PolyMesh) -> np.ndarray:
     return vertex_normals.vertex_normals(mesh.points, np.asarray(mesh.indices)[cut.corners])
 
 
-def _at_corners(given: MeshAttribute, counts: np.ndarray, indices: np.ndarray) -> F64:
-    values, kind = np.asarray(given.values, np.float64), given.interpolation
+def _at_corners(attribute: MeshAttribute, counts: np.ndarray, indices: np.ndarray) -> F64:
+    values, kind = np.asarray(attribute.values, np.float64), attribute.interpolation
     if kind == ir.Interpolation.CORNER:
         return values
     if kind == ir.Interpolation.VERTEX:
@@ -89,20 +89,20 @@ def sample(mapping: TextureData, texels: np.ndarray, uvs: F64) -> F64:
     x, y = s * width - 0.5, (1.0 - t) * height - 0.5
     left, top = np.floor(x), np.floor(y)
     fx, fy = x - left, y - top
-    made = np.zeros(len(uvs))
+    values = np.zeros(len(uvs))
     for across, share_x in ((left, 1.0 - fx), (left + 1, fx)):
         for down, share_y in ((top, 1.0 - fy), (top + 1, fy)):
             column, inside_x = _wrapped(across.astype(np.int64), width, mapping.wrap_u)
             row, inside_y = _wrapped(down.astype(np.int64), height, mapping.wrap_v)
-            made += share_x * share_y * np.where(inside_x & inside_y, channel[row, column], 0.0)
-    return mapping.gain[0] * made + mapping.bias[0]
+            values += share_x * share_y * np.where(inside_x & inside_y, channel[row, column], 0.0)
+    return mapping.gain[0] * values + mapping.bias[0]
 
 
-def _wrapped(at: np.ndarray, size: int, wrap: ir.Wrap) -> tuple[np.ndarray, np.ndarray]:
+def _wrapped(index: np.ndarray, size: int, wrap: ir.Wrap) -> tuple[np.ndarray, np.ndarray]:
     """(index in the picture, whether the picture is there)."""
     if wrap == ir.Wrap.REPEAT:
-        return at % size, np.ones(len(at), bool)
+        return index % size, np.ones(len(index), bool)
     if wrap == ir.Wrap.MIRROR:
-        turned = at % (2 * size)
-        return np.minimum(turned, 2 * size - 1 - turned), np.ones(len(at), bool)
-    return np.clip(at, 0, size - 1), np.full(len(at), True) if wrap == ir.Wrap.CLAMP else (at >= 0) & (at < size)
+        turned = index % (2 * size)
+        return np.minimum(turned, 2 * size - 1 - turned), np.ones(len(index), bool)
+    return np.clip(index, 0, size - 1), np.full(len(index), True) if wrap == ir.Wrap.CLAMP else (index >= 0) & (index < size)

@@ -71,16 +71,16 @@ def stand_in(prim: Any, mode: str, materials: Materials) -> list[tuple[int, int]
 
 
 def _color(prim: Any, materials: Materials) -> Color:
-    found = stage.numbers(prim.GetAttribute("model:drawModeColor"), materials.opened.time, np.float64)
-    return materials.without_negatives(as_color(found), prim, "the drawModeColor") if len(found) == 3 else DEFAULT_COLOR
+    components = stage.numbers(prim.GetAttribute("model:drawModeColor"), materials.opened.time, np.float64)
+    return materials.without_negatives(as_color(components), prim, "the drawModeColor") if len(components) == 3 else DEFAULT_COLOR
 
 
 def _bounds(prim: Any) -> F64 | None:
     """The bounds (2, 3) of a model in its own frame at the earliest time, from extentsHint where it has one."""
     cache = UsdGeom.BBoxCache(Usd.TimeCode.EarliestTime(), _PURPOSES, useExtentsHint=True)
-    found = cache.ComputeUntransformedBound(prim).ComputeAlignedRange()
-    bounds = np.array([found.GetMin(), found.GetMax()], np.float64)
-    return None if found.IsEmpty() or not np.isfinite(bounds).all() else bounds
+    box = cache.ComputeUntransformedBound(prim).ComputeAlignedRange()
+    bounds = np.array([box.GetMin(), box.GetMax()], np.float64)
+    return None if box.IsEmpty() or not np.isfinite(bounds).all() else bounds
 
 
 def _edges(bounds: F64) -> PolyMesh:
@@ -107,7 +107,7 @@ def _cards(prim: Any, bounds: F64, color: Color, materials: Materials, span: Spa
     box = str(prim.GetAttribute("model:cardGeometry").Get()) == "box"
     up = "XYZ".index(str(UsdGeom.GetStageUpAxis(prim.GetStage())).upper())
     simple = _visibility(prim) == "simple"
-    made, rows = [], {}
+    cards, rows = [], {}
     for k in range(6):
         axis, other = k % 3, (k + 3) % 6
         if (any(written) and not (written[k] or written[other])) or (simple and axis == up):
@@ -119,8 +119,8 @@ def _cards(prim: Any, bounds: F64, color: Color, materials: Materials, span: Spa
         if row != NONE:
             if source not in rows:
                 rows[source] = _material(_file(prim, source, materials) if written[source] else None, color, materials, span)
-            made.append((row, rows[source]))
-    return made
+            cards.append((row, rows[source]))
+    return cards
 
 
 def _corners(face: int, box: bool) -> F64:
@@ -180,7 +180,7 @@ def _material(file: Asset | None, color: Color, materials: Materials, span: Span
 
 def _cards_of_textures(prim: Any, color: Color, materials: Materials, span: Span) -> list[tuple[int, int]]:
     """A card for each picture whose metadata worldtoscreen maps it to the square from −1 to 1."""
-    made = []
+    cards = []
     for k, face in enumerate(_FACES):
         file = _file(prim, k, materials)
         if file is None:
@@ -193,15 +193,15 @@ def _cards_of_textures(prim: Any, color: Color, materials: Materials, span: Span
         mesh = PolyMesh(corners[:, :3] / corners[:, 3:], np.array([4]), np.arange(4), uvs=MeshAttribute(_QUAD))
         row = geometry.row(mesh, materials.builder, span, f"{prim.GetName()} {face}")
         if row != NONE:
-            made.append((row, _material(file, color, materials, span)))
-    return made
+            cards.append((row, _material(file, color, materials, span)))
+    return cards
 
 
 def _world_to_screen(file: Asset) -> F64 | None:
     """The inverse (4, 4), for row vectors, of a picture's worldtoscreen matrix; older libraries call it worldtoNDC."""
     try:
-        found = images.matrix(contents(file.path), Path(file.path).name, ("worldtoscreen", "worldtoNDC"))
-        inverse = np.linalg.inv(found) if found is not None else None
+        matrix = images.matrix(contents(file.path), Path(file.path).name, ("worldtoscreen", "worldtoNDC"))
+        inverse = np.linalg.inv(matrix) if matrix is not None else None
     except (images.ImageError, OSError, np.linalg.LinAlgError):
         return None
     return inverse if inverse is not None and np.isfinite(inverse).all() else None

@@ -103,12 +103,12 @@ class Faces:
         return polygon_mesh.subset(self.mesh, np.flatnonzero(np.isin(self.rows, faces)))
 
 
-def _colors(given: MeshAttribute | None, diagnostics: Diagnostics, span: Span) -> MeshAttribute | None:
+def _colors(attribute: MeshAttribute | None, diagnostics: Diagnostics, span: Span) -> MeshAttribute | None:
     """Colours with negative components clamped to 0, with a warning."""
-    if given is None or not (given.values < 0).any():
-        return given
+    if attribute is None or not (attribute.values < 0).any():
+        return attribute
     diagnostics.warning("this mesh's colours have negative components, which count as 0", span)
-    return MeshAttribute(np.maximum(given.values, 0), given.interpolation)
+    return MeshAttribute(np.maximum(attribute.values, 0), attribute.interpolation)
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +139,7 @@ def mesh(
     subdivided = not solid and str(schema.GetSubdivisionSchemeAttr().Get(time)) != "none"
     api = UsdGeom.PrimvarsAPI(prim)
     sound = _valid_indices(indices, points)
-    given = None if subdivided else _normals(schema, api, time, len(points), counts, diagnostics, span)
+    normals = None if subdivided else _normals(schema, api, time, len(points), counts, diagnostics, span)
     uvs = primvar(api, reads.uv, time, 1 if reads.ramp else 2, len(points), counts, diagnostics, span) if reads.uv else None
     if reads.uv and uvs is None and not api.FindPrimvarWithInheritance(reads.uv).HasValue():
         diagnostics.warning(f"the material reads the primvar `{reads.uv}`, which this mesh lacks: each picture shows one texel", span)
@@ -147,11 +147,11 @@ def mesh(
     if reads.ramp and uvs is not None:
         uvs = vertex_numbers.coordinates(uvs)
     colors = primvar(api, reads.color, time, 3, len(points), counts, diagnostics, span) if reads.color else None
-    whole = polygon_mesh.PolyMesh(points, counts, indices, given, uvs, _colors(colors, diagnostics, span))
+    polygons = polygon_mesh.PolyMesh(points, counts, indices, normals, uvs, _colors(colors, diagnostics, span))
     if skin is not None and sound.all():
-        whole = skin.deform(whole)
+        polygons = skin.deform(polygons)
     if schema.GetOrientationAttr().Get(time) == UsdGeom.Tokens.leftHanded:
-        whole = polygon_mesh.flip(whole)
+        polygons = polygon_mesh.flip(polygons)
     bad = np.repeat(np.arange(len(counts)), counts)[~sound]
     drawn = np.ones(len(counts), dtype=bool)
     drawn[bad] = False
@@ -162,29 +162,29 @@ def mesh(
     holes = holes[(holes >= 0) & (holes < len(counts))]
     varying = frozenset(kind for kind, name in (("uvs", reads.uv), ("colors", reads.color)) if name and _is_varying(api, name))
     how = replace(_scheme(schema, time), linear=varying) if subdivided and level else None
-    if how is not None and (refined := _refined(whole, drawn, how, level, diagnostics, span)) is not None:
-        kept, rows = refined
+    if how is not None and (refined := _refined(polygons, drawn, how, level, diagnostics, span)) is not None:
+        visible, rows = refined
         if len(holes):
             below = np.flatnonzero(~np.isin(rows, holes))
-            kept, rows = polygon_mesh.subset(kept, below), rows[below]
+            visible, rows = polygon_mesh.subset(visible, below), rows[below]
         subdivided = False
     else:
         drawn[holes] = False
         rows = np.flatnonzero(drawn)
-        kept = whole if drawn.all() else polygon_mesh.subset(whole, rows)
+        visible = polygons if drawn.all() else polygon_mesh.subset(polygons, rows)
     if subdivided:
-        kept = replace(kept, normals=_smooth(kept))
-    return Faces(kept, rows, subdivided)
+        visible = replace(visible, normals=_smooth(visible))
+    return Faces(visible, rows, subdivided)
 
 
 def _fitting(counts: np.ndarray, indices: np.ndarray, diagnostics: Diagnostics, span: Span) -> tuple[np.ndarray, np.ndarray]:
     """Face counts that add up to the indices: 0, with a warning, for negative ones and from the first on whose indices are not there."""
-    found = np.maximum(counts, 0)
-    found = np.where(np.cumsum(found) <= len(indices), found, 0)
-    if found.sum() != len(indices) or (found != counts).any():
+    fitted = np.maximum(counts, 0)
+    fitted = np.where(np.cumsum(fitted) <= len(indices), fitted, 0)
+    if fitted.sum() != len(indices) or (fitted != counts).any():
         message = f"the face counts add up to {counts.sum()} and there are {len(indices)} indices"
-        diagnostics.warning(f"{message}: {np.count_nonzero(found)} of {len(counts)} faces are drawn", span)
-    return found, indices[: found.sum()]
+        diagnostics.warning(f"{message}: {np.count_nonzero(fitted)} of {len(counts)} faces are drawn", span)
+    return fitted, indices[: fitted.sum()]
 
 
 def topology(prim: Any, time: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -193,21 +193,21 @@ def topology(prim: Any, time: Any) -> tuple[np.ndarray, np.ndarray]:
         schema = UsdGeom.Mesh(prim)
         counts, indices = schema.GetFaceVertexCountsAttr(), schema.GetFaceVertexIndicesAttr()
         return stage.numbers(counts, time, np.int64), stage.numbers(indices, time, np.int64)
-    given = stage.numbers(prim.GetAttribute("surfaceFaceVertexIndices"), time, np.int64, 3)
-    if not len(given):
+    triangles = stage.numbers(prim.GetAttribute("surfaceFaceVertexIndices"), time, np.int64, 3)
+    if not len(triangles):
         corners = stage.numbers(prim.GetAttribute("tetVertexIndices"), time, np.int64, 4)
         sides = corners[:, [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]]].reshape(-1, 3)  # outward for a right-handed tetrahedron
         _, first, number = np.unique(np.sort(sides, axis=1), axis=0, return_index=True, return_counts=True)
-        given = sides[np.sort(first[number == 1])]
-    return np.full(len(given), 3), given.reshape(-1)
+        triangles = sides[np.sort(first[number == 1])]
+    return np.full(len(triangles), 3), triangles.reshape(-1)
 
 
 def _refined(
-    whole: polygon_mesh.PolyMesh, drawn: np.ndarray, scheme: subdivision.Scheme, level: int, diagnostics: Diagnostics, span: Span
+    polygons: polygon_mesh.PolyMesh, drawn: np.ndarray, scheme: subdivision.Scheme, level: int, diagnostics: Diagnostics, span: Span
 ) -> tuple[polygon_mesh.PolyMesh, np.ndarray] | None:  # fmt: skip
     """The refined faces of a subdivision surface and the prim's face of each; None if they cannot be refined, with a warning."""
-    faces = np.flatnonzero(drawn & (np.asarray(whole.counts) > 2))
-    cage = polygon_mesh.subset(whole, faces)
+    faces = np.flatnonzero(drawn & (np.asarray(polygons.counts) > 2))
+    cage = polygon_mesh.subset(polygons, faces)
     if not len(faces):
         return None
     if scheme.name == "loop" and (np.asarray(cage.counts) != 3).any():
@@ -224,8 +224,8 @@ def _refined(
 
 
 def _is_varying(api: Any, name: str) -> bool:
-    found = api.FindPrimvarWithInheritance(name)
-    return bool(found) and str(found.GetInterpolation()) == "varying"
+    source = api.FindPrimvarWithInheritance(name)
+    return bool(source) and str(source.GetInterpolation()) == "varying"
 
 
 def _scheme(schema: Any, time: Any) -> subdivision.Scheme:
@@ -270,8 +270,8 @@ def _normals(
     schema: Any, api: Any, time: Any, points: int, counts: np.ndarray, diagnostics: Diagnostics, span: Span
 ) -> MeshAttribute | None:
     """Normals from primvars:normals, else from normals."""
-    found = api.GetPrimvar("normals")
-    if found and found.HasValue():
+    authored = api.GetPrimvar("normals")
+    if authored and authored.HasValue():
         return primvar(api, "normals", time, 3, points, counts, diagnostics, span)
     values = stage.numbers(schema.GetNormalsAttr(), time, np.float32, 3)
     if not len(values):
@@ -283,10 +283,10 @@ def primvar(
     api: Any, name: str, time: Any, width: int, points: int, counts: np.ndarray, diagnostics: Diagnostics, span: Span
 ) -> MeshAttribute | None:
     """A mesh's own or inherited primvar, indices resolved. None if absent, or if its size does not fit (with a warning)."""
-    found = api.FindPrimvarWithInheritance(name)
-    if not found or not found.HasValue():
+    source = api.FindPrimvarWithInheritance(name)
+    if not source or not source.HasValue():
         return None
-    flat = stage.flattened(found, time)
+    flat = stage.flattened(source, time)
     if flat is None:
         diagnostics.warning(f"the indices of the primvar `{name}` do not fit it: it is left out", span)
         return None
@@ -300,8 +300,8 @@ def primvar(
     if values.shape[1] < width:
         diagnostics.warning(f"the primvar `{name}` has the wrong type: it is left out", span)
         return None
-    values = stage.linear(found.GetAttr(), values[:, :width])
-    return _attribute(name, values, str(found.GetInterpolation()), points, counts, diagnostics, span)
+    values = stage.linear(source.GetAttr(), values[:, :width])
+    return _attribute(name, values, str(source.GetInterpolation()), points, counts, diagnostics, span)
 
 
 def _attribute(
@@ -325,7 +325,7 @@ def row(part: polygon_mesh.PolyMesh | None, builder: SceneBuilder, span: Span, n
     """The builder's row of a mesh; NONE if no face has area."""
     if part is None or not len(part.counts):
         return NONE
-    made, dropped = polygon_mesh.assemble(part, 0.0, name)
+    assembled, dropped = polygon_mesh.assemble(part, 0.0, name)
     if dropped:
         builder.diagnostics.note(f"{dropped} of {len(part.counts)} faces have no area: they are left out", span)
-    return builder.mesh(made, span, name) if len(made.triangles) else NONE
+    return builder.mesh(assembled, span, name) if len(assembled.triangles) else NONE

@@ -27,24 +27,24 @@ def override(prim: Any, above: Override, time: Any) -> Override:
 
 def inherited(prim: Any, time: Any) -> Override:
     """The override that the ancestors of a prim give it."""
-    found: Override = None
+    current: Override = None
     for path in prim.GetPath().GetPrefixes()[:-1]:
-        found = override(prim.GetStage().GetPrimAtPath(path), found, time)
-    return found
+        current = override(prim.GetStage().GetPrimAtPath(path), current, time)
+    return current
 
 
-def children(prim: Any, given: Override, time: Any) -> list[Any]:
+def children(prim: Any, forced: Override, time: Any) -> list[Any]:
     """The children of a prim to traverse: of an LODRootAPI one item, or none or all if the override says so.
 
     Items are the children that may hold geometry. Indices are rounded and clamped to the items. Heuristics, by which a renderer may
     select another item for each camera, are not used.
     """
-    found = prim.GetFilteredChildren(Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate))
-    if not found or not prim.HasAPI("LODRootAPI") or given == "allLOD":
-        return found
-    items = [child for child in found if not child.GetTypeName() or child.IsA(UsdGeom.Imageable)]
-    if given == "noLOD" or not items:
+    prims = prim.GetFilteredChildren(Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate))
+    if not prims or not prim.HasAPI("LODRootAPI") or forced == "allLOD":
+        return prims
+    items = [child for child in prims if not child.GetTypeName() or child.IsA(UsdGeom.Imageable)]
+    if forced == "noLOD" or not items:
         return []
-    index = stage.number(prim.GetAttribute("lod:default:index"), time) if given is None else float(given)
+    index = stage.number(prim.GetAttribute("lod:default:index"), time) if forced is None else float(forced)
     index = index if math.isfinite(index) else 0.0
     return [items[min(max(math.floor(index + 0.5), 0), len(items) - 1)]]

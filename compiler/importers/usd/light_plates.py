@@ -36,14 +36,14 @@ class Plate:
 
 def rigid(matrix: np.ndarray) -> np.ndarray:
     """The matrix without scale: z keeps its direction, x stays as near as possible; right-handed even for a mirroring matrix."""
-    made = np.eye(4)
+    frame = np.eye(4)
     z = matrix[:3, 2] / max(np.linalg.norm(matrix[:3, 2]), 1e-300)
     x = matrix[:3, 0] - (matrix[:3, 0] @ z) * z
     length = np.linalg.norm(x)
     x = x / length if length > 0 else np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
-    made[:3, 0], made[:3, 1], made[:3, 2] = x, np.cross(z, x), z
-    made[:3, 3] = matrix[:3, 3]
-    return made
+    frame[:3, 0], frame[:3, 1], frame[:3, 2] = x, np.cross(z, x), z
+    frame[:3, 3] = matrix[:3, 3]
+    return frame
 
 
 def _is_skewed(matrix: F64) -> bool:
@@ -108,12 +108,12 @@ def texture(prim: Any, time: Any, builder: SceneBuilder, materials: Materials, s
     value = stage.value(prim.GetAttribute("inputs:texture:file"), time)
     if not getattr(value, "path", ""):
         return None
-    found = asset(value, materials.warnings, prim)
-    if found is None:
+    picture = asset(value, materials.warnings, prim)
+    if picture is None:
         return None
     try:
-        name = Path(found.path).name
-        decoded = images.read(contents(found.path), name)
+        name = Path(picture.path).name
+        decoded = images.read(contents(picture.path), name)
     except (images.ImageError, OSError) as failure:
         builder.diagnostics.warning(str(failure), span, getattr(failure, "hint", ""))
         return None
@@ -126,5 +126,5 @@ def _shrunk(texels: F64) -> F64:
     total = np.concatenate([np.zeros((1, *texels.shape[1:])), np.cumsum(texels, axis=0)])
     edges = np.linspace(0.0, len(texels), CELLS + 1)
     low = np.minimum(edges.astype(int), len(texels) - 1)
-    at = total[low] + (edges - low)[:, None, None] * texels[low]
-    return np.diff(at, axis=0) * (CELLS / len(texels))
+    integral = total[low] + (edges - low)[:, None, None] * texels[low]
+    return np.diff(integral, axis=0) * (CELLS / len(texels))

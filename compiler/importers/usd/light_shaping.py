@@ -32,8 +32,8 @@ def profile(prim: Any, time: Any, builder: SceneBuilder, materials: Materials, s
     """
     if not prim.HasAPI("ShapingAPI"):
         return NONE
-    lamp = _photometry(prim, time, materials)
-    columns = 1 if lamp is None or len(lamp.horizontal) == 1 else _COLUMNS
+    photometry = _photometry(prim, time, materials)
+    columns = 1 if photometry is None or len(photometry.horizontal) == 1 else _COLUMNS
     rows, columns = (_ROWS, columns) if side is None else (_SIDE_ROWS, 2 * _SIDE_ROWS)
     down = ((np.arange(rows, dtype=np.float64) + 0.5) * (np.pi / rows))[:, None]
     # The image's columns go around −z so that the light's direction has the angle 2π (s − 1/4).
@@ -43,8 +43,8 @@ def profile(prim: Any, time: Any, builder: SceneBuilder, materials: Materials, s
         way = way @ side.T
     angle, around = np.arccos(np.clip(-way[..., 2], -1.0, 1.0)), np.arctan2(way[..., 1], way[..., 0])
     factor = _cone(prim, time, angle)[..., None] * _focus(prim, time, angle)
-    if lamp is not None:
-        factor = factor * _candela(prim, time, lamp, angle, around)[..., None]
+    if photometry is not None:
+        factor = factor * _candela(prim, time, photometry, angle, around)[..., None]
     if (factor == 1.0).all():
         return NONE
     if not np.isfinite(factor).all():
@@ -86,17 +86,17 @@ def _photometry(prim: Any, time: Any, materials: Materials) -> ies.Photometry | 
     value = stage.value(prim.GetAttribute("inputs:shaping:ies:file"), time)
     if not getattr(value, "path", ""):
         return None
-    found = asset(value, materials.warnings, prim, "IES profile")
-    if found is None:
+    file = asset(value, materials.warnings, prim, "IES profile")
+    if file is None:
         return None
     try:
-        return ies.read(contents(found.path))
+        return ies.read(contents(file.path))
     except (ies.IesError, ImageError, OSError) as failure:
-        materials.tell(f"the IES profile `{Path(found.path).name}` is left out: {failure}", prim)
+        materials.tell(f"the IES profile `{Path(file.path).name}` is left out: {failure}", prim)
         return None
 
 
-def _candela(prim: Any, time: Any, lamp: ies.Photometry, angle: F64, around: F64) -> F64:
+def _candela(prim: Any, time: Any, photometry: ies.Photometry, angle: F64, around: F64) -> F64:
     """The factor of an IES profile: candela, over their mean with `normalize`.
 
     `angleScale` scales angles about the direction opposite to the axis by 1 / (1 + angleScale). Horizontal angles are those of the
@@ -104,6 +104,6 @@ def _candela(prim: Any, time: Any, lamp: ies.Photometry, angle: F64, around: F64
     """
     scale = 1.0 + _number(prim, "ies:angleScale", time, 0.0)
     vertical = np.clip((angle - np.pi) / scale + np.pi, 0.0, np.pi) if scale > 0 else angle
-    found = lamp.at(vertical, around + np.pi)
-    mean = lamp.mean() if stage.value(prim.GetAttribute("inputs:shaping:ies:normalize"), time) else 1.0
-    return found / mean if mean > 0 else found
+    candela = photometry.intensity(vertical, around + np.pi)
+    mean = photometry.mean() if stage.value(prim.GetAttribute("inputs:shaping:ies:normalize"), time) else 1.0
+    return candela / mean if mean > 0 else candela

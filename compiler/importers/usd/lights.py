@@ -82,11 +82,11 @@ def light(
         return
     if (stage.numbers(prim.GetAttribute("inputs:color"), opened.time, np.float64) < 0).any():
         builder.diagnostics.warning("this light's colour has a negative component, which counts as 0", it.span)
-    for made in _MAKERS[kind](it, radiance, builder, materials):
-        if not _is_sound(made):
+    for data in _MAKERS[kind](it, radiance, builder, materials):
+        if not _is_sound(data):
             materials.tell("the size or angle of this light is 0, negative or not finite: it is left out", prim)
             return
-        builder.light(replace(made, shadows=_casts_shadows(it), links=links.of(prim, prefix, materials.warnings)), it.span)
+        builder.light(replace(data, shadows=_casts_shadows(it), links=links.light_links(prim, prefix, materials.warnings)), it.span)
 
 
 def _is_sound(light: LightData) -> bool:
@@ -110,7 +110,7 @@ def mesh_radiance(prim: Any, matrix: np.ndarray, unit: float, opened: Opened, ma
         radiance = radiance / (area / unit**2) if area > 0 else radiance
     if not _casts_shadows(it):
         materials.tell("mesh lights cast shadows", prim)
-    if links.of(prim, "", materials.warnings):
+    if links.light_links(prim, "", materials.warnings):
         materials.tell("mesh lights light every prim, and every prim casts their shadows: their links are not drawn", prim)
     return as_color(radiance)
 
@@ -122,12 +122,12 @@ def _mesh_area(it: _Light) -> float:
     points = stage.numbers(it.prim.GetAttribute("points"), it.opened.time, np.float64, 3)
     if not len(counts) or (counts < 1).any() or counts.sum() != len(indices) or (indices < 0).any() or indices.max() >= len(points):
         return 0.0
-    at = points[indices] @ it.matrix[:3, :3].T
+    corners = points[indices] @ it.matrix[:3, :3].T
     firsts = np.cumsum(counts) - counts
     following = np.arange(len(indices)) + 1
     following[firsts + counts - 1] = firsts
-    at -= np.repeat(at[firsts], counts, axis=0)
-    return float(0.5 * np.linalg.norm(np.add.reduceat(np.cross(at, at[following]), firsts), axis=1).sum())
+    corners -= np.repeat(corners[firsts], counts, axis=0)
+    return float(0.5 * np.linalg.norm(np.add.reduceat(np.cross(corners, corners[following]), firsts), axis=1).sum())
 
 
 def _casts_shadows(it: _Light) -> bool:
@@ -173,11 +173,11 @@ def _profile(it: _Light, builder: SceneBuilder, materials: Materials, side: np.n
 
 def _rect(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials: Materials) -> list[LightData]:
     width, height = it.number("width", 1.0), it.number("height", 1.0)
-    whole = light_plates.rectangle(it.matrix, width, height)
-    if it.number("normalize") and whole.area > 0:
-        radiance = radiance / (whole.area / it.unit**2)
+    outline = light_plates.rectangle(it.matrix, width, height)
+    if it.number("normalize") and outline.area > 0:
+        radiance = radiance / (outline.area / it.unit**2)
     colors = light_plates.texture(it.prim, it.opened.time, builder, materials, it.span)
-    plates = [whole] if colors is None else light_plates.grid(it.matrix, width, height, len(colors))
+    plates = [outline] if colors is None else light_plates.grid(it.matrix, width, height, len(colors))
     tints = [np.ones(3)] if colors is None else colors.reshape(-1, 3)
     profile = _profile(it, builder, materials)
     return [
@@ -220,9 +220,9 @@ def _dome(it: _Light, radiance: np.ndarray, builder: SceneBuilder, materials: Ma
     """A dome light; its image is latitude–longitude with the top at the dome's +y."""
     value = stage.value(it.prim.GetAttribute("inputs:texture:file"), it.opened.time)
     image = -1
-    if getattr(value, "path", "") and (found := asset(value, materials.warnings, it.prim)):
+    if getattr(value, "path", "") and (picture := asset(value, materials.warnings, it.prim)):
         try:
-            image = _dome_image(it, found, builder, materials)
+            image = _dome_image(it, picture, builder, materials)
         except (images.ImageError, OSError) as failure:
             builder.diagnostics.warning(str(failure), it.span, getattr(failure, "hint", ""))
     if image < 0:
@@ -241,8 +241,8 @@ def _dome_image(it: _Light, file: Asset, builder: SceneBuilder, materials: Mater
         return file.row(builder, "auto", span=it.span)
     decoded = images.read(contents(file.path), Path(file.path).name)
     decoded.warn(Path(file.path).name, builder.diagnostics, it.span)
-    made = dome_pictures.latitude_longitude(decoded.texels, layout)
-    return builder.shared(("dome", file.path, layout), lambda: builder.image(made, file.path))
+    image = dome_pictures.latitude_longitude(decoded.texels, layout)
+    return builder.shared(("dome", file.path, layout), lambda: builder.image(image, file.path))
 
 
 def _pole(it: _Light) -> np.ndarray:

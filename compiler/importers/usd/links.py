@@ -19,7 +19,7 @@ _BINDINGS = "material:binding:collection"
 _LIGHTS, _SHADOWS = "lightLink", "shadowLink"
 
 
-def of(prim: Any, prefix: str, warnings: Warnings) -> Links | None:
+def light_links(prim: Any, prefix: str, warnings: Warnings) -> Links | None:
     """The links of a light to the instances of its stage, whose names are `prefix` and the path of their prim; None for all.
 
     Instances outside of the stage are members where the root of the stage is.
@@ -30,7 +30,7 @@ def of(prim: Any, prefix: str, warnings: Warnings) -> Links | None:
 
 def _members(prim: Any, name: str, prefix: str, warnings: Warnings) -> Members | None:
     """The members of a collection; None where the prim says nothing about it."""
-    if not any(given.IsAuthored() for given in prim.GetPropertiesInNamespace(f"collection:{name}")):
+    if not any(prop.IsAuthored() for prop in prim.GetPropertiesInNamespace(f"collection:{name}")):
         return None
     if why := _fault(prim.GetStage(), prim.GetPath().AppendProperty(f"collection:{name}")):
         warnings.tell(why, prim)
@@ -39,12 +39,12 @@ def _members(prim: Any, name: str, prefix: str, warnings: Warnings) -> Members |
 
     def members(names: Sequence[str]) -> np.ndarray:
         outside = bool(query.IsPathIncluded(Sdf.Path.absoluteRootPath))
-        known: dict[str, bool] = {}
+        included: dict[str, bool] = {}
         for path in {instance.partition("[")[0] for instance in names}:
-            own = path.removeprefix(prefix) if path.startswith(prefix) else ""
-            inside = own.startswith("/") and Sdf.Path.IsValidPathString(own)
-            known[path] = bool(query.IsPathIncluded(Sdf.Path(own))) if inside else outside
-        return np.array([known[instance.partition("[")[0]] for instance in names], bool)
+            stage_path = path.removeprefix(prefix) if path.startswith(prefix) else ""
+            inside = stage_path.startswith("/") and Sdf.Path.IsValidPathString(stage_path)
+            included[path] = bool(query.IsPathIncluded(Sdf.Path(stage_path))) if inside else outside
+        return np.array([included[instance.partition("[")[0]] for instance in names], bool)
 
     return members
 
@@ -78,14 +78,14 @@ class _Cycle(Exception):
     """A collection includes itself by way of others."""
 
 
-def _count(stage: Any, path: Any, known: dict[Any, int]) -> int:
+def _count(stage: Any, path: Any, counts: dict[Any, int]) -> int:
     """How many collections the expansion of one expands. Raises _Cycle."""
-    if path not in known:
-        known[path] = -1
+    if path not in counts:
+        counts[path] = -1
         relation = stage.GetRelationshipAtPath(Sdf.Path(f"{path}:includes"))
         targets = relation.GetTargets() if relation else ()
         others = [target for target in targets if Usd.CollectionAPI.IsCollectionAPIPath(target) and target != path]
-        known[path] = 1 + sum(_count(stage, target, known) for target in others)
-    if known[path] < 0:
+        counts[path] = 1 + sum(_count(stage, target, counts) for target in others)
+    if counts[path] < 0:
         raise _Cycle
-    return known[path]
+    return counts[path]

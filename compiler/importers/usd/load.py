@@ -39,30 +39,30 @@ def scene(
     """
     options = options or StageOptions()
     opened = open_(path, str(path), builder.files, builder.diagnostics, None, seconds=time, time=code, options=options)
-    asked = render_settings.Asked() if opened is None else render_settings.read(opened, options, builder)
+    settings = render_settings.StageSettings() if opened is None else render_settings.read(opened, options, builder)
     if opened is None or builder.diagnostics.failed:
         return builder.finish(str(path))
     opened.wait(later)
     reports = Reports(path)
-    walk = Walk(opened, builder, purposes=asked.purposes, complexity=options.complexity, cull=options.cull_backfaces)
+    walk = Walk(opened, builder, purposes=settings.purposes, complexity=options.complexity, cull=options.cull_backfaces)
     with np.errstate(all="ignore"):  # consumers of non-finite values detect them
         walk.run(opened.stage.GetPseudoRoot(), opened.frame, opened.frame)
         walk.place()
         _refuse_ruins(opened, builder, 0, Span(opened.name))
-        asked = _with_camera(asked, walk)
+        settings = _with_camera(settings, walk)
         if options.as_asset:
-            asked = replace(asked, depth_of_field=False, motion_blur=False)
-        said = _cameras(walk, asked, options)
+            settings = replace(settings, depth_of_field=False, motion_blur=False)
+        said = _cameras(walk, settings, options)
     if walk.mesh_lights:
-        asked = replace(asked, bounces=1)
+        settings = replace(settings, bounces=1)
         said.append("bounces: 1; without bounces, mesh lights light no other prims")
-    said += defaults.add(builder, asked.settings(), lights=options.default_light)
+    said += defaults.add(builder, settings.as_ir(), lights=options.default_light)
     reports.tell(builder.diagnostics, Span(opened.name))
     stage = opened.stage
     codes = stage.GetTimeCodesPerSecond()
     duration = (stage.GetEndTimeCode() - stage.GetStartTimeCode()) / codes if stage.HasAuthoredTimeCodeRange() and codes > 0 else None
     return builder.finish(
-        str(path), settings=asked.settings(), duration=duration or None, fps=stage.GetFramesPerSecond(), defaults=tuple(said),
+        str(path), settings=settings.as_ir(), duration=duration or None, fps=stage.GetFramesPerSecond(), defaults=tuple(said),
         files=tuple(dict.fromkeys((*opened.files, *builder.files.read))),
     )  # fmt: skip
 
@@ -92,8 +92,8 @@ def place(builder: SceneBuilder, placed: Placed, span: Span) -> None:
     opened.override(placed.unit, placed.up)
     root = opened.stage.GetPrimAtPath(prim) if prim and prim.startswith("/") else None
     if prim and not root:
-        known = [str(p.GetPath()) for p in opened.stage.Traverse()]
-        builder.diagnostics.error(f"the stage has no prim `{prim}`", span, suggest(prim, known) or _first(opened))
+        paths = [str(p.GetPath()) for p in opened.stage.Traverse()]
+        builder.diagnostics.error(f"the stage has no prim `{prim}`", span, suggest(prim, paths) or _first(opened))
         return
     reports = Reports(path)
     root = root or opened.stage.GetPseudoRoot()
@@ -135,7 +135,7 @@ def _fit(opened: Opened, root: Any, placed: Placed, builder: SceneBuilder) -> np
         walk.run(root, base, base)
         shapes = [fit_height.Placed(piece.geometry, piece.matrix.reshape(-1, 4, 4)) for piece in walk.drawn() if piece.geometry >= 0]
     said = builder.diagnostics.items
-    said += [told for told in measured.diagnostics.items if told not in said]
+    said += [item for item in measured.diagnostics.items if item not in said]
     return fit_height.fitted(measured, shapes, placed.height or 0.0, placed.rotation)
 
 
@@ -152,23 +152,23 @@ def _first(opened: Opened) -> str:
     return f"it has {', '.join(names[:12])}" if names else "it has none at all"
 
 
-def _with_camera(asked: render_settings.Asked, walk: Walk) -> render_settings.Asked:
+def _with_camera(settings: render_settings.StageSettings, walk: Walk) -> render_settings.StageSettings:
     """The settings without a camera that the stage lacks, with a warning."""
-    if asked.camera is None or any(str(prim.GetPath()) == asked.camera for prim, _ in walk.cameras):
-        return asked
-    walk.builder.diagnostics.warning(f"the render settings name the camera `{asked.camera}`, which is not there", Span(walk.opened.name))
-    return replace(asked, camera=None)
+    if settings.camera is None or any(str(prim.GetPath()) == settings.camera for prim, _ in walk.cameras):
+        return settings
+    walk.builder.diagnostics.warning(f"the render settings name the camera `{settings.camera}`, which is not there", Span(walk.opened.name))
+    return replace(settings, camera=None)
 
 
-def _cameras(walk: Walk, asked: render_settings.Asked, options: StageOptions) -> list[str]:
+def _cameras(walk: Walk, settings: render_settings.StageSettings, options: StageOptions) -> list[str]:
     """Adds the cameras, default first, and a light at that camera if the stage has none. Returns notes about the additions."""
     main = UsdUtils.GetPrimaryCameraName()
-    found = camera.readable(walk.cameras, walk.opened, walk.builder)
-    cameras = sorted(found, key=lambda item: (str(item[0].GetPath()) != asked.camera, item[0].GetName() != main))
+    valid = camera.readable(walk.cameras, walk.opened, walk.builder)
+    cameras = sorted(valid, key=lambda item: (str(item[0].GetPath()) != settings.camera, item[0].GetName() != main))
     said, eye = [], None
     if options.as_asset and not (cameras and cameras[0][0].GetName() == main):
         return said
-    if cameras and (asked.camera or cameras[0][0].GetName() == main):
+    if cameras and (settings.camera or cameras[0][0].GetName() == main):
         eye = cameras[0][1]
     else:
         eye = camera.frame(walk.builder)
@@ -176,9 +176,9 @@ def _cameras(walk: Walk, asked: render_settings.Asked, options: StageOptions) ->
             x, y, z = (f"{c:.4g}" for c in eye[:3, 3])
             said.append(f"camera: none is called {main}; one at [{x}, {y}, {z}] frames everything, as usdrecord does")
     if said == [] and cameras:
-        camera.tell_conform(cameras[0][0], walk.opened, walk.builder, asked)
+        camera.tell_conform(cameras[0][0], walk.opened, walk.builder, settings)
     for prim, matrix in cameras:
-        camera.camera(prim, matrix, walk.unit, walk.opened, walk.builder, asked)
+        camera.camera(prim, matrix, walk.unit, walk.opened, walk.builder, settings)
     unlit = not (walk.builder.count("lights") or walk.mesh_lights)
     if options.default_light and not options.as_asset and eye is not None and unlit:
         _head_light(eye, walk.builder)

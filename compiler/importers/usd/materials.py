@@ -101,7 +101,7 @@ class Materials:
 
     def _network(self, material: Any) -> Network | None:
         prim = material.GetPrim()
-        shader = next((found for found in (material.ComputeSurfaceSource(c)[0] for c in _CONTEXTS) if found), None)
+        shader = next((source for source in (material.ComputeSurfaceSource(c)[0] for c in _CONTEXTS) if source), None)
         if not shader:
             others = [o.GetBaseName() for o in material.GetSurfaceOutputs() if o.HasConnectedSource()]
             what = f"only surfaces that are not drawn ({', '.join(others)})" if others else "no surface"
@@ -109,48 +109,48 @@ class Materials:
             return None
         kind = shader.GetIdAttr().Get()
         if kind in materialx.MODELS:
-            made = materialx.surface(shader, kind, self._source, lambda message: self.tell(message, shader.GetPrim()))
-            return Network(str(prim.GetPath()), str(prim.GetName()), {**_FALLBACKS, **made, "displacement": 0.0})
+            mapped = materialx.surface(shader, kind, self._source, lambda message: self.tell(message, shader.GetPrim()))
+            return Network(str(prim.GetPath()), str(prim.GetName()), {**_FALLBACKS, **mapped, "displacement": 0.0})
         if kind not in materialx.PREVIEW:
             self.tell(f"the surface shader `{kind}` is not drawn: its prims show their displayColor", prim)
             return None
         inputs = {name: self._source(shader.GetInput(name), fallback) for name, fallback in _FALLBACKS.items()}
         self.audit.shader(shader.GetPrim(), kind)
         moved, filled = material.ComputeDisplacementSource()[0], material.ComputeVolumeSource()[0]
-        for name, found in (("displacement", moved), ("volume", filled)):
-            if found and found.GetPath() != shader.GetPath():
+        for name, source in (("displacement", moved), ("volume", filled)):
+            if source and source.GetPath() != shader.GetPath():
                 self.tell(f"the {name} of materials by another shader is not drawn", prim)
         moves = moved and moved.GetPath() == shader.GetPath()
-        given = shader.GetInput("displacement")
-        inputs["displacement"] = self._source(given, 0.0) if moves else 0.0
-        if not moves and not moved and self._source(given, 0.0) != 0.0:
+        displacement = shader.GetInput("displacement")
+        inputs["displacement"] = self._source(displacement, 0.0) if moves else 0.0
+        if not moves and not moved and self._source(displacement, 0.0) != 0.0:
             self.tell("the displacement of this material is not drawn: its outputs:displacement is not connected", prim)
         return Network(str(prim.GetPath()), str(prim.GetName()), inputs)
 
-    def _source(self, given: Any, fallback: Any) -> Any:
+    def _source(self, shader_input: Any, fallback: Any) -> Any:
         """Source of an input: a value, Picture or Primvar, resolved through node graphs and interfaces."""
-        if not given:
+        if not shader_input:
             return fallback
         if self._depth == MOST_NODES:
-            self.tell(f"more than {MOST_NODES} shaders feed each other: the input takes its default", given.GetPrim())
+            self.tell(f"more than {MOST_NODES} shaders feed each other: the input takes its default", shader_input.GetPrim())
             return fallback
         self._depth += 1
         try:
-            return self._resolved(given, fallback)
+            return self._resolved(shader_input, fallback)
         finally:
             self._depth -= 1
 
-    def _value(self, given: Any, fallback: Any) -> Any:
+    def _value(self, shader_input: Any, fallback: Any) -> Any:
         """An input that is a value; `fallback` for a Picture or Primvar."""
-        found = self._source(given, fallback)
-        return fallback if isinstance(found, Picture | Primvar) else found
+        value = self._source(shader_input, fallback)
+        return fallback if isinstance(value, Picture | Primvar) else value
 
-    def _resolved(self, given: Any, fallback: Any) -> Any:
-        for attribute in given.GetValueProducingAttributes():
+    def _resolved(self, shader_input: Any, fallback: Any) -> Any:
+        for attribute in shader_input.GetValueProducingAttributes():
             node = self._node(attribute)
             if node is None:
-                found = stage.value(attribute, self.opened.time)
-                return fallback if found is None else self._linear(attribute, found)
+                value = stage.value(attribute, self.opened.time)
+                return fallback if value is None else self._linear(attribute, value)
             kind = str(node.GetIdAttr().Get())
             output = str(attribute.GetName()).rpartition(":")[2]
             self.audit.shader(node.GetPrim(), kind)
@@ -165,11 +165,11 @@ class Materials:
             self.tell(f"the shader `{kind}` is not drawn: the input it feeds takes its default", node.GetPrim())
         return fallback
 
-    def _linear(self, attribute: Any, found: Any) -> Any:
+    def _linear(self, attribute: Any, value: Any) -> Any:
         """A value, in linear colours with the primaries of sRGB if it is one of three numbers."""
-        if attribute.GetTypeName().role != "Color" or len(found) != 3:
-            return found
-        return type(found)(*map(float, stage.linear(attribute, np.array(found, np.float64))))
+        if attribute.GetTypeName().role != "Color" or len(value) != 3:
+            return value
+        return type(value)(*map(float, stage.linear(attribute, np.array(value, np.float64))))
 
     def _node(self, attribute: Any) -> Any:
         """The shader that owns an output attribute; None for a value."""
@@ -182,9 +182,9 @@ class Materials:
     def _coordinates(self, node: Any, kind: str) -> tuple[str, Any]:
         """The primvar of a texture's st input, and the frame of the UsdTransform2d nodes between: scaled, rotated, translated."""
         frame = materialx.tiling(node, self._value) if kind.startswith("ND_tiledimage_") else np.eye(3)
-        given = node.GetInput("st") or node.GetInput("texcoord")
+        shader_input = node.GetInput("st") or node.GetInput("texcoord")
         for _ in range(16):
-            attributes = given.GetValueProducingAttributes() if given else []
+            attributes = shader_input.GetValueProducingAttributes() if shader_input else []
             source = self._node(attributes[0]) if attributes else None
             if source is None:
                 return "st", _rows(frame)
@@ -193,7 +193,7 @@ class Materials:
             if kind in ("UsdTransform2d", "ND_UsdTransform2d", "ND_place2d_vector2"):
                 placed = kind == "ND_place2d_vector2"
                 frame = frame @ (materialx.place2d(source, self._value) if placed else self._transform2d(source))
-                given = source.GetInput("in") or source.GetInput("texcoord")
+                shader_input = source.GetInput("in") or source.GetInput("texcoord")
                 continue
             if kind.startswith((*_READERS, "ND_texcoord_")):
                 return self._text(source, "varname") or self._text(source, "geomprop") or "st", _rows(frame)
@@ -260,10 +260,10 @@ class Materials:
         if isinstance(source, Picture):
             texture, value = self._texture(source)
             return Input(WHITE, texture) if texture != NONE else Input(value)
-        given = self._primvar(source, prim) if isinstance(source, Primvar) else source
-        if not np.isfinite(_floats(given)).all():
+        resolved = self._primvar(source, prim) if isinstance(source, Primvar) else source
+        if not np.isfinite(_floats(resolved)).all():
             self.tell("a colour of this prim's material is not finite: its default is drawn", prim)
-        return Input(self.without_negatives(_rgb(given, fallback), prim, "a colour of this prim's material"))
+        return Input(self.without_negatives(_rgb(resolved, fallback), prim, "a colour of this prim's material"))
 
     def _normal(self, source: Any, prim: Any) -> Input | None:
         """A normal map; None if its image is missing. Without scale and bias, values 0 to 1 are read as −1 to 1."""
@@ -273,7 +273,7 @@ class Materials:
                 return None
             return self._constant_normal(_floats(source))
         gain, bias, _ = self._levels(source)
-        texture, _ = self._texture(source, color=False, whole=True)
+        texture, _ = self._texture(source, color=False, raw=True)
         if texture == NONE:
             return None
         if gain[:3] == (1.0,) * 3 and bias[:3] == (0.0,) * 3:
@@ -334,8 +334,8 @@ class Materials:
             self.tell(f"the primvar `{source.name}` varies over the surface: its mean is drawn", prim)
         return source.fallback if mean is None else mean
 
-    def _texture(self, picture: Picture, color: bool = True, whole: bool = False) -> tuple[int, Color]:
-        """A texture's row: a colour, a number, or `whole` data. NONE and the node's fallback if the image is missing."""
+    def _texture(self, picture: Picture, color: bool = True, raw: bool = False) -> tuple[int, Color]:
+        """A texture's row: a colour, a number, or `raw` data. NONE and the node's fallback if the image is missing."""
         missing = self._levels(picture)[2]
         map_ = self._fit.maps.get(picture.varname, uv_sets.PLAIN)
         if map_ is None:
@@ -343,30 +343,30 @@ class Materials:
             reason = f"`{picture.varname}` is absent, or no {uv_sets.MOST_PARTS} affine maps lead to it from the first picture's primvar"
             self.tell(f"the picture `{node}` is left out, and its fallback drawn: {reason}", picture.shader.GetPrim())
             return NONE, (missing[0], missing[1], missing[2])
-        found = self._picture(picture)
-        if found is None:
+        file = self._picture(picture)
+        if file is None:
             return NONE, (missing[0], missing[1], missing[2])
         unread = tuple((v - b) / g if g else 0.0 for g, b, v in zip(*self._levels(picture), strict=True))  # becomes the fallback
         try:
-            row = found.row(self.builder, self._space(picture), color, self.opened.span(picture.shader.GetPrim()), unread)
+            row = file.row(self.builder, self._space(picture), color, self.opened.span(picture.shader.GetPrim()), unread)
         except images.ImageError as failure:
             self.builder.diagnostics.warning(failure.message, self.opened.span(picture.shader.GetPrim()), failure.hint)
             return NONE, (missing[0], missing[1], missing[2])
         frame = picture.frame if map_ is uv_sets.PLAIN else _rows(np.array(picture.frame) @ map_)
-        made = self._mapping(picture, found, frame, _CHANNELS.get(picture.output, -1 if color or whole else 0))
-        return self.builder.texture(replace(made, image=row), self.opened.span(picture.shader.GetPrim())), WHITE
+        mapping = self._mapping(picture, file, frame, _CHANNELS.get(picture.output, -1 if color or raw else 0))
+        return self.builder.texture(replace(mapping, image=row), self.opened.span(picture.shader.GetPrim())), WHITE
 
     def _space(self, picture: Picture) -> str:
         written = self._text(picture.shader, "sourceColorSpace")
         return _SPACES.get(written, "auto") if written else materialx.color_space(picture.shader)
 
-    def _mapping(self, picture: Picture, found: Asset, frame: Any, channel: int) -> TextureData:
+    def _mapping(self, picture: Picture, file: Asset, frame: Any, channel: int) -> TextureData:
         """Wrap modes, frame, channel, gain and bias of a picture, without its image."""
         gain, bias, _ = self._levels(picture)
         plain = "useMetadata" if "UVTexture" in str(picture.shader.GetIdAttr().Get()) else "periodic"
         wrap_u, wrap_v = (_WRAPS.get(self._text(picture.shader, key) or plain, ir.Wrap.BLACK) for key in ("wrapS", "wrapT"))
-        if found.tiles is not None:
-            wrap_u, wrap_v, frame = ir.Wrap.CLAMP, ir.Wrap.CLAMP, found.tiles.frame(frame)
+        if file.tiles is not None:
+            wrap_u, wrap_v, frame = ir.Wrap.CLAMP, ir.Wrap.CLAMP, file.tiles.frame(frame)
         if channel >= 0:
             gain, bias = (gain[channel],) * 4, (bias[channel],) * 4
         return TextureData(
@@ -379,27 +379,27 @@ class Materials:
         source = network.inputs["displacement"]
         if not isinstance(source, Picture):
             return self._mean_of(source, 0.0, prim)
-        found = self._picture(source)
-        if found is None or found.tiles is not None:
-            if found is not None:
+        file = self._picture(source)
+        if file is None or file.tiles is not None:
+            if file is not None:
                 self.tell("the displacement of UDIM tiles is not drawn", source.shader.GetPrim())
             return 0.0
         try:
             space = self._space(source)
-            decoded = images.read(contents(found.path), Path(found.path).name, "linear" if space == "auto" else space)
+            decoded = images.read(contents(file.path), Path(file.path).name, "linear" if space == "auto" else space)
         except (images.ImageError, OSError) as failure:
             self.tell(str(failure), source.shader.GetPrim())
             return 0.0
-        decoded.warn(Path(found.path).name, self.builder.diagnostics, self.opened.span(source.shader.GetPrim()))
-        return self._mapping(source, found, source.frame, _CHANNELS.get(source.output, 0)), decoded.texels
+        decoded.warn(Path(file.path).name, self.builder.diagnostics, self.opened.span(source.shader.GetPrim()))
+        return self._mapping(source, file, source.frame, _CHANNELS.get(source.output, 0)), decoded.texels
 
     def _levels(self, picture: Picture) -> tuple[Any, Any, Any]:
         """Scale, bias and fallback of a UsdUVTexture, four floats each."""
         defaults = {"scale": (1.0,) * 4, "bias": (0.0,) * 4, "fallback": (0.0, 0.0, 0.0, 1.0)}
-        found = {k: self._value(picture.shader.GetInput(k), v) for k, v in defaults.items()}
+        levels = {k: self._value(picture.shader.GetInput(k), v) for k, v in defaults.items()}
         if plain := picture.shader.GetInput("default"):
-            found["fallback"] = (*np.ravel(self._value(plain, (0.0, 0.0, 0.0))), 0.0, 0.0, 1.0)[:4]
-        scale, bias, fallback = (tuple(map(float, v)) if len(v) == 4 else defaults[k] for k, v in found.items())
+            levels["fallback"] = (*np.ravel(self._value(plain, (0.0, 0.0, 0.0))), 0.0, 0.0, 1.0)[:4]
+        scale, bias, fallback = (tuple(map(float, v)) if len(v) == 4 else defaults[k] for k, v in levels.items())
         return tuple(v * picture.gain for v in scale), tuple(v * picture.gain + picture.bias for v in bias), fallback
 
     def file(self, picture: Picture) -> Asset | None:
@@ -407,7 +407,7 @@ class Materials:
         return asset(self._value(picture.shader.GetInput("file"), None), self.warnings, picture.shader.GetPrim())
 
     def _picture(self, picture: Picture) -> Asset | None:
-        return None if (found := self.file(picture)) is None else found.among(self._fit.tiles)
+        return None if (file := self.file(picture)) is None else file.among(self._fit.tiles)
 
 
 def _purpose(relation: str) -> str:

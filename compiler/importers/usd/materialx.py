@@ -72,9 +72,9 @@ def alias(node: Any, name: str) -> Any:
 
 def surface(shader: Any, kind: str, source: Source, tell: Callable[[str], None]) -> dict[str, Any]:
     """The inputs of UsdPreviewSurface that a surface of MODELS gives. Every other authored input is told."""
-    model, found = MODELS[kind], {}
-    for name, (own, default) in model.inputs.items():
-        value = source(shader.GetInput(own), default)
+    model, inputs = MODELS[kind], {}
+    for name, (source_name, default) in model.inputs.items():
+        value = source(shader.GetInput(source_name), default)
         if name in model.weights:
             weight_name, fallback = model.weights[name]
             weight = source(shader.GetInput(weight_name), fallback)
@@ -82,15 +82,15 @@ def surface(shader: Any, kind: str, source: Source, tell: Callable[[str], None])
                 tell(f"the input `{weight_name}` of {kind} is drawn only as a number")
                 weight = fallback or 1.0
             value = value.times(float(weight)) if hasattr(value, "times") else _scaled(value, float(weight))
-        found[name] = value
-    if not hasattr(found["opacity"], "times") and np.ndim(found["opacity"]) == 1:
-        found["opacity"] = float(np.mean(found["opacity"]))
-    found["opacityMode"] = "presence"  # the opacity of these models covers highlights, too
-    read = {own for own, _ in model.inputs.values()} | {own for own, _ in model.weights.values()}
-    for given in shader.GetInputs():
-        if str(given.GetBaseName()) not in read:
-            tell(f"the input `{given.GetBaseName()}` of {kind} is not drawn")
-    return found
+        inputs[name] = value
+    if not hasattr(inputs["opacity"], "times") and np.ndim(inputs["opacity"]) == 1:
+        inputs["opacity"] = float(np.mean(inputs["opacity"]))
+    inputs["opacityMode"] = "presence"  # the opacity of these models covers highlights, too
+    read = {source_name for source_name, _ in model.inputs.values()} | {source_name for source_name, _ in model.weights.values()}
+    for shader_input in shader.GetInputs():
+        if str(shader_input.GetBaseName()) not in read:
+            tell(f"the input `{shader_input.GetBaseName()}` of {kind} is not drawn")
+    return inputs
 
 
 def _scaled(value: Any, weight: float) -> Any:
@@ -107,13 +107,13 @@ def through(node: Any, kind: str, output: str, source: Source, fallback: Any) ->
     if kind.startswith(("ND_convert_", "ND_dot_")):
         return source(node.GetInput("in"), fallback)
     if kind.startswith("ND_normalmap"):
-        found = source(node.GetInput("in"), fallback)
+        passed = source(node.GetInput("in"), fallback)
         strength = float(np.mean(source(node.GetInput("scale"), 1.0)))
-        return found.as_normals(strength) if hasattr(found, "as_normals") else fallback
+        return passed.as_normals(strength) if hasattr(passed, "as_normals") else fallback
     if kind.startswith(("ND_separate", "ND_extract_")):
-        found = source(node.GetInput("in"), fallback)
+        passed = source(node.GetInput("in"), fallback)
         part = "rgba"[int(source(node.GetInput("index"), 0)) % 4] if kind.startswith("ND_extract_") else _PARTS.get(output, "r")
-        return found.part(part) if hasattr(found, "part") else fallback
+        return passed.part(part) if hasattr(passed, "part") else fallback
     return NotImplemented
 
 
@@ -136,7 +136,7 @@ def tiling(node: Any, source: Source) -> np.ndarray:
 
 def color_space(node: Any) -> str:
     """The colour space in the metadata of a node's file: "srgb", "linear" or, without one, "auto"."""
-    given = node.GetInput("file")
-    names = [str(attribute.GetColorSpace()) for attribute in given.GetValueProducingAttributes()] if given else []
+    file_input = node.GetInput("file")
+    names = [str(attribute.GetColorSpace()) for attribute in file_input.GetValueProducingAttributes()] if file_input else []
     name = next((n for n in names if n), "")
     return "auto" if not name or name == "auto" else "srgb" if name.lower().startswith("srgb") else "linear"

@@ -47,8 +47,8 @@ def reads(network: Network | None, prim: Any) -> geometry.Reads:
 
 def varies(prim: Any, name: str) -> bool:
     """Whether a prim's own or inherited primvar is not constant."""
-    found = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
-    return bool(found) and found.HasValue() and str(found.GetInterpolation()) != "constant"
+    primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
+    return bool(primvar) and primvar.HasValue() and str(primvar.GetInterpolation()) != "constant"
 
 
 def _uv_name(prim: Any) -> str | None:
@@ -75,30 +75,30 @@ def parts(network: Network | None, prim: Any, read: geometry.Reads, faces: np.nd
         if primvar is None:
             return [Part(faces, fit)]
         return _by_tiles(_at_corners(primvar, counts, np.clip(indices, 0, points - 1)), counts, faces, fit, tiled, materials)
-    api, found = UsdGeom.PrimvarsAPI(prim), {}
+    api, coordinates = UsdGeom.PrimvarsAPI(prim), {}
     for name in (str(read.uv), *others):
         primvar = geometry.primvar(api, name, time, 2, points, counts, Diagnostics(), Span(""))
         if primvar is not None:
-            found[name] = _at_corners(primvar, counts, np.clip(indices, 0, points - 1))
-    known = [name for name in others if name in found]
+            coordinates[name] = _at_corners(primvar, counts, np.clip(indices, 0, points - 1))
+    present = [name for name in others if name in coordinates]
     maps: dict[str, np.ndarray | None] = dict.fromkeys(others)
-    if read.uv not in found or not known:
+    if read.uv not in coordinates or not present:
         return [Part(faces, Fit(fit.colored, maps))]
-    groups = uv_sets.split(found[read.uv], np.concatenate([found[name] for name in known], axis=1), counts)
+    groups = uv_sets.split(coordinates[read.uv], np.concatenate([coordinates[name] for name in present], axis=1), counts)
     if groups is None:
         return [Part(faces, Fit(fit.colored, maps))]
-    made = []
-    for k, (rows, of) in enumerate(groups):
+    pieces = []
+    for k, (rows, affine) in enumerate(groups):
         chosen = rows if faces is None else np.intersect1d(rows, faces)
         if len(chosen):
-            each = Fit(fit.colored, maps | dict(zip(known, of, strict=True)))
-            made.append(Part(faces, each) if len(groups) == 1 else Part(chosen, each, f"uv{k}"))
-    return made
+            each = Fit(fit.colored, maps | dict(zip(present, affine, strict=True)))
+            pieces.append(Part(faces, each) if len(groups) == 1 else Part(chosen, each, f"uv{k}"))
+    return pieces
 
 
 def _tiled(network: Network | None, materials: Materials) -> list[tuple[Picture, udim.Tiles]]:
     """The pictures of a material in UDIM tiles, if all have one frame."""
-    pictures = [given for given in network.inputs.values() if isinstance(given, Picture)] if network else []
+    pictures = [source for source in network.inputs.values() if isinstance(source, Picture)] if network else []
     tiled_pictures = [(each, file.tiles) for each in pictures if (file := materials.file(each)) is not None and file.tiles is not None]
     return tiled_pictures if len({each.frame for each, _ in tiled_pictures}) == 1 else []
 
@@ -124,9 +124,9 @@ def _by_tiles(
     return parts
 
 
-def _at_corners(given: MeshAttribute, counts: np.ndarray, indices: np.ndarray) -> F64:
+def _at_corners(attribute: MeshAttribute, counts: np.ndarray, indices: np.ndarray) -> F64:
     """Values (c, 2) of a primvar at the corners of the faces."""
-    values, kind = np.asarray(given.values, np.float64), given.interpolation
+    values, kind = np.asarray(attribute.values, np.float64), attribute.interpolation
     if kind == ir.Interpolation.CONSTANT:
         return np.tile(values[:1], (len(indices), 1))
     if kind == ir.Interpolation.FACE:

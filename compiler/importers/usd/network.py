@@ -64,18 +64,18 @@ class Network:
     @property
     def varnames(self) -> tuple[str, ...]:
         """The primvars of the texture coordinates of its pictures, that of the diffuse one first."""
-        return tuple(dict.fromkeys(given.varname for given in self.inputs.values() if isinstance(given, Picture)))
+        return tuple(dict.fromkeys(source.varname for source in self.inputs.values() if isinstance(source, Picture)))
 
     @property
     def numbers(self) -> tuple[str, ...]:
         """The primvars of its numbers from 0 to 1."""
-        found = (self.inputs.get(name) for name in _SHARES)
-        return tuple(given.name for given in found if isinstance(given, Primvar))
+        sources = (self.inputs.get(name) for name in _SHARES)
+        return tuple(source.name for source in sources if isinstance(source, Primvar))
 
     @property
     def displaced(self) -> bool:
         """Whether it moves the points of meshes."""
-        return not isinstance(given := self.inputs.get("displacement", 0.0), float | int) or given != 0.0
+        return not isinstance(source := self.inputs.get("displacement", 0.0), float | int) or source != 0.0
 
     @property
     def color_name(self) -> str | None:

@@ -71,10 +71,10 @@ def faces(prim: Any, time: Any, reads: Reads, diagnostics: Diagnostics, span: Sp
         rows = np.tensordot(along_v, values, 1)  # (i, u, k)
         return np.tensordot(rows, along_u, ([1], [1])).transpose(0, 2, 1)
 
-    whole, du, dv = mixed(v.basis, u.basis, weighted), mixed(v.basis, u.slope, weighted), mixed(v.slope, u.basis, weighted)
-    w = np.where(whole[..., 3:] != 0, whole[..., 3:], 1.0)
-    at = whole[..., :3] / w
-    normal = np.cross((du[..., :3] - du[..., 3:] * at) / w, (dv[..., :3] - dv[..., 3:] * at) / w)
+    surface, du, dv = mixed(v.basis, u.basis, weighted), mixed(v.basis, u.slope, weighted), mixed(v.slope, u.basis, weighted)
+    w = np.where(surface[..., 3:] != 0, surface[..., 3:], 1.0)
+    positions = surface[..., :3] / w
+    normal = np.cross((du[..., :3] - du[..., 3:] * positions) / w, (dv[..., :3] - dv[..., 3:] * positions) / w)
     colors = None
     if reads.color is not None:
         color_points = np.array(stage.flattened(UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(reads.color), time), np.float64)
@@ -82,12 +82,12 @@ def faces(prim: Any, time: Any, reads: Reads, diagnostics: Diagnostics, span: Sp
             colors = MeshAttribute(np.maximum(mixed(v.basis, u.basis, color_points.reshape(*grid, 3)).reshape(-1, 3), 0.0))
         else:
             diagnostics.warning(f"`{reads.color}` of a NurbsPatch is drawn with one value a control point: it is left out", span)
-    uvs = np.stack([np.broadcast_to(u.share, at.shape[:2]), np.broadcast_to(v.share[:, None], at.shape[:2])], axis=-1)
+    uvs = np.stack([np.broadcast_to(u.share, positions.shape[:2]), np.broadcast_to(v.share[:, None], positions.shape[:2])], axis=-1)
     n, m = len(u.share), len(v.share)
     corner = (np.arange(m - 1)[:, None] * n + np.arange(n - 1)).reshape(-1)
     quads = np.stack([corner, corner + 1, corner + n + 1, corner + n], axis=1)
     mesh = PolyMesh(
-        at.reshape(-1, 3), np.full(len(quads), 4), quads.reshape(-1), MeshAttribute(normal.reshape(-1, 3)),
+        positions.reshape(-1, 3), np.full(len(quads), 4), quads.reshape(-1), MeshAttribute(normal.reshape(-1, 3)),
         MeshAttribute(uvs.reshape(-1, 2).astype(np.float32)), colors,
     )  # fmt: skip
     if str(prim.GetAttribute("orientation").Get(time)) == "leftHanded":
@@ -105,9 +105,9 @@ def _spans(prim: Any, time: Any, letter: str, diagnostics: Diagnostics, span: Sp
     if not 2 <= order <= MAX_ORDER or count < order or len(knots) != count + order or not (np.diff(knots) >= 0).all():
         return None
     low, high = knots[order - 1], knots[count]
-    asked = stage.numbers(prim.GetAttribute(f"{letter}Range"), time, np.float64)
-    if len(asked) == 2:
-        low, high = max(low, asked[0]), min(high, asked[1])
+    authored = stage.numbers(prim.GetAttribute(f"{letter}Range"), time, np.float64)
+    if len(authored) == 2:
+        low, high = max(low, authored[0]), min(high, authored[1])
     if not low < high:
         return None
     return _Spans(knots, count, order, np.unique(np.clip(knots[order - 1 : count + 1], low, high)))
@@ -121,11 +121,11 @@ def _axis(spans: _Spans, steps: int) -> _Axis:
 
 def _spread(knots: F64, t: F64, count: int, order: int) -> F64:
     """The B-spline basis (m, count) at parameters."""
-    made = np.zeros((len(t), count))
+    basis = np.zeros((len(t), count))
     span = np.clip(np.searchsorted(knots, t, side="right") - 1, order - 1, count - 1)
     rows = span[:, None] - order + 1 + np.arange(order)
-    np.put_along_axis(made, rows, de_boor(knots, span, t, order), axis=1)
-    return made
+    np.put_along_axis(basis, rows, de_boor(knots, span, t, order), axis=1)
+    return basis
 
 
 def _slopes(knots: F64, t: F64, count: int, order: int) -> F64:

@@ -21,7 +21,7 @@ from .stage import Opened
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class StageSettings:
     """Settings of a stage for its pictures. Options of the command line precede it."""
 
     size: tuple[int, int] | None = None
@@ -34,37 +34,37 @@ class Asked:
     pixel_aspect: float = 1.0  # width of a pixel over its height
     bounces: int | None = None  # None: not given
 
-    def settings(self) -> ir.Settings:
+    def as_ir(self) -> ir.Settings:
         return ir.Settings(size=self.size, camera=self.camera, crop=self.crop, bounces=self.bounces)
 
 
-def read(opened: Opened, options: StageOptions, builder: SceneBuilder) -> Asked:
+def read(opened: Opened, options: StageOptions, builder: SceneBuilder) -> StageSettings:
     """The settings of the prim named by the options, else by the stage's renderSettingsPrimPath; defaults without one."""
-    whole = Span(opened.name)
+    span = Span(opened.name)
     path = options.render_settings or str(opened.stage.GetMetadata("renderSettingsPrimPath") or "")
     if not path:
-        return _over(Asked(), options)
+        return _over(StageSettings(), options)
     prim = opened.stage.GetPrimAtPath(path) if Sdf.Path.IsValidPathString(path) else None
     if not prim or not prim.IsA(UsdRender.SettingsBase):
         message = f"`{path}` is no RenderSettings or RenderProduct prim"
         if options.render_settings:
-            known = [str(p.GetPath()) for p in opened.stage.TraverseAll() if p.IsA(UsdRender.SettingsBase)]
-            builder.diagnostics.error(message, whole, f"the stage has {', '.join(known[:12])}" if known else "the stage has none")
+            paths = [str(p.GetPath()) for p in opened.stage.TraverseAll() if p.IsA(UsdRender.SettingsBase)]
+            builder.diagnostics.error(message, span, f"the stage has {', '.join(paths[:12])}" if paths else "the stage has none")
         else:
-            builder.diagnostics.warning(f"{message}: the renderSettingsPrimPath of the stage has no effect", whole)
-        return _over(Asked(), options)
-    return _over(_of(prim, opened, builder), options)
+            builder.diagnostics.warning(f"{message}: the renderSettingsPrimPath of the stage has no effect", span)
+        return _over(StageSettings(), options)
+    return _over(_from_prim(prim, opened, builder), options)
 
 
-def _over(asked: Asked, options: StageOptions) -> Asked:
+def _over(settings: StageSettings, options: StageOptions) -> StageSettings:
     """The settings with the options of the command line over them."""
-    size = options.size or asked.size
-    crop = asked.crop if size == asked.size else None
-    purposes = options.purposes or asked.purposes
-    return replace(asked, size=size, crop=crop, purposes=purposes, conform=options.conform or asked.conform)
+    size = options.size or settings.size
+    crop = settings.crop if size == settings.size else None
+    purposes = options.purposes or settings.purposes
+    return replace(settings, size=size, crop=crop, purposes=purposes, conform=options.conform or settings.conform)
 
 
-def _of(prim: Any, opened: Opened, builder: SceneBuilder) -> Asked:
+def _from_prim(prim: Any, opened: Opened, builder: SceneBuilder) -> StageSettings:
     settings, products = prim, []
     if prim.IsA(UsdRender.Settings):
         products = [opened.stage.GetPrimAtPath(target) for target in UsdRender.Settings(prim).GetProductsRel().GetTargets()]
@@ -85,12 +85,12 @@ def _of(prim: Any, opened: Opened, builder: SceneBuilder) -> Asked:
     if variables:
         names = ", ".join(target.name for target in variables)
         builder.diagnostics.note(f"render variables are channels of an .exr, asked for by --aov: {names}", opened.span(first))
-    cameras = next((found for s in sources if (found := UsdRender.SettingsBase(s).GetCameraRel().GetTargets())), [])
+    cameras = next((targets for s in sources if (targets := UsdRender.SettingsBase(s).GetCameraRel().GetTargets())), [])
     resolution = value("resolution")
     size = (int(resolution[0]), int(resolution[1])) if resolution is not None and min(resolution) > 0 else None
     policy = str(value("aspectRatioConformPolicy") or "expandAperture")
-    kept = next((name for name, of in CONFORM.items() if of == policy), None)
-    if kept is None:
+    conform = next((name for name, token in CONFORM.items() if token == policy), None)
+    if conform is None:
         builder.diagnostics.warning(f"the aspectRatioConformPolicy `{policy}` is drawn as expandAperture", opened.span(prim))
     pixel = float(value("pixelAspectRatio") or 1.0)
     if not 0 < pixel < math.inf:
@@ -98,8 +98,8 @@ def _of(prim: Any, opened: Opened, builder: SceneBuilder) -> Asked:
         pixel = 1.0
     purposes = settings.GetAttribute("includedPurposes")
     wanted = tuple(map(str, purposes.Get() or ())) if purposes and purposes.HasAuthoredValue() else None
-    return Asked(
-        size, str(cameras[0]) if cameras else None, wanted, kept or "expand", _crop(value("dataWindowNDC"), size),
+    return StageSettings(
+        size, str(cameras[0]) if cameras else None, wanted, conform or "expand", _crop(value("dataWindowNDC"), size),
         depth_of_field=not value("disableDepthOfField"), motion_blur=not (value("disableMotionBlur") or value("instantaneousShutter")),
         pixel_aspect=pixel,
     )  # fmt: skip
@@ -112,5 +112,5 @@ def _crop(window: Any, size: tuple[int, int] | None) -> tuple[int, int, int, int
     left, bottom, right, top = np.clip(np.array(window, np.float64), 0.0, 1.0)
     width, height = size
     x0, x1, y0, y1 = (int(np.ceil(v - 0.5)) for v in (left * width, right * width, (1 - top) * height, (1 - bottom) * height))
-    whole = (0, 0, width, height)
-    return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 and (x0, y0, x1, y1) != whole else None
+    full = (0, 0, width, height)
+    return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 and (x0, y0, x1, y1) != full else None

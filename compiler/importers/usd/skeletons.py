@@ -40,7 +40,7 @@ def skins(prim: Any, time: Any, warnings: Warnings) -> dict[str, Skin]:
     """The deformed prims below a SkelRoot, by path."""
     root, cache = UsdSkel.Root(prim), UsdSkel.Cache()
     cache.Populate(root, _PREDICATE)
-    found: dict[str, Skin] = {}
+    by_path: dict[str, Skin] = {}
     world = UsdGeom.XformCache(time)
     to_root = np.linalg.inv(np.array(world.GetLocalToWorldTransform(prim)).T)
     for binding in cache.ComputeSkelBindings(root, _PREDICATE):
@@ -55,8 +55,8 @@ def skins(prim: Any, time: Any, warnings: Warnings) -> dict[str, Skin]:
                 warnings.tell(message, query.GetPrim())
                 continue
             if skin is not None:
-                found[str(query.GetPrim().GetPath())] = skin
-    return found
+                by_path[str(query.GetPrim().GetPath())] = skin
+    return by_path
 
 
 def _matrices(skeleton: Any, prim: Any, time: Any, warnings: Warnings) -> Any:
@@ -71,12 +71,12 @@ def _matrices(skeleton: Any, prim: Any, time: Any, warnings: Warnings) -> Any:
 
 def _skin(query: Any, skeleton: Any, matrices: Any, time: Any, frame: np.ndarray, warnings: Warnings) -> Skin | None:
     prim = query.GetPrim()
-    given = UsdGeom.PointBased(prim).GetPointsAttr().Get(time) if prim.IsA(UsdGeom.PointBased) else None
-    if given is None:
+    authored = UsdGeom.PointBased(prim).GetPointsAttr().Get(time) if prim.IsA(UsdGeom.PointBased) else None
+    if authored is None:
         if prim.IsA(UsdGeom.Gprim):
             warnings.tell(f"the skeleton does not move this {prim.GetTypeName()}: only meshes and points are skinned", prim)
         return None
-    points = Vt.Vec3fArray(given)
+    points = Vt.Vec3fArray(authored)
     bind = np.array(query.GetGeomBindTransform(time)).T
     offsets = _blend(query, skeleton, time, points, warnings) if skeleton and query.HasBlendShapes() else None
     n = len(points)
@@ -86,9 +86,9 @@ def _skin(query: Any, skeleton: Any, matrices: Any, time: Any, frame: np.ndarray
         if query.HasJointInfluences() and not len(UsdSkel.Skeleton(skeleton.GetPrim()).GetJointsAttr().Get() or ()):
             warnings.tell("this mesh has joint influences, and its skeleton has no joints: no joint moves it", prim)
         plain = UsdGeom.XformCache(time).GetLocalToWorldTransform(prim)
-        own = np.linalg.inv(np.array(UsdGeom.XformCache(time).GetLocalToWorldTransform(skeleton.GetPrim())).T) @ np.array(plain).T
-        moved = np.array(points, np.float64) @ own[:3, :3].T + own[:3, 3]
-        return Skin(moved, own[None], np.zeros((n, 1), np.int64), np.ones((n, 1)), offsets, frame)
+        to_skeleton = np.linalg.inv(np.array(UsdGeom.XformCache(time).GetLocalToWorldTransform(skeleton.GetPrim())).T) @ np.array(plain).T
+        moved = np.array(points, np.float64) @ to_skeleton[:3, :3].T + to_skeleton[:3, 3]
+        return Skin(moved, to_skeleton[None], np.zeros((n, 1), np.int64), np.ones((n, 1)), offsets, frame)
     mapper = query.GetJointMapper()
     ordered = matrices
     if mapper is not None and not mapper.IsIdentity():
@@ -114,18 +114,18 @@ def _blend(query: Any, skeleton: Any, time: Any, points: Any, warnings: Warnings
         return None
     weights = mapper.Remap(animation.ComputeBlendShapeWeights(time))
     shapes = UsdSkel.BlendShapeQuery(UsdSkel.BindingAPI(query.GetPrim()))
-    found = shapes.ComputeSubShapeWeights(weights)
-    if not found:
+    sub_shapes = shapes.ComputeSubShapeWeights(weights)
+    if not sub_shapes:
         return None
-    of_shapes, rows, parts = found
+    of_shapes, rows, parts = sub_shapes
     indices = shapes.ComputeBlendShapePointIndices()
     if not shapes.ComputeDeformedPoints(of_shapes, rows, parts, indices, shapes.ComputeSubShapePointOffsets(), points):
         warnings.tell("the blend shapes of this mesh do not fit its points: they are left out", query.GetPrim())
         return None
     offsets = np.zeros((len(points), 3))
     for weight, row in zip(of_shapes, rows, strict=True):
-        given = np.array(shapes.GetBlendShape(row).GetNormalOffsetsAttr().Get() or (), np.float64).reshape(-1, 3)
-        at = np.array(indices[row], np.int64) if len(indices[row]) else np.arange(len(points))
-        if len(given) and len(given) == len(at):
-            np.add.at(offsets, at, weight * given)
+        normal_offsets = np.array(shapes.GetBlendShape(row).GetNormalOffsetsAttr().Get() or (), np.float64).reshape(-1, 3)
+        moved = np.array(indices[row], np.int64) if len(indices[row]) else np.arange(len(points))
+        if len(normal_offsets) and len(normal_offsets) == len(moved):
+            np.add.at(offsets, moved, weight * normal_offsets)
     return offsets if offsets.any() else None

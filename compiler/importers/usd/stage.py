@@ -38,7 +38,7 @@ class Opened:
     frame: np.ndarray
     meters_per_unit: float
     within: Files  # what the stage may read
-    made: tuple[Any, ...] = ()  # layers in place of files; without them a change of variants could read the files
+    stand_ins: tuple[Any, ...] = ()  # layers in place of files; without them a change of variants could read the files
 
     def wait(self, seconds: float) -> None:
         """Advance the time by `seconds`; a stage read at its earliest time continues from its start."""
@@ -79,18 +79,18 @@ class Warnings:
 
     opened: Opened
     diagnostics: Diagnostics
-    told: set[str] = field(default_factory=set)
+    messages: set[str] = field(default_factory=set)
 
     def tell(self, message: str, prim: Any) -> None:
-        if message not in self.told:
-            self.told.add(message)
+        if message not in self.messages:
+            self.messages.add(message)
             self.diagnostics.warning(message, self.opened.span(prim))
 
 
 def value(attribute: Any, time: Any) -> Any:
     """An attribute's value; None if absent, or if its type differs from the schema's."""
-    found = attribute.Get(time) if attribute else None
-    return _fallback(attribute) if isinstance(found, Sdf.UnregisteredValue) else found
+    authored = attribute.Get(time) if attribute else None
+    return _fallback(attribute) if isinstance(authored, Sdf.UnregisteredValue) else authored
 
 
 def _fallback(attribute: Any) -> Any:
@@ -101,11 +101,11 @@ def _fallback(attribute: Any) -> Any:
 
 def number(attribute: Any, time: Any, fallback: float = 0.0) -> float:
     """An attribute's value as a float; `fallback` if absent, the schema's default for a value of another type."""
-    found = value(attribute, time)
-    if found is None:
+    authored = value(attribute, time)
+    if authored is None:
         return fallback
     try:
-        return float(found)
+        return float(authored)
     except (TypeError, ValueError):
         default = _fallback(attribute)
         return float(default) if isinstance(default, int | float) else fallback
@@ -113,10 +113,10 @@ def number(attribute: Any, time: Any, fallback: float = 0.0) -> float:
 
 def numbers(attribute: Any, time: Any, dtype: type, width: int = 0) -> np.ndarray:
     """An attribute's value as an array (n,) or (n, width); empty if absent or of another type, with a warning."""
-    found = value(attribute, time)
+    authored = value(attribute, time)
     try:
-        made = np.array(found if found is not None else (), dtype=dtype)
-        return made.reshape(-1, width) if width else made.reshape(-1)
+        array = np.array(authored if authored is not None else (), dtype=dtype)
+        return array.reshape(-1, width) if width else array.reshape(-1)
     except (TypeError, ValueError, OverflowError):
         _fallback(attribute)
         return np.zeros((0, width) if width else 0, dtype)
@@ -141,9 +141,9 @@ def linear(attribute: Any, values: np.ndarray) -> np.ndarray:
             Tf.Warn(f"the colour space `{name}` of <{attribute.GetPath()}> is not known: its colours are drawn as they are")
             return values
         space = Gf.ColorSpace(_OTHER_NAMES.get(name, name))
-    made = Vt.FloatArray.FromNumpy(np.ascontiguousarray(values, np.float32).reshape(-1))
-    space.ConvertRGBSpan(_LINEAR, made)
-    return np.array(made, values.dtype).reshape(values.shape)
+    colors = Vt.FloatArray.FromNumpy(np.ascontiguousarray(values, np.float32).reshape(-1))
+    space.ConvertRGBSpan(_LINEAR, colors)
+    return np.array(colors, values.dtype).reshape(values.shape)
 
 
 _SPEEDS = ("velocities", "accelerations", "angularVelocities")
@@ -165,8 +165,8 @@ def moves(prim: Any, time: Any) -> bool:
 
 def points(prim: Any, time: Any) -> np.ndarray:
     """The points (n, 3) of a prim: those of the sample before the time, moved by their velocities, if it has these, else interpolated."""
-    if moves(prim, time) and (found := UsdGeom.PointBased(prim).ComputePointsAtTime(time, time)):
-        return np.array(found, np.float64).reshape(-1, 3)
+    if moves(prim, time) and (computed := UsdGeom.PointBased(prim).ComputePointsAtTime(time, time)):
+        return np.array(computed, np.float64).reshape(-1, 3)
     return numbers(prim.GetAttribute("points"), time, np.float64, 3)
 
 
@@ -188,17 +188,17 @@ def flattened(primvar: Any, time: Any) -> Any:
 
 def primvar_mean(prim: Any, name: str, time: Any) -> tuple[np.ndarray | None, int]:
     """Mean (width,) of a prim's own or inherited primvar, and its number of values; None if absent."""
-    found = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name) if name else None
-    flat = flattened(found, time) if found and found.HasValue() else None
+    primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name) if name else None
+    flat = flattened(primvar, time) if primvar and primvar.HasValue() else None
     try:
         values = np.array(flat if flat is not None else (), dtype=np.float64)
     except (TypeError, ValueError):
         return None, 0
-    if found is None or not values.size or not np.isfinite(values).all():
+    if primvar is None or not values.size or not np.isfinite(values).all():
         return None, 0
-    if not found.GetTypeName().isArray:
-        return linear(found.GetAttr(), values.reshape(-1)), 1
-    return linear(found.GetAttr(), values.reshape(len(values), -1)).mean(axis=0), len(values)
+    if not primvar.GetTypeName().isArray:
+        return linear(primvar.GetAttr(), values.reshape(-1)), 1
+    return linear(primvar.GetAttr(), values.reshape(len(values), -1)).mean(axis=0), len(values)
 
 
 def open_(
@@ -212,34 +212,34 @@ def open_(
     """
     options = options or StageOptions()
     reports = Reports(path)
-    whole = span or Span(name)
-    made: list[Any] = []
+    place = span or Span(name)
+    stand_ins: list[Any] = []
     may = access.Access(files, path, name, diagnostics, span)
     try:
-        stage = _open(path, options, may, diagnostics, whole, made)
+        stage = _open(path, options, may, diagnostics, place, stand_ins)
     except Tf.ErrorException as failure:
         why = packages.fault_of(path) or reason(failure, path)
-        at = re.match(rf"{re.escape(path.name)}:(\d+):(\d+): (.*)", why, re.DOTALL)
-        if at and span is None:
-            line, column = int(at[1]), int(at[2])
-            whole, why = Span(name, line, column, line, column + 1), at[3]
+        location = re.match(rf"{re.escape(path.name)}:(\d+):(\d+): (.*)", why, re.DOTALL)
+        if location and span is None:
+            line, column = int(location[1]), int(location[2])
+            place, why = Span(name, line, column, line, column + 1), location[3]
         other = path.suffix.lower() not in file_types.USD
-        diagnostics.error(f"cannot read the stage `{path.name}`: {why}", whole, foreign_formats.placed_by(path.name) if other else "")
+        diagnostics.error(f"cannot read the stage `{path.name}`: {why}", place, foreign_formats.placed_by(path.name) if other else "")
         return None
     finally:
-        reports.tell(diagnostics, whole)
+        reports.tell(diagnostics, place)
     if stage is None:
         if not diagnostics.failed:
             why = packages.fault_of(path) or "usd-core does not say why"
-            diagnostics.error(f"cannot read the stage `{path.name}`: {why}", whole, "copy or export it again")
+            diagnostics.error(f"cannot read the stage `{path.name}`: {why}", place, "copy or export it again")
         return None
     if path.suffix.lower() == ".usdz" and packages.fault_of(path) == packages.CUT_OFF:
-        diagnostics.warning(f"the package may lack files: {packages.CUT_OFF}", whole, "copy or export it again")
+        diagnostics.warning(f"the package may lack files: {packages.CUT_OFF}", place, "copy or export it again")
     for where, choice in options.variants.items():
-        _choose(stage, where, choice, diagnostics, whole)
+        _choose(stage, where, choice, diagnostics, place)
     if why := may.leave_out_used(stage):
         other = path.suffix.lower() not in file_types.USD
-        diagnostics.error(f"cannot read the stage `{path.name}`: {why}", whole, foreign_formats.placed_by(path.name) if other else "")
+        diagnostics.error(f"cannot read the stage `{path.name}`: {why}", place, foreign_formats.placed_by(path.name) if other else "")
     if why or may.failed:
         return None
     if excess := prototypes.without_excess(stage):
@@ -250,9 +250,9 @@ def open_(
         code = Usd.TimeCode(_near_whole(stage.GetStartTimeCode() + seconds * stage.GetTimeCodesPerSecond()))
     if time is not None:
         code = Usd.TimeCode(time)
-    frame = Z_UP if _up_axis(stage, diagnostics, whole) == UsdGeom.Tokens.z else np.eye(4)
+    frame = Z_UP if _up_axis(stage, diagnostics, place) == UsdGeom.Tokens.z else np.eye(4)
     meters = UsdGeom.GetStageMetersPerUnit(stage)
-    return Opened(stage, path, name, code, frame, meters if meters > 0 else 1.0, files, made=tuple(made))
+    return Opened(stage, path, name, code, frame, meters if meters > 0 else 1.0, files, stand_ins=tuple(stand_ins))
 
 
 def _up_axis(stage: Any, diagnostics: Diagnostics, span: Span) -> Any:
@@ -265,8 +265,8 @@ def _up_axis(stage: Any, diagnostics: Diagnostics, span: Span) -> Any:
         return UsdGeom.GetStageUpAxis(stage)
 
 
-def _open(path: Path, options: StageOptions, may: access.Access, diagnostics: Diagnostics, span: Span, made: list[Any]) -> Any:
-    """The stage of a layer, with its session layer and population mask. None after an error. See repair.layers for `made`."""
+def _open(path: Path, options: StageOptions, may: access.Access, diagnostics: Diagnostics, span: Span, stand_ins: list[Any]) -> Any:
+    """The stage of a layer, with its session layer and population mask. None after an error. See repair.layers for `stand_ins`."""
     bad = [p for p in options.mask if not (Sdf.Path.IsValidPathString(p) and Sdf.Path(p).IsAbsoluteRootOrPrimPath())]
     if bad:
         diagnostics.error(f"`{bad[0]}` is no path of a prim", span, "write --mask /World/Chair")
@@ -274,7 +274,7 @@ def _open(path: Path, options: StageOptions, may: access.Access, diagnostics: Di
     if why := crate_check.fault(path):
         diagnostics.error(f"cannot read the stage `{path.name}`: {why}", span)
         return None
-    root = repair.opened(path, diagnostics, made)
+    root = repair.opened(path, diagnostics, stand_ins)
     if root is None or not root.pseudoRoot:
         return None
     repair.clear_metadata(root, diagnostics)
@@ -284,7 +284,7 @@ def _open(path: Path, options: StageOptions, may: access.Access, diagnostics: Di
         return None
     may.begin(root, session)
     with may.search_path():
-        below, trees = repair.layers(root, session, diagnostics, made, may)  # which are kept until the stage has them
+        below, trees = repair.layers(root, session, diagnostics, stand_ins, may)  # which are kept until the stage has them
         if not options.mask and not _has_bounds(root, trees, diagnostics, span):
             return None
     if not options.mask:
@@ -338,9 +338,9 @@ def time_codes_per_second(path: Path) -> float:
 def _root_layer(path: Path) -> Any:
     """The root layer of a stage, repaired, which alone holds its metadata; None for one that cannot be read. A load of it tells why."""
     reports, unread = Reports(path), Diagnostics()
-    made: list[Any] = []
+    stand_ins: list[Any] = []
     try:
-        root = None if crate_check.fault(path) else repair.opened(path, unread, made)
+        root = None if crate_check.fault(path) else repair.opened(path, unread, stand_ins)
         if root is None or not root.pseudoRoot:
             return None
         repair.clear_metadata(root, unread)
@@ -359,8 +359,8 @@ def assets_of(path: Path) -> list[Path]:
 
 def summary(path: Path, options: StageOptions, files: Files) -> list[str]:
     """Lines about a stage: its prims by type, up axis and unit, time codes, and variant sets with their choice."""
-    found = Diagnostics()
-    opened = open_(path, str(path), files, found, None, options=options)
+    diagnostics = Diagnostics()
+    opened = open_(path, str(path), files, diagnostics, None, options=options)
     if opened is None:
         return []
     stage = opened.stage
@@ -387,8 +387,8 @@ def _choose(stage: Any, where: str, choice: str, diagnostics: Diagnostics, span:
         return
     prim = stage.GetPrimAtPath(path)
     if not prim:
-        known = [str(p.GetPath()) for p in stage.TraverseAll() if p.HasVariantSets()]
-        diagnostics.error(f"the stage has no prim `{path}`", span, suggest(path, known) or _listed("prims with variants", known))
+        paths = [str(p.GetPath()) for p in stage.TraverseAll() if p.HasVariantSets()]
+        diagnostics.error(f"the stage has no prim `{path}`", span, suggest(path, paths) or _listed("prims with variants", paths))
         return
     sets = prim.GetVariantSets()
     if set_name not in sets.GetNames():

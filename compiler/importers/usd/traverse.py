@@ -74,7 +74,7 @@ class Walk:
     _faces: dict[Any, geometry_module.Faces | None] = field(default_factory=dict)
     _stand_ins: dict[tuple[str, str], list[tuple[int, int]]] = field(default_factory=dict)
     _count: int = 0  # instances of point instancers
-    _told_cages: bool = False
+    _reported_cages: bool = False
     _audited: set[str] = field(default_factory=set)
     _skins: dict[str, skeletons.Skin] = field(default_factory=dict)  # of the SkelRoots so far, by path
     _skin_frame: np.ndarray = field(default_factory=lambda: np.eye(4))  # of the last SkelRoot
@@ -99,17 +99,17 @@ class Walk:
     def drawn(self) -> list[Piece]:
         """Geometry to draw, by purpose. Other geometry is reported in a note."""
         shown = ("default", *(p for p in self.purposes or ("render",) if p != "default"))
-        found = [piece for purpose in shown for piece in self.pieces.get(purpose, ())]
-        if not found and self.purposes is None:
+        geometry = [piece for purpose in shown for piece in self.pieces.get(purpose, ())]
+        if not geometry and self.purposes is None:
             shown = ("proxy",)
-            found = self.pieces["proxy"]
+            geometry = self.pieces["proxy"]
         for purpose, pieces in self.pieces.items():
             if pieces and purpose not in shown:
                 are = "prim of the purpose {} is" if len(pieces) == 1 else "prims of the purpose {} are"
                 message = f"{len(pieces)} {are.format(purpose)} not drawn"
                 hint = f"--purposes {','.join(shown)},{purpose} draws them too"
                 self.builder.diagnostics.note(message, self.opened.span_of(pieces[0].path), hint)
-        return found
+        return geometry
 
     def place(self) -> None:
         """Make instances of all drawn geometry, and free its pieces: the matrices of many copies take much memory."""
@@ -151,9 +151,9 @@ class Walk:
             if transforms.inverse(matrix) is not None:
                 lights.light(piece.prim, matrix, self.unit, self.opened, self.builder, self.materials, self.prefix)
 
-    def _below(self, root: Any, here: _Inherited, into: dict[str, list[Piece]]) -> None:
+    def _below(self, root: Any, state: _Inherited, into: dict[str, list[Piece]]) -> None:
         """Traverse a prim and its descendants; recursive only for point instancers and prototypes."""
-        waiting = [(root, here)]
+        waiting = [(root, state)]
         while waiting:
             prim, above = waiting.pop()
             try:
@@ -199,24 +199,24 @@ class Walk:
             matrix = (base if xformable.GetResetXformStack() else matrix) @ local
         return _Inherited(matrix, base, purpose, above.instancers, draw_mode, detail)
 
-    def _prim(self, prim: Any, kind: str, here: _Inherited, into: dict[str, list[Piece]]) -> None:
-        if here.purpose == "guide" and "guide" not in (self.purposes or ()):
+    def _prim(self, prim: Any, kind: str, state: _Inherited, into: dict[str, list[Piece]]) -> None:
+        if state.purpose == "guide" and "guide" not in (self.purposes or ()):
             return
         self._audit_once(prim, kind)
         if kind in MESHES:
             skin = self._skins.get(str(prim.GetPath()))
-            into.setdefault(here.purpose, []).extend(self._mesh(prim, here.matrix if skin is None else self._skin_frame @ skin.frame))
+            into.setdefault(state.purpose, []).extend(self._mesh(prim, state.matrix if skin is None else self._skin_frame @ skin.frame))
         elif kind in geometry_module.SHAPES:
-            into.setdefault(here.purpose, []).extend(self._shape(prim, here.matrix))
+            into.setdefault(state.purpose, []).extend(self._shape(prim, state.matrix))
         elif kind == "SkelRoot":
             self._skins |= skeletons.skins(prim, self.opened.time, self.materials.warnings)
-            self._skin_frame = here.matrix
+            self._skin_frame = state.matrix
         elif kind in curves.KINDS:
-            into.setdefault(here.purpose, []).extend(self._strands(prim, kind, here.matrix))
+            into.setdefault(state.purpose, []).extend(self._strands(prim, kind, state.matrix))
         elif kind == "Camera":
-            self.cameras.append((prim, here.matrix))
+            self.cameras.append((prim, state.matrix))
         elif kind in lights.KINDS:
-            self._light(prim, here, into)
+            self._light(prim, state, into)
 
     def _audit_once(self, prim: Any, kind: str) -> None:
         """Report undrawn parts of a prim, once for all instances of a prototype. Materials are reported where they are bound."""
@@ -229,18 +229,18 @@ class Walk:
         if kind not in ("Material", "Shader", "NodeGraph"):
             self.materials.audit.prim(prim, kind)
 
-    def _light(self, prim: Any, here: _Inherited, into: dict[str, list[Piece]]) -> None:
-        if here.instancers:
-            into.setdefault(here.purpose, []).append(Piece(LIGHT, NONE, here.matrix, prim, str(prim.GetPath())))
-        elif transforms.inverse(here.matrix) is not None:
-            lights.light(prim, here.matrix, self.unit, self.opened, self.builder, self.materials, self.prefix)
+    def _light(self, prim: Any, state: _Inherited, into: dict[str, list[Piece]]) -> None:
+        if state.instancers:
+            into.setdefault(state.purpose, []).append(Piece(LIGHT, NONE, state.matrix, prim, str(prim.GetPath())))
+        elif transforms.inverse(state.matrix) is not None:
+            lights.light(prim, state.matrix, self.unit, self.opened, self.builder, self.materials, self.prefix)
 
     # --- geometry with its material ---
 
     def _source(self, prim: Any) -> str:
         """Key of a prim's geometry: the prototype's path for native instances."""
-        own = prim.GetPrimInPrototype() if prim.IsInstanceProxy() and str(prim.GetPath()) not in self._skins else prim
-        return str(own.GetPath())
+        source = prim.GetPrimInPrototype() if prim.IsInstanceProxy() and str(prim.GetPath()) not in self._skins else prim
+        return str(source.GetPath())
 
     def _shape(self, prim: Any, matrix: np.ndarray) -> list[Piece]:
         key = self._source(prim)
@@ -253,17 +253,17 @@ class Walk:
         if shape_meshes.is_wanted(prim, mesh_inputs.reads(network, prim), self.builder.diagnostics, self.opened.span(prim)):
             return self._part(prim, prim, None, "", matrix)
         row = self._material(network, prim, Fit(), matrix)
-        own = network is not None or self._has_color(prim)
-        return [Piece(shape.geometry, row, matrix @ shape.matrix, prim, str(prim.GetPath()), own)]
+        has_color = network is not None or self._has_color(prim)
+        return [Piece(shape.geometry, row, matrix @ shape.matrix, prim, str(prim.GetPath()), has_color)]
 
-    def _stand_in(self, prim: Any, here: _Inherited) -> list[Piece]:
+    def _stand_in(self, prim: Any, state: _Inherited) -> list[Piece]:
         """What is drawn for a model by its draw mode, made once for all instances."""
-        key = (self._source(prim), here.draw_mode)
+        key = (self._source(prim), state.draw_mode)
         if key not in self._stand_ins:
-            self._stand_ins[key] = draw_modes.stand_in(prim, here.draw_mode, self.materials)
+            self._stand_ins[key] = draw_modes.stand_in(prim, state.draw_mode, self.materials)
         every = self.materials.replaced.every
         return [
-            Piece(row, bound if every == NONE else every, here.matrix, prim, str(prim.GetPath())) for row, bound in self._stand_ins[key]
+            Piece(row, bound if every == NONE else every, state.matrix, prim, str(prim.GetPath())) for row, bound in self._stand_ins[key]
         ]
 
     def _mesh(self, prim: Any, matrix: np.ndarray) -> list[Piece]:
@@ -293,8 +293,8 @@ class Walk:
             if geometry == NONE:
                 continue
             row = self._material(network, prim, part.fit, matrix)
-            own = network is not None or reads.color is not None or self._has_color(prim)
-            pieces.append(Piece(geometry, row, matrix, prim, str(owner.GetPath()), own))
+            has_color = network is not None or reads.color is not None or self._has_color(prim)
+            pieces.append(Piece(geometry, row, matrix, prim, str(owner.GetPath()), has_color))
         return pieces
 
     def _geometry(
@@ -315,15 +315,15 @@ class Walk:
                     self._faces[read] = shape_meshes.faces(prim, self.opened.time, reads, said, span)
                 else:
                     self._faces[read] = geometry_module.mesh(prim, self.opened.time, reads, said, span, self.complexity, skin)
-            found = self._faces[read]
-            if found is not None and moved is not None:
+            faces = self._faces[read]
+            if faces is not None and moved is not None:
                 self._tell_coarse(moved, prim)
-                found = displacement.displaced(found, self.materials.heights(moved, prim), metric)
-            if found is not None and found.subdivided and not self._told_cages:
-                self._told_cages = True
+                faces = displacement.displaced(faces, self.materials.heights(moved, prim), metric)
+            if faces is not None and faces.subdivided and not self._reported_cages:
+                self._reported_cages = True
                 self.builder.diagnostics.note(CAGES, span, REFINE)
-            made = None if found is None else found.part(part.faces)
-            self._geometries[key] = geometry_module.row(made, self.builder, span, str(prim.GetName()))
+            part_mesh = None if faces is None else faces.part(part.faces)
+            self._geometries[key] = geometry_module.row(part_mesh, self.builder, span, str(prim.GetName()))
             if self.cull and not UsdGeom.Gprim(prim).GetDoubleSidedAttr().Get(self.opened.time):
                 self.builder.single_sided.add(self._geometries[key])
         return self._geometries[key]
@@ -335,7 +335,7 @@ class Walk:
         uv_name, color_name = None if reads.ramp else reads.uv, reads.color
         span, said, time = self.opened.span(prim), self.builder.diagnostics, self.opened.time
         material = self._material(network, prim, Fit(color_name is not None), matrix)
-        own = network is not None or color_name is not None or self._has_color(prim)
+        has_color = network is not None or color_name is not None or self._has_color(prim)
         if kind == "Points" and color_name is None:
             centers, radii, _ = curves.balls(prim, time, said, span)
             if len(centers) <= MAX_BALLS:
@@ -343,16 +343,16 @@ class Walk:
                 places[:, :3, 3] = centers
                 name = str(prim.GetPath())
                 return [
-                    Piece(self.builder.geometry(ir.GeometryKind.SPHERE, (r,), span, name), material, m, prim, f"{name}[{k}]", own)
+                    Piece(self.builder.geometry(ir.GeometryKind.SPHERE, (r,), span, name), material, m, prim, f"{name}[{k}]", has_color)
                     for k, (r, m) in enumerate(zip(radii, matrix @ places, strict=True))
                 ]
         key = (self._source(prim), "", uv_name, color_name)
         if key not in self._geometries:
-            made = curves.mesh(prim, time, uv_name, color_name, said, span)
-            self._geometries[key] = geometry_module.row(made, self.builder, span, str(prim.GetName()))
+            polygons = curves.mesh(prim, time, uv_name, color_name, said, span)
+            self._geometries[key] = geometry_module.row(polygons, self.builder, span, str(prim.GetName()))
         if self._geometries[key] == NONE:
             return []
-        return [Piece(self._geometries[key], material, matrix, prim, str(prim.GetPath()), own)]
+        return [Piece(self._geometries[key], material, matrix, prim, str(prim.GetPath()), has_color)]
 
     def _has_color(self, prim: Any) -> bool:
         return primvar_mean(prim, DISPLAY_COLOR, self.opened.time)[0] is not None
@@ -386,56 +386,56 @@ class Walk:
 
     # --- instances ---
 
-    def _gathered(self, owner: str, prims: Sequence[Any], which: tuple[Any, ...], here: _Inherited) -> tuple[str, dict[str, list[Piece]]]:
+    def _gathered(self, owner: str, prims: Sequence[Any], which: tuple[Any, ...], state: _Inherited) -> tuple[str, dict[str, list[Piece]]]:
         """The pieces of a prototype in its own frame, by purpose, collected once; and the path of the first prim that asked for them."""
-        key = (*which, here.purpose, here.draw_mode, here.detail, here.instancers)
+        key = (*which, state.purpose, state.draw_mode, state.detail, state.instancers)
         if key not in self._shared:
-            found: dict[str, list[Piece]] = {}
-            inside = replace(here, matrix=np.eye(4), base=np.eye(4))
+            pieces: dict[str, list[Piece]] = {}
+            inside = replace(state, matrix=np.eye(4), base=np.eye(4))
             for prim in prims:
-                self._below(prim, inside, found)
-            self._shared[key] = (owner, found)
+                self._below(prim, inside, pieces)
+            self._shared[key] = (owner, pieces)
         return self._shared[key]
 
-    def _shares(self, prim: Any, here: _Inherited, into: dict[str, list[Piece]]) -> bool:
+    def _shares(self, prim: Any, state: _Inherited, into: dict[str, list[Piece]]) -> bool:
         """Adds the pieces of a native instance, collected once for all instances that are alike; False where an instance has its own."""
-        if not self._prototypes.of(prim).alike or prim.HasAPI("LODRootAPI"):
+        if not self._prototypes.prototype_of(prim).alike or prim.HasAPI("LODRootAPI"):
             return False
         inherited = self._prototypes.inherited(prim)
         if inherited is None:
             return False
         path = str(prim.GetPath())
-        children = levels_of_detail.children(prim, here.detail, self.opened.time)
-        first, gathered = self._gathered(path, children, (prim.GetPrototype().GetPath(), inherited), here)
+        children = levels_of_detail.children(prim, state.detail, self.opened.time)
+        first, gathered = self._gathered(path, children, (prim.GetPrototype().GetPath(), inherited), state)
         for purpose, pieces in gathered.items():
-            into.setdefault(purpose, []).extend(piece.moved(here.matrix, first, path) for piece in pieces)
+            into.setdefault(purpose, []).extend(piece.moved(state.matrix, first, path) for piece in pieces)
         return True
 
-    def _instancer(self, instancer: Any, here: _Inherited, into: dict[str, list[Piece]]) -> None:
+    def _instancer(self, instancer: Any, state: _Inherited, into: dict[str, list[Piece]]) -> None:
         """Collects each prototype once, in its own frame, and places it at each instance."""
         prim, time = instancer.GetPrim(), self.opened.time
-        if here.instancers >= MAX_NESTING:
+        if state.instancers >= MAX_NESTING:
             self.materials.tell("point instancers contain each other", prim)
             return
         targets = instancer.GetPrototypesRel().GetForwardedTargets()
-        found = instancers.read(instancer, time, len(targets), lambda message: self.materials.tell(message, prim))
+        instances = instancers.read(instancer, time, len(targets), lambda message: self.materials.tell(message, prim))
         for which, target in enumerate(targets):
-            chosen = np.flatnonzero(found.prototypes == which)
+            chosen = np.flatnonzero(instances.prototypes == which)
             prototype = prim.GetStage().GetPrimAtPath(target)
             if len(chosen) and not prototype:
                 message = f"the prototype {target} of this instancer does not exist: its {len(chosen)} instances are left out"
                 self.materials.tell(message, prim)
             if not len(chosen) or not prototype:
                 continue
-            _, gathered = self._gathered("", [prototype], (target,), replace(here, instancers=here.instancers + 1))
-            self._spread(gathered, here.matrix @ found.places(chosen), found.ids[chosen], prim, into)
+            _, gathered = self._gathered("", [prototype], (target,), replace(state, instancers=state.instancers + 1))
+            self._spread(gathered, state.matrix @ instances.places(chosen), instances.ids[chosen], prim, into)
 
     def _spread(
         self, gathered: dict[str, list[Piece]], places: np.ndarray, ids: np.ndarray, prim: Any, into: dict[str, list[Piece]]
     ) -> None:
         tints = instancers.colors(prim, self.opened.time, self.materials)
-        for purpose, found in gathered.items():
-            pieces = merged(found)
+        for purpose, group in gathered.items():
+            pieces = merged(group)
             self._count += sum(piece.copies for piece in pieces) * len(places)
             if self._count > MAX_INSTANCES:
                 message = f"the stage has more than {MAX_INSTANCES:,} instances: the rest is left out"
@@ -443,8 +443,8 @@ class Walk:
                 return
             to = into.setdefault(purpose, [])
             for piece in pieces:
-                own, n = piece.colored or not tints, piece.copies
-                whole = (places[:, None] @ piece.matrix.reshape(1, n, 4, 4)).reshape(-1, 4, 4)
-                material = np.tile(np.broadcast_to(piece.material, n), len(places)) if own else np.repeat(np.array(tints)[ids], n)
+                untinted, n = piece.colored or not tints, piece.copies
+                matrix = (places[:, None] @ piece.matrix.reshape(1, n, 4, 4)).reshape(-1, 4, 4)
+                material = np.tile(np.broadcast_to(piece.material, n), len(places)) if untinted else np.repeat(np.array(tints)[ids], n)
                 colored = piece.colored or bool(tints)
-                to.append(Piece(piece.geometry, material, whole, piece.prim, str(prim.GetPath()), colored, np.repeat(ids, n), piece.owner))
+                to.append(Piece(piece.geometry, material, matrix, piece.prim, str(prim.GetPath()), colored, np.repeat(ids, n), piece.owner))

@@ -28,10 +28,10 @@ class Instances:
 
     def places(self, chosen: I64) -> F64:
         """Transforms (m, 4, 4) of the chosen ones, without their prototypes' own."""
-        made = np.zeros((len(chosen), 4, 4))
-        made[:, :3, :3] = np.eye(3) if self.linear is None else self.linear[chosen]
-        made[:, :3, 3], made[:, 3, 3] = self.positions[chosen], 1.0
-        return made
+        matrices = np.zeros((len(chosen), 4, 4))
+        matrices[:, :3, :3] = np.eye(3) if self.linear is None else self.linear[chosen]
+        matrices[:, :3, 3], matrices[:, 3, 3] = self.positions[chosen], 1.0
+        return matrices
 
 
 def read(instancer: Any, time: Any, prototypes: int, tell: Callable[[str], None]) -> Instances:
@@ -71,11 +71,11 @@ def read(instancer: Any, time: Any, prototypes: int, tell: Callable[[str], None]
 
 def colors(prim: Any, time: Any, materials: Materials) -> list[int]:
     """Materials of the instances of a point instancer with a displayColor for each; empty otherwise."""
-    found = UsdGeom.PrimvarsAPI(prim).GetPrimvar(DISPLAY_COLOR)
-    if not found or not found.HasValue() or str(found.GetInterpolation()) == "constant":
+    primvar = UsdGeom.PrimvarsAPI(prim).GetPrimvar(DISPLAY_COLOR)
+    if not primvar or not primvar.HasValue() or str(primvar.GetInterpolation()) == "constant":
         return []
-    flat = flattened(found, time)
-    instance_colors = linear(found.GetAttr(), np.array(() if flat is None else flat, dtype=np.float64).reshape(-1, 3))
+    flat = flattened(primvar, time)
+    instance_colors = linear(primvar.GetAttr(), np.array(() if flat is None else flat, dtype=np.float64).reshape(-1, 3))
     if len(instance_colors) != len(numbers(UsdGeom.PointInstancer(prim).GetProtoIndicesAttr(), time, np.int64)):
         materials.tell("the displayColor of this instancer does not fit its instances: it is left out", prim)
         return []
@@ -101,8 +101,8 @@ def _fitting(prim: Any, names: tuple[str, ...], time: Any, width: int, count: in
 def _rotations(turns: F64) -> F64:
     """Matrices (n, 3, 3) of quaternions (x, y, z, w), as they are: usd-core does not normalize them either."""
     x, y, z, w = turns.T
-    made = np.empty((len(turns), 3, 3))
-    made[:, 0] = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)], axis=1)
-    made[:, 1] = np.stack([2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)], axis=1)
-    made[:, 2] = np.stack([2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)], axis=1)
-    return made
+    matrices = np.empty((len(turns), 3, 3))
+    matrices[:, 0] = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)], axis=1)
+    matrices[:, 1] = np.stack([2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)], axis=1)
+    matrices[:, 2] = np.stack([2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)], axis=1)
+    return matrices

@@ -44,60 +44,60 @@ class Prototypes:
     _known: dict[Any, Prototype] = field(default_factory=dict)
     _inherited: dict[Any, tuple[Any, ...] | None] = field(default_factory=dict)  # by paths of the parents of instances
 
-    def of(self, instance: Any) -> Prototype:
+    def prototype_of(self, instance: Any) -> Prototype:
         """The prototype of an instance."""
         first = instance.GetPrototype()
         waiting = [first]
         while waiting:
-            one = waiting[-1]
-            if one.GetPath() not in self._own:
-                self._own[one.GetPath()] = _read(one)
-            own = self._own[one.GetPath()]
-            unknown = [other for other in own.nested if other.GetPath() not in self._known]
-            if unknown and one.GetPath() not in self._known:
+            prototype = waiting[-1]
+            if prototype.GetPath() not in self._own:
+                self._own[prototype.GetPath()] = _read(prototype)
+            contents = self._own[prototype.GetPath()]
+            unknown = [other for other in contents.nested if other.GetPath() not in self._known]
+            if unknown and prototype.GetPath() not in self._known:
                 waiting += unknown
                 continue
             waiting.pop()
-            nested = [self._known[other.GetPath()] for other in own.nested]
+            nested = [self._known[other.GetPath()] for other in contents.nested]
             levels = 1 + max((other.levels for other in nested), default=0)
-            alike = own.alike and levels <= MAX_LEVELS and all(other.alike for other in nested)
-            self._known[one.GetPath()] = Prototype(own.prims + sum(other.prims for other in nested), levels, alike)
+            alike = contents.alike and levels <= MAX_LEVELS and all(other.alike for other in nested)
+            self._known[prototype.GetPath()] = Prototype(contents.prims + sum(other.prims for other in nested), levels, alike)
         return self._known[first.GetPath()]
 
     def inherited(self, prim: Any) -> tuple[Any, ...] | None:
         """The properties of a prim and its ancestors that its descendants inherit, with their values; None if they depend on the path."""
-        chain, at = [], prim
-        while not at.IsPseudoRoot() and at.GetPath() not in self._inherited:
-            chain.append(at)
-            at = at.GetParent()
-        found = () if at.IsPseudoRoot() else self._inherited[at.GetPath()]
-        for one in reversed(chain):
-            own = self._properties(one)
-            found = None if found is None or own is None else found + own
-            if one is not prim:
-                self._inherited[one.GetPath()] = found
-        return found
+        chain, top = [], prim
+        while not top.IsPseudoRoot() and top.GetPath() not in self._inherited:
+            chain.append(top)
+            top = top.GetParent()
+        properties = () if top.IsPseudoRoot() else self._inherited[top.GetPath()]
+        for ancestor in reversed(chain):
+            own_properties = self._properties(ancestor)
+            properties = None if properties is None or own_properties is None else properties + own_properties
+            if ancestor is not prim:
+                self._inherited[ancestor.GetPath()] = properties
+        return properties
 
     def _properties(self, prim: Any) -> tuple[Any, ...] | None:
         if prim.GetTypeName() == "SkelRoot":
             return None
         names = [name for name in prim.GetAuthoredPropertyNames() if name.startswith(_INHERITED)]
-        found = tuple(self._value(prim, prim.GetProperty(name)) for name in names)
-        return None if None in found else found
+        values = tuple(self._value(prim, prim.GetProperty(name)) for name in names)
+        return None if None in values else values
 
-    def _value(self, prim: Any, given: Any) -> tuple[Any, ...] | None:
+    def _value(self, prim: Any, prop: Any) -> tuple[Any, ...] | None:
         """A property's name, value and metadata; None if the value depends on the path of the prim, or is a long array."""
-        name = str(given.GetName())
+        name = str(prop.GetName())
         if name.startswith(_COLLECTION):
             return None
-        own = prim.GetPath()
-        if isinstance(given, Usd.Relationship):
-            value: Any = tuple(str(t.MakeRelativePath(own) if t.HasPrefix(own) else t) for t in given.GetTargets())
+        prim_path = prim.GetPath()
+        if isinstance(prop, Usd.Relationship):
+            value: Any = tuple(str(t.MakeRelativePath(prim_path) if t.HasPrefix(prim_path) else t) for t in prop.GetTargets())
         else:
-            value = given.Get(self.time)
+            value = prop.Get(self.time)
             if hasattr(value, "__len__") and len(value) > _SHORT:
                 return None
-        return (name, str(value), *(str(given.GetMetadata(key)) for key in _METADATA))
+        return (name, str(value), *(str(prop.GetMetadata(key)) for key in _METADATA))
 
 
 def _read(prototype: Any) -> _Own:
@@ -115,9 +115,9 @@ def without_excess(stage: Any) -> list[Any]:
     """Deactivate instances by which the stage would have more than MAX_PRIMS prims. Returns their paths; no file changes."""
     if not stage.GetPrototypes():
         return []
-    found, prims, excess = Prototypes(Usd.TimeCode.Default()), 0, []
+    prototypes, prims, excess = Prototypes(Usd.TimeCode.Default()), 0, []
     for prim in stage.Traverse():
-        size = found.of(prim).prims if prim.IsInstance() else 1
+        size = prototypes.prototype_of(prim).prims if prim.IsInstance() else 1
         if prims + size > MAX_PRIMS and prim.IsInstance():
             excess.append(prim.GetPath())
         else:

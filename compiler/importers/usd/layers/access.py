@@ -41,7 +41,7 @@ class Access:
         self._files, self._folder, self._name, self._diagnostics, self._place = files, path.parent, name, diagnostics, place
         self._main: Any = None
         self._session: Any = None
-        self._told: set[tuple[Any, ...]] = set()
+        self._reported: set[tuple[Any, ...]] = set()
         self._search = Ar.GetResolver().CreateDefaultContextForAsset(os.path.abspath(path))
 
     def begin(self, root: Any, session: Any) -> None:
@@ -51,7 +51,7 @@ class Access:
     @property
     def failed(self) -> bool:
         """Whether something was left out with an error."""
-        return self._place is not None and bool(self._told)
+        return self._place is not None and bool(self._reported)
 
     def search_path(self) -> Any:
         """A block in which usd-core looks for files as in the open stage."""
@@ -139,9 +139,9 @@ class Access:
         """Tell once of what is left out at some prims of a layer, or in its sublayers."""
         name, prim = self._name if layer == self._main else layer.GetDisplayName(), min(prims, default="")
         key = name, prim, fault
-        if key in self._told:
+        if key in self._reported:
             return
-        self._told.add(key)
+        self._reported.add(key)
         message, hint = fault
         if self._place is not None:
             self._diagnostics.error(f"`{Path(self._name).name}` reads outside: {message}", self._place, hint)

@@ -31,7 +31,7 @@ def fault(path: Path) -> str:
     try:
         if path.suffix.lower() == ".usdz":
             first, data = next(layers_of(path), ("", b""))
-            return f"`{first}`: {found}" if (found := fault_of(data)) else ""
+            return f"`{first}`: {why}" if (why := fault_of(data)) else ""
         with open_regular(path, ANY_SIZE) as file:
             if file.read(len(IDENTIFIER)) != IDENTIFIER:
                 return ""
@@ -60,8 +60,8 @@ def fault_of(data: Bytes) -> str:
         for name, start, size in contents:
             if start + size > len(data):
                 return f"its section {_text(name)} ends beyond the file"
-        found = sections(data)
-        for name, section in found.items():
+        by_name = sections(data)
+        for name, section in by_name.items():
             if name not in _SECTIONS:
                 continue
             (items,) = struct.unpack_from("<Q", section)
@@ -70,12 +70,12 @@ def fault_of(data: Bytes) -> str:
                 return f"its section {name} has fewer than the {items:,} items that it declares"
         if tuple(data[8:11]) < COMPRESSED:
             return ""
-        jumps = column(found["PATHS"], 8, 2)
+        jumps = column(by_name["PATHS"], 8, 2)
         if not _is_tree(jumps):
             return "its paths are no tree"
         if _nests_too_deep(jumps):
             return f"its paths have more than {MAX_LEVELS:,} levels"
-        return "" if (column(found["SPECS"], 0, 2) >= 0).all() else "the types of its specs are damaged"
+        return "" if (column(by_name["SPECS"], 0, 2) >= 0).all() else "the types of its specs are damaged"
     except IndexError:
         return "its paths or specs are damaged"
     except (struct.error, KeyError, OverflowError):
@@ -84,11 +84,11 @@ def fault_of(data: Bytes) -> str:
 
 def table_of_contents(data: Bytes) -> list[tuple[bytes, int, int]] | None:
     """(name of 16 bytes, start, size) of each section; None where they exceed the file."""
-    (at,) = struct.unpack_from("<Q", data, 16)
-    (count,) = struct.unpack_from("<Q", data, at)
+    (start,) = struct.unpack_from("<Q", data, 16)
+    (count,) = struct.unpack_from("<Q", data, start)
     if count > len(data) // 32:
         return None
-    return [struct.unpack_from("<16sQQ", data, at + 8 + 32 * k) for k in range(count)]
+    return [struct.unpack_from("<16sQQ", data, start + 8 + 32 * k) for k in range(count)]
 
 
 def sections(data: Bytes) -> dict[str, bytes]:
@@ -100,14 +100,14 @@ def _text(name: bytes) -> str:
     return name.partition(b"\0")[0].decode("ascii", "replace")
 
 
-def column(section: bytes, at: int, before: int) -> np.ndarray:
-    """Integers (n,) of a section, after some other lists of as many. `at` is the place of their number."""
-    (count,) = struct.unpack_from("<Q", section, at)
-    at += 8
+def column(section: bytes, offset: int, before: int) -> np.ndarray:
+    """Integers (n,) of a section, after some other lists of as many. `offset` is the place of their number."""
+    (count,) = struct.unpack_from("<Q", section, offset)
+    offset += 8
     for _ in range(before):
-        at += 8 + struct.unpack_from("<Q", section, at)[0]
-    (size,) = struct.unpack_from("<Q", section, at)
-    return _integers(decompressed(section[at + 8 : at + 8 + size]), count)
+        offset += 8 + struct.unpack_from("<Q", section, offset)[0]
+    (size,) = struct.unpack_from("<Q", section, offset)
+    return _integers(decompressed(section[offset + 8 : offset + 8 + size]), count)
 
 
 def _is_tree(jumps: np.ndarray) -> bool:
@@ -139,44 +139,44 @@ def _nests_too_deep(jumps: np.ndarray) -> bool:
 
 def decompressed(block: bytes) -> bytes:
     """The bytes of a compressed block. Blocks of several chunks, from 2 GB on, give the first."""
-    made, at = bytearray(), 1 if block[0] == 0 else 5
-    while at < len(block):
-        kinds, at = block[at], at + 1
-        length, at = _length(block, at, kinds >> 4)
-        made += block[at : at + length]
-        at += length
-        if at >= len(block):
+    output, position = bytearray(), 1 if block[0] == 0 else 5
+    while position < len(block):
+        kinds, position = block[position], position + 1
+        length, position = _length(block, position, kinds >> 4)
+        output += block[position : position + length]
+        position += length
+        if position >= len(block):
             break
-        back = block[at] | block[at + 1] << 8
-        length, at = _length(block, at + 2, kinds & 15)
+        back = block[position] | block[position + 1] << 8
+        length, position = _length(block, position + 2, kinds & 15)
         length += 4
-        piece = bytes(made[len(made) - back : len(made) - back + length])
-        made += (piece * (length // len(piece) + 1))[:length] if piece else bytes(length)
-    return bytes(made)
+        piece = bytes(output[len(output) - back : len(output) - back + length])
+        output += (piece * (length // len(piece) + 1))[:length] if piece else bytes(length)
+    return bytes(output)
 
 
-def _length(block: bytes, at: int, length: int) -> tuple[int, int]:
+def _length(block: bytes, position: int, length: int) -> tuple[int, int]:
     if length == 15:
         while True:
-            length, at = length + block[at], at + 1
-            if block[at - 1] != 255:
+            length, position = length + block[position], position + 1
+            if block[position - 1] != 255:
                 break
-    return length, at
+    return length, position
 
 
 def _integers(raw: bytes, count: int) -> np.ndarray:
     """Integers (n,) from their differences: a common one, or one of 1, 2 or 4 bytes, as two bits for each say. Raises IndexError."""
-    given = np.frombuffer(raw, np.uint8)
-    if len(given) < 4 + (2 * count + 7) // 8:
+    stored = np.frombuffer(raw, np.uint8)
+    if len(stored) < 4 + (2 * count + 7) // 8:
         raise IndexError("the codes end early")
-    codes = given[4 : 4 + (2 * count + 7) // 8]
+    codes = stored[4 : 4 + (2 * count + 7) // 8]
     which = (codes[:, None] >> np.array([0, 2, 4, 6], np.uint8) & 3).reshape(-1)[:count]
     sizes = np.array([0, 1, 2, 4])[which]
     starts = 4 + len(codes) + np.cumsum(sizes) - sizes
-    if 4 + len(codes) + sizes.sum() > len(given):
+    if 4 + len(codes) + sizes.sum() > len(stored):
         raise IndexError("the differences end early")
     steps = np.full(count, np.frombuffer(raw, "<i4", 1)[0], np.int32)
     for code, kind in ((1, np.dtype("<i1")), (2, np.dtype("<i2")), (3, np.dtype("<i4"))):
         rows = np.flatnonzero(which == code)
-        steps[rows] = given[starts[rows][:, None] + np.arange(kind.itemsize)].reshape(-1).view(kind)
+        steps[rows] = stored[starts[rows][:, None] + np.arange(kind.itemsize)].reshape(-1).view(kind)
     return np.cumsum(steps, dtype=np.int32)

@@ -20,7 +20,7 @@ from . import crate_check
 
 MOST = 16_000_000  # items in compressed arrays of a file, together
 PER_BYTE = 4  # further such items for each byte of the file
-MOST_TOLD = 20  # values of a file that are named
+MOST_NAMED = 20  # values of a file that are named
 _DENSEST = 1020  # items of a compressed array in a byte: 4 in a byte of codes, 255 bytes in a byte of LZ4
 _SMALLEST = 16  # items from which arrays are compressed
 _DEEP, _MANY = 64, 1_000_000  # levels of nested values; values in one field
@@ -61,22 +61,22 @@ def read(path: Path, diagnostics: Diagnostics) -> bytes:
             if file.read(len(crate_check.IDENTIFIER)) != crate_check.IDENTIFIER:
                 return b""
             with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-                found = excessive(data)
-                if not found:
+                excess = excessive(data)
+                if not excess:
                     return b""
-                warn(path.name, data, found, diagnostics)
-                return without(data, found)
+                warn(path.name, data, excess, diagnostics)
+                return without(data, excess)
     except (OSError, ValueError):
         return b""
 
 
 def warn(place: str, data: crate_check.Bytes, excess: list[Excess], diagnostics: Diagnostics) -> None:
     """The warnings about the values of a file that are left out."""
-    told = excess[:MOST_TOLD]
-    for where, each in zip(paths(data, told), told, strict=True):
+    named = excess[:MOST_NAMED]
+    for where, each in zip(paths(data, named), named, strict=True):
         diagnostics.warning(f"the value of `{where}` is left out: {each.why}", Span(place))
-    if len(excess) > MOST_TOLD:
-        diagnostics.warning(f"the values of {len(excess) - MOST_TOLD:,} more are left out", Span(place))
+    if len(excess) > MOST_NAMED:
+        diagnostics.warning(f"the values of {len(excess) - MOST_NAMED:,} more are left out", Span(place))
 
 
 def without(data: crate_check.Bytes, excess: list[Excess]) -> bytes:
@@ -86,10 +86,10 @@ def without(data: crate_check.Bytes, excess: list[Excess]) -> bytes:
     packed = _literals(reps.tobytes())
     section = names + struct.pack("<Q", len(packed)) + packed
     table = crate_check.table_of_contents(data) or []
-    toc = [(name, len(data), len(section)) if name.startswith(b"FIELDS\0") else (name, at, size) for name, at, size in table]
-    made = bytearray(data[:]) + section
-    struct.pack_into("<Q", made, 16, len(made))
-    return bytes(made) + struct.pack("<Q", len(toc)) + b"".join(struct.pack("<16sQQ", *row) for row in toc)
+    toc = [(name, len(data), len(section)) if name.startswith(b"FIELDS\0") else (name, start, size) for name, start, size in table]
+    output = bytearray(data[:]) + section
+    struct.pack_into("<Q", output, 16, len(output))
+    return bytes(output) + struct.pack("<Q", len(toc)) + b"".join(struct.pack("<16sQQ", *row) for row in toc)
 
 
 def paths(data: crate_check.Bytes, excess: list[Excess]) -> list[str]:
@@ -99,19 +99,19 @@ def paths(data: crate_check.Bytes, excess: list[Excess]) -> list[str]:
         sets = crate_check.column(sections["FIELDSETS"], 0, 0)
         specs = [crate_check.column(sections["SPECS"], 0, k) for k in (0, 1)]
         names = crate_check.column(sections["FIELDS"], 0, 0)
-        known = dict(_paths(sections["PATHS"], tokens))
+        spec_paths = dict(_paths(sections["PATHS"], tokens))
         starts = {int(first): int(path) for path, first in zip(*specs, strict=True)}
     except (struct.error, KeyError, IndexError, ValueError, OverflowError):
         return ["" for _ in excess]
-    found = []
+    labels = []
     for field, _ in excess:
-        at = next(iter(np.flatnonzero(sets == field)), 0)
-        while at > 0 and sets[at - 1] >= 0:
-            at -= 1
+        index = next(iter(np.flatnonzero(sets == field)), 0)
+        while index > 0 and sets[index - 1] >= 0:
+            index -= 1
         name = tokens[names[field]] if 0 <= names[field] < len(tokens) else ""
-        path = known.get(starts.get(int(at), -1), "")
-        found.append(path if name in ("default", "timeSamples") else f"{path} {name}")
-    return found
+        path = spec_paths.get(starts.get(int(index), -1), "")
+        labels.append(path if name in ("default", "timeSamples") else f"{path} {name}")
+    return labels
 
 
 class _Walk:

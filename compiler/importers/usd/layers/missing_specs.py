@@ -31,13 +31,13 @@ def leave_out(layer: Any, missing: list[Any], diagnostics: Diagnostics) -> None:
         if field not in spec_tree.CHILDREN:
             return True
         children = spec_tree.listed(source, source.GetObjectAtPath(path), path, field)
-        kept = [name for name, child, there in children if there is not None and child not in gone]
-        return (True, kept, kept)
+        present = [name for name, child, spec in children if spec is not None and child not in gone]
+        return (True, present, present)
 
-    whole = Sdf.Layer.CreateAnonymous(".usda")
+    cleaned = Sdf.Layer.CreateAnonymous(".usda")
     try:
-        Sdf.CopySpec(layer, spec_tree.ROOT, whole, spec_tree.ROOT, lambda *_: True, held)
+        Sdf.CopySpec(layer, spec_tree.ROOT, cleaned, spec_tree.ROOT, lambda *_: True, held)
     except spec_tree.REFUSED:
-        whole.Clear()
+        cleaned.Clear()
         diagnostics.warning("nothing of this layer can be read", span)
-    layer.TransferContent(whole)
+    layer.TransferContent(cleaned)

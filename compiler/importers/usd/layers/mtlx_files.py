@@ -47,8 +47,8 @@ def layer(path: Path, diagnostics: Diagnostics) -> Any:
     except (ElementTree.ParseError, OSError, ValueError, LookupError) as failure:
         warn(f"the MaterialX file `{path.name}` cannot be read: {failure}")
         return None
-    made = Sdf.Layer.CreateAnonymous(".usda")
-    stage = Usd.Stage.Open(made)
+    new_layer = Sdf.Layer.CreateAnonymous(".usda")
+    stage = Usd.Stage.Open(new_layer)
     stage.SetDefaultPrim(stage.DefinePrim("/MaterialX"))
     materials = root.findall("surfacematerial")
     if not materials:
@@ -56,13 +56,13 @@ def layer(path: Path, diagnostics: Diagnostics) -> Any:
     for unread in sorted({child.tag.rpartition("}")[2] for child in root} & {"include", "look", "material"}):
         warn(f"the elements `{unread}` of `{path.name}` are not drawn")
     for element in materials:
-        at = _ROOT.AppendChild(_identifier(element.get("name", "")))
+        prim_path = _ROOT.AppendChild(_identifier(element.get("name", "")))
         document = _Document(stage, root, path.parent, root.get("fileprefix", ""), warn)
-        shader = next((given for given in element.findall("input") if given.get("type") == "surfaceshader"), None)
-        material = UsdShade.Material.Define(stage, at)
-        if shader is not None and (source := document.source(shader, root, at)) is not None:
+        shader = next((port for port in element.findall("input") if port.get("type") == "surfaceshader"), None)
+        material = UsdShade.Material.Define(stage, prim_path)
+        if shader is not None and (source := document.source(shader, root, prim_path)) is not None:
             material.CreateSurfaceOutput("mtlx").ConnectToSource(source)
-    return made
+    return new_layer
 
 
 def _without_blanks(data: bytes) -> bytes:
@@ -84,68 +84,68 @@ class _Document:
     folder: Path
     prefix: str
     warn: Callable[[str], None]
-    made: set[Any] = field(default_factory=set)  # paths of prims
+    copied: set[Any] = field(default_factory=set)  # paths of prims
 
-    def source(self, given: ElementTree.Element, scope: ElementTree.Element, at: Any) -> Any:
-        """The path of the output that feeds an input or output of `scope`, whose prim is `at`; None for none."""
-        output = _identifier(given.get("output") or "out")
-        if name := given.get("nodegraph"):
+    def source(self, port: ElementTree.Element, scope: ElementTree.Element, scope_path: Any) -> Any:
+        """The path of the output that feeds an input or output of `scope`, whose prim is `scope_path`; None for none."""
+        output = _identifier(port.get("output") or "out")
+        if name := port.get("nodegraph"):
             graph = self._named(name, self.root)
-            return None if graph is None else self._graph(graph, at, given.get("output"))
-        node = self._named(given.get("nodename", ""), scope)
+            return None if graph is None else self._graph(graph, scope_path, port.get("output"))
+        node = self._named(port.get("nodename", ""), scope)
         if node is None:
             return None
-        path = at.AppendChild(_identifier(node.get("name", "")))
-        if path not in self.made:
-            self.made.add(path)
-            self._shader(node, scope, at, path)
+        path = scope_path.AppendChild(_identifier(node.get("name", "")))
+        if path not in self.copied:
+            self.copied.add(path)
+            self._shader(node, scope, scope_path, path)
         UsdShade.Shader(self.stage.GetPrimAtPath(path)).CreateOutput(output, Sdf.ValueTypeNames.Token)
         return path.AppendProperty(f"outputs:{output}")
 
     def _named(self, name: str, scope: ElementTree.Element) -> ElementTree.Element | None:
-        found = next((child for child in scope if child.get("name") == name), None)
-        if found is None:
+        node = next((child for child in scope if child.get("name") == name), None)
+        if node is None:
             self.warn(f"there is no node `{name}`: the input that it feeds takes its default")
-        return found
+        return node
 
-    def _graph(self, graph: ElementTree.Element, at: Any, output: str | None) -> Any:
-        """The path of an output of a node graph, which is copied below `at`."""
-        path = at.AppendChild(_identifier(graph.get("name", "")))
-        made = UsdShade.NodeGraph.Define(self.stage, path)
+    def _graph(self, graph: ElementTree.Element, scope_path: Any, output: str | None) -> Any:
+        """The path of an output of a node graph, which is copied below `scope_path`."""
+        path = scope_path.AppendChild(_identifier(graph.get("name", "")))
+        graph_prim = UsdShade.NodeGraph.Define(self.stage, path)
         outputs = [child for child in graph.findall("output") if output in (None, child.get("name"))]
         if not outputs:
             self.warn(f"the node graph `{graph.get('name')}` has no output `{output}`")
             return None
-        if path not in self.made:
-            self.made.add(path)
-            for given in graph.findall("input"):
-                self._input(made, given, self.root, at)
-        own = made.CreateOutput(_identifier(outputs[0].get("name", "out")), Sdf.ValueTypeNames.Token)
+        if path not in self.copied:
+            self.copied.add(path)
+            for port in graph.findall("input"):
+                self._input(graph_prim, port, self.root, scope_path)
+        graph_output = graph_prim.CreateOutput(_identifier(outputs[0].get("name", "out")), Sdf.ValueTypeNames.Token)
         if (source := self.source(outputs[0], graph, path)) is not None:
-            own.ConnectToSource(source)
-        return own.GetAttr().GetPath()
+            graph_output.ConnectToSource(source)
+        return graph_output.GetAttr().GetPath()
 
-    def _shader(self, node: ElementTree.Element, scope: ElementTree.Element, at: Any, path: Any) -> None:
-        made = UsdShade.Shader.Define(self.stage, path)
-        made.CreateIdAttr(node.get("nodedef") or f"ND_{node.tag}_{node.get('type')}")
-        for given in node.findall("input"):
-            self._input(made, given, scope, at)
+    def _shader(self, node: ElementTree.Element, scope: ElementTree.Element, scope_path: Any, path: Any) -> None:
+        shader = UsdShade.Shader.Define(self.stage, path)
+        shader.CreateIdAttr(node.get("nodedef") or f"ND_{node.tag}_{node.get('type')}")
+        for port in node.findall("input"):
+            self._input(shader, port, scope, scope_path)
 
-    def _input(self, owner: Any, given: ElementTree.Element, scope: ElementTree.Element, at: Any) -> None:
-        name, type_ = given.get("name", ""), given.get("type", "")
+    def _input(self, owner: Any, port: ElementTree.Element, scope: ElementTree.Element, scope_path: Any) -> None:
+        name, type_ = port.get("name", ""), port.get("type", "")
         if type_ not in _TYPES:
             self.warn(f"inputs of the type `{type_}` are not drawn")
             return
-        made = owner.CreateInput(_identifier(name), _TYPES[type_])
-        if interface := given.get("interfacename"):
-            made.ConnectToSource(at.AppendProperty(f"inputs:{_identifier(interface)}"))
-        elif given.get("nodename") or given.get("nodegraph"):
-            if (source := self.source(given, scope, at)) is not None:
-                made.ConnectToSource(source)
-        elif (value := self._value(given.get("value", ""), type_)) is not None:
-            made.Set(value)
-        if space := given.get("colorspace"):
-            made.GetAttr().SetColorSpace(space)
+        shader_input = owner.CreateInput(_identifier(name), _TYPES[type_])
+        if interface := port.get("interfacename"):
+            shader_input.ConnectToSource(scope_path.AppendProperty(f"inputs:{_identifier(interface)}"))
+        elif port.get("nodename") or port.get("nodegraph"):
+            if (source := self.source(port, scope, scope_path)) is not None:
+                shader_input.ConnectToSource(source)
+        elif (value := self._value(port.get("value", ""), type_)) is not None:
+            shader_input.Set(value)
+        if space := port.get("colorspace"):
+            shader_input.GetAttr().SetColorSpace(space)
 
     def _value(self, text: str, type_: str) -> Any:
         if type_ == "filename":

@@ -30,16 +30,16 @@ def replaced(path: Path, diagnostics: Diagnostics) -> list[Any]:
     from the package.
     """
     try:
-        made = dict(_replacements(path, diagnostics))
-        if not made:
+        replacements = dict(_replacements(path, diagnostics))
+        if not replacements:
             return []
         with zipfile.ZipFile(path) as files:
             names = files.namelist()
             first = layer_names(names)[0]
-            made.setdefault(first, files.read(first))
+            replacements.setdefault(first, files.read(first))
         if first != names[0]:
             warn_of_first(path, first, diagnostics)
-        return _opened(os.path.abspath(path), first, made)
+        return _opened(os.path.abspath(path), first, replacements)
     except (OSError, ValueError, IndexError, NotImplementedError, RuntimeError, zipfile.BadZipFile, Tf.ErrorException):
         return []  # usd-core reports it
 
@@ -78,9 +78,9 @@ def _replacements(path: Path, diagnostics: Diagnostics) -> Iterator[tuple[str, b
     for name, data in crate_check.layers_of(path):
         place = f"{path.name}[{name}]"
         if data and not data.startswith(crate_check.IDENTIFIER):
-            found = None if text_layers.is_sound(data) else text_layers.repaired(data, place, diagnostics)
-            if found:
-                yield name, found.ExportToString().encode()
+            layer = None if text_layers.is_sound(data) else text_layers.repaired(data, place, diagnostics)
+            if layer:
+                yield name, layer.ExportToString().encode()
         elif why := crate_check.fault_of(data):
             diagnostics.warning(f"this layer cannot be read: {why}", Span(place))
             yield name, _empty()
@@ -89,24 +89,24 @@ def _replacements(path: Path, diagnostics: Diagnostics) -> Iterator[tuple[str, b
             yield name, crate_values.without(data, excess)
 
 
-def _opened(package: str, first: str, made: dict[str, bytes]) -> list[Any]:
-    """The layer of a package and those in `made`. Each is read from a copy and then has its identifier in the package."""
-    kept = [Sdf.Layer.Find(package), *(Sdf.Layer.Find(f"{package}[{name}]") for name in made)]
-    if all(kept):  # of a stage that is still open
-        return kept
+def _opened(package: str, first: str, replacements: dict[str, bytes]) -> list[Any]:
+    """The layer of a package and those in `replacements`. Each is read from a copy and then has its identifier in the package."""
+    open_layers = [Sdf.Layer.Find(package), *(Sdf.Layer.Find(f"{package}[{name}]") for name in replacements)]
+    if all(open_layers):  # of a stage that is still open
+        return open_layers
     with tempfile.TemporaryDirectory() as folder:
         copy = os.path.join(folder, os.path.basename(package))
         with zipfile.ZipFile(copy, "w", zipfile.ZIP_STORED) as files:
-            for name in sorted(made, key=lambda name: name != first):
-                files.writestr(name, made[name])
-        found = []
-        for inner in ("", *(f"[{name}]" for name in made)):
+            for name in sorted(replacements, key=lambda name: name != first):
+                files.writestr(name, replacements[name])
+        layers = []
+        for inner in ("", *(f"[{name}]" for name in replacements)):
             layer = Sdf.Layer.Find(package + inner)
             if layer is None:
                 layer = Sdf.Layer.FindOrOpen(copy + inner)
                 layer.identifier = package + inner
-            found.append(layer)
-    return found
+            layers.append(layer)
+    return layers
 
 
 def _empty() -> bytes:

@@ -39,7 +39,7 @@ def estimate(root: Any, trees: dict[str, SpecTree]) -> Extent:
     if not any(counter.tree(layer).arcs for layer in counter.stack(root)):
         return Extent(0, 0)
     try:
-        return counter.at(root, spec_tree.ROOT)
+        return counter.extent(root, spec_tree.ROOT)
     except RecursionError:
         return Extent(0, MAX_STAGE_LEVELS + 1)
 
@@ -64,8 +64,8 @@ def _sums(tree: SpecTree) -> _Sums:
             prims[parent] = max(prims[parent], prims[row])
         else:
             prims[parent] += prims[row]
-        own = int(tree.kinds[parent] is Sdf.PrimSpec)
-        sums.levels[parent] = max(sums.levels[parent], sums.levels[row] + own)
+        is_prim = int(tree.kinds[parent] is Sdf.PrimSpec)
+        sums.levels[parent] = max(sums.levels[parent], sums.levels[row] + is_prim)
     return sums
 
 
@@ -94,16 +94,16 @@ class _Counter:
     def stack(self, layer: Any) -> list[Any]:
         """A layer with its sublayers, and theirs."""
         if layer.identifier not in self._stacks:
-            found, waiting = {}, [layer]
+            layers, waiting = {}, [layer]
             while waiting:
-                one = waiting.pop()
-                if one is not None and one.identifier not in found:
-                    found[one.identifier] = one
-                    waiting += [_opened(one, path) for path in one.subLayerPaths]
-            self._stacks[layer.identifier] = list(found.values())
+                current = waiting.pop()
+                if current is not None and current.identifier not in layers:
+                    layers[current.identifier] = current
+                    waiting += [_opened(current, path) for path in current.subLayerPaths]
+            self._stacks[layer.identifier] = list(layers.values())
         return self._stacks[layer.identifier]
 
-    def at(self, top: Any, path: Any) -> Extent:
+    def extent(self, top: Any, path: Any) -> Extent:
         """The extent of the prim at a path of a layer and its sublayers; (0, 0) if there is none, and in a cycle. Raises TooLongChain."""
         key = (top.identifier, path)
         if key not in self._known:
@@ -112,9 +112,10 @@ class _Counter:
             if self._depth > MAX_CHAIN:
                 raise TooLongChain
             specs = [(layer, row) for layer in self.stack(top) if (row := self.tree(layer).rows.get(path)) is not None]
-            found = [self._spec(top, layer, row) for layer, row in specs]
-            own = max((self.sums(layer).prims[row] for layer, row in specs), default=0)  # many layers may hold opinions on one prim
-            self._known[key] = Extent(own + sum(one.prims for one in found), max((one.levels for one in found), default=0))
+            extents = [self._spec(top, layer, row) for layer, row in specs]
+            local_prims = max((self.sums(layer).prims[row] for layer, row in specs), default=0)  # many layers may hold opinions on one prim
+            prims = local_prims + sum(extent.prims for extent in extents)
+            self._known[key] = Extent(prims, max((extent.levels for extent in extents), default=0))
             self._chains[key] = self._longest + 1
             self._longest, self._depth = others, self._depth - 1
         self._longest = max(self._longest, self._chains[key])
@@ -125,11 +126,12 @@ class _Counter:
     def _spec(self, top: Any, layer: Any, row: int) -> Extent:
         """The extent of what a spec composes: the prims of its arcs and parts, without those in `_Sums.prims`."""
         tree, sums = self.tree(layer), self.sums(layer)
-        own = int(tree.kinds[row] is Sdf.PrimSpec)
+        is_prim = int(tree.kinds[row] is Sdf.PrimSpec)
         parts = [(part, self._spec(top, layer, part)) for part in sums.parts.get(row, ())]
         each = [sums.prims[part] + below.prims for part, below in parts]
         targets = [self._target(top, layer, arc) for arc in tree.arcs.get(row, ())]
-        levels = max([sums.levels[row], *(own + below.levels for _, below in parts), *(own - 1 + target.levels for target in targets)])
+        below_targets = (is_prim - 1 + target.levels for target in targets)
+        levels = max([sums.levels[row], *(is_prim + below.levels for _, below in parts), *below_targets])
         prims = max(each, default=0) if tree.kinds[row] is Sdf.VariantSetSpec else sum(each)
         return Extent(prims + (0 if row in tree.instanceable else sum(target.prims for target in targets)), levels)
 
@@ -140,7 +142,7 @@ class _Counter:
             return Extent(0, 0)
         if not path:
             path = spec_tree.ROOT.AppendChild(other.defaultPrim) if other.defaultPrim else spec_tree.ROOT
-        return self.at(other, path)
+        return self.extent(other, path)
 
 
 def _opened(layer: Any, path: str) -> Any:

@@ -51,16 +51,16 @@ def _metadata_fault(name: str, value: object) -> str:
 
 
 def layers(
-    root: Any, session: Any, diagnostics: Diagnostics, made: list[Any], access: Access
+    root: Any, session: Any, diagnostics: Diagnostics, stand_ins: list[Any], access: Access
 ) -> tuple[list[Any], dict[str, SpecTree]]:  # fmt: skip
     """The layers that a root layer and its session layer refer to, and those that they refer to, and the specs of all by identifier.
 
     The layers stay in memory as long as they are kept. They refer to nothing that `access` forbids.
 
-    Damaged ones are repaired: those in place of files are added to `made`. A reference to a .mtlx file becomes one to a layer with
+    Damaged ones are repaired: those in place of files are added to `stand_ins`. A reference to a .mtlx file becomes one to a layer with
     its materials, in memory alone.
     """
-    found: dict[str, Any] = {}
+    loaded: dict[str, Any] = {}
     trees: dict[str, SpecTree] = {}
     packages_read = {root.identifier}
     waiting = [root, session]
@@ -69,27 +69,27 @@ def layers(
         tree = trees[layer.identifier] = spec_tree.read(layer)
         missing_specs.leave_out(layer, tree.missing, diagnostics)  # first: usd-core's search for arcs ends the process at one
         if access.leave_out(layer, tree):
-            made.append(layer)
+            stand_ins.append(layer)
             trees[layer.identifier] = spec_tree.read(layer)
         for asset in layer.GetCompositionAssetDependencies():
             path = access.path_of(layer, asset)
             package = path.partition("[")[0] if path.endswith("]") else ""
             if package and package not in packages_read:  # a layer in a package whose first layer is not referred to
                 packages_read.add(package)
-                found[package] = _opened(package, diagnostics, made)
-            if path and path not in found:
+                loaded[package] = _opened(package, diagnostics, stand_ins)
+            if path and path not in loaded:
                 packages_read.add(path)
-                found[path] = other = _opened(path, diagnostics, made)
+                loaded[path] = other = _opened(path, diagnostics, stand_ins)
                 if other:
                     waiting.append(other)
-            if path and found[path] and (found[path].anonymous or found[path].identifier.startswith(f"{path}[")):
-                layer.UpdateCompositionAssetDependency(asset, found[path].identifier)
+            if path and loaded[path] and (loaded[path].anonymous or loaded[path].identifier.startswith(f"{path}[")):
+                layer.UpdateCompositionAssetDependency(asset, loaded[path].identifier)
                 trees[layer.identifier] = spec_tree.read(layer)
-    return [layer for layer in found.values() if layer], trees
+    return [layer for layer in loaded.values() if layer], trees
 
 
-def _opened(path: str, diagnostics: Diagnostics, made: list[Any]) -> Any:
-    """The layer of a file, repaired; None for one that usd-core refuses. One in place of the file is added to `made`.
+def _opened(path: str, diagnostics: Diagnostics, stand_ins: list[Any]) -> Any:
+    """The layer of a file, repaired; None for one that usd-core refuses. One in place of the file is added to `stand_ins`.
 
     It is anonymous for a MaterialX document, and empty for a file that usd-core must not read.
     """
@@ -103,32 +103,32 @@ def _opened(path: str, diagnostics: Diagnostics, made: list[Any]) -> Any:
         diagnostics.warning(f"this layer cannot be read: {why}", Span(file.name))
         return Sdf.Layer.CreateAnonymous(".usda")
     try:
-        return opened(file, diagnostics, made)
+        return opened(file, diagnostics, stand_ins)
     except Tf.ErrorException:
         return None
 
 
-def opened(path: Path, diagnostics: Diagnostics, made: list[Any]) -> Any:
+def opened(path: Path, diagnostics: Diagnostics, stand_ins: list[Any]) -> Any:
     """The layer of a file that `crate_check.fault` lets through, repaired; None for one that is none. Raises Tf.ErrorException.
 
-    Layers in place of files are added to `made`.
+    Layers in place of files are added to `stand_ins`.
     """
     if path.suffix.lower() == ".usdz":
         replaced = packages.replaced(path, diagnostics)
-        made += replaced
+        stand_ins += replaced
         return replaced[0] if replaced else Sdf.Layer.FindOrOpen(str(path)) or package(path, diagnostics)
     try:
-        found = _without_excess(path, diagnostics)
-        if found is None and text_layers.nests_too_deep(path):
-            found = repaired(path, diagnostics)
-        if found is None:
+        layer = _without_excess(path, diagnostics)
+        if layer is None and text_layers.nests_too_deep(path):
+            layer = repaired(path, diagnostics)
+        if layer is None:
             return Sdf.Layer.FindOrOpen(str(path))
     except Tf.ErrorException:
-        found = repaired(path, diagnostics)
-        if found is None:
+        layer = repaired(path, diagnostics)
+        if layer is None:
             raise
-    made.append(found)
-    return found
+    stand_ins.append(layer)
+    return layer
 
 
 def _without_excess(path: Path, diagnostics: Diagnostics) -> Any:
@@ -138,9 +138,9 @@ def _without_excess(path: Path, diagnostics: Diagnostics) -> Any:
         return None
     with tempfile.TemporaryDirectory() as folder:
         (copy := Path(folder) / "x.usdc").write_bytes(data)
-        made = _layer(path)
-        made.TransferContent(Sdf.Layer.OpenAsAnonymous(str(copy)))
-    return made
+        layer = _layer(path)
+        layer.TransferContent(Sdf.Layer.OpenAsAnonymous(str(copy)))
+    return layer
 
 
 def repaired(path: Path, diagnostics: Diagnostics) -> Any:
@@ -150,12 +150,12 @@ def repaired(path: Path, diagnostics: Diagnostics) -> Any:
     data = read_bytes(path)
     if data.startswith(crate_check.IDENTIFIER):
         return _crate(path, data, diagnostics) if path.suffix.lower() == ".usda" else None
-    found = text_layers.repaired(data, path.name, diagnostics)
-    if found is None:
+    content = text_layers.repaired(data, path.name, diagnostics)
+    if content is None:
         return None
-    made = _layer(path)
-    made.TransferContent(found)
-    return made
+    layer = _layer(path)
+    layer.TransferContent(content)
+    return layer
 
 
 def _layer(path: Path) -> Any:
@@ -182,9 +182,9 @@ def package(path: Path, diagnostics: Diagnostics) -> Any:
     try:
         with zipfile.ZipFile(path) as files:
             names = packages.layer_names(files.namelist())
-        found = Sdf.Layer.FindOrOpen(f"{path}[{names[0]}]") if names else None
+        layer = Sdf.Layer.FindOrOpen(f"{path}[{names[0]}]") if names else None
     except (zipfile.BadZipFile, OSError, Tf.ErrorException):
         return None
-    if found:
+    if layer:
         packages.warn_of_first(path, names[0], diagnostics)
-    return found
+    return layer

@@ -45,7 +45,7 @@ def read(layer: Any) -> SpecTree:
     while waiting:
         spec, path, parent = waiting.pop()
         try:
-            children = [found for name in _FIELDS for found in listed(layer, spec, path, name)]
+            children = [child for name in _FIELDS for child in listed(layer, spec, path, name)]
             arcs = _arcs(spec)
         except REFUSED:
             tree.missing.append(path)
@@ -59,10 +59,10 @@ def read(layer: Any) -> SpecTree:
             tree.arcs[row] = arcs
             if spec.HasInfo("instanceable") and spec.GetInfo("instanceable"):
                 tree.instanceable.add(row)
-        for _, child, found in children:
-            if found is not None and child not in seen:
+        for _, child, child_spec in children:
+            if child_spec is not None and child not in seen:
                 seen.add(child)
-                waiting.append((found, child, row))
+                waiting.append((child_spec, child, row))
             else:
                 tree.missing.append(child)
     return tree
@@ -73,11 +73,11 @@ def listed(layer: Any, spec: Any, path: Any, name: str) -> list[tuple[str, Any, 
     if not spec or not spec.HasInfo(name):
         return []
     below, kind = CHILDREN[name]
-    found = []
+    children = []
     for child in spec.GetInfo(name):
         below_spec = layer.GetObjectAtPath(path_of_child := below(path, child))
-        found.append((child, path_of_child, below_spec if isinstance(below_spec, kind) else None))
-    return found
+        children.append((child, path_of_child, below_spec if isinstance(below_spec, kind) else None))
+    return children
 
 
 def _arcs(spec: Any) -> list[tuple[str, Any]]:
@@ -85,11 +85,11 @@ def _arcs(spec: Any) -> list[tuple[str, Any]]:
 
     Damaged values have none.
     """
-    found: list[tuple[str, Any]] = []
+    arcs: list[tuple[str, Any]] = []
     for name in _ARCS:
         try:
             items = spec.GetInfo(name).GetAddedOrExplicitItems() if spec.HasInfo(name) else ()
         except (*REFUSED, AttributeError):
             continue
-        found += [("", item) if isinstance(item, Sdf.Path) else (str(item.assetPath), item.primPath) for item in items]
-    return found
+        arcs += [("", item) if isinstance(item, Sdf.Path) else (str(item.assetPath), item.primPath) for item in items]
+    return arcs

@@ -95,11 +95,11 @@ def repaired(data: bytes, place: str, diagnostics: Diagnostics) -> Any:
     if odd := _ODD.search(rest):
         warn(place, skipped + rest[: odd.start()].count("\n") + 1, "bytes that are no text are left out", said)
     lines = [""] * skipped + (header + _without_depths(_ODD.sub(" ", rest), skipped + 1, place, said)).split("\n")
-    found = Sdf.Layer.CreateAnonymous(".usda")
-    if not _read(found, lines, skipped, place, said) or (said.items and not found.rootPrims):
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    if not _read(layer, lines, skipped, place, said) or (said.items and not layer.rootPrims):
         return None
     diagnostics.items += said.items
-    return found
+    return layer
 
 
 def _without_depths(text: str, line: int, place: str, diagnostics: Diagnostics) -> str:
@@ -129,10 +129,10 @@ def _read(layer: Any, lines: list[str], skipped: int, place: str, diagnostics: D
         except Tf.ErrorException as failure:
             text = text_of(failure)
         layer.Clear()
-        found = _bad(text, lines, skipped)
-        if found is None:
+        statement = _bad(text, lines, skipped)
+        if statement is None:
             return False
-        first, last, closers = found
+        first, last, closers = statement
         if first >= len(lines) or not any(line.strip() for line in lines[first:]):
             if not closed:
                 warn(place, len(lines), ENDS_EARLY, diagnostics)
@@ -150,8 +150,8 @@ def _bad(text: str, lines: list[str], skipped: int) -> tuple[int, int, str] | No
         opening = next((k for k, line in enumerate(lines) if f'"{prim}"' in line), 0)
         statement = re.compile(rf"(?:^|[\s\]]){re.escape(name)}(?:\.\w+)?\s*=")
         first = next((k for k in range(opening, len(lines)) if statement.search(lines[k])), -1)
-    elif at := _PLACE.search(text):
-        first = int(at[1]) - 1 + skipped
+    elif location := _PLACE.search(text):
+        first = int(location[1]) - 1 + skipped
     else:
         return None
     if first < 0:

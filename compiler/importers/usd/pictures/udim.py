@@ -94,10 +94,10 @@ class Tiles:
                 builder.diagnostics.warning(f"{message}", span, f"all pictures of a scene have at most {images.MAX_ALL_TEXELS:,} pixels")
         return texels
 
-    def frame(self, of: Frame) -> Frame:
-        """The frame `of` a texture followed by the placement of the tiles in their image."""
+    def frame(self, texture_frame: Frame) -> Frame:
+        """The frame `texture_frame` a texture followed by the placement of the tiles in their image."""
         left, low, columns, rows = self._corner()
-        (a, b, c), (d, e, f) = of
+        (a, b, c), (d, e, f) = texture_frame
         return (a / columns, b / columns, (c - left) / columns), (d / rows, e / rows, (f - low) / rows)
 
 
@@ -133,7 +133,7 @@ def of_faces(uvs: np.ndarray, counts: np.ndarray, frame: Frame) -> tuple[np.ndar
     return middles, several, set(np.unique(np.concatenate([corners, middles[counts > 0]])).tolist())
 
 
-def _number(at: np.ndarray) -> np.ndarray:
+def _number(coordinates: np.ndarray) -> np.ndarray:
     """Numbers of the tiles at texture coordinates (n, 2)."""
-    u, v = np.floor(np.clip(at, -1.0, 1e6)).astype(np.int64).T
+    u, v = np.floor(np.clip(coordinates, -1.0, 1e6)).astype(np.int64).T
     return np.where((u >= 0) & (u < COLUMNS) & (v >= 0), FIRST + u + COLUMNS * v, NO_TILE)

@@ -160,7 +160,7 @@ def test_files_of_a_package_are_read_from_it(tmp_path):
     opened = stage.open_(tmp_path / "x.usdz", "x.usdz", Files(tmp_path), Diagnostics(), None)
     assert opened is not None
     assert opened.files[0] == str(tmp_path / "x.usdz")
-    (part,) = (layer for layer in opened.made if layer.identifier.endswith("part.usdc]"))
+    (part,) = (layer for layer in opened.stand_ins if layer.identifier.endswith("part.usdc]"))
     assert part.ComputeAbsolutePath("./b.png") == f"{tmp_path}/x.usdz[a/b.png]"
 
 

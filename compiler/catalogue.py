@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from ..lang.schema import elements, meters
+from ..lang.schema import elements, media, meters
 from ..lang.schema.argument_types import Catalogue, catalogue
 from ..lights import catalogue as lights
 from ..materials import catalogue as materials
 from ..shapes import catalogue as shapes
 
-CATALOGUE: Catalogue = catalogue(shapes.ENTRIES, lights.ENTRIES, materials.ENTRIES, elements.ENTRIES, meters.ENTRIES)
+CATALOGUE: Catalogue = catalogue(shapes.ENTRIES, lights.ENTRIES, materials.ENTRIES, media.ENTRIES, elements.ENTRIES, meters.ENTRIES)

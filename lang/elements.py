@@ -55,16 +55,16 @@ class Element:
     kind      its name in the schema ("sphere", "blinn_phong", "point", "group", …)
     args      every argument of its schema entry by name: given, default, or None.
               Lengths in metres, angles in radians, times in seconds, light quantities in their SI unit;
-              colours linear (r, g, b); points, sizes and directions tuples of floats; materials and textures
-              are Elements; formulas are formula_graph.Formula.
+              colours linear (r, g, b); points, sizes and directions tuples of floats; materials, media and
+              textures are Elements; coefficients and emission of media (r, g, b) per metre; formulas are formula_graph.Formula.
     given     names of the arguments that the scene gives (the others have defaults)
     children  for blocks and solids
     scope     dotted path of the parts that make it, for default names ("gear.rim")
     trace     the chain of calls that makes it, innermost first
     photometric  whether any light quantity was written with a unit
     weight    number of elements in it and of itself, with repetitions
-    category  that of its schema entry ("shape", "solid", "block", "light", "material", "texture", "camera", "setting",
-              "meter")
+    category  that of its schema entry ("shape", "solid", "block", "light", "material", "medium", "texture", "camera", "fog",
+              "setting", "meter")
     Elements compare by identity: one `let` constant used twice is one element.
     """
 
@@ -121,7 +121,7 @@ class Document:
     name: str
     elements: tuple[Element, ...]  # shapes, lights and blocks, in the order placed
     cameras: tuple[Element, ...]
-    settings: Mapping[str, Element]  # "render", "animate"
+    settings: Mapping[str, Element]  # "render", "animate", "fog"
     params: tuple[ParamInfo, ...]
     sources: Mapping[str, str] = field(default_factory=dict)  # displayed file name -> text, for diagnostics
     files: tuple[str, ...] = ()  # every file read by path, for `watch`

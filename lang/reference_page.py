@@ -36,6 +36,8 @@ SECTIONS = {
     "block": "Blocks",
     "light": "Lights",
     "material": "Materials",
+    "medium": "Media",
+    "fog": "Media",
     "texture": "Textures",
     "camera": "Camera",
     "meter": "Meters",
@@ -60,8 +62,8 @@ def reference(library: Mapping[str, str]) -> dict[str, str]:
         pages[path] = "\n".join([f"# {title}\n\n{GENERATED}", *parts])
         lists.append(f"| [{title}]({path}) | {names} |")
 
-    for category, title in SECTIONS.items():
-        entries = [e for e in CATALOGUE.values() if e.category == category]
+    for title in dict.fromkeys(SECTIONS.values()):
+        entries = [e for e in CATALOGUE.values() if SECTIONS.get(e.category) == title]
         page(title, _names(e.name for e in entries if not e.planned), _section(entries))
     page("Functions, units and types", f"{_names(builtins.FUNCTIONS)}; units; types of arguments", _functions(), _units(), _types())
     page("Limits", "of elements, steps, lists, texts, formulas, calls and files", _limits_of_scenes())

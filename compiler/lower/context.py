@@ -27,8 +27,8 @@ class MaterialRows(Protocol):
         """The row of the picture file `name`."""
         ...
 
-    def pattern_tape(self, element: Element, formula: Formula, color: bool, unit: float) -> Tape | None:
-        """The tape of a pattern."""
+    def pattern_tape(self, element: Element, formula: Formula, color: bool, unit: float, what: str = "pattern") -> Tape | None:
+        """The tape of a pattern, or of a density; `what` is its name in messages."""
         ...
 
 
@@ -58,6 +58,10 @@ class Context(Protocol):
     def error(self, element: Element, message: str, hint: str = "") -> None: ...
 
     def warn(self, element: Element, message: str, hint: str = "") -> None: ...
+
+    def beyond(self, element: Element) -> bool:
+        """Whether an element has a number that is too big; reports it."""
+        ...
 
     def refuse(self, element: Element, message: str, hint: str = "") -> list[Piece]:
         """Report an error; no pieces."""

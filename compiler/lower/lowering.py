@@ -21,8 +21,8 @@ from ..importers.common.replacements import Replacements
 from ..io.sandbox import FileError
 from ..scene import defaults, transforms
 from ..scene.builder import SceneBuilder
-from ..scene.row_records import Piece
-from . import cameras, lights, materials, meters, shapes
+from ..scene.row_records import ALL_RAYS, Piece
+from . import cameras, lights, materials, media, meters, shapes
 from .placements import ORIGIN, Frame, Placements, compose, matrix, own_frame, rotation_of
 
 LARGEST = 1e18  # of any number of an element: products of a few stay finite
@@ -42,6 +42,8 @@ def lower(document: Document, builder: SceneBuilder, folder: Folder | None = Non
 def _lower(document: Document, builder: SceneBuilder, folder: Folder | None) -> ir.Scene:
     lowering = Lowering(document, builder, folder)
     lowering.place()
+    if "fog" in document.settings:
+        lowering.media.fog(document.settings["fog"])
     for element in document.cameras:
         if not lowering.beyond(element):
             cameras.camera(lowering, element)
@@ -69,6 +71,7 @@ class Lowering:
         self.files = builder.files
         self.photometric = False
         self.materials = materials.Materials(weakref.proxy(self))  # without a cycle, so that the document is freed at once
+        self.media = media.Media(weakref.proxy(self))
         self.placements = Placements(builder)
         self.centered: dict[Any, int] = {}
         self._folder = folder
@@ -135,11 +138,11 @@ class Lowering:
 
     def place(self) -> None:
         """Place every element of the document, in order, without recursion."""
-        waiting: list[tuple[Element, Frame, Element | None, str]] = [
-            (element, ORIGIN, None, "") for element in reversed(self.document.elements)
+        waiting: list[tuple[Element, Frame, Element | None, Element | None, str]] = [
+            (element, ORIGIN, None, None, "") for element in reversed(self.document.elements)
         ]
         while waiting:
-            element, block, material, path = waiting.pop()
+            element, block, material, medium, path = waiting.pop()
             kind, args = element.kind, element.args
             if self.beyond(element):
                 continue
@@ -150,17 +153,19 @@ class Lowering:
                 self._meter(element, block, path)
                 continue
             frame = compose(block, _BLOCKS.get(kind, own_frame)(element))
-            material = args.get("material") or material
+            material, medium = args.get("material") or material, args.get("medium") or medium
             if type(frame) is not tuple and not np.abs(frame).max() <= LARGEST**2:
                 self.error(element, "the blocks around this make it bigger, or move it farther, than can be drawn")
             elif kind in _BLOCKS:
                 name = args.get("name")
                 inner_path = f"{path}{name}/" if name else path
-                waiting.extend([(child, frame, material, inner_path) for child in reversed(element.children)])
+                waiting.extend([(child, frame, material, medium, inner_path) for child in reversed(element.children)])
             elif kind in shapes.KINDS:
-                self._shape(element, frame, material, path)
+                self._shape(element, frame, material, medium, path)
             elif kind == "usd":
                 self.placements.flush()
+                if medium is not None:
+                    self.warn(element, "shapes of a USD file get no medium of the block around them", "write it around other shapes alone")
                 self._usd(element, matrix(frame), material, path)
             else:
                 self.error(element, f"`{kind}` is not built yet")
@@ -178,16 +183,17 @@ class Lowering:
         if made is not None:
             self.meters.append(made)
 
-    def _shape(self, element: Element, frame: Frame, material: Element | None, path: str) -> None:
+    def _shape(self, element: Element, frame: Frame, material: Element | None, medium: Element | None, path: str) -> None:
         args = element.args
         name = path + (args["name"] or element.scope or element.kind)
-        if element.kind in shapes.CENTERED and (material is None or material.kind != "emissive"):
+        if element.kind in shapes.CENTERED and medium is None and (material is None or material.kind != "emissive"):
             geometry, center = shapes.centered(self, element)
             row = -1 if material is None else self.materials.row(material)
             self.placements.add(frame, center, geometry, row, name, element.place, element.call)
             return
         with self.scaled(matrix(frame)):
             pieces = self.pieces(element)
+        inside = self.media.inside(element, medium, material, pieces, matrix(frame)) if medium is not None and pieces else None
         for piece in pieces:
             if (
                 material is not None
@@ -199,10 +205,13 @@ class Lowering:
             row = piece.material if piece.material >= 0 and (args["material"] is None or piece.chosen) else -1
             if row < 0 and material is not None:
                 row = self.materials.row(material)
-            if piece.mixed is not None:
+            visible = ALL_RAYS
+            if inside is not None:
+                row, visible = self.media.boundary(element, inside, row, piece)
+            elif piece.mixed is not None:
                 row = piece.mixed(row)
             full = f"{name}/{piece.name}" if piece.name else name
-            self.placements.add(frame, piece.matrix, piece.geometry, row, full, element.place, element.call)
+            self.placements.add(frame, piece.matrix, piece.geometry, row, full, element.place, element.call, visible)
 
     def _shining_sphere(self, element: Element, material: Element, matrix: np.ndarray) -> bool:
         """Make a uniformly scaled sphere of one emitted colour a light. Returns whether it is one."""

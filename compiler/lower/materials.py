@@ -134,26 +134,28 @@ class Materials:
         tape = self.pattern_tape(element, formula, color, formula.unit)
         return None if tape is None else TextureData(ir.TextureKind.FORMULA, tape=self._lowering.builder.tape(tape), channel=-1)
 
-    def pattern_tape(self, element: Element, formula: Formula, color: bool, unit: float) -> Tape | None:
-        """The tape of a pattern, whose coordinates are divided by `unit`; None after a diagnostic."""
+    def pattern_tape(self, element: Element, formula: Formula, color: bool, unit: float, what: str = "pattern") -> Tape | None:
+        """The tape of a pattern, whose coordinates are divided by `unit`; None after a diagnostic. A density is 0 where it is negative."""
         builder = Builder()
         point = [builder.scale(name, 1.0 / unit) for name in (0, 1, 2)]
         try:
             if len(formula.parameters) != 3:
-                message = f"a pattern's formula has three parameters, x, y and z, not {len(formula.parameters)}"
+                message = f"a {what}'s formula has three parameters, x, y and z, not {len(formula.parameters)}"
                 raise NotASurface(message, "write |x, y, z| …")
             if formula.kind == "list" or (formula.kind == "color" and not color):
                 wanted = "a number or a colour" if color else "a number"
-                raise NotASurface(f"a pattern here gives {wanted}, not a {formula.kind}", "write rgb(r, g, b)" if color else "")
+                raise NotASurface(f"a {what} here gives {wanted}, not a {formula.kind}", "write rgb(r, g, b)" if color else "")
             results = add_formula(builder, formula, point, exact=True)
         except NotASurface as unfit:
             self._lowering.error(element, str(unfit), unfit.hint)
             return None
         if formula.kind == "truth":
             results = (builder.op(Op.CHOOSE, results[0], builder.constant(1.0), builder.constant(0.0)),)
+        if what == "density":
+            results = (builder.op(Op.MAX, results[0], builder.constant(0.0)),)
         tape = builder.finish(*results)
         if len(tape.code) > MOST_PATTERN:
-            self._lowering.error(element, f"the pattern has {len(tape.code)} operations: {MOST_PATTERN} at the most")
+            self._lowering.error(element, f"the {what} has {len(tape.code)} operations: {MOST_PATTERN} at the most")
             return None
         return tape
 

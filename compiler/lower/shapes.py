@@ -212,4 +212,4 @@ _SHAPES: dict[str, Callable[[Context, Element], list[Piece]]] = {
 }
 KINDS = frozenset(_SHAPES)
 _GENERATED = frozenset({"revolve", "extrude", "curve", "heightfield", "text"})  # shapes whose meshes take a while: equal ones are made once
-_NOT_ITS_FORM = frozenset({"material", "name", "translate", "rotate", "scale"})
+_NOT_ITS_FORM = frozenset({"material", "medium", "name", "translate", "rotate", "scale"})

@@ -75,6 +75,9 @@ def _body(lowering: Context, element: Element, matrix: np.ndarray) -> Body:
 def _bodies(lowering: Context, element: Element, matrix: np.ndarray, material: Element | None) -> list[Body]:
     """The bodies of an element in a solid, each shape of a block by itself, with its own material or that of the block."""
     material = element.args.get("material") or material
+    if element.args.get("medium") is not None:
+        lowering.error(element, "a part of a solid has no medium of its own", "write medium: for the whole solid")
+        raise Refused
     block = lowering.block(element)
     if block is not None:
         return [body for child in element.children for body in _bodies(lowering, child, matrix @ block, material)]

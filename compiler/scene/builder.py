@@ -32,7 +32,7 @@ from .row_records import (
     MeshData,
     TextureData,
     default_material,
-)
+)  # fmt: skip
 
 NONE = -1  # the row of a rejected item; a diagnostic says why
 FARTHEST_PLACE = 1e30  # largest coordinate of a transform; single precision ends at 3.4e38
@@ -240,14 +240,15 @@ class SceneBuilder:
 
     def instances(
         self, geometries: Sequence[int], transforms: Sequence[int], materials: Sequence[int], names: Sequence[str],
-        spans: Sequence[Span | None], calls: Sequence[Span | None] | None = None,
+        spans: Sequence[Span | None], calls: Sequence[Span | None] | None = None, visible: Sequence[int] | None = None,
     ) -> None:  # fmt: skip
         """Adds instances, except those whose geometry or transform is NONE. `calls` are the outermost calls that make them."""
+        rays = [ALL_RAYS] * len(names) if visible is None else visible
         if min(geometries) < 0 or min(transforms) < 0:
-            for geometry, transform, material, name, span in zip(geometries, transforms, materials, names, spans, strict=True):
-                self.instance(InstanceData(geometry, transform, material, name=name), span)
+            for *row, seen, name, span in zip(geometries, transforms, materials, rays, names, spans, strict=True):
+                self.instance(InstanceData(*row, visible=seen, name=name), span)
             return
-        self._instances.extend(zip(geometries, transforms, materials, repeat(NONE), repeat(ALL_RAYS)))
+        self._instances.extend(zip(geometries, transforms, materials, repeat(NONE), rays))
         self._instance_names.extend(names)
         self._spans["instances"].extend(spans)
         self._spans["calls"].extend(spans if calls is None else calls)
@@ -276,9 +277,8 @@ class SceneBuilder:
 
     def material(self, material: MaterialData, span: Span | None = None) -> int:
         """The row of a material; equal materials of the same name share one."""
-        values = [[0.0, 0.0, 0.0] for _ in range(ir.SLOTS)]
+        values, images = [[0.0, 0.0, 0.0] for _ in range(ir.SLOTS)], [NONE] * ir.SLOTS
         values[ir.Slot.IOR][0] = values[ir.Slot.OPACITY][0] = 1.0
-        images = [NONE] * ir.SLOTS
         for slot, value in material.inputs.items():
             values[slot], images[slot] = list(map(float, value.value)), value.texture
         how = (int(material.model), int(material.shading), bool(material.normalized), float(material.threshold))
@@ -286,14 +286,15 @@ class SceneBuilder:
         column = ir.Materials._fields.index("textured")
         textured = max(images) >= 0 or any(part >= 0 and bool(self._rows["materials"][part][column]) for part in parts)
         row = (*how, tuple(map(tuple, values)), tuple(images), textured, *parts, material.medium)
-        key = ("material", row, material.name)
-        if key not in self._known:
-            self._known[key] = self._add("materials", row, span, material.name)
-        return self._known[key]
+        return self.shared(("material", row, material.name), lambda: self._add("materials", row, span, material.name))
 
     def medium(self, medium: MediumData, span: Span | None = None) -> int:
         """The row of a participating medium; equal media share one."""
         return self.shared(("medium", medium), lambda: self._add("media", tuple(map(medium.__getattribute__, ir.Media._fields)), span, ""))
+
+    def material_data(self, material: int) -> MaterialData:
+        """The record of a material row."""
+        return row_tables.material_data(self._rows["materials"][material], self._names["materials"][material])
 
     def texture(self, texture: TextureData, span: Span | None = None) -> int:
         """The row of a texture; equal textures share one."""

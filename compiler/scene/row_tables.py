@@ -9,6 +9,7 @@ import numpy as np
 
 from ...lang.diagnostics import Span
 from .. import ir
+from .row_records import Input, MaterialData
 
 
 def spans(tables: Mapping[str, list[Span | None]]) -> ir.Spans:
@@ -34,3 +35,20 @@ def columns(table: str, rows: Sequence[tuple[Any, ...]]) -> Mapping[str, Any]:
     """Columns by name, without columns that the rows lack (an image's texels)."""
     names = ir.TABLES[table]._fields  # type: ignore[attr-defined]
     return dict(zip(names, zip(*rows, strict=True), strict=False))
+
+
+def material_data(row: Sequence[Any], name: str) -> MaterialData:
+    """The record of a row of Materials, with all of its inputs."""
+    columns = dict(zip(ir.Materials._fields, row, strict=True))
+    inputs = {slot: Input(columns["values"][slot], columns["textures"][slot]) for slot in ir.Slot}
+    return MaterialData(
+        ir.MaterialModel(columns["model"]),
+        inputs,
+        ir.Shading(columns["shading"]),
+        columns["normalized"],
+        name,
+        columns["threshold"],
+        columns["first"],
+        columns["second"],
+        columns["medium"],
+    )

@@ -12,13 +12,13 @@ from ..diagnostics import Span
 from ..schema.argument_types import REQUIRED, Arg, Entry
 from ..syntax import ast
 from ..units import Quantity
-from . import suggestions
+from . import medium_values, suggestions
 from .coercion import LIGHT_TYPES, Place, convert
 from .context import ArgumentValue, Scope
 from .values import POISON, Element, Mistake, Poisoned
 
 # Arguments of every element. In the call of a part that does not declare them they apply to its result.
-PLACING = ("translate", "rotate", "scale", "material", "name")
+PLACING = ("translate", "rotate", "scale", "material", "name", "medium")
 
 Report = Callable[[str, Span, str], None]
 
@@ -166,7 +166,7 @@ def element_arguments(
             good = False
         except Poisoned:
             good = False
-        photometric = photometric or (arg.type in LIGHT_TYPES and isinstance(argument.value, Quantity))
+        photometric = photometric or (arg.type in (*LIGHT_TYPES, "emission") and medium_values.is_measured(argument.value))
     return (args, frozenset(assigned), photometric) if good else None
 
 

@@ -35,7 +35,7 @@ from .values import (
     untag_unit,
 )
 
-SHARED = ("material", "texture")  # categories whose equal elements of one call site are one element
+SHARED = ("material", "medium", "texture")  # categories whose equal elements of one call site are one element
 _NUMBER = re.compile(r"[0-9]{1,15}(\.[0-9]{1,15})?")  # without sign, exponent and unit
 
 

@@ -12,7 +12,7 @@ from ..elements import AxisAngle, Element, Euler, Falloff, Quaternion
 from ..schema.argument_types import Arg, Entry
 from ..syntax import ast
 from ..units import Quantity
-from . import operators, suggestions, white_balance
+from . import medium_values, operators, suggestions, white_balance
 from .context import Scope
 from .values import Closure, Color, Mistake, UserFunction, Value, category, describe
 
@@ -209,23 +209,20 @@ def _scale3(value: Value, place: Place, arg: Arg) -> tuple[float, ...]:
     return scale
 
 
-def _index(value: Value, place: Place, arg: Arg) -> int:
-    if isinstance(value, float) and value == int(value) and value >= 0:
-        return int(value)
-    raise _type_error(value, "whole number from 0")
+def _whole_from(least: int) -> Item:
+    def convert_whole(value: Value, place: Place, arg: Arg) -> int:
+        if isinstance(value, float) and value == int(value) and value >= least:
+            return int(value)
+        raise _type_error(value, f"whole number from {least}")
+
+    return convert_whole
 
 
 def _pixels(value: Value, place: Place, arg: Arg) -> tuple[Any, ...]:
     size = re.fullmatch(r"\s*(\d+)\s*[x×*, ]\s*(\d+)\s*", value) if isinstance(value, str) else None
     if size:
         raise _type_error(value, "[width, height] in pixels", f"write [{size[1]}, {size[2]}]")
-    return _exactly(2, _pixel, "[width, height] in pixels", "write [width, height]")(value, place, arg)
-
-
-def _pixel(value: Value, place: Place, arg: Arg) -> int:
-    if isinstance(value, float) and value == int(value) and value >= 1:
-        return int(value)
-    raise _type_error(value, "whole number from 1")
+    return _exactly(2, _whole_from(1), "[width, height] in pixels", "write [width, height]")(value, place, arg)
 
 
 # --- colours, textures, materials -----------------------------------------------------------------------------------
@@ -438,7 +435,7 @@ _CONVERTERS: dict[str, Item] = {
     "point2_lists": _list_of(_list_of(_point2, "list of points"), "list of lists of points"),
     "vectors3": _list_of(_exactly(3, _number, "list of three numbers"), "list of lists of three numbers"),
     "vectors2": _list_of(_exactly(2, _number, "list of two numbers"), "list of lists of two numbers"),
-    "faces": _list_of(_list_of(_index, "list of whole numbers"), "list of lists of whole numbers"),
+    "faces": _list_of(_list_of(_whole_from(0), "list of whole numbers"), "list of lists of whole numbers"),
     "falloff": _falloff,
     "formula": _formula,
     "heights": _heights,
@@ -447,4 +444,5 @@ _CONVERTERS: dict[str, Item] = {
     "materials": _materials,
     "strings": _list_of(_string, "list of strings"),
     "white": white_balance.read,
+    **medium_values.CONVERTERS,
 }

@@ -259,7 +259,7 @@ class Evaluator:
             sink.elements.append(value)
             if sink.role == "scene":
                 self._weigh(sink)
-        elif kind in ("camera", "setting"):
+        elif kind in ("camera", "setting", "fog"):
             self._place_setting(value, kind, node, scope, sink)
         else:
             message, hint = _unplaceable(value, kind, node)
@@ -356,11 +356,13 @@ def _results(result: Value) -> tuple[tuple[Value, ...], str]:
     raise Mistake(f"a formula gives a number, a truth value, a list or a colour, not {kind(result)}")
 
 
+_USES = {"material": "sphere(material: …)", "medium": "sphere(medium: …)", "texture": "lambert(…)"}
+
+
 def _unplaceable(value: Value, value_kind: str, node: ast.Node) -> tuple[str, str]:
     """The message and the hint for a value that cannot be placed."""
-    if value_kind in ("material", "texture"):
-        use = "sphere(material: …)" if value_kind == "material" else "lambert(…)"
-        return f"a {value_kind} cannot be placed", f"use it as an argument, as in {use}, or name it with `let`"
+    if value_kind in _USES:
+        return f"a {value_kind} cannot be placed", f"use it as an argument, as in {_USES[value_kind]}, or name it with `let`"
     if isinstance(node, ast.Name | ast.Member) and isinstance(value, Entry | UserFunction | FilePart | AssetPart):
         name = calls.callee_name(node)
         return f"`{name}` is not called", f"write {name}()"

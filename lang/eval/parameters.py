@@ -14,7 +14,9 @@ from .context import ArgumentValue, Scope
 from .values import Builtin, Closure, Color, Mistake, UserFunction, Value, category, describe, is_placeable, show, tag_unit, untag_unit
 
 # The type names of a `param` and of a parameter.
-TYPES: tuple[str, ...] = ("number", "int", "bool", "string", "color", *units.QUANTITIES, "material", "texture", "shape", "list", "function")
+TYPES: tuple[str, ...] = (
+    "number", "int", "bool", "string", "color", *units.QUANTITIES, "material", "medium", "texture", "shape", "list", "function",
+)  # fmt: skip
 
 _WANTED = {"int": "whole number", "bool": "true or false", "color": "colour"}
 

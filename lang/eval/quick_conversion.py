@@ -164,6 +164,7 @@ _CONVERSIONS: dict[str, Conversion] = {
     "number_map": _number_map,
     "texture": _texture,
     "material": _element("material"),
+    "medium": _element("medium"),
     "point": _point,
     "size3": _size(3),
     "size2": _size(2),

@@ -27,6 +27,10 @@ TYPES = {
     "color_map": "a colour, a number (grey) or a texture",
     "texture": "a texture",
     "material": "a material",
+    "medium": "a medium",
+    "coefficient": "per metre in any file: a plain number, 1 / length, a colour, or a list of three for red, green and blue",
+    "emission": "radiance per metre in any file: a plain number, nit / length, a colour, or a list of three for red, green and blue",
+    "density": "a plain number, a formula |x, y, z| … or a pattern",
     "point": "three lengths",
     "size3": "three lengths, or one for all",
     "size2": "two lengths, or one for both",
@@ -77,7 +81,7 @@ class Entry:
     """One element of the language."""
 
     name: str
-    category: str  # shape solid block light material texture camera setting meter
+    category: str  # shape solid block light material medium texture camera fog setting meter
     doc: str
     args: tuple[Arg, ...] = ()
     children: bool = False

@@ -7,6 +7,7 @@ from typing import Any
 
 from .. import file_types
 from .argument_types import REQUIRED, Arg, Entry
+from .media import INSIDE
 
 _PLACED = (
     Arg("name", "string", None, "its name in messages and the id channel", keyword=True),
@@ -14,7 +15,8 @@ _PLACED = (
     Arg("rotate", "rotation", None, "rotation about the origin of its frame", keyword=True),
     Arg("scale", "scale3", None, "scale about the origin of its frame", keyword=True),
 )
-_SHAPE = (Arg("material", "material", None, "its material; inherited from the enclosing block", keyword=True), *_PLACED)
+_MATERIAL = Arg("material", "material", None, "its material; inherited from the enclosing block", keyword=True)
+_SHAPE = (_MATERIAL, *_PLACED, INSIDE)
 CENTER = Arg("center", "point", (0.0, 0.0, 0.0), "its center")
 RADIUS = Arg("radius", "length", 1.0, "radius", above=0.0)
 CAPPED = Arg("capped", "bool", True, "whether disks close its ends", keyword=True)
@@ -93,15 +95,20 @@ SHAPES = (
         exclusive=(("file", "points"),),
         example='mesh("bunny.obj", height: 35cm)',
     ),
-    shape_entry(
+    Entry(
         "usd",
+        "shape",
         "the contents of a USD file without its cameras and settings",
-        Arg("file", "string", REQUIRED, "file of the stage, relative to the scene"),
-        Arg("prim", "string", None, "only the subtree of this prim", keyword=True),
-        _HEIGHT,
-        _MATERIALS,
-        Arg("unit", "choice", None, "what 1 is in the stage, in place of what it says", choices=tuple(file_types.UNITS), keyword=True),
-        Arg("up", "choice", None, "the axis of the stage that points up, in place of what it says", choices=("y", "z"), keyword=True),
+        (
+            Arg("file", "string", REQUIRED, "file of the stage, relative to the scene"),
+            Arg("prim", "string", None, "only the subtree of this prim", keyword=True),
+            _HEIGHT,
+            _MATERIALS,
+            Arg("unit", "choice", None, "what 1 is in the stage, in place of what it says", choices=tuple(file_types.UNITS), keyword=True),
+            Arg("up", "choice", None, "the axis of the stage that points up, in place of what it says", choices=("y", "z"), keyword=True),
+            _MATERIAL,
+            *_PLACED,
+        ),
         example='usd("lamp.usdz", height: 40cm, materials: [["Shade", lambert(#e0d0b0)], ["Metal*", gold()]])',
     ),
     shape_entry(

@@ -164,9 +164,14 @@ def _with_standard_error(value: float, standard_error: float | None) -> str:
 
 def command(chart: Chart, chosen: Setting) -> str:
     """The command that renders a point's picture; for a peer its settings."""
+    return command_of(chart.scene, chart.size, chosen)
+
+
+def command_of(scene: str, size: tuple[int, int], chosen: Setting) -> str:
+    """The command that renders a setting's picture; for a peer its settings."""
     if chosen.backend not in BACKENDS:
         return chosen.arguments()
-    return f"maquette render {chart.scene} --size {chart.size[0]}x{chart.size[1]} {chosen.arguments()}"
+    return f"maquette render {scene} --size {size[0]}x{size[1]} {chosen.arguments()}"
 
 
 def size(chart: Chart) -> str:

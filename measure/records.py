@@ -19,11 +19,11 @@ from ..lang.schema.picture_settings import BACKENDS
 
 
 class NothingMeasured(Exception):
-    """No point could be measured. The message has the reason and a remedy; `answer` is what is known without, or ""."""
+    """No point could be measured. The message has the reason and a remedy; `answers` are what is known without, for a picture of `size`."""
 
-    def __init__(self, message: str, answer: str = "") -> None:
+    def __init__(self, message: str, answers: tuple[Answer, ...] = (), size: tuple[int, int] = (0, 0)) -> None:
         super().__init__(message)
-        self.answer = answer
+        self.answers, self.size = answers, size
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +42,7 @@ class Wanted:
     target: float = 0.02  # √relMSE that the question is about
     backends_named: bool = True  # whether the backends were named: otherwise those that are known to lack light are left out
     began: float | None = field(default=None, compare=False)  # time.perf_counter() from which the budget counts; None: when measured
+    loading: tuple[float, float] = field(default=(0.0, 0.0), compare=False)  # wall and CPU seconds of importing and reading the scene
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +66,8 @@ class Setting:
 class Run:
     """One render: linear `rgb` (h, w, 3) float32, wall `seconds` by stage ("render" is charted), `cpu` seconds, its `seed`.
 
-    `alpha` (h, w) is coverage, None if unknown; `notes` are the backend's messages on features it does not draw.
+    `alpha` (h, w) is coverage, None if unknown; `notes` are the backend's messages on features it does not draw. `samples` is the mean
+    number of a pixel, 0 if unknown.
     """
 
     rgb: NDArray[np.float32]
@@ -74,6 +76,7 @@ class Run:
     seed: int
     alpha: NDArray[np.float32] | None = None
     notes: tuple[str, ...] = ()
+    samples: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,6 +127,7 @@ class Point:
     bias_squared_error: float | None = None
     bias_block: int | None = None  # side in pixels of the blocks of the bias; above 1 the bias is a lower bound
     cpu: float | None = None  # median CPU seconds of building and rendering, all threads
+    samples: float | None = None  # mean samples of a pixel, median over the runs
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +139,26 @@ class Curve:
     points: tuple[Point, ...]
     stops: str = ""
     slope: float | None = None  # d log noise² / d log samples: -1 for random numbers, steeper for Sobol points
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """The command that has an error in the least time, by a model that is fitted to runs; or why there is none.
+
+    Times are those of the whole command, with the bounds of the model; CPU seconds count all threads.
+    """
+
+    target: float  # √relMSE
+    how: str = ""  # "ray with paths, 512 samples and denoising"
+    setting: Setting | None = None  # None: no command is known, for the reason `why`
+    samples: float = 0.0  # mean samples of a pixel
+    seconds: float = 0.0
+    least: float = 0.0
+    most: float = 0.0
+    cpu: float = 0.0
+    least_cpu: float = 0.0
+    most_cpu: float = 0.0
+    why: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +177,9 @@ class Chart:
     machine: str = ""
     versions: Mapping[str, str] = field(default_factory=dict)
     target: float = 0.02  # √relMSE that the question is about
-    estimate: str = ""  # the answer before anything was measured
+    estimate: str = ""  # the answer of older versions before anything was measured
+    answers: tuple[Answer, ...] = ()  # to `target` and to other errors
+    basis: str = ""  # what the answers are fitted to
 
     @property
     def points(self) -> tuple[Point, ...]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 import shlex
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -25,7 +27,7 @@ from ..process import supervisor
 from ..progress import Display
 
 if TYPE_CHECKING:
-    from ...measure.records import Chart
+    from ...measure.records import Answer, Chart
 
 KINDS = (".svg", ".png", ".html")
 PEERS = ("mitsuba", "povray")
@@ -105,7 +107,7 @@ def command(
     else:
         numbers = numbers or outputs[0].with_suffix(".json")
         _check_numbers(numbers, ctx)
-        measured, partial = _measure(scene, metric or "relmse", quiet, {**options, "began": start.began})
+        measured, partial = _measure(scene, metric or "relmse", quiet, options, start)
     for path in outputs:
         _draw(measured, path)
     if numbers:
@@ -171,16 +173,19 @@ def _read(path: Path) -> Chart:
         raise click.ClickException(f"{path}: {error}") from None
 
 
-def _measure(path: Path, metric: str, quiet: bool, options: dict[str, Any]) -> tuple[Chart, bool]:
+def _measure(path: Path, metric: str, quiet: bool, options: dict[str, Any], start: start_time.StartTime) -> tuple[Chart, bool]:
     """The chart, and whether Ctrl-C ended the measurement. Raises ClickException without measurements."""
     from ...compiler import ir
     from ...compiler.plan import plan as planner
-    from ...measure import records
-    from ...measure.chart import engine
 
     source = shared.source_of(path, options)
     named = _command_line(source)
     scene, diagnostics = source.load({})
+    importlib.import_module("...render.render_scene", __package__)  # as a picture does
+    loading = time.perf_counter() - start.began, time.process_time() - start.processed
+    from ...measure import records
+    from ...measure.chart import engine
+
     terminal.report(d for d in diagnostics.items if not (quiet and d.severity == "note"))
     bounces = options["bounces"]
     if bounces is not None and options["vary"]:
@@ -190,7 +195,7 @@ def _measure(path: Path, metric: str, quiet: bool, options: dict[str, Any]) -> t
     settings = ir.Settings(size=options["size"], camera=options["camera"], threads=options["threads"], bounces=bounces)
     wanted = records.Wanted(
         name=named, settings=settings, backends=options["backends"] or BACKENDS, peers=options["peers"], metric=metric,
-        budget=options["budget"] or BUDGET, began=options["began"], seeds=options["seeds"], repeats=options["repeats"],
+        budget=options["budget"] or BUDGET, began=start.began, loading=loading, seeds=options["seeds"], repeats=options["repeats"],
         keep=options["keep"], target=options["error"] or TARGET, backends_named=bool(options["backends"]),
     )  # fmt: skip
     with Display(quiet) as display, terminal.catch_interrupt() as cancel:
@@ -201,9 +206,9 @@ def _measure(path: Path, metric: str, quiet: bool, options: dict[str, Any]) -> t
         except records.NothingMeasured as error:
             if cancel.is_set():
                 raise KeyboardInterrupt from None
-            if error.answer:
+            if error.answers:
                 display.hide()
-                click.echo(error.answer)
+                _print_answers(error.answers, named, error.size)
             raise click.ClickException(str(error)) from None
     if cancel.is_set():
         supervisor.finishing()
@@ -235,11 +240,21 @@ def _draw(measured: Chart, path: Path) -> None:
     replace_file(path, data)
 
 
+def _print_answers(answers: Sequence[Answer], scene: str, size: tuple[int, int]) -> None:
+    """Print the line of answers and the table of their commands."""
+    from ...measure.report import text_report
+
+    click.echo(text_report.first_line(answers))
+    rows = text_report.commands(answers, scene, size)
+    if rows:
+        terminal.table(text_report.COMMANDS, rows)
+
+
 def _print(measured: Chart, files: Sequence[Path], quiet: bool) -> None:
     """Print the table of advice to stdout and the file names to stderr."""
     from ...measure.report import text_report
 
-    click.echo(text_report.answer(measured))
+    _print_answers(text_report.answers_of(measured), measured.scene, measured.size)
     terminal.table(text_report.HEADINGS, text_report.advice(measured))
     for line in text_report.remarks(measured):
         click.echo(line)

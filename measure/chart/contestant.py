@@ -40,6 +40,7 @@ class Step:
     setting: Setting
     seconds: list[float] = field(default_factory=list)
     cpu: list[float] = field(default_factory=list)
+    samples: list[float] = field(default_factory=list)  # mean of a pixel
     stages: list[dict[str, float]] = field(default_factory=list)
     errors: dict[str, list[float]] = field(default_factory=dict)
     sums: bias.RunningStats = field(default_factory=bias.RunningStats)
@@ -58,6 +59,7 @@ class Step:
         measured = errors.measures(run.rgb, run.alpha, reference.rgb, reference.alpha, exposure, with_slow)
         self.seconds.append(run.seconds["render"])
         self.cpu.append(run.cpu)
+        self.samples.append(run.samples)
         self.stages.append(dict(run.seconds))
         self.latest = measured
         for name, value in measured.items():

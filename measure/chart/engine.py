@@ -1,7 +1,8 @@
 """Measures a chart: the reference, then the sweeps of all backends and peers, within a time budget.
 
-- Two small pictures give a first estimate, in a part of the budget: where not even the least chart fits into the budget, it ends at once
-  and says what it takes.
+- Small pictures give a first estimate, in a part of the budget. Where no reference fits into the budget, short runs at full size take its
+  place (short_runs.py). Where not even these fit, it ends at once and says what they take.
+- A model that is fitted to the runs answers which command has an error in the least time (../cost_model.py).
 - Backends that are known to lack light are left out, unless they were named. Sweeps that are known to lack light come last.
 - Half of the budget goes to the reference. Its runs are cached on disk, and later commands add to them.
 - The sweep with the cheapest next step proceeds, as long as MIN_RUNS runs of each step fit.
@@ -17,22 +18,26 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 from ...compiler import ir
 from ...compiler.plan import plan as planner
 from ...render.film.deadline import Deadline
 from ...render.image import image_files
-from .. import formatting
+from .. import cost_model, formatting
+from ..cost_model import Seconds
 from ..peers import process, registry
-from ..records import Chart, NothingMeasured, Reference, Setting, Wanted
-from . import contestant, estimate, pareto, raw_images, reference, reference_light, runs, setting_sweeps, summary
+from ..records import Answer, Chart, Curve, NothingMeasured, Reference, Setting, Wanted
+from . import contestant, estimate, pareto, raw_images, reference, reference_light, runs, setting_sweeps, short_runs, summary
 from .contestant import Contestant, Step
 
 MIN_RUNS, TARGET_RUNS = 5, 16  # runs of a setting: quartiles need the first, separation of bias and noise the second
 ESTIMATE_SHARE = 0.2  # of the budget that is left, for the first estimate, and for the picture before it that loads kernels
-DOUBT = 2.0  # times the time that is left, from which on a first estimate of the least chart ends it
+CHART_FACTOR, CHART_START = 1.5, 5.0  # times these samples, and seconds more, that such a chart takes: first renders, measuring pictures
+CHART_SAMPLES = 16  # samples of a setting at least, that a chart with a reference has time for
+WRITING = Seconds(1e-6, 1e-6)  # of a pixel of a picture file
+OUTSIDE = Seconds(0.5, 0.5)  # of the process of a command, beside reading and drawing
 LONGER, USUAL = 5.0, 60.0  # times a budget, and seconds at least: that are named where nothing is known of a scene
 UNHURRIED = 20.0  # seconds that are left, from which on the time of importing is measured
 WARMUP_SHARE = 0.15  # of the budget that is left, for the first renders of a backend
@@ -110,6 +115,7 @@ class _Measurement:
         common = registry.common_overrides(planner.make_plan(self.scene, self.settings)) if wanted.peers else {}
         self.light = reference_light.choose(self.scene, self.settings, common)
         self.left_out: dict[str, str] = {}
+        self.lacking: set[tuple[str, str]] = set()  # backend and name of the sweeps that are known to lack light
         self.versions = runs.versions()
         self.exposure, self.floor = 0.0, dict[str, float]()
         self.guess: estimate.Estimate | None = None
@@ -131,16 +137,19 @@ class _Measurement:
         plan = self.light.plan(self.scene)
         try:
             self.guess = self._first_estimate()
+            if not self._reference_fits():
+                return self._by_short_runs(plan)
             contestants = self._contestants(plan)
             starts = [(contestant, *pair) for contestant in contestants for pair in zip(contestant.sweeps, contestant.first, strict=True)]
             sweeps = [_SweepProgress(*start, number) for number, start in enumerate(starts)]
+            self.lacking = {(active.sweep.backend, active.sweep.name) for active in sweeps if active.sweep.light}
             against = self._reference()
         except runs.Cancelled:
             if self.cancel.is_set():
                 raise NothingMeasured("interrupted before anything was measured") from None
-            raise NothingMeasured(self._too_short(), self._answer()) from None
+            raise NothingMeasured(self._too_short(), self._answers(), plan["size"]) from None
         except NothingMeasured as nothing:
-            raise NothingMeasured(str(nothing), self._answer()) from None
+            raise NothingMeasured(str(nothing), self._answers(), plan["size"]) from None
         self.exposure = image_files.auto_exposure(against.rgb) if plan["exposure"] == "metered" else float(plan["exposure"])
         self.floor = summary.reference_uncertainty(against, self.exposure)
         try:
@@ -183,7 +192,7 @@ class _Measurement:
         return contestants
 
     def _first_estimate(self) -> estimate.Estimate | None:
-        """The estimate of small pictures. Raises NothingMeasured if the least chart takes longer than the budget, runs.Cancelled."""
+        """The estimate of small pictures; None where they have no noise, or without ray. Raises NothingMeasured, runs.Cancelled."""
         if "ray" not in self.wanted.backends:
             return None
         seconds = max(ESTIMATE_SHARE * self.budget.left(), 0.0)
@@ -191,19 +200,53 @@ class _Measurement:
         if guess is None:
             return None
         if not math.isfinite(guess.error):
-            raise NothingMeasured(self._too_short(), self._answer())
-        available = reference.known_samples(self.scene, self.light)
-        least = self._needed(guess, 1.0, available, reference.MIN_SAMPLES)
-        if least <= DOUBT * self.budget.left():
-            return guess
-        samples = guess.samples(self.wanted.target)[0]
-        full = self._needed(guess, samples, available, REFERENCE_FACTOR * samples / reference.MIN_SEEDS)
-        target, before = formatting.target("relmse", self.wanted.target), self.wanted.budget - self.budget.left()  # with what is reserved
-        least, full = before + least, before + full
-        raise NothingMeasured(
-            f"the least chart takes about {formatting.seconds(least)}, and one that measures {target} about {formatting.seconds(full)}, of "
-            f"the {self.wanted.budget:g} s there are: give a longer --budget or a smaller --size", guess.answer(self.wanted.target),
-        )  # fmt: skip
+            raise NothingMeasured(self._too_short())
+        return guess
+
+    def _reference_fits(self) -> bool:
+        """Whether a chart with a reference fits into the budget, as far as the first estimate tells."""
+        return self.guess is None or self._needed(self.guess) <= self.budget.left()
+
+    # --- without a reference ------------------------------------------------------------------------------------------------
+
+    def _by_short_runs(self, plan: planner.Plan) -> Chart:
+        """The chart of runs that tell their own errors. Raises NothingMeasured if the budget has no time for them, runs.Cancelled."""
+        assert self.guess is not None
+        spent, drawn = self.wanted.budget - self.budget.left(), short_runs.ShortRuns(self.scene, self.light, self.guess, self.cancel)
+        least, full = spent + drawn.needed() / short_runs.FIXED_SHARE, spent + self._needed(self.guess)
+        try:
+            drawn.draw(cost_model.targets(self.wanted.target), self.budget, self._report_progress)
+        except runs.Cancelled:
+            if not drawn.fixed:
+                raise
+        if not drawn.fixed:
+            whole, against = formatting.seconds(max(least, self.wanted.budget)), formatting.seconds(full)
+            small = "small pictures" if self.guess.denoised else "small pictures, without denoising"
+            raise NothingMeasured(
+                f"this is estimated from {small}. Runs of the whole picture take about {whole}, and a chart against a reference "
+                f"about {against}, of the {self.wanted.budget:g} s there are: give a longer --budget or a smaller --size"
+            )
+        self.left_out["a reference picture"] = f"it takes about {formatting.seconds(full)}: give a --budget of so much"
+        for backend in self.wanted.backends:
+            if backend != "ray":
+                self.left_out[backend] = self._lacks(backend) or "its bias is unknown without a reference"
+        self.left_out.update(dict.fromkeys(self.wanted.peers, "there is no reference to compare it with"))
+        if self.wanted.metric != "relmse":
+            self.left_out[self.wanted.metric] = "it takes a reference"
+        given = (("--keep", self.wanted.keep), ("--seeds", self.wanted.seeds), ("--repeats", self.wanted.repeats))
+        self.left_out.update({name: "it is for charts with a reference" for name, value in given if value is not None})
+        answers = cost_model.answers(drawn.ways(self._start(plan)), self.wanted.target)
+        return self._charted(drawn.curves(), plan, "relmse", short_runs.REFERENCE, answers, drawn.basis)
+
+    def _start(self, plan: planner.Plan) -> Seconds:
+        """The time of a command beside drawing: its process, reading the scene, loading kernels, writing the picture."""
+        width, height = plan["size"]
+        kernels = self.guess.kernels if self.guess is not None else estimate.KERNELS
+        wall, cpu = (
+            loading + kernels + write * width * height + outside
+            for loading, write, outside in zip(self.wanted.loading, WRITING, OUTSIDE, strict=True)
+        )
+        return Seconds(wall, cpu)
 
     def _ended(self) -> str:
         return f"the budget of {self.wanted.budget:g} s ended before it: a longer --budget has time for it"
@@ -212,17 +255,24 @@ class _Measurement:
         longer = max(LONGER * self.wanted.budget, USUAL)
         return f"nothing was measured within {self.wanted.budget:g} s: give a longer --budget, such as {longer:g}s, or a smaller --size"
 
-    def _answer(self) -> str:
-        """The answer to the question without measurements."""
-        if self.guess is not None:
-            return self.guess.answer(self.wanted.target)
-        return f"{formatting.target('relmse', self.wanted.target)}: no setting is measured"
+    def _answers(self, curves: Sequence[Curve] = ()) -> tuple[Answer, ...]:
+        """The answers by measured curves, and by the first estimate where ray has none."""
+        guess, plan = self.guess, self.light.plan(self.scene)
+        limit = estimate.limit_of(guess.cut, int(plan["bounces"])) if guess is not None else estimate.Limit()
+        start, names = self._start(plan), {"ray": estimate.way_of(plan)}
+        known = [curve for curve in curves if (curve.backend, curve.knob) not in self.lacking or curve.points[-1].bias]
+        ways = cost_model.ways_of(known, names, start, limit.bias, limit.reason)
+        if guess is not None and not any(way.setting.backend == "ray" for way in ways):
+            ways += guess.ways(setting_sweeps.of_full_light(self.scene, self.light), start, limit)
+        return cost_model.answers(ways, self.wanted.target)
 
-    def _needed(self, guess: estimate.Estimate, samples: float, seeds: int, each: float) -> float:
-        """Seconds of a chart up to `samples`, with a reference of `each` samples of MIN_SEEDS seeds, of which so many are `seeds`."""
-        missing = max(reference.MIN_SEEDS * each - seeds, 0.0)
+    def _needed(self, guess: estimate.Estimate) -> float:
+        """Seconds of a chart up to CHART_SAMPLES, with a reference, of which so many samples may be on disk."""
+        missing = max(REFERENCE_FACTOR * CHART_SAMPLES - reference.known_samples(self.scene, self.light), 0.0)
         of_reference = guess.seconds(missing) + reference.MIN_SEEDS * guess.start if missing else 0.0
-        return max(of_reference / REFERENCE_SHARE, of_reference + self.least * guess.seconds(samples))
+        steps = [CHART_SAMPLES / 4**k for k in range(3)]
+        drawn = max(of_reference / REFERENCE_SHARE, of_reference + self.least * sum(map(guess.seconds, steps)))
+        return CHART_FACTOR * drawn + CHART_START
 
     def _lacks(self, backend: str) -> str:
         """The reason why a backend that nobody named is not measured; "" if it is."""
@@ -323,16 +373,21 @@ class _Measurement:
             elif active.steps:
                 self.left_out[active.name] = f"its pictures do not have what `{metric}` measures"
             self._note_skipped(active)
-        points = [point for curve in curves for point in curve.points]
-        if not points:
+        if not curves:
             reasons = "; ".join(f"{name}: {why}" for name, why in self.left_out.items()) or self._too_short()
-            raise NothingMeasured(reasons, self._answer())
+            raise NothingMeasured(reasons, self._answers(), plan["size"])
+        basis = "fitted to what was measured against the reference"
+        return self._charted(tuple(curves), plan, metric, against.how, self._answers(curves), basis)
+
+    def _charted(
+        self, curves: tuple[Curve, ...], plan: planner.Plan, metric: str, how: str, answers: tuple[Answer, ...], basis: str
+    ) -> Chart:  # fmt: skip
+        points = [point for curve in curves for point in curve.points]
         seconds, measured = ([p.seconds.median for p in points], [p.error.median for p in points])
-        front = pareto.front(seconds, measured)
+        front, floor = pareto.front(seconds, measured), self.floor.get(metric, 0.0)
         return Chart(
-            self.wanted.name, plan["size"], metric, self.floor.get(metric, 0.0), against.how, tuple(curves), front,
-            pareto.knee(front, seconds, measured, self.floor.get(metric, 0.0)), self.left_out, runs.machine(self.settings), self.versions,
-            self.wanted.target, self.guess.answer(self.wanted.target) if self.guess is not None else "",
+            self.wanted.name, plan["size"], metric, floor, how, curves, front, pareto.knee(front, seconds, measured, floor), self.left_out,
+            runs.machine(self.settings), self.versions, self.wanted.target, "", answers, basis,
         )  # fmt: skip
 
     def _note_skipped(self, active: _SweepProgress) -> None:

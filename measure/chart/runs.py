@@ -20,8 +20,10 @@ from ...compiler.io import child_process
 from ...compiler.plan import plan as planner
 from ...lang.distribution import VERSION
 from ...render import render_scene
+from ...render.film.progress import Progress
 from ...render.jit import cancellation
 from ...render.simd.target import cores
+from ..cost_model import Seconds
 from ..records import Run, Setting
 
 VERSIONED_PACKAGES = ("numpy", "numba", "flip-evaluator")
@@ -63,7 +65,35 @@ def run(scene: ir.Scene, plan: planner.Plan, cancel: threading.Event | None = No
         raise Cancelled
     rgba = image.channels["rgba"]
     notes = tuple(dict.fromkeys(message for message, _, _ in image.metadata["notes"]))
-    return Run(rgba[..., :3], dict(image.metadata["seconds"]), cpu, plan["seed"], rgba[..., 3], notes)
+    return Run(rgba[..., :3], dict(image.metadata["seconds"]), cpu, plan["seed"], rgba[..., 3], notes, image.metadata["samples_mean"])
+
+
+class Stages:
+    """The time of a picture and of its denoising, in wall and CPU seconds; `report` is that of render_scene.draw."""
+
+    def __init__(self) -> None:
+        self._began, self._marks = _clocks(), dict[str, tuple[float, float]]()
+
+    def report(self, progress: Progress) -> None:
+        """Note when a stage begins."""
+        self._marks.setdefault(progress.stage, _clocks())
+
+    def spent(self) -> Seconds:
+        """The time so far."""
+        return _between(self._began, _clocks())
+
+    def denoising(self) -> Seconds:
+        """The time of denoising a finished picture."""
+        marks = self._marks
+        return _between(marks["denoising"], marks["finishing"]) if "denoising" in marks and "finishing" in marks else Seconds()
+
+
+def _clocks() -> tuple[float, float]:
+    return time.perf_counter(), time.process_time()
+
+
+def _between(before: tuple[float, float], after: tuple[float, float]) -> Seconds:
+    return Seconds(after[0] - before[0], after[1] - before[1])
 
 
 def threads(settings: ir.Settings) -> int:

@@ -56,6 +56,11 @@ def sweeps(scene: ir.Scene, light: reference_light.ReferenceLight, backend: str)
     return listed
 
 
+def of_full_light(scene: ir.Scene, light: reference_light.ReferenceLight) -> dict[str, Setting]:
+    """The cheapest setting of each sweep of the ray backend that has the light of the reference, by its knob."""
+    return {sweep.settings[0].knob: sweep.settings[0] for sweep in sweeps(scene, light, "ray") if not sweep.light}
+
+
 def _shared_options(settings: ir.Settings) -> dict[str, Any]:
     """Shared settings that a picture depends on."""
     options = ((f.name, getattr(settings, f.name)) for f in fields(settings) if f.name not in SHARED_SETTINGS)

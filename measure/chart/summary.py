@@ -36,6 +36,7 @@ def make_point(step: Step, metric: str, reference: Reference, once: dict[str, fl
     return Point(
         step.setting, contestant.spread(step.seconds), spreads[metric], spreads, **figures,
         stages=stages, note=note, cpu=float(np.median(step.cpu)),
+        samples=float(np.median(step.samples)) or None,
     )  # fmt: skip
 
 

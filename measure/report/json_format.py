@@ -12,7 +12,7 @@ from dataclasses import MISSING, Field, fields
 from typing import Any
 
 from ...compiler.scene.serialize import tuples
-from ..records import Chart, Curve, Point, Setting, Spread
+from ..records import Answer, Chart, Curve, Point, Setting, Spread
 
 FORMAT = "maquette chart 1"
 NON_FINITE = {"inf": math.inf, "-inf": -math.inf, "nan": math.nan}
@@ -36,14 +36,15 @@ def read(text: str) -> Chart:
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise FormatError(f"this is no chart: its `format` is not `{FORMAT}`")
     try:
-        return _record(Chart, data, size=tuple(data["size"]), curves=_each(_curve, data["curves"]), front=tuple(data["front"]))
+        whole = {"size": tuple(data["size"]), "curves": _each(_curve, data["curves"]), "front": tuple(data["front"])}
+        return _record(Chart, data, **whole, answers=_each(_answer, data.get("answers", ())))
     except (KeyError, TypeError, AttributeError) as error:
         raise FormatError(f"the chart is not whole: {error}") from None
 
 
 def _data(value: Any) -> Any:
     """Records, mappings, sequences and numbers as JSON values."""
-    if isinstance(value, Chart | Curve | Point | Setting | Spread):
+    if isinstance(value, Answer | Chart | Curve | Point | Setting | Spread):
         data = {f.name: _data(getattr(value, f.name)) for f in fields(value)}
         return {**data, "arguments": value.arguments()} if isinstance(value, Setting) else data
     if isinstance(value, Mapping):
@@ -61,7 +62,7 @@ def _record(kind: Any, data: Mapping[str, Any], **read: Any) -> Any:
     def plain(f: Field[Any]) -> Any:
         return _number(data[f.name]) if str(f.type).startswith("float") else data[f.name]
 
-    there = [f for f in fields(kind) if f.name in data or (f.default is MISSING and f.default_factory is MISSING)]
+    there = [f for f in fields(kind) if f.name in data or f.name in read or (f.default is MISSING and f.default_factory is MISSING)]
     return kind(**{f.name: read[f.name] if f.name in read else plain(f) for f in there})
 
 
@@ -71,6 +72,10 @@ def _number(value: Any) -> Any:
 
 def _each(read: Any, items: Any) -> tuple[Any, ...]:
     return tuple(read(item) for item in items)
+
+
+def _answer(data: Mapping[str, Any]) -> Answer:
+    return _record(Answer, data, setting=None if data["setting"] is None else _setting(data["setting"]))
 
 
 def _curve(data: Mapping[str, Any]) -> Curve:

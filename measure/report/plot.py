@@ -23,6 +23,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from .. import formatting
 from ..metric_table import METRICS
+from . import text_report
 from .label_placement import Box, LabelLayout
 from .palette import FAINT, FLOOR, FRONT, GRID, INK, PAPER, Style, styles
 
@@ -369,6 +370,7 @@ def _heading(chart: Chart) -> list[tuple[str, float, str, str]]:
             FAINT,
         ),
         (f"Measured against {chart.reference}", 9, "normal", FAINT),
+        *[(text_report.first_line([one]), 9, "normal", INK) for one in text_report.answers_of(chart) if one.setting is not None],
     ]
 
 

@@ -7,21 +7,21 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from ...lang.schema.picture_settings import BACKENDS
-from .. import formatting
+from .. import cost_model, formatting
 from ..metric_table import METRICS
 
 if TYPE_CHECKING:
-    from ..records import Chart, Curve, Point
+    from ..records import Answer, Chart, Curve, Point
 
 HEADINGS = ("error", "take", "time", "measured", "settings to copy")
 TARGET_DIGITS = (1.0, 3.0)  # digits of the target errors in every decade
 COMPARED_DIGITS = (1.0, 2.0, 3.0, 5.0, 7.0)  # digits of the errors at which times are compared
 MAX_TARGETS = 6  # target errors
-LEAST_FACTOR = 1.2  # of the samples that the model tells, either way
+COMMANDS = ("error", "time", "command")  # headings of `commands`
 MAX_ERROR = 1.0  # larger errors are not targets
 
 
@@ -56,45 +56,33 @@ def cheapest(chart: Chart, target: float) -> Point | None:
     return min(reaching, key=lambda p: p.seconds.median, default=None)
 
 
-def answer(chart: Chart) -> str:
-    """Which setting has the error of the question in the least time, measured or by the model; else the first estimate.
-
-    In the model noise falls as n^(-1/2) with n samples, bias does not, and time grows with n.
-    """
-    wanted = formatting.target("relmse", chart.target)
-    reaching = [p for p in _our_points(chart) if p.errors["relmse"].median <= chart.target]
-    if reaching:
-        best = min(reaching, key=lambda p: p.seconds.median)
-        named, time = f"{best.setting.backend}, {formatting.setting(best.setting)}", formatting.seconds(best.seconds.median)
-        return f"{wanted}: {named}, {time}, measured {formatting.error('relmse', best.errors['relmse'].median)}: {best.setting.arguments()}"
-    modelled = [curve_model for curve in chart.curves if (curve_model := _modelled(curve, chart.target)) is not None]
-    if modelled:
-        count, factor, seconds, backend = min(modelled, key=lambda row: row[2])
-        low, high = (formatting.plain(count * f) for f in (1.0 / factor, factor))
-        times = [formatting.seconds(seconds * f) for f in (1.0, 1.0 / factor, factor)]
-        return (
-            f"{wanted}: {backend}, about {formatting.plain(count)} samples ({low} to {high}), about {times[0]} ({times[1]} to {times[2]}), "
-            "by the noise measured with fewer"
-        )
-    least = min((p.errors["relmse"].median for p in _our_points(chart)), default=None)
-    nearest = "" if least is None else f": the least measured is {formatting.error('relmse', least)}"
-    return chart.estimate or f"{wanted}: no measured setting reaches it{nearest}"
+def answers_of(chart: Chart) -> tuple[Answer, ...]:
+    """The answers of a chart; of an older one by the model of its points."""
+    return chart.answers or cost_model.answers(cost_model.ways_of(chart.curves, {}), chart.target)
 
 
-def _modelled(curve: Curve, target: float) -> tuple[float, float, float, str] | None:
-    """(samples, factor of their uncertainty, seconds, backend) of a curve's model at a target error; None if it does not reach it.
+def first_line(answers: Sequence[Answer]) -> str:
+    """Which way has each error in the least time: "2 %: ray with paths, 512 samples and denoising, about 3.0 min (2.1 min to 4.4 min)"."""
+    same = len(answers) > 1 and all(one.setting is None and one.why == answers[0].why for one in answers)
+    return "; ".join(f"{formatting.target('relmse', one.target)}: {_way(one)}" for one in (answers[:1] if same else answers))
 
-    From the point of most samples. Its bias counts if it is twice its standard error.
-    """
-    last = next((p for p in reversed(curve.points) if p.setting.knob == "samples" and p.noise), None)
-    if last is None or last.noise is None or curve.backend not in BACKENDS:
-        return None
-    bias = last.bias if last.bias and last.bias_error is not None and last.bias > 2.0 * last.bias_error else 0.0
-    if bias >= target:
-        return None
-    growth = last.noise**2 / (target**2 - bias**2)
-    uncertain = 2.0 * (last.noise_error or 0.0) / last.noise
-    return float(last.setting.value) * growth, LEAST_FACTOR + 2.0 * uncertain, last.seconds.median * growth, curve.backend
+
+def _way(answer: Answer) -> str:
+    if answer.setting is None:
+        return answer.why
+    return f"{answer.how}, about {formatting.seconds(answer.seconds)} ({_between(answer)})"
+
+
+def _between(answer: Answer) -> str:
+    return f"{formatting.seconds(answer.least)} to {formatting.seconds(answer.most)}"
+
+
+def commands(answers: Sequence[Answer], scene: str, size: tuple[int, int]) -> list[tuple[str, ...]]:
+    """A row for each answer: error, time, the command of its picture; see COMMANDS."""
+    return [
+        (formatting.target("relmse", one.target), formatting.seconds(one.seconds), formatting.command_of(scene, size, one.setting))
+        for one in answers if one.setting is not None
+    ]  # fmt: skip
 
 
 def advice(chart: Chart) -> list[tuple[str, ...]]:
@@ -112,8 +100,11 @@ def advice(chart: Chart) -> list[tuple[str, ...]]:
 
 
 def answers(chart: Chart) -> list[str]:
-    """All lines of the report: settings for target errors, knee, stop reasons, times at equal error."""
-    lines = [
+    """All lines of the report: the way to each error with its command, settings that were measured, and `remarks`."""
+    found = answers_of(chart)
+    rows = iter(commands(found, chart.scene, chart.size))
+    lines = [f"{first_line([one])}" + (f": {next(rows)[2]}" if one.setting is not None else "") for one in found]
+    lines += [
         f"{wanted} → {take}, {time}: {settings}" if settings else f"{wanted} → not reached; the least measured is {far}"
         for wanted, take, time, far, settings in advice(chart)
     ]
@@ -122,7 +113,12 @@ def answers(chart: Chart) -> list[str]:
 
 def remarks(chart: Chart) -> list[str]:
     """The lines of `answers` without the settings."""
-    return [*_knee(chart), *_stops(chart), *_times_at_equal_error(chart), *_floor(chart), *formatting.left_out(chart)]
+    return [*_basis(chart), *_knee(chart), *_stops(chart), *_times_at_equal_error(chart), *_floor(chart), *formatting.left_out(chart)]
+
+
+def _basis(chart: Chart) -> Iterator[str]:
+    if chart.basis:
+        yield f"times and samples by the model of docs/charts.md, {chart.basis}"
 
 
 def _knee(chart: Chart) -> Iterator[str]:

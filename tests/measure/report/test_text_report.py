@@ -6,7 +6,7 @@ import dataclasses
 
 import pytest
 from maquette.measure import formatting
-from maquette.measure.records import Curve, Setting, Spread
+from maquette.measure.records import Answer, Chart, Curve, Setting, Spread
 from maquette.measure.report import text_report
 
 from .. import charts
@@ -14,6 +14,10 @@ from .. import charts
 
 def test_the_answers_of_a_chart() -> None:
     assert text_report.answers(charts.room()) == [
+        "2 %: ray, 250 samples, about 2.5 s (2.1 s to 2.8 s): maquette render room.scene --size 400x300 --backend ray --samples 250",
+        "5 %: raster, 10 samples, about 90 ms (81 ms to 94 ms): maquette render room.scene --size 400x300 --backend raster --samples 10",
+        "10 %: raster, 4 samples, about 60 ms (60 ms to 63 ms): maquette render room.scene --size 400x300 --backend raster --samples 4",
+        "1 %: ray, 970 samples, about 9.7 s (8.4 s to 11 s): maquette render room.scene --size 400x300 --backend ray --samples 970",
         "30 % → raster, 1 sample, 35 ms: --backend raster --samples 1",
         "10 % → raster, 4 samples, 50 ms: --backend raster --samples 4",
         "3 % → ray, 256 samples, 2.6 s: --backend ray --samples 256",
@@ -27,23 +31,47 @@ def test_the_answers_of_a_chart() -> None:
     ]
 
 
-def test_the_first_line_names_a_measured_setting() -> None:
-    assert text_report.answer(charts.room()) == "2 %: ray, 256 samples, 2.6 s, measured 1.9 %: --backend ray --samples 256"
+def test_the_first_line_names_the_fastest_way_to_each_error() -> None:
+    """Raster is faster and stops at 3.1 %."""
+    assert first_line(charts.room()) == (
+        "2 %: ray, 250 samples, about 2.5 s (2.1 s to 2.8 s); 5 %: raster, 10 samples, about 90 ms (81 ms to 94 ms); "
+        "10 %: raster, 4 samples, about 60 ms (60 ms to 63 ms); 1 %: ray, 970 samples, about 9.7 s (8.4 s to 11 s)"
+    )
+
+
+def first_line(chart: Chart) -> str:
+    return text_report.first_line(text_report.answers_of(chart))
 
 
 def test_the_first_line_follows_the_noise_where_nothing_reaches_the_error() -> None:
-    """Noise of 31 % / 2^4 with 256 samples in 2.59 s: 1 % takes (1.94)² times as many; the standard error of the noise is a twentieth."""
+    """Noise of 31 % / 2^4 with 256 samples in 2.59 s: 1 % takes (1.94)² times as many."""
     chart = dataclasses.replace(charts.chart(Curve("ray", "samples", charts.sweep("ray", 0.03, 0.01, 0.31, 5))), target=0.01)
-    assert text_report.answer(chart) == (
-        "1 %: ray, about 960 samples (690 to 1300), about 9.7 s (6.9 s to 14 s), by the noise measured with fewer"
-    )
+    assert first_line(chart).startswith("1 %: ray, 970 samples, about 9.7 s (7.8 s to 12 s); 2 %: ray, 250 samples, ")
 
 
 def test_the_first_line_believes_no_bias() -> None:
     biased = Curve("raster", "samples", charts.sweep("raster", 0.03, 0.005, 0.12, 4, bias=0.031), "no interreflection: bias 3.1 %")
-    assert text_report.answer(charts.chart(biased)) == "2 %: no measured setting reaches it: the least measured is 3.4 %"
-    guessed = dataclasses.replace(charts.chart(biased), estimate="2 %: ray, about 500 samples")
-    assert text_report.answer(guessed) == "2 %: ray, about 500 samples"
+    assert first_line(charts.chart(biased)) == (
+        "2 %: no command reaches it: raster: no interreflection: bias 3.1 %; 5 %: raster, 10 samples, about 90 ms (81 ms to 94 ms); "
+        "10 %: raster, 4 samples, about 60 ms (60 ms to 63 ms); 1 %: no command reaches it: raster: no interreflection: bias 3.1 %"
+    )
+
+
+def test_the_answers_of_a_chart_are_kept_and_their_basis_told() -> None:
+    setting = Setting("ray", "denoised samples", 8, {"samples": 8})
+    known = Answer(0.02, "ray with paths, 8 samples and denoising", setting, 8, 60.0, 50.0, 90.0)
+    answers = (known, Answer(0.01, why="more than there are"))
+    chart = dataclasses.replace(charts.room(), answers=answers, basis="fitted to runs of 4 samples")
+    assert first_line(chart) == "2 %: ray with paths, 8 samples and denoising, about 60 s (50 s to 90 s); 1 %: more than there are"
+    assert text_report.commands(chart.answers, chart.scene, chart.size) == [
+        ("2 %", "60 s", "maquette render room.scene --size 400x300 --backend ray --samples 8")
+    ]
+    assert text_report.remarks(chart)[0] == "times and samples by the model of docs/charts.md, fitted to runs of 4 samples"
+
+
+def test_one_reason_for_all_errors_is_told_once() -> None:
+    nothing = [Answer(error, why="unknown: nothing was drawn in the budget") for error in (0.02, 0.05)]
+    assert text_report.first_line(nothing) == "2 %: unknown: nothing was drawn in the budget"
 
 
 def test_only_what_was_measured_is_advised() -> None:
@@ -155,7 +183,7 @@ def test_arguments_are_what_the_command_line_reads() -> None:
 def test_a_quicker_peer_is_told_of_and_not_advised() -> None:
     ours = Curve("ray", "samples", charts.sweep("ray", 0, 0.1, 0.2, 3))
     peer = Curve("mitsuba", "samples", charts.sweep("mitsuba", 0, 0.05, 0.2, 3))
-    assert text_report.answers(charts.chart(ours, peer, knee=4)) == [
+    assert text_report.answers(charts.chart(ours, peer, knee=4))[4:] == [
         "10 % → ray, 4 samples, 400 ms: --backend ray --samples 4",
         "3 % → not reached; the least measured is 5.0 %",
         "knee: mitsuba, 4 samples: 10 % in 200 ms",

@@ -21,7 +21,7 @@ from .records import Answer, Curve, Point, Setting
 ERRORS = (0.01, 0.02, 0.05, 0.1)  # √relMSE that are asked about
 SAMPLES, ERROR, DENOISED = "samples", "error", "denoised samples"  # kinds of ways, by the names of render/quality_settings.py
 USUAL = 0.5  # power of the samples by which noise falls
-POWERS = {SAMPLES: (0.4, 0.7), ERROR: (0.4, 0.75), DENOISED: (0.12, 0.55)}  # that are believed
+POWERS = {SAMPLES: (0.4, 0.8), ERROR: (0.4, 0.95), DENOISED: (0.12, 0.55)}  # that are believed
 BELIEVED = {SAMPLES: 0.7, ERROR: 0.7, DENOISED: 0.5}  # share of what runs tell in the power of more samples
 LATER = {SAMPLES: USUAL, ERROR: USUAL, DENOISED: 0.45}  # the power that it tends to
 UNSURE = {SAMPLES: 0.03, ERROR: 0.03, DENOISED: 0.06}  # of these powers, at least

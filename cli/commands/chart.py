@@ -93,8 +93,9 @@ def command(
 
     Each backend renders a sequence of settings of rising quality, each with several seeds. The chart shows a line for each
     sequence, all points, bars for quartiles, the Pareto front, the knee, and the uncertainty of the reference. The first line
-    answers which setting has the error of --error in the least time; the table lists the fastest setting for each error. With the
-    .json file of an earlier chart as SCENE, the chart is redrawn without measuring.
+    answers which command has the error of --error, and 1, 2, 5 and 10 %, in the least time, by a model of the runs. The tables list
+    these commands, and the fastest measured setting for each error. Where the budget has no time for a reference, short runs tell
+    their own errors. With the .json file of an earlier chart as SCENE, the chart is redrawn without measuring.
 
     Exit code: 0; 1 if nothing could be measured; 2 for wrong usage; 130 after Ctrl-C, with a chart of the measurements so far.
     """

@@ -40,6 +40,7 @@ class Layered(NamedTuple):
     textured: Any
     first: Any
     second: Any
+    medium: Any
     albedo: Any  # energy_compensation.Albedo, or Smooth
     sheen: Any  # sheen.Albedo or NoSheen
     tangents: Any  # normal_map.Tangents or Untilted

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..compiler import ir
 from ..compiler.scene.metallic_roughness import Surface
-from ..compiler.scene.row_records import BLACK, Color, Input, MaterialData
+from ..compiler.scene.row_records import BLACK, Color, Input, MaterialData, MediumData
 from ..lang.schema.argument_types import Entry
 
 F64 = np.ndarray
@@ -52,6 +52,10 @@ class Arguments(Protocol):
         ...
 
     def error(self, message: str, hint: str = "") -> None: ...
+
+    def medium(self, medium: MediumData) -> int:
+        """The row of the medium inside."""
+        ...
 
     def part(self, name: str) -> int:
         """The row of an argument that is a material; with errors for what no part of another material has."""
@@ -98,6 +102,7 @@ class Exported(NamedTuple):
     transmission: float = 0.0  # 1: glass
     absorption: Color = BLACK  # per metre
     diffuse_transmission: Input | None = None  # of a thin sheet
+    body: bool = False  # light scatters inside of it; the surface is that of its colour
 
 
 class Row(Protocol):

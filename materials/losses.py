@@ -19,6 +19,7 @@ INTERREFLECTION = "light that bounces between facets is not carried: rough surfa
 COAT = "a clear coat is not carried"
 DIFFUSE_TRANSMISSION = "light that passes a sheet diffusely is not carried: its back stays dark"
 DIFFUSE_TRANSMISSION_COLOR = "light that passes a sheet diffusely is carried in the colour of the reflected light"
+SUBSURFACE = "light that scatters inside of a body is not carried: it is a diffuse surface of its colour"
 SHEEN = "sheen is not carried"
 ROUGH_GLASS = "roughness of glass is not carried"
 ABSORPTION = "what glass absorbs inside is not carried"

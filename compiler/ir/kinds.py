@@ -55,6 +55,7 @@ class MaterialModel(Kind):
     METAL = 8  # microfacets of a metal; SPECULAR and EDGE are its reflectance
     BLEND = 9  # two materials, the second weighted by WEIGHT
     TRANSLUCENT = 10  # diffuse reflection and transmission of a sheet
+    SUBSURFACE = 11  # diffuse transmission into a body with a medium; AMBIENT is its colour where it is drawn as a surface
 
 
 class Shading(Kind):

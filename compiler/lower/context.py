@@ -23,6 +23,10 @@ class MaterialRows(Protocol):
         """The row of a material element."""
         ...
 
+    def inside_of_parts(self, element: Element, first: int, second: int) -> int:
+        """The medium inside of a blend of two rows; -1 without one."""
+        ...
+
     def image(self, element: Element, name: str, space: str, color: bool) -> int:
         """The row of the picture file `name`."""
         ...

@@ -26,6 +26,7 @@ from . import cameras, lights, materials, media, meters, shapes
 from .placements import ORIGIN, Frame, Placements, compose, matrix, own_frame, rotation_of
 
 LARGEST = 1e18  # of any number of an element: products of a few stay finite
+_OF_BODIES = ("emissive", "subsurface", "blend")  # materials for which it counts what a shape encloses
 MAX_EMISSIVE_SPHERES = 64  # sampled as lights; more are visible, and light others by bounces alone
 Folder = Callable[[str], Path | None]
 
@@ -186,7 +187,7 @@ class Lowering:
     def _shape(self, element: Element, frame: Frame, material: Element | None, medium: Element | None, path: str) -> None:
         args = element.args
         name = path + (args["name"] or element.scope or element.kind)
-        if element.kind in shapes.CENTERED and medium is None and (material is None or material.kind != "emissive"):
+        if element.kind in shapes.CENTERED and medium is None and (material is None or material.kind not in _OF_BODIES):
             geometry, center = shapes.centered(self, element)
             row = -1 if material is None else self.materials.row(material)
             self.placements.add(frame, center, geometry, row, name, element.place, element.call)
@@ -208,8 +209,9 @@ class Lowering:
             visible = ALL_RAYS
             if inside is not None:
                 row, visible = self.media.boundary(element, inside, row, piece)
-            elif piece.mixed is not None:
-                row = piece.mixed(row)
+            else:
+                row = row if piece.mixed is None else piece.mixed(row)
+                self.media.warn_of_open_body(element, row, pieces)
             full = f"{name}/{piece.name}" if piece.name else name
             self.placements.add(frame, piece.matrix, piece.geometry, row, full, element.place, element.call, visible)
 

@@ -19,7 +19,7 @@ from ..importers import images
 from ..importers.images import ImageError
 from ..io.sandbox import FileError
 from ..scene import partial_coverage
-from ..scene.row_records import BLACK, WHITE, Input, MaterialData, TextureData, scale_color
+from ..scene.row_records import BLACK, WHITE, Input, MaterialData, MediumData, TextureData, scale_color
 from .context import Context
 
 Slot = ir.Slot
@@ -58,8 +58,18 @@ class Materials:
 
     def _data(self, element: Element) -> MaterialData:
         plain = ELEMENTS[element.kind][1].lower(_Arguments(self, element))
+        if plain.first >= 0:
+            plain = replace(plain, medium=self.inside_of_parts(element, plain.first, plain.second))
         plain = replace(plain, inputs={**plain.inputs, **self._maps(element)})
         return partial_coverage.with_opacity(plain, self._opacity(element.args["opacity"]), element.args["opacity_threshold"])
+
+    def inside_of_parts(self, element: Element, first: int, second: int) -> int:
+        """The medium inside of a blend of two materials: that of the one that has it. -1 without, or after a diagnostic."""
+        media = {self._lowering.builder.material_data(part).medium for part in (first, second)} - {-1}
+        if len(media) > 1:
+            message = "both parts of this material have a medium inside of them, and a shape is filled by one"
+            self._lowering.error(element, message, "give one of them to the whole, as medium: of the shape")
+        return media.pop() if len(media) == 1 else -1
 
     def _maps(self, element: Element) -> dict[ir.Slot, Input]:
         """Normal and bump maps of a material."""
@@ -90,6 +100,10 @@ class Materials:
     def error(self, element: Element, message: str, hint: str = "") -> None:
         """Report an error at an element."""
         self._lowering.error(element, message, hint)
+
+    def medium(self, element: Element, medium: MediumData) -> int:
+        """The row of the medium inside of a material."""
+        return self._lowering.builder.medium(medium, element.place)
 
     def color(self, value: Any) -> Input:
         if isinstance(value, Element):
@@ -188,6 +202,9 @@ class _Arguments:
 
     def error(self, message: str, hint: str = "") -> None:
         self._materials.error(self._element, message, hint)
+
+    def medium(self, medium: MediumData) -> int:
+        return self._materials.medium(self._element, medium)
 
     def part(self, name: str) -> int:
         part = self.args[name]

@@ -95,13 +95,26 @@ class Media:
         bare = builder.material(_clear(priority or 0.0), shape.place) if material < 0 or piece.mixed is not None else -1
         material = bare if material < 0 else material
         material = material if piece.mixed is None else piece.mixed(material)
-        if not self._passes(material):
+        if builder.material_data(material).medium >= 0:
+            message = f"the material of this {shape.kind} has a medium inside of it, and its `medium` is another one"
+            self._lowering.error(shape, message, "leave out one of them")
+        elif not self._passes(material):
             self._warn_of_unseen(shape)
         row = self._row(inside, self._priority(material) if priority is None else priority, bounds, piece)
         rays = NO_SHADOW if material == bare else ALL_RAYS
         if row < 0:
             return material, ALL_RAYS
         return builder.material(replace(builder.material_data(material), medium=row), shape.place), rays
+
+    def warn_of_open_body(self, shape: Element, row: int, pieces: list[Piece]) -> None:
+        """Warn of a material with a medium inside of it on a shape without an inside."""
+        builder = self._lowering.builder
+        if row < 0 or not builder.count("media") or builder.material_data(row).medium < 0:
+            return
+        reason = self._why_open(shape, pieces)
+        if reason:
+            message = f"{reason}: light that enters its material does not find the other side"
+            self._lowering.warn(shape, message, _hint(shape))
 
     def _warn_of_unseen(self, shape: Element) -> None:
         message = f"the medium of this {shape.kind} is never seen: no light passes its material"

@@ -121,7 +121,9 @@ def row(lowering: Context, element: Element, looks: Looks, default: int) -> int:
         texture = lowering.builder.texture(
             TextureData(ir.TextureKind.FORMULA, tape=lowering.builder.tape(tape), channel=-1), element.place
         )
-        data = MaterialData(ir.MaterialModel.BLEND, {ir.Slot.WEIGHT: Input.number(1.0, texture)}, first=mixed, second=number)
+        inside = lowering.materials.inside_of_parts(element, mixed, number)
+        weight_of = {ir.Slot.WEIGHT: Input.number(1.0, texture)}
+        data = MaterialData(ir.MaterialModel.BLEND, weight_of, first=mixed, second=number, medium=inside)
         mixed = lowering.builder.material(data, element.place)
     return mixed
 

@@ -78,6 +78,8 @@ class Materials:
             shader.CreateInput("useSpecularWorkflow", Sdf.ValueTypeNames.Int).Set(1)
         if exported.diffuse_transmission is not None:
             self.out.cannot(losses.DIFFUSE_TRANSMISSION, "materials", row)
+        if exported.body:
+            self.out.cannot(losses.SUBSURFACE, "materials", row)
         if exported.transmission > 0:
             self.out.cannot(losses.REFRACTION, "materials", row)
         presence = s.opacity != Input.number(1.0)

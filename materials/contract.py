@@ -103,6 +103,7 @@ class Exported(NamedTuple):
     absorption: Color = BLACK  # per metre
     diffuse_transmission: Input | None = None  # of a thin sheet
     body: bool = False  # light scatters inside of it; the surface is that of its colour
+    medium: MediumData | None = None  # inside of its shapes
 
 
 class Row(Protocol):

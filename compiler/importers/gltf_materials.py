@@ -14,9 +14,9 @@ import numpy as np
 from ...lang.diagnostics import Span
 from .. import ir
 from ..io.sandbox import FileError
-from ..scene import metallic_roughness, partial_coverage
+from ..scene import metallic_roughness, partial_coverage, scattering_albedo
 from ..scene.builder import NONE, SceneBuilder
-from ..scene.row_records import BLACK, WHITE, Input, MaterialData, TextureData, as_color, scale_color
+from ..scene.row_records import BLACK, WHITE, Color, Input, MaterialData, TextureData, as_color, scale_color
 from . import images
 from .common import uv_sets, vertex_numbers
 from .gltf_container import Container, Warn, check_finite
@@ -27,6 +27,8 @@ _DATA = -2  # all channels of an image, as data
 _LEAST_CUTOFF = 1e-9  # least alphaCutoff: a mask with cutoff 0 is opaque everywhere
 _COLORS = ("baseColorTexture", "diffuseTexture")
 _EVEN, _SMOOTH = 0.1, 0.1  # difference of a colour's components that is no tint; roughness that is none
+_SCATTER = "KHR_materials_volume_scatter"
+_MOST_ANISOTROPY = 0.99
 _GLASS_TRANSMISSION = 0.5  # transmission from which a material becomes glass
 
 
@@ -76,7 +78,8 @@ class Materials:
     def is_double_sided(self, index: int) -> bool:
         """Whether a surface is seen from behind: it says so, or it is the boundary of a volume, of which both sides count."""
         written = self.container.document["materials"][index]
-        return written.get("doubleSided") is True or self._is_glass(written)
+        scatters = _SCATTER in written.get("extensions", {})
+        return written.get("doubleSided") is True or self._is_glass(written) or scatters
 
     def _is_glass(self, written: dict[str, Any]) -> bool:
         """Whether a material is drawn as solid glass."""
@@ -99,7 +102,9 @@ class Materials:
             ior = float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5))
             rough = Input.number(float(pbr.get("roughnessFactor", 1.0)), self._texture(pbr.get("metallicRoughnessTexture"), 1))
             inputs = {ir.Slot.TRANSMISSION: base, ir.Slot.IOR: Input.number(max(ior, 1.0)), ir.Slot.ROUGHNESS: rough}
-            return MaterialData(ir.MaterialModel.GLASS, inputs | self._absorption(extensions), name=title)
+            medium = self._medium(extensions)
+            absorbed = self._absorption(extensions) if medium == NONE else {}
+            return MaterialData(ir.MaterialModel.GLASS, inputs | absorbed, name=title, medium=medium)
         if "KHR_materials_pbrSpecularGlossiness" in extensions:
             surface = self._specular_glossiness(written, extensions["KHR_materials_pbrSpecularGlossiness"])
         else:
@@ -112,16 +117,21 @@ class Materials:
             else:
                 metallic = surface.metallic.value[0] if surface.metallic.texture == NONE else 0.0  # metals transmit nothing
                 surface = replace(surface, transmission=share * (1.0 - min(max(metallic, 0.0), 1.0)))
-        return self._scattering_through(surface, extensions.get("KHR_materials_diffuse_transmission", {}))
+        return self._scattering_through(surface, extensions)
 
-    def _scattering_through(self, surface: metallic_roughness.Surface, extension: dict[str, Any]) -> MaterialData:
+    def _scattering_through(self, surface: metallic_roughness.Surface, extensions: dict[str, Any]) -> MaterialData:
         """A surface that passes a share of the diffuse light on, by KHR_materials_diffuse_transmission.
 
-        Without a highlight it is `translucent`; with one it is blended with a sheet that reflects nothing.
+        Without a highlight it is `translucent`, or `subsurface` where all light enters; with one it is blended with a sheet that reflects
+        nothing.
         """
+        extension, medium = extensions.get("KHR_materials_diffuse_transmission", {}), self._medium(extensions)
         weight = self._texture(extension.get("diffuseTransmissionTexture"), 3)
         share = min(max(float(extension.get("diffuseTransmissionFactor", 0.0)), 0.0), 1.0)
         if share == 0.0:
+            if medium != NONE:
+                self.warn("KHR_materials_volume_scatter counts where light passes: with KHR_materials_transmission from one half on,"
+                          " or KHR_materials_diffuse_transmission")  # fmt: skip
             return metallic_roughness.material(surface)
         color = as_color(extension.get("diffuseTransmissionColorFactor", WHITE))
         passed = Input(color, self._texture(extension.get("diffuseTransmissionColorTexture")))
@@ -134,14 +144,19 @@ class Materials:
         }  # fmt: skip
         maps = {slot: map_ for slot, map_ in ((ir.Slot.NORMAL, surface.normal), (ir.Slot.EMISSION, surface.emissive)) if map_ is not None}
         opacity = surface.opacity, surface.threshold
+        model = ir.MaterialModel.TRANSLUCENT
+        if plain and medium != NONE and share == 1.0:
+            model = ir.MaterialModel.SUBSURFACE
+            inputs[ir.Slot.AMBIENT] = Input(as_color(extensions[_SCATTER].get("multiscatterColor", BLACK)))
         if plain:
-            return partial_coverage.with_opacity(MaterialData(ir.MaterialModel.TRANSLUCENT, inputs | maps, name=surface.name), *opacity)
-        sheet = MaterialData(ir.MaterialModel.TRANSLUCENT, inputs | maps, name=f"{surface.name} through")
+            return partial_coverage.with_opacity(MaterialData(model, inputs | maps, name=surface.name, medium=medium), *opacity)
+        sheet = MaterialData(model, inputs | maps, name=f"{surface.name} through", medium=medium)
         opaque = metallic_roughness.material(replace(surface, opacity=metallic_roughness.ALL, threshold=0.0))
         parts = self.builder.material(opaque, Span(self.name)), self.builder.material(sheet, Span(self.name))
         mix = MaterialData(
-            ir.MaterialModel.BLEND, {ir.Slot.WEIGHT: Input.number(share, weight)}, first=parts[0], second=parts[1], name=surface.name
-        )
+            ir.MaterialModel.BLEND, {ir.Slot.WEIGHT: Input.number(share, weight)}, first=parts[0], second=parts[1], name=surface.name,
+            medium=medium,
+        )  # fmt: skip
         return partial_coverage.with_opacity(mix, *opacity)
 
     def _opacity(self, written: dict[str, Any], base: Input, alpha: float) -> tuple[Input, float]:
@@ -154,13 +169,19 @@ class Materials:
         return Input.number(alpha, through), max(float(written.get("alphaCutoff", 0.5)), _LEAST_CUTOFF) if mode == "MASK" else 0.0
 
     def _absorption(self, extensions: dict[str, Any]) -> dict[ir.Slot, Input]:
-        """KHR_materials_volume: light of `attenuationColor` is left after `attenuationDistance` (Beer and Lambert)."""
-        volume = extensions.get("KHR_materials_volume", {})
-        distance = float(volume.get("attenuationDistance", math.inf))
-        if not volume.get("thicknessFactor") or not 0 < distance < math.inf:
-            return {}
-        r, g, b = (-math.log(min(max(float(c), 1e-6), 1.0)) / distance for c in volume.get("attenuationColor", (1.0, 1.0, 1.0)))
-        return {ir.Slot.ABSORPTION: Input((r, g, b))}
+        """What the glass of KHR_materials_volume absorbs."""
+        whole = _attenuation(extensions)
+        return {} if whole is None else {ir.Slot.ABSORPTION: Input(whole)}
+
+    def _medium(self, extensions: dict[str, Any]) -> int:
+        """The row of the medium of KHR_materials_volume_scatter; NONE without one, or where nothing scatters."""
+        scatter, whole = extensions.get(_SCATTER, {}), _attenuation(extensions)
+        color = as_color(scatter.get("multiscatterColor", BLACK))
+        if whole is None or max(color) <= 0.0:
+            return NONE
+        anisotropy = min(max(float(scatter.get("scatterAnisotropy", 0.0)), -_MOST_ANISOTROPY), _MOST_ANISOTROPY)
+        single = scattering_albedo.single_from_multiple(color, anisotropy)
+        return self.builder.medium(scattering_albedo.by_extinction(whole, single, anisotropy), Span(self.name))
 
     def _specular_glossiness(self, written: dict[str, Any], extension: dict[str, Any]) -> metallic_roughness.Surface:
         """KHR_materials_pbrSpecularGlossiness: a diffuse colour, a reflectance along the normal, and 1 − roughness in its alpha."""
@@ -293,6 +314,16 @@ def _transmission(extensions: dict[str, Any]) -> float:
     names = ("KHR_materials_transmission", "ADOBE_materials_thin_transparency")
     extension = next((extensions[name] for name in names if name in extensions), {})
     return min(max(float(extension.get("transmissionFactor", 0.0)), 0.0), 1.0)
+
+
+def _attenuation(extensions: dict[str, Any]) -> Color | None:
+    """KHR_materials_volume: light of `attenuationColor` is left after `attenuationDistance` (Beer and Lambert). Per metre; None without."""
+    volume = extensions.get("KHR_materials_volume", {})
+    distance = float(volume.get("attenuationDistance", math.inf))
+    if not volume.get("thicknessFactor") or not 0 < distance < math.inf:
+        return None
+    r, g, b = (-math.log(min(max(float(c), 1e-6), 1.0)) / distance for c in volume.get("attenuationColor", (1.0, 1.0, 1.0)))
+    return (r, g, b)
 
 
 def _is_colored(pbr: dict[str, Any]) -> bool:

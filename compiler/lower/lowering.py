@@ -21,7 +21,7 @@ from ..importers.common.replacements import Replacements
 from ..io.sandbox import FileError
 from ..scene import defaults, transforms
 from ..scene.builder import SceneBuilder
-from ..scene.row_records import ALL_RAYS, Piece
+from ..scene.row_records import Piece
 from . import cameras, lights, materials, media, meters, shapes
 from .placements import ORIGIN, Frame, Placements, compose, matrix, own_frame, rotation_of
 
@@ -206,14 +206,13 @@ class Lowering:
             row = piece.material if piece.material >= 0 and (args["material"] is None or piece.chosen) else -1
             if row < 0 and material is not None:
                 row = self.materials.row(material)
-            visible = ALL_RAYS
             if inside is not None:
-                row, visible = self.media.boundary(element, inside, row, piece)
+                row = self.media.boundary(element, inside, row, piece)
             else:
                 row = row if piece.mixed is None else piece.mixed(row)
                 self.media.warn_of_open_body(element, row, pieces)
             full = f"{name}/{piece.name}" if piece.name else name
-            self.placements.add(frame, piece.matrix, piece.geometry, row, full, element.place, element.call, visible)
+            self.placements.add(frame, piece.matrix, piece.geometry, row, full, element.place, element.call)
 
     def _shining_sphere(self, element: Element, material: Element, matrix: np.ndarray) -> bool:
         """Make a uniformly scaled sphere of one emitted colour a light. Returns whether it is one."""

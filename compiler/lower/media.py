@@ -15,9 +15,7 @@ from .. import ir
 from ..mesh import built_geometry
 from ..mesh.topology import merged
 from ..scene.row_records import (
-    ALL_RAYS,
     BLACK,
-    NO_SHADOW,
     WHITE,
     Input,
     MaterialData,
@@ -87,13 +85,12 @@ class Media:
             return None
         return Inside(medium, own, box if alike else np.full((2, 3), np.nan), frame)
 
-    def boundary(self, shape: Element, inside: Inside, material: int, piece: Piece) -> tuple[int, int]:
-        """(row of the material with the medium inside, rays that see the boundary). A material of -1: the boundary is not seen."""
+    def boundary(self, shape: Element, inside: Inside, material: int, piece: Piece) -> int:
+        """The row of a material with the medium inside. A material of -1: light passes the boundary straight."""
         builder = self._lowering.builder
         bounds = inside.bounds if np.isfinite(inside.bounds).all() else builder.shape(piece.geometry)[2]
         priority = inside.element.args["priority"]
-        bare = builder.material(_clear(priority or 0.0), shape.place) if material < 0 or piece.mixed is not None else -1
-        material = bare if material < 0 else material
+        material = builder.material(_clear(priority or 0.0), shape.place) if material < 0 else material
         material = material if piece.mixed is None else piece.mixed(material)
         if builder.material_data(material).medium >= 0:
             message = f"the material of this {shape.kind} has a medium inside of it, and its `medium` is another one"
@@ -101,10 +98,7 @@ class Media:
         elif not self._passes(material):
             self._warn_of_unseen(shape)
         row = self._row(inside, self._priority(material) if priority is None else priority, bounds, piece)
-        rays = NO_SHADOW if material == bare else ALL_RAYS
-        if row < 0:
-            return material, ALL_RAYS
-        return builder.material(replace(builder.material_data(material), medium=row), shape.place), rays
+        return material if row < 0 else builder.material(replace(builder.material_data(material), medium=row), shape.place)
 
     def warn_of_open_body(self, shape: Element, row: int, pieces: list[Piece]) -> None:
         """Warn of a material with a medium inside of it on a shape without an inside."""

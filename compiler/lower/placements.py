@@ -10,7 +10,6 @@ from ...lang.diagnostics import Span
 from ...lang.elements import Element
 from ..scene import transforms
 from ..scene.builder import SceneBuilder
-from ..scene.row_records import ALL_RAYS
 
 Frame = tuple[float, float, float] | np.ndarray
 """A translation, or a (4, 4) matrix. Translations compose by sums, with the bits that products of their matrices have."""
@@ -49,21 +48,19 @@ class Placements:
 
     def __init__(self, builder: SceneBuilder) -> None:
         self._builder = builder
-        self._waiting: list[tuple[Frame, Frame, int, int, str, Span, Span, int]] = []
+        self._waiting: list[tuple[Frame, Frame, int, int, str, Span, Span]] = []
 
-    def add(
-        self, outer: Frame, inner: Frame, geometry: int, material: int, name: str, span: Span, call: Span, visible: int = ALL_RAYS
-    ) -> None:
+    def add(self, outer: Frame, inner: Frame, geometry: int, material: int, name: str, span: Span, call: Span) -> None:
         """Add an instance of a geometry with the frame `inner` within `outer`; `call` is the outermost call that makes it."""
-        self._waiting.append((outer, inner, geometry, material, name, span, call, visible))
+        self._waiting.append((outer, inner, geometry, material, name, span, call))
 
     def flush(self) -> None:
         """Add the waiting instances to the builder. Call it before anything else adds transforms or instances."""
         if self._waiting:
-            outer, inner, geometries, materials, names, spans, calls, visible = zip(*self._waiting, strict=True)
+            outer, inner, geometries, materials, names, spans, calls = zip(*self._waiting, strict=True)
             self._waiting = []
             rows = self._builder.transforms(products(outer, inner), spans)
-            self._builder.instances(geometries, rows, materials, names, spans, calls, visible)
+            self._builder.instances(geometries, rows, materials, names, spans, calls)
 
 
 def products(outer: Sequence[Frame], inner: Sequence[Frame]) -> np.ndarray:

@@ -240,15 +240,14 @@ class SceneBuilder:
 
     def instances(
         self, geometries: Sequence[int], transforms: Sequence[int], materials: Sequence[int], names: Sequence[str],
-        spans: Sequence[Span | None], calls: Sequence[Span | None] | None = None, visible: Sequence[int] | None = None,
+        spans: Sequence[Span | None], calls: Sequence[Span | None] | None = None,
     ) -> None:  # fmt: skip
         """Adds instances, except those whose geometry or transform is NONE. `calls` are the outermost calls that make them."""
-        rays = [ALL_RAYS] * len(names) if visible is None else visible
         if min(geometries) < 0 or min(transforms) < 0:
-            for *row, seen, name, span in zip(geometries, transforms, materials, rays, names, spans, strict=True):
-                self.instance(InstanceData(*row, visible=seen, name=name), span)
+            for geometry, transform, material, name, span in zip(geometries, transforms, materials, names, spans, strict=True):
+                self.instance(InstanceData(geometry, transform, material, name=name), span)
             return
-        self._instances.extend(zip(geometries, transforms, materials, repeat(NONE), rays))
+        self._instances.extend(zip(geometries, transforms, materials, repeat(NONE), repeat(ALL_RAYS)))
         self._instance_names.extend(names)
         self._spans["instances"].extend(spans)
         self._spans["calls"].extend(spans if calls is None else calls)
@@ -404,6 +403,7 @@ class SceneBuilder:
         instances = self._instances.table().copy()
         if (instances[:, 2] < 0).any():
             instances[instances[:, 2] < 0, 2] = self.default_material()
+        instances[row_tables.is_clear(self._rows["materials"])[instances[:, 2]], 4] &= ~ir.Visibility.SHADOW
         shape_of = {int(instances[index, 3]): index for index in np.flatnonzero(instances[:, 3] >= 0).tolist()}
         place = ir.Lights._fields.index("instance")
         lights = [(*row[:place], shape_of.get(index, NONE), *row[place + 1 :]) for index, row in enumerate(self._rows["lights"])]

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...lang.diagnostics import Span
 from .. import ir
-from .row_records import Input, MaterialData
+from .row_records import WHITE, Input, MaterialData
 
 
 def spans(tables: Mapping[str, list[Span | None]]) -> ir.Spans:
@@ -52,3 +52,14 @@ def material_data(row: Sequence[Any], name: str) -> MaterialData:
         columns["second"],
         columns["medium"],
     )
+
+
+def is_clear(rows: Sequence[Sequence[Any]]) -> np.ndarray:
+    """(n,) whether rows of Materials are boundaries of media that light passes straight: smooth, colourless glass of index 1."""
+    return np.array([bool(row[-1] >= 0) and _passes_straight(material_data(row, "")) for row in rows], bool)
+
+
+def _passes_straight(material: MaterialData) -> bool:
+    color, ior, rough = (material.inputs[slot] for slot in (ir.Slot.TRANSMISSION, ir.Slot.IOR, ir.Slot.ROUGHNESS))
+    plain = color.value == WHITE and ior.value[0] == 1.0 and rough.value[0] == 0.0
+    return material.model == ir.MaterialModel.GLASS and plain and max(color.texture, ior.texture, rough.texture) < 0

@@ -12,8 +12,10 @@ import numpy as np
 from ....materials import losses
 from ....materials.contract import Exported
 from ... import ir
-from ...scene.row_records import Input, scale_color
+from ...scene import scattering_albedo
+from ...scene.row_records import WHITE, Input, MediumData, scale_color
 from ..export import Export
+from ..media import medium_of
 from ..placement import F64
 from ..surfaces import surface_of
 from ..texture_sets import TextureSets
@@ -45,7 +47,7 @@ class Materials:
         key = (row, b"" if radiance is None else radiance.tobytes())
         if key not in self._written:
             self._sets = TextureSets(self.tables)
-            exported = surface_of(self.out, row)
+            exported = surface_of(self.out, row)._replace(medium=medium_of(self.out, row))
             document = self._document(exported) if radiance is None else self._shining(f"light{len(self._written)}", radiance)
             document["doubleSided"] = True
             self._written[key] = Written(self.container.add("materials", document), self._sets)
@@ -59,7 +61,9 @@ class Materials:
         return document
 
     def _document(self, exported: Exported) -> dict[str, Any]:
-        share = self._passing_share(exported)
+        if exported.body:  # its colour is in the medium
+            exported = exported._replace(diffuse_transmission=Input(WHITE))
+        share = 1.0 if exported.body else self._passing_share(exported)
         if share > 0.0:
             diffuse = exported.surface.diffuse
             base = replace(diffuse, value=scale_color(diffuse.value, 1.0 / (1.0 - share))) if share < 1.0 else diffuse
@@ -132,10 +136,8 @@ class Materials:
             extensions["KHR_materials_diffuse_transmission"] = through
         if exported.transmission > 0:
             extensions["KHR_materials_transmission"] = {"transmissionFactor": exported.transmission}
-            volume: dict[str, Any] = {"thicknessFactor": 1.0}
-            if (most := max(exported.absorption)) > 0:
-                volume |= {"attenuationDistance": 1.0 / most, "attenuationColor": [math.exp(-a / most) for a in exported.absorption]}
-            extensions["KHR_materials_volume"] = volume
+        if exported.transmission > 0 or exported.medium is not None:
+            extensions |= self._volume(exported)
         if s.coat.value[0] > 0:
             coat: dict[str, Any] = {"clearcoatFactor": s.coat.value[0], "clearcoatRoughnessFactor": s.coat_roughness.value[0]}
             for name, slot in (("clearcoatTexture", s.coat), ("clearcoatRoughnessTexture", s.coat_roughness)):
@@ -149,6 +151,21 @@ class Materials:
             sheen = {"sheenColorFactor": list(s.sheen.value), "sheenRoughnessFactor": s.sheen_roughness.value[0]}
             extensions["KHR_materials_sheen"] = sheen
         return extensions
+
+    @staticmethod
+    def _volume(exported: Exported) -> dict[str, Any]:
+        """What glass and a medium absorb together, and what the medium scatters."""
+        inside = exported.medium or MediumData()
+        r, g, b = (a + c for a, c in zip(inside.absorption, exported.absorption, strict=True))
+        inside = replace(inside, absorption=(r, g, b))
+        whole, volume = scattering_albedo.extinction(inside), dict[str, Any](thicknessFactor=1.0)
+        if (most := max(whole)) > 0:
+            volume |= {"attenuationDistance": 1.0 / most, "attenuationColor": [math.exp(-a / most) for a in whole]}
+        if max(inside.scattering) <= 0:
+            return {"KHR_materials_volume": volume}
+        color = scattering_albedo.multiple_from_single(scattering_albedo.albedo(inside), inside.anisotropy)
+        scatter = {"multiscatterColor": list(color), "scatterAnisotropy": inside.anisotropy}
+        return {"KHR_materials_volume": volume, "KHR_materials_volume_scatter": scatter}
 
     def _below_one(self, color: tuple[float, ...]) -> list[float]:
         if max(color) > 1.0 + 1e-9:

@@ -21,6 +21,7 @@ from ..bodies import Bodies, Body, Converters, compact, part_of
 from ..export import Export
 from ..export_job import ExportJob
 from ..lights import LightFormat, exported
+from ..media import without_fog
 from ..placement import F64
 from .container import Container
 from .materials import Materials
@@ -39,6 +40,7 @@ def write(scene: ir.Scene, plan: Plan, converters: Converters) -> Export:
     """Exports `scene`, with the camera of `plan` first. Losses are in `found`."""
     out = Export(scene)
     out.without_links()
+    without_fog(out)
     _Writer(out, converters).write(plan)
     return out
 

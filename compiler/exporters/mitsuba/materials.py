@@ -8,8 +8,10 @@ import numpy as np
 
 from ....materials import losses
 from ... import ir
+from ...scene import scattering_albedo
 from .. import texture_values
 from ..export import Export
+from ..media import is_clear, medium_of
 from ..placement import F64
 from ..surfaces import MaterialRow
 from .xml import Node, node, rgb, value
@@ -22,6 +24,7 @@ class Look(NamedTuple):
     """Exported surface of an instance."""
 
     bsdf: Node
+    medium: Node | None  # inside of it
     emission: Node | None  # radiance
     texture: int  # row of Textures for which the mesh needs coordinates, or -1
 
@@ -43,8 +46,18 @@ class Materials:
             bsdf, emission = row.whole(), row.emission()
             name = f"material{len(self.definitions)}"
             self.definitions.append(Node("bsdf", {**bsdf.attributes, "id": name}, bsdf.children))
-            self._looks[key] = Look(Node("ref", {"id": name}), emission, self._texture(row.textures))
+            self._looks[key] = Look(Node("ref", {"id": name}), self._medium(material), emission, self._texture(row.textures))
         return self._looks[key]
+
+    def _medium(self, material: int) -> Node | None:
+        """The medium inside of a material. Values of colours are at most 1, `scale` is their factor."""
+        inside = None if self.tables.materials.model[material] == ir.MaterialModel.SUBSURFACE else medium_of(self.out, material)
+        if inside is None or (most := max(scattering_albedo.extinction(inside))) <= 0.0:
+            return None
+        whole = np.divide(scattering_albedo.extinction(inside), most)
+        phase = node("phase", "isotropic") if inside.anisotropy == 0.0 else node("phase", "hg", g=inside.anisotropy)
+        medium = node("medium", "homogeneous", name="interior", scale=most)
+        return medium.with_(rgb("albedo", scattering_albedo.albedo(inside)), rgb("sigma_t", whole), phase)
 
     def _texture(self, rows: list[int]) -> int:
         """The texture for which the mesh gets coordinates."""
@@ -81,6 +94,8 @@ class MitsubaRow(MaterialRow):
     def whole(self) -> Node:
         """The BSDF inside those of its normal and bump maps."""
         self.reports_vertex_light()
+        if is_clear(self._all.tables, self.row):
+            return node("bsdf", "null")
         bsdf = self.module.mitsuba(self)
         if (row := self.texture(ir.Slot.NORMAL)) >= 0:
             if self.value(ir.Slot.NORMAL)[0] != 1.0:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ....lights import POINTS, SKIES
-from ....materials import traits
+from ....materials import losses, traits
 from ....materials.contract import Lobes
 from ... import ir
 from ...mesh import shells
@@ -19,6 +19,7 @@ from ...plan.plan import Plan
 from .. import camera_frames, placement
 from ..export import Export
 from ..export_job import ExportJob
+from ..media import without_fog
 from . import lights
 from .shapes import Shapes
 from .xml import Node, node, value
@@ -56,6 +57,7 @@ def _check_plan(out: Export, plan: Plan) -> None:
         out.cannot(f"the filter {plan['filter']} is not carried: {other}", hint="--plan filter=box")
     out.without_opacity()
     out.without_links()
+    without_fog(out)
     used = np.unique(tables.instances.material)
     specular = (traits.clear(tables) | traits.mirrors(tables))[used]
     matt = tables.materials.values[used, ir.Slot.DIFFUSE].max(axis=1, initial=0.0) > 0
@@ -77,7 +79,7 @@ def _check_inside_glass(out: Export, plan: Plan) -> None:
     Mitsuba scales radiance by the squared index at entry, ours does not. Both agree if light enters from outside and leaves again.
     """
     tables = out.scene.tables
-    glass = traits.has(tables, Lobes.GLASS)[tables.instances.material]
+    glass = (traits.has(tables, Lobes.GLASS) | (tables.materials.medium >= 0))[tables.instances.material]
     places = [("cameras", plan["camera"], tables.transforms.matrix[tables.cameras.transform[plan["camera"]], :, 3])]
     for row in range(len(tables.lights.kind)):
         if tables.lights.kind[row] in POINTS:
@@ -89,7 +91,9 @@ def _check_inside_glass(out: Export, plan: Plan) -> None:
         inverse = tables.transforms.inverse[tables.instances.transform[i]]
         for table, row, place in places:
             p = inverse @ [*place, 1.0]
-            if np.all((low < p) & (p < high)):
+            if np.all((low < p) & (p < high)) and tables.materials.medium[tables.instances.material[i]] >= 0:
+                out.cannot(losses.INSIDE_OF_MEDIUM, table, row)
+            elif np.all((low < p) & (p < high)):
                 out.cannot("a light or a camera inside glass is not carried: Mitsuba scales its light by the index", table, row)
 
 
@@ -101,7 +105,8 @@ def _integrator(out: Export, plan: Plan) -> Node:
         out.cannot("a transparent background is not carried: Mitsuba would hide the area lights with the sky", hint="--background sky")
     if not isinstance(plan["background"], str):
         out.cannot("the background's colour is not carried: Mitsuba would light the scene with it", hint="--background sky")
-    path = node("integrator", "path", max_depth=int(plan["bounces"]) + 2, rr_depth=NO_ROULETTE)
+    media = (out.scene.tables.materials.medium[out.scene.tables.instances.material] >= 0).any()
+    path = node("integrator", "volpath" if media else "path", max_depth=int(plan["bounces"]) + 2, rr_depth=NO_ROULETTE)
     return path.with_(value("hide_emitters", True)) if hidden else path
 
 

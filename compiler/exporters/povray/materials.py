@@ -10,8 +10,10 @@ from ....lights import AMBIENT
 from ....materials import losses
 from ... import ir
 from ...plan.plan import Plan
+from ...scene import scattering_albedo
 from .. import number_text, texture_values
 from ..export import Export
+from ..media import medium_of
 from ..number_text import number
 from ..placement import F64
 from ..surfaces import MaterialRow
@@ -62,10 +64,28 @@ class Finishes:
             if row.materials.textures[material, slot] >= 0 and slot not in (texture_text.pigment, ir.Slot.AMBIENT):
                 row.cannot(losses.texture(slot))
         texture = -1 if texture_text.pigment is None else row.texture(texture_text.pigment)
-        interior = [f"  interior {{ {texture_text.interior} }}"] if texture_text.interior else []
+        inside = " ".join(text for text in (texture_text.interior, self._medium(material)) if text)
+        interior = [f"  interior {{ {inside} }}"] if inside else []
+        interior += ["  hollow"] if "media" in inside else []
         constant = np.zeros(3) if texture_text.pigment is None else row.value(texture_text.pigment)
         pigment = self._pigment(texture, constant, " filter 1" if texture_text.filters else "")
         return Look(pigment, -1 if texture_text.filters else texture, f"finish {{ {texture_text.words} }}", interior, texture_text.filters)
+
+    def _medium(self, material: int) -> str:
+        """The `media` inside of a material. Its light is that of a lamp over 4, as ours are divided by π: scattering is, too."""
+        body = self.tables.materials.model[material] == ir.MaterialModel.SUBSURFACE
+        inside = None if body else medium_of(self.out, material)
+        if inside is None or max(scattering_albedo.extinction(inside)) <= 0.0:
+            return ""
+        parts = []
+        if max(inside.scattering) > 0.0:
+            self.out.cannot(losses.SCATTERS_ONCE, "media", int(self.tables.materials.medium[material]))
+            phase, form = ("5", f" eccentricity {number(inside.anisotropy)}") if inside.anisotropy else ("1", "")
+            color = number_text.numbers(np.divide(inside.scattering, 4.0))
+            parts.append(f"scattering {{ {phase}, rgb <{color}> extinction 4{form} }}")
+        if max(inside.absorption) > 0.0:
+            parts.append(f"absorption rgb <{number_text.numbers(np.array(inside.absorption))}>")
+        return f"media {{ {' '.join(parts)} }}"
 
     def _pigment(self, row: int, constant: F64, clear: str) -> str:
         """A colour, a checker or an image."""

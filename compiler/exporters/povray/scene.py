@@ -19,6 +19,7 @@ from .. import camera_frames, number_text, placement
 from ..export import Export
 from ..export_job import ExportJob
 from ..lights import LightFormat, exported
+from ..media import without_fog
 from ..placement import F64
 from .materials import Finishes
 from .shapes import PovrayText, bracket, objects
@@ -54,6 +55,7 @@ def _check_plan(out: Export, plan: Plan) -> None:
         out.cannot(f"the filter {plan['filter']} is not carried: POV-Ray's is a box", hint="--plan filter=box")
     out.without_opacity()
     out.without_links()
+    without_fog(out)
     matt = tables.materials.values[:, ir.Slot.DIFFUSE].max(axis=1, initial=0.0) > 0
     used = np.unique(tables.instances.material)
     if plan["interreflection"] and matt[used].any():

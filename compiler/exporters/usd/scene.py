@@ -28,6 +28,7 @@ from ..bodies import Bodies, Body, Converters, compact, part_of
 from ..export import Export
 from ..export_job import ExportJob
 from ..lights import LightFormat, exported
+from ..media import without_media
 from ..placement import F64
 from .materials import Materials, set_name
 
@@ -46,6 +47,7 @@ def export(job: ExportJob) -> Export:
 def write(scene: ir.Scene, plan: Plan, name: str, ending: str, converters: Converters) -> Export:
     """Exports `scene`, with the camera of `plan` first. Pictures are called `name`.0.png and so on. Losses are in `found`."""
     out = Export(scene)
+    without_media(out)
     writer = _Writer(out, name, converters)
     writer.write(plan)
     _encode(out, writer.stage, name, ending)

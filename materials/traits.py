@@ -60,6 +60,29 @@ def with_parts(tables: ir.Tables, trait: np.ndarray) -> np.ndarray:
     return whole
 
 
+# --- media ---------------------------------------------------------------------------------------------------------------
+
+
+def invisible(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: boundaries of a medium that light passes straight: smooth, colourless glass of index 1."""
+    values = tables.materials.values
+    plain = (values[:, Slot.IOR, 0] == 1.0) & (values[:, Slot.TRANSMISSION] == 1.0).all(axis=1) & (values[:, Slot.ROUGHNESS, 0] == 0.0)
+    plain &= ~_textured(tables, Slot.IOR, Slot.TRANSMISSION, Slot.ROUGHNESS)
+    return has(tables, Lobes.GLASS) & (tables.materials.medium >= 0) & plain
+
+
+def participating(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: materials around a medium that scatters or emits light, or whose boundary is invisible."""
+    media, row = tables.media, tables.materials.medium
+    active = np.append((media.scattering + media.emission).max(axis=1, initial=0.0) > 0.0, False)
+    return active[row] | invisible(tables)
+
+
+def participates(tables: ir.Tables) -> bool:
+    """Whether light scatters inside of media of this scene, or passes their invisible boundaries."""
+    return bool(tables.media.everywhere.any() or (participating(tables) & used(tables)).any())
+
+
 # --- inputs --------------------------------------------------------------------------------------------------------------
 
 

@@ -120,6 +120,8 @@ def carrier(tables: ir.Tables, transport: str, backend: str, moves: bool) -> tup
     mirrors = gathering(tables)
     if not mirrors.any() or not (traits.receives_caustics(tables) & traits.used(tables)).any():
         return "paths", "nothing casts caustics onto diffuse surfaces", chance
+    if traits.participates(tables):
+        return "paths", "light scatters inside of media: photons do not", chance
     if transport != "path":
         return "none", "Whitted ray tracing has direct light alone on diffuse surfaces: write --bounces", ("none",)
     if backend != "ray":

@@ -22,6 +22,8 @@ def by_groups(tables: ir.Tables, plan: Plan) -> tuple[str, str, tuple[str, ...]]
         why = "there are no random paths"
     elif plan["backend"] != "ray":
         why = "the reference backend traces each path by itself"
+    elif traits.participates(tables):
+        why = "light scatters inside of media, where paths are not shared"
     elif plan["motion_blur"]:
         why = "each path has its own time"
     elif is_barred(tables):

@@ -69,6 +69,8 @@ def learnt(scene: ir.Scene, plan: Plan) -> tuple[str, str, tuple[str, ...]]:
         why = "the reference backend samples the whole sky"
     elif (ir.is_in(lit.kind, DISTANT) & lit.color.any(axis=1)).any():
         why = "a sun lights the scene: what its patches of light send on has most of the noise"
+    elif traits.participates(scene.tables):
+        why = "light scatters inside of media"
     elif plan["motion_blur"]:
         why = "objects move"
     elif light_links.are_there(scene.tables):

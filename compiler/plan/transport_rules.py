@@ -17,6 +17,7 @@ from .decision import Decision, Plan, Rule
 from .scene_facts import extents, ground
 
 SPECULAR_BOUNCES = 8
+MEDIA_BOUNCES = 64  # collisions count, too
 TRANSPORTS = ("path", "whitted")
 HEURISTICS = ("power", "balance", "light", "bsdf")  # of multiple importance sampling; in the order of render/integrator/path.py
 PRECISIONS = ("float32", "float64")
@@ -42,6 +43,8 @@ def _bounces(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
         return Decision("bounces", 0, reason, fixed="--bounces")
     if settings.bounces is not None:
         return Decision("bounces", settings.bounces, "asked for", fixed="--bounces")
+    if traits.participates(scene.tables):
+        return Decision("bounces", MEDIA_BOUNCES, "light scatters inside of media", fixed="--bounces")
     if plan["enclosed_bounces"]:
         return Decision("bounces", plan["enclosed_bounces"], plan.decisions["enclosed_bounces"].reason, fixed="--bounces")
     if traits.specular(scene.tables).any():
@@ -61,6 +64,8 @@ def _enclosed_bounces(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Dec
 
 def _interreflection(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     diffuse = traits.diffuse(scene.tables)
+    if traits.participates(scene.tables) and plan["backend"] != "raster":
+        return Decision("interreflection", True, "light scatters inside of media")
     if plan["enclosed_bounces"]:
         return Decision("interreflection", True, "the camera stands in an enclosed space: diffuse surfaces light each other")
     if settings.bounces and plan["bounces"] > 0 and diffuse.any():
@@ -79,6 +84,8 @@ def _monte_carlo(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision
     why = []
     if plan["area_lights"]:
         why.append("area lights")
+    if traits.participates(scene.tables) and plan["backend"] != "raster":
+        why.append("media")
     if plan["interreflection"]:
         why.append("interreflection")
     if (traits.glossy(scene.tables) & used).any():

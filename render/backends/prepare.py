@@ -11,6 +11,7 @@ import numpy as np
 from ...compiler import ir
 from ...compiler.plan import caustic_casters, light_shapes, scene_facts
 from ...compiler.plan.plan import Plan
+from ...compiler.scene import without_media
 from ...lights import DISTANT, PICTURED
 from ...materials import traits
 from .. import camera
@@ -100,7 +101,8 @@ def prepare(scene: ir.Scene, plan: Plan, view: View, general: bool = False) -> P
 
 def _renderable_tables(scene: ir.Scene, plan: Plan, view: View, tessellator: ViewTessellator, general: bool) -> ir.Tables:
     """The scene's tables as all backends shade them: layered materials, meshes shaded at vertices, texture pyramids."""
-    transparent = light_shapes.let_through(scene.tables, bool(plan["shadows.light_shapes"]))
+    whole = scene.tables if plan["transport"] == "path" else without_media.substitute(scene.tables)
+    transparent = light_shapes.let_through(whole, bool(plan["shadows.light_shapes"]))
     tables = principled.tables_for(vertex_meshes.replace_vertex_shaded(transparent, tessellator), general)
     if plan["transport"] == "path" and plan["backend"] == "ray":
         return tables  # paths do not filter textures

@@ -14,6 +14,7 @@ from ..material import bsdf, medium_stack
 from ..material.shader import Shader
 from ..surface import interaction, normal_map
 from ..types import Lane, Surface, Tables, Vec
+from . import flights
 from .path_emission import mis_weight
 from .path_state import LIGHTS_ALONE, Connection, PathInputs, PathSample, PathState, numbers
 from .photon_coverage import exclude_covered_lobe, photon_covers_mirror
@@ -23,9 +24,10 @@ GRAZING = 1e-3  # cosine at an emitter below which shadow rays are shortened no 
 
 
 @helper
-def facing(inputs: PathInputs, point: Surface, shader: Shader) -> Any:
-    """Return a surface's record for light selection, see light_tree.facing."""
-    return light_tree.facing(inputs.emitters.tree.below, point.normal, bsdf.scatters_through(shader, ops.bool_like(point.offset, False)))
+def facing(inputs: PathInputs, point: Surface, shader: Shader, event: Any) -> Any:
+    """Return a vertex's record for light selection, see light_tree.facing."""
+    both = flights.or_scattered(event, bsdf.scatters_through(shader, ops.bool_like(point.offset, False)))
+    return light_tree.facing(inputs.emitters.tree.below, point.normal, both)
 
 
 @helper
@@ -57,7 +59,7 @@ def _choose_emitter(
         )
         weighed, shadows = ops.bool_like(zero, table.weighed[0]), ops.bool_like(zero, table.shadows[0])
         return 0, zero + 1.0, arriving, here, weighed, shadows
-    row, chance = _choose(table.tree, place, facing(inputs, point, shader), numbers(index, 2)[0])
+    row, chance = _choose(table.tree, place, facing(inputs, point, shader, shading.event), numbers(index, 2)[0])
     arriving = _sample_each(tables, table, row, place, u, v)
     lamp = table.light[row] >= 0
     here = here & (chance > 0.0) & (ops.bool_like(zero, ops.not_(ending)) | lamp) & ops.not_(lit & lamp)
@@ -100,11 +102,12 @@ def sample_direct(
     """
     point, shader, viewer = shading.point, shading.shader, shading.viewer
     zero = ops.full_like(point.offset, 0.0)
-    rough = bsdf.scatters_through(shader, ops.bool_like(zero, False))
+    rough = flights.or_scattered(shading.event, bsdf.scatters_through(shader, ops.bool_like(zero, False)))
     place = ops.where3(rough, point.position, interaction.shadow_origin(point))
     row, chance, arriving, here, weighed, shadows = _choose_emitter(tables, inputs, shading, path, here, lit, ending, index, place)
     arriving, here, blockers = _follow_links(linked, (arriving, here, None), tables, inputs, row, point)
     share, density = bsdf.eval_bsdf_pdf(shader, inputs.uses, point.normal, arriving.direction, viewer)
+    share, density = flights.evaluate(shading.event, (share, density), arriving.direction, viewer)
     photons = inputs.caustic_reflectance, inputs.photon_emitters, inputs.spots
     share, alone = exclude_covered_lobe(*photons, share, row, path, shading, arriving.direction)
     factor = 1.0 / (math.pi * chance)
@@ -112,14 +115,14 @@ def sample_direct(
     both_ways = weighed & above & ops.not_(last | lit | alone)
     factor = factor * ops.where(both_ways, mis_weight(arriving.density * chance, density, inputs.weighing, LIGHTS_ALONE), 1.0)
     given = ops.scale(ops.mul(ops.mul(path.weight, share), arriving.light), factor)
-    given = medium_stack.attenuate(
-        medium_stack.cross_boundary(path.inside, None, tables, point, arriving.direction), given, tables, arriving.distance
-    )
+    inside = medium_stack.cross_boundary(path.inside, None, tables, point, arriving.direction)
+    given = medium_stack.attenuate(inside, given, tables, arriving.distance)
     origin = interaction.offset_shadow_origin(point, place, arriving.direction)
     wanted = here & (ops.largest(given) > 0.0)
-    wanted = wanted & bsdf.scatters_through(shader, normal_map.mask_behind(tables, point, arriving.direction, wanted))
+    above = bsdf.scatters_through(shader, normal_map.mask_behind(tables, point, arriving.direction, wanted))
+    wanted = wanted & flights.or_scattered(shading.event, above)
     # Emitters do not block their own light: rays end before them by all rounding errors, and by the offset of their origin.
     short = 64.0 * ops.roundoff(zero) * ops.where(arriving.distance < math.inf, arriving.distance, 0.0) + 2.0 * point.offset
     reach = ops.maximum(arriving.distance - short / ops.maximum(arriving.cosine, GRAZING), 0.0)
     distance = ops.where(shadows, reach, -1.0)
-    return Connection(origin, arriving.direction, distance, given, wanted, share, blockers)
+    return Connection(origin, arriving.direction, distance, given, wanted, share, blockers, flights.carried(shading.event, None, inside))

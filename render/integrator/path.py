@@ -19,7 +19,7 @@ from ..material.shader import ONLY, evaluate_shader_filtered
 from ..simd.registration import overload
 from ..surface import blend, interaction, normal_map
 from ..types import Hit, Lane, Options, Surface, Tables, Vec, VertexLight
-from . import gouraud, photon_map
+from . import flights, gouraud, photon_map
 from .light_sampling import facing, sample_direct
 from .path_emission import emitted_radiance
 from .path_state import (
@@ -54,9 +54,11 @@ _part = blend.if_blended(_sample_part)
 @helper
 def shade_vertex(
     tables: Tables, inputs: PathInputs, options: Options, path: PathState, hit: Hit, point: Surface, here: Lane,
-    index: PathSample, direct: PathSample,
+    index: PathSample, direct: PathSample, event: Any,
 ) -> tuple[Vec, Connection, PathState, Lane, Vertex]:  # fmt: skip
-    """(light sent along the path, shadow ray, continuation of the path, whether it continues, its surface) at the hits of a mask.
+    """(light sent along the path, shadow ray, continuation of the path, whether it continues, its vertex) at the hits of a mask.
+
+    `event` is a flights.Event of vertices that are no surfaces; the mask `here` has those in media, not those at invisible boundaries.
 
     `index` gives the path its numbers, `direct` its light samples and photons. Their `depth` counts surfaces from 0. At options.bounces
     light is sampled for the last time, and later rays add only emission.
@@ -64,22 +66,27 @@ def shade_vertex(
     zero = 0.0 * path.density
     uses, depth = inputs.uses, index.depth
     faded = medium_stack.attenuate(path.inside, path.weight, tables, hit.t)
-    path = PathState(path.origin, path.direction, faded, path.density, path.straight, path.inside, path.phase, path.facing, path.links)
+    path = PathState(
+        path.origin, path.direction, faded, path.density, path.straight, path.inside, path.phase, path.facing, path.links, path.near
+    )
     point = normal_map.apply_maps(tables, _part(tables, point, index), hit, path.direction)
+    surfaces = flights.surfaces(event, here)
     shader = evaluate_shader_filtered(tables, point, uses, path.inside)
+    point = flights.place(event, point, path)
     viewer = ops.negate(path.direction)
     sent = (zero, zero, zero)
     if uses.shines:
-        sent = emitted_radiance(tables, inputs, options.links, path, point, shader, hit, here, depth > options.bounces)
+        sent = emitted_radiance(tables, inputs, options.links, path, point, shader, hit, surfaces, depth > options.bounces)
     nothing = ops.bool_like(zero, False)
     bits = links.bits_of(options.links, None, tables, point)
-    connection = Connection(point.position, path.direction, zero, sent, nothing, (zero, zero, zero), bits)
-    shading = ShadingContext(point, shader, viewer, path.inside)
+    black = (zero, zero, zero)
+    connection = Connection(point.position, path.direction, zero, sent, nothing, black, bits, flights.carried(event, None, path.inside))
+    shading = ShadingContext(point, shader, viewer, path.inside, event)
     if depth > options.bounces:
         ended = Scattered(path.direction, (zero, zero, zero), zero + ONLY, nothing)
         return sent, connection, path, nothing, Vertex(shading, ended, photon_map.no_estimate(inputs.photons, shading))
-    lit, known = vertex_light(inputs.vertices, tables, point, hit, here)
-    sent = _add_local(tables, inputs, options.links, sent, shading, path, here, lit, known)
+    lit, known = vertex_light(inputs.vertices, tables, point, hit, surfaces)
+    sent = _add_local(tables, inputs, options.links, sent, shading, path, surfaces, lit, known)
     gathers, base = here & (path.phase < photon_map.MATT), splits_lobe(inputs.photons, path.phase, shader)
     gathered = photon_map.estimate(inputs.photons, shading, uses, path.weight, gathers, base, direct.sample, photon_number(direct))
     ending = depth == options.bounces
@@ -92,7 +99,7 @@ def shade_vertex(
     which = zero
     if uses.glossy or uses.sharp:
         which = numbers(index, 2)[1]
-    scattered = bsdf.sample_bsdf(shader, uses, point, viewer, u, v, which)
+    scattered = flights.scatter(event, bsdf.sample_bsdf(shader, uses, point, viewer, u, v, which), path.direction, u, v)
     weight = ops.mul(path.weight, scattered.weight)
     if uses.open_sky:
         soft = here & ops.not_(lit) & (scattered.density < ONLY)
@@ -105,9 +112,11 @@ def shade_vertex(
         going = going & (scattered.density < ONLY)
     if depth >= END_FROM:
         survival = ops.minimum(SPARED * ops.largest(weight), MOST_GOING)
+        survival = flights.survival(event, survival, SPARED * ops.largest(weight))
         going = going & (numbers(index, 3)[0] < survival)
         weight = ops.scale(weight, 1.0 / ops.maximum(survival, lights.TINY))
     onward = _continue(tables, inputs, options.links, path, shading, lit, scattered, weight, lobe)
+    onward, going = flights.pass_boundary(event, (onward, going), tables, path, point, hit.t)
     return sent, connection, onward, going, Vertex(shading, scattered, gathered)
 
 
@@ -139,11 +148,14 @@ def _continue(
     inside = medium_stack.cross_boundary(path.inside, None, tables, point, scattered.direction)
     covered = photon_covers_lobe(inputs.caustic_reflectance, point, shader)
     phase = photon_map.phase_after(inputs.photons, path.phase, shader, scattered.density >= ONLY, covered, lobe)
-    on_surface = bsdf.scatters_through(shader, scattered.density >= ONLY)
+    on_surface = flights.or_scattered(shading.event, bsdf.scatters_through(shader, scattered.density >= ONLY))
     place = ops.where3(on_surface, point.position, interaction.shadow_origin(point))  # the origin of shadow rays: equal both ways
     origin = interaction.offset_origin_at(point, place, scattered.direction)
     bits = links.bits_beyond(linked, None, tables, point, path.links, scattered.through)
-    return PathState(origin, scattered.direction, weight, density, straight, inside, phase, facing(inputs, point, shader), bits)
+    return PathState(
+        origin, scattered.direction, weight, density, straight, inside, phase, facing(inputs, point, shader, shading.event), bits,
+        flights.at_start(shading.event, None, density),
+    )  # fmt: skip
 
 
 def vertex_light(vertices: Any, tables: Tables, point: Surface, hit: Hit, here: Lane) -> tuple[Lane, Vec]:

@@ -24,7 +24,8 @@ def environment_radiance(
     light, less = (zero, zero, zero), zero
     if depth == 0:
         light = background.camera_background(tables, options, path.direction)
-        return ops.where3(missed, light, (zero, zero, zero)), ops.where(missed, zero + 1.0, zero)
+        light, share = _behind_media(path.near, (light, zero + 1.0), path)
+        return ops.where3(missed, light, (zero, zero, zero)), ops.where(missed, share, zero)
     light = background.reflected_background(tables, options, path.direction, path.links)
     soft = missed & (path.density < ONLY)
     if ops.any_lane(soft):
@@ -36,6 +37,15 @@ def environment_radiance(
         light = ops.where3(straight, background.camera_background(tables, options, path.direction), light)
         less = ops.where(straight, (path.weight[0] + path.weight[1] + path.weight[2]) / 3.0, less)
     return ops.where3(missed, ops.mul(path.weight, light), (zero, zero, zero)), less
+
+
+@helper
+def _attenuate(near: Lane, plain: tuple[Vec, Lane], path: PathState) -> tuple[Vec, Lane]:
+    return ops.mul(path.weight, plain[0]), plain[1] * ops.mean3(path.weight)
+
+
+_behind_media = specialize_if_present(_attenuate)
+"""(start of the ray, (light, alpha), path): what media let pass; `near` is None in scenes without scattering media."""
 
 
 @helper

@@ -14,9 +14,11 @@ from ..lanes import ops
 from ..light import light_tree, links
 from ..material import medium_stack
 from ..material.shader import ONLY
+from ..medium import free_flight, tracking
 from ..surface import alpha as surface_alpha
 from ..surface import interaction
 from ..types import Hit, Options, Ray, Vec
+from . import flights
 from .path import shade_vertex
 from .path_emission import environment_radiance
 from .path_state import CAMERA_RAY, OTHER_RAY, PathInputs, PathSample, PathState, alpha_number
@@ -37,35 +39,68 @@ def radiance(
     path: Any = PathState(origin, direction, (one, one, one), zero + ONLY, active, medium_stack.initial_stack(tables, zero), zero)
     path = path._replace(facing=light_tree.facing(inputs.emitters.tree.below, path.direction, active))
     path = path._replace(links=links.bits_of_eye(options.links, None, zero))
+    media = medium_stack.scattering(tables)
+    if media is not None:
+        path = path._replace(near=zero + ray.t_min)
     depth = 0
     while True:
-        onward = Ray(path.origin, path.direction, zero, zero + np.inf, ray.time)
+        onward = Ray(path.origin, path.direction, zero if path.near is None else path.near, zero + np.inf, ray.time)
         if options.layers:
             visible = OTHER_RAY if depth else CAMERA_RAY
             index = PathSample(pixel, sample, depth, options.seed)
             hit = _pass_transparent(accel, tables, onward if depth else ray, hit, active, visible, index)
-        missed = active & (hit.instance < 0)
+        missed, here = active & (hit.instance < 0), active & (hit.instance >= 0)
+        index = PathSample(pixel, sample, depth, options.seed)
+        flown = flights.fly(media, None, tables, path, active, np.where(here, hit.t, np.inf), index)
+        path = flights.weighted(flown, path)
+        missed, here = flights.without_scattered(flown, missed), flights.without_scattered(flown, here)
         if missed.any():
             behind, less = environment_radiance(tables, inputs, options, path, missed, depth)
             total, alpha = ops.add(total, behind), alpha - less
-        here = active & (hit.instance >= 0)
-        if depth > options.bounces + 1 or not here.any():
+        if flown is not None:
+            total = ops.where3(active, ops.add(total, flown.emitted), total)
+        if depth > options.bounces + 1 or not flights.any_vertex(flown, here).any():
             break
         point = interaction.make_interaction(tables, onward, hit)
-        index = PathSample(pixel, sample, depth, options.seed)
-        sent, connection, path, active, _ = shade_vertex(tables, inputs, options, path, hit, point, here, index, index)
+        event = flights.event_of(flown, None, tables, path, point, here)
+        here = flights.vertices(event, here)
+        sent, connection, path, active, _ = shade_vertex(tables, inputs, options, path, hit, point, here, index, index, event)
         total = ops.add(total, sent)
         if connection.wanted.any():
             blocking = connection.wanted & (connection.distance > 0.0) & options.shadows
             shadow = Ray(connection.origin, connection.direction, zero, zero + connection.distance, ray.time)
             given = ops.scale(connection.light, _unblocked(options.links, accel, tables, shadow, blocking, connection.blockers))
+            if media is not None:
+                given = ops.mul(given, _through_media(media, accel, tables, shadow, connection, index))
             total = ops.where3(connection.wanted, ops.add(total, given), total)
         if not active.any():
             break
-        hit = intersect.closest_hit(accel, tables, Ray(path.origin, path.direction, zero, zero + np.inf, ray.time), active, OTHER_RAY)
+        near = zero if path.near is None else path.near
+        hit = intersect.closest_hit(accel, tables, Ray(path.origin, path.direction, near, zero + np.inf, ray.time), active, OTHER_RAY)
         depth += 1
     sound = np.isfinite(total[0] + total[1] + total[2])
     return ops.where3(sound, total, (zero, zero, zero)), alpha, sound
+
+
+def _through_media(media: Any, accel: Any, tables: ir.Tables, shadow: Ray, connection: Any, index: PathSample) -> Vec:
+    """The share of light in red, green and blue that passes the media along shadow rays; see wave_media.py."""
+    distance = connection.distance
+    going, inside = connection.wanted & (distance >= 0.0), connection.inside
+    near, passed, segment = 0.0 * distance, np.ones((3, *np.shape(distance))), 0
+    while going.any():
+        ray = Ray(shadow.origin, shadow.direction, near, np.where(going, distance, 0.0), shadow.time)
+        hit = intersect.closest_hit(accel, tables, ray, going & media.walled[0], OTHER_RAY)
+        here = going & (hit.instance >= 0) & (hit.t < distance)
+        far = np.maximum(np.where(here, hit.t, distance), near)
+        number = np.where(going, medium_stack.top(inside), 0)
+        key = tracking.Key(index.pixel, index.sample, index.depth + tracking.SEGMENTS * (1 + segment % tracking.MOST_SEGMENTS), index.seed, 1)
+        white = tuple(np.ones(np.shape(distance)) for _ in range(3))
+        share = free_flight.transmit(media, white, tables, number, ray.origin, ray.direction, near, far, key)
+        passed = np.where(number > 0, passed * np.array(share), passed)
+        point = interaction.make_interaction(tables, ray, hit)
+        inside = np.where(here, medium_stack.cross_boundary(inside, None, tables, point, ray.direction), inside)
+        near, going, segment = np.where(here, flights.behind(point, ray.direction, hit.t), near), here, segment + 1
+    return passed[0], passed[1], passed[2]
 
 
 def _pass_all(accel: Any, tables: ir.Tables, shadow: Ray, blocking: Any, blockers: Any) -> Any:

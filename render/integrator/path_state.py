@@ -44,6 +44,7 @@ class PathState(NamedTuple):
     phase: Lane  # kinds of surfaces before it, see photon_map.phase_after
     facing: Any = None  # its origin's record for light selection, see light_tree.facing
     links: Any = None  # light links of its origin, see links.bits_of; None in scenes without links
+    near: Any = None  # distance at which it begins, behind an invisible boundary; None in scenes without scattering media
 
 
 class PathSample(NamedTuple):
@@ -65,6 +66,7 @@ class Connection(NamedTuple):
     wanted: Lane  # bool
     share: Any = None  # π f cos of the BSDF towards it
     blockers: Any = None  # mask of the instances that block it, see links.Links; None in scenes without links
+    inside: Any = None  # medium stack at its origin; None in scenes without scattering media
 
 
 class Vertex(NamedTuple):

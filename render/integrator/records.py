@@ -32,6 +32,7 @@ class ShadingContext(NamedTuple):
     shader: Shader
     viewer: Vec  # unit, against the ray
     inside: Any  # medium stack of the ray; None in scenes without media
+    event: Any = None  # flights.Event; None in scenes without scattering media
 
 
 class RayState(NamedTuple):

@@ -10,9 +10,10 @@ from ...compiler import ir
 from .. import simd
 from ..accel import intersect, primitive_hits
 from ..accel.traverse import motion_alpha
-from ..jit.kernel import helper, noinline_helper
+from ..jit.kernel import helper, noinline_helper, specialize_if_present
 from ..lanes import crosslane, ops
 from ..lanes.soa import ROW, gather3, load3
+from ..material import medium_stack
 from ..sampling import sobol
 from ..simd.registration import overload
 from ..surface import interaction, triangle_records
@@ -23,6 +24,19 @@ from .wave_memory import STATE
 
 CAMERA = int(ir.Visibility.CAMERA)
 _WIDTH64 = simd.WIDTH64
+
+
+@helper
+def _near_of(table: Any, plain: Lane, memory: Any, at: int) -> Lane:
+    return simd.load(memory.near, at)
+
+
+@helper
+def _gather_near(table: Any, plain: Lane, memory: Any, at: Lane) -> Lane:
+    return memory.near[at]
+
+
+near_of, gather_near = specialize_if_present(_near_of), specialize_if_present(_gather_near)
 
 
 @noinline_helper
@@ -37,6 +51,7 @@ def intersect_stage(accel, scene, frame, memory, source, n, depth):
         near, far = 0.0 * like, 0.0 * like + np.inf
         if depth == 0:
             near, far = simd.load(memory.near, i), simd.load(memory.hit, i)
+        near = near_of(medium_stack.scattering(scene.tables), near, memory, source * ROW + i)
         t, piece, a, b = primitive_hits.closest(scene.primitives.seen, origin, direction, near, far)
         simd.store(memory.hit, i, t)
         simd.store(memory.hit, ROW + i, a)
@@ -54,6 +69,7 @@ def intersect_stage(accel, scene, frame, memory, source, n, depth):
         near = 0.0 * origin[0]
         if depth == 0:
             near = memory.near[k]
+        near = gather_near(medium_stack.scattering(scene.tables), near, memory, k + source * ROW)
         visible = CAMERA if depth == 0 else OTHER_RAY
         pixel, sample = memory.index[k + (source * 3 + 1) * ROW], memory.index[k + (source * 3 + 2) * ROW]
         time = sobol.sample_time(pixel, sample, seed, frame.shutter)

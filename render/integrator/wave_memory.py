@@ -35,11 +35,12 @@ class WaveMemory(NamedTuple):
     queue: Any  # (ROW,) int64: rays for the BVH
     light: Any  # (4 · ROW,) float: radiance of each slot, red, green, blue and coverage
     items: Any  # (6 · ROW,) int: x, y, sample, place in the tile, and x, y that number the range of the Sobol sequence, by slot
-    near: Any  # (ROW,) float: where camera rays begin
+    near: Any  # (2 · ROW,) float: where camera rays begin, and those that passed invisible boundaries
     inside: Any  # (2 · ROW,) int: medium stacks of the rays, in scenes with media
     facing: Any  # (2 · 3 · ROW,) float: the normals at the origins of rays, in scenes with many lights
     links: Any  # (2 · ROW,) int: light links of the origins of rays, in scenes with links
     blockers: Any  # (ROW,) int: masks of what blocks shadow rays, in scenes with links
+    shadow_inside: Any  # (ROW,) int: medium stacks of shadow rays, in scenes with scattering media
     shared: Any  # path_reuse.Shared or path_reuse.Alone
 
     @classmethod
@@ -55,7 +56,7 @@ class WaveMemory(NamedTuple):
         return cls(
             row(2 * STATE, kind), row(2 * 3, whole), row(3, kind), row(3, whole), row(ASKED, kind), row(1, whole),
             row(ESTIMATE, kind), row(1, whole), row(1, np.int64),
-            row(4, kind), row(6, whole), row(1, kind), row(2, whole), row(2 * 3, kind), row(2, whole), row(1, whole),
+            row(4, kind), row(6, whole), row(2, kind), row(2, whole), row(2 * 3, kind), row(2, whole), row(1, whole), row(1, whole),
             path_reuse.Shared.of(kind) if reuses else path_reuse.Alone(),
         )  # fmt: skip
 
@@ -121,6 +122,25 @@ def _store_blockers(blockers: Lane, plain: Any, memory: Any, at: int, wanted: La
     compress_store(memory.blockers, at, blockers, wanted)
 
 
+@helper
+def _load_near(table: Any, plain: Any, memory: Any, at: int) -> Lane:
+    return simd.load(memory.near, at)
+
+
+@helper
+def _store_near(near: Lane, plain: Any, memory: Any, at: int, going: Lane) -> None:
+    compress_store(memory.near, at, near, going)
+
+
+@helper
+def _store_shadow_medium(inside: Lane, plain: Any, memory: Any, at: int, wanted: Lane) -> None:
+    compress_store(memory.shadow_inside, at, inside, wanted)
+
+
+load_near = specialize_if_present(_load_near)
+"""(scattering media, None, memory, at): where rays begin; None in scenes without such media."""
+store_near = specialize_if_present(_store_near)
+store_shadow_medium = specialize_if_present(_store_shadow_medium)
 load_links = specialize_if_present(_load_links)
 """(links, None, memory, at, depth): the light links of the origins of rays; None in scenes without links."""
 store_links = specialize_if_present(_store_links)

@@ -15,19 +15,20 @@ from .. import camera, simd
 from ..accel import intersect, primitive_hits
 from ..jit.kernel import helper, kernel, noinline_helper, specialize_either, specialize_if_present
 from ..lanes import crosslane, ops
-from ..lanes.soa import ROW, SIZE, compress_store, compress_store3, gather3, load3, scatter_add, store3
+from ..lanes.soa import ROW, SIZE, compress_store, compress_store3, gather3, load3, store3
 from ..material import medium_stack
 from ..material.shader import ONLY
 from ..sampling import sobol
 from ..sampling.pixel_groups import CELL, GROUP, SIDE, cell_extent, place_of
 from ..simd.registration import overload
 from ..types import Lane, Ray
-from . import path_reuse, photon_map
+from . import flights, path_reuse, photon_map
 from .path import shade_vertex
 from .path_emission import environment_radiance
 from .path_state import Connection, PathSample, PathState
 from .ray_queue import as_searched, attenuate_between, enters, for_search, from_search, pad, queue_up
 from .wave_intersection import intersect_stage, load_hits, surface_at
+from .wave_media import add_glow, deliver, deliver_share, transmit_stage
 from .wave_memory import (
     BEND,
     BENT,
@@ -39,10 +40,13 @@ from .wave_memory import (
     load_facing,
     load_links,
     load_medium,
+    load_near,
     store_blockers,
     store_facing,
     store_links,
     store_medium,
+    store_near,
+    store_shadow_medium,
 )
 
 BEND_HEIGHT = 0.25  # of a distance: clears the surfaces between points whose normals are FACING
@@ -127,6 +131,7 @@ def _trace_wave(accel, scene, frame, total, memory, n):
         intersect_stage(accel, scene, frame, memory, source, left, depth)
         left, asked, gathered = _shade_stage(scene, frame, memory, source, left, depth)
         _shadow_stage(accel, scene, frame, memory, asked)
+        transmit_stage(medium_stack.scattering(scene.tables), None, accel, scene, frame, memory, source, asked, depth)
         _photon_stage(scene.light.photons, None, accel, scene, frame, memory, gathered, depth)
         source = 1 - source
         if depth <= 1:
@@ -238,10 +243,15 @@ def _shade_stage(scene, frame, memory, source, n, depth):
             load3(memory.state, base, 0, i), load3(memory.state, base, 3, i), load3(memory.state, base, 6, i), density, straight, inside,
             ops.where(code > 1.5, code, 0.0), load_facing(scene.light.emitters.tree.below, memory, source * 3 * ROW + i),
             load_links(options.links, None, memory, source * ROW + i, depth),
+            load_near(medium_stack.scattering(tables), None, memory, source * ROW + i),
         )  # fmt: skip
         slot, pixel, sample = load3(memory.index, source * 3 * ROW, 0, i)
         hit, piece, here = load_hits(memory, i, active)
         missed = active & ops.not_(here)
+        index = PathSample(pixel, sample, depth, options.seed)
+        flown = flights.fly(medium_stack.scattering(tables), None, tables, path, active, ops.where(here, hit.t, np.inf), index)
+        path = flights.weighted(flown, path)
+        missed, here = flights.without_scattered(flown, missed), flights.without_scattered(flown, here)
         if ops.any_lane(missed):
             behind, less = environment_radiance(tables, light, options, path, missed, depth)
             if depth == 0:  # slots equal lanes
@@ -251,16 +261,19 @@ def _shade_stage(scene, frame, memory, source, n, depth):
                 path_reuse.add_light(memory.shared, memory.light, slot, behind, missed, depth)
                 at = slot + 3 * ROW
                 simd.scatter(memory.light, at, simd.gather(memory.light, at, missed) - less, missed)
-            if ops.not_(ops.any_lane(here)):
-                continue
+        add_glow(flown, None, memory, slot, active, depth)
+        if ops.not_(ops.any_lane(flights.any_vertex(flown, here))):
+            continue
         time = sobol.sample_time(pixel, sample, options.seed, frame.shutter)
         point, hit = surface_at(tables, scene.primitives.records, path.origin, path.direction, hit, piece, here, time)
-        index = direct = PathSample(pixel, sample, depth, options.seed)
+        event = flights.event_of(flown, None, tables, path, point, here)
+        here = flights.vertices(event, here)
+        direct = index
         if depth == 0:  # light samples of first surfaces are not shared: those of neighbors have adjacent ranges of the sequence
             x, y, s = load3(memory.items, 0, 0, i)
             place, number = sobol.zorder_index(x, y, s, frame.picture.width, frame.order)
             direct = PathSample(place, number, depth, options.seed)
-        sent, connection, onward, going, vertex = shade_vertex(tables, light, options, path, hit, point, here, index, direct)
+        sent, connection, onward, going, vertex = shade_vertex(tables, light, options, path, hit, point, here, index, direct, event)
         bright = here & (ops.largest(sent) > 0.0)
         if ops.any_lane(bright):
             path_reuse.add_light(memory.shared, memory.light, slot, sent, bright, depth)
@@ -278,6 +291,7 @@ def _shade_stage(scene, frame, memory, source, n, depth):
             compress_store3(memory.index, (1 - source) * 3 * ROW + kept, (slot, pixel, sample), going)
             store_medium(onward.inside, None, memory, (1 - source) * ROW + kept, going)
             store_links(onward.links, None, memory, (1 - source) * ROW + kept, going)
+            store_near(onward.near, None, memory, (1 - source) * ROW + kept, going)
             store_facing(onward.facing, None, memory, (1 - source) * 3 * ROW + kept, going)
             kept += simd.count(going)
     return kept, asked, gathered
@@ -292,6 +306,7 @@ def _push_shadow_ray(memory: Any, asked: int, slot: Lane, connection: Connection
     compress_store3(memory.shadow, 7 * ROW + asked, connection.light, wanted)
     compress_store(memory.shadow_slot, asked, slot, wanted)
     store_blockers(connection.blockers, None, memory, asked, wanted)
+    store_shadow_medium(connection.inside, None, memory, asked, wanted)
 
 
 @helper
@@ -356,14 +371,14 @@ def _shadow_stage(accel, scene, frame, memory, n):
         origin, direction = load3(memory.shadow, 0, 0, i), load3(memory.shadow, 0, 3, i)
         distance = simd.load(memory.shadow, 6 * ROW + i)
         lit = simd.first_lanes(n - i, like)
+        waits = ops.bool_like(like, False)
         if options.shadows:
             lit = lit & ops.not_(primitive_hits.blocked(scene.primitives.blocking, origin, direction, distance))
             if scene.trees:
-                inside = lit & (distance > 0.0) & enters(scene, origin, direction, distance)
-                queued += queue_up(memory, queued, i, inside)
-                lit = lit & ops.not_(inside)
-        if ops.any_lane(lit):
-            scatter_add(memory.light, ops.where(lit, simd.load(memory.shadow_slot, i), 0), load3(memory.shadow, 0, 7, i), lit)
+                waits = lit & (distance > 0.0) & enters(scene, origin, direction, distance)
+                queued += queue_up(memory, queued, i, waits)
+                lit = lit & ops.not_(waits)
+        deliver(medium_stack.scattering(scene.tables), memory, i, lit, waits)
     pad(memory, queued)
     wide = simd.load(memory.queue, 0)
     for j in range(0, queued, _WIDTH64):
@@ -375,9 +390,4 @@ def _shadow_stage(accel, scene, frame, memory, n):
         time = sobol.sample_time(pixel, s, options.seed, frame.shutter)
         ray = as_searched(origin, direction, 0.0 * origin[0], memory.shadow[k + 6 * ROW], time)
         share = from_search(_unblocked(options.links, accel, ray, memory, k), origin[0])
-        lit = (share > 0.0) & simd.first_lanes(queued - j, wide)
-        if ops.any_lane(lit):
-            for c in range(3):
-                at = slot + c * ROW
-                light = memory.shadow[k + (7 + c) * ROW] * share
-                simd.scatter(memory.light, at, memory.light[at] + light, lit)
+        deliver_share(medium_stack.scattering(scene.tables), memory, k, slot, share, simd.first_lanes(queued - j, wide))

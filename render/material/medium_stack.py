@@ -3,7 +3,9 @@
 A ray carries the media around it, up to four, seven bits each in one integer. Media are numbered by priority. Where shapes overlap, the
 medium of the highest number fills the volume; a boundary that does not change it is ignored (Schmidt and Budge 2002, Simple Nested
 Dielectrics in Ray Traced Images). So wine may overlap its glass, without a gap of air. The indices at a boundary are those of the highest
-number on each side. Only scenes with glass that absorbs or has a priority compile this; elsewhere the stack is None, which is a type.
+number on each side. Only scenes with glass that absorbs or has a priority, or with media, compile this; elsewhere the stack is None, which
+is a type. Media that scatter or emit light, and those with invisible boundaries, are in `scatter`: medium/free_flight.py takes paths
+through them.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from ...materials.contract import Lobes
 from ..jit.kernel import helper, specialize_if_present
 from ..jit.packed_struct import HandleType
 from ..lanes import ops, row_gather
+from ..medium import scattering_table
 from ..simd.registration import overload
 from ..types import Lane, Surface, Tables, Vec
 
@@ -40,27 +43,39 @@ class Media(NamedTuple):
     number: NDArray[np.int64]  # (materials,) the medium that a material bounds, 0: none
     index: F64  # (media + 1,) index of refraction
     absorbed: F64  # (media + 1, 4) absorption coefficients per metre, and 0
+    scatter: Any = scattering_table.NoScattering()  # or scattering_table.Scattering
 
 
-def media(tables: ir.Tables, general: bool = False) -> Media | Air:
+def media(tables: ir.Tables, general: bool = False, around: tuple[int, ...] = ()) -> Media | Air:
     """Return the media of a scene; without any Air, with `general` air alone.
 
-    If there are more than MASK, those of lowest priority become air.
+    If there are more than MASK, those of lowest priority become air. `around` are materials whose insides hold the camera, the outermost
+    first.
     """
-    values = tables.materials.values
-    glass = traits.has(tables, Lobes.GLASS)
-    used = traits.used(tables)
-    special = (values[:, ABSORPTION].max(axis=1, initial=0.0) > 0.0) | (values[:, PRIORITY, 0] > 0.0)
-    if not (glass & used & special).any():
+    values, column = tables.materials.values, tables.materials.medium
+    glass, used = traits.has(tables, Lobes.GLASS), traits.used(tables)
+    special = (values[:, ABSORPTION].max(axis=1, initial=0.0) > 0.0) | (values[:, PRIORITY, 0] > 0.0) | (column >= 0)
+    fog = np.flatnonzero(tables.media.everywhere)[:1]
+    if not (used & special).any() and not len(fog):
         return Media(np.zeros(len(glass), np.int64), np.ones(1), np.zeros((1, 4))) if general else Air()
-    rows = np.flatnonzero(glass & used)
-    rows = rows[np.argsort(values[rows, PRIORITY, 0], kind="stable")][-MASK:]
+    rows = np.flatnonzero((glass | (column >= 0)) & used)
+    ranks = np.maximum(values[rows, PRIORITY, 0], np.where(column[rows] >= 0, np.append(tables.media.priority, 0.0)[column[rows]], 0.0))
+    rows = rows[np.argsort(ranks, kind="stable")][-MASK + len(fog) :]
+    first = 1 + len(fog)  # fog has the lowest priority
     number = np.zeros(len(glass), np.int64)
-    number[rows] = np.arange(1, len(rows) + 1)
-    index = np.concatenate([[1.0], values[rows, IOR, 0]])
-    absorbed = np.zeros((len(rows) + 1, 4))
-    absorbed[1:, :3] = values[rows, ABSORPTION]
-    return Media(number, index, absorbed)
+    number[rows] = np.arange(first, first + len(rows))
+    index, absorbed = np.ones(first + len(rows)), np.zeros((first + len(rows), 4))
+    index[first:], absorbed[first:, :3] = np.where(glass[rows], values[rows, IOR, 0], 1.0), values[rows, ABSORPTION]
+    found = Media(number, index, absorbed)
+    if not traits.participates(tables):
+        absorbed[first:, :3] += np.concatenate([tables.media.absorption, np.zeros((1, 3))])[column[rows]]
+        return found
+    media_rows = np.concatenate([[-1], fog, column[rows]]).astype(np.int64)
+    clear = np.concatenate([np.zeros(first, bool), traits.invisible(tables)[rows]])
+    outside = 0
+    for entry in (*([1] if len(fog) else []), *(int(number[row]) for row in around)):
+        outside = int(push(np.int64(outside), np.int64(entry)))
+    return found._replace(scatter=scattering_table.build(tables, media_rows, clear, absorbed, outside))
 
 
 def is_used(tables: Any) -> bool:
@@ -69,13 +84,36 @@ def is_used(tables: Any) -> bool:
     return found is not None and found[1] != ()
 
 
+def scatters(tables: Any) -> bool:
+    """Whether tables of this Numba type have media that scatter or emit light, or with invisible boundaries."""
+    record = tables.field("materials.media.scatter") if is_used(tables) else None
+    return record is not None and record[1] != ()
+
+
+def scattering(tables: Tables) -> Any:
+    """The scattering_table.Scattering of a scene; None without one."""
+    record = getattr(getattr(tables.materials, "media", None), "scatter", None)
+    return record or None
+
+
+@overload(scattering)
+def _scattering_in_kernels(tables):
+    if scatters(tables):
+        return lambda tables: tables.materials.media.scatter
+    return lambda tables: None
+
+
 def initial_stack(tables: Tables, like: Lane) -> Any:
-    """Return the stack of camera rays: air; None in scenes without media."""
-    return ops.int_like(like, 0) if isinstance(getattr(tables.materials, "media", None), Media) else None
+    """Return the stack of camera rays; None in scenes without media."""
+    if not isinstance(getattr(tables.materials, "media", None), Media):
+        return None
+    return ops.int_like(like, 0 if scattering(tables) is None else int(scattering(tables).outside[0]))
 
 
 @overload(initial_stack)
 def _outside_in_kernels(tables, like):
+    if scatters(tables):
+        return lambda tables, like: ops.int_like(like, tables.materials.media.scatter.outside[0])
     if is_used(tables):
         return lambda tables, like: ops.int_like(like, 0)
     return lambda tables, like: None
@@ -151,7 +189,7 @@ def _cross_boundary(inside: Lane, plain: Any, tables: Tables, point: Surface, di
 @helper
 def _attenuate(inside: Lane, plain: Vec, tables: Tables, distance: Lane) -> Vec:
     table: Any = tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
-    if len(table.index) == 1:
+    if len(table.index) == 1 or scattering(tables) is not None:  # there, flights attenuate
         return plain
     number = top(inside)
     if ops.not_(ops.any_lane(number > 0)):

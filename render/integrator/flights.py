@@ -1,0 +1,195 @@
+"""Flights of paths through participating media: where light scatters, and boundaries that it passes straight.
+
+A path vertex is a surface, a point of a medium where light scatters, or an invisible boundary. In scenes without such media, `Flown` and
+`Event` are None, which is a type: kernels compile nothing of this.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from ..jit.kernel import helper, specialize_if_present
+from ..lanes import ops
+from ..material import medium_stack
+from ..material.bsdf import Scattered
+from ..medium import free_flight, phase, tracking
+from ..types import Lane, Surface, Tables, Vec
+from .path_state import PathSample, PathState
+
+LEAST_COSINE = 1e-2  # at a boundary; rays that are more grazing begin no farther behind it
+
+
+class Flown(NamedTuple):
+    """Paths after their flight to the next hit."""
+
+    weight: Vec  # throughput, attenuated
+    scattered: Lane  # bool: light scatters before the hit
+    t: Lane  # where it scatters
+    emitted: Vec  # radiance that the media on the way add to the pixel
+
+
+class Event(NamedTuple):
+    """Vertices of paths that are no surfaces."""
+
+    scattered: Lane  # bool: in a medium
+    passes: Lane  # bool: an invisible boundary
+    position: Vec
+    anisotropy: Lane  # g of the phase function
+
+
+@helper
+def _fly(table: Any, plain: Any, tables: Tables, path: PathState, active: Lane, t: Lane, index: PathSample) -> Flown:
+    zero = 0.0 * path.density
+    number = ops.where(active, medium_stack.top(path.inside), 0)
+    none = tracking.Flight(ops.bool_like(zero, False), t, (zero + 1.0, zero + 1.0, zero + 1.0), (zero, zero, zero))
+    if ops.not_(ops.any_lane(number > 0)):
+        return Flown(path.weight, none.scattered, t, none.emitted)
+    key = tracking.Key(index.pixel, index.sample, index.depth, index.seed, 0)
+    flight = free_flight.fly(table, none, tables, number, path.origin, path.direction, path.near, t, path.weight, key)
+    return Flown(
+        ops.mul(path.weight, flight.factor), active & (number > 0) & flight.scattered, flight.t, ops.mul(path.weight, flight.emitted)
+    )
+
+
+@helper
+def _weighted(flown: Flown, path: PathState) -> PathState:
+    return PathState(
+        path.origin, path.direction, flown.weight, path.density, path.straight, path.inside, path.phase, path.facing, path.links, path.near
+    )
+
+
+@helper
+def _without_scattered(flown: Flown, mask: Lane) -> Lane:
+    return mask & ops.not_(flown.scattered)
+
+
+@helper
+def _any_vertex(flown: Flown, surfaces: Lane) -> Lane:
+    return surfaces | flown.scattered
+
+
+@helper
+def _event(flown: Flown, plain: Any, tables: Tables, path: PathState, point: Surface, surfaces: Lane) -> Event:
+    table: Any = tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
+    number = ops.to_int(table.number[point.material])
+    inside = medium_stack.top(path.inside)
+    t = ops.where(flown.scattered, flown.t, 0.0)
+    return Event(
+        flown.scattered, surfaces & table.scatter.clear[number], ops.along(path.origin, path.direction, t),
+        0.0 * path.density + table.scatter.anisotropy[inside],
+    )  # fmt: skip
+
+
+@helper
+def _vertices(event: Event, surfaces: Lane) -> Lane:
+    return (surfaces & ops.not_(event.passes)) | event.scattered
+
+
+@helper
+def _surfaces(event: Event, vertices: Lane) -> Lane:
+    return vertices & ops.not_(event.scattered)
+
+
+@helper
+def _place(event: Event, point: Surface, path: PathState) -> Surface:
+    """The point with those in media: no surface is there, so that rays need no offset."""
+    zero = 0.0 * point.offset
+    none, here = (zero, zero, zero), event.scattered
+    return Surface(
+        ops.where3(here, event.position, point.position), point.local, ops.where3(here, none, point.geometric),
+        ops.where3(here, ops.negate(path.direction), point.normal), point.local_normal, point.uv, point.metric, point.front, point.instance,
+        point.material, point.color, ops.where(here, 0.0, point.offset), point.time, point.spread, point.lift, point.known,
+    )  # fmt: skip
+
+
+@helper
+def _or_scattered(event: Event, plain: Lane) -> Lane:
+    return plain | event.scattered
+
+
+@helper
+def _evaluate(event: Event, plain: tuple[Vec, Lane], to_light: Vec, to_viewer: Vec) -> tuple[Vec, Lane]:
+    density = phase.density(event.anisotropy, -ops.dot(to_light, to_viewer))
+    share = 3.141592653589793 * density
+    here = event.scattered
+    return ops.where3(here, (share, share, share), plain[0]), ops.where(here, density, plain[1])
+
+
+@helper
+def _scatter(event: Event, plain: Scattered, direction: Vec, u: Lane, v: Lane) -> Scattered:
+    if ops.not_(ops.any_lane(event.scattered)):
+        return plain
+    onward, density = phase.sample(event.anisotropy, direction, u, v)
+    one = 0.0 * density + 1.0
+    here = event.scattered
+    return Scattered(
+        ops.where3(here, onward, plain.direction), ops.where3(here, (one, one, one), plain.weight), ops.where(here, density, plain.density),
+        plain.through & ops.not_(here),
+    )  # fmt: skip
+
+
+@helper
+def _survival(event: Event, plain: Lane, chance: Lane) -> Lane:
+    return ops.where(event.scattered, ops.minimum(chance, 1.0), plain)
+
+
+@helper
+def _at_start(event: Event, plain: Any, like: Lane) -> Lane:
+    return 0.0 * like
+
+
+@helper
+def _carried(event: Event, plain: Any, inside: Lane) -> Lane:
+    return inside
+
+
+@helper
+def behind(point: Surface, direction: Vec, t: Lane) -> Lane:
+    """The distance at which a ray goes on behind a surface that it hit at a distance t."""
+    cosine = ops.maximum(ops.absolute(ops.dot(direction, point.geometric)), LEAST_COSINE)
+    return t + 2.0 * point.offset / cosine + 4.0 * ops.roundoff(t) * t
+
+
+@helper
+def _pass_boundary(event: Event, plain: tuple[PathState, Lane], tables: Tables, path: PathState, point: Surface, t: Lane) -> Any:
+    """(continuation of paths, whether they go on) with those that pass an invisible boundary: the same ray, from behind it."""
+    here, onward = event.passes, plain[0]
+    if ops.not_(ops.any_lane(here)):
+        return plain
+    inside = medium_stack.cross_boundary(path.inside, None, tables, point, path.direction)
+    passed = PathState(
+        ops.where3(here, path.origin, onward.origin), ops.where3(here, path.direction, onward.direction),
+        ops.where3(here, path.weight, onward.weight), ops.where(here, path.density, onward.density),
+        (here & path.straight) | (ops.not_(here) & onward.straight), ops.where(here, inside, onward.inside),
+        ops.where(here, path.phase, onward.phase), choose_facing(path.facing, onward.facing, here),
+        choose_links(path.links, onward.links, here), ops.where(here, behind(point, path.direction, t), onward.near),
+    )  # fmt: skip
+    return passed, plain[1] | (here & (ops.largest(path.weight) > 0.0))
+
+
+@helper
+def _choose3(one: Vec, other: Vec, here: Lane) -> Vec:
+    return ops.where3(here, one, other)
+
+
+@helper
+def _choose(one: Lane, other: Lane, here: Lane) -> Lane:
+    return ops.where(here, one, other)
+
+
+choose_facing, choose_links = specialize_if_present(_choose3), specialize_if_present(_choose)
+fly = specialize_if_present(_fly)  # (table, None, tables, path, active, t of hits or inf, index) → Flown
+weighted = specialize_if_present(_weighted)  # (flown, path) → the path after its flight
+without_scattered = specialize_if_present(_without_scattered)  # (flown, mask) → the mask without paths that scatter
+any_vertex = specialize_if_present(_any_vertex)  # (flown, surfaces) → surfaces and points of media
+event_of = specialize_if_present(_event)  # (flown, None, tables, path, point, surfaces) → Event
+vertices = specialize_if_present(_vertices)  # (event, surfaces) → surfaces and points of media to shade
+surfaces = specialize_if_present(_surfaces)  # (event, vertices) → those that are surfaces
+place = specialize_if_present(_place)  # (event, point, path) → points with those in media
+or_scattered = specialize_if_present(_or_scattered)  # (event, condition) → the condition, or that it is in a medium
+evaluate = specialize_if_present(_evaluate)  # (event, (share, density), to light, to viewer) → with those of the phase function
+scatter = specialize_if_present(_scatter)  # (event, Scattered, direction, u, v) → with samples of the phase function
+survival = specialize_if_present(_survival)  # (event, probability to go on, the same without a limit) → with that in media
+at_start = specialize_if_present(_at_start)  # (event, None, like) → 0: where rays from a vertex begin
+carried = specialize_if_present(_carried)  # (event, None, stack) → the stack, for shadow rays
+pass_boundary = specialize_if_present(_pass_boundary)  # (event, (continuation, going), tables, path, point, t)

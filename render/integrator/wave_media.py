@@ -1,0 +1,161 @@
+"""Stages of the wavefront path tracer for participating media: light that media emit, and shadow rays through them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .. import simd
+from ..jit.kernel import helper, noinline_helper, specialize_either, specialize_if_present
+from ..lanes import crosslane, ops
+from ..lanes.soa import ROW, compress_store, compress_store3, load3, scatter_add, store3
+from ..material import medium_stack
+from ..medium import free_flight, tracking
+from ..sampling import sobol
+from ..types import Lane
+from . import flights, path_reuse
+from .wave_intersection import intersect_stage, load_hits, surface_at
+from .wave_memory import STATE
+
+
+@helper
+def _add_light(memory: Any, i: int, lit: Lane, waits: Lane) -> None:
+    if ops.any_lane(lit):
+        scatter_add(memory.light, ops.where(lit, simd.load(memory.shadow_slot, i), 0), load3(memory.shadow, 0, 7, i), lit)
+
+
+@helper
+def _keep_light(table: Any, memory: Any, i: int, lit: Lane, waits: Lane) -> None:
+    light = load3(memory.shadow, 0, 7, i)
+    zero = 0.0 * light[0]
+    store3(memory.shadow, 0, 7, i, ops.where3(lit | waits, light, (zero, zero, zero)))
+
+
+@helper
+def _add_share(memory: Any, k: Lane, slot: Lane, share: Lane, valid: Lane) -> None:
+    lit = (share > 0.0) & valid
+    if ops.any_lane(lit):
+        for c in range(3):
+            at = slot + c * ROW
+            light = memory.shadow[k + (7 + c) * ROW] * share
+            simd.scatter(memory.light, at, memory.light[at] + light, lit)
+
+
+@helper
+def _keep_share(table: Any, memory: Any, k: Lane, slot: Lane, share: Lane, valid: Lane) -> None:
+    for c in range(3):
+        at = k + (7 + c) * ROW
+        simd.scatter(memory.shadow, at, memory.shadow[at] * share, valid)
+
+
+deliver = specialize_either(_keep_light, _add_light)
+"""(scattering media, memory, i, lit, waits): add the light of unblocked shadow rays i … to their paths; with media keep it for
+`transmit_stage`. Rays that wait are searched in the BVH."""
+deliver_share = specialize_either(_keep_share, _add_share)
+"""(scattering media, memory, rays, slots, share, valid): likewise for shadow rays through the BVH, of which a share passes."""
+
+
+@helper
+def _glow(flown: flights.Flown, plain: Any, memory: Any, slot: Lane, active: Lane, depth: int) -> Any:
+    bright = active & (ops.largest(flown.emitted) > 0.0)
+    if ops.any_lane(bright):
+        path_reuse.add_light(memory.shared, memory.light, slot, flown.emitted, bright, depth)
+    return plain
+
+
+add_glow = specialize_if_present(_glow)  # (flown, None, memory, slots, active, depth): add the light that media on the way emit
+
+
+@helper
+def _transmit(table: Any, plain: Any, accel: Any, scene: Any, frame: Any, memory: Any, source: int, n: int, depth: int) -> Any:
+    if n > 0:
+        _pass_media(accel, scene, frame, memory, source, n, depth)
+    return plain
+
+
+transmit_stage = specialize_if_present(_transmit)
+"""(scattering media, None, accel, scene, frame, memory, source, n, depth): add the light of n shadow rays that passes media.
+
+Uses the rows of `source`, whose rays have been shaded."""
+
+
+@noinline_helper
+def _pass_media(accel, scene, frame, memory, source, n, depth):
+    table = medium_stack.scattering(scene.tables)
+    count = _queue_rays(frame, memory, source, n)
+    segment = 0
+    while count > 0:
+        if table.walled[0]:
+            intersect_stage(accel, scene, frame, memory, source, count, 1)
+        count = _pass_segment(table, scene, frame, memory, source, count, depth + tracking.SEGMENTS * (1 + segment % tracking.MOST_SEGMENTS))
+        segment += 1
+
+
+@helper
+def _queue_rays(frame: Any, memory: Any, source: int, n: int) -> int:
+    """Write the unblocked shadow rays to the rows of paths; return their number. Those without a shadow test add their light."""
+    base, queued = source * STATE * ROW, 0
+    like = simd.load(memory.state, 0)
+    for i in range(0, n, crosslane.width(like)):
+        light, distance = load3(memory.shadow, 0, 7, i), simd.load(memory.shadow, 6 * ROW + i)
+        bright = simd.first_lanes(n - i, like) & (ops.largest(light) > 0.0)
+        slot = ops.where(bright, simd.load(memory.shadow_slot, i), 0)
+        plain = bright & (distance < 0.0)
+        if ops.any_lane(plain):
+            scatter_add(memory.light, slot, light, plain)
+        wanted = bright & (distance >= 0.0)
+        x, y, s = memory.items[slot + 4 * ROW], memory.items[slot + 5 * ROW], memory.items[slot + 2 * ROW]
+        pixel, sample = sobol.zorder_index(x, y, s, frame.picture.width, frame.order)
+        zero = 0.0 * distance
+        compress_store3(memory.state, base + queued, load3(memory.shadow, 0, 0, i), wanted)
+        compress_store3(memory.state, base + 3 * ROW + queued, load3(memory.shadow, 0, 3, i), wanted)
+        compress_store3(memory.state, base + 6 * ROW + queued, light, wanted)
+        compress_store(memory.state, base + 9 * ROW + queued, distance, wanted)
+        compress_store3(memory.index, source * 3 * ROW + queued, (slot, pixel, sample), wanted)
+        compress_store(memory.inside, source * ROW + queued, simd.load(memory.shadow_inside, i), wanted)
+        compress_store(memory.near, source * ROW + queued, zero, wanted)
+        queued += simd.count(wanted)
+    return queued
+
+
+@helper
+def _pass_segment(table: Any, scene: Any, frame: Any, memory: Any, source: int, n: int, key: int) -> int:
+    """Take n rays to their next boundary, or to their end, where they add their light; return the number of those that go on."""
+    tables, base, kept = scene.tables, source * STATE * ROW, 0
+    like = simd.load(memory.state, 0)
+    for i in range(0, n, crosslane.width(like)):
+        active = simd.first_lanes(n - i, like)
+        origin, direction, light = load3(memory.state, base, 0, i), load3(memory.state, base, 3, i), load3(memory.state, base, 6, i)
+        distance, near = simd.load(memory.state, base + 9 * ROW + i), simd.load(memory.near, source * ROW + i)
+        slot, pixel, sample = load3(memory.index, source * 3 * ROW, 0, i)
+        inside = simd.load(memory.inside, source * ROW + i)
+        hit, piece, here = load_hits(memory, i, active)
+        here = here & ops.bool_like(like, table.walled[0])
+        t = ops.where(here, hit.t, np.inf)
+        here = here & (t < distance)
+        far = ops.maximum(ops.minimum(t, distance), near)
+        number = ops.where(active, medium_stack.top(inside), 0)
+        white = (0.0 * like + 1.0, 0.0 * like + 1.0, 0.0 * like + 1.0)
+        if ops.any_lane(number > 0):
+            of_ray = tracking.Key(pixel, sample, key, frame.options.seed, 1)
+            passed = free_flight.transmit(table, white, tables, number, origin, direction, near, far, of_ray)
+            light = ops.where3(number > 0, ops.mul(light, passed), light)
+        ends = active & ops.not_(here)
+        if ops.any_lane(ends):
+            scatter_add(memory.light, ops.where(ends, slot, 0), light, ends)
+        going = here & (ops.largest(light) > 0.0)
+        if ops.not_(ops.any_lane(going)):
+            continue
+        time = sobol.sample_time(pixel, sample, frame.options.seed, frame.shutter)
+        point, hit = surface_at(tables, scene.primitives.records, origin, direction, hit, piece, here, time)
+        inside = medium_stack.cross_boundary(inside, None, tables, point, direction)
+        compress_store3(memory.state, base + kept, origin, going)
+        compress_store3(memory.state, base + 3 * ROW + kept, direction, going)
+        compress_store3(memory.state, base + 6 * ROW + kept, light, going)
+        compress_store(memory.state, base + 9 * ROW + kept, distance, going)
+        compress_store3(memory.index, source * 3 * ROW + kept, (slot, pixel, sample), going)
+        compress_store(memory.inside, source * ROW + kept, inside, going)
+        compress_store(memory.near, source * ROW + kept, flights.behind(point, direction, t), going)
+        kept += simd.count(going)
+    return kept

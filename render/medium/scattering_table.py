@@ -1,0 +1,110 @@
+"""Table of scattering media that kernels read, with majorants of their densities.
+
+A density is a formula. Its interval bounds on the cells of a grid are majorants: no point of a cell has a higher density (Woodcock and
+others 1965 need one; here it is proved). Rows are numbered as in material/medium_stack.py; row 0 is air.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...compiler import ir
+from ...compiler.formula import numpy_interpreter
+from ...compiler.formula.tape import Tape, load_tape
+from . import tracking
+
+F64 = NDArray[np.float64]
+CELLS = 32  # of a grid of majorants along its longest side
+LEAST_CELLS = 4
+SPLIT = 2  # parts of a cell, along each side, whose bounds give its majorant
+
+
+class NoScattering(NamedTuple):
+    """No medium scatters or emits light, and none has an invisible boundary."""
+
+
+class Scattering(NamedTuple):
+    """Media by number."""
+
+    extinction: F64  # (n, 4) per metre in red, green and blue, and the largest of them
+    scattering: F64  # (n, 4) likewise
+    emission: F64  # (n, 4) radiance per metre, and 0
+    anisotropy: F64  # (n,) g of the phase function
+    top: F64  # (n,) see ir.Media
+    falloff: F64  # (n,)
+    clear: NDArray[np.bool_]  # (n,) its boundary is invisible: index 1 on both sides, without colour
+    fields: Any  # tracking.Fields, or NoFields
+    outside: NDArray[np.int64]  # (1,) stack of camera rays
+    walled: NDArray[np.bool_]  # (1,) some medium has a boundary that light passes straight
+
+
+def bounded_density(tape: Tape, low: np.ndarray, high: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """Majorants (z, y, x) of the first result of a tape on the cells of a grid; undefined values count as 0."""
+    fine = cells * SPLIT
+    edges = [np.linspace(low[k], high[k], fine[k] + 1) for k in range(3)]
+    grid = [np.meshgrid(*(e[part] for e in edges[::-1]), indexing="ij")[::-1] for part in (slice(None, -1), slice(1, None))]
+    flat = [np.stack([axis.ravel() for axis in corner]) for corner in grid]
+    bounds = numpy_interpreter.boxes(tape, *flat)[0]
+    most = np.broadcast_to(np.asarray(bounds[1], np.float64), flat[0].shape[1:])
+    most = np.maximum(np.where(np.isnan(most), 0.0, most), 0.0).reshape(fine[::-1])
+    x, y, z = cells.tolist()
+    return np.ascontiguousarray(most.reshape(z, SPLIT, y, SPLIT, x, SPLIT).max(axis=(1, 3, 5)))
+
+
+def build(tables: ir.Tables, rows: np.ndarray, clear: np.ndarray, absorbed: np.ndarray, outside: int) -> Scattering:
+    """The table of media `rows` (n,) of ir.Media by number, -1 without one; `absorbed` (n, 4) of materials is added to the absorption."""
+    media, count, has = tables.media, len(rows), rows >= 0
+    coefficients = {name: np.zeros((count, 4)) for name in ("extinction", "scattering", "emission")}
+    coefficients["extinction"][:, :3] = absorbed[:, :3]
+    coefficients["scattering"][has, :3], coefficients["emission"][has, :3] = media.scattering[rows[has]], media.emission[rows[has]]
+    coefficients["extinction"][has, :3] += media.scattering[rows[has]] + media.absorption[rows[has]]
+    for name in ("extinction", "scattering"):
+        coefficients[name][:, 3] = coefficients[name][:, :3].max(axis=1)
+    shines = has & (coefficients["emission"].max(axis=1) > 0.0)
+    coefficients["extinction"][shines, 3] = np.maximum(coefficients["extinction"][shines, 3], _least_rate(tables, rows[shines]))
+    anisotropy, top, falloff = np.zeros(count), np.full(count, np.inf), np.zeros(count)
+    anisotropy[has], top[has], falloff[has] = media.anisotropy[rows[has]], media.top[rows[has]], media.falloff[rows[has]]
+    return Scattering(
+        **coefficients, anisotropy=anisotropy, top=top, falloff=falloff, clear=clear, fields=_fields(tables, rows),
+        outside=np.array([outside], np.int64), walled=np.array([bool(clear.any())]),
+    )  # fmt: skip
+
+
+def _fields(tables: ir.Tables, rows: np.ndarray) -> tracking.Fields | tracking.NoFields:
+    """The formulas of densities with their majorants."""
+    media, count = tables.media, len(rows)
+    density, cells = np.full(count, -1, np.int64), np.ones((count, 4), np.int64)
+    to_local, to_cells = np.zeros((count, 12)), np.zeros((count, 12))
+    grids: list[np.ndarray] = []
+    first = 0
+    for number, row in enumerate(rows.tolist()):
+        if row < 0 or media.density[row] < 0:
+            continue
+        low, high = media.bounds[row]
+        sides = np.maximum(high - low, 1e-12)
+        sizes = np.clip(np.ceil(CELLS * sides / sides.max()).astype(np.int64), LEAST_CELLS, CELLS)
+        grids.append(bounded_density(load_tape(tables, int(tables.textures.tape[media.density[row]])), low, high, sizes).ravel())
+        inverse = tables.transforms.inverse[media.transform[row]]
+        density[number], cells[number] = media.density[row], (*sizes.tolist(), first)
+        to_local[number], to_cells[number] = inverse.ravel(), _to_cells(inverse, low, sides / sizes).ravel()
+        first += len(grids[-1])
+    return tracking.Fields(density, to_local, to_cells, cells, np.concatenate(grids)) if grids else tracking.NoFields()
+
+
+def _least_rate(tables: ir.Tables, rows: np.ndarray) -> np.ndarray:
+    """Collisions per metre by which media that shine are found, however little they absorb: some along the side of their box."""
+    media = tables.media
+    with np.errstate(invalid="ignore"):
+        scale = np.linalg.norm(tables.transforms.matrix[media.transform[rows], :, :3], axis=1)
+        sides = (media.bounds[rows, 1] - media.bounds[rows, 0]) * scale
+    return np.where(np.isfinite(sides), 8.0 / np.maximum(sides, 1e-9), 0.0).min(axis=1, initial=1e6)
+
+
+def _to_cells(inverse: np.ndarray, low: np.ndarray, cell: np.ndarray) -> np.ndarray:
+    """The matrix (3, 4) from the world to a grid's cells."""
+    matrix = np.array(inverse, float)
+    matrix[:, 3] -= low
+    return matrix / cell[:, None]

@@ -1,0 +1,227 @@
+"""Media whose density is a formula: delta tracking of free flights, ratio tracking of transmittance, along cells of majorants.
+
+A ray steps through the cells of a grid (Amanatides and Woo 1987). In each, the majorant of the density gives distances to tentative
+collisions (Woodcock and others 1965). Throughput picks real or null collisions (Kutz and others 2017, Spectral and decomposition tracking).
+Transmittance is a product over collisions (Novák and others 2014, Residual ratio tracking).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from ..jit.kernel import helper, noinline_helper, specialize_if_present
+from ..lanes import ops, row_gather
+from ..sampling import sobol
+from ..texture import procedural
+from ..types import Lane, Tables, Vec
+
+FLIGHT = 1 << 26  # first dimension of the random numbers of flights
+STEPS = 1 << 12  # dimensions of one flight
+SEGMENTS = 1024  # random numbers of the segments of a shadow ray are SEGMENTS depths apart
+MOST_SEGMENTS = 128  # segments with random numbers of their own
+STRATIFIED = 3  # flights of a path whose first numbers are Sobol points
+FAINT = 0.05  # transmittance below which ratio tracking ends by Russian roulette
+
+
+class NoFields(NamedTuple):
+    """All media have densities in closed form."""
+
+
+class Fields(NamedTuple):
+    """Densities by formulas, by the number of the medium."""
+
+    density: Any  # (n,) int: row of Textures, or -1
+    to_local: Any  # (n, 12) rows of the matrix from the world to the frame of the formula
+    to_cells: Any  # (n, 12) rows of the matrix from the world to the cells of a grid: 0 … cells
+    cells: Any  # (n, 4) int: cells along x, y and z, and the first majorant
+    majorants: Any  # (k,) densities
+
+
+class Key(NamedTuple):
+    """The key of the random numbers of a flight."""
+
+    pixel: Lane
+    sample: Lane
+    depth: int
+    seed: int
+    kind: int  # 0: of a path, 1: of a shadow ray
+
+
+class Flight(NamedTuple):
+    """A ray through one medium."""
+
+    scattered: Lane  # bool: light scatters before the end of the ray
+    t: Lane  # where it scatters, or the end
+    factor: Vec  # of the throughput
+    emitted: Vec  # radiance that the medium adds, before the throughput
+
+
+class Walk(NamedTuple):
+    """Rays in the coordinates of a grid of majorants."""
+
+    origin: Vec
+    direction: Vec
+    sides: Vec  # cells along each axis
+    first: Lane  # int: first majorant
+    begin: Lane  # distances between which a ray is in the grid
+    end: Lane
+
+
+@helper
+def numbers(key: Key, step: int) -> tuple[Lane, Lane]:
+    """A pair of random numbers of a flight."""
+    dimension = ops.int_like(key.pixel, FLIGHT + (2 * key.depth + key.kind) * STEPS + step % STEPS)
+    if step == 0 and key.depth < STRATIFIED:
+        return sobol.pair(key.pixel, key.sample, dimension, key.seed)
+    return sobol.hashed_pair(key.pixel, key.sample, dimension, key.seed)
+
+
+@helper
+def _walk(fields: Any, number: Lane, ray: Any) -> Walk:
+    origin, direction, near, far = ray
+    zero = 0.0 * near
+    a, b, c, d, e, f, g, h = row_gather.eight_at(fields.to_cells, number, 0)
+    i, j, k, m = fields.to_cells[number, 8], fields.to_cells[number, 9], fields.to_cells[number, 10], fields.to_cells[number, 11]
+    o = (
+        ops.dot((a, b, c), origin) + d, ops.dot((e, f, g), origin) + h, ops.dot((i, j, k), origin) + m,
+    )  # fmt: skip
+    w = (ops.dot((a, b, c), direction), ops.dot((e, f, g), direction), ops.dot((i, j, k), direction))
+    x, y, z = ops.to_float(fields.cells[number, 0]), ops.to_float(fields.cells[number, 1]), ops.to_float(fields.cells[number, 2])
+    begin, end = near, far
+    for axis in range(3):
+        side = x if axis == 0 else y if axis == 1 else z
+        turn = ops.where(ops.absolute(w[axis]) > 1e-30, w[axis], 1e-30)
+        one, other = (0.0 - o[axis]) / turn, (side - o[axis]) / turn
+        begin, end = ops.maximum(begin, ops.minimum(one, other)), ops.minimum(end, ops.maximum(one, other))
+    return Walk(o, w, (zero + x, zero + y, zero + z), ops.int_like(zero, 0) + fields.cells[number, 3], begin, end)
+
+
+@helper
+def _axis_cell(origin: Lane, direction: Lane, side: Lane, t: Lane) -> tuple[Lane, Lane]:
+    """(cell along one axis, distance at which the ray leaves it)."""
+    ahead = direction > 0.0
+    place = origin + t * direction
+    nudge = 1e-9 * (1.0 + ops.absolute(place))
+    cell = ops.clip(ops.floor(place + ops.where(ahead, nudge, -nudge)), 0.0, side - 1.0)
+    turn = ops.where(ops.absolute(direction) > 1e-30, direction, 1e-30)
+    leaves = (cell + ops.where(ahead, 1.0, 0.0) - origin) / turn
+    return cell, ops.where(ops.absolute(direction) > 1e-30, leaves, ops.full_like(leaves, math.inf))
+
+
+@helper
+def _cell(fields: Any, walk: Walk, t: Lane) -> tuple[Lane, Lane]:
+    """(majorant of the cell at a distance, distance at which the ray leaves the cell)."""
+    x, out_x = _axis_cell(walk.origin[0], walk.direction[0], walk.sides[0], t)
+    y, out_y = _axis_cell(walk.origin[1], walk.direction[1], walk.sides[1], t)
+    z, out_z = _axis_cell(walk.origin[2], walk.direction[2], walk.sides[2], t)
+    index = ops.to_int((z * walk.sides[1] + y) * walk.sides[0] + x) + walk.first
+    leaves = ops.minimum(out_x, ops.minimum(out_y, out_z))
+    return fields.majorants[index], ops.maximum(leaves, t + 1e-7 * (1.0 + ops.absolute(t)))
+
+
+@helper
+def _density(tables: Tables, fields: Any, number: Lane, ray: Any, t: Lane) -> Lane:
+    """The density at a distance along rays."""
+    p = ops.along(ray[0], ray[1], t)
+    a, b, c, d, e, f, g, h = row_gather.eight_at(fields.to_local, number, 0)
+    m = fields.to_local
+    z = m[number, 8] * p[0] + m[number, 9] * p[1] + m[number, 10] * p[2] + m[number, 11]
+    local = (ops.dot((a, b, c), p) + d, ops.dot((e, f, g), p) + h, z)
+    return ops.maximum(procedural.evaluate(tables, ops.maximum(fields.density[number], 0), local)[0], 0.0)
+
+
+@noinline_helper
+def _fly(fields: Any, plain: Any, tables: Tables, table: Any, number: Lane, ray: Any, weight: Vec, key: Key) -> Any:
+    inside = fields.density[number] >= 0
+    if ops.not_(ops.any_lane(inside)):
+        return plain
+    sigma_r, sigma_g, sigma_b, sigma = row_gather.four_at(table.extinction, number)
+    back_r, back_g, back_b, _ = row_gather.four_at(table.scattering, number)
+    glow_r, glow_g, glow_b, _ = row_gather.four_at(table.emission, number)
+    walk = _walk(fields, number, ray)
+    zero = 0.0 * walk.begin
+    factor, emitted = (zero + 1.0, zero + 1.0, zero + 1.0), (zero, zero, zero)
+    scattered, t = ops.bool_like(zero, False), walk.begin
+    going = inside & (walk.begin < walk.end)
+    u, v = numbers(key, 0)
+    left, step = -ops.log(1.0 - u), 1
+    while ops.any_lane(going):
+        most, leaves = _cell(fields, walk, ops.where(going, t, 0.0))
+        bound = most * ops.maximum(sigma, 1e-30)
+        leaves = ops.minimum(leaves, walk.end)
+        depth = bound * (leaves - t)
+        collides = going & (left < depth)
+        left = ops.where(going & ops.not_(collides), left - depth, left)
+        t = ops.where(going, ops.where(collides, t + left / ops.maximum(bound, 1e-30), leaves), t)
+        if ops.any_lane(collides):
+            density = _density(tables, fields, number, ray, ops.where(collides, t, 0.0))
+            share = ops.where(collides, density / ops.maximum(bound, 1e-30), 0.0)
+            real = (back_r * share, back_g * share, back_b * share)
+            null = (
+                ops.maximum(1.0 - sigma_r * share, 0.0), ops.maximum(1.0 - sigma_g * share, 0.0), ops.maximum(1.0 - sigma_b * share, 0.0),
+            )  # fmt: skip
+            emitted = ops.add(emitted, ops.mul(factor, (glow_r * share, glow_g * share, glow_b * share)))
+            now = ops.mul(weight, factor)
+            hits, passes = ops.dot(now, real), ops.dot(now, null)
+            chance = hits / ops.maximum(hits + passes, 1e-30)
+            takes = collides & (v < chance)
+            factor = ops.where3(takes, ops.scale(ops.mul(factor, real), 1.0 / ops.maximum(chance, 1e-30)), factor)
+            passed = ops.scale(ops.mul(factor, null), 1.0 / ops.maximum(1.0 - chance, 1e-30))
+            factor = ops.where3(collides & ops.not_(takes), passed, factor)
+            scattered = scattered | takes
+            going = going & ops.not_(takes)
+            u, v = numbers(key, step)
+            left = ops.where(collides, -ops.log(1.0 - u), left)
+            step += 1
+        going = going & (t < walk.end)
+    return Flight(
+        (inside & scattered) | (ops.not_(inside) & plain.scattered),
+        ops.where(inside, ops.where(scattered, t, ray[3]), plain.t), ops.where3(inside, factor, plain.factor),
+        ops.where3(inside, emitted, plain.emitted),
+    )  # fmt: skip
+
+
+@noinline_helper
+def _transmit(fields: Any, plain: Vec, tables: Tables, table: Any, number: Lane, ray: Any, key: Key) -> Vec:
+    inside = fields.density[number] >= 0
+    if ops.not_(ops.any_lane(inside)):
+        return plain
+    sigma_r, sigma_g, sigma_b, sigma = row_gather.four_at(table.extinction, number)
+    walk = _walk(fields, number, ray)
+    zero = 0.0 * walk.begin
+    factor, t = (zero + 1.0, zero + 1.0, zero + 1.0), walk.begin
+    going = inside & (walk.begin < walk.end)
+    u, v = numbers(key, 0)
+    left, step = -ops.log(1.0 - u), 1
+    while ops.any_lane(going):
+        most, leaves = _cell(fields, walk, ops.where(going, t, 0.0))
+        bound = most * ops.maximum(sigma, 1e-30)
+        leaves = ops.minimum(leaves, walk.end)
+        depth = bound * (leaves - t)
+        collides = going & (left < depth)
+        left = ops.where(going & ops.not_(collides), left - depth, left)
+        t = ops.where(going, ops.where(collides, t + left / ops.maximum(bound, 1e-30), leaves), t)
+        if ops.any_lane(collides):
+            density = _density(tables, fields, number, ray, ops.where(collides, t, 0.0))
+            share = ops.where(collides, density / ops.maximum(bound, 1e-30), 0.0)
+            null = (
+                ops.maximum(1.0 - sigma_r * share, 0.0), ops.maximum(1.0 - sigma_g * share, 0.0), ops.maximum(1.0 - sigma_b * share, 0.0),
+            )  # fmt: skip
+            factor = ops.where3(collides, ops.mul(factor, null), factor)
+            faint = collides & (ops.largest(factor) < FAINT)
+            lives = v * FAINT < ops.largest(factor)
+            kept = ops.scale(factor, FAINT / ops.maximum(ops.largest(factor), 1e-30))
+            factor = ops.where3(faint, ops.where3(lives, kept, (zero, zero, zero)), factor)
+            going = going & ops.not_(faint & ops.not_(lives))
+            u, v = numbers(key, step)
+            left = ops.where(collides, -ops.log(1.0 - u), left)
+            step += 1
+        going = going & (t < walk.end)
+    return ops.where3(inside, factor, plain)
+
+
+fly = specialize_if_present(_fly)
+"""(fields, flight in closed form, tables, table, number, (origin, direction, near, far), throughput, key) → flight."""
+transmit = specialize_if_present(_transmit)
+"""(fields, transmittance in closed form, tables, table, number, (origin, direction, near, far), key) → transmittance."""

@@ -1,4 +1,4 @@
-"""Scenes without their participating media: for rays that do not scatter in them."""
+"""Tables of scenes with participating media for rays that do not scatter in them, and of those that hold nothing else."""
 
 from __future__ import annotations
 
@@ -14,3 +14,24 @@ def substitute(tables: ir.Tables) -> ir.Tables:
         return tables
     none = np.full(len(tables.materials.model), -1, np.int32)
     return tables._replace(materials=tables.materials._replace(medium=none), media=ir.table_of("media", {}))
+
+
+def with_an_instance(tables: ir.Tables) -> ir.Tables:
+    """The tables with an invisible point if they have media and no instance: kernels look up a row for each vertex of a path."""
+    if len(tables.instances.geometry) or not traits.participates(tables):
+        return tables
+    geometry, material = len(tables.geometries.kind), len(tables.materials.model)
+    ones = {"kind": int(ir.GeometryKind.SPHERE), "normals": -1, "uvs": -1, "colors": -1, "tape": -1}
+    point = _row("geometries", tables.geometries, ones)
+    plain = _row("materials", tables.materials, {"textures": -1, "first": -1, "second": -1, "medium": -1})
+    hidden = ir.table_of("instances", {"geometry": [geometry], "transform": [0], "material": [material], "light": [-1], "visible": [0]})
+    return tables._replace(geometries=point, materials=plain, instances=hidden)
+
+
+def _row(table: str, columns: ir.Geometries | ir.Materials, given: dict[str, int]) -> ir.Geometries | ir.Materials:
+    """A table with one more row: 0 but for some columns."""
+    more = {}
+    for name, values in columns._asdict().items():
+        row = np.full((1, *values.shape[1:]), given.get(name, 0), values.dtype)
+        more[name] = np.concatenate([values, row])
+    return ir.table_of(table, more)

@@ -14,7 +14,8 @@ BACKENDS = (  # modules of render/backends that have a class Renderer
     "reference",
 )
 FILTERS = ("box", "tent", "gaussian", "blackman-harris")
-MAX_BOUNCES = 64
+MAX_BOUNCES = 64  # that surfaces need at most
+MOST_BOUNCES = 1024  # that a setting may ask for: collisions inside of media count, too
 MAX_SAMPLES = 1 << 20
 MAX_SEED = (1 << 63) - 1
 MAX_THREADS = 1024
@@ -63,7 +64,7 @@ _ROWS = (
         "budget", values.duration, "time", "Time from the start of the command to the written picture: 20s.",
         Arg("budget", "time", None, "render for this long", above=0.0, keyword=True),
     ),
-    _whole("bounces", 0, MAX_BOUNCES, _BOUNCES, "Surface interactions after the first hit."),
+    _whole("bounces", 0, MOST_BOUNCES, _BOUNCES, "Surface interactions after the first hit."),
     _whole("seed", 0, MAX_SEED, "seed of the random numbers", "Seed of the random numbers."),
     _whole("threads", 1, MAX_THREADS, "", "Default: one per core. The picture does not depend on it."),
     PictureSetting(

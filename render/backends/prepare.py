@@ -32,6 +32,7 @@ from ..tessellation import analytic_shapes, vertex_meshes
 from ..tessellation.view import ViewTessellator
 from ..texture import procedural
 from ..types import Film, Float3, Frame, Lens, NoGlossyLights, Options, Shutter, StillScene, Tile, VertexLight, View
+from . import camera_media
 
 ALPHA_LAYERS = 8  # partly transparent surfaces along a ray that each spawn secondary rays
 INPUTS = 4  # handles that the kernel of tiles of the ray backend takes
@@ -101,9 +102,10 @@ def prepare(scene: ir.Scene, plan: Plan, view: View, general: bool = False) -> P
 
 def _renderable_tables(scene: ir.Scene, plan: Plan, view: View, tessellator: ViewTessellator, general: bool) -> ir.Tables:
     """The scene's tables as all backends shade them: layered materials, meshes shaded at vertices, texture pyramids."""
-    whole = scene.tables if plan["transport"] == "path" else without_media.substitute(scene.tables)
+    whole = without_media.with_an_instance(scene.tables) if plan["transport"] == "path" else without_media.substitute(scene.tables)
     transparent = light_shapes.let_through(whole, bool(plan["shadows.light_shapes"]))
-    tables = principled.tables_for(vertex_meshes.replace_vertex_shaded(transparent, tessellator), general)
+    around = camera_media.around(whole, view.camera)
+    tables = principled.tables_for(vertex_meshes.replace_vertex_shaded(transparent, tessellator), general, around)
     if plan["transport"] == "path" and plan["backend"] == "ray":
         return tables  # paths do not filter textures
     if plan["texture_filter"] == "footprint":

@@ -144,6 +144,11 @@ def _carried(event: Event, plain: Any, inside: Lane) -> Lane:
 
 
 @helper
+def _untested(event: Event, plain: Lane, reach: Lane) -> Lane:
+    return -ops.maximum(reach, 1e-30)
+
+
+@helper
 def behind(point: Surface, direction: Vec, t: Lane) -> Lane:
     """The distance at which a ray goes on behind a surface that it hit at a distance t."""
     cosine = ops.maximum(ops.absolute(ops.dot(direction, point.geometric)), LEAST_COSINE)
@@ -192,4 +197,5 @@ scatter = specialize_if_present(_scatter)  # (event, Scattered, direction, u, v)
 survival = specialize_if_present(_survival)  # (event, probability to go on, the same without a limit) → with that in media
 at_start = specialize_if_present(_at_start)  # (event, None, like) → 0: where rays from a vertex begin
 carried = specialize_if_present(_carried)  # (event, None, stack) → the stack, for shadow rays
+untested = specialize_if_present(_untested)  # (event, -1, distance) → distance below 0 of rays without a shadow test, which media attenuate
 pass_boundary = specialize_if_present(_pass_boundary)  # (event, (continuation, going), tables, path, point, t)

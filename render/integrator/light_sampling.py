@@ -124,5 +124,5 @@ def sample_direct(
     # Emitters do not block their own light: rays end before them by all rounding errors, and by the offset of their origin.
     short = 64.0 * ops.roundoff(zero) * ops.where(arriving.distance < math.inf, arriving.distance, 0.0) + 2.0 * point.offset
     reach = ops.maximum(arriving.distance - short / ops.maximum(arriving.cosine, GRAZING), 0.0)
-    distance = ops.where(shadows, reach, -1.0)
+    distance = ops.where(shadows, reach, flights.untested(shading.event, ops.full_like(reach, -1.0), reach))
     return Connection(origin, arriving.direction, distance, given, wanted, share, blockers, flights.carried(shading.event, None, inside))

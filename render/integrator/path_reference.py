@@ -84,16 +84,16 @@ def radiance(
 
 def _through_media(media: Any, accel: Any, tables: ir.Tables, shadow: Ray, connection: Any, index: PathSample) -> Vec:
     """The share of light in red, green and blue that passes the media along shadow rays; see wave_media.py."""
-    distance = connection.distance
-    going, inside = connection.wanted & (distance >= 0.0), connection.inside
-    near, passed, segment = 0.0 * distance, np.ones((3, *np.shape(distance))), 0
+    distance = np.abs(connection.distance)
+    going, inside = connection.wanted, connection.inside
+    near, passed, segment = np.zeros(np.shape(distance)), np.ones((3, *np.shape(distance))), 0
     while going.any():
         ray = Ray(shadow.origin, shadow.direction, near, np.where(going, distance, 0.0), shadow.time)
         hit = intersect.closest_hit(accel, tables, ray, going & media.walled[0], OTHER_RAY)
         here = going & (hit.instance >= 0) & (hit.t < distance)
         far = np.maximum(np.where(here, hit.t, distance), near)
         number = np.where(going, medium_stack.top(inside), 0)
-        key = tracking.Key(index.pixel, index.sample, index.depth + tracking.SEGMENTS * (1 + segment % tracking.MOST_SEGMENTS), index.seed, 1)
+        key = tracking.Key(index.pixel, index.sample, tracking.depth_of_segment(index.depth, segment), index.seed, 1)
         white = tuple(np.ones(np.shape(distance)) for _ in range(3))
         share = free_flight.transmit(media, white, tables, number, ray.origin, ray.direction, near, far, key)
         passed = np.where(number > 0, passed * np.array(share), passed)

@@ -61,7 +61,7 @@ class Connection(NamedTuple):
 
     origin: Vec
     direction: Vec
-    distance: Lane  # -1: without a shadow test
+    distance: Lane  # below 0: without a shadow test
     light: Vec
     wanted: Lane  # bool
     share: Any = None  # π f cos of the BSDF towards it

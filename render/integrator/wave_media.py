@@ -88,30 +88,26 @@ def _pass_media(accel, scene, frame, memory, source, n, depth):
     while count > 0:
         if table.walled[0]:
             intersect_stage(accel, scene, frame, memory, source, count, 1)
-        count = _pass_segment(table, scene, frame, memory, source, count, depth + tracking.SEGMENTS * (1 + segment % tracking.MOST_SEGMENTS))
+        count = _pass_segment(table, scene, frame, memory, source, count, tracking.depth_of_segment(depth, segment))
         segment += 1
 
 
 @helper
 def _queue_rays(frame: Any, memory: Any, source: int, n: int) -> int:
-    """Write the unblocked shadow rays to the rows of paths; return their number. Those without a shadow test add their light."""
+    """Write the unblocked shadow rays to the rows of paths; return their number."""
     base, queued = source * STATE * ROW, 0
     like = simd.load(memory.state, 0)
     for i in range(0, n, crosslane.width(like)):
         light, distance = load3(memory.shadow, 0, 7, i), simd.load(memory.shadow, 6 * ROW + i)
-        bright = simd.first_lanes(n - i, like) & (ops.largest(light) > 0.0)
-        slot = ops.where(bright, simd.load(memory.shadow_slot, i), 0)
-        plain = bright & (distance < 0.0)
-        if ops.any_lane(plain):
-            scatter_add(memory.light, slot, light, plain)
-        wanted = bright & (distance >= 0.0)
+        wanted = simd.first_lanes(n - i, like) & (ops.largest(light) > 0.0)
+        slot = ops.where(wanted, simd.load(memory.shadow_slot, i), 0)
         x, y, s = memory.items[slot + 4 * ROW], memory.items[slot + 5 * ROW], memory.items[slot + 2 * ROW]
         pixel, sample = sobol.zorder_index(x, y, s, frame.picture.width, frame.order)
-        zero = 0.0 * distance
+        zero = 0.0 * light[0]
         compress_store3(memory.state, base + queued, load3(memory.shadow, 0, 0, i), wanted)
         compress_store3(memory.state, base + 3 * ROW + queued, load3(memory.shadow, 0, 3, i), wanted)
         compress_store3(memory.state, base + 6 * ROW + queued, light, wanted)
-        compress_store(memory.state, base + 9 * ROW + queued, distance, wanted)
+        compress_store(memory.state, base + 9 * ROW + queued, ops.absolute(distance), wanted)
         compress_store3(memory.index, source * 3 * ROW + queued, (slot, pixel, sample), wanted)
         compress_store(memory.inside, source * ROW + queued, simd.load(memory.shadow_inside, i), wanted)
         compress_store(memory.near, source * ROW + queued, zero, wanted)

@@ -54,16 +54,16 @@ class Smooth(NamedTuple):
     """No material has microfacets."""
 
 
-def tables_for(tables: ir.Tables, general: bool = False) -> ir.Tables:
+def tables_for(tables: ir.Tables, general: bool = False, around: tuple[int, ...] = ()) -> ir.Tables:
     """Return tables with `Layered` materials if an instance uses microfacets, a normal or height map, a medium or a blend.
 
-    With `general`, every part is there: those that the scene does not use are empty.
+    With `general`, every part is there: those that the scene does not use are empty. `around` are the materials around the camera.
     """
     facets = bool((traits.facets(tables) & traits.used(tables)).any())
     parts = (
         energy_compensation.table() if facets else energy_compensation.unused_table() if general else Smooth(),
         sheen.tables_of(tables, general), normal_map.build_tangents(tables, general),
-        rough_dielectric.tables_of(tables, general), medium_stack.media(tables, general), blend.find_blends(tables, general),
+        rough_dielectric.tables_of(tables, general), medium_stack.media(tables, general, around), blend.find_blends(tables, general),
         added_lobes.tables_of(tables, general),
     )  # fmt: skip
     absent = Smooth, sheen.NoSheen, normal_map.NoMaps, rough_dielectric.Clear, medium_stack.Air, blend.Unblended, added_lobes.NotAdded

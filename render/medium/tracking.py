@@ -78,6 +78,12 @@ def numbers(key: Key, step: int) -> tuple[Lane, Lane]:
 
 
 @helper
+def depth_of_segment(depth: int, segment: int) -> int:
+    """The depth that gives a segment of a shadow ray its random numbers."""
+    return depth + SEGMENTS * (1 + segment % MOST_SEGMENTS)
+
+
+@helper
 def _walk(fields: Any, number: Lane, ray: Any) -> Walk:
     origin, direction, near, far = ray
     zero = 0.0 * near

@@ -1,20 +1,23 @@
 """Free flight: how far light travels in a medium before it scatters, and what passes a distance.
 
-Distances are sampled in proportion to the mean of the transmittances of red, green and blue, weighted by the path's throughput (one
-sample of three strategies with the balance heuristic; Veach 1997). Media that only absorb or emit are integrated without a sample.
+Whether light scatters before the end of a ray is decided by the mean of the transmittances of red, green and blue, weighted by the path's
+throughput. The distance has the density of that mean, or of it and of angles around a light (`aims.py`), combined by the balance heuristic
+(Veach 1997). Media that only absorb or emit are integrated without a sample.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from ..jit.kernel import helper, specialize_if_present
 from ..lanes import ops, row_gather
 from ..types import Lane, Tables, Vec
-from . import column, tracking
+from . import aims, column, tracking
 from .tracking import Flight
 
 FARTHEST = 80.0  # optical depth beyond which exp is 0
+OFTEN = 0.25  # least probability that a camera ray scatters in a medium: of thin fog most samples would see none
 
 
 @helper
@@ -34,13 +37,15 @@ def _glow(emission: Lane, coefficient: Lane, length: Lane, passed: Lane) -> Lane
 
 
 @helper
-def _pick(chance: Vec, u: Lane, values: Vec) -> tuple[Lane, Lane]:
-    """(value of a channel that is chosen by its chance, u stretched to 0 … 1 again)."""
-    red, green = chance[0], chance[0] + chance[1]
-    value = ops.where(u < red, values[0], ops.where(u < green, values[1], values[2]))
-    low = ops.where(u < red, 0.0, ops.where(u < green, red, green))
-    width = ops.where(u < red, chance[0], ops.where(u < green, chance[1], chance[2]))
-    return value, ops.clip((u - low) / ops.maximum(width, 1e-12), 0.0, 0.9999999)
+def _pick(parts: Vec, u: Lane, first: Vec, second: Vec) -> tuple[Lane, Lane, Lane]:
+    """(components of a channel that is chosen by its part of 1, u stretched to 0 … 1 again)."""
+    red, green = parts[0], parts[0] + parts[1]
+    is_red, is_green = u < red, u < green
+    low = ops.where(is_red, 0.0, ops.where(is_green, red, green))
+    width = ops.where(is_red, parts[0], ops.where(is_green, parts[1], parts[2]))
+    one = ops.where(is_red, first[0], ops.where(is_green, first[1], first[2]))
+    other = ops.where(is_red, second[0], ops.where(is_green, second[1], second[2]))
+    return one, other, ops.clip((u - low) / ops.maximum(width, 1e-12), 0.0, 0.9999999)
 
 
 @helper
@@ -50,34 +55,55 @@ def _fly(
     """The flight from `near` to `far` in the media of these numbers; 0 is air. `key` is a tracking.Key of random numbers."""
     zero = 0.0 * near
     sigma_r, sigma_g, sigma_b, _ = row_gather.four_at(table.extinction, number)
-    back_r, back_g, back_b, most = row_gather.four_at(table.scattering, number)
     glow_r, glow_g, glow_b, _ = row_gather.four_at(table.emission, number)
-    extinction, scattering, emission = (zero + sigma_r, zero + sigma_g, zero + sigma_b), (back_r, back_g, back_b), (glow_r, glow_g, glow_b)
+    extinction = (zero + sigma_r, zero + sigma_g, zero + sigma_b)
     height, slope = origin[1] + near * direction[1], direction[1]
-    top, falloff = zero + table.top[number], zero + table.falloff[number]
-    length = column.column(height, slope, top, falloff, far - near)
+    length = column.column(height, slope, zero + table.top[number], zero + table.falloff[number], far - near)
     passed = _attenuated(extinction, length)
     emitted = (
-        _glow(emission[0], extinction[0], length, passed[0]), _glow(emission[1], extinction[1], length, passed[1]),
-        _glow(emission[2], extinction[2], length, passed[2]),
+        _glow(glow_r, extinction[0], length, passed[0]), _glow(glow_g, extinction[1], length, passed[1]),
+        _glow(glow_b, extinction[2], length, passed[2]),
     )  # fmt: skip
-    u, _ = tracking.numbers(key, 0)
-    chance = (weight[0] * scattering[0], weight[1] * scattering[1], weight[2] * scattering[2])
+    ray = (origin, direction, near, far)
+    scattered, t, factor = _sample_distance(table, number, ray, extinction, length, passed, weight, key)
+    return tracking.fly(table.fields, Flight(scattered, t, factor, emitted), tables, table, number, ray, weight, key)
+
+
+@helper
+def _sample_distance(
+    table: Any, number: Lane, ray: Any, extinction: Vec, length: Lane, passed: Vec, weight: Vec, key: Any
+) -> tuple[Lane, Lane, Vec]:  # fmt: skip
+    """(whether light scatters before the end of a ray, the distance, the factor of the throughput)."""
+    origin, direction, near, far = ray
+    back_r, back_g, back_b, most = row_gather.four_at(table.scattering, number)
+    chance = (weight[0] * back_r, weight[1] * back_g, weight[2] * back_b)
     total = chance[0] + chance[1] + chance[2]
-    samples = (most > 0.0) & (total > 0.0)
+    samples = (most > 0.0) & (total > 0.0) & (length > 0.0)
     chance = ops.scale(chance, 1.0 / ops.where(samples, total, 1.0))
-    sigma, u = _pick(chance, u, extinction)
-    wanted = -ops.log(1.0 - u) / ops.maximum(sigma, 1e-30)
-    scattered = samples & (wanted < length)
-    t = near + column.distance_of(height, slope, top, falloff, ops.where(scattered, wanted, 0.0))
-    scattered = scattered & (t < far)
-    before = _attenuated(extinction, ops.where(scattered, wanted, 0.0))
-    density = chance[0] * extinction[0] * before[0] + chance[1] * extinction[1] * before[1] + chance[2] * extinction[2] * before[2]
-    mean = ops.where(samples, ops.maximum(ops.dot(chance, passed), 1e-30), 1.0)
-    at_end = ops.scale(passed, 1.0 / mean)
-    inside = ops.scale(ops.mul(scattering, before), 1.0 / ops.maximum(density, 1e-30))
-    flight = Flight(scattered, ops.where(scattered, t, far), ops.where3(scattered, inside, at_end), emitted)
-    return tracking.fly(table.fields, flight, tables, table, number, (origin, direction, near, far), weight, key)
+    scatters = ops.where(samples, 1.0 - ops.dot(chance, passed), 0.0)
+    often = scatters
+    if key.depth == 0:
+        often = ops.where(scatters > 0.0, ops.maximum(scatters, OFTEN), 0.0)
+    u, v = tracking.numbers(key, 0)
+    scattered = u < often
+    factor = ops.scale(passed, 1.0 / ops.maximum(1.0 - often, 1e-30))
+    if ops.not_(ops.any_lane(scattered)):
+        return scattered, far, factor
+    absent = (1.0 - passed[0], 1.0 - passed[1], 1.0 - passed[2])
+    parts = ops.scale(ops.mul(chance, absent), 1.0 / ops.maximum(scatters, 1e-30))
+    sigma, lost, u = _pick(parts, ops.where(scattered, u / ops.maximum(often, 1e-30), 0.0), extinction, absent)
+    wanted = ops.where(scattered, -ops.log(ops.maximum(1.0 - u * lost, 1e-30)) / ops.maximum(sigma, 1e-30), 0.0)
+    height, slope = origin[1] + near * direction[1], direction[1]
+    top, falloff = 0.0 * near + table.top[number], 0.0 * near + table.falloff[number]
+    t = near + column.distance_of(height, slope, top, falloff, ops.minimum(wanted, length))
+    aimed, density, t = aims.sample(table, scattered & table.aimed[number], ray, t, v, key)
+    t = ops.where(scattered, ops.where(t < far, t, ops.where(far < math.inf, far, near)), near)
+    before = _attenuated(extinction, column.column(height, slope, top, falloff, t - near))
+    at_point = column.density_at(height + slope * (t - near), top, falloff)
+    along = ops.dot(chance, ops.mul(extinction, before)) * at_point / ops.maximum(scatters, 1e-30)
+    mixed = often * ops.where(aimed, 0.5 * along + 0.5 * density, along)
+    inside = ops.scale(ops.mul((back_r, back_g, back_b), before), at_point / ops.maximum(mixed, 1e-30))
+    return scattered, ops.where(scattered, t, far), ops.where3(scattered, inside, factor)
 
 
 fly = specialize_if_present(_fly)

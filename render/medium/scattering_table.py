@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ...compiler import ir
 from ...compiler.formula import numpy_interpreter
 from ...compiler.formula.tape import Tape, load_tape
-from . import tracking
+from . import aims, tracking
 
 F64 = NDArray[np.float64]
 CELLS = 32  # of a grid of majorants along its longest side
@@ -36,6 +36,8 @@ class Scattering(NamedTuple):
     top: F64  # (n,) see ir.Media
     falloff: F64  # (n,)
     clear: NDArray[np.bool_]  # (n,) its boundary is invisible: index 1 on both sides, without colour
+    aimed: NDArray[np.bool_]  # (n,) light samples in it find lights: distances are sampled around these, too
+    aims: F64  # (k, 4) places of lights, see aims.build
     fields: Any  # tracking.Fields, or NoFields
     outside: NDArray[np.int64]  # (1,) stack of camera rays
     walled: NDArray[np.bool_]  # (1,) some medium has a boundary that light passes straight
@@ -69,6 +71,7 @@ def build(tables: ir.Tables, rows: np.ndarray, clear: np.ndarray, absorbed: np.n
     anisotropy[has], top[has], falloff[has] = media.anisotropy[rows[has]], media.top[rows[has]], media.falloff[rows[has]]
     return Scattering(
         **coefficients, anisotropy=anisotropy, top=top, falloff=falloff, clear=clear, fields=_fields(tables, rows),
+        aimed=clear | (has & media.everywhere[np.maximum(rows, 0)]), aims=aims.build(tables),
         outside=np.array([outside], np.int64), walled=np.array([bool(clear.any())]),
     )  # fmt: skip
 

@@ -1,0 +1,46 @@
+"""Media around the camera: the closed shapes that it stands inside of."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...compiler import ir
+from ...materials import traits
+from ..accel import intersect
+from ..surface import interaction
+from ..types import Ray
+
+WAY = (0.3141, 0.8867, 0.3394)  # of the ray that counts boundaries: along no axis
+MOST = 256  # boundaries that it passes
+
+
+def around(tables: ir.Tables, camera: int) -> tuple[int, ...]:
+    """The materials of the shapes with media around a camera, the outermost first."""
+    if not traits.participates(tables):
+        return ()
+    instances = tables.instances
+    bounds_medium = (tables.materials.medium[instances.material] >= 0) | traits.participating(tables)[instances.material]
+    kept = ir.Instances(*(column[bounds_medium] for column in instances))
+    if not len(kept.geometry):
+        return ()
+    tables = tables._replace(instances=kept)
+    eye = tables.transforms.matrix[tables.cameras.transform[camera], :, 3]
+    way = np.array(WAY) / np.linalg.norm(WAY)
+    one = np.ones(1)
+    origin, direction = tuple(one * x for x in eye), tuple(one * x for x in way)
+    near, entered, holding = 0.0 * one, [0] * len(tables.materials.model), []
+    for _ in range(MOST):
+        ray = Ray(origin, direction, near, one * np.inf, None)
+        hit = intersect.closest_hit(intersect.Brute(), tables, ray, np.ones(1, bool), int(ir.Visibility.REFLECTION))
+        if hit.instance[0] < 0:
+            break
+        point = interaction.make_interaction(tables, ray, hit)
+        material = int(kept.material[hit.instance[0]])
+        if bool(point.front[0]):
+            entered[material] += 1
+        elif entered[material]:
+            entered[material] -= 1
+        else:
+            holding.append(material)
+        near = np.maximum(intersect.next_t_min(tables, ray, hit), np.nextafter(hit.t, np.inf)) * (1.0 + 1e-9)
+    return tuple(reversed(holding))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..integrator import wave_memory, wavefront
-from ..integrator.photon_tracer import Tracer
+from ..integrator.photons.tracer import Tracer
 from ..jit import thread_pool
 from ..jit.packed_struct import Handle
 from ..types import Film, Frame, Tile, View

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from ..film.deadline import Deadline
-from ..integrator import photon_tracer
-from ..integrator.photon_tracer import Tracer
+from ..integrator.photons import tracer as photon_tracer
+from ..integrator.photons.tracer import Tracer
 from ..jit.packed_struct import Handle
 
 SHARE = 0.12  # of the seconds left, for the photons of a round

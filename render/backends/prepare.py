@@ -171,9 +171,9 @@ def _prepare_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame
     if general or not inside.all():
         motion_alpha.link(accel, general)
     if aims is not None:
-        from ..integrator import photon_tracer  # few scenes need it
+        from ..integrator.photons import tracer as photons  # few scenes need it
 
-        tracer = photon_tracer.Tracer(accel, packed, frames, cast(aims, kind), kind, threads or target.cores())
+        tracer = photons.Tracer(accel, packed, frames, cast(aims, kind), kind, threads or target.cores())
         tracer.ready()
     return Prepared(tables, packed, accel, None, options, frames, paths=kind, photon_tracer=tracer)
 
@@ -199,11 +199,12 @@ def workspace_type(kind: type, reuses: bool) -> HandleType:
 
 def _add_photons(tables: ir.Tables, plan: Plan, light: Any, kind: type) -> tuple[Any, Any]:
     """(path light with photon maps, photon targets); the light unchanged and None if no light reaches a gathering surface."""
-    from ..integrator import photon_aims, photon_map
+    from ..integrator import photon_map
+    from ..integrator.photons import aims as targets
 
     spots = dome_spots.build(tables, environment_map.row_of(light.emitters.sky))
-    photon_emitters = photon_aims.carried_by_photons(tables, light.emitters, spots, plan.decisions["transport.caustics"].overridden)
-    aims = photon_aims.photon_targets(tables, light.emitters, spots, photon_emitters)
+    photon_emitters = targets.carried_by_photons(tables, light.emitters, spots, plan.decisions["transport.caustics"].overridden)
+    aims = targets.photon_targets(tables, light.emitters, spots, photon_emitters)
     if aims is None:
         return light, None
     gains = caustic_casters.gains(tables) * (traits.narrow_highlights(tables) > 0.0)[tables.instances.material]

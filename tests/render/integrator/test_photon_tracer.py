@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from maquette.compiler import ir, load
 from maquette.compiler.plan import plan as planner
-from maquette.render.integrator import photon_aims
+from maquette.render.integrator.photons import aims
 from maquette.render.light import emitter_table
 from maquette.render.material import fresnel
 
@@ -241,9 +241,9 @@ def test_faint_light_takes_few_photons(tmp_path):
         path.write_text(FLOOR.format(0.8) + f"sphere(0.5, center: [0, 1, 0], material: {material})\npoint([0, 3, 0])\n")
         tables = load.load(path).tables
         table = emitter_table.build(tables)
-        aims = photon_aims.photon_targets(tables, table, None, photon_aims.carried_by_photons(tables, table, None, False))
-        assert aims is not None
-        assert aims.effort == pytest.approx(effort)
+        targets = aims.photon_targets(tables, table, None, aims.carried_by_photons(tables, table, None, False))
+        assert targets is not None
+        assert targets.effort == pytest.approx(effort)
 
 
 @pytest.mark.long

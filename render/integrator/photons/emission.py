@@ -7,14 +7,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..jit.kernel import helper
-from ..lanes import ops
-from ..light import dome_spots, emitter_points, emitters, lights, round_emitters
-from ..light.emitter_table import Emitters
-from ..light.form_samples import DISTANT, SKY, SPHERE
-from ..sampling import sobol
-from ..types import Lane, Ray, Tables, Vec
-from .photon_aims import Aims
+from ...jit.kernel import helper
+from ...lanes import ops
+from ...light import dome_spots, emitter_points, emitters, lights, round_emitters
+from ...light.emitter_table import Emitters
+from ...light.form_samples import DISTANT, SKY, SPHERE
+from ...sampling import sobol
+from ...types import Lane, Ray, Tables, Vec
+from .aims import Aims
 
 ORIGIN, PLACE, AIM = 1 << 16, 1 << 17, 1 << 18  # dimensions of random numbers
 OFFSET = 32.0  # units of roundoff of its coordinates, by which a photon starts off an emitter

@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...compiler import ir
-from ...compiler.plan import caustic_casters
-from ..light import dome_spots, emitter_table
-from ..light.emitter_table import Emitters
-from ..light.form_samples import DISK, DISTANT, RECTANGLE, SKY, TRIANGLE
+from ....compiler import ir
+from ....compiler.plan import caustic_casters
+from ...light import dome_spots, emitter_table
+from ...light.emitter_table import Emitters
+from ...light.form_samples import DISK, DISTANT, RECTANGLE, SKY, TRIANGLE
 
 F64 = NDArray[np.float64]
 TARGETS = 32  # most balls; further ones are merged

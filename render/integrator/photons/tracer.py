@@ -14,26 +14,26 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import simd
-from ..jit import thread_pool
-from ..jit.kernel import helper, kernel, noinline_helper
-from ..jit.packed_struct import Handle
-from ..lanes import crosslane, ops
-from ..lanes.soa import PAD, ROW, SIZE, compress_store, compress_store3, load3
-from ..light import lights
-from ..material import bsdf, medium_stack, rough_dielectric
-from ..material.shader import ONLY, Shader, evaluate_shader_filtered
-from ..sampling import sobol
-from ..simd.registration import overload, types
-from ..surface import blend, interaction, normal_map
-from ..types import Lane, Surface, Tables, Vec
-from . import photon_map
-from .photon_aims import Aims
-from .photon_coverage import photon_covers_lobe
-from .photon_emission import emit
-from .photon_map import COLUMNS, MAPS
-from .wave_intersection import intersect_stage, load_hits, surface_at
-from .wave_memory import STATE, WaveMemory, load_medium, store_medium
+from ... import simd
+from ...jit import thread_pool
+from ...jit.kernel import helper, kernel, noinline_helper
+from ...jit.packed_struct import Handle
+from ...lanes import crosslane, ops
+from ...lanes.soa import PAD, ROW, SIZE, compress_store, compress_store3, load3
+from ...light import lights
+from ...material import bsdf, medium_stack, rough_dielectric
+from ...material.shader import ONLY, Shader, evaluate_shader_filtered
+from ...sampling import sobol
+from ...simd.registration import overload, types
+from ...surface import blend, interaction, normal_map
+from ...types import Lane, Surface, Tables, Vec
+from .. import photon_map
+from ..photon_coverage import photon_covers_lobe
+from ..photon_map import COLUMNS, MAPS
+from ..wave_intersection import intersect_stage, load_hits, surface_at
+from ..wave_memory import STATE, WaveMemory, load_medium, store_medium
+from .aims import Aims
+from .emission import emit
 
 BLOCK = 8192  # photons of a thread's job
 LEAST, FEWEST, MOST = 1 << 18, 1 << 14, 1 << 22  # of a round; FEWEST also where their light is faint

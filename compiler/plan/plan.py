@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from ...lang.diagnostics import Diagnostic, suggest
 from ...lights import AMBIENT
+from ...materials import traits
 from .. import ir
 from . import emissive_shapes, picture_rules, raster_rules, scene_rules, transport_rules
 from .decision import Decision, Plan, PlanError, Rule, override
@@ -85,4 +86,7 @@ def warnings(scene: ir.Scene, plan: Plan) -> list[str]:
     messages = []
     if plan["interreflection"] and ir.is_in(scene.tables.lights.kind, AMBIENT).any():
         messages.append("ambient light stands for interreflection, and bounces compute it: it is counted twice; leave out one")
+    if traits.participates(scene.tables) and plan["transport"] != "path":
+        drawer = "the raster backend" if plan["backend"] == "raster" else "Whitted ray tracing"
+        messages.append(f"{drawer} leaves out media that scatter or emit light; the ray backend draws them by paths")
     return messages

@@ -17,7 +17,7 @@ from .decision import Decision, Plan, Rule
 from .scene_facts import extents, ground
 
 SPECULAR_BOUNCES = 8
-MEDIA_BOUNCES = 256  # collisions count, too
+MEDIA_BOUNCES = 512  # collisions count, too
 TRANSPORTS = ("path", "whitted")
 HEURISTICS = ("power", "balance", "light", "bsdf")  # of multiple importance sampling; in the order of render/integrator/path.py
 PRECISIONS = ("float32", "float64")

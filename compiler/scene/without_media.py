@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...materials import traits
+from ...materials import subsurface, traits
 from .. import ir
 
 
 def substitute(tables: ir.Tables) -> ir.Tables:
-    """The tables without media that scatter, emit or have invisible boundaries; the same tables if there are none."""
+    """The tables without media that scatter, emit or have invisible boundaries; bodies that light enters are diffuse surfaces."""
     if not traits.participates(tables):
         return tables
+    tables = subsurface.diffuse_substitute(tables)
     none = np.full(len(tables.materials.model), -1, np.int32)
     return tables._replace(materials=tables.materials._replace(medium=none), media=ir.table_of("media", {}))
 

@@ -39,6 +39,8 @@ _TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 _SUN, _AREA, _SKY = "directional(from: [1, 1, 0])\n", "area(position: [0, 5, 2], look_at: [0, 0, 0], size: 1, luminance: 9)\n", "sky()\n"
 _MATT, _SHINY, _GLASS = "lambert(#808080)", "phong(#808080, specular: 0.3, shininess: 40)", "glass()"
 _LINKED = 'directional(from: [1, 1, 0], receivers: ["left"], blockers: ["!left"])\nsphere(1, center: [9, 0, 0], name: "left")\n'
+_MILK = "sphere(1, center: [3, 1, 0], medium: medium(#fff))\nfog()\n"
+_CLOUD = "sphere(1, center: [3, 1, 0], medium: medium(#fff, density: |x, y, z| 1 - z))\n"
 _SMOOTH = 'lambert(#808080, shading: "gouraud")'
 _SMOOTH_MESH = f'mesh("kernels.obj", material: {_SMOOTH})\n'
 
@@ -62,6 +64,8 @@ VARIANTS = {
     "paths of formulas lit at vertices": Variant(_FORMULA.format(_MATT) + _SMOOTH_MESH + _SUN, {"bounces": 2}, _ALONE),
     "shared paths": Variant(_BALL.format(_MATT) + _AREA, {"bounces": 2}),
     "shared paths of formulas": Variant(_FORMULA.format(_MATT) + _AREA, {"bounces": 2}),
+    "media": Variant(_BALL.format(_SHINY) + _MILK + _AREA, {"bounces": 2}),
+    "media of formulas": Variant(_FORMULA.format(_SHINY) + _CLOUD + _AREA, {"bounces": 2}),
     "rays": Variant(_BALL.format(_MATT) + _SUN, {}),
     "meshes": Variant(_MESH.format(_SMOOTH) + _SUN, {}),
     "many objects": Variant(_MANY.format(_MATT) + _SUN, {}),  # build kernels of several meshes and many instances

@@ -75,7 +75,7 @@ def media(tables: ir.Tables, general: bool = False, around: tuple[int, ...] = ()
     outside = 0
     for entry in (*([1] if len(fog) else []), *(int(number[row]) for row in around)):
         outside = int(push(np.int64(outside), np.int64(entry)))
-    return found._replace(scatter=scattering_table.build(tables, media_rows, clear, absorbed, outside))
+    return found._replace(scatter=scattering_table.build(tables, media_rows, clear, absorbed, outside, general))
 
 
 def is_used(tables: Any) -> bool:

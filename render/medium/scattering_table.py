@@ -56,8 +56,13 @@ def bounded_density(tape: Tape, low: np.ndarray, high: np.ndarray, cells: np.nda
     return np.ascontiguousarray(most.reshape(z, SPLIT, y, SPLIT, x, SPLIT).max(axis=(1, 3, 5)))
 
 
-def build(tables: ir.Tables, rows: np.ndarray, clear: np.ndarray, absorbed: np.ndarray, outside: int) -> Scattering:
-    """The table of media `rows` (n,) of ir.Media by number, -1 without one; `absorbed` (n, 4) of materials is added to the absorption."""
+def build(
+    tables: ir.Tables, rows: np.ndarray, clear: np.ndarray, absorbed: np.ndarray, outside: int, general: bool = False
+) -> Scattering:
+    """The table of media `rows` (n,) of ir.Media by number, -1 without one; `absorbed` (n, 4) of materials is added to the absorption.
+
+    With `general` it has fields, which may be empty.
+    """
     media, count, has = tables.media, len(rows), rows >= 0
     coefficients = {name: np.zeros((count, 4)) for name in ("extinction", "scattering", "emission")}
     coefficients["extinction"][:, :3] = absorbed[:, :3]
@@ -70,13 +75,13 @@ def build(tables: ir.Tables, rows: np.ndarray, clear: np.ndarray, absorbed: np.n
     anisotropy, top, falloff = np.zeros(count), np.full(count, np.inf), np.zeros(count)
     anisotropy[has], top[has], falloff[has] = media.anisotropy[rows[has]], media.top[rows[has]], media.falloff[rows[has]]
     return Scattering(
-        **coefficients, anisotropy=anisotropy, top=top, falloff=falloff, clear=clear, fields=_fields(tables, rows),
+        **coefficients, anisotropy=anisotropy, top=top, falloff=falloff, clear=clear, fields=_fields(tables, rows, general),
         aimed=clear | (has & media.everywhere[np.maximum(rows, 0)]), aims=aims.build(tables),
         outside=np.array([outside], np.int64), walled=np.array([bool(clear.any())]),
     )  # fmt: skip
 
 
-def _fields(tables: ir.Tables, rows: np.ndarray) -> tracking.Fields | tracking.NoFields:
+def _fields(tables: ir.Tables, rows: np.ndarray, general: bool) -> tracking.Fields | tracking.NoFields:
     """The formulas of densities with their majorants."""
     media, count = tables.media, len(rows)
     density, cells = np.full(count, -1, np.int64), np.ones((count, 4), np.int64)
@@ -94,7 +99,9 @@ def _fields(tables: ir.Tables, rows: np.ndarray) -> tracking.Fields | tracking.N
         density[number], cells[number] = media.density[row], (*sizes.tolist(), first)
         to_local[number], to_cells[number] = inverse.ravel(), _to_cells(inverse, low, sides / sizes).ravel()
         first += len(grids[-1])
-    return tracking.Fields(density, to_local, to_cells, cells, np.concatenate(grids)) if grids else tracking.NoFields()
+    if not grids and not general:
+        return tracking.NoFields()
+    return tracking.Fields(density, to_local, to_cells, cells, np.concatenate(grids) if grids else np.zeros(1))
 
 
 def _least_rate(tables: ir.Tables, rows: np.ndarray) -> np.ndarray:

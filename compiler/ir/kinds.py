@@ -99,6 +99,7 @@ class TextureKind(Kind):
     CHECKER = 1
     STRIPES = 2
     FORMULA = 3  # a tape of the point in the instance's own frame: one result is grey, three are red, green, blue
+    VOXELS = 4  # densities of a medium: `slices` pictures below each other, from low to high z; row 0 of each has the lowest y
 
 
 class TextureMapping(Kind):

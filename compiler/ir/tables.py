@@ -127,7 +127,7 @@ class Media(NamedTuple):
     everywhere: Bool  # (n,) it fills the whole scene, around all shapes; at most one row
     top: F64  # (n,) height y in the world up to which the density is 1; inf: no top
     falloff: F64  # (n,) metres above `top` in which the density falls to 1/e; 0: it ends there
-    density: I32  # (n,) row of Textures, a FORMULA of the point in the frame `transform`, or -1: 1 everywhere
+    density: I32  # (n,) row of Textures: a FORMULA of the point in the frame `transform`, VOXELS of the box `bounds`; -1: 1 everywhere
     transform: I32  # (n,) frame of `density` and `bounds` (world = transform · local)
     bounds: F64  # (n, 2, 3) lowest and highest corner of the box in that frame outside of which the density is 0; ±inf: unbounded
 
@@ -149,6 +149,7 @@ class Textures(NamedTuple):
     color_b: F64  # (n, 3)
     gain: F64  # (n, 3)
     bias: F64  # (n, 3)
+    slices: I32  # (n,) of VOXELS
 
 
 class Images(NamedTuple):

@@ -37,7 +37,7 @@ _DEFAULTS = {  # default values: columns with them are left out
     "media": {"scattering": 0, "absorption": 0, "emission": 0, "anisotropy": 0, "priority": 0, "everywhere": 0, "top": np.inf, "falloff": 0,
               "density": -1, "transform": 0, "bounds": ((-np.inf,) * 3, (np.inf,) * 3)},
     "textures": {"mapping": 0, "wrap_u": 0, "wrap_v": 0, "nearest": 0, "image": -1, "tape": -1, "channel": -1, "size": 0, "gain": 1,
-                 "bias": 0, "frame": ((1, 0, 0), (0, 1, 0))},
+                 "bias": 0, "slices": 0, "frame": ((1, 0, 0), (0, 1, 0))},
     "lights": {"position": 0, "direction": (0, 1, 0), "transform": 0, "size": 0, "cos_cone": -1, "cos_full": -1, "angle": 0, "falloff": 0,
                "coefficients": 0, "image": -1, "instance": -1, "shadows": 1,
                "receivers": -1, "blockers": 2},

@@ -137,6 +137,7 @@ class TextureData:
     color_b: Color = BLACK
     gain: Color = WHITE
     bias: Color = BLACK
+    slices: int = 0
 
 
 @dataclass(frozen=True, slots=True)

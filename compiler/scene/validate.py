@@ -302,8 +302,14 @@ def _media(check: Check) -> None:
     check.bad("media", abs(table["anisotropy"]) > 1, "its anisotropy is not between -1 and 1")
     check.bad("media", np.isnan(table["top"]) | np.isnan(table["bounds"]).any(axis=(1, 2)), "its bounds are not numbers")
     check.bad("media", np.cumsum(table["everywhere"]) * table["everywhere"] > 1, "the scene has another one that fills it")
-    kinds = np.append(textures["kind"], ir.TextureKind.FORMULA)  # the last stands for row -1
-    check.bad("media", kinds[table["density"]] != ir.TextureKind.FORMULA, "its density is a picture, not a formula")
+    kinds = np.append(textures["kind"], ir.TextureKind.FORMULA)[table["density"]]  # the last stands for row -1
+    check.bad("media", ~ir.is_in(kinds, (ir.TextureKind.FORMULA, ir.TextureKind.VOXELS)), "its density is a picture, not a formula")
+    endless = ~np.isfinite(table["bounds"]).all(axis=(1, 2)) | (table["bounds"][:, 1] <= table["bounds"][:, 0]).any(axis=1)
+    check.bad("media", (table["density"] >= 0) & endless, "its density is in no bounded box")
+    voxels = textures["kind"] == ir.TextureKind.VOXELS
+    heights = np.append(check.tables["images"]["height"], 1)[textures["image"]]
+    slices = np.maximum(textures["slices"], 1)
+    check.bad("textures", voxels & ((textures["image"] < 0) | (textures["slices"] < 1) | (heights % slices != 0)), "it has no whole slices")
 
 
 def _lights(check: Check) -> None:

@@ -81,27 +81,57 @@ def build(
     )  # fmt: skip
 
 
+def voxel_majorants(voxels: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """Majorants (z, y, x) of interpolated voxels (z, y, x) on the cells of a grid over their box."""
+    most = voxels
+    for axis, count in zip((0, 1, 2), cells[::-1].tolist(), strict=True):
+        size = most.shape[axis]
+        edges = np.arange(count + 1) / count * size - 0.5  # in voxels, whose centres are integers
+        first = np.clip(np.floor(edges[:-1]), 0, size - 1).astype(int)
+        last = np.clip(np.ceil(edges[1:]), 0, size - 1).astype(int)
+        parts = [np.take(most, range(a, b + 1), axis).max(axis=axis) for a, b in zip(first.tolist(), last.tolist(), strict=True)]
+        most = np.stack(parts, axis=axis)
+    return np.ascontiguousarray(np.maximum(most, 0.0))
+
+
+def _voxels(tables: ir.Tables, texture: int) -> np.ndarray:
+    """The voxels (z, y, x) of a texture."""
+    image, slices = int(tables.textures.image[texture]), int(tables.textures.slices[texture])
+    first, width, height = int(tables.images.first[image]), int(tables.images.width[image]), int(tables.images.height[image])
+    texels = tables.images.texels[first : first + width * height, 0]
+    return texels.reshape(slices, height // slices, width).astype(float)
+
+
 def _fields(tables: ir.Tables, rows: np.ndarray, general: bool) -> tracking.Fields | tracking.NoFields:
-    """The formulas of densities with their majorants."""
+    """The densities of media with their majorants."""
     media, count = tables.media, len(rows)
-    density, cells = np.full(count, -1, np.int64), np.ones((count, 4), np.int64)
-    to_local, to_cells = np.zeros((count, 12)), np.zeros((count, 12))
-    grids: list[np.ndarray] = []
-    first = 0
+    density, cells, sizes = np.full(count, -1, np.int64), np.ones((count, 4), np.int64), np.zeros((count, 4), np.int64)
+    to_local, to_cells, to_voxels = np.zeros((count, 12)), np.zeros((count, 12)), np.zeros((count, 12))
+    grids, volumes, first, begin = [], [], 0, 0
     for number, row in enumerate(rows.tolist()):
         if row < 0 or media.density[row] < 0:
             continue
-        low, high = media.bounds[row]
+        texture, (low, high) = int(media.density[row]), media.bounds[row]
         sides = np.maximum(high - low, 1e-12)
-        sizes = np.clip(np.ceil(CELLS * sides / sides.max()).astype(np.int64), LEAST_CELLS, CELLS)
-        grids.append(bounded_density(load_tape(tables, int(tables.textures.tape[media.density[row]])), low, high, sizes).ravel())
+        shape = np.clip(np.ceil(CELLS * sides / sides.max()).astype(np.int64), LEAST_CELLS, CELLS)
         inverse = tables.transforms.inverse[media.transform[row]]
-        density[number], cells[number] = media.density[row], (*sizes.tolist(), first)
-        to_local[number], to_cells[number] = inverse.ravel(), _to_cells(inverse, low, sides / sizes).ravel()
+        if tables.textures.kind[texture] == ir.TextureKind.VOXELS:
+            voxels = _voxels(tables, texture)
+            size = np.array(voxels.shape[::-1])
+            grids.append(voxel_majorants(voxels, shape).ravel())
+            volumes.append(voxels.ravel())
+            sizes[number] = (*size.tolist(), begin)
+            to_voxels[number] = _to_cells(inverse, low + 0.5 * sides / size, sides / size).ravel()
+            begin += len(volumes[-1])
+        else:
+            grids.append(bounded_density(load_tape(tables, int(tables.textures.tape[texture])), low, high, shape).ravel())
+        density[number], cells[number] = texture, (*shape.tolist(), first)
+        to_local[number], to_cells[number] = inverse.ravel(), _to_cells(inverse, low, sides / shape).ravel()
         first += len(grids[-1])
     if not grids and not general:
         return tracking.NoFields()
-    return tracking.Fields(density, to_local, to_cells, cells, np.concatenate(grids) if grids else np.zeros(1))
+    majorants, all_voxels = (np.concatenate(parts) if parts else np.zeros(1) for parts in (grids, volumes))
+    return tracking.Fields(density, to_local, to_cells, cells, majorants, sizes, to_voxels, all_voxels)
 
 
 def _least_rate(tables: ir.Tables, rows: np.ndarray) -> np.ndarray:

@@ -36,6 +36,9 @@ class Fields(NamedTuple):
     to_cells: Any  # (n, 12) rows of the matrix from the world to the cells of a grid: 0 … cells
     cells: Any  # (n, 4) int: cells along x, y and z, and the first majorant
     majorants: Any  # (k,) densities
+    sizes: Any  # (n, 4) int: voxels along x, y and z, and the first one; 0 of formulas
+    to_voxels: Any  # (n, 12) rows of the matrix from the world to voxels, whose centres have integer coordinates
+    voxels: Any  # (m,) densities, x fastest
 
 
 class Key(NamedTuple):
@@ -127,14 +130,49 @@ def _cell(fields: Any, walk: Walk, t: Lane) -> tuple[Lane, Lane]:
 
 
 @helper
+def _transform(matrix: Any, number: Lane, p: Vec) -> Vec:
+    a, b, c, d, e, f, g, h = row_gather.eight_at(matrix, number, 0)
+    z = matrix[number, 8] * p[0] + matrix[number, 9] * p[1] + matrix[number, 10] * p[2] + matrix[number, 11]
+    return ops.dot((a, b, c), p) + d, ops.dot((e, f, g), p) + h, z
+
+
+@helper
 def _density(tables: Tables, fields: Any, number: Lane, ray: Any, t: Lane) -> Lane:
     """The density at a distance along rays."""
     p = ops.along(ray[0], ray[1], t)
-    a, b, c, d, e, f, g, h = row_gather.eight_at(fields.to_local, number, 0)
-    m = fields.to_local
-    z = m[number, 8] * p[0] + m[number, 9] * p[1] + m[number, 10] * p[2] + m[number, 11]
-    local = (ops.dot((a, b, c), p) + d, ops.dot((e, f, g), p) + h, z)
-    return ops.maximum(procedural.evaluate(tables, ops.maximum(fields.density[number], 0), local)[0], 0.0)
+    of_voxels = fields.sizes[number, 0] > 0
+    density = 0.0 * t
+    if ops.any_lane(ops.not_(of_voxels)):
+        local = _transform(fields.to_local, number, p)
+        row = ops.where(of_voxels, 0, fields.density[number])
+        density = ops.where(of_voxels, density, procedural.evaluate(tables, ops.maximum(row, 0), local)[0])
+    if ops.any_lane(of_voxels):
+        density = ops.where(of_voxels, _interpolate(fields, number, _transform(fields.to_voxels, number, p)), density)
+    return ops.maximum(density, 0.0)
+
+
+@helper
+def _interpolate(fields: Any, number: Lane, p: Vec) -> Lane:
+    """Trilinear interpolation of voxels; beyond the outer ones their density goes on."""
+    nx, ny, nz = fields.sizes[number, 0], fields.sizes[number, 1], fields.sizes[number, 2]
+    first = fields.sizes[number, 3]
+    x, y, z = ops.maximum(p[0], 0.0), ops.maximum(p[1], 0.0), ops.maximum(p[2], 0.0)
+    x, y, z = ops.minimum(x, ops.to_float(nx) - 1.0), ops.minimum(y, ops.to_float(ny) - 1.0), ops.minimum(z, ops.to_float(nz) - 1.0)
+    i, j, k = ops.to_int(x), ops.to_int(y), ops.to_int(z)
+    u, v, w = x - ops.to_float(i), y - ops.to_float(j), z - ops.to_float(k)
+    right = ops.where(i + 1 < nx, i + 1, i)
+    low = 0.0 * x
+    for n in range(4):
+        row, slab = j, k
+        share_y, share_z = 1.0 - v, 1.0 - w
+        if n % 2 == 1:
+            row, share_y = ops.where(j + 1 < ny, j + 1, j), v
+        if n >= 2:
+            slab, share_z = ops.where(k + 1 < nz, k + 1, k), w
+        base = first + ops.maximum((slab * ny + row) * nx, 0)
+        one, other = fields.voxels[base + i], fields.voxels[base + right]
+        low = low + share_y * share_z * (one + (other - one) * u)
+    return low
 
 
 @noinline_helper

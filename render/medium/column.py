@@ -13,48 +13,55 @@ from ..lanes import ops
 from ..types import Lane
 
 STEEP = 1e-3  # exponents below which a series takes the place of the closed form
+LEVEL = 1e-7  # slopes below which a ray is level
 
 
 @helper
-def _above(density: Lane, slope: Lane, falloff: Lane, distance: Lane) -> Lane:
-    """The column over a distance above the top, from a point of some density; `slope` is the height that the ray gains per metre."""
-    safe = ops.maximum(falloff, 1e-30)
-    x = slope * ops.where(distance < math.inf, distance, 0.0) / safe
-    series = ops.where(distance < math.inf, distance, 0.0) * (1.0 - 0.5 * x + x * x * (1.0 / 6.0))
-    x = ops.where(distance < math.inf, x, ops.where(slope > 0.0, ops.full_like(x, 80.0), 0.0))
-    turn = ops.where(ops.absolute(slope) > 1e-12, slope, 1e-12)
-    closed = (1.0 - ops.exp(ops.clip(-x, -80.0, 80.0))) * safe / turn
-    level = ops.where(distance < math.inf, series, ops.full_like(x, math.inf))
-    return ops.where(falloff > 0.0, density * ops.where(ops.absolute(x) < STEEP, level, closed), 0.0)
+def _fallen(over: Lane, falloff: Lane) -> Lane:
+    """The density at a height `over` the top, not below it."""
+    share = ops.exp(ops.maximum(-over / ops.maximum(falloff, 1e-30), -80.0))
+    return ops.where(falloff > 0.0, share, 0.0)
 
 
 @helper
-def _above_inverse(density: Lane, slope: Lane, falloff: Lane, column: Lane) -> Lane:
-    """The distance above the top that has a column; inf where none has."""
+def _above(over: Lane, slope: Lane, falloff: Lane, distance: Lane) -> Lane:
+    """The column over a distance from a height `over` the top, along a ray that stays above it; `slope` is the height gained per metre."""
+    none = ops.full_like(over, math.inf)
+    finite = distance < math.inf
+    length = ops.where(finite, distance, 0.0)
+    gained = slope * length
+    start = _fallen(over, falloff)
+    end = ops.where(finite, _fallen(ops.maximum(over + gained, 0.0), falloff), 0.0)
+    x = gained / ops.maximum(falloff, 1e-30)
+    flat = ops.where(finite, start * length * (1.0 - 0.5 * x + x * x * (1.0 / 6.0)), ops.where(start > 0.0, none, 0.0))
+    turns = ops.absolute(slope) > LEVEL
+    closed = (start - end) * falloff / ops.where(turns, slope, 1.0)
+    return ops.where(falloff > 0.0, ops.where(turns & ops.not_(finite & (ops.absolute(x) < STEEP)), closed, flat), 0.0)
+
+
+@helper
+def _above_inverse(over: Lane, slope: Lane, falloff: Lane, column: Lane) -> Lane:
+    """The distance that has a column, from a height `over` the top along a ray that stays above it; inf where none has."""
     none = ops.full_like(column, math.inf)
-    dense = density > 1e-30
-    q = column * slope / ops.maximum(falloff * density, 1e-30)
-    flat = column / ops.maximum(density, 1e-30) * (1.0 + 0.5 * q + q * q * (1.0 / 3.0))
-    turn = ops.where(ops.absolute(slope) > 1e-12, slope, 1e-12)
-    closed = -ops.log(ops.maximum(1.0 - q, 1e-30)) * falloff / turn
-    found = ops.where(ops.absolute(q) < STEEP, flat, closed)
-    return ops.where((falloff > 0.0) & dense & (q < 1.0), found, none)
-
-
-@helper
-def _density_at(height: Lane, top: Lane, falloff: Lane) -> Lane:
-    over = ops.where(top < math.inf, height - top, -1.0)
-    fallen = ops.exp(ops.maximum(-over / ops.maximum(falloff, 1e-30), -80.0))
-    return ops.where(over <= 0.0, ops.full_like(height, 1.0), ops.where(falloff > 0.0, fallen, 0.0))
+    start = _fallen(over, falloff)
+    change = column * slope / ops.maximum(falloff, 1e-30)
+    end = start - change
+    q = change / ops.maximum(start, 1e-30)
+    flat = column / ops.maximum(start, 1e-30) * (1.0 + 0.5 * q + q * q * (1.0 / 3.0))
+    turns = ops.absolute(slope) > LEVEL
+    closed = (-falloff * ops.log(ops.maximum(end, 1e-30)) - over) / ops.where(turns, slope, 1.0)
+    level = ops.not_(turns) | ((ops.absolute(q) < STEEP) & (start > 1e-30))
+    found = ops.where(level, ops.where(start > 1e-30, flat, none), closed)
+    return ops.where((falloff > 0.0) & (end > 1e-30), ops.maximum(found, 0.0), none)
 
 
 @helper
 def _lengths(height: Lane, slope: Lane, top: Lane) -> tuple[Lane, Lane]:
     """(whether a ray begins below the top, distance at which it crosses it; inf: never)."""
     below = height <= ops.where(top < math.inf, top, height)
-    turn = ops.where(ops.absolute(slope) > 1e-12, slope, 1e-12)
+    turn = ops.where(ops.absolute(slope) > LEVEL, slope, LEVEL)
     cross = (ops.where(top < math.inf, top, 0.0) - height) / turn
-    crosses = (top < math.inf) & (ops.absolute(slope) > 1e-12) & ((slope > 0.0) == below)
+    crosses = (top < math.inf) & (ops.absolute(slope) > LEVEL) & ((slope > 0.0) == below)
     return below, ops.where(crosses, ops.maximum(cross, 0.0), ops.full_like(height, math.inf))
 
 
@@ -66,10 +73,9 @@ def column(height: Lane, slope: Lane, top: Lane, falloff: Lane, distance: Lane) 
     below, cross = _lengths(height, slope, top)
     first = ops.minimum(distance, cross)
     rest = ops.where(distance > cross, distance - ops.where(cross < math.inf, cross, 0.0), 0.0)
-    start = _density_at(height, top, falloff)
-    under = ops.where(below, first, rest)
-    over = ops.where(below, rest, first)
-    return under + ops.where(over > 0.0, _above(ops.where(below, ops.full_like(start, 1.0), start), slope, falloff, over), 0.0)
+    under, over = ops.where(below, first, rest), ops.where(below, rest, first)
+    start = ops.where(below, 0.0, height - top)
+    return under + ops.where(over > 0.0, _above(start, slope, falloff, over), 0.0)
 
 
 @helper
@@ -78,18 +84,19 @@ def distance_of(height: Lane, slope: Lane, top: Lane, falloff: Lane, wanted: Lan
     if ops.not_(ops.any_lane(top < math.inf)):
         return wanted
     below, cross = _lengths(height, slope, top)
-    start = _density_at(height, top, falloff)
-    none = ops.full_like(height, math.inf)
-    finite = ops.where(cross < math.inf, cross, 0.0)
-    beyond = cross + _above_inverse(ops.full_like(start, 1.0), slope, falloff, wanted - finite)
-    up = ops.where(wanted <= cross, wanted, beyond)
-    before = ops.where(cross < math.inf, _above(start, slope, falloff, finite), none)
-    under = cross + (wanted - ops.where(before < math.inf, before, 0.0))
-    down = ops.where(wanted <= before, _above_inverse(start, slope, falloff, wanted), under)
+    crosses = cross < math.inf
+    finite = ops.where(crosses, cross, 0.0)
+    zero = 0.0 * height
+    up = ops.where(wanted <= cross, wanted, finite + _above_inverse(zero, slope, falloff, ops.maximum(wanted - finite, 0.0)))
+    over = ops.where(below, zero, height - top)
+    before = ops.where(crosses, _above(over, slope, falloff, finite), ops.full_like(height, math.inf))
+    under = finite + (wanted - ops.where(crosses, before, 0.0))
+    down = ops.where(wanted <= before, _above_inverse(over, slope, falloff, wanted), under)
     return ops.where(below, up, down)
 
 
 @helper
 def density_at(height: Lane, top: Lane, falloff: Lane) -> Lane:
     """The density at a height y."""
-    return _density_at(height, top, falloff)
+    over = ops.where(top < math.inf, height - top, -1.0)
+    return ops.where(over <= 0.0, ops.full_like(height, 1.0), _fallen(ops.maximum(over, 0.0), falloff))

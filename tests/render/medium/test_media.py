@@ -1,0 +1,177 @@
+"""Media: pictures against closed forms and quadratures, kept energy, cameras and lights inside, nested media."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import maquette
+import numpy as np
+import pytest
+
+LOOK = "camera(position: [0, 0, 4], look_at: [0, 0, 0], fov: 2deg)\n"
+SKY = "sky(radiance: 1)\n"
+
+
+def seen(tmp_path: Path, text: str, **settings: Any) -> np.ndarray:
+    """The mean of a small picture: red, green, blue, alpha."""
+    path = tmp_path / "a.scene"
+    path.write_text(text, encoding="utf-8")
+    settings = {"size": (4, 4), "samples": 256, "denoise": False, "backend": "ray", **settings}
+    return maquette.load(path).render(**settings).channels["rgba"].mean(axis=(0, 1))
+
+
+def column(height: float, slope: float, top: float, falloff: float, distance: np.ndarray) -> np.ndarray:
+    """The column of fog along a ray, by the trapezoidal rule over the last of the distances."""
+    y = height + slope * distance
+    over = np.exp(-np.maximum(y - top, 0) / falloff) if falloff else 0.0
+    density = np.where(y <= top, 1.0, over)
+    return np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(distance))])
+
+
+@pytest.mark.parametrize("backend", ["ray", "reference"])
+def test_absorption_follows_beer_and_lambert(tmp_path: Path, backend: str) -> None:
+    ball = "sphere(1, medium: medium(absorption: [0.5, 1, 2]))\n"
+    found = seen(tmp_path, LOOK + SKY + ball, backend=backend, samples=16)
+    assert found[:3] == pytest.approx(np.exp([-1.0, -2.0, -4.0]), rel=2e-3)
+
+
+def test_emission_follows_its_integral(tmp_path: Path) -> None:
+    ball = "sphere(1, medium: medium(absorption: 1, emission: [1, 2, 3]))\n"
+    found = seen(tmp_path, LOOK + SKY + ball, samples=16)
+    assert found[:3] == pytest.approx((1 - math.exp(-2)) * np.array([1.0, 2, 3]) + math.exp(-2), rel=2e-3)
+
+
+@pytest.mark.parametrize("density", ["", ", density: |x, y, z| max(0, 1 - 2 * abs(z)) + 0.2 * noise(8 * x, 8 * y, 8 * z)"])
+@pytest.mark.parametrize("phase", [0, 0.8, -0.5])
+def test_a_furnace_keeps_all_light(tmp_path: Path, phase: float, density: str) -> None:
+    """A ball that absorbs nothing vanishes before a sky of radiance 1, in each colour."""
+    ball = f"sphere(1, medium: medium(scattering: [4, 2, 1], absorption: 0, phase: {phase}{density}))\n"
+    found = seen(tmp_path, LOOK.replace("2deg", "40deg") + SKY + ball, samples=512, size=(8, 8))
+    assert found[:3] == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_furnace_of_glass_keeps_all_light(tmp_path: Path) -> None:
+    ball = "sphere(1, material: glass(ior: 1.5), medium: medium(scattering: [2, 1, 0.5], absorption: 0, phase: 0.7))\n"
+    assert seen(tmp_path, LOOK + SKY + ball, samples=1024)[:3] == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_density_by_a_formula_has_its_integral(tmp_path: Path) -> None:
+    ball = "sphere(1, medium: medium(absorption: [1, 2, 3], density: |x, y, z| max(0, 1 - 2 * abs(z))))\n"
+    assert seen(tmp_path, LOOK + SKY + ball, samples=4096)[:3] == pytest.approx(np.exp([-0.5, -1, -1.5]), abs=6e-3)
+
+
+@pytest.mark.parametrize("block", ["scale(2)", "scale([1, 1, 3])", "rotate(y: 90deg)", "translate([0, 0, -7])"])
+def test_a_density_moves_with_its_shape(tmp_path: Path, block: str) -> None:
+    """The formula has the frame of the shape, the coefficients are per metre of the world."""
+    length = {"scale(2)": 2.0, "scale([1, 1, 3])": 3.0}.get(block, 1.0)
+    wide = {"rotate(y: 90deg)": "x"}.get(block, "z")
+    text = f"{block} {{ sphere(1, medium: medium(absorption: 0.5, density: |x, y, z| abs({wide}))) }}\n"
+    found = seen(tmp_path, LOOK.replace("0, 0, 4]", "0, 0, 9]") + SKY + text, samples=4096)
+    assert found[0] == pytest.approx(math.exp(-0.5 * length), abs=6e-3)
+
+
+@pytest.mark.parametrize(("top", "falloff"), [(2, 3), (2, 0), (20, 3)])
+def test_fog_has_its_column(tmp_path: Path, top: float, falloff: float) -> None:
+    """A camera above or in a layer of fog looks down on a shining plane."""
+    text = "camera(position: [0, 10, 0], look_at: [10, 5, 0], fov: 0.1deg)\nplane(material: emissive(1))\n"
+    text += f"fog(scattering: 0, absorption: [0.1, 0.2, 0.3], top: {top}m, falloff: {falloff}m)\n"
+    length = column(10, -1 / math.sqrt(5), top, falloff, np.linspace(0, math.sqrt(500), 200_001))[-1]
+    assert seen(tmp_path, text, samples=4)[:3] == pytest.approx(np.exp(-length * np.array([0.1, 0.2, 0.3])), rel=1e-3)
+
+
+def test_the_sun_is_scattered_in_fog_once(tmp_path: Path) -> None:
+    """Single scattering of parallel light in fog that falls off, by quadrature; albedo 0.01."""
+    text = "camera(position: [0, 1, 0], look_at: [5, 2, 0], fov: 0.1deg)\ndirectional(from: [0, 1, 1], irradiance: 3.14159265)\n"
+    text += "fog(scattering: [0.001, 0.002, 0.003], absorption: [0.099, 0.198, 0.297], top: 2m, falloff: 3m, phase: 0)\n"
+    t = np.linspace(0, 400, 400_001)
+    slope = 1 / math.sqrt(26)
+    y = 1 + slope * t
+    along = column(1, slope, 2, 3, t)
+    above = np.minimum(y, 2) + 3 * (1 - np.exp(-np.maximum(y - 2, 0) / 3))
+    density, to_sun = np.where(y <= 2, 1, np.exp(-(y - 2) / 3)), (5 - above) * math.sqrt(2)
+    expected = [
+        0.01 * sigma / (4 * math.pi) * math.pi * np.sum(density * np.exp(-sigma * (along + to_sun))) * t[1] for sigma in (0.1, 0.2, 0.3)
+    ]
+    assert seen(tmp_path, text, samples=16384, bounces=0)[:3] == pytest.approx(expected, rel=0.01)
+
+
+@pytest.mark.parametrize("wall", ["", "box(size: [40, 40, 2], center: [0, 0, -3], material: lambert(0))\n"])
+def test_a_point_light_is_scattered_in_fog_once(tmp_path: Path, wall: str) -> None:
+    text = LOOK.replace("2deg", "0.1deg") + wall + "point([0, 0.05, 0], intensity: 10)\n"
+    text += "fog(scattering: 0.0001, absorption: 0.0099, top: 1e6m, falloff: 0m, phase: 0)\n"
+    t = np.linspace(0, 6 if wall else 600, 3_000_001)
+    d = np.sqrt(0.05**2 + (4 - t) ** 2)
+    expected = np.sum(0.0001 / (4 * math.pi) * 10 / d**2 * np.exp(-0.01 * (t + d))) * t[1]
+    assert seen(tmp_path, text, samples=8192, bounces=0)[0] == pytest.approx(expected, rel=0.02)
+
+
+def test_a_camera_inside_of_a_medium(tmp_path: Path) -> None:
+    text = LOOK.replace("0, 0, 4]", "0, 0, 0.5]") + SKY + "sphere(1, medium: medium(absorption: [1, 2, 3]))\n"
+    assert seen(tmp_path, text, samples=16)[:3] == pytest.approx(np.exp(-1.5 * np.array([1, 2, 3])), rel=0.02)
+
+
+def test_three_nested_media(tmp_path: Path) -> None:
+    """The medium of the highest priority fills the volume where three balls lie in one another, whatever their order."""
+    balls = [f"sphere({r}, medium: medium(absorption: {a}, priority: {p}))\n" for r, a, p in ((1.5, 0.1, 0), (1, 0.4, 1), (0.5, 2, 2))]
+    expected = math.exp(-(1.0 * 0.1 + 1.0 * 0.4 + 1.0 * 2))
+    for order in ((0, 1, 2), (2, 1, 0), (1, 2, 0)):
+        text = LOOK + SKY + "".join(balls[k] for k in order)
+        assert seen(tmp_path, text, samples=16)[0] == pytest.approx(expected, rel=2e-3)
+
+
+def test_light_without_shadows_is_attenuated(tmp_path: Path) -> None:
+    """A lamp that casts no shadow shines through 3 m of a medium on a wall."""
+    text = "camera(position: [0, 0, 0.5], look_at: [0, 0, 0], fov: 2deg)\n"
+    text += "box(size: [9, 9, 1], center: [0, 0, -0.5], material: lambert(1))\n"
+    text += "point([0, 0, 4], intensity: 16, shadows: false)\nsphere(0.75, center: [0, 0, 2], medium: medium(absorption: [1, 2, 3]))\n"
+    assert seen(tmp_path, text, samples=16)[:3] == pytest.approx(np.exp(-1.5 * np.array([1, 2, 3])) / math.pi, rel=0.01)
+
+
+def test_shadows_of_media_are_coloured(tmp_path: Path) -> None:
+    text = "camera(position: [3, 0, 3], look_at: [0, 0, 0], fov: 2deg)\nbox(size: [9, 9, 1], center: [0, 0, -0.5], material: lambert(1))\n"
+    text += "directional(from: [0, 0, 1], irradiance: 3.14159265)\nsphere(0.5, center: [0, 0, 1], medium: medium(absorption: [1, 2, 3]))\n"
+    assert seen(tmp_path, text, samples=64, bounces=0)[:3] == pytest.approx(np.exp(-np.array([1.0, 2, 3])), rel=0.02)
+
+
+def albedo_of_half_space(albedo: float, cosine: float) -> float:
+    """The share of white light from everywhere that a half space of even scattering sends one way: 1 - √(1 - ϖ) H(μ).
+
+    Chandrasekhar 1960, Radiative Transfer, §33; H by iteration of its integral equation.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(64)
+    nodes, weights = 0.5 * (nodes + 1), 0.5 * weights
+    root = math.sqrt(1 - albedo)
+    h = np.ones(64)
+    for _ in range(500):
+        h = 1 / (root + 0.5 * albedo * (weights * nodes * h / (nodes + nodes[:, None])).sum(axis=1))
+    return 1 - root / (root + 0.5 * albedo * (weights * nodes * h / (nodes + cosine)).sum())
+
+
+@pytest.mark.parametrize("albedo", [0.2, 0.5, 0.9, 0.99])
+@pytest.mark.parametrize("cosine", [1.0, 0.3])
+def test_a_half_space_reflects_by_the_h_function(tmp_path: Path, albedo: float, cosine: float) -> None:
+    sine = math.sqrt(1 - cosine * cosine)
+    text = f"camera(position: [0, {cosine}, {sine}], look_at: [0, 0, 0], up: [0, 0, -1], fov: 2deg)\n" + SKY
+    text += f"box(size: 1000, center: [0, -500, 0], medium: medium(scattering: {albedo}, absorption: {1 - albedo}))\n"
+    assert seen(tmp_path, text, samples=4096)[0] == pytest.approx(albedo_of_half_space(albedo, cosine), abs=0.01)
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_media_have_the_same_bits_on_any_number_of_threads(tmp_path: Path, threads: int) -> None:
+    path = tmp_path / "a.scene"
+    text = LOOK.replace("2deg", "40deg") + SKY + "point([0, 1, 1], intensity: 3)\nplane(y: -1)\nfog(visibility: 20m)\n"
+    path.write_text(text + "sphere(1, medium: medium(#fff, 30cm, density: |x, y, z| 1 - z))\n", encoding="utf-8")
+    one, other = (
+        maquette.load(path).render(size=(70, 40), samples=4, denoise=False, threads=k).channels["rgba"] for k in (threads, 2)
+    )
+    assert np.array_equal(one, other)
+
+
+@pytest.mark.parametrize("backend", ["ray", "reference"])
+def test_fog_alone_is_drawn(tmp_path: Path, backend: str) -> None:
+    """A scene that holds nothing but fog has no instance."""
+    text = "camera(position: [0, 1, 0], look_at: [0, 5, 0.0001], fov: 1deg)\n" + SKY
+    text += "fog(scattering: 0, absorption: [0.1, 0.2, 0.3], top: 2m, falloff: 3m)\n"
+    assert seen(tmp_path, text, samples=4, backend=backend)[:3] == pytest.approx(np.exp(-4 * np.array([0.1, 0.2, 0.3])), rel=2e-3)

@@ -17,10 +17,10 @@ HEIGHTS, SLOPES = st.integers(-400, 400).map(lambda k: k / 8), st.integers(-100,
 
 
 @given(HEIGHTS, SLOPES, HEIGHTS, st.sampled_from([0.0, 0.3, 5.0, 100.0]), st.floats(0.01, 200))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 def test_a_column_is_the_integral_of_the_density(height: float, slope: float, top: float, falloff: float, distance: float) -> None:
     like = tuple(np.array([x]) for x in (height, slope, top, falloff))
-    t = np.linspace(0, distance, 20_001)
+    t = np.linspace(0, distance, 4001)
     density = column.density_at(height + slope * t, np.full_like(t, top), np.full_like(t, falloff))
     expected = np.sum(0.5 * (density[1:] + density[:-1])) * t[1]
     found = column.column(*like, np.array([distance]))[0]
@@ -28,7 +28,7 @@ def test_a_column_is_the_integral_of_the_density(height: float, slope: float, to
 
 
 @given(HEIGHTS, SLOPES, HEIGHTS, st.sampled_from([0.0, 0.3, 5.0, 100.0]), st.floats(0.01, 200))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 def test_a_distance_has_its_column(height: float, slope: float, top: float, falloff: float, wanted: float) -> None:
     like = tuple(np.array([x]) for x in (height, slope, top, falloff))
     distance = column.distance_of(*like, np.array([wanted]))
@@ -46,7 +46,7 @@ def test_the_phase_function_has_its_density_and_mean(g: float) -> None:
     onward, density = phase.sample(np.full(n, g), way, rng.random(n), rng.random(n))
     cosine = 0.6 * onward[0] + 0.8 * onward[2]
     assert cosine.mean() == pytest.approx(g, abs=5e-3)
-    assert density == pytest.approx(phase.density(np.full(n, g), cosine), rel=1e-6)
+    assert np.allclose(density, phase.density(np.full(n, g), cosine), rtol=1e-6)
     edges = np.linspace(-1, 1, 200_001)
     middle = 0.5 * (edges[1:] + edges[:-1])
     assert 2 * math.pi * np.mean(phase.density(np.full(len(middle), g), middle)) * 2 == pytest.approx(1.0, abs=2e-3)

@@ -116,7 +116,7 @@ class MediumData:
     falloff: float = 0.0
     density: int = -1
     transform: int = 0
-    bounds: tuple[Color, Color] = ((-math.inf,) * 3, (math.inf,) * 3)
+    bounds: tuple[Color, Color] = ((-math.inf, -math.inf, -math.inf), (math.inf, math.inf, math.inf))
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from ...compiler import ir
-from ...compiler.plan import caustic_casters, light_shapes, scene_facts
+from ...compiler.plan import caustic_casters, light_shapes, scene_facts, without_media
 from ...compiler.plan.plan import Plan
-from ...compiler.scene import without_media
 from ...lights import DISTANT, PICTURED
 from ...materials import traits
 from .. import camera

@@ -10,7 +10,7 @@ import maquette
 import numpy as np
 import pytest
 
-LOOK = "camera(position: [0, 0, 4], look_at: [0, 0, 0], fov: 2deg)\n"
+LOOK = "camera(position: [0, 0, 4], look_at: [0, 0, 0], fov: 0.2deg)\n"
 SKY = "sky(radiance: 1)\n"
 
 
@@ -48,7 +48,7 @@ def test_emission_follows_its_integral(tmp_path: Path) -> None:
 def test_a_furnace_keeps_all_light(tmp_path: Path, phase: float, density: str) -> None:
     """A ball that absorbs nothing vanishes before a sky of radiance 1, in each colour."""
     ball = f"sphere(1, medium: medium(scattering: [4, 2, 1], absorption: 0, phase: {phase}{density}))\n"
-    found = seen(tmp_path, LOOK.replace("2deg", "40deg") + SKY + ball, samples=512, size=(8, 8))
+    found = seen(tmp_path, LOOK.replace("0.2deg", "40deg") + SKY + ball, samples=512, size=(8, 8))
     assert found[:3] == pytest.approx(1.0, abs=0.02)
 
 
@@ -62,11 +62,11 @@ def test_a_density_by_a_formula_has_its_integral(tmp_path: Path) -> None:
     assert seen(tmp_path, LOOK + SKY + ball, samples=4096)[:3] == pytest.approx(np.exp([-0.5, -1, -1.5]), abs=6e-3)
 
 
-@pytest.mark.parametrize("block", ["scale(2)", "scale([1, 1, 3])", "rotate(y: 90deg)", "translate([0, 0, -7])"])
+@pytest.mark.parametrize("block", ["scale(2)", "scale([1, 1, 3])", "rotate([0, 90deg, 0])", "translate([0, 0, -7])"])
 def test_a_density_moves_with_its_shape(tmp_path: Path, block: str) -> None:
     """The formula has the frame of the shape, the coefficients are per metre of the world."""
     length = {"scale(2)": 2.0, "scale([1, 1, 3])": 3.0}.get(block, 1.0)
-    wide = {"rotate(y: 90deg)": "x"}.get(block, "z")
+    wide = {"rotate([0, 90deg, 0])": "x"}.get(block, "z")
     text = f"{block} {{ sphere(1, medium: medium(absorption: 0.5, density: |x, y, z| abs({wide}))) }}\n"
     found = seen(tmp_path, LOOK.replace("0, 0, 4]", "0, 0, 9]") + SKY + text, samples=4096)
     assert found[0] == pytest.approx(math.exp(-0.5 * length), abs=6e-3)
@@ -99,7 +99,7 @@ def test_the_sun_is_scattered_in_fog_once(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("wall", ["", "box(size: [40, 40, 2], center: [0, 0, -3], material: lambert(0))\n"])
 def test_a_point_light_is_scattered_in_fog_once(tmp_path: Path, wall: str) -> None:
-    text = LOOK.replace("2deg", "0.1deg") + wall + "point([0, 0.05, 0], intensity: 10)\n"
+    text = LOOK.replace("0.2deg", "0.1deg") + wall + "point([0, 0.05, 0], intensity: 10)\n"
     text += "fog(scattering: 0.0001, absorption: 0.0099, top: 1e6m, falloff: 0m, phase: 0)\n"
     t = np.linspace(0, 6 if wall else 600, 3_000_001)
     d = np.sqrt(0.05**2 + (4 - t) ** 2)
@@ -123,14 +123,14 @@ def test_three_nested_media(tmp_path: Path) -> None:
 
 def test_light_without_shadows_is_attenuated(tmp_path: Path) -> None:
     """A lamp that casts no shadow shines through 3 m of a medium on a wall."""
-    text = "camera(position: [0, 0, 0.5], look_at: [0, 0, 0], fov: 2deg)\n"
+    text = "camera(position: [0, 0, 0.5], look_at: [0, 0, 0], fov: 0.1deg)\n"
     text += "box(size: [9, 9, 1], center: [0, 0, -0.5], material: lambert(1))\n"
     text += "point([0, 0, 4], intensity: 16, shadows: false)\nsphere(0.75, center: [0, 0, 2], medium: medium(absorption: [1, 2, 3]))\n"
     assert seen(tmp_path, text, samples=16)[:3] == pytest.approx(np.exp(-1.5 * np.array([1, 2, 3])) / math.pi, rel=0.01)
 
 
 def test_shadows_of_media_are_coloured(tmp_path: Path) -> None:
-    text = "camera(position: [3, 0, 3], look_at: [0, 0, 0], fov: 2deg)\nbox(size: [9, 9, 1], center: [0, 0, -0.5], material: lambert(1))\n"
+    text = "camera(position: [3, 0, 3], look_at: [0, 0, 0], fov: 0.1deg)\nbox(size: [9, 9, 1], center: [0, 0, -0.5], material: lambert(1))\n"
     text += "directional(from: [0, 0, 1], irradiance: 3.14159265)\nsphere(0.5, center: [0, 0, 1], medium: medium(absorption: [1, 2, 3]))\n"
     assert seen(tmp_path, text, samples=64, bounces=0)[:3] == pytest.approx(np.exp(-np.array([1.0, 2, 3])), rel=0.02)
 
@@ -161,7 +161,7 @@ def test_a_half_space_reflects_by_the_h_function(tmp_path: Path, albedo: float, 
 @pytest.mark.parametrize("threads", [1, 3])
 def test_media_have_the_same_bits_on_any_number_of_threads(tmp_path: Path, threads: int) -> None:
     path = tmp_path / "a.scene"
-    text = LOOK.replace("2deg", "40deg") + SKY + "point([0, 1, 1], intensity: 3)\nplane(y: -1)\nfog(visibility: 20m)\n"
+    text = LOOK.replace("0.2deg", "40deg") + SKY + "point([0, 1, 1], intensity: 3)\nplane(y: -1)\nfog(visibility: 20m)\n"
     path.write_text(text + "sphere(1, medium: medium(#fff, 30cm, density: |x, y, z| 1 - z))\n", encoding="utf-8")
     one, other = (
         maquette.load(path).render(size=(70, 40), samples=4, denoise=False, threads=k).channels["rgba"] for k in (threads, 2)

@@ -41,7 +41,7 @@ class Form(IntEnum):
 
 
 class Row(NamedTuple):
-    """The columns of ir.Lights that an element gives. `strength` times `tint` times its argument `color` is the color."""
+    """The columns of ir.Lights that an element gives. `strength` times `tint` times `color` is the color."""
 
     kind: ir.LightKind
     strength: float
@@ -54,12 +54,14 @@ class Row(NamedTuple):
     cos_full: float = -1.0
     angle: float = 0.0
     image: int = -1
+    color: Color | None = None  # in place of the argument `color`
 
 
 class Lowering(Protocol):
     """What the functions that lower elements use of the scene. Points and directions of arguments are in the frame of a block."""
 
     block: np.ndarray  # (4, 4) to the world
+    has_unit: bool  # whether a strength of the element has a photometric unit
 
     def is_given(self, name: str) -> bool:
         """Whether the element has the argument."""

@@ -70,10 +70,10 @@ def picture(sun: F64, turbidity: float, ground: tuple[float, float, float]) -> N
     edges = np.sin(np.pi * (0.5 - np.arange(HEIGHT + 1) / HEIGHT))
     share = (2.0 * np.pi / WIDTH) * 0.5 * (np.maximum(edges[:-1], 0.0) ** 2 - np.maximum(edges[1:], 0.0) ** 2)  # cosine times solid angle
     level = np.einsum("h,hwc->c", share, rgb)  # irradiance of a level surface
-    rgb = rgb / max(float(level @ _LUMINANCE), 1e-300) * math.pi
+    rgb = rgb / max(float(level @ LUMINANCE), 1e-300) * math.pi
     # E · ρ / π, where E's luminance is π: the ground lies in the sun, too, and both together are about white
     rgb = np.where(up[..., None] > 0.0, rgb, np.array(ground))
     return np.concatenate([rgb, np.ones((HEIGHT, WIDTH, 1))], axis=-1).astype(np.float32)
 
 
-_LUMINANCE = np.array([0.2126729, 0.7151522, 0.0721750])
+LUMINANCE = np.array([0.2126729, 0.7151522, 0.0721750])  # of linear Rec.709

@@ -39,7 +39,7 @@ class _Lowering:
     """What the functions of lights.contract.Element use; see lights.contract.Lowering."""
 
     def __init__(self, lowering: Context, element: Element, block: np.ndarray) -> None:
-        self._lowering, self._element, self.block = lowering, element, block
+        self._lowering, self._element, self.block, self.has_unit = lowering, element, block, element.photometric
 
     unit, facing, rotation = staticmethod(transforms.unit), staticmethod(transforms.facing), staticmethod(transforms.rotation)
 
@@ -74,7 +74,8 @@ class _Lowering:
 
 def _add(lowering: Context, element: Element, row: Row) -> None:
     """Add the row of a light, and the shape of an area light without a profile."""
-    r, g, b = (c * row.strength * tint for c, tint in zip(element.args["color"], row.tint, strict=True))
+    color = element.args["color"] if row.color is None else row.color
+    r, g, b = (c * row.strength * tint for c, tint in zip(color, row.tint, strict=True))
     kind = LIGHTS[row.kind]
     if row.kind in SURFACES and kind.profile is None and row.frame is not None:
         add_area_light(lowering, element, row.kind, row.frame, row.size, (r, g, b))

@@ -35,7 +35,8 @@ def of_lights(tables: ir.Tables) -> float:
         image = int(lights.image[row])
         first, width, height = int(tables.images.first[image]), int(tables.images.width[image]), int(tables.images.height[image])
         rows = tables.images.texels[first : first + width * height, :3].reshape(height, width, 3).mean(axis=1)
-        solid = np.cos(np.pi * (0.5 - (np.arange(height) + 0.5) / height))
+        latitude = np.pi * (0.5 - (np.arange(height) + 0.5) / height)
+        solid = np.cos(latitude) * ((latitude > 0.0) | (not rows[: height // 2].any()))  # what is below the horizon reflects this light
         color[row] *= (rows * solid[:, None]).sum(axis=0) / solid.sum()
     total = TO_XYZ @ color.sum(axis=0)
     if not total.sum() > 0.0:

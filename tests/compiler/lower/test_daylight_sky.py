@@ -62,11 +62,39 @@ def test_its_picture_is_a_dome(compiled):
 
 
 @pytest.mark.parametrize(
+    ("text", "above", "below"),
+    [
+        ("sky(luminance: 3000nit, color: #0000ff)", [0, 0, 3000], [0.2 * 0.072175 * 3000] * 3),  # grey, not blue
+        ("sky(luminance: 3000nit, color: #0000ff, ground: #00ff00)", [0, 0, 3000], [0, 0.072175 * 3000, 0]),
+        ("sky(luminance: 2, ground: rgb(0.1, 0.2, 0.3))", [2, 2, 2], [0.2, 0.4, 0.6]),
+    ],
+)
+def test_under_an_even_sky_lies_ground_that_it_lights(compiled, text, above, below):
+    """Luminance of matt ground: albedo × illuminance / π, and the illuminance of level ground under an even sky is π × its luminance."""
+    tables = compiled(text + "\nsphere(1)\ncamera([0, 1, 5])\n").tables
+    assert tables.lights.kind.tolist() == [ir.LightKind.DOME]
+    light = tables.images.texels[:, :3] * tables.lights.color[0]
+    assert light[: len(light) // 2] == pytest.approx(np.tile(np.array(above, float), (len(light) // 2, 1)), rel=1e-5)
+    assert light[len(light) // 2 :] == pytest.approx(np.tile(np.array(below, float), (len(light) // 2, 1)), rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "sky(luminance: 3000nit)",  # without a color: for measurements
+        "sky(luminance: 0.5, color: #87b5e0)",  # without a unit
+        "sky(luminance: 3000nit, color: rgb(0.4, 0.4, 0.4), ground: #ffffff)",  # white ground has the luminance of the sky
+    ],
+)
+def test_a_sky_is_even_all_around(compiled, text):
+    assert compiled(text + "\nsphere(1)\ncamera([0, 1, 5])\n").tables.lights.kind.tolist() == [ir.LightKind.SKY]
+
+
+@pytest.mark.parametrize(
     ("text", "message"),
     [
         ("sky(turbidity: 3, sun: [1, -1, 0])", "the sun of this sky stands below the horizon"),
         ("sky(sun: [1, 1, 0])", "an even sky has no `sun`"),
-        ("sky(ground: #ffffff)", "an even sky has no `ground`"),
     ],
 )
 def test_what_cannot_be(said, text, message):

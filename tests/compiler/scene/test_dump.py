@@ -44,9 +44,11 @@ materials 2
 specular=[0.04 0.04 0.04] shininess=80 ior=1.5
 textures 1
   0: checker size=0.5 color_a=[0.806952258 0.806952258 0.806952258] color_b=[0.254152094 0.254152094 0.254152094]
+images 1
+  0: "even sky" first=0 width=16 height=256 #ed8f363afa
 lights 2
   0: sun color=[20000 20000 20000] direction=[0.371390676 0.742781353 0.557086015] angle=0.00462512252
-  1: sky color=[726.843367 1386.231 2236.21263]
+  1: dome color=[3000 3000 3000] image=0
 cameras 1
   0: transform=2 extent=0.315298789
 """

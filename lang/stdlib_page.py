@@ -55,6 +55,8 @@ STAGES = {
     + "sphere(3cm, center: [0, 3cm, 0], material: principled(#b03024, roughness: 0.3))\n"
     "for (k in 1..12) {{ box([0.3, 2, 0.3], center: [2, 1, 1 - 2 * k], material: lambert(#7d93a8)) }}\n",
     "room": "{}\n",
+    "furniture": "{}\nplane(y: 0, material: lambert(#b7ad9c))\nplane(normal: [0, 0, 1], point: [0, 0, -1.1], material: lambert(#dcd8cf))\n"
+    "sun(from: [-1, 2.2, 1.6], illuminance: 2.2, angle: 12deg)\nsky(color: #e8eef5, luminance: 0.6)\n",
 }  # fmt: skip
 # Parts of a room by themselves: what is built around them.
 _IN_ROOM = 'room.box(size: [4, 2.6, 4], floor: lambert(#a58a6a))\ncamera(position: [0, 1.4, 5], look_at: [0, 1.1, 0], fov: 40deg)\n'
@@ -66,6 +68,14 @@ _ROOM_STAGES = {
     "camera(position: [4, 2.6, 5.5], look_at: [0, 1, 0], fov: 34deg)\n",
     "sweep": "{}\nsphere(0.5, center: [0, 0.5, 0], material: plastic(#b8402a))\nroom.panel(size: [2, 2], position: [-1, 4, 2])\n"
     "sky(luminance: 15nit)\ncamera(position: [0, 1.6, 7], look_at: [0, 1, 0], fov: 34deg)\n",
+    "wall": "group(material: lambert(#d9d5cd)) {{ {} }}\nplane(y: 0, material: lambert(#a58a6a))\n"
+    "sun(from: [0.5, 1, -1], illuminance: 60klx)\nsky(luminance: 9000nit, color: #e3ebf5)\n"
+    "camera(position: [1.2, 1.6, 4.6], look_at: [0, 1.2, 0], fov: 40deg)\n",
+    "window_frame": "{}\nroom.wall(openings: [[0, 80cm, 1.2, 1.4]])\nplane(y: 0, material: lambert(#a58a6a))\n"
+    "sky(luminance: 9000nit, color: #e3ebf5)\ncamera(position: [0.8, 1.6, 3], look_at: [0, 1.4, 0], fov: 40deg)\n",
+    "with_windows": "{}\nsun(from: [-3, 2, 0.4], illuminance: 60klx)\nsky(luminance: 6000nit, color: #cfe0ff)\n"
+    "camera(position: [1.9, 1.4, 2.3], look_at: [-1, 1.1, -0.6], fov: 62deg)\n",
+    "curtains": "{}\n" + _IN_ROOM + "room.panel()\nsky(luminance: 10nit)\n",
     "table_lamp": "{}\nplane(y: 0, material: lambert(#8a6a4a))\nsky(luminance: 12nit)\n"
     "camera(position: [0.1, 0.5, 1.6], look_at: [0, 0.25, 0], fov: 30deg)\n",
     "books": "{}\nplane(y: 0, material: lambert(#8a6a4a))\n" + _SUN
@@ -77,6 +87,30 @@ _ROOM_STAGES = {
     ),
     "picture": "{}\n" + _IN_ROOM + "sky(luminance: 10nit)\n",
 }  # fmt: skip
+
+# Where the camera of a piece of furniture stands, and the height of what it looks at.
+_FURNITURE_VIEWS = {
+    "sofa": ([0.9, 1.5, 4.4], 0.4),
+    "armchair": ([0.7, 1.2, 2.6], 0.4),
+    "cushion": ([0.3, 0.6, 1.2], 0.07),
+    "stool": ([0.4, 0.9, 1.8], 0.33),
+    "shell_chair": ([0.9, 1.1, 2.1], 0.4),
+    "bed": ([1.7, 2.1, 4.6], 0.4),
+    "nightstand": ([0.6, 0.9, 1.6], 0.24),
+    "drawers": ([0.9, 1.2, 2.8], 0.4),
+    "wardrobe": ([1.2, 1.6, 5.2], 1.1),
+    "bookshelf": ([1.0, 1.5, 4.6], 1.0),
+    "wall_shelf": ([0.5, 1.7, 2.4], 1.55),
+    "coffee_table": ([0.5, 1.1, 2.2], 0.2),
+    "dining_table": ([1.2, 1.6, 3.6], 0.4),
+    "rug": ([1, 2.2, 3.8], 0),
+    "plant": ([0.4, 1.1, 2.9], 0.55),
+    "fruit_bowl": ([0.1, 0.35, 0.75], 0.07),
+    "kitchen_counter": ([1.0, 2.0, 4.4], 0.5),
+    "tap": ([0.35, 0.35, 0.9], 0.16),
+    "wall_cupboards": ([0.8, 1.7, 3.8], 1.8),
+    "fridge": ([1.0, 1.4, 4.2], 0.92),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +129,9 @@ class Entry:
         stage = STAGES[self.file]
         if self.file == "room":
             stage = _ROOM_STAGES.get(self.name, "{}\n" + _IN_ROOM)
+        elif self.file == "furniture":
+            position, height = _FURNITURE_VIEWS.get(self.name, ([1.2, 1.4, 3.2], 0.4))
+            stage += f"camera(position: {position}, look_at: [0, {height}, 0], fov: 34deg)\n"
         used = dict.fromkeys(name for name in (self.file, "room") if name != "prelude" and f"{name}." in stage.format(self.example))
         unit = "unit mm\n" if stage.startswith("unit mm\n") else ""
         return unit + "".join(f'use "std/{name}"\n' for name in used) + stage.removeprefix(unit).format(self.example)

@@ -373,7 +373,7 @@ def _unplaceable(value: Value, value_kind: str, node: ast.Node) -> tuple[str, st
 
 def _parameter_hint(name: str, text: str | None) -> str:
     """The hint with the parameters of a library function, as its source text declares them."""
-    signature = re.search(rf"^let {re.escape(name.rpartition('.')[2])}\(([^)]*)\)", text or "", re.MULTILINE)
+    signature = re.search(rf"^let {re.escape(name.rpartition('.')[2])}\((.*?)\) =", text or "", re.MULTILINE | re.DOTALL)
     return f"it takes {' '.join(signature[1].split())}" if signature else ""
 
 

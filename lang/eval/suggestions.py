@@ -215,8 +215,10 @@ LIBRARY = {
     "snow charcoal skin leather cherry maple pine walnut nylon car_paint chocolate obsidian terrazzo tungsten ruby emerald amber honey",
     "lights": "softbox three_point studio daylight overcast moonlight rim_only ring_light golden_hour blue_hour candle",
     "cameras": "isometric product standing turntable full_frame portrait telephoto macro",
-    "room": "panel bulb window downlight standing_lamp table_lamp table picture chair books",
-    "shapes": "crate slab stairs column arch roof vessel cushion tetrahedron octahedron dodecahedron icosahedron knot chain mountains",
+    "room": "panel bulb window downlight standing_lamp table_lamp pendant ceiling_lamp table picture chair books curtains wall",
+    "furniture": "sofa armchair cushion stool bed nightstand drawers wardrobe bookshelf rug plant fridge tap",
+    "shapes": "crate slab stairs column arch roof vessel rounded_box soft_box pillow tetrahedron octahedron dodecahedron "
+    "icosahedron knot chain mountains",
     "mechanics": "gear thread hex_bolt hex_nut washer spring bearing pulley",
     "surfaces": "parametric revolved voxels",
     "profiles": "circle arc ellipse rectangle slot regular star",

@@ -105,7 +105,7 @@ def arguments(parameters: tuple[ast.Parameter, ...], numbers: list[float], unit:
             given.append(f"{name}: {COUNTS[name]}")
         elif name in CLOSURES and default is None:
             given.append(f"{name}: {CLOSURES[name].format(bare(), bare(), bare())}")
-        elif isinstance(default, ast.ListLiteral) and default.items and p.name.id not in ("degree", "into"):
+        elif isinstance(default, ast.ListLiteral) and default.items and p.name.id not in ("degree", "into", "rotate"):
             given.append(f"{name}: {literal(default)}")
         elif isinstance(default, ast.Number) and (default.unit in UNITS | {"cm": 0.01} or name == "size"):
             given.append(f"{name}: {bare()}")

@@ -38,6 +38,7 @@ SECTIONS = {
     "material": "Materials",
     "medium": "Media",
     "fog": "Media",
+    "volume": "Media",
     "texture": "Textures",
     "camera": "Camera",
     "meter": "Meters",

@@ -12,6 +12,9 @@ from ...lang.formula_graph import Formula
 from ...materials import MATERIALS
 from ...shapes import SHAPES
 from .. import ir
+from ..importers import voxels
+from ..importers.images import ImageError
+from ..io.sandbox import FileError
 from ..mesh import built_geometry
 from ..mesh.topology import merged
 from ..scene.row_records import (
@@ -78,7 +81,7 @@ class Media:
         alike = all(np.array_equal(piece.matrix, pieces[0].matrix) for piece in pieces)
         bounds = [self._lowering.builder.shape(piece.geometry)[2] for piece in pieces]
         box = np.stack([np.min([b[0] for b in bounds], axis=0), np.max([b[1] for b in bounds], axis=0)])
-        if isinstance(medium.args["density"], Formula) and not np.isfinite(box).all():
+        if isinstance(medium.args["density"], Formula | Element) and not np.isfinite(box).all():
             self._lowering.error(
                 shape, "this shape has no end, and its medium a density by a formula", "give the medium to a box or another bounded shape"
             )
@@ -122,7 +125,7 @@ class Media:
         if data is None:
             return -1
         data = replace(data, priority=priority)
-        if isinstance(element.args["density"], Formula):
+        if isinstance(element.args["density"], Formula | Element):
             texture, frame = self._density(element), builder.transform(inside.matrix @ piece.matrix)
             if texture < 0 or frame < 0:
                 return -1
@@ -134,10 +137,24 @@ class Media:
         """The row of the texture of a density; -1 after a diagnostic."""
         if id(element) not in self._textures:
             formula, builder = element.args["density"], self._lowering.builder
+            if isinstance(formula, Element):
+                self._textures[id(element)] = self._voxels(formula)
+                return self._textures[id(element)]
             tape = self._lowering.materials.pattern_tape(element, formula, color=False, unit=formula.unit, what="density")
             texture = None if tape is None else TextureData(ir.TextureKind.FORMULA, tape=builder.tape(tape), channel=-1)
             self._textures[id(element)] = -1 if texture is None else builder.texture(texture, element.place)
         return self._textures[id(element)]
+
+    def _voxels(self, element: Element) -> int:
+        """The row of a texture of voxels; -1 after a diagnostic."""
+        lowering, args = self._lowering, element.args
+        try:
+            path = lowering.files.find(args["file"], lowering.folder(element), "file of voxels")
+            image, slices = voxels.row(lowering.builder, path, args["slices"], element.place)
+        except (FileError, ImageError) as failure:
+            lowering.error(element, failure.message, failure.hint)
+            return -1
+        return lowering.builder.texture(TextureData(ir.TextureKind.VOXELS, image, channel=0, slices=slices), element.place)
 
     # --- coefficients ---
 

@@ -356,7 +356,7 @@ def _results(result: Value) -> tuple[tuple[Value, ...], str]:
     raise Mistake(f"a formula gives a number, a truth value, a list or a colour, not {kind(result)}")
 
 
-_USES = {"material": "sphere(material: …)", "medium": "sphere(medium: …)", "texture": "lambert(…)"}
+_USES = {"material": "sphere(material: …)", "medium": "sphere(medium: …)", "volume": "medium(density: …)", "texture": "lambert(…)"}
 
 
 def _unplaceable(value: Value, value_kind: str, node: ast.Node) -> tuple[str, str]:

@@ -47,7 +47,7 @@ def _one(value: Value, place: Any, arg: Arg, dimension: Dimension, example: str)
 
 
 def density(value: Value, place: Any, arg: Arg) -> Any:
-    """A number from 0, or the formula of a function or pattern. Raises Mistake."""
+    """A number from 0, the formula of a function or pattern, or a volume. Raises Mistake."""
     if isinstance(value, float):
         if value < 0:
             raise Mistake(f"`{arg.name}` must be 0 or more, got {units.show(value)}")
@@ -56,8 +56,10 @@ def density(value: Value, place: Any, arg: Arg) -> Any:
         return place.scope.evaluator.formula(value, place.scope, place.span)
     if isinstance(value, Element) and value.kind == "pattern":
         return value.args["formula"]
+    if category(value) == "volume":
+        return value
     hint = "a picture has no depth: write a formula |x, y, z| …" if category(value) == "texture" else "write |x, y, z| …, or a number"
-    raise Mistake(f"expected number, formula |x, y, z| … or pattern, got {describe(value)}", hint)
+    raise Mistake(f"expected number, formula |x, y, z| …, pattern or volume, got {describe(value)}", hint)
 
 
 def medium(value: Value, place: Any, arg: Arg) -> Any:

@@ -30,7 +30,7 @@ TYPES = {
     "medium": "a medium",
     "coefficient": "per metre in any file: a plain number, 1 / length, a colour, or a list of three for red, green and blue",
     "emission": "radiance per metre in any file: a plain number, nit / length, a colour, or a list of three for red, green and blue",
-    "density": "a plain number, a formula |x, y, z| … or a pattern",
+    "density": "a plain number, a formula |x, y, z| …, a pattern or a volume",
     "point": "three lengths",
     "size3": "three lengths, or one for all",
     "size2": "two lengths, or one for both",

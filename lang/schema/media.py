@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .argument_types import Arg, Entry
+from .argument_types import REQUIRED, Arg, Entry
 
 
 def _coefficients(instead: str) -> tuple[Arg, ...]:
@@ -33,7 +33,7 @@ MEDIUM = Entry(
         *_coefficients("`color` and `depth`"),
         Arg("emission", "emission", None, "radiance that it emits per metre of its depth", minimum=0.0, keyword=True),
         _phase(0.0),
-        Arg("density", "density", None, "factor of all coefficients; a formula of the point in the frame of the shape", keyword=True),
+        Arg("density", "density", None, "factor of them all: a formula of the point in the frame of the shape, or volume(…)", keyword=True),
         Arg(
             "priority", "number", None, "where media overlap, the one of the highest priority counts; default: that of its glass, or 0",
             minimum=0.0, keyword=True,
@@ -63,5 +63,15 @@ FOG = Entry(
 )  # fmt: skip
 INSIDE = Arg("medium", "medium", None, "the medium inside of it, if it is closed; inherited from the enclosing block", keyword=True)
 """The argument of shapes that they are filled by."""
-ENTRIES = (MEDIUM, FOG)
+VOLUME = Entry(
+    "volume",
+    "volume",
+    "densities in the box around a shape, interpolated between the middles of voxels",
+    (
+        Arg("file", "string", REQUIRED, "an array of numpy (.npy), array[z, y, x]; or a picture of the slices, from low to high z"),
+        Arg("slices", "int", None, "slices of a picture, below each other", minimum=1, keyword=True),
+    ),
+    example='box(2, medium: medium(scattering: 5, density: volume("assets/smoke.npy")))',
+)
+ENTRIES = (MEDIUM, FOG, VOLUME)
 """The elements that are media."""

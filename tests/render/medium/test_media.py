@@ -130,7 +130,8 @@ def test_light_without_shadows_is_attenuated(tmp_path: Path) -> None:
 
 
 def test_shadows_of_media_are_coloured(tmp_path: Path) -> None:
-    text = "camera(position: [3, 0, 3], look_at: [0, 0, 0], fov: 0.1deg)\nbox(size: [9, 9, 1], center: [0, 0, -0.5], material: lambert(1))\n"
+    text = "camera(position: [3, 0, 3], look_at: [0, 0, 0], fov: 0.1deg)\n"
+    text += "box(size: [9, 9, 1], center: [0, 0, -0.5], material: lambert(1))\n"
     text += "directional(from: [0, 0, 1], irradiance: 3.14159265)\nsphere(0.5, center: [0, 0, 1], medium: medium(absorption: [1, 2, 3]))\n"
     assert seen(tmp_path, text, samples=64, bounces=0)[:3] == pytest.approx(np.exp(-np.array([1.0, 2, 3])), rel=0.02)
 

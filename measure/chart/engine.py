@@ -34,6 +34,7 @@ from .contestant import Contestant, Step
 
 MIN_RUNS, TARGET_RUNS = 5, 16  # runs of a setting: quartiles need the first, separation of bias and noise the second
 ESTIMATE_SHARE = 0.2  # of the budget that is left, for the first estimate, and for the picture before it that loads kernels
+SHORT_SHARE = 0.25  # of the budget that is left, for short runs beside a reference
 CHART_FACTOR, CHART_START = 1.5, 5.0  # times these samples, and seconds more, that such a chart takes: first renders, measuring pictures
 CHART_SAMPLES = 16  # samples of a setting at least, that a chart with a reference has time for
 WRITING = Seconds(1e-6, 1e-6)  # of a pixel of a picture file
@@ -114,6 +115,8 @@ class _Measurement:
         self.settings = _with_size(self.scene, replace(wanted.settings, backend=None, threads=runs.threads(wanted.settings)))
         common = registry.common_overrides(planner.make_plan(self.scene, self.settings)) if wanted.peers else {}
         self.light = reference_light.choose(self.scene, self.settings, common)
+        self.before = 0.0  # seconds before short runs and the reference
+        self.short: short_runs.ShortRuns | None = None
         self.left_out: dict[str, str] = {}
         self.lacking: set[tuple[str, str]] = set()  # backend and name of the sweeps that are known to lack light
         self.versions = runs.versions()
@@ -136,20 +139,23 @@ class _Measurement:
     def _measured(self) -> Chart:
         plan = self.light.plan(self.scene)
         try:
-            self.guess = self._first_estimate()
+            self.guess, self.before = self._first_estimate(), self.wanted.budget - self.budget.left()
             if not self._reference_fits():
                 return self._by_short_runs(plan)
+            if self.guess is not None:
+                self._draw_short_runs(self.budget.part(SHORT_SHARE))
             contestants = self._contestants(plan)
             starts = [(contestant, *pair) for contestant in contestants for pair in zip(contestant.sweeps, contestant.first, strict=True)]
             sweeps = [_SweepProgress(*start, number) for number, start in enumerate(starts)]
             self.lacking = {(active.sweep.backend, active.sweep.name) for active in sweeps if active.sweep.light}
             against = self._reference()
-        except runs.Cancelled:
+        except (runs.Cancelled, NothingMeasured) as reason:
+            if self.short is not None and self.short.fixed:
+                return self._short_chart(self.short, plan)
             if self.cancel.is_set():
                 raise NothingMeasured("interrupted before anything was measured") from None
-            raise NothingMeasured(self._too_short(), self._answers(), plan["size"]) from None
-        except NothingMeasured as nothing:
-            raise NothingMeasured(str(nothing), self._answers(), plan["size"]) from None
+            why = str(reason) if isinstance(reason, NothingMeasured) else self._too_short()
+            raise NothingMeasured(why, self._answers(), plan["size"]) from None
         self.exposure = image_files.auto_exposure(against.rgb) if plan["exposure"] == "metered" else float(plan["exposure"])
         self.floor = summary.reference_uncertainty(against, self.exposure)
         try:
@@ -209,24 +215,34 @@ class _Measurement:
 
     # --- without a reference ------------------------------------------------------------------------------------------------
 
+    def _draw_short_runs(self, deadline: Deadline) -> None:
+        """Draw short runs until a deadline. Raises runs.Cancelled."""
+        self.short = short_runs.ShortRuns(self.scene, self.light, self.guess, self.cancel)
+        self.short.draw(cost_model.targets(self.wanted.target), deadline, self._report_progress)
+
     def _by_short_runs(self, plan: planner.Plan) -> Chart:
         """The chart of runs that tell their own errors. Raises NothingMeasured if the budget has no time for them, runs.Cancelled."""
         assert self.guess is not None
-        spent, drawn = self.wanted.budget - self.budget.left(), short_runs.ShortRuns(self.scene, self.light, self.guess, self.cancel)
-        least, full = spent + drawn.needed() / short_runs.FIXED_SHARE, spent + self._needed(self.guess)
-        try:
-            drawn.draw(cost_model.targets(self.wanted.target), self.budget, self._report_progress)
-        except runs.Cancelled:
-            if not drawn.fixed:
-                raise
-        if not drawn.fixed:
-            whole, against = formatting.seconds(max(least, self.wanted.budget)), formatting.seconds(full)
+        self._draw_short_runs(self.budget)
+        assert self.short is not None
+        if not self.short.fixed:
+            least = max(self.before + self.short.needed() / short_runs.FIXED_SHARE, self.wanted.budget)
+            whole, against = formatting.seconds(least), formatting.seconds(self.before + self._needed(self.guess))
             small = "small pictures" if self.guess.denoised else "small pictures, without denoising"
             raise NothingMeasured(
                 f"this is estimated from {small}. Runs of the whole picture take about {whole}, and a chart against a reference "
                 f"about {against}, of the {self.wanted.budget:g} s there are: give a longer --budget or a smaller --size"
             )
-        self.left_out["a reference picture"] = f"it takes about {formatting.seconds(full)}: give a --budget of so much"
+        return self._short_chart(self.short, plan)
+
+    def _short_chart(self, drawn: short_runs.ShortRuns, plan: planner.Plan) -> Chart:
+        """The chart of short runs, which says what it lacks."""
+        assert self.guess is not None
+        full = self.before + self._needed(self.guess)
+        more = f"it takes about {formatting.seconds(full)}: give a --budget of so much"
+        self.left_out["a reference picture"] = (
+            "it was interrupted" if self.cancel.is_set() else more if full > self.wanted.budget else self._ended()
+        )
         for backend in self.wanted.backends:
             if backend != "ray":
                 self.left_out[backend] = self._lacks(backend) or "its bias is unknown without a reference"
@@ -235,8 +251,7 @@ class _Measurement:
             self.left_out[self.wanted.metric] = "it takes a reference"
         given = (("--keep", self.wanted.keep), ("--seeds", self.wanted.seeds), ("--repeats", self.wanted.repeats))
         self.left_out.update({name: "it is for charts with a reference" for name, value in given if value is not None})
-        answers = cost_model.answers(drawn.ways(self._start(plan)), self.wanted.target)
-        return self._charted(drawn.curves(), plan, "relmse", short_runs.REFERENCE, answers, drawn.basis)
+        return self._charted(drawn.curves(), plan, "relmse", short_runs.REFERENCE, self._answers(), drawn.basis)
 
     def _start(self, plan: planner.Plan) -> Seconds:
         """The time of a command beside drawing: its process, reading the scene, loading kernels, writing the picture."""
@@ -256,12 +271,14 @@ class _Measurement:
         return f"nothing was measured within {self.wanted.budget:g} s: give a longer --budget, such as {longer:g}s, or a smaller --size"
 
     def _answers(self, curves: Sequence[Curve] = ()) -> tuple[Answer, ...]:
-        """The answers by measured curves, and by the first estimate where ray has none."""
+        """The answers by the short runs of ray, else by measured curves, else by the first estimate; of other backends by curves."""
         guess, plan = self.guess, self.light.plan(self.scene)
+        drawn = self.short.ways(self._start(plan)) if self.short is not None else []
         limit = estimate.limit_of(guess.cut, int(plan["bounces"])) if guess is not None else estimate.Limit()
         start, names = self._start(plan), {"ray": estimate.way_of(plan)}
         known = [curve for curve in curves if (curve.backend, curve.knob) not in self.lacking or curve.points[-1].bias]
-        ways = cost_model.ways_of(known, names, start, limit.bias, limit.reason)
+        known = [curve for curve in known if not (drawn and curve.backend == "ray")]
+        ways = drawn + cost_model.ways_of(known, names, start, limit.bias, limit.reason)
         if guess is not None and not any(way.setting.backend == "ray" for way in ways):
             ways += guess.ways(setting_sweeps.of_full_light(self.scene, self.light), start, limit)
         return cost_model.answers(ways, self.wanted.target)
@@ -373,10 +390,13 @@ class _Measurement:
             elif active.steps:
                 self.left_out[active.name] = f"its pictures do not have what `{metric}` measures"
             self._note_skipped(active)
+        if not curves and self.short is not None and self.short.fixed:
+            return self._short_chart(self.short, plan)
         if not curves:
             reasons = "; ".join(f"{name}: {why}" for name, why in self.left_out.items()) or self._too_short()
             raise NothingMeasured(reasons, self._answers(), plan["size"])
-        basis = "fitted to what was measured against the reference"
+        others = "fitted to what was measured against the reference"
+        basis = self.short.basis if self.short is not None and self.short.fixed else others
         return self._charted(tuple(curves), plan, metric, against.how, self._answers(curves), basis)
 
     def _charted(

@@ -1,4 +1,4 @@
-"""Short runs of the ray backend at full size, to which the model of the answers is fitted, where there is no time for a reference.
+"""Short runs of the ray backend at full size, to which the model of the answers is fitted; a chart where no reference fits into the budget.
 
 Each run is drawn as a command would draw it. Its picture tells its own error, from two halves of its samples, before denoising and after.
 Fixed samples come first, four times as many each time, then an error as small as there is time for, with adaptive sampling.

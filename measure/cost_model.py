@@ -104,7 +104,9 @@ class Way:
         power, unsure = self.power()
         before, last = known[0], known[-1]
         if wanted >= before[1]:
-            count = before[0] if before[1] == 0.0 or self.kind != ERROR else before[0] * (before[1] / wanted) ** (1.0 / USUAL)
+            margin = (before[1] / wanted) ** (1.0 / USUAL)  # of the first samples, which suffice
+            count = before[0] * margin if self.kind == ERROR else before[0]
+            return max(count, fewest), max(count / factor, fewest), max(before[0] * margin * factor, count, fewest)
         elif wanted < last[1]:
             growth = last[1] / wanted
             count = last[0] * growth ** (1.0 / power)

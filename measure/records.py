@@ -189,6 +189,8 @@ class Chart:
 
 def _written(name: str, value: Any) -> str:
     """An option's value as the command line reads it."""
+    if name == "error":
+        return f"{100.0 * value:g}%"
     if name == "size":
         return "x".join(map(str, value))
     if isinstance(value, tuple | list):

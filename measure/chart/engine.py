@@ -198,13 +198,11 @@ class _Measurement:
         return contestants
 
     def _first_estimate(self) -> estimate.Estimate | None:
-        """The estimate of small pictures; None where they have no noise, or without ray. Raises NothingMeasured, runs.Cancelled."""
+        """The estimate of small pictures; None without ray. Raises NothingMeasured, runs.Cancelled."""
         if "ray" not in self.wanted.backends:
             return None
         seconds = max(ESTIMATE_SHARE * self.budget.left(), 0.0)
         guess = self.guess = estimate.make(self.scene, self.light, self.cancel, seconds)
-        if guess is None:
-            return None
         if not math.isfinite(guess.error):
             raise NothingMeasured(self._too_short())
         return guess

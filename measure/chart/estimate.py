@@ -33,6 +33,7 @@ SPREAD = 1.3  # factor of the samples, either way, beyond the disagreement of bo
 ALONE, TINY_ALONE = 2.0, 4.0  # in place of that disagreement, where one picture was drawn, and where that was the tiny one
 LOADING = 3.0  # CPU seconds in which the first picture loads kernels
 CLEAR = 0.1  # seconds that one picture takes longer than another, from which on other work on the machine hides it no more
+LEAST = 1e-6  # √relMSE of a picture without noise: pictures are float32
 STRAY = 4.0  # most of the factor by which stray bright samples widen it
 KERNELS = 0.3  # seconds of loading kernels, where this process has compiled them
 DENOISED_DOUBT = 3.0  # factor of the samples of denoised pictures: small ones have more detail in a pixel than the whole
@@ -110,8 +111,8 @@ class _Picture(NamedTuple):
     denoising: Seconds
 
 
-def make(scene: ir.Scene, light: ReferenceLight, cancel: threading.Event, seconds: float = math.inf) -> Estimate | None:
-    """The estimate of a scene, in so many seconds after the first picture; None where the pictures have no noise.
+def make(scene: ir.Scene, light: ReferenceLight, cancel: threading.Event, seconds: float = math.inf) -> Estimate:
+    """The estimate of a scene, in so many seconds after the first picture.
 
     The first picture takes as long in CPU seconds, or LOADING if that is more: other work on the machine does not shorten it.
     Raises runs.Cancelled.
@@ -131,8 +132,8 @@ def make(scene: ir.Scene, light: ReferenceLight, cancel: threading.Event, second
                 raise runs.Cancelled
             if picture is None or picture.rays < picture.pixels * samples:
                 break
-            if picture.error is None or not picture.error > 1e-6:
-                return None
+            if picture.error is None:
+                break
             if not pictures:
                 limit = Deadline(seconds)
             pictures.append(picture._replace(tiny=size != small))
@@ -186,7 +187,7 @@ def _fitted(plan: Plan, pictures: list[_Picture]) -> Estimate:
 
 
 def _of_one_sample(picture: _Picture) -> float:
-    return (picture.error or 1e-6) * math.sqrt(picture.samples)
+    return max(picture.error or 0.0, LEAST) * math.sqrt(picture.samples)
 
 
 def way_of(plan: Plan) -> str:

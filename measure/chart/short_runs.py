@@ -24,6 +24,7 @@ from . import estimate, runs, setting_sweeps
 from .reference_light import ReferenceLight
 
 FIRST, FACTORS, MOST = 4, (4, 2), 4096  # samples of the first run of fixed samples, and times more each time, as there is time
+BLACK = 64  # samples up to which a picture without any noise may be one that has found no light yet
 FIXED_SHARE = 0.5  # of the time that is left, for the next run of fixed samples
 ADAPTIVE_SHARES = (0.25, 0.5)  # of the time that is left, for the runs until an error
 LEAST_ADAPTIVE = 1.2  # times the error of the last run with adaptive sampling, that the next one must be smaller by
@@ -66,7 +67,7 @@ class ShortRuns:
                 return
             self.fixed.append(run)
             progress()
-            if run.error is None or run.error <= least:
+            if run.error is None or (run.error <= least and (run.error > 0.0 or samples >= BLACK)):
                 break
             counts = tuple(factor * samples for factor in FACTORS)
         for share in ADAPTIVE_SHARES if ERROR in self.settings and self.fixed else ():

@@ -70,11 +70,8 @@ def first_line(answers: Sequence[Answer]) -> str:
 def _way(answer: Answer) -> str:
     if answer.setting is None:
         return answer.why
-    return f"{answer.how}, about {formatting.seconds(answer.seconds)} ({_between(answer)})"
-
-
-def _between(answer: Answer) -> str:
-    return f"{formatting.seconds(answer.least)} to {formatting.seconds(answer.most)}"
+    time, least, most = map(formatting.seconds, (answer.seconds, answer.least, answer.most))
+    return f"{answer.how}, about {time}" + (f" ({least} to {most})" if least != most else "")
 
 
 def commands(answers: Sequence[Answer], scene: str, size: tuple[int, int]) -> list[tuple[str, ...]]:

@@ -70,7 +70,7 @@ def test_a_chart_its_numbers_and_the_table(folder: Path, asked: list[Any]) -> No
         out
         == """\
 2 %: ray, 250 samples, about 2.5 s (2.1 s to 2.8 s); 5 %: raster, 10 samples, about 90 ms (81 ms to 94 ms); \
-10 %: raster, 4 samples, about 60 ms (60 ms to 63 ms); 1 %: ray, 970 samples, about 9.7 s (8.4 s to 11 s)
+10 %: raster, 4 samples, about 60 ms; 1 %: ray, 970 samples, about 9.7 s (8.4 s to 11 s)
 error  time    command
 2 %    2.5 s   maquette render a.scene --size 400x300 --backend ray --samples 250
 5 %    90 ms   maquette render a.scene --size 400x300 --backend raster --samples 10

@@ -109,9 +109,7 @@ class Model:
 def made(monkeypatch: pytest.MonkeyPatch, scene: ir.Scene, model: Model, seconds: float) -> estimate.Estimate:
     monkeypatch.setattr(render_scene, "draw", model.draw)
     light = reference_light.choose(scene, ir.Settings(size=(480, 320)))
-    found = estimate.make(scene, light, threading.Event(), seconds)
-    assert found is not None
-    return found
+    return estimate.make(scene, light, threading.Event(), seconds)
 
 
 def test_noise_and_time_of_a_known_renderer_are_found(monkeypatch: pytest.MonkeyPatch, scene: ir.Scene) -> None:
@@ -136,6 +134,13 @@ def test_the_time_of_the_first_picture_is_that_of_loading(monkeypatch: pytest.Mo
     assert (found.error, found.wrong, found.each, found.start) == pytest.approx((0.8, 4.0, 1e-3, 0.0))
 
 
+def test_pictures_without_noise_have_no_error(monkeypatch: pytest.MonkeyPatch, scene: ir.Scene) -> None:
+    found = made(monkeypatch, scene, Model(error=0.0), 1e9)
+    assert found.error < 1e-5
+    (way,) = found.ways({"samples": SETTINGS["samples"]}, Seconds(), estimate.Limit())
+    assert way.samples(0.01) == (4.0, 4.0, 4.0)
+
+
 def test_stray_bright_samples_widen_the_bounds(monkeypatch: pytest.MonkeyPatch, scene: ir.Scene) -> None:
     assert made(monkeypatch, scene, Model(stray=0.5), 1e9).wrong == pytest.approx(2.0)
     assert made(monkeypatch, scene, Model(stray=1.0), 1e9).wrong == pytest.approx(4.0)
@@ -145,7 +150,6 @@ def test_an_estimate_without_time_is_unknown(monkeypatch: pytest.MonkeyPatch, sc
     monkeypatch.setattr(estimate, "LOADING", 0.0)
     light = reference_light.choose(scene, ir.Settings(size=(480, 320)))
     found = estimate.make(scene, light, threading.Event(), 0.0)
-    assert found is not None
     assert found.error == math.inf
     assert text_report.first_line(cost_model.answers(found.ways(SETTINGS, Seconds(), estimate.Limit()), 0.02)) == (
         "2 %: unknown: nothing was drawn in the budget"

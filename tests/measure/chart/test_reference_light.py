@@ -71,7 +71,7 @@ def test_a_scene_without_interreflection_of_its_own(tmp_path: Path) -> None:
     assert list(ray) == ["samples, 8 bounces", "samples", "error, 8 bounces", "bounces"]
     assert ray["samples, 8 bounces"].settings[2].arguments() == "--backend ray --samples 16 --bounces 8"
     assert ray["samples"].settings[2].arguments() == "--backend ray --samples 16"
-    assert ray["error, 8 bounces"].settings[-1].arguments() == "--backend ray --error 0.003 --bounces 8"
+    assert ray["error, 8 bounces"].settings[-1].arguments() == "--backend ray --error 0.3% --bounces 8"
     assert [s.arguments() for s in ray["bounces"].settings] == [f"--backend ray --samples 64 --bounces {n}" for n in (0, 1, 2, 4)]
     assert {name: sweep.light for name, sweep in ray.items()} == {
         "samples, 8 bounces": "", "samples": "no interreflection", "error, 8 bounces": "", "bounces": "no more than 4 bounces of 8",
@@ -86,7 +86,7 @@ def test_a_scene_without_interreflection_of_its_own(tmp_path: Path) -> None:
 def test_when_bounces_are_asked_for_all_take_them(tmp_path: Path) -> None:
     scene = load(MATT, tmp_path)
     assert [sweep.settings[0].arguments() for sweep in of(scene, "ray", bounces=2).values()] == [
-        "--backend ray --samples 1 --bounces 2", "--backend ray --error 0.3 --bounces 2",
+        "--backend ray --samples 1 --bounces 2", "--backend ray --error 30% --bounces 2",
     ]  # fmt: skip
     assert {sweep.light for sweep in of(scene, "raster", bounces=2).values()} == {"no interreflection"}
     assert {sweep.light for sweep in of(scene, "raster", bounces=0).values()} == {""}

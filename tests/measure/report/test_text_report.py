@@ -16,7 +16,7 @@ def test_the_answers_of_a_chart() -> None:
     assert text_report.answers(charts.room()) == [
         "2 %: ray, 250 samples, about 2.5 s (2.1 s to 2.8 s): maquette render room.scene --size 400x300 --backend ray --samples 250",
         "5 %: raster, 10 samples, about 90 ms (81 ms to 94 ms): maquette render room.scene --size 400x300 --backend raster --samples 10",
-        "10 %: raster, 4 samples, about 60 ms (60 ms to 63 ms): maquette render room.scene --size 400x300 --backend raster --samples 4",
+        "10 %: raster, 4 samples, about 60 ms: maquette render room.scene --size 400x300 --backend raster --samples 4",
         "1 %: ray, 970 samples, about 9.7 s (8.4 s to 11 s): maquette render room.scene --size 400x300 --backend ray --samples 970",
         "30 % → raster, 1 sample, 35 ms: --backend raster --samples 1",
         "10 % → raster, 4 samples, 50 ms: --backend raster --samples 4",
@@ -35,7 +35,7 @@ def test_the_first_line_names_the_fastest_way_to_each_error() -> None:
     """Raster is faster and stops at 3.1 %."""
     assert first_line(charts.room()) == (
         "2 %: ray, 250 samples, about 2.5 s (2.1 s to 2.8 s); 5 %: raster, 10 samples, about 90 ms (81 ms to 94 ms); "
-        "10 %: raster, 4 samples, about 60 ms (60 ms to 63 ms); 1 %: ray, 970 samples, about 9.7 s (8.4 s to 11 s)"
+        "10 %: raster, 4 samples, about 60 ms; 1 %: ray, 970 samples, about 9.7 s (8.4 s to 11 s)"
     )
 
 
@@ -53,7 +53,7 @@ def test_the_first_line_believes_no_bias() -> None:
     biased = Curve("raster", "samples", charts.sweep("raster", 0.03, 0.005, 0.12, 4, bias=0.031), "no interreflection: bias 3.1 %")
     assert first_line(charts.chart(biased)) == (
         "2 %: no command reaches it: raster: no interreflection: bias 3.1 %; 5 %: raster, 10 samples, about 90 ms (81 ms to 94 ms); "
-        "10 %: raster, 4 samples, about 60 ms (60 ms to 63 ms); 1 %: no command reaches it: raster: no interreflection: bias 3.1 %"
+        "10 %: raster, 4 samples, about 60 ms; 1 %: no command reaches it: raster: no interreflection: bias 3.1 %"
     )
 
 
@@ -176,7 +176,7 @@ def test_settings(setting: Setting, text: str) -> None:
 
 def test_arguments_are_what_the_command_line_reads() -> None:
     setting = Setting("raster", "tolerance", 0.5, {"samples": 4, "size": (80, 60), "error": 0.01}, {"raster.coverage": "areas"})
-    assert setting.arguments() == "--backend raster --samples 4 --size 80x60 --error 0.01 --plan raster.coverage=areas"
+    assert setting.arguments() == "--backend raster --samples 4 --size 80x60 --error 1% --plan raster.coverage=areas"
     assert formatting.command(charts.room(), setting).startswith("maquette render room.scene --size 400x300 --backend raster --samples 4")
 
 

@@ -27,6 +27,7 @@ LATER = {SAMPLES: USUAL, ERROR: USUAL, DENOISED: 0.45}  # the power that it tend
 UNSURE = {SAMPLES: 0.03, ERROR: 0.03, DENOISED: 0.06}  # of these powers, at least
 ALONE = {SAMPLES: (0.5, 0.06), ERROR: (0.55, 0.06), DENOISED: (0.35, 0.12)}  # power of one run, and how wrong it may be
 CLOSE = 1.15  # factor of the samples, either way, that any prediction may be wrong by
+CLOSE_ENOUGH = 1.05  # times a power of two, that samples may exceed it by
 MAX_DOUBT = 100.0  # most factor of the samples that bounds are told with
 
 
@@ -215,9 +216,8 @@ def _run_of(point: Point) -> Run | None:
 
 
 def _up(samples: float) -> int:
-    """A number of samples, rounded up to two digits; two at least where it is not one."""
-    scale = 10 ** max(math.floor(math.log10(max(samples, 1.0))) - 1, 0)
-    return min(math.ceil(samples / scale - 1e-6) * scale, MAX_SAMPLES)
+    """A number of samples, rounded up to a power of two: others are no nets of Sobol points, and have more noise."""
+    return min(1 << max(math.ceil(math.log2(max(samples, 1.0) / CLOSE_ENOUGH)), 0), MAX_SAMPLES)
 
 
 def _down(error: float) -> float:
@@ -227,4 +227,4 @@ def _down(error: float) -> float:
 
 
 def _round(samples: float) -> str:
-    return f"{float(f'{samples:.2g}'):,.0f}"
+    return f"{samples if samples == int(samples) else float(f'{samples:.2g}'):,.0f}"

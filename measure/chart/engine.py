@@ -256,8 +256,8 @@ class _Measurement:
         width, height = plan["size"]
         kernels = self.guess.kernels if self.guess is not None else estimate.KERNELS
         wall, cpu = (
-            loading + kernels + write * width * height + outside
-            for loading, write, outside in zip(self.wanted.loading, WRITING, OUTSIDE, strict=True)
+            loading + kernel + write * width * height + outside
+            for loading, kernel, write, outside in zip(self.wanted.loading, kernels, WRITING, OUTSIDE, strict=True)
         )
         return Seconds(wall, cpu)
 

@@ -35,7 +35,7 @@ LOADING = 3.0  # CPU seconds in which the first picture loads kernels
 CLEAR = 0.1  # seconds that one picture takes longer than another, from which on other work on the machine hides it no more
 LEAST = 1e-6  # √relMSE of a picture without noise: pictures are float32
 STRAY = 4.0  # most of the factor by which stray bright samples widen it
-KERNELS = 0.3  # seconds of loading kernels, where this process has compiled them
+KERNELS = Seconds(0.3, 0.3)  # of loading kernels, where this process has compiled them
 DENOISED_DOUBT = 3.0  # factor of the samples of denoised pictures: small ones have more detail in a pixel than the whole
 
 
@@ -50,7 +50,7 @@ class Estimate:
     start: float  # seconds of a picture without samples: BVHs, photons
     each: float  # seconds of a sample of one pixel
     cpu: float = 1.0  # CPU seconds of a second
-    kernels: float = 0.0  # seconds of loading kernels from disk
+    kernels: Seconds = cost_model.NO_TIME  # of loading kernels from disk
     cut: bounce_error.Cut | None = None  # light beyond the limit on bounces; None: not measured
     denoised: tuple[tuple[int, float], ...] = ()  # (samples, √relMSE after denoising) of small pictures
     denoising: Seconds = cost_model.NO_TIME  # of a pixel
@@ -105,7 +105,7 @@ class _Picture(NamedTuple):
     stray: float  # share of the squared error in stray bright samples
     tiny: bool
     cpu: float  # CPU seconds of a second
-    kernels: float  # seconds of loading kernels
+    kernels: Seconds
     cut: bounce_error.Cut | None
     denoised: float | None  # √relMSE after denoising
     denoising: Seconds
@@ -158,7 +158,8 @@ def _draw(scene: ir.Scene, light: ReferenceLight, samples: int, stop: threading.
     except cancellation.Cancelled:
         return None
     (wall, cpu), denoising = stages.spent(), stages.denoising()
-    kernels = KERNELS if compile_events.compiled() > compiled else about["seconds"].get("compile_kernels", 0.0)
+    loading = about["seconds"].get("compile_kernels", 0.0)
+    kernels = KERNELS if compile_events.compiled() > compiled else Seconds(loading, loading * min(cpu / max(wall, 1e-9), 1.0))
     build, render = about["seconds"]["build"], about["seconds"]["render"] - denoising.wall
     pace = about["pace"] / about["threads"]
     wall, cpu = wall - denoising.wall, cpu - denoising.cpu

@@ -69,13 +69,13 @@ def test_a_chart_its_numbers_and_the_table(folder: Path, asked: list[Any]) -> No
     assert (
         out
         == """\
-2 %: ray, 250 samples, about 2.5 s (2.1 s to 2.8 s); 5 %: raster, 10 samples, about 90 ms (81 ms to 94 ms); \
-10 %: raster, 4 samples, about 60 ms; 1 %: ray, 970 samples, about 9.7 s (8.4 s to 11 s)
-error  time   command
-2 %    2.5 s  maquette render a.scene --size 400x300 --backend ray --samples 250
-5 %    90 ms  maquette render a.scene --size 400x300 --backend raster --samples 10
-10 %   60 ms  maquette render a.scene --size 400x300 --backend raster --samples 4
-1 %    9.7 s  maquette render a.scene --size 400x300 --backend ray --samples 970
+2 %: ray, 256 samples, about 2.6 s (2.1 s to 2.8 s); 5 %: raster, 16 samples, about 120 ms (81 ms to 120 ms); \
+10 %: raster, 4 samples, about 60 ms; 1 %: ray, 1,024 samples, about 10 s (8.4 s to 11 s)
+error  time    command
+2 %    2.6 s   maquette render a.scene --size 400x300 --backend ray --samples 256
+5 %    120 ms  maquette render a.scene --size 400x300 --backend raster --samples 16
+10 %   60 ms   maquette render a.scene --size 400x300 --backend raster --samples 4
+1 %    10 s    maquette render a.scene --size 400x300 --backend ray --samples 1024
 error  take               time   measured  settings to copy
 30 %   raster, 1 sample   35 ms  12 %      --backend raster --samples 1
 10 %   raster, 4 samples  50 ms  6.8 %     --backend raster --samples 4

@@ -21,7 +21,7 @@ from maquette.render import render_scene
 from maquette.render.film import bounce_error
 from maquette.render.image.image import Image
 
-ROOM = estimate.Estimate("ray with paths", 480 * 320, error=0.5, wrong=1.2, start=2.0, each=2e-6, cpu=1.5, kernels=0.5)
+ROOM = estimate.Estimate("ray with paths", 480 * 320, error=0.5, wrong=1.2, start=2.0, each=2e-6, cpu=1.5, kernels=Seconds(0.5, 0.4))
 SETTINGS = {
     "samples": Setting("ray", "samples", 1, {"samples": 1}),
     "denoised samples": Setting("ray", "denoised samples", 4, {"denoise": True, "samples": 4}),
@@ -71,7 +71,7 @@ def test_a_budget_that_is_too_small_is_told_at_once(monkeypatch: pytest.MonkeyPa
     with pytest.raises(NothingMeasured) as raised:
         engine.measure(scene, Wanted("a.scene", ir.Settings(size=(480, 320)), budget=6.0))
     assert text_report.first_line(raised.value.answers[:1]) == (
-        "2 %: ray with paths, 630 samples, about 3.3 min (90 s to 7.3 min)"
+        "2 %: ray with paths, 1,024 samples, about 5.3 min (90 s to 7.3 min)"
     )
     assert raised.value.size == (480, 320)
     assert re.fullmatch(
@@ -172,7 +172,7 @@ def test_a_run_at_the_end_of_the_budget_is_interrupted_and_the_question_answered
         engine.measure(scene, Wanted("a.scene", ir.Settings(size=(48, 32)), budget=1.0))
     assert time.monotonic() - began < 2.0
     assert str(raised.value) == "nothing was measured within 1 s: give a longer --budget, such as 60s, or a smaller --size"
-    assert raised.value.answers[0].how == "ray with paths, 630 samples"
+    assert raised.value.answers[0].how == "ray with paths, 1,024 samples"
 
 
 @pytest.fixture

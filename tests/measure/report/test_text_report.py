@@ -14,10 +14,10 @@ from .. import charts
 
 def test_the_answers_of_a_chart() -> None:
     assert text_report.answers(charts.room()) == [
-        "2 %: ray, 250 samples, about 2.5 s (2.1 s to 2.8 s): maquette render room.scene --size 400x300 --backend ray --samples 250",
-        "5 %: raster, 10 samples, about 90 ms (81 ms to 94 ms): maquette render room.scene --size 400x300 --backend raster --samples 10",
+        "2 %: ray, 256 samples, about 2.6 s (2.1 s to 2.8 s): maquette render room.scene --size 400x300 --backend ray --samples 256",
+        "5 %: raster, 16 samples, about 120 ms (81 ms to 120 ms): maquette render room.scene --size 400x300 --backend raster --samples 16",
         "10 %: raster, 4 samples, about 60 ms: maquette render room.scene --size 400x300 --backend raster --samples 4",
-        "1 %: ray, 970 samples, about 9.7 s (8.4 s to 11 s): maquette render room.scene --size 400x300 --backend ray --samples 970",
+        "1 %: ray, 1,024 samples, about 10 s (8.4 s to 11 s): maquette render room.scene --size 400x300 --backend ray --samples 1024",
         "30 % → raster, 1 sample, 35 ms: --backend raster --samples 1",
         "10 % → raster, 4 samples, 50 ms: --backend raster --samples 4",
         "3 % → ray, 256 samples, 2.6 s: --backend ray --samples 256",
@@ -34,8 +34,8 @@ def test_the_answers_of_a_chart() -> None:
 def test_the_first_line_names_the_fastest_way_to_each_error() -> None:
     """Raster is faster and stops at 3.1 %."""
     assert first_line(charts.room()) == (
-        "2 %: ray, 250 samples, about 2.5 s (2.1 s to 2.8 s); 5 %: raster, 10 samples, about 90 ms (81 ms to 94 ms); "
-        "10 %: raster, 4 samples, about 60 ms; 1 %: ray, 970 samples, about 9.7 s (8.4 s to 11 s)"
+        "2 %: ray, 256 samples, about 2.6 s (2.1 s to 2.8 s); 5 %: raster, 16 samples, about 120 ms (81 ms to 120 ms); "
+        "10 %: raster, 4 samples, about 60 ms; 1 %: ray, 1,024 samples, about 10 s (8.4 s to 11 s)"
     )
 
 
@@ -46,13 +46,13 @@ def first_line(chart: Chart) -> str:
 def test_the_first_line_follows_the_noise_where_nothing_reaches_the_error() -> None:
     """Noise of 31 % / 2^4 with 256 samples in 2.59 s: 1 % takes (1.94)² times as many."""
     chart = dataclasses.replace(charts.chart(Curve("ray", "samples", charts.sweep("ray", 0.03, 0.01, 0.31, 5))), target=0.01)
-    assert first_line(chart).startswith("1 %: ray, 970 samples, about 9.7 s (7.8 s to 12 s); 2 %: ray, 250 samples, ")
+    assert first_line(chart).startswith("1 %: ray, 1,024 samples, about 10 s (7.8 s to 12 s); 2 %: ray, 256 samples, ")
 
 
 def test_the_first_line_believes_no_bias() -> None:
     biased = Curve("raster", "samples", charts.sweep("raster", 0.03, 0.005, 0.12, 4, bias=0.031), "no interreflection: bias 3.1 %")
     assert first_line(charts.chart(biased)) == (
-        "2 %: no command reaches it: raster: no interreflection: bias 3.1 %; 5 %: raster, 10 samples, about 90 ms (81 ms to 94 ms); "
+        "2 %: no command reaches it: raster: no interreflection: bias 3.1 %; 5 %: raster, 16 samples, about 120 ms (81 ms to 120 ms); "
         "10 %: raster, 4 samples, about 60 ms; 1 %: no command reaches it: raster: no interreflection: bias 3.1 %"
     )
 

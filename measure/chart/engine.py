@@ -237,7 +237,7 @@ class _Measurement:
         """The chart of short runs, which says what it lacks."""
         assert self.guess is not None
         full = self.before + self._needed(self.guess)
-        more = f"it takes about {formatting.seconds(full)}: give a --budget of so much"
+        more = f"it takes about {formatting.seconds(full)}: a longer --budget has time for it"
         self.left_out["a reference picture"] = (
             "it was interrupted" if self.cancel.is_set() else more if full > self.wanted.budget else self._ended()
         )

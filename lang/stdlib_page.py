@@ -44,6 +44,8 @@ _VIEW = "camera(position: [0, 1.5, 5.2], look_at: [0, 0.62, 0], fov: 27deg)\n"
 STAGES = {
     "prelude": _BALL,
     "materials": _BALL,
+    "media": "sphere(0.8, center: [0, 0.8, 0], medium: {})\n" + _FLOOR + _SOFT
+    + "camera(position: [0, 2.1, 5.4], look_at: [0, 0.8, 0], fov: 27deg)\n",
     "patterns": "box([1.6, 1, 1.6], center: [0, 0.5, 0], material: lambert({}))\n"
     + _FLOOR + _SOFT + "camera(position: [2.6, 2.9, 3.6], look_at: [0, 0.45, 0], fov: 27deg)\n",
     "shapes": _SHAPE,

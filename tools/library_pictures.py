@@ -18,8 +18,9 @@ CELL = (132, 112)
 LABEL = 15
 ACROSS = 7
 QUALITY = 88  # of JPEG
-SAMPLES = {"room": 32, "furniture": 32, "lights": 128, "mechanics": 64}
-DENOISED = ("room", "furniture")  # files whose pictures are denoised
+SAMPLES = {"room": 32, "furniture": 32, "lights": 128, "mechanics": 64, "media": 6}
+DENOISED = ("room", "furniture", "media")  # files whose pictures are denoised
+BOUNCES = {"media": 24}
 
 
 EXPOSURE = {"candle": 2.0}  # ev, where metering of a dark room is too bright
@@ -28,8 +29,8 @@ EXPOSURE = {"candle": 2.0}  # ev, where metering of a dark room is too bright
 def picture(entry: Entry) -> Image.Image:
     """One entry."""
     scene = maquette.load_text(entry.scene)
-    image = maquette.render(scene, size=(2 * CELL[0], 2 * CELL[1]), samples=SAMPLES.get(entry.file, 48), bounces=8,
-                            denoise=entry.file in DENOISED)
+    image = maquette.render(scene, size=(2 * CELL[0], 2 * CELL[1]), samples=SAMPLES.get(entry.file, 48),
+                            bounces=BOUNCES.get(entry.file, 8), denoise=entry.file in DENOISED)
     file = ROOT / "build" / "entry.png"
     if _photometric(entry):
         image.save(file, exposure="metered")

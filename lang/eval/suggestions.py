@@ -136,7 +136,7 @@ _NAMES: dict[str, str] = {
     "ball": "write sphere()",
     "background": "write render(background: …)",
     "settings": "write render(…)",
-    "material": "materials are lambert, phong, blinn_phong, principled, metal, mirror, glass, emissive and blend",
+    "material": "materials are lambert, phong, blinn_phong, principled, metal, mirror, glass, translucent, subsurface, emissive and blend",
     **dict.fromkeys(("matte", "matt", "diffuse", "lambertian", "oren_nayar"), "write lambert(color)"),
     **dict.fromkeys(("glossy", "shiny", "specular"), "write plastic(color, roughness: 0.2)"),
     **dict.fromkeys(("metallic", "aluminum"), "write metal(color, roughness: 0.1)"),
@@ -144,6 +144,9 @@ _NAMES: dict[str, str] = {
     **dict.fromkeys(("reflective", "reflection"), "write mirror()"),
     **dict.fromkeys(("pbr", "disney", "standard", "bsdf", "principled_bsdf"), "write principled(…)"),
     **dict.fromkeys(("emit", "emitter", "glow", "luminous"), "write emissive(color, luminance: 1000nit)"),
+    **dict.fromkeys(("mist", "atmosphere", "Fog", "global_fog"), "write fog(visibility: 200m)"),
+    **dict.fromkeys(("interior", "participating_medium", "Volume"), "write medium: medium(color, depth) as an argument of a closed shape"),
+    **dict.fromkeys(("sss", "subsurface_scattering", "subsurface_bsdf", "bssrdf"), "write subsurface(color, radius: 1cm)"),
     "texture": 'write image("…")',
     "import": 'write mesh("…") for a mesh, use "…" for a scene',
     "include": 'write use "…"',
@@ -213,6 +216,7 @@ LIBRARY = {
     "materials": "clay plaster paper slate asphalt grey_card porcelain lacquer enamel tiles planks striped_cloth squared_cloth water ice "
     "crown_glass flint_glass acrylic sapphire diamond bottle_glass amber_glass silver_mirror bronze_mirror grey_mirror brick concrete sand "
     "snow charcoal skin leather cherry maple pine walnut nylon car_paint chocolate obsidian terrazzo tungsten ruby emerald amber honey",
+    "media": "milk skim_milk cream tea espresso beer wine ketchup wax soap haze smoke cloud flame",
     "lights": "softbox three_point studio daylight overcast moonlight rim_only ring_light golden_hour blue_hour candle",
     "cameras": "isometric product standing turntable full_frame portrait telephoto macro",
     "room": "panel bulb window downlight standing_lamp table_lamp pendant ceiling_lamp table picture chair books curtains wall",

@@ -30,7 +30,7 @@ point([0, 5, 3])
 camera([0, 0, 9])
 render(filter: "box")
 """
-EVERY = ["a medium whose density is a formula is not carried", "fog is not carried", "light that a medium emits is not carried",
+EVERY = ["a medium whose density varies is not carried", "fog is not carried", "light that a medium emits is not carried",
          "the priority of a medium is not carried: where shapes overlap, both media are there"]  # fmt: skip
 
 

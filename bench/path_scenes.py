@@ -163,6 +163,70 @@ def _room(name: str, title: str, depth: int) -> Callable[[Path, bool], Setting]:
     return made
 
 
+_LIT = ROOM + "area([0, 2.9, 0], size: [1.2, 0.9], luminance: 12)\n"
+_MILK = "scattering: [51, 64, 75], absorption: [0.22, 0.48, 2.8]"  # of Jensen and others 2001, five times thinner
+
+
+def slab(folder: Path, _quick: bool = False) -> Setting:
+    """A slab of an even medium in a room."""
+    text = _LIT + "box([3, 1.6, 0.5], center: [0, 1, -0.5], medium: medium(scattering: 4, absorption: 0.4, phase: 0.5))\n"
+    return _setting(folder, "slab", "A slab of a medium in a room", text, 130)
+
+
+def milk(folder: Path, _quick: bool = False) -> Setting:
+    """A ball of milk in a room."""
+    text = _LIT + f"sphere(0.8, center: [0, 1, 0], medium: medium({_MILK}, phase: 0.3))\n"
+    return _setting(folder, "milk", "A ball of milk in a room", text, 514)
+
+
+def haze(folder: Path, _quick: bool = False) -> Setting:
+    """A hazy room with the sun through a window."""
+    wall = "polygon([[3, 0, -3], [3, 0, 3], [3, 3, 3], [3, 3, -3]]"
+    panes = ("[[3, 0, -3], [3, 0, 3], [3, 1, 3], [3, 1, -3]]", "[[3, 2, -3], [3, 2, 3], [3, 3, 3], [3, 3, -3]]",
+             "[[3, 1, 0.5], [3, 1, 3], [3, 2, 3], [3, 2, 0.5]]", "[[3, 1, -3], [3, 1, -1], [3, 2, -1], [3, 2, -3]]")  # fmt: skip
+    walls = "\n".join(f"polygon({corners}, material: lambert(rgb(0.25, 0.4, 0.6)))" for corners in panes)
+    kept = "\n".join(line for line in ROOM.splitlines() if not line.startswith(wall))
+    air = "box([5.98, 2.98, 5.98], center: [0, 1.5, 0], medium: medium(scattering: 0.15, absorption: 0.01))"
+    text = f"{kept}\n{walls}\n{air}\ndirectional(from: [2, 1.2, 0.3], irradiance: 40)\n"
+    inside = r'(<sensor type="perspective">)(.*?)(<medium type="homogeneous" name="interior">.*?</medium>)'
+    return _setting(folder, "haze", "A hazy room with the sun through a window", text, 66, ((inside, r'\1\n\3\2\3'), _OUTSIDE))
+
+
+_OUTSIDE = (r'(<sensor type="perspective">\s*<medium type="homogeneous") name="interior"', r"\1")
+
+
+def cloud(folder: Path, quick: bool = False) -> Setting:
+    """A cloud of 256³ voxels in a room."""
+    side = 32 if quick else 256
+    x = np.linspace(-1, 1, side)
+    rng, voxels = np.random.default_rng(5), np.zeros((side,) * 3)
+    for octave in range(2, 6):
+        knots = rng.random((2**octave + 1,) * 3)
+        for axis in range(3):
+            place = np.linspace(0, 2**octave, side)
+            low = np.minimum(place.astype(int), 2**octave - 1)
+            part = (place - low).reshape([-1 if k == axis else 1 for k in range(3)])
+            knots = np.take(knots, low, axis) * (1 - part) + np.take(knots, low + 1, axis) * part
+        voxels += knots * 0.5 ** (octave - 1)
+    round_off = 1.1 - np.sqrt(x[:, None, None] ** 2 + x[:, None] ** 2 + x**2)
+    voxels = np.clip(4 * (voxels + round_off - 1.0), 0, 1).astype(np.float32)
+    np.save(folder / "cloud.npy", voxels)
+    head = b"VOL\x03" + np.array([1, side, side, side, 1], "<i4").tobytes() + np.array([0, 0, 0, 1, 1, 1], "<f4").tobytes()
+    (folder / "cloud.vol").write_bytes(head + voxels.astype("<f4").tobytes())
+    text = _LIT + 'box(2, center: [0, 1.4, 0], medium: medium(scattering: 20, absorption: 0.1, density: volume("cloud.npy")))\n'
+    grid = """            <ref id="material4"/>
+        <medium type="heterogeneous" name="interior">
+            <volume type="gridvolume" name="sigma_t">
+                <string name="filename" value="cloud.vol"/>
+                <transform name="to_world"><translate x="-0.5" y="-0.5" z="-0.5"/><scale value="2"/><translate y="1.4"/></transform>
+            </volume>
+            <float name="scale" value="20.1"/>
+            <rgb name="albedo" value="0.99502487562"/>
+        </medium>
+"""
+    return _setting(folder, "cloud", f"A cloud of {side}³ voxels in a room", text, 258, ((r' *<ref id="material4"/>\n', grid),))
+
+
 def write_sky(path: Path) -> None:
     """A latitude-longitude picture: blue above, brown below, a small sun."""
     import OpenImageIO as oiio
@@ -180,6 +244,7 @@ def write_sky(path: Path) -> None:
 
 SETTINGS: dict[str, Callable[[Path, bool], Setting]] = {
     "lamps": lamps, "glossy": glossy, "glass": glass, "interior": interior,
+    "slab": slab, "milk": milk, "haze": haze, "cloud": cloud,
     "daylight": _room("daylight", "A room by a window, with sun", 10),
     "evening": _room("evening", "A lamp in a shade", 10),
     "door": _room("door", "Light by a door ajar", 10),

@@ -12,6 +12,8 @@ from ...lang.formula_graph import Formula
 from ...materials import MATERIALS
 from ...shapes import SHAPES
 from .. import ir
+from ..formula import upper_bounds
+from ..formula.tape import Tape
 from ..importers import voxels
 from ..importers.images import ImageError
 from ..io.sandbox import FileError
@@ -31,6 +33,7 @@ from ..scene.row_records import (
 from .context import Context
 
 KOSCHMIEDER = 3.912  # extinction times visibility: −ln 2 %
+DENSEST = 1e9  # of densities by formulas
 DEPTH = 0.1  # metres, the mean free path without one
 VISIBILITY = 100.0  # metres
 HEIGHTS = 8.0  # of visibility over the falloff of a fog that has neither top nor falloff
@@ -62,6 +65,9 @@ class Media:
         self._lowering = lowering
         self._closed: dict[tuple[Any, ...], str] = {}
         self._textures: dict[int, int] = {}  # by the identity of a medium
+        self._tapes: dict[int, Tape] = {}  # of densities by formulas, likewise
+        self._unbounded: set[int] = set()  # media that have been told of
+        self._data: dict[int, MediumData | None] = {}
 
     # --- shapes ---
 
@@ -121,13 +127,15 @@ class Media:
         """The row of a medium; -1 after a diagnostic."""
         builder, element = self._lowering.builder, inside.element
         self._lowering.photometric |= element.photometric
-        data = self._coefficients(element)
+        if id(element) not in self._data:
+            self._data[id(element)] = self._coefficients(element)
+        data = self._data[id(element)]
         if data is None:
             return -1
         data = replace(data, priority=priority)
         if isinstance(element.args["density"], Formula | Element):
             texture, frame = self._density(element), builder.transform(inside.matrix @ piece.matrix)
-            if texture < 0 or frame < 0:
+            if texture < 0 or frame < 0 or self._is_unbounded(element, bounds):
                 return -1
             low, high = (tuple(corner) for corner in bounds.tolist())
             data = replace(data, density=texture, transform=frame, bounds=(low, high))  # type: ignore[arg-type]
@@ -141,9 +149,22 @@ class Media:
                 self._textures[id(element)] = self._voxels(formula)
                 return self._textures[id(element)]
             tape = self._lowering.materials.pattern_tape(element, formula, color=False, unit=formula.unit, what="density")
+            if tape is not None:
+                self._tapes[id(element)] = tape
             texture = None if tape is None else TextureData(ir.TextureKind.FORMULA, tape=builder.tape(tape), channel=-1)
             self._textures[id(element)] = -1 if texture is None else builder.texture(texture, element.place)
         return self._textures[id(element)]
+
+    def _is_unbounded(self, element: Element, bounds: np.ndarray) -> bool:
+        """Whether no bound is known of the density of a medium in a box; reports it. Light could not be followed through it."""
+        if id(element) in self._unbounded:
+            return True
+        if id(element) not in self._tapes or not upper_bounds.exceeds(self._tapes[id(element)], bounds, DENSEST):
+            return False
+        self._unbounded.add(id(element))
+        message = f"the density of this medium may exceed {DENSEST:g} in the box around its shape, as by a division by 0"
+        self._lowering.error(element, message, "keep divisors away from 0, as in 1 / max(x, 0.01)")
+        return True
 
     def _voxels(self, element: Element) -> int:
         """The row of a texture of voxels; -1 after a diagnostic."""

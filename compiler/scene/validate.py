@@ -21,6 +21,7 @@ from ..ir.light_links import ALL_SETS, EVERYTHING
 from . import transforms, validate_meshes, validate_tapes
 from .check import Check
 
+MOST_MEDIA = 127  # of a scene: render/material/medium_stack.py counts them in seven bits
 Kind = ir.GeometryKind
 ALL_VISIBLE = 7 | ALL_SETS
 _REFERENCES = (  # table, column, table it points into, whether -1 is allowed
@@ -299,6 +300,11 @@ def _media(check: Check) -> None:
     for column in ("scattering", "absorption", "emission", "falloff"):
         negative = table[column] < 0
         check.bad("media", negative if negative.ndim == 1 else negative.any(axis=1), f"its {column} is negative")
+    materials, used = check.tables["materials"], np.unique(check.tables["instances"]["material"])
+    held = int((materials["medium"][used] >= 0).sum())
+    if held > MOST_MEDIA:
+        message = f"{held} materials of this scene have a medium inside: {MOST_MEDIA} are drawn, those of the highest priority"
+        check.diagnostics.warning(message, hint="shapes with one medium and one material count once; each one with a formula counts")
     check.bad("media", abs(table["anisotropy"]) > 1, "its anisotropy is not between -1 and 1")
     check.bad("media", np.isnan(table["top"]) | np.isnan(table["bounds"]).any(axis=(1, 2)), "its bounds are not numbers")
     check.bad("media", np.cumsum(table["everywhere"]) * table["everywhere"] > 1, "the scene has another one that fills it")

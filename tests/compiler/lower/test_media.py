@@ -214,3 +214,28 @@ def test_wrong_numbers_are_told(said) -> None:
         "error: a medium sends on no more light than it gets: a channel of its colour is 1.5",
         "warning: this fog neither scatters nor absorbs light: it is left out",
     ]
+
+
+UNBOUNDED = ["1 / x", "1 / hypot(x, y, z)", "exp(1000 * x)", "tan(3 * x)"]
+
+
+@pytest.mark.parametrize("formula", UNBOUNDED)
+def test_a_density_without_a_bound_is_told_once(said, formula: str) -> None:
+    text = f"let m = medium(density: |x, y, z| {formula})\nfor (k in 0..3) {{ sphere(1, [k, 0, 0], medium: m) }}"
+    lines = [line for line in said(text + REST).splitlines() if line.startswith("a.scene:")]
+    message = "the density of this medium may exceed 1e+09 in the box around its shape, as by a division by 0"
+    assert [line.partition("error: ")[2] for line in lines] == [message]
+
+
+BOUNDED = ["1 / (x * x + 0.01)", "1 / (3 + x - y * x)", "1 / max(hypot(x, y, z), 0.1)", "exp(9 * x)", "1 / (x + 1.02)"]
+
+
+@pytest.mark.parametrize("formula", BOUNDED)
+def test_a_bounded_density_is_taken(compiled, formula: str) -> None:
+    assert filled(compiled(f"sphere(1, medium: medium(density: |x, y, z| {formula}))" + REST))["density"] == 0
+
+
+def test_more_media_than_rays_carry_are_told(said) -> None:
+    text = "for (k in 0..129) { sphere(0.2, [k, 0, 0], medium: medium(scattering: k)) }"
+    lines = [line for line in said(text + REST).splitlines() if "warning" in line]
+    assert lines == ["warning: 130 materials of this scene have a medium inside: 127 are drawn, those of the highest priority"]

@@ -109,6 +109,13 @@ class Media:
         row = self._row(inside, self._priority(material) if priority is None else priority, bounds, piece)
         return material if row < 0 else builder.material(replace(builder.material_data(material), medium=row), shape.place)
 
+    def warn_of_several(self, shape: Element, pieces: list[Piece]) -> None:
+        """Warn of pieces with materials of their own that enclose a medium together: rays would not find their way out of it."""
+        if not built_geometry.is_left_out() and any(self._why_open(shape, [piece]) for piece in pieces):
+            parts = f"parts of this {shape.kind} with several materials enclose one medium"
+            message = f"{parts}: a ray that enters at one leaves at the same alone"
+            self._lowering.warn(shape, message, "give it one material, as material: glass()")
+
     def warn_of_open_body(self, shape: Element, row: int, pieces: list[Piece]) -> None:
         """Warn of a material with a medium inside of it on a shape without an inside."""
         builder = self._lowering.builder
